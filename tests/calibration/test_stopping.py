@@ -102,9 +102,11 @@ def test_a_floor_counts_only_where_the_surrogate_kept_its_promise():
 
 def test_the_sentence_says_why():
     verdict = judged(history([0.1, 0.1], floors=[None, 0.095])).materials["dyke"]
-    for word in ("dyke", "0.1", "0.001", "0.095", "out of reach", "after 4 runs"):
+    for word in ("dyke", "0.1", "0.001", "0.095", "seems out of reach", "after 4 runs"):
         assert word in verdict.sentence
     assert judged(history([0.1])).materials["dyke"].sentence == "dyke: rms 0.1, above the tolerance 0.001 yet."
+    said = judged(history([0.6]), stagnation_runs=1).materials["dyke"].sentence
+    assert said.endswith("no better for 1 run.")
 
 
 @pytest.mark.parametrize("patience", [1, 2, 5])

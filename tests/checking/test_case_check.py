@@ -358,7 +358,7 @@ def test_what_a_right_case_will_meet_is_told_before_any_run(tmp_path: Path) -> N
     assert error.startswith(
         "the image's level counts as right to 0.33 dB (uncertainty.level_db, one standard error): no"
     )
-    assert error.endswith("narrower than +-0.54 dB")
+    assert error.endswith("90 % band of sigma0 from this pass alone is narrower than +-0.54 dB")
     assert time == "time: not known before the first run, which radcal run CASE reference makes"
     assert rough.startswith("levels, rough (the image is not registered")
     # power of mean 1 is 0 dB; of four looks the mean of the logarithm lies 0.56 dB below. Each term of the law at its

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from radcal.checking.outlook import start_contrast
+from radcal.checking.outlook import outlook, start_contrast
 from radcal.config import Case
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
@@ -31,3 +31,14 @@ def test_pixels_without_ground_are_no_contrast(
         said = start_contrast(case, replace(geometry, incidence_deg=angle))
         assert (said is not None) == told
         assert not told or "no contrast between materials" in str(said)
+
+
+def test_the_error_of_the_level_is_told_where_no_level_is_removed(build_case: Callable[..., Case]) -> None:
+    file = {"source": "file", "path": "a.tif", "scale": "db", "radiometry": "sigma0_local"}
+    materials = {"dyke": {"calibrate": True, "start": LEVEL}, "grass": {"parameters": LEVEL}}
+    keys = {"measurement": file, "materials": materials, "objective": "density", "registration": {"method": "none"}}
+    for normalisation, told in (("none", True), ("offset", False), ("image", False)):
+        case = build_case(**keys, target={"normalisation": normalisation})
+        # without registration and image, the geometry is not used
+        said = outlook(case, None, None)  # type: ignore[arg-type]
+        assert any("from this pass alone is narrower than +-0.54 dB" in line for line in said) == told

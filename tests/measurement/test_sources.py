@@ -401,7 +401,7 @@ def test_the_right_scale_says_the_looks(
     (_, note) = make_measurement(build_case(measurement=file), geometry, NoSimulator()).notes
     assert re.search(r"speckle of a.tif is that of [34]\.?\d* looks .*radar.looks is 4\.$", note)
     other = build_case(measurement=file, radar={"looks": 8, "radiometry": "sigma0_local"})
-    assert "densities will be narrower" in make_measurement(other, geometry, NoSimulator()).notes[1]
+    assert "speckle varies less than that" in make_measurement(other, geometry, NoSimulator()).notes[1]
 
 
 def test_a_speckle_filtered_image_is_called_that(

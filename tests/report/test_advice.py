@@ -151,7 +151,7 @@ def test_lines():
     )
     assert said[1].startswith("Expected of a linear-Gaussian model")
     said = list(_sentences([row("left", 1.25), row("right", 1.31)]))
-    assert said[1] == "slope: as good within 5 %, which the draws do not tell apart: 45 deg right."
+    assert said[1] == "slope: as good within 5 %: 45 deg right."
     assert next(_sentences([row("left", 1.85)])).startswith("slope: no pass of the table is expected to narrow")
 
 
@@ -171,6 +171,11 @@ def test_the_pass_that_is_best_for_all_materials_is_named():
     assert list(_sentences(rows))[-2] == (
         "all materials: a pass of 45 deg right is expected to narrow the bands most, to 0.43 times their half-widths "
         "(geometric mean over the materials)."
+    )
+    little = [replace(one, now_db=4.0, after_db=3.7) for one in rows]
+    assert list(_sentences(little))[-2] == (
+        "all materials: no pass of the table is expected to narrow the bands by a tenth (geometric mean over the "
+        "materials)."
     )
 
 
@@ -198,6 +203,11 @@ def test_from_a_results_folder(made, tmp_path):
     assert (table["half_width_after_db"] < table["half_width_now_db"]).all()
     assert table["over_from_deg"].unique().tolist() == [30.0]
     assert lines[-1] == f"table: {tmp_path / 'advice.csv'}"
+    assert not any("does not fit, so" in line for line in lines)
+    fitted = replace(archive.materials["dyke"].fitted, fits=False)
+    write_archive(tmp_path / "calibration.h5", changed_material(archive, "dyke", fitted=fitted))
+    unfit = "dyke: the law does not fit, so that its band, now and after a pass, is that of a wrong law."
+    assert advise(tmp_path, [30.0], (30.0, 60.0))[-2] == unfit
     with pytest.raises(ConfigError, match="--between is 60 30, expected two increasing angles in 0 to 90"):
         advise(tmp_path, (), (60.0, 30.0))
     (tmp_path / "scene.h5").unlink()

@@ -19,7 +19,7 @@ from radcal.measurement.model import Measurement
 from radcal.measurement.registration import Registered, registered_as, write_registered
 from radcal.radar.laws import LAWS, law_for
 from radcal.radar.texture import log_speckle_cumulants
-from radcal.report.applied import _conclusion, _table, apply, predictions, where_seen, with_laws
+from radcal.report.applied import _conclusion, _table, _unfit, apply, predictions, where_seen, with_laws
 from radcal.report.applied_figures import Prediction, draw_predictions
 
 LAW = law_for("tabulated", angles_deg=(20.0, 60.0))
@@ -122,10 +122,19 @@ def test_table_and_conclusion_say_only_what_was_shown() -> None:
     assert list(_table(rows, several=True))[1].startswith("1     dyke")
     said = list(_conclusion(rows))
     assert said[0] == "dyke: 1 of 2 bins lie inside of their 90 % interval where sigma0 is known."
-    assert said[1].startswith("dyke: 1 bins are predicted at angles that the calibration has seen, where sigma0 is not")
+    assert said[1].startswith("dyke: 1 bin is predicted at angles that the calibration has seen, where sigma0 is not")
     assert said[2].startswith(
-        "dyke: 1 of 1 bins lie inside of their 90 % interval at angles that the calibration has not"
+        "dyke: 1 of 1 bin lies inside of its 90 % interval at angles that the calibration has not"
     )
+
+
+def test_a_law_that_does_not_fit_is_told(made) -> None:
+    assert _unfit(made.archive, [one("known", -8.0)]) == []
+    fitted = replace(made.archive.materials["dyke"].fitted, fits=False, verdict="dyke: does not fit: a cause.")
+    archive = changed_material(made.archive, "dyke", fitted=fitted)
+    assert _unfit(archive, [one("known", -8.0)] * 2) == [
+        "dyke: does not fit: a cause. Its intervals do not contain the error of a wrong law."
+    ]
 
 
 def test_figure(tmp_path) -> None:

@@ -13,7 +13,7 @@ from radcal.assessment.posterior import Curve, Posterior
 from radcal.cli import app
 from radcal.errors import ConfigError, StoreError
 from radcal.report.archive import write_archive
-from radcal.report.comparison import compare, law_difference
+from radcal.report.comparison import _known, compare, law_difference
 
 
 def known(slope, level, seen, half=1.0, between=None):
@@ -38,7 +38,7 @@ def pair(made):
 
 def test_differences_are_those_over_the_incidence_that_both_have_seen(pair):
     found = law_difference(*pair, "dyke")
-    assert found.seen_deg == (30.0, 40.0)
+    assert found.seen_deg == ((30.0, 40.0),)
     assert found.mean_db == pytest.approx(3.5)
     assert found.largest_db == pytest.approx(4.0)
     back = law_difference(*reversed(pair), "dyke")
@@ -52,12 +52,24 @@ def test_differences_are_those_over_the_incidence_that_both_have_seen(pair):
 
 
 def test_all_passes_have_seen(pair):
-    """From the lowest angle of one to the highest of another."""
-    seen = np.array([[45.0, 52.0], [28.0, 37.0]])
+    """Without the angles between two passes, which neither has seen."""
+    seen = np.array([[45.0, 52.0], [33.0, 37.0], [28.0, 34.0]])
     several = replace(pair[1].materials["dyke"].posterior, seen_deg=seen)
     found = law_difference(changed_material(pair[0], "dyke", posterior=several), pair[1], "dyke")
-    assert found.seen_deg == (30.0, 50.0)
+    assert found.seen_deg == ((30.0, 37.0), (45.0, 50.0))
     assert found.mean_db == 0.0
+    # B less A is 7 - 0.1 phi: in the mean over 7 degrees about 33.5 and 5 degrees about 47.5
+    apart = changed_material(pair[0], "dyke", posterior=replace(pair[0].materials["dyke"].posterior, seen_deg=seen))
+    mean_deg = (7.0 * 33.5 + 5.0 * 47.5) / 12.0
+    assert law_difference(apart, pair[1], "dyke").mean_db == pytest.approx(7.0 - 0.1 * mean_deg, abs=0.02)
+
+
+def test_what_is_known_is_told_only_of_a_law_with_a_band(pair):
+    dyke = pair[0].materials["dyke"]
+    assert _known(dyke) == "21.5-38.0"
+    assert _known(replace(dyke, fitted=replace(dyke.fitted, level_only=True))) == "level only"
+    assert _known(replace(dyke, posterior=replace(dyke.posterior, curve=None))) == "-"
+    assert _known(replace(dyke, posterior=None)) == "-"
 
 
 def test_the_command_prints_a_table_and_draws_a_figure(pair, tmp_path, monkeypatch):

@@ -18,6 +18,7 @@ from radcal.measurement.levels import Levels
 from radcal.radar.projection import make_geometry
 from radcal.report.export import ground_layers, pass_images, write_export
 from radcal.report.geotiff import SLANT_RANGE, _spacing, map_grid, pixel_at_cell
+from radcal.report.tables import calibrated_yaml
 from radcal.scene.model import Scene
 from radcal.seeds import noise_seed
 from radcal.storage.run_index import IndexedRun, write_index
@@ -116,6 +117,7 @@ def test_images_of_a_further_pass_are_those_of_its_own_fresh_run(made, tmp_path)
     assert found.radar.depression_deg == 30
     np.testing.assert_array_equal(found.calibrated_db, image + 3)
     np.testing.assert_allclose(found.measured_db, made.registered.measurement.image_db - 0.5, rtol=1e-6)
+    assert found.said == "measured image, not registered, after subtraction of its assumed level"
 
 
 def test_a_scene_without_a_map_says_so(made, tmp_path):
@@ -125,6 +127,7 @@ def test_a_scene_without_a_map_says_so(made, tmp_path):
         np.testing.assert_array_equal(raster.read(1), made.archive.images.measured_db)
         assert raster.crs is None
         assert raster.tags()["grid"] == SLANT_RANGE
+        assert raster.descriptions == ("measured image, not registered",)
     with rasterio.open(tmp_path / "material.tif") as raster:
         assert (raster.nodata, raster.read(1)[0, 0]) == (0, 0)
         assert yaml.safe_load(raster.tags()["materials"]) == {"1": "dyke", "2": "stem beans", "3": "unused"}
@@ -195,7 +198,13 @@ def test_calibrated_materials(made, tmp_path):
         np.testing.assert_array_equal(raster.read(1), archive.images.calibrated_db - archive.images.measured_db)
     # the image is that of the run with fresh random numbers
     case = stages.Export.of(made.case)
-    assert f"with the noise seed {noise_seed(case, fresh=True)}." in text
+    assert f"calibrated image again, bit for bit, with the noise seed {noise_seed(case, fresh=True)}." in text
+    # another program need not give the same image
+    config["simulator"] = {"kind": "command", "deterministic": None}
+    other = calibrated_yaml(replace(archive, config=json.dumps(config)), {}, "v", 5)
+    assert "calibrated image again with the noise seed 5." in other
+    config["simulator"]["deterministic"] = True
+    assert "bit for bit" in calibrated_yaml(replace(archive, config=json.dumps(config)), {}, "v", 5)
     assert noise_seed(case, fresh=True) != noise_seed(case)
 
 

@@ -311,7 +311,10 @@ def test_held_out_ground_and_classes_are_drawn(made):
         # in the order of the prediction
         np.testing.assert_array_equal(dots.get_ydata(), np.sort(held.mean_db))
         assert axes.get_ylim()[0] < held.mean_db.min()
-        assert "7 blocks" in caption
+        assert "7 blocks that no law has seen" in caption
+        config = json.dumps({**json.loads(case.config), "validation": {"keep": "both"}})
+        anew = held_out(replace(case, config=config), "dyke")[1]
+        assert "7 blocks (dots), as laws fitted anew without them predict them (the law found has seen them)" in anew
         canvas, caption, _ = law(case, "dyke")
         assert drawn(canvas) == []
         assert "Dots" in caption
@@ -452,10 +455,12 @@ def test_a_scene_of_one_height_is_drawn(made):
 def test_one_incidence_has_the_middle_of_a_scale_and_a_title_of_its_own(made):
     assert scene_figures._scale(np.linspace(31.0, 45.0, 101)) == pytest.approx((31.14, 44.86))
     assert scene_figures._scale(np.full(50, 38.75)) == (38.25, 39.25)
-    seen = np.linspace(38.9, 39.1, made.archive.materials["dyke"].incidence_deg.size).astype(np.float32)
-    for angles, title in ((seen, "seen at one incidence, a level and no law"), (10 * (seen - 36), "no truth to")):
-        one = changed_material(made.archive, "dyke", incidence_deg=angles, hidden=None)
+    fitted = made.archive.materials["dyke"].fitted
+    for level_only, title in ((True, "seen at one incidence, a level and no law"), (False, "no truth to")):
+        one = changed_material(made.archive, "dyke", fitted=replace(fitted, level_only=level_only), hidden=None)
         assert title in law(one, "dyke")[0].axes[0].get_title().replace("\n", " ")
+    unfit = changed_material(made.archive, "dyke", fitted=replace(fitted, fits=False), hidden=None)
+    assert "The test of the fit shows that the law found does not fit." in law(unfit, "dyke")[1]
 
 
 @pytest.mark.parametrize(

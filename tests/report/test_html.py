@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -11,8 +12,9 @@ import numpy as np
 import pytest
 from archives import changed_check, changed_material, held_out_blocks, left_out_fields
 
+from radcal.report.archive import PassLaw, PassSummary
 from radcal.report.figures import Figure
-from radcal.report.html import _bound, _number, write_report
+from radcal.report.html import _bound, _number, _span, write_report
 
 VOID = {"meta", "link", "img", "br"}
 
@@ -128,9 +130,14 @@ def test_the_first_line_is_the_verdict_and_the_next_how_the_search_ended(page, m
     archive = changed_check(archive, "stem beans", identified=False)
     text = render(tmp_path / "report.html", archive)[1].text
     assert (
-        "materials after 6 runs. The law of stem beans is not identified by this image. The recommended predictor of "
+        "materials after 6 runs. Sigma0 of stem beans is called known at no angle. The recommended predictor of "
         "other fields for stem beans is a constant, not the law."
     ) in text
+    # of these, the verdict says it
+    fitted = archive.materials["stem beans"].fitted
+    for change in ({"fits": False}, {"level_only": True}):
+        other = changed_material(archive, "stem beans", fitted=replace(fitted, **change))
+        assert "called known at no angle" not in render(tmp_path / "report.html", other)[1].text
     archive = changed_material(replace(archive, converged=False, reason="max_runs"), "dyke", reason="max_runs")
     text = render(tmp_path / "report.html", archive)[1].text
     assert "Stopped after 6 runs before the stop criterion was met for the law of dyke: maximum number of runs." in text
@@ -155,7 +162,13 @@ def test_held_out_ground_has_a_table(page, made, tmp_path):
     ]
     assert re.search(r"\s*".join(f"(?:{cell})" for cell in cells), text), text
     # like against like, beyond the standard error: 0.2 is less than 0.25
-    assert "not shown to be better than a constant, not identified" in text
+    assert "not shown to be better than a constant, sigma0 known at no angle" in text
+    assert "blocks that no law has seen" in text
+    # with keep both or fields, laws are fitted anew: no block is unseen by the law found
+    config = json.dumps({**json.loads(made.archive.config), "validation": {"keep": "fields"}})
+    anew = render(tmp_path / "anew.html", replace(checked(made.archive), config=config))[1].text
+    assert "each fitted anew without these blocks, which the law found has seen" in anew
+    assert "no law has seen" not in anew
     assert "seen elsewhere" not in text
     assert re.search(r"Whole fields left out.*dyke\s*4\s*2\.25\s*1\.75\s*law: its reason", text)
     assert re.search(r"stem beans\s*0\s*–\s*–\s*constant: its reason", text)
@@ -216,7 +229,7 @@ def test_what_does_not_apply_is_not_said(made, tmp_path):
     """Of a material seen at one incidence no slope is doubted; equal densities alone have equal fresh numbers."""
     bins = changed_check(replace(made.archive, objective="classes"), "dyke")
     text = render(tmp_path / "report.html", bins)[1].text
-    assert "set validation" in text
+    assert "Held-out ground can show it only if it has other fields or angles (validation.keep: fields)." in text
     assert "the law found is right cannot be checked from this image" in text
     # dyke's densities agree, those of stem beans do not
     assert "so fresh numbers of dyke should come out near that." in text
@@ -235,8 +248,8 @@ def test_what_does_not_apply_is_not_said(made, tmp_path):
         fitted = replace(bins.materials[name].fitted, fits=None, level_only=True)
         bins = changed_material(bins, name, fitted=fitted, rms=np.full(made.archive.runs.kind.size, 1.0))
     text = render(tmp_path / "report.html", bins)[1].text
-    assert "set validation" not in text
     assert "A law of another form" not in text
+    assert "Held-out ground" not in text
     assert "dyke and stem beans are seen at one incidence: the level there is what the image tells of them" in text
     assert "should come out near that" not in text
     assert "cannot be checked from this image" not in text
@@ -265,6 +278,52 @@ def test_one_material(made, tmp_path, hidden):
     assert ("cannot be checked from this image alone" in text) is not hidden
     assert ("The truth behind this synthetic measurement is known" in text) is hidden
     assert "unknown" not in text
+    # what the test of the fit has shown, is not called open; what is not matched, is not called matched
+    one = changed_material(archive, "dyke", fitted=replace(dyke.fitted, fits=False), reason="max_runs")
+    text = render(tmp_path / "report.html", one)[1].text
+    assert "cannot be checked from this image alone" not in text
+    assert "The density of dyke's backscatter differs from the measured one by an rms of" in text
+
+
+def test_a_better_law_is_excluded_as_far_as_the_surrogate_does(made, tmp_path):
+    """Laws that meet the stop criterion; where the search ended before, better laws may exist."""
+    promise = "promises no law that is better and differs by more than stop.law_db."
+
+    def shown(archive):
+        return re.search(r"What has been shown (.*?) The search compared", render(tmp_path / "p", archive)[1].text)[1]
+
+    archive = checked(made.archive)
+    assert shown(archive) == f"2 of 2 laws meet the stop criterion: the surrogate of all runs {promise}"
+    archive = changed_material(archive, "dyke", reason="max_runs")
+    assert shown(archive) == (
+        f"1 of 2 laws meets the stop criterion: the surrogate of all runs {promise} Better laws of the other materials "
+        "may exist."
+    )
+    nobody = changed_material(archive, "stem beans", reason="stagnation")
+    assert shown(nobody) == "None of 2 laws meets the stop criterion. Better laws may exist."
+    alone = replace(archive, materials={"dyke": archive.materials["dyke"]})
+    assert shown(alone) == "The law of dyke does not meet the stop criterion. Better laws may exist."
+    met = shown(changed_material(alone, "dyke", reason="settled"))
+    assert met == f"The law of dyke meets the stop criterion: the surrogate of all runs {promise}"
+
+
+def test_the_truth_is_compared_over_the_incidence_of_all_passes(made, tmp_path):
+    def law(low, high, difference):
+        return PassLaw(low, high, rms=0.1, sd_first_db=1.0, sd_all_db=0.5, pixels=90, difference_db=difference)
+
+    one = {"looks": 4.0, "measurement": "m", "registration": "r.", "levels": "l.", "notes": (), "final_runs": 1}
+    one |= {"depression_deg": 40.0, "look_side": "right", "polarisation": "HH", "keys": made.archive.runs.key}
+    found = {"1": law(21.0, 41.0, 1.25), "2": law(47.0, 66.0, 87.0)}
+    passes = {key: PassSummary(**one, materials={"dyke": value}) for key, value in found.items()}
+    text = render(tmp_path / "report.html", replace(made.archive, passes=passes))[1].text
+    assert "up to 87 dB over the incidence seen (21.0 to 41.0 and 47.0 to 66.0 deg)." in text
+
+
+def test_numbers_that_are_unknown_are_left_out(made, tmp_path):
+    assert (_span([2.0, None, 1.5]), _span([None])) == ("1.5 to 2.0", "\N{EN DASH}")
+    rms = np.full(made.archive.runs.kind.size, np.nan)
+    text = render(tmp_path / "report.html", changed_material(made.archive, "dyke", rms=rms))[1].text
+    assert "The worst, stem beans, is at rms" in text
 
 
 def test_same_bytes_every_time(made, pictures, page, tmp_path):

@@ -94,25 +94,70 @@ def test_the_figure_shows_the_band_and_where_it_is_known(made):
     angles = known.get_paths()[0].vertices[:, 0]
     assert (angles.min(), angles.max()) == pytest.approx((22.25, 39.5))
     assert "2 distinct laws agree with the pixels." in caption
-    bare = law(changed_material(made.archive, "dyke", posterior=replace(posterior(), known_between_deg=None)), "dyke")
+    assert "90 % of the laws that agree with the pixels, darker where sigma0 is known; it is" in caption
+    nowhere = changed_material(made.archive, "dyke", posterior=replace(posterior(), known_between_deg=None))
+    bare = law(nowhere, "dyke")
     assert "known there" not in [one.get_label() for one in bare[0].axes[0].collections]
+    assert "darker" not in bare[1]
+    # laws that do not fit do not agree with the pixels; the linear covariance is no sample of laws
+    fitted = replace(made.archive.materials["dyke"].fitted, fits=False)
+    unfit = law(changed_material(nowhere, "dyke", fitted=fitted), "dyke")[1]
+    assert "90 % of the laws nearest to the pixels, though the law found does not fit them; it is" in unfit
+    assert "agree with the pixels" not in unfit
+    linear = changed_material(made.archive, "dyke", posterior=posterior(sampled=False))
+    assert "at each angle" not in law(linear, "dyke")[1]
+
+
+def test_the_figure_shows_the_incidence_of_all_passes(made):
+    seen = np.array([[21.0, 33.0], [44.0, 57.0]])
+    archive = changed_material(made.archive, "dyke", posterior=posterior(seen_deg=seen))
+    # the values of passes are not used: they are there, or not
+    canvas, caption, _ = law(replace(archive, passes={"1": None, "2": None}), "dyke")
+    assert (
+        "Shaded, thick: 21.0 to 33.0 and 44.0 to 57.0 deg, where 90 % of the material's pixels lie in each" in caption
+    )
+    assert "dB from the truth over the incidence of pass 1" in canvas.axes[0].get_title().replace("\n", " ")
+    thick = [line.get_xdata() for line in canvas.axes[0].lines if line.get_linewidth() == 3.2]
+    assert [(one.min(), one.max()) for one in thick[:2]] == [(21.0, 33.0), (44.0, 57.0)]
+    one = law(archive, "dyke")[1]
+    assert "over the incidence seen" in one.lower()
+    assert "57.0" not in one
 
 
 def test_x_outside_of_its_own_interval_is_remarked(made, tmp_path):
     names, box = ["X1", "X2", "X3", "X4"], [[-40, 0], [0, 20], [0, 25], [0, 12]]
     interval = [[-30, -20], [0.4, 13], [3, 9], [2, 5]]
     assert outside_interval(names, [-25.0, 5.0, 3.0, 5.0], box, interval) == ""
-    assert outside_interval(names, [-25.0, 1e-11, 11.25, 12.0], box, interval) == (
+    assert outside_interval(names, [-25.0, 1e-11, 11.25, 12.0], box, interval, 0.0) == (
         "X2 is at its lower bound 0, outside of its own 90 % interval (0.4 to 13) and X3 is 11.25, outside of its own "
         "90 % interval (3 to 9) and X4 is at its upper bound 12, outside of its own 90 % interval (2 to 5): many X "
         "give nearly this law, so that sigma0 and its band say more than X."
+    )
+    # without a curve nothing is known of sigma0
+    lone = "X3 is 11.25, outside of its own 90 % interval (3 to 9)"
+    assert outside_interval(names, [-25.0, 5.0, 11.25, 4.0], box, interval) == f"{lone}."
+    assert outside_interval(names, [-25.0, 5.0, 11.25, 4.0], box, interval, 0.347) == (
+        f"{lone}; sigma0 of the best run lies outside of its own 90 % band, too, by up to 0.35 dB."
     )
     x = made.archive.materials["dyke"].parameters.values[made.archive.materials["dyke"].best]
     low, high = x - 1.0, x + 2.0
     low[1] = x[1] + 0.5
     archive = changed_material(made.archive, "dyke", posterior=posterior(parameters_p05=low, parameters_p95=high))
     said = summarise(archive)["materials"]["dyke"]["parameters_remark"]
-    assert said.startswith(f"X2 is {x[1]:.4g}, outside of its own 90 % interval ({low[1]:.3g} to {high[1]:.3g}): many")
+    begin = f"X2 is {x[1]:.4g}, outside of its own 90 % interval ({low[1]:.3g} to {high[1]:.3g})"
+    # 0.25 and 0.0625 dB^2 of variance of the fields are added to the law, as in the band
+    there, level_db = (
+        posterior().curve,
+        made.archive.materials["dyke"].parameters.curve()(np.radians(np.arange(86.0)), x),
+    )
+    level_db = level_db + np.log(10.0) / 20.0 * (0.3**2 + 0.15**2)
+    seen = slice(21, 45)
+    beyond = float((level_db - there.p95_db)[seen].max())
+    assert said == f"{begin}; sigma0 of the best run lies outside of its own 90 % band, too, by up to {beyond:.2g} dB."
+    inside = replace(there, p05_db=level_db - 0.01, p95_db=level_db + 0.01)
+    known = posterior(parameters_p05=low, parameters_p95=high, curve=inside)
+    again = summarise(changed_material(archive, "dyke", posterior=known))["materials"]["dyke"]
+    assert again["parameters_remark"].startswith(f"{begin}: many X")
     assert f"dyke: {said}" in sentences(archive)
     write_json(tmp_path / "summary.json", summarise(archive), flat=True)
     for name in ("scene.h5", "reference.json", "scores.json", "final.json", "calibration.h5", "export.json"):

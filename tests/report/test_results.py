@@ -19,7 +19,7 @@ from radcal.measurement.target import Targets
 from radcal.radar.laws import LAWS
 from radcal.report.html import write_report
 from radcal.report.law_notes import law_notes
-from radcal.report.results import _difference_db, _passes, without_level
+from radcal.report.results import _difference_db, _pass_note, _passes, without_level
 from radcal.report.run_table import write_table
 from radcal.report.summary import summarise
 
@@ -197,3 +197,12 @@ def test_the_level_is_subtracted_where_one_is_assumed():
     image = np.array([[-10.0, -7.5]], dtype=np.float32)
     np.testing.assert_array_equal(without_level(image, Levels("offset", 1.5, 0.2)), image - 1.5)
     np.testing.assert_array_equal(without_level(image, Levels()), image)
+
+
+def test_fields_are_shared_where_the_search_shares_them(made):
+    targets = Targets(made.targets, further=[made.targets])
+    assert _pass_note(Targets(made.targets), "classes") == []
+    said = {objective: _pass_note(targets, objective)[0] for objective in ("classes", "density", "likelihood")}
+    assert [said[objective].endswith("The effect of a field is one in all passes.") for objective in said] == [
+        True, False, False,
+    ]  # fmt: skip

@@ -39,7 +39,7 @@ def test_a_finished_case(folder, made):
     assert verdict.startswith("dyke")
     assert lines[1].startswith(f"{verdict} mangia with X1 ")
     counts = "simulator runs of the search: 6 (4 design, 2 infill), besides 1 reference, 1 final"
-    assert lines[3] == f"{counts}; end: unreachable."
+    assert lines[3] == f"{counts}; end: no parameters inside the bounds seem to reach the target."
     assert lines[4:] == [
         f"report: {folder / 'report.html'}",
         f"exports: {folder / 'export'}",

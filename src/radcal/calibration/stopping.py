@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from radcal.calibration.history import History
 from radcal.calibration.objectives import OBJECTIVES, Objective
-from radcal.calibration.objectives.objective import Progress, Reason, Verdict
+from radcal.calibration.objectives.objective import Progress, Reason, Verdict, run_count
 from radcal.config import Stop
 
 __all__ = ["Decision", "Verdict", "decide"]
@@ -86,8 +86,8 @@ def _judge(history: History, name: str, stop: Stop, objective: type[Objective]) 
         if ending := objective.ending(Progress(name, design + k, best, idle, score, proposal, sampling), stop):
             return ending
         if idle >= stop.stagnation_runs:
-            return Verdict("stagnation", f"{objective.standing(name, best, stop)}, no better for {idle} runs.")
+            return Verdict("stagnation", f"{objective.standing(name, best, stop)}, no better for {run_count(idle)}.")
     standing = objective.standing(name, best, stop)
     if design + len(history.infill) >= stop.max_runs:
-        return Verdict("max_runs", f"{standing} at the maximum of {stop.max_runs} runs.")
+        return Verdict("max_runs", f"{standing} at the maximum of {run_count(stop.max_runs)}.")
     return Verdict(None, f"{standing} yet.")

@@ -45,11 +45,13 @@ def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> lis
     if isinstance(image, FileMeasurement):
         if "heading_deg" not in case.radar.model_fields_set and is_on_map(image):
             lines.append("warning: radar.heading_deg is not given, so that the track heads to the grid's north.")
-        error = case.uncertainty.level_db
-        lines.append(
-            f"the image's level counts as right to {error:g} dB (uncertainty.level_db, one standard error): no 90 % "
-            f"band of sigma0 is narrower than +-{NORMAL_90 * error:.2g} dB"
-        )
+        # an offset that is removed has an error of its own; the levels of several passes have independent errors
+        if case.target.normalisation == "none":
+            error = case.uncertainty.level_db
+            lines.append(
+                f"the image's level counts as right to {error:g} dB (uncertainty.level_db, one standard error): no "
+                f"90 % band of sigma0 from this pass alone is narrower than +-{NORMAL_90 * error:.2g} dB"
+            )
     levels = [] if measured is None else levels_against_laws(case, geometry, measured.image_db)
     rough = "levels, rough (the image is not registered, no target is drawn; noise and slopes are left out):"
     return [*lines, rough, *(f"  {line}" for line in levels)] if levels else lines

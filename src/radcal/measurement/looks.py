@@ -231,7 +231,8 @@ def check_looks(found: Looks, looks: float, scale: str | None, source: str, filt
         raise MeasurementError(
             f"measurement.path: {source} is speckle-filtered: {said}, and its speckle is correlated over a larger area "
             "than the resolutions say; use the image before filtering, or set radar.looks: "
-            f"{min(64, round(found.looks))} (docs/measured_images.md says what is then lost)."
+            f"{min(64, round(found.looks))} (docs/measured_images.md says what is then lost; a multilooked image needs "
+            "its own resolutions, too)."
         )
     if scale is None and not _TOO_FEW * looks <= found.looks <= _TOO_MANY * looks:
         raise MeasurementError(
@@ -258,8 +259,13 @@ def check_looks(found: Looks, looks: float, scale: str | None, source: str, filt
             guess += "power: set measurement.scale: power" if scale == "amplitude" else "20 log10 of power"
             guess += ", or "
         raise MeasurementError(f"measurement.scale is {scale}, but {said}; {guess}set radar.looks to what it has.")
-    if not _ALIKE[0] * looks <= found.looks <= _ALIKE[1] * looks:
-        return f"{said}: the simulated densities will be {'wider' if found.looks > looks else 'narrower'} than those."
+    if found.looks > _ALIKE[1] * looks:
+        return f"{said}: the simulated speckle varies more than that."
+    if found.looks < _ALIKE[0] * looks:
+        return (
+            f"{said}: the simulated speckle varies less than that; a search by incidence-angle bins with target.looks: "
+            "free makes up for it as texture."
+        )
     return f"{said}."
 
 

@@ -22,8 +22,8 @@ _CERTAIN = 2.0  # standard errors
 _REACH = 7  # distance in pixels over which the correlation area is summed: that of the usual filters
 _MORE_LOOKS, _WIDER = 1.5, 1.5  # smallest ratios of looks and of areas to the configured ones for filtered speckle
 # smallest ratios for smoothed speckle that has about the configured looks. An area of the point spread above 2.25 could
-# only come from resolutions that are both wrong by half. A correlation area above 3 could only come from texture, which
-# would also lower the looks below 0.9 times the configured ones.
+# only come from resolutions that are wrong (both by half, or one by more). A correlation area above 3 could only come
+# from texture, which would also lower the looks below 0.9 times the configured ones.
 _COARSE, _SMOOTHED, _AS_MANY_LOOKS = 2.25, 3.0, 0.9
 # trial widths in pixel spacings: from sampling far below the bandwidth to filters far wider than any window
 _WIDTHS = np.geomspace(0.4, 30.0, 600)
@@ -221,11 +221,14 @@ def point_spread_note(found: PointSpread, looks: Looks | None, radar: Radar, sou
     area = f"its speckle is correlated over {found.smoothing:.2g} times the area that these resolutions give"
     if looks is not None and is_filtered(found, looks, radar):
         more = f"{looks.looks / radar.looks:.2g} times radar.looks"
-        return f"{source} is speckle-filtered: {said}; {area}, and it has {more}. Use the image before filtering."
+        return (
+            f"{source} is speckle-filtered: {said}; {area}, and it has {more}. Use the image before filtering, unless "
+            "radar.looks and the resolutions are both wrong."
+        )
     as_many = looks is not None and looks.looks > _AS_MANY_LOOKS * radar.looks
     cells = found.cells(radar)
     if cells > _COARSE or (cells > _WIDER and found.smoothing > _SMOOTHED and as_many):
-        guess = "speckle-filtered or smoothed in another way, unless both resolutions are wrong"
+        guess = "speckle-filtered or smoothed in another way, unless the resolutions are wrong"
         return f"{source} is {guess}: {said}; {area}."
     if all(abs(width - resolution) <= _CERTAIN * error for width, resolution, error in compared):
         return None

@@ -110,10 +110,20 @@ class Target:
         )
 
     @property
+    def _error_deg(self) -> float:
+        """Standard error of the local incidence [deg]; 0 without incidence-angle bins."""
+        return self.classes.incidence_error_deg if self.classes is not None else 0.0
+
+    @property
     def level_only(self) -> bool:
         """Whether the material is seen at one incidence angle, so that its level can be determined, but not its law."""
-        error_deg = self.classes.incidence_error_deg if self.classes is not None else 0.0
-        return seen_at_one_incidence(self.incidence_deg, error_deg)
+        return seen_at_one_incidence(self.incidence_deg, self._error_deg)
+
+    @property
+    def seen(self) -> str:
+        """Text of the 5 and 95 % quantiles of the local incidence, and of its standard error if it is known."""
+        low, high = np.percentile(self.incidence_deg.astype(np.float64), [5.0, 95.0])
+        return f"{low:.2f} to {high:.2f} deg" + f", error {self._error_deg:.2g} deg" * (self._error_deg > 0.0)
 
     @property
     def cp(self) -> NDArray[np.float64]:
@@ -207,11 +217,11 @@ class Targets(dict[str, Target]):
     def warnings(self) -> list[str]:
         """Warnings on materials whose values do not follow a skew normal, or for which no law can be determined."""
         lines = []
-        if level_only := {name: target.incidence_deg for name, target in self.items() if target.level_only}:
-            seen = (f"{name} ({np.min(deg):.2f} to {np.max(deg):.2f} deg)" for name, deg in level_only.items())
+        if level_only := {name: target for name, target in self.items() if target.level_only}:
             lines.append(
-                f"level only, seen at one incidence (a range below {LEAST_SPAN_DEG:g} deg without the incidence's "
-                f"error), from which no law can be known: {', '.join(seen)}."
+                f"level only, seen at one incidence (5 to 95 % of the pixels within {LEAST_SPAN_DEG:g} deg, less the "
+                "incidence's error), so that no law can be known from this pass alone: "
+                f"{', '.join(f'{name} ({target.seen})' for name, target in level_only.items())}."
             )
         for name, target in self.items():
             if target.goodness.ad_p <= _UNLIKELY:

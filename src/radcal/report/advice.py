@@ -283,7 +283,12 @@ def advise(
     rows = advice_on(case, scene, found, Budget.of(case.uncertainty, levels), passes, over_deg)
     write_csv(folder / "advice.csv", COLUMNS, _rows(rows))
     orbit = [_opposite(case.radar)] if case.radar.incidence_deg is not None else []
-    return [*_table(rows), *_sentences(rows), *orbit, f"table: {folder / 'advice.csv'}"]
+    unfit = [
+        f"{name}: the law does not fit, so that its band, now and after a pass, is that of a wrong law."
+        for name in found
+        if archive.materials[name].fitted.fits is False
+    ]
+    return [*_table(rows), *_sentences(rows), *unfit, *orbit, f"table: {folder / 'advice.csv'}"]
 
 
 def _rows(rows: Sequence[Advised]) -> Iterator[tuple[object, ...]]:
@@ -328,16 +333,20 @@ def _sentences(rows: Sequence[Advised]) -> Iterator[str]:
             )
             own = [row for row in rows if row.material == name and row is not best]
             if equal := [row.name for row in own if row.after_db <= _EQUAL * best.after_db]:
-                yield f"{name}: as good within 5 %, which the draws do not tell apart: {', '.join(equal)}."
+                yield f"{name}: as good within 5 %: {', '.join(equal)}."
     passes = list(_passes(rows))
     if len(passes[0]) > 1:
         common = [common_ratio(each) for each in passes]
-        best_of_all = f"{_ALL}: a pass of {passes[0][0].name} is expected to narrow the bands most"
-        equal = [
-            each[0].name for each, ratio in zip(passes[1:], common[1:], strict=True) if ratio <= _EQUAL * common[0]
-        ]
-        alike = f"; as good within 5 %: {', '.join(equal)}" * bool(equal)
-        yield f"{best_of_all}, to {common[0]:.2f} times their half-widths (geometric mean over the materials){alike}."
+        mean = "geometric mean over the materials"
+        if common[0] > _LITTLE:
+            yield f"{_ALL}: no pass of the table is expected to narrow the bands by a tenth ({mean})."
+        else:
+            best_of_all = f"{_ALL}: a pass of {passes[0][0].name} is expected to narrow the bands most"
+            equal = [
+                each[0].name for each, ratio in zip(passes[1:], common[1:], strict=True) if ratio <= _EQUAL * common[0]
+            ]
+            alike = f"; as good within 5 %: {', '.join(equal)}" * bool(equal)
+            yield f"{best_of_all}, to {common[0]:.2f} times their half-widths ({mean}){alike}."
     yield (
         "Expected of a linear-Gaussian model with the draws of the posterior: a law that does not fit, an image that "
         "cannot be registered or a wrong level are not part of it."

@@ -230,7 +230,17 @@ def apply(
     files += [out / "predictions.csv", out / "predictions.png"]
     write_csv(files[-2], COLUMNS, map(_cells, rows))
     draw_predictions(files[-1], [row for _, row in rows], archive.case, other.case)
-    return [*_table(rows, len(passes) > 1), *lines, *_conclusion(rows), *map(str, files)]
+    return [*_table(rows, len(passes) > 1), *lines, *_unfit(archive, rows), *_conclusion(rows), *map(str, files)]
+
+
+def _unfit(archive: Archive, rows: Sequence[tuple[int, Prediction]]) -> list[str]:
+    """Verdicts on the predicted materials whose laws do not fit, with what this means for their intervals."""
+    fitted = {one.material: archive.materials[one.material].fitted for _, one in rows}
+    return [
+        f"{one.verdict} Its intervals do not contain the error of a wrong law."
+        for one in fitted.values()
+        if one.fits is False
+    ]
 
 
 def where_seen(
@@ -352,6 +362,8 @@ def _conclusion(rows: Sequence[tuple[int, Prediction]]) -> Iterator[str]:
             compared = [one for one in of if one.inside is not None]
             if compared:
                 held = sum(bool(one.inside) for one in compared)
-                yield f"{name}: {held} of {len(compared)} bins lie inside of their 90 % interval {where}."
+                lie = "bin lies inside of its" if len(compared) == 1 else "bins lie inside of their"
+                yield f"{name}: {held} of {len(compared)} {lie} 90 % interval {where}."
             elif of:
-                yield f"{name}: {len(of)} bins are predicted {where}; nothing measured to compare them with."
+                are, them = ("bin is", "it") if len(of) == 1 else ("bins are", "them")
+                yield f"{name}: {len(of)} {are} predicted {where}; nothing measured to compare {them} with."

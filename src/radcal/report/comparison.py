@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 __all__ = ["LawDifference", "compare", "law_difference"]
 
 Doubles = NDArray[np.float64]
+Intervals = tuple[tuple[float, float], ...]
+
+_ANGLES = 101  # angles at which two laws are compared
 
 _HEADINGS = ("material", "seen by both", "mean B-A", "largest", "bands meet", "fits", "known between", "runs of search")
 
@@ -34,7 +37,7 @@ class _Band:
     median_db: Doubles
     p05_db: Doubles
     p95_db: Doubles
-    seen_deg: tuple[float, float]
+    seen_deg: Intervals
     known_deg: tuple[float, ...] | None
 
     def at(self, degrees: Doubles) -> tuple[Doubles, Doubles, Doubles]:
@@ -51,15 +54,15 @@ class LawDifference:
 
     Attributes
     ----------
-    seen_deg : (float, float)
-        Incidence seen by both: 5 to 95 % quantile of the pixels' local incidence.
+    seen_deg : tuple of (float, float)
+        Intervals of incidence seen by both [deg]: 5 to 95 % quantile of the pixels' local incidence in each pass.
     mean_db, largest_db : float
         Difference between the medians, second minus first: its mean, and its value where its magnitude is largest [dB].
     bands_meet : float
         Share of the incidence ``seen_deg`` at which the two 90 % bands overlap; NaN if one of the bands is unknown.
     """
 
-    seen_deg: tuple[float, float]
+    seen_deg: Intervals
     mean_db: float
     largest_db: float
     bands_meet: float
@@ -71,16 +74,34 @@ def _band(archive: Archive, name: str) -> _Band | None:
     posterior = material.posterior
     if posterior is not None and posterior.curve is not None:
         curve = posterior.curve
-        low, high = posterior.seen_deg[:, 0].min(), posterior.seen_deg[:, 1].max()
-        known = posterior.known_between_deg
-        return _Band(curve.incidence_deg, curve.median_db, curve.p05_db, curve.p95_db, (float(low), float(high)), known)
+        seen, known = _united(posterior.seen_deg.tolist()), posterior.known_between_deg
+        return _Band(curve.incidence_deg, curve.median_db, curve.p05_db, curve.p95_db, seen, known)
     if not law.has_curve:
         return None
     degrees = np.arange(91.0)
     unknown = np.full(91, np.nan)
     low, high = np.percentile(material.incidence_deg, [5.0, 95.0])
     at = np.asarray(law(np.radians(degrees), archive.laws[name].values))
-    return _Band(degrees, at, unknown, unknown, (float(low), float(high)), None)
+    return _Band(degrees, at, unknown, unknown, ((float(low), float(high)),), None)
+
+
+def _united(intervals: Sequence[Sequence[float]]) -> Intervals:
+    """Union of intervals, as separate intervals in ascending order."""
+    found: list[tuple[float, float]] = []
+    for low, high in sorted(map(tuple, intervals)):
+        if found and low <= found[-1][1]:
+            found[-1] = (found[-1][0], max(found[-1][1], high))
+        else:
+            found.append((low, high))
+    return tuple(found)
+
+
+def _angles(intervals: Intervals) -> Doubles:
+    """About 101 angles [deg], distributed evenly over all intervals, with the ends of each interval."""
+    whole = sum(high - low for low, high in intervals)
+    shares = [(high - low) / whole if whole > 0.0 else 1.0 for low, high in intervals]
+    parts = zip(intervals, shares, strict=True)
+    return np.concatenate([np.linspace(low, high, max(2, round(_ANGLES * share))) for (low, high), share in parts])
 
 
 def law_difference(first: Archive, second: Archive, name: str) -> LawDifference | None:
@@ -101,16 +122,17 @@ def law_difference(first: Archive, second: Archive, name: str) -> LawDifference 
     a, b = _band(first, name), _band(second, name)
     if a is None or b is None:
         return None
-    low, high = max(a.seen_deg[0], b.seen_deg[0]), min(a.seen_deg[1], b.seen_deg[1])
-    if low > high:
+    pairs = ((max(one[0], two[0]), min(one[1], two[1])) for one in a.seen_deg for two in b.seen_deg)
+    both = _united([(low, high) for low, high in pairs if low <= high])
+    if not both:
         return None
-    degrees = np.linspace(low, high, 101)
+    degrees = _angles(both)
     (middle_a, low_a, high_a), (middle_b, low_b, high_b) = a.at(degrees), b.at(degrees)
     difference = middle_b - middle_a
     known = np.isfinite([low_a, low_b]).all()
     meet = float(np.mean((low_a <= high_b) & (low_b <= high_a))) if known else float("nan")
     largest = float(difference[np.argmax(np.abs(difference))])
-    return LawDifference((low, high), float(difference.mean()), largest, meet)
+    return LawDifference(both, float(difference.mean()), largest, meet)
 
 
 def compare(folders: Sequence[str | Path], figure: str | Path) -> list[str]:
@@ -170,7 +192,7 @@ def _row(first: Archive, second: Archive, name: str) -> tuple[str, ...]:
     cells = ("-",) * 4
     if found is not None:
         meet = "-" if np.isnan(found.bands_meet) else f"{100 * found.bands_meet:.0f} %"
-        seen = f"{found.seen_deg[0]:.1f}-{found.seen_deg[1]:.1f} deg"
+        seen = f"{', '.join(f'{low:.1f}-{high:.1f}' for low, high in found.seen_deg)} deg"
         cells = (seen, f"{found.mean_db:+.2f} dB", f"{found.largest_db:+.2f} dB", meet)
     pair = [(archive, archive.materials[name]) for archive in (first, second)]
     fits = [{True: "yes", False: "no", None: "untested"}[material.fitted.fits] for _, material in pair]
@@ -180,7 +202,13 @@ def _row(first: Archive, second: Archive, name: str) -> tuple[str, ...]:
 
 
 def _known(material: MaterialResult) -> str:
-    known = None if material.posterior is None else material.posterior.known_between_deg
+    """Cell of the table on the incidence at which sigma0 is known."""
+    posterior = material.posterior
+    if posterior is None or posterior.curve is None:
+        return "-"
+    if material.fitted.level_only:
+        return "level only"
+    known = posterior.known_between_deg
     return "nowhere" if known is None else f"{known[0]:.1f}-{known[1]:.1f}"
 
 
@@ -210,10 +238,12 @@ def _panel(axes: Axes, band: _Band | None, label: str, style: Mapping[str, Any])
     """Draw one law with its 90 % band; the line is thick over the incidence seen, and dashed lines lie on top."""
     if band is None:
         return
-    inside = np.linspace(*band.seen_deg, 101)
-    around = np.linspace(max(inside[0] - 10.0, 0.0), min(inside[-1] + 10.0, 90.0), 201)
-    middle, low, high = band.at(around)
+    low, high = band.seen_deg[0][0], band.seen_deg[-1][1]
+    around = np.linspace(max(low - 10.0, 0.0), min(high + 10.0, 90.0), 201)
+    middle, lowest, highest = band.at(around)
     line = {"color": style["color"], "linestyle": style["linestyle"], "zorder": 2 if style["linestyle"] == "-" else 3}
     axes.plot(around, middle, linewidth=1.0, **line)
-    axes.plot(inside, band.at(inside)[0], linewidth=3.0, label=label, **line)
-    axes.fill_between(around, low, high, color=style["color"], alpha=0.25, linewidth=0)
+    for k, seen in enumerate(band.seen_deg):
+        inside = np.linspace(*seen, _ANGLES)
+        axes.plot(inside, band.at(inside)[0], linewidth=3.0, label=label if k == 0 else None, **line)
+    axes.fill_between(around, lowest, highest, color=style["color"], alpha=0.25, linewidth=0)

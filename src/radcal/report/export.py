@@ -42,12 +42,13 @@ _INPUT = "simulator_input"
 
 @dataclass(frozen=True)
 class PassImages:
-    """Images of the second or a later pass [dB]; the archive contains those of the first pass alone."""
+    """Images of the second or a later pass [dB], and description of the measured image; the archive has the first."""
 
     radar: Radar
     geometry: Geometry
     measured_db: NDArray[np.float32]
     calibrated_db: NDArray[np.float32]
+    said: str
 
 
 def pass_images(
@@ -84,8 +85,16 @@ def pass_images(
                 f"{store.path(key)}: missing or without the whole image, though {final} lists it; delete {final} and "
                 "type the same command again to make this run again."
             )
-        found.append(PassImages(one.radar, geometry, without_level(image.measurement.image_db, level), record.image_db))
+        said = _measured_words(image.applied, level.normalisation)
+        measured_db = without_level(image.measurement.image_db, level)
+        found.append(PassImages(one.radar, geometry, measured_db, record.image_db, said))
     return found
+
+
+def _measured_words(registered: bool, normalisation: str) -> str:
+    """Description of a measured image, for the tags of its file."""
+    level = "" if normalisation == "none" else ", after subtraction of its assumed level"
+    return f"measured image, {'registered' if registered else 'not registered'}{level}"
 
 
 def write_export(
@@ -138,10 +147,11 @@ def write_export(
         parameters = {name: archive.laws[name].values.tolist() for name in case.materials}
         files += simulator.write_input(folder / _INPUT, parameters, seed)
     images = archive.images
-    first = image_layers(images.measured_db, images.calibrated_db, _tags(archive, case.radar))
+    said = _measured_words(archive.registration.applied, archive.levels.normalisation)
+    first = image_layers(images.measured_db, images.calibrated_db, _tags(archive, case.radar), said)
     passes = [("", geometry, case.radar, first)]
     for number, one in enumerate(further, start=2):
-        layers = image_layers(one.measured_db, one.calibrated_db, _tags(archive, one.radar))
+        layers = image_layers(one.measured_db, one.calibrated_db, _tags(archive, one.radar), one.said)
         passes.append((f"_pass{number}", one.geometry, one.radar, layers))
     for ending, made, radar, layers in passes:
         grid = map_grid(scene, made)
@@ -156,22 +166,26 @@ def _tags(archive: Archive, radar: Radar) -> dict[str, str]:
 
 
 def image_layers(
-    measured_db: NDArray[np.float32] | None, calibrated_db: NDArray[np.float32] | None, tags: Mapping[str, str]
+    measured_db: NDArray[np.float32] | None,
+    calibrated_db: NDArray[np.float32] | None,
+    tags: Mapping[str, str],
+    said: str,
 ) -> dict[str, Layer]:
     """Measured, calibrated and difference image of a pass, by file name; an image that is not known has no entry.
 
     Parameters
     ----------
     measured_db : ndarray, shape (rows, columns), optional
-        Registered measured image after subtraction of its assumed level [dB].
+        Measured image [dB].
     calibrated_db : ndarray, shape (rows, columns), optional
         Simulated image with the calibrated laws and textures [dB].
     tags : mapping
         Further tags of the files.
+    said : str
+        Description of the measured image.
     """
     found = {}
     if measured_db is not None:
-        said = "measured image, registered, after subtraction of its assumed level"
         found["measured"] = Layer(measured_db, "dB", said, tags)
     if calibrated_db is not None:
         found["calibrated"] = Layer(calibrated_db, "dB", "simulated image with the calibrated laws and textures", tags)

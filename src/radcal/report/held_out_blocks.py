@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.config.validation import Validation
 from radcal.storage.dataclass_groups import About
 
-__all__ = ["HeldOutBlocks", "LeftOutFields"]
+__all__ = ["HeldOutBlocks", "LeftOutFields", "refitted"]
 
 Doubles = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -80,3 +82,15 @@ class LeftOutFields:
     gain_error: Annotated[float, About("standard error of `gain`; infinite for one field")]
     n_fields: Annotated[int, About("number of fields compared")]
     power: Annotated[float, About("gain that a right law is expected to show, in standard errors of the gain")]
+
+
+def refitted(config: str) -> bool:
+    """Whether laws were fitted anew to predict ground that the calibration has seen (``validation.keep``).
+
+    Parameters
+    ----------
+    config : str
+        Configuration of a case as JSON.
+    """
+    validation = json.loads(config).get("validation")
+    return validation is not None and not Validation.model_validate(validation).holds_out

@@ -9,6 +9,7 @@ import numpy as np
 from radcal.report.archive import Archive
 from radcal.report.colours import head
 from radcal.report.drawing import FOUND, MUTED, START, TARGET, add_legend, new_canvas
+from radcal.report.held_out_blocks import refitted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -47,10 +48,20 @@ def held_out(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     axes.set_xlabel("block, in the order of its prediction")
     axes.set_ylabel("mean level [dB]")
     add_legend(canvas, axes.get_legend_handles_labels(), 5)
+    if refitted(case.config):
+        how = (
+            "(dots), as laws fitted anew without them predict them (the law found has seen them) with random effects "
+            "of those fields that hold other ground, too (blue), and alone (dotted). Orange, dashed: the generalised "
+            "least squares mean of all calibrated ground; its errors below are of means fitted anew. "
+        )
+    else:
+        how = (
+            "that no law has seen (dots), as the law found predicts them with random effects of those fields that hold "
+            "calibrated ground, too (blue), alone (dotted), and as a constant does (orange, dashed: the generalised "
+            "least squares mean of the calibrated ground). "
+        )
     caption = (
-        f"Mean levels of {mean.size} blocks that no law has seen (dots), as the law found predicts them with random "
-        "effects of those fields that hold calibrated ground, too (blue), alone (dotted), and as a constant does "
-        "(orange, dashed: the generalised least squares mean of the calibrated ground). "
+        f"Mean levels of {mean.size} blocks {how}"
         f"{100.0 * held.coverage_90:.0f} % lie inside of the 90 % band. Root mean square errors: constant "
         f"{held.rmse_constant_db:.2f} dB, constant and fields {held.rmse_constant_patch_db:.2f} dB, law "
         f"{held.rmse_law_db:.2f} dB, law and fields {held.rmse_law_patch_db:.2f} dB; the same law fitted to these "

@@ -15,6 +15,7 @@ from radcal import skewnormal
 from radcal.config.objectives import OBJECTIVES
 from radcal.report.archive import Archive, MaterialResult
 from radcal.report.figures import Figure
+from radcal.report.held_out_blocks import refitted
 from radcal.report.reasons import REASONS
 from radcal.report.summary import summarise
 from radcal.storage.files import atomic
@@ -49,9 +50,11 @@ def _listed(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def _span(values: Iterable[float]) -> str:
-    """Text of the range of some values; a single number if both ends have the same text."""
-    found = sorted(values)
+def _span(values: Iterable[float | None]) -> str:
+    """Text of the range of the known values; a single number if both ends have the same text."""
+    found = sorted(value for value in values if value is not None)
+    if not found:
+        return _number(None)
     return " to ".join(dict.fromkeys((_number(found[0], 2), _number(found[-1], 2))))
 
 
@@ -71,9 +74,19 @@ def _bound(value: float, low: float, high: float) -> str:
     return "lower" if value - low <= margin else "upper" if high - value <= margin else ""
 
 
-def _material(name: str, summary: Mapping[str, Any], result: MaterialResult) -> dict[str, Any]:
-    """Data of one material for the template of the page."""
+def _largest(found: Sequence[Mapping[str, Any]], key: str) -> Mapping[str, Any]:
+    """Material with the largest value of ``key``; an unknown value counts as smallest."""
+    return max(found, key=lambda m: -math.inf if m[key] is None else m[key])
+
+
+def _material(
+    name: str, summary: Mapping[str, Any], result: MaterialResult, passes: Sequence[Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Data of one material for the template of the page; ``passes`` are those of a case of several passes."""
     low, high = np.percentile(result.incidence_deg, [5.0, 95.0])
+    laws = [one["materials"][name] for one in passes if name in one["materials"]]
+    seen = [(law["low_deg"], law["high_deg"]) for law in laws] or [(float(low), float(high))]
+    differences = [summary.get("law_difference_db"), *(law["difference_db"] for law in laws)]
     start = result.start.values.tolist()
     hidden = summary.get("hidden", {})
     # a start with another law has parameters of that other law
@@ -116,7 +129,11 @@ def _material(name: str, summary: Mapping[str, Any], result: MaterialResult) -> 
         "drawn": result.pixels.size,
         "eligible": result.eligible,
         "at_boundary": result.at_boundary,
+        "seen": f"{' and '.join(f'{_number(a)} to {_number(b)}' for a, b in seen)} deg",
+        "difference_db": max((one for one in differences if one is not None), default=None),
         "known": "law_difference_db" in summary,
+        # the verdict says it of a law that does not fit, and of a material seen at one incidence
+        "unknown": summary["identified"] is False and summary["fits"] is not False and not summary["level_only"],
         # true for hidden parameters of an external law, too
         "truth": bool(hidden),
     }
@@ -128,24 +145,17 @@ def _who(found: Sequence[Mapping[str, Any]], total: int) -> str:
 
 
 def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """Sentences that say if only the histogram was compared, and which laws are not identified.
+    """Sentences that say if only the histogram was compared, and of which laws sigma0 is known at no angle.
 
     A further sentence names the materials for which a constant is the recommended predictor of other fields.
     """
     curves = [m for m in materials if m["identified"] is not None]
-    lost = [m for m in curves if not m["identified"]]
+    lost = [m for m in curves if m["unknown"]]
     constant = [m for m in curves if m["recommended_predictor"] == "constant"]
-
-    def laws(found: Sequence[Mapping[str, Any]]) -> str:
-        whose = f" of {_who(found, len(materials))}" if found and len(materials) > 1 else ""
-        return f"law{'s' if len(found) > 1 else ''}{whose}"
-
-    no = f"{laws(lost)} {'are' if len(lost) > 1 else 'is'} not identified"
-    if not OBJECTIVES[summary["objective"]].bins:
-        compared = "What was compared is the histogram, which does not determine a law"
-        text = f"{compared}: the {no}." if lost else f"{compared}."
-    else:
-        text = f"The {no} by this image." if lost else ""
+    bins = OBJECTIVES[summary["objective"]].bins
+    text = "" if bins else "What was compared is the histogram, which does not determine a law."
+    if lost:
+        text += f" Sigma0 of {_who(lost, len(materials))} is called known at no angle."
     if constant:
         whose = f" for {_who(constant, len(materials))}" if len(materials) > 1 else ""
         text += f" The recommended predictor of other fields{whose} is a constant, not the law."
@@ -154,7 +164,20 @@ def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
 
 def _search(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
     """Line below the verdict of the report: how the search ended, what was compared, and which laws are in doubt."""
-    return f"{_ending(summary, materials)} {_belief(summary, materials)}".rstrip()
+    return f"{_ending(summary, materials)} {_belief(summary, materials).lstrip()}".rstrip()
+
+
+def _criterion(materials: Sequence[Mapping[str, Any]]) -> str:
+    """Sentences on the stop criterion of laws that are compared by incidence-angle bin."""
+    promise = "the surrogate of all runs promises no law that is better and differs by more than stop.law_db"
+    met, count = [m for m in materials if m["within"]], len(materials)
+    if count == 1:
+        ends = f"meets the stop criterion: {promise}" if met else "does not meet the stop criterion"
+        return f"The law of {materials[0]['name']} {ends}." + " Better laws may exist." * (not met)
+    if not met:
+        return f"None of {count} laws meets the stop criterion. Better laws may exist."
+    text = f"{len(met)} of {count} laws {'meet' if len(met) > 1 else 'meets'} the stop criterion: {promise}."
+    return text + " Better laws of the other materials may exist." * (len(met) < count)
 
 
 def _ending(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
@@ -218,7 +241,10 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     summary = summarise(archive)
-    materials = [_material(name, summary["materials"][name], result) for name, result in archive.materials.items()]
+    passes = summary.get("passes", ())
+    materials = [
+        _material(name, summary["materials"][name], result, passes) for name, result in archive.materials.items()
+    ]
     environment = Environment(
         loader=PackageLoader("radcal.report", ""),
         autoescape=True,
@@ -228,23 +254,27 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
         keep_trailing_newline=True,
     )
     environment.filters |= {"number": _number, "listed": _listed, "embedded": _embedded, "span": _span}
+    environment.filters |= {"who": _who, "largest": _largest}
     config = json.loads(archive.config)
     text = environment.get_template("report.html.j2").render(
         summary=summary,
         objective=OBJECTIVES[archive.objective],
         search=_search(summary, materials),
+        criterion=_criterion(materials),
+        refitted=refitted(archive.config),
         materials=materials,
         within=[m for m in materials if m["within"]],
         with_law=[m for m in materials if not m["level_only"]],
         level_only=[m["name"] for m in materials if m["level_only"]],
         formed=[m for m in materials if m["fits"] and m["misfit"]["missed_db"] is not None],
-        agreeing=[m["name"] for m in materials if m["rms"] <= _AGREE * m["rms_sampling"]],
+        agreeing=[m["name"] for m in materials if m["rms"] is not None and m["rms"] <= _AGREE * m["rms_sampling"]],
         checked=[m for m in materials if m["validation"]],
         left_out=[m for m in materials if m["fields_left_out"]],
         law_sentences=[sentence for m in materials for sentence in m["law_sentences"]],
         known=[m for m in materials if m["known"]],
         external=[m for m in materials if m["truth"] and not m["known"]],
-        unknown=[m for m in materials if not m["truth"] and not m["level_only"]],
+        # that a law does not fit, its verdict says
+        unknown=[m for m in materials if not m["truth"] and not m["level_only"] and m["fits"] is not False],
         overall=[figure for figure in figures if figure.material is None],
         figures={m["name"]: [figure for figure in figures if figure.material == m["name"]] for m in materials},
         reasons=list(dict.fromkeys(reason for m in materials for reason in m["left_out"])),

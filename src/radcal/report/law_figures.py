@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from radcal.config.objectives import OBJECTIVES
-from radcal.measurement.one_incidence import LEAST_SPAN_DEG
 from radcal.radar.laws import Law
 from radcal.report.archive import Archive, MaterialResult
 from radcal.report.colours import head
@@ -167,38 +167,40 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     shares = (4.0, 1.0) if material.hidden is None else (4.0, 1.4, 1.0)
     canvas = new_canvas(6.2, 4.2 + 0.4 * sum(shares[1:]))
     panels = canvas.subplots(len(shares), 1, sharex=True, height_ratios=shares)
-    low, high = (float(v) for v in np.percentile(incidence_deg, [5.0, 95.0]))
-    seen, view = np.linspace(low, high, 101), _view(low, high)
+    each_seen = _seen(case, material)
+    seen, view = [np.linspace(low, high, 101) for low, high in each_seen], _view(each_seen.min(), each_seen.max())
     angles = np.linspace(*view, 361)
     for axes in panels:
-        axes.axvspan(low, high, color="#EFEFEF", zorder=0, linewidth=0)
+        for low, high in each_seen:
+            axes.axvspan(low, high, color="#EFEFEF", zorder=0, linewidth=0)
     _curves(panels[0], material, seen, angles)
     if material.hidden is None:
-        one = high - low < LEAST_SPAN_DEG
+        one = material.fitted.level_only
         title = "seen at one incidence, a level and no law" if one else "no truth to compare with"
-        remark = "The image alone cannot tell whether the law found is right."
-    else:
-        difference = _truth(panels[1], material, material.hidden, incidence_deg, (angles, seen))
-        title = f"at most {difference:.2g} dB from the truth over the incidence seen"
         remark = (
-            f"Over the incidence seen the law found differs from the hidden truth (green, dotted; middle panel) by at "
+            "The test of the fit shows that the law found does not fit."
+            if material.fitted.fits is False
+            else "The image alone cannot tell whether the law found is right."
+        )
+    else:
+        difference = _truth(panels[1], material, material.hidden, incidence_deg, angles)
+        where = "the incidence of pass 1" if case.passes else "the incidence seen"
+        title = f"at most {difference:.2g} dB from the truth over {where}"
+        remark = (
+            f"Over {where} the law found differs from the hidden truth (green, dotted; middle panel) by at "
             f"most {difference:.2g} dB."
         )
     head(panels[0], case, name, title)
     panels[0].set_ylabel("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
     _pixels(panels[-1], incidence_deg, view)
     add_legend(canvas, panels[0].get_legend_handles_labels(), 3)
+    shaded = " and ".join(f"{low:.1f} to {high:.1f}" for low, high in each_seen)
+    histogram = "in each pass (histogram of pass 1 below)" if case.passes else "(histogram below)"
     caption = (
         "Backscatter against local incidence at the starting parameters (orange, dashed) and as found (blue). Shaded, "
-        f"thick: {low:.1f} to {high:.1f} deg, where 90 % of the material's pixels lie (histogram below); outside, the "
-        f"law is an extrapolation. {remark}"
+        f"thick: {shaded} deg, where 90 % of the material's pixels lie {histogram}; outside, the law is an "
+        f"extrapolation. {remark}{_of_band(material)}"
     )
-    if material.posterior is not None and material.posterior.curve is not None:
-        caption += (
-            " Blue band: at each angle 90 % of the laws that agree with the pixels, darker where sigma0 is known; it "
-            "is that of the mean power of the ground, which lies above the law where levels of fields vary. "
-        )
-        caption += " ".join(said[0].upper() + said[1:] for said in material.posterior.sentences)
     if material.check.class_deg.size:
         caption += (
             " Dots, with bars of 95 %: level with which the law would give the simulated pixels of each "
@@ -208,14 +210,37 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     return canvas, caption, f"Backscatter laws of {name} in dB against local incidence in degrees."
 
 
+def _seen(case: Archive, material: MaterialResult) -> Array:
+    """5 and 95 % quantile of the incidence at which a material is seen [deg], shape (passes, 2)."""
+    if case.passes and material.posterior is not None:
+        return np.asarray(material.posterior.seen_deg)
+    return np.percentile(material.incidence_deg.astype(np.float64), [5.0, 95.0])[None]
+
+
+def _of_band(material: MaterialResult) -> str:
+    """Part of the caption that describes the 90 % band and the posterior; empty without a band."""
+    posterior = material.posterior
+    if posterior is None or posterior.curve is None:
+        return ""
+    said, laws = posterior.sentences, "laws that agree with the pixels"
+    if material.fitted.fits is False:
+        laws = "laws nearest to the pixels, though the law found does not fit them"
+        # the laws of several modes do not agree with the pixels, either
+        said = tuple(one for one in said if not one.startswith(f"{posterior.mode_share.size} distinct laws"))
+    band = f"at each angle 90 % of the {laws}" if posterior.sampled else "90 % by the linear covariance"
+    darker = ", darker where sigma0 is known" * (posterior.known_between_deg is not None)
+    power = "it is that of the mean power of the ground, which lies above the law where levels of fields vary."
+    return " ".join([f" Blue band: {band}{darker}; {power}", *(one[0].upper() + one[1:] for one in said)])
+
+
 def _view(low_deg: float, high_deg: float) -> tuple[float, float]:
     """Ends of the angle axis [deg]; each margin is as wide as the incidence interval seen, at least 5 degrees."""
     margin = max(_CONTEXT_DEG, high_deg - low_deg)
     return max(0.0, np.floor(low_deg - margin)), min(_LAST_DEG, np.ceil(high_deg + margin))
 
 
-def _curves(axes: Axes, material: MaterialResult, seen: Array, angles: Array) -> None:
-    """Draw starting, calibrated and true law, with thick lines at the image's angles [deg], and the bins' levels."""
+def _curves(axes: Axes, material: MaterialResult, seen: Sequence[Array], angles: Array) -> None:
+    """Draw starting, calibrated and true law, with thick lines at each pass's angles [deg], and the bins' levels."""
     parameters, start, check = material.parameters, material.start, material.check
     # where the first run has no X of the calibrated law, the start has another law
     begun = f"start ({start.law})" if np.isnan(parameters.values[0]).any() else "start"
@@ -228,7 +253,9 @@ def _curves(axes: Axes, material: MaterialResult, seen: Array, angles: Array) ->
     _band(axes, material, angles)
     for label, curve, x, style in curves:
         axes.plot(angles, curve(np.radians(angles), x), **style | {"linewidth": 1.0})
-        axes.plot(seen, curve(np.radians(seen), x), label=label, **style | {"linewidth": 3.2})
+        for k, there in enumerate(seen):
+            named = label if k == 0 else None
+            axes.plot(there, curve(np.radians(there), x), label=named, **style | {"linewidth": 3.2})
     if check.class_deg.size:
         axes.errorbar(
             check.class_deg, check.class_db, 1.96 * check.class_error_db, color="black", linestyle="none",
@@ -236,7 +263,7 @@ def _curves(axes: Axes, material: MaterialResult, seen: Array, angles: Array) ->
         )  # fmt: skip
     axes.margins(x=0)
     if axes.get_ylim()[0] < _GRAZING_DB:  # a law that falls steeply at grazing incidence would flatten all other curves
-        values = np.concatenate([curve(np.radians(seen), x) for _, curve, x, _ in curves])
+        values = np.concatenate([curve(np.radians(np.concatenate(seen)), x) for _, curve, x, _ in curves])
         axes.set_ylim(float(values.min()) - 3.0, float(values.max()) + 3.0)
 
 
@@ -253,18 +280,18 @@ def _band(axes: Axes, material: MaterialResult, angles: Array) -> None:
         axes.fill_between(there, low, high, color=FOUND["color"], alpha=alpha, linewidth=0, label=label)
 
 
-def _truth(
-    axes: Axes, material: MaterialResult, hidden: Array, incidence_deg: Array, drawn: tuple[Array, Array]
-) -> float:
+def _truth(axes: Axes, material: MaterialResult, hidden: Array, incidence_deg: Array, angles: Array) -> float:
     """Draw the calibrated minus the true law, and return their largest difference over the image's angles [dB].
 
-    ``drawn`` contains all angles of the axis, drawn as a thin line, and the angles seen, drawn as a thick line [deg].
+    A thin line shows all ``angles`` of the axis [deg], a thick line the angles of the image.
     """
     curve, found = material.parameters.curve(), material.parameters.values[material.best]
     difference = curve.largest_difference_db(found, hidden, incidence_deg)
-    for angles, width in zip(drawn, (1.0, 3.2), strict=True):
-        gap = curve(np.radians(angles), found) - curve(np.radians(angles), hidden)
-        axes.plot(angles, gap, **FOUND | {"linewidth": width})
+    low, high = (float(v) for v in np.percentile(incidence_deg, [5.0, 95.0]))
+    seen = np.linspace(low, high, 101)
+    for drawn, width in ((angles, 1.0), (seen, 3.2)):
+        gap = curve(np.radians(drawn), found) - curve(np.radians(drawn), hidden)
+        axes.plot(drawn, gap, **FOUND | {"linewidth": width})
     axes.axhline(0.0, **HIDDEN)
     reach = 1.3 * max(difference, 0.05)
     axes.set_ylim(-reach, reach)

@@ -54,11 +54,13 @@ def outside_interval(
     values: Sequence[float],
     bounds: Sequence[Sequence[float]],
     interval: Sequence[Sequence[float]],
+    beyond_db: float | None = None,
 ) -> str:
     """Sentence on calibrated parameters that lie outside their own 90 % intervals; empty if all lie inside.
 
     The best run has the X with the smallest misfit, while a 90 % interval comes from all X that agree with the pixels.
-    If many X give nearly the same law, the X of the best run may lie outside the intervals.
+    If many X give nearly the same law, the X of the best run may lie outside the intervals, although its sigma0 lies
+    inside its band.
 
     Parameters
     ----------
@@ -68,6 +70,9 @@ def outside_interval(
         X of the best run.
     bounds, interval : sequence, shape (d, 2)
         Bounds of each parameter, and its 5 % and 95 % quantile.
+    beyond_db : float, optional
+        Largest distance of the best run's sigma0 from its own 90 % band over the incidence seen [dB], 0 inside the
+        band; None for a law without a curve.
     """
     said = []
     for name, x, (low, high), (p05, p95) in zip(names, values, bounds, interval, strict=True):
@@ -79,4 +84,9 @@ def outside_interval(
         said.append(f"{name} is {at}, outside of its own 90 % interval ({p05:.3g} to {p95:.3g})")
     if not said:
         return ""
-    return f"{' and '.join(said)}: many X give nearly this law, so that sigma0 and its band say more than X."
+    text = " and ".join(said)
+    if beyond_db is None:
+        return f"{text}."
+    if beyond_db > 0.0:
+        return f"{text}; sigma0 of the best run lies outside of its own 90 % band, too, by up to {beyond_db:.2g} dB."
+    return f"{text}: many X give nearly this law, so that sigma0 and its band say more than X."

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from radcal.assessment.conclusion import Conclusion
 from radcal.assessment.law_check import LawCheck
 from radcal.calibration.history import History, Run
+from radcal.calibration.objectives import OBJECTIVES
 from radcal.calibration.passes import pass_laws
 from radcal.config import Material, Radar, Stop, stages
 from radcal.config.sections import FURTHER
@@ -108,7 +109,7 @@ def gather(
         looks=case.radar.looks,
         measured_looks=targets.looks,
         measurement=measurement.source,
-        notes=(*measurement.notes, *conclusion.notes, *_pass_note(targets)),
+        notes=(*measurement.notes, *conclusion.notes, *_pass_note(targets, case.objective)),
         law_notes=tuple(law_notes(case, geometry, parameters)),
         sentences=tuple(decision.materials[name].sentence for name in targets),
         simulator=json.dumps(conclusion.simulator),
@@ -140,14 +141,16 @@ def gather(
     )
 
 
-def _pass_note(targets: Targets) -> list[str]:
+def _pass_note(targets: Targets, objective: str) -> list[str]:
     """Remark that says which results belong to all passes, and which to pass 1 alone; empty in a case of one pass."""
     if not targets.further:
         return []
     count = len(targets.passes)
+    misfit = OBJECTIVES[objective].misfit
+    shared = " The effect of a field is one in all passes." * (misfit is not None and misfit.of_fields)
     return [
         f"The laws are those of {count} passes together; densities, images, pixels and checks on held-out ground are "
-        "shown of pass 1. The effect of a field is one in all passes."
+        f"shown of pass 1.{shared}"
     ]
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from radcal.errors import StoreError
+from radcal.report.reasons import REASONS
 from radcal.running.time_left import duration
 from radcal.storage.lock import holder
 
@@ -155,7 +156,7 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
     return [
         *lines,
         f"simulator runs of the search: {search} ({runs['design']} design, {runs['infill']} infill{reused}), besides "
-        f"{runs['reference']} reference, {runs['final']} final; end: {summary['stop_reason']}.",
+        f"{runs['reference']} reference, {runs['final']} final; end: {REASONS[summary['stop_reason']].clause}.",
     ]
 
 

@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
+from radcal.assessment.curves import GRID_DEG
+from radcal.assessment.posterior import KeptDraws, Posterior
 from radcal.config import stages
 from radcal.report.archive import Archive, Check, MaterialResult, PassSummary, RegistrationSummary
 from radcal.report.fitted import misfit, overall
@@ -141,7 +143,25 @@ def _outside(material: MaterialResult) -> str:
         return ""
     interval = list(zip(material.posterior.parameters_p05, material.posterior.parameters_p95, strict=True))
     best = material.parameters.values[material.best]
-    return outside_interval(material.parameter_names, best, material.bounds.tolist(), interval)
+    beyond_db = _beyond_db(material, material.posterior)
+    return outside_interval(material.parameter_names, best, material.bounds.tolist(), interval, beyond_db)
+
+
+def _beyond_db(material: MaterialResult, posterior: Posterior) -> float | None:
+    """Largest distance of the best run's sigma0 from its 90 % band over the incidence seen [dB]; None without a band.
+
+    The band is that of the mean power of the ground, to which the standard deviations of fields add.
+    """
+    curve = posterior.curve
+    if curve is None:
+        return None
+    fields_db = np.array([[posterior.between_db[1], posterior.within_db[1]]])
+    best = KeptDraws(material.parameters.values[[material.best]], posterior.looks[[1]], fields_db)
+    level_db = best.curves_db(material.parameters.curve())[0]
+    angle = np.concatenate([np.linspace(low, high, 21) for low, high in posterior.seen_deg])
+    low, high = (np.interp(angle, curve.incidence_deg, edge) for edge in (curve.p05_db, curve.p95_db))
+    at = np.interp(angle, GRID_DEG, level_db)
+    return float(np.maximum(np.maximum(low - at, at - high), 0.0).max())
 
 
 def _numbers(held: HeldOutBlocks) -> dict[str, Any]:

@@ -27,7 +27,7 @@ _HEADING = """\
 # Materials of the case {case}, as radcal calibrated them: {verdict}
 # To simulate with these laws, use this section as the section materials of a case of your own, and replace there the
 # materials that the new case calibrates. Parameters are written with all digits: scene, radar, simulator and seed of
-# the case {case} give its calibrated image again, bit for bit, with the noise seed {noise_seed}.
+# the case {case} give its calibrated image again{exactly} with the noise seed {noise_seed}.
 # looks are the effective looks of a material's pixels in an image of {looks} looks (radar.looks). Where they are fewer
 # than the image's, gamma texture is multiplied onto the simulated pixels. Without this key, pixels have speckle alone.
 """
@@ -152,6 +152,11 @@ def calibrated_materials(archive: Archive, materials: Mapping[str, Material]) ->
     return found
 
 
+def _repeats(simulator: Mapping[str, Any]) -> bool:
+    """Whether equal runs are known to give equal images: built-in simulator, or declared by the section."""
+    return simulator.get("kind") != "command" or simulator.get("deterministic") is True
+
+
 def calibrated_yaml(archive: Archive, materials: Mapping[str, Mapping[str, Any]], verdict: str, noise_seed: int) -> str:
     """Text of ``calibrated.yaml``: a heading that explains it, and the section ``materials``.
 
@@ -169,7 +174,11 @@ def calibrated_yaml(archive: Archive, materials: Mapping[str, Mapping[str, Any]]
     import yaml
 
     heading = _HEADING.format(
-        case=archive.case, verdict=" ".join(verdict.split()), looks=f"{archive.looks:g}", noise_seed=noise_seed
+        case=archive.case,
+        verdict=" ".join(verdict.split()),
+        looks=f"{archive.looks:g}",
+        noise_seed=noise_seed,
+        exactly=", bit for bit," * _repeats(json.loads(archive.config).get("simulator", {})),
     )
     plain = {name: dict(material) for name, material in materials.items()}
     return heading + yaml.safe_dump(

@@ -24,6 +24,7 @@ from radcal.calibration.objectives.objective import (
     Points,
     Progress,
     Verdict,
+    run_count,
     suited_looks,
 )
 from radcal.config import Stop
@@ -156,7 +157,7 @@ class Bins(Objective):
         score, name = progress.score, progress.name
         if progress.proposal.mode == "exhausted":
             text = "every combination of whole parameters inside the bounds has been simulated."
-            return Verdict("settled", f"{name}: stop criterion met after {progress.runs} runs: {text}")
+            return Verdict("settled", f"{name}: stop criterion met after {run_count(progress.runs)}: {text}")
         if score.gain is None:
             return None
         if score.floor is not None and progress.best - score.floor > _SETTLED:
@@ -170,7 +171,7 @@ class Bins(Objective):
             )
         else:
             return None
-        return Verdict("settled", f"{name}: stop criterion met after {progress.runs} runs: {text}")
+        return Verdict("settled", f"{name}: stop criterion met after {run_count(progress.runs)}: {text}")
 
     @classmethod
     def standing(cls, name: str, best: float, stop: Stop) -> str:

@@ -25,6 +25,7 @@ from radcal.calibration.objectives.objective import (
     Progress,
     Verdict,
     drawn,
+    run_count,
 )
 from radcal.calibration.priors import looks_residuals
 from radcal.config import Stop
@@ -158,15 +159,15 @@ class Density(Objective):
         """End of a search: rms within the tolerance, target unreachable, or rms well below the sampling error."""
         name, best, proposal = progress.name, progress.best, progress.proposal
         if best <= stop.rms:
-            sentence = f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} after {progress.runs} runs."
+            sentence = f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} after {run_count(progress.runs)}."
             return Verdict("rms", sentence)
         known = len(progress.score.parameters) + 2 <= progress.runs and _kept(proposal, progress.score.cost)
         if proposal.floor is not None and proposal.floor >= UNREACHABLE_SHARE * best and known:
             return Verdict(
                 "unreachable",
-                f"{name}: rms {best:.2g} after {progress.runs} runs, above the tolerance {stop.rms:.2g}; a multi-start "
-                "search of the surrogate, two standard errors in favour, finds no rms below "
-                f"{proposal.floor:.2g} inside the bounds: the target is out of reach there.",
+                f"{name}: rms {best:.2g} after {run_count(progress.runs)}, above the tolerance {stop.rms:.2g}; a "
+                "multi-start search of the surrogate, two standard errors in favour, finds no rms below "
+                f"{proposal.floor:.2g} inside the bounds: the target seems out of reach there.",
             )
         if proposal.mode == "exhausted":
             return Verdict(
@@ -177,8 +178,8 @@ class Density(Objective):
         if stop.at_sampling_error and progress.idle >= _PATIENCE and best < _OF_SAMPLING * progress.sampling:
             return Verdict(
                 "stagnation",
-                f"{name}: rms {best:.2g}, no better for {progress.idle} runs and below a third of the sampling error "
-                f"{progress.sampling:.2g}: a better fit would not be significant (stop.at_sampling_error: false "
+                f"{name}: rms {best:.2g}, no better for {run_count(progress.idle)} and below a third of the sampling "
+                f"error {progress.sampling:.2g}: a better fit would not be significant (stop.at_sampling_error: false "
                 "continues).",
             )
         return None

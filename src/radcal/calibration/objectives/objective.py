@@ -379,3 +379,8 @@ def drawn(values: Doubles, target: Doubles, slack: Doubles | float) -> Doubles:
     """Differences of values from a target, each brought nearer to 0 by up to ``slack``."""
     difference = values - target
     return np.asarray(difference - np.clip(difference, -np.asarray(slack), slack))
+
+
+def run_count(number: int) -> str:
+    """Text of a number of runs."""
+    return f"{number} run{'' if number == 1 else 's'}"
