@@ -137,7 +137,7 @@ def test_the_first_line_is_the_verdict_and_the_next_how_the_search_ended(page, m
     fitted = archive.materials["stem beans"].fitted
     for change in ({"fits": False}, {"level_only": True}):
         other = changed_material(archive, "stem beans", fitted=replace(fitted, **change))
-        assert "called known at no angle" not in render(tmp_path / "report.html", other)[1].text
+        assert "Sigma0 of stem beans" not in render(tmp_path / "report.html", other)[1].text
     archive = changed_material(replace(archive, converged=False, reason="max_runs"), "dyke", reason="max_runs")
     text = render(tmp_path / "report.html", archive)[1].text
     assert "Stopped after 6 runs before the stop criterion was met for the law of dyke: maximum number of runs." in text
