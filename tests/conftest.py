@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import gc
 import os
 
@@ -9,7 +10,7 @@ import os
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,8 @@ FIRST = TESTS / "test_small_calibration.py"
 # folders whose tests run little or nothing that numba compiles
 LIGHT = [TESTS / name for name in ("cli", "config", "reading", "report", "running", "storage")]
 
+WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+
 Surface = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 
 
@@ -47,19 +50,45 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return True if config.option.markexpr == DESELECTED and _marker(collection_path) else None
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark by folder, so that no test can forget, and put the tests in an order in which two workers end together."""
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(
+    collector: pytest.Collector,
+) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """Folders are read from their last file on by every other worker.
+
+    The first worker that reads a test module compiles it for all. Two workers that read in the same order would compile
+    every module twice.
+    """
+    report = yield
+    if WORKER % 2 and isinstance(collector, pytest.Dir):
+        report.result.reverse()
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> Generator[None]:
+    """Mark by folder, so that no test can forget, and put the tests in an order in which all workers end together."""
     for item in items:
         if marker := _marker(item.path):
             item.add_marker(marker)
-    first = [item for item in items if item.path == FIRST]
-    others = [item for item in items if item.path != FIRST]
-    light = [item for item in others if any(folder in item.path.parents for folder in LIGHT)]
-    rest = [item for item in others if not any(folder in item.path.parents for folder in LIGHT)]
-    # Of two workers, one begins with the first half. The longest test, at its start, compiles for both: the other
-    # worker begins with tests that need little machine code.
-    before = max(0, (len(items) + 1) // 2 - len(first))
-    items[:] = [*first, *rest[:before], *light, *rest[before:]]
+    yield  # tests are deselected by their markers
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        return
+    items.sort(key=lambda item: item.path)  # the same order in all workers
+    kinds: dict[str, list[pytest.Item]] = {"first": [], "workflow": [], "light": [], "rest": []}
+    for item in items:
+        kinds[_kind(item.path)].append(item)
+    first, long, light, rest = kinds.values()
+    if long:
+        # Each worker begins with an equal part of the tests that take a minute, and takes over short ones at the end.
+        workers = int(os.environ["PYTEST_XDIST_WORKER_COUNT"])
+        short = [*first, *rest, *light]
+        items[:] = [item for k in range(workers) for kind in (long, short) for item in _part(kind, k, workers)]
+    else:
+        # Of two workers, one begins with the first half. The longest test, at its start, compiles for both: the other
+        # worker begins with tests that need little machine code.
+        before = max(0, len(items) // 2 - len(first))
+        items[:] = [*first, *rest[:before], *light, *rest[before:]]
 
 
 def pytest_collection_finish() -> None:
@@ -67,9 +96,25 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+@functools.cache
 def _marker(path: Path) -> str | None:
     """Marker of the tests in a file or folder."""
     return next((name for name in MARKED if path.is_relative_to(TESTS / name)), None)
+
+
+@functools.cache
+def _kind(path: Path) -> str:
+    """Kind of the tests in a file, by which they are ordered."""
+    if path == FIRST:
+        return "first"
+    if _marker(path):
+        return "workflow"
+    return "light" if any(folder in path.parents for folder in LIGHT) else "rest"
+
+
+def _part(items: Sequence[pytest.Item], k: int, parts: int) -> Sequence[pytest.Item]:
+    """Part number k of equal parts of a list."""
+    return items[len(items) * k // parts : len(items) * (k + 1) // parts]
 
 
 @pytest.fixture(scope="session")

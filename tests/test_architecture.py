@@ -11,6 +11,7 @@ A *room* is a package or a top-level module of ``radcal``. Every import counts, 
 from __future__ import annotations
 
 import ast
+import functools
 import re
 from collections.abc import Collection, Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
@@ -54,7 +55,8 @@ MODULE_LINES, FUNCTION_LINES = 400, 60  # the latter without its docstring
 LARGE: dict[str, str] = {}
 
 
-def imports(root: Path) -> set[Edge]:
+@functools.cache
+def imports(root: Path) -> frozenset[Edge]:
     """Pairs of module and imported module of a package ``radcal``, named without ``radcal.``."""
     files = {
         ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__"): path
@@ -70,13 +72,13 @@ def imports(root: Path) -> set[Edge]:
                 whole = f"{node.module}.{item.name}"
                 yield whole if whole.removeprefix("radcal.") in files else str(node.module)
 
-    return {
+    return frozenset(
         (module, name.removeprefix("radcal."))
         for module, path in files.items()
         for node in ast.walk(ast.parse(path.read_text()))
         for name in imported(node)
         if name.startswith("radcal.") and name != f"radcal.{module}"
-    }
+    )
 
 
 def room(module: str) -> str:
@@ -252,7 +254,7 @@ def test_large_modules_and_functions_are_found(tmp_path: Path) -> None:
     assert large(tmp_path) == {"scene.model.f": 61, "scene.grid": 401}
 
 
-def drawn(folder: Path, files: Mapping[str, str]) -> set[Edge]:
+def drawn(folder: Path, files: Mapping[str, str]) -> frozenset[Edge]:
     """Imports of a package written for a test."""
     for name, text in files.items():
         (folder / name).parent.mkdir(exist_ok=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +22,7 @@ from radcal.errors import ConfigError, SceneError
 from radcal.measurement.georeference import GeoreferencedImage, values_at_ground
 from radcal.radar.projection import make_geometry
 from radcal.report.geotiff import Layer, map_grid, write_geotiff
-from radcal.scene.crs import named_datum, same_datum, transformation_note, vertical_datum
+from radcal.scene.crs import named_datum, same_datum, transformation_note, transformer, vertical_datum
 from radcal.scene.model import Scene, read_scene, write_scene
 from radcal.scene.raster import raster_scene
 from radcal.scene.sources import make_scene
@@ -61,13 +62,15 @@ def write_raster(path: Path, values: np.ndarray, crs: str | None, transform: Aff
     return str(path)
 
 
+to_utm = functools.cache(functools.partial(Transformer.from_crs, crs_to=UTM, always_xy=True))
+
+
 def grid(transform: Affine, shape: tuple[int, int], crs: str) -> tuple[np.ndarray, np.ndarray]:
     """UTM coordinates of a raster's pixel centres."""
     row, column = np.indices(shape) + 0.5
     x = transform.a * column + transform.b * row + transform.c
     y = transform.d * column + transform.e * row + transform.f
-    to_utm = Transformer.from_crs(CRS.from_user_input(crs), UTM, always_xy=True)
-    return to_utm.transform(x, y)
+    return to_utm(crs).transform(x, y)
 
 
 Build = Callable[..., RasterScene]
@@ -455,6 +458,12 @@ def test_names_of_datums_that_are_the_same() -> None:
         + (',VERTCRS["unknown",VDATUM["unknown"],CS[vertical,1],AXIS["up (H)",up,LENGTHUNIT["metre",1]]]]')
     )
     assert vertical_datum(CRS.from_wkt(unknown)) is None
+
+
+def test_a_transformation_is_made_once_for_equal_crs() -> None:
+    once = transformer(CRS.from_user_input(UTM), CRS.from_epsg(28992))
+    assert transformer(CRS.from_epsg(32631), CRS.from_user_input("EPSG:28992")) is once
+    assert transformer(CRS.from_epsg(28992), CRS.from_epsg(32631)) is not once
 
 
 @pytest.mark.parametrize(("accuracy", "said"), [(2.5, "is accurate to 2.5 m"), (-1.0, "has no known accuracy")])

@@ -115,15 +115,17 @@ def test_toml_input_is_the_json_input(make: Make, tmp_path: Path) -> None:
     )
 
 
+# all but surrogates, which UTF-8 cannot encode; codec="utf-8" means the same, and takes 2 s to find out
+characters = st.characters(exclude_categories=["Cs"])
 plain = st.recursive(
     st.booleans() | st.integers(-(2**63), 2**63 - 1) | st.floats(allow_nan=False, allow_infinity=False)
-    | st.text(st.characters(codec="utf-8")) | st.lists(st.floats(allow_nan=False, allow_infinity=False)),
-    lambda inner: st.dictionaries(st.text(st.characters(codec="utf-8")), inner),
+    | st.text(characters) | st.lists(st.floats(allow_nan=False, allow_infinity=False)),
+    lambda inner: st.dictionaries(st.text(characters), inner),
     max_leaves=4,
 )  # fmt: skip
 
 
-@given(st.dictionaries(st.text(st.characters(codec="utf-8")), plain, max_size=3))
+@given(st.dictionaries(st.text(characters), plain, max_size=3))
 @settings(max_examples=50, deadline=None)
 def test_toml_is_read_as_written(data: dict[str, Any]) -> None:
     assert tomllib.loads(toml_text(data)) == data

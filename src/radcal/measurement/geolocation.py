@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.scene.crs import transformer
+
 __all__ = ["GroundRange", "Look"]
 
 Array = NDArray[np.float64]
@@ -163,15 +165,9 @@ class GroundRange:
 
 def _geocentric(longitude_deg: Array, latitude_deg: Array, height_m: Array) -> Array:
     """Geocentric coordinates [m] of places on WGS 84, shape (..., 3)."""
-    from pyproj import Transformer
-
-    to_earth = Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
-    return np.stack(to_earth.transform(longitude_deg, latitude_deg, height_m), axis=-1)
+    return np.stack(transformer("EPSG:4979", "EPSG:4978").transform(longitude_deg, latitude_deg, height_m), axis=-1)
 
 
 def _height_m(place: Array) -> Array:
     """Height above the ellipsoid of geocentric coordinates [m]."""
-    from pyproj import Transformer
-
-    from_earth = Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True)
-    return np.asarray(from_earth.transform(place[..., 0], place[..., 1], place[..., 2])[2])
+    return np.asarray(transformer("EPSG:4978", "EPSG:4979").transform(place[..., 0], place[..., 1], place[..., 2])[2])

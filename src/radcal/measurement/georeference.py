@@ -15,7 +15,7 @@ from radcal.errors import MeasurementError
 from radcal.measurement.readers import Places, read_raster
 from radcal.reading.arrays import is_raster
 from radcal.reading.rasters import open_raster
-from radcal.scene.crs import crs_of, horizontal, pixel_size_m
+from radcal.scene.crs import crs_of, horizontal, pixel_size_m, transformer
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -153,11 +153,11 @@ def places_on_ground(
     x, y : ndarray, shape (pixels that show a place,)
         Coordinates; infinite outside the domain of the CRS ``other``.
     """
-    from pyproj import CRS, Transformer
+    from pyproj import CRS
 
     row, column = (ground[k][np.isfinite(ground).all(axis=0)].astype(np.float64) + 0.5 for k in range(2))
     a, b, c, d, e, f = transform
-    to_other = Transformer.from_crs(CRS.from_user_input(crs), other, always_xy=True)
+    to_other = transformer(CRS.from_user_input(crs), other)
     x, y = to_other.transform(a * column + b * row + c, d * column + e * row + f)
     return np.asarray(x), np.asarray(y)
 

@@ -107,9 +107,12 @@ def _save(canvas: Canvas, path: Path) -> Path:
     ending = path.suffix[1:]
     # no dates or versions, so that the same archive gives the same bytes
     metadata = {"png": {"Software": None}, "pdf": {"CreationDate": None, "Creator": None, "Producer": None}}[ending]
+    # The layout is computed once for both files. With a layout engine, even one without effect, matplotlib draws the
+    # figure once more before it saves.
+    if (engine := canvas.get_layout_engine()) is not None:
+        canvas.set_dpi(_DPI)
+        engine.execute(canvas)
+        canvas.set_layout_engine(None)
     with atomic(path) as partial:
         canvas.savefig(partial, format=ending, dpi=_DPI, metadata=metadata, facecolor="white")
-    # the second file keeps the layout of the first; as long as the figure has a layout engine, even one without effect,
-    # matplotlib draws once more before it saves
-    canvas.set_layout_engine(None)
     return path

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from radcal.errors import SceneError
 
 if TYPE_CHECKING:
-    from pyproj import CRS
+    from pyproj import CRS, Transformer
 
 __all__ = [
     "METRES",
@@ -30,6 +30,7 @@ __all__ = [
     "same_datum",
     "same_place",
     "transformation_note",
+    "transformer",
     "turned",
     "utm",
     "vertical_datum",
@@ -76,12 +77,22 @@ def same_place(one: CRS, other: CRS) -> bool:
     return one.equals(other, ignore_axis_order=True)
 
 
+@functools.lru_cache(maxsize=64)
+def transformer(source: CRS | str, target: CRS | str) -> Transformer:
+    """Transformation of coordinates between two CRSs; the search of the EPSG database for one takes 10 to 100 ms."""
+    from pyproj import Transformer
+
+    return Transformer.from_crs(source, target, always_xy=True)
+
+
+@functools.lru_cache(maxsize=64)
 def label(crs: CRS) -> str:
     """Text from which :class:`pyproj.CRS` restores a CRS: its authority code, such as ``EPSG:32631``, else its WKT."""
     authority = crs.to_authority(min_confidence=100)
     return ":".join(authority) if authority else crs.to_wkt()
 
 
+@functools.lru_cache(maxsize=64)
 def utm(longitude_deg: float, latitude_deg: float) -> CRS | None:
     """CRS of the UTM zone (WGS 84) that contains a place; None near the poles, where there are no UTM zones.
 
@@ -123,11 +134,10 @@ def turned(crs: CRS, place: tuple[float, float], heading_deg: float) -> CRS:
     rectified to the skew grid. With gamma = 0, the second axis points along the central line. In PROJ, this holds only
     for alpha from -90 to 90 degrees; for other headings, alpha is the opposite direction and gamma is 180 degrees.
     """
-    from pyproj import Transformer
     from pyproj.crs import ProjectedCRS
     from pyproj.crs.coordinate_operation import HotineObliqueMercatorBConversion
 
-    longitude, latitude = Transformer.from_crs(crs, crs.geodetic_crs, always_xy=True).transform(*place)
+    longitude, latitude = transformer(crs, crs.geodetic_crs).transform(*place)
     azimuth, gamma = (heading_deg + 180.0) % 360.0 - 180.0, 0.0
     if not -90.0 < azimuth <= 90.0:
         azimuth, gamma = azimuth - math.copysign(180.0, azimuth), 180.0
@@ -161,10 +171,10 @@ def earth_radius_m(crs: str, place: tuple[float, float], azimuth_deg: float) -> 
     ----------
     Torge and Mueller, "Geodesy" (4th edition, 2012), section 4.1.3.
     """
-    from pyproj import CRS, Transformer
+    from pyproj import CRS
 
     plane = CRS.from_user_input(crs)
-    _, latitude = Transformer.from_crs(plane, plane.geodetic_crs, always_xy=True).transform(*place)
+    _, latitude = transformer(plane, plane.geodetic_crs).transform(*place)
     ellipsoid = plane.ellipsoid
     assert ellipsoid is not None  # noqa: S101 - every geodetic datum has an ellipsoid
     major, ratio = ellipsoid.semi_major_metre, 1.0 - (ellipsoid.semi_minor_metre / ellipsoid.semi_major_metre) ** 2

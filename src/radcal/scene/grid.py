@@ -14,7 +14,7 @@ from radcal.config import RasterScene, expand_path, vrt_folders
 from radcal.errors import SceneError
 from radcal.reading.intake import LARGEST_VALUES
 from radcal.reading.rasters import open_raster
-from radcal.scene.crs import METRES, crs_of, horizontal, same_place, turned, utm
+from radcal.scene.crs import METRES, crs_of, horizontal, same_place, transformer, turned, utm
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -158,11 +158,9 @@ def box_in(box: Box, source: CRS, target: CRS) -> Box:
     SceneError
         The CRS ``target`` is not defined in the area of the box.
     """
-    from pyproj import Transformer
-
     if same_place(source, target):
         return box
-    west, south, east, north = Transformer.from_crs(source, target, always_xy=True).transform_bounds(*box)
+    west, south, east, north = transformer(source, target).transform_bounds(*box)
     if not np.isfinite([west, south, east, north]).all():
         raise SceneError(
             f"scene: the area {[float(f'{v:.6g}') for v in box]} in {source.name} cannot be expressed in "
@@ -278,12 +276,10 @@ def scene_grid(elevation: Source, materials: Source, config: RasterScene, headin
 
 def _turned(crs: CRS, box: Box, heading_deg: float) -> tuple[CRS, Box]:
     """CRS turned to the heading of a track, and the largest box in this CRS that lies inside of a box in ``crs``."""
-    from pyproj import Transformer
-
     middle = _middle(box)
     turned_crs = turned(crs, middle, heading_deg)
-    to_map = Transformer.from_crs(turned_crs, crs, always_xy=True)
-    x, y = Transformer.from_crs(crs, turned_crs, always_xy=True).transform(*middle)
+    to_map = transformer(turned_crs, crs)
+    x, y = transformer(crs, turned_crs).transform(*middle)
     # the angle is taken between the axes of the two CRSs, because the map's north differs from true north
     (left, right), (below, above) = to_map.transform([x, x], [y - 1.0, y + 1.0])
     wide, high = _inscribed(box[2] - box[0], box[3] - box[1], float(np.arctan2(right - left, above - below)))
@@ -368,13 +364,11 @@ def _unfit(crs: CRS, longitude: float, latitude: float) -> str | None:
 
 def pixel_m(source: Source, crs: CRS, box: Box) -> tuple[float, float]:
     """Side lengths [m] of a raster's pixel in the middle of ``box``, whose CRS is ``crs`` and has the unit metre."""
-    from pyproj import Transformer
-
     right, up = 0.5 * abs(source.raster.transform.a), 0.5 * abs(source.raster.transform.e)
     if same_place(source.plane, crs):
         return 2.0 * right, 2.0 * up
-    x, y = Transformer.from_crs(crs, source.plane, always_xy=True).transform(*_middle(box))
-    to_target = Transformer.from_crs(source.plane, crs, always_xy=True)
+    x, y = transformer(crs, source.plane).transform(*_middle(box))
+    to_target = transformer(source.plane, crs)
     xs, ys = to_target.transform([x - right, x + right, x, x], [y, y, y - up, y + up])
     return float(np.hypot(xs[1] - xs[0], ys[1] - ys[0])), float(np.hypot(xs[3] - xs[2], ys[3] - ys[2]))
 
