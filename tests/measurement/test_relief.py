@@ -90,7 +90,8 @@ def test_an_image_of_the_other_side_is_refused(seen: dict[str, Geometry]) -> Non
     ("slope", "error", "slope_error", "said"),
     [
         (0.09, 0.015, 0.0, "refused"), (0.09, 0.019, 0.0, "told"), (0.07, 0.001, 0.0, "told"),
-        (-0.01, 0.02, 0.0, "told"), (-0.01, 0.025, 0.0, ""), (-0.01, 0.02, 3.0, ""), (-0.01, 0.02, 2.5, "told"), (-0.3, 0.001, 0.0, ""),
+        (-0.01, 0.02, 0.0, "told"), (-0.01, 0.025, 0.0, ""),
+        (-0.01, 0.02, 3.0, ""), (-0.01, 0.02, 2.5, "told"), (-0.3, 0.001, 0.0, ""),
     ],
 )  # fmt: skip
 def test_only_what_is_certain_is_told(slope: float, error: float, slope_error: float, said: str) -> None:
