@@ -3,6 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from calibration_samples import make_score
 
 from radcal.calibration.history import (
@@ -16,6 +17,8 @@ from radcal.calibration.history import (
 )
 from radcal.calibration.stopping import decide
 from radcal.config import Stop
+from radcal.errors import StoreError
+from radcal.storage.records import read_json, write_json
 
 
 def run(kind, index, x, cost, proposal=None, **keys):
@@ -128,3 +131,35 @@ def test_files_round_trip_to_the_last_bit(tmp_path):
     assert list(read_runs([tmp_path / "a.json", tmp_path / "b.json"]).runs) == runs
     write_proposals(tmp_path / "p.json", {"dyke": proposal})
     assert read_proposals(tmp_path / "p.json") == {"dyke": proposal}
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        (("dyke",), "a Proposal has the key 'colour', which radcal"),
+        (("dyke", "front"), "a Front has the key 'colour', which radcal"),
+    ],
+)
+def test_a_file_of_a_newer_version_is_named(tmp_path, place, said):
+    file = tmp_path / "proposal.json"
+    write_proposals(file, {"dyke": Proposal([1.0, 2.0], "exploit")})
+    data = read_json(file)
+    inside = data
+    for key in place:
+        inside = inside[key]
+    inside["colour"] = 3
+    write_json(file, data)
+    with pytest.raises(
+        StoreError, match=rf"proposal\.json: {said} \d\S* does not know: another version of radcal wrote"
+    ):
+        read_proposals(file)
+
+
+def test_a_run_of_another_version_is_named_by_the_key(tmp_path):
+    file = tmp_path / "scores.json"
+    write_runs(file, RUNS[:1])
+    (data,) = read_json(file)
+    del data["scores"]
+    write_json(file, [data])
+    with pytest.raises(StoreError, match=r"scores\.json: a Run lacks the key 'scores', which radcal \d\S* needs: "):
+        read_runs([file])

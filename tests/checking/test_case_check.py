@@ -12,7 +12,7 @@ import rasterio
 import yaml
 from pyproj import Transformer
 from rasterio.transform import from_origin
-from safe_product import NAME, place_of, write_product
+from safe_product import LINES, NAME, PIXELS, place_of, write_product
 from typer.testing import CliRunner
 
 from radcal.checking.case_check import check_case
@@ -157,7 +157,8 @@ def test_a_sentinel1_product_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.chdir(tmp_path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-        safe = write_product(tmp_path)
+        speckle = np.random.default_rng(4).gamma(4.4, 1.0 / 4.4, (LINES, PIXELS))
+        safe = write_product(tmp_path, np.ceil(400.0 * np.sqrt(speckle)).astype(np.uint16))
     x, y = Transformer.from_crs("EPSG:4326", "EPSG:32633", always_xy=True).transform(*place_of(60.0, 50.0, 120.0))
     settings = {"height": 40, "width": 40, "count": 1, "crs": "EPSG:32633", "driver": "GTiff"}
     for name, dtype, value in (("height.tif", "float32", 120.0), ("cover.tif", "uint8", 1)):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from radcal.checking.outlook import outlook, start_contrast
+from radcal.checking.outlook import hidden_ground, outlook, start_contrast
 from radcal.config import Case
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
@@ -42,3 +42,14 @@ def test_the_error_of_the_level_is_told_where_no_level_is_removed(build_case: Ca
         # without registration and image, the geometry is not used
         said = outlook(case, None, None)  # type: ignore[arg-type]
         assert any("from this pass alone is narrower than +-0.54 dB" in line for line in said) == told
+
+
+def test_heights_in_decimetres_are_told(build_scene: Callable[..., Scene], build_case: Callable[..., Case]) -> None:
+    """Hills of 20 m on 250 m of ground: slopes of up to 27 degrees, or of 79."""
+    radar = build_case().radar
+    for unit, told in ((1.0, False), (10.0, True)):
+        scene = build_scene(lambda east, _, unit=unit: unit * 20.0 * np.sin(np.pi * east / 125.0), cells=(20, 50))
+        said = hidden_ground(scene, make_geometry(scene, radar))
+        assert [("half of the ground is steeper than 7" in text, "decimetres" in text) for text in said] == [
+            (True, True)
+        ] * told

@@ -140,10 +140,15 @@ def test_questions_at_a_terminal_are_those_that_the_files_leave_open(
     # no land-cover map, names, datum, band, which tells the polarisation, scale, no sensor, radiometry, frequency
     # (after a slip), altitude, depression, from which the spacing follows, heading, side, resolutions, looks, noise,
     # material, level of the other one
-    scene = "\nnames.json\nEGM2008\n1\npower\n"
+    scene = "corina\n\ngone.json\nnames.json\nEGM2008\n1\npower\n"  # two slips, after which the question comes again
     answers = f"{scene}\ngamma0\nten\n9.6\n5000\n45\n12\nleft\n\n30\n4\n-25\ncrops\nwater=-17\n"
     done = new("mine", *files, answers=answers)
     assert done.exit_code == 0, done.output
+    slips = [line for line in done.stderr.splitlines() if line.startswith("radcal: ")]
+    assert [("--landcover-preset is corina" in line, "gone.json" in line) for line in slips] == [
+        (True, False),
+        (False, True),
+    ]
     data = yaml.safe_load(Path("mine.yaml").read_text())
     assert data["radar"]["heading_deg"] == 12
     assert "'ten' is not a number." in done.stderr

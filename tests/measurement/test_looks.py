@@ -72,6 +72,18 @@ def test_windows_of_several_materials_or_without_data_are_left_out() -> None:
     assert estimate_looks(image, ONE, Radar()) == half
 
 
+@pytest.mark.parametrize("looks", [1, 4, 9])
+def test_small_areas_have_smaller_windows(looks: float) -> None:
+    """Fields of 20 x 27 pixels hold hardly any window of 8 x 8 independent pixels, which is 16 x 24 pixels large."""
+    rows, columns = np.indices(SHAPE)
+    material = (1 + (rows // 20 + columns // 27) % 2).astype(np.uint8)
+    found = estimate_looks(speckle_db(looks), material, Radar(looks=looks))
+    assert found is not None
+    assert found.windows >= 20
+    # windows of 16 to 36 pixels, whose log variance scatters by 0.25 to 0.4
+    assert found.looks == pytest.approx(looks, rel=0.25)
+
+
 def test_too_small_materials_give_none() -> None:
     material = np.zeros(SHAPE, dtype=np.uint8)
     material[:40, :40] = 1
@@ -105,7 +117,7 @@ def test_looks_among_neighbours_are_those_of_pixels_a_resolution_and_a_half_apar
 def test_variance_of_a_window_is_unbiased_beside_a_plane() -> None:
     rows, columns = np.indices((320, 480))
     image = np.random.default_rng(4).normal(0.0, 2.5, rows.shape) + 0.3 * rows - 0.7 * columns
-    found = module._window_variances(image, np.ones(rows.shape, dtype=np.uint8), 1, 1)
+    found = module._window_variances(image, np.ones(rows.shape, dtype=np.uint8), 1, 1, 8)
     assert found.size == 40 * 60
     # chi-squared of 61 degrees of freedom; a plane takes three of 64, 5 % of the variance
     assert found.mean() == pytest.approx(2.5**2, rel=4 * np.sqrt(2 / 61 / found.size))
@@ -121,11 +133,22 @@ def test_variance_of_a_window_is_unbiased_beside_a_plane() -> None:
         (looks_of_log_variance(log_variance(4.0) * 4), "amplitude", "would be that of 4 if its numbers are power:"),
         (looks_of_log_variance(log_variance(4.0) * 4), "db", "would be that of 4 if its numbers are 20 log10 of power"),
         (1.39, "power", "set radar.looks to what it has"),
+        (1.65, "amplitude", "set measurement.scale: power"),
     ],
 )
 def test_a_wrong_scale_is_named_by_the_looks_that_it_would_give(found: float, scale: str, said: str) -> None:
     with pytest.raises(MeasurementError, match=said):
         check_looks(Looks(found, 0.9 * found, 1.1 * found, 50), 4, scale, "image.tif")
+
+
+@pytest.mark.parametrize(("found", "scale"), [(12.0, "power"), (1.3, "amplitude")])
+def test_few_windows_refuse_no_image(found: float, scale: str) -> None:
+    """Of one look the mode of 20 windows of 4 x 4 pixels has a standard error of 24 % (simulated)."""
+    wide = Looks(found, found / 2.0, found * 2.0, 20, 4)
+    said = check_looks(wide, 4, scale, "image.tif")
+    assert "20 windows of 4 x 4 independent pixels); radar.looks is 4: too few windows to be certain" in said
+    with pytest.raises(MeasurementError, match=r"measurement\.scale"):
+        check_looks(Looks(found, found / 1.3, found * 1.3, 20, 4), 4, scale, "image.tif")
 
 
 @pytest.mark.parametrize("found", [8.1, 1.39])

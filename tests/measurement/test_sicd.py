@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import warnings
 from collections.abc import Mapping
 from typing import Any
@@ -434,13 +435,16 @@ def test_notes_of_a_measurement(measure, geometry):
     pixels[0, :5], pixels[1, 1] = 0, np.nan
     level = "a.nitf: sigma0 by its SigmaZeroSFPoly, for level ground (radiometry sigma0_ref)."
     total = f"{pixels.size:,}"
-    assert measure({}, pixels).notes == (
-        f"a.nitf: {total} pixels, 1 without data, 5 zero, 0 negative: NaN in the image.",
-        level,
-        "radar.looks and the scale of a.nitf could not be checked by the speckle: the areas of single materials are "
-        "too small.",
-    )
-    assert measure({"looks": 4}).notes[2:] == ("a.nitf: complex pixels have a single look, radar.looks is 4.",)
+    counts, levels, looks = measure({}, pixels).notes
+    assert counts == f"a.nitf: {total} pixels, 1 without data, 5 zero, 0 negative: NaN in the image."
+    assert levels == level
+    assert re.search(r"speckle of a\.nitf is that of (0\.[89]|1\.[0-3])\d* looks .*; radar\.looks is 1\.$", looks)
+    with pytest.raises(
+        MeasurementError, match=r"scale is complex, but .*; radar\.looks is 9; set radar\.looks to what"
+    ):
+        measure({"looks": 9})
+    few = {"looks": 4, "range_resolution_m": 40.0}
+    assert measure(few).notes[2:] == ("a.nitf: complex pixels have a single look, radar.looks is 4.",)
 
 
 @pytest.mark.parametrize(

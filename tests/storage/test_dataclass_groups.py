@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
+from radcal.errors import StoreError
 from radcal.storage.dataclass_groups import About, Attribute, Inline, Main, put, same, table, take
 
 
@@ -164,7 +165,9 @@ def test_a_field_with_a_default_may_be_missing_and_no_other(tmp_path: Path) -> N
         assert take(file, Outer).later == 2.5
         assert take(file, Outer).notes == ()
         del file["inner"].attrs["level_db"]
-        with pytest.raises(KeyError, match=r"/inner of .*a\.h5 lacks level_db"):
+        with pytest.raises(
+            StoreError, match=r"a\.h5: /inner lacks level_db, which radcal \d.* another version of radcal"
+        ):
             take(file, Outer)
 
 
@@ -263,7 +266,7 @@ def test_half_of_the_marked_fields_is_not_enough(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         put(file, Checked((), {}, {}, Errors(1.5, np.zeros(2))))
         del file["means_db"]
-        with pytest.raises(KeyError, match="lacks means_db"):
+        with pytest.raises(StoreError, match="lacks means_db"):
             take(file, Checked)
 
 
@@ -272,7 +275,7 @@ def test_fields_that_are_not_wanted_are_not_read(tmp_path: Path) -> None:
         put(file, Checked(("one",), {}, {}, image=np.ones(3)))
         assert take(file, Checked).image is not None
         assert take(file, Checked, without=("image",)).image is None
-        with pytest.raises(KeyError, match="lacks words"):
+        with pytest.raises(StoreError, match="lacks words"):
             take(file, Checked, without=("words",))
 
 

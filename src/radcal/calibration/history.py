@@ -10,8 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.errors import StoreError
-from radcal.storage.records import read_json, write_json
+from radcal.storage.records import from_json, read_json, write_json
 
 __all__ = [
     "Front",
@@ -302,25 +301,21 @@ def read_runs(paths: Iterable[str | Path]) -> History:
     """Read scored runs from several JSON files, in the order of the files."""
 
     def parse(path: str | Path, data: dict[str, Any]) -> Run:
-        if "scores" not in data:
-            raise StoreError(
-                f"{path}: was written by an earlier version of radcal; delete it and type the same command again to "
-                "make it again (finished runs are kept)."
-            )
-        scores = {name: _score(item) for name, item in data.pop("scores").items()}
-        proposals = {name: _proposal(item) for name, item in data.pop("proposals").items()}
-        return Run(**data, scores=scores, proposals=proposals)
+        for key, make in (("scores", _score), ("proposals", _proposal)):
+            if key in data:
+                data[key] = {name: make(item, path) for name, item in data[key].items()}
+        return from_json(Run, data, path)
 
     return History(parse(path, data) for path in paths for data in read_json(path))
 
 
-def _score(data: dict[str, Any]) -> Score:
-    further = [None if item is None else PassScore(**item) for item in data.pop("further", [])]
-    return Score(**data, further=further)
+def _score(data: dict[str, Any], path: str | Path) -> Score:
+    further = [None if item is None else from_json(PassScore, item, path) for item in data.get("further", [])]
+    return from_json(Score, {**data, "further": further}, path)
 
 
-def _proposal(data: dict[str, Any]) -> Proposal:
-    return Proposal(**{**data, "front": Front(**data.get("front", {}))})
+def _proposal(data: dict[str, Any], path: str | Path) -> Proposal:
+    return from_json(Proposal, {**data, "front": from_json(Front, data.get("front", {}), path)}, path)
 
 
 def write_proposals(path: str | Path, proposals: Mapping[str, Proposal]) -> None:
@@ -330,4 +325,4 @@ def write_proposals(path: str | Path, proposals: Mapping[str, Proposal]) -> None
 
 def read_proposals(path: str | Path) -> dict[str, Proposal]:
     """Read the proposals of all materials from a file of :func:`write_proposals`."""
-    return {name: _proposal(data) for name, data in read_json(path).items()}
+    return {name: _proposal(data, path) for name, data in read_json(path).items()}

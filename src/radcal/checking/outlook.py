@@ -20,10 +20,12 @@ from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
 from radcal.radar.reflectivity import law_tables, reflectivity
 from radcal.running.time_left import FINAL_RUNS, duration, largest_runs, most_need, reference_count
+from radcal.scene.model import Scene
 from radcal.storage.runs import median_seconds
 
-__all__ = ["levels_against_laws", "outlook", "start_contrast", "time_expected"]
+__all__ = ["hidden_ground", "levels_against_laws", "outlook", "start_contrast", "time_expected"]
 
+_MOST_HIDDEN, _STEEPEST_DEG = 0.5, 35.0  # more hidden ground and steeper slopes (median) are rare, even in mountains
 _FEWEST_PX = 50  # smallest number of pixels of a material for a line on its level
 
 
@@ -55,6 +57,36 @@ def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> lis
     levels = [] if measured is None else levels_against_laws(case, geometry, measured.image_db)
     rough = "levels, rough (the image is not registered, no target is drawn; noise and slopes are left out):"
     return [*lines, rough, *(f"  {line}" for line in levels)] if levels else lines
+
+
+def hidden_ground(scene: Scene, geometry: Geometry) -> list[str]:
+    """Warning about ground that the radar hardly sees or that is too steep, which wrong units of heights can cause.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene of the case.
+    geometry : Geometry
+        Geometry of a pass.
+
+    Returns
+    -------
+    list of str
+        Warning if more than half of the image's pixels are without visible ground, in layover or partly in shadow, or
+        if the median slope is more than 35 degrees; else empty.
+    """
+    if scene.elevation_m is None or min(scene.elevation_m.shape) < 2:
+        return []
+    without = float(np.mean(~geometry.visible))
+    hidden = float(np.mean(~geometry.visible | geometry.layover | geometry.shadow))
+    slope_deg = float(np.median(np.degrees(np.arctan(np.hypot(*np.gradient(scene.elevation_m, scene.cell_m))))))
+    if hidden <= _MOST_HIDDEN and slope_deg <= _STEEPEST_DEG:
+        return []
+    return [
+        f"warning: {100 * hidden:.0f} % of the simulated image's pixels are in shadow or layover or without ground "
+        f"({100 * without:.0f} % show none at all), and half of the ground is steeper than {slope_deg:.0f} degrees: "
+        "are the heights in scene.elevation in metres, not decimetres or feet, and is radar.depression_deg right?"
+    ]
 
 
 def start_contrast(case: Case, geometry: Geometry) -> str | None:

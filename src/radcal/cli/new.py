@@ -11,6 +11,7 @@ import typer
 
 from radcal.cli.arguments import sentences
 from radcal.cli.new_entries import ENTRIES, Entry
+from radcal.errors import RadcalError
 
 if TYPE_CHECKING:
     from radcal.running.new_case import NewCase
@@ -44,9 +45,15 @@ def main(case: str, **answers: Any) -> None:
         seen = set(given)
         # an answer may settle later questions: the file tells the bands, the band tells the scale
         while asked and (left := [one for one in ENTRIES if one.key not in seen and _is_open(one, new)]):
+            remark = {"scene.landcover": new.offered, "radar.sensor": known}.get(left[0].key, "")
+            answered = given | _asked(left[0], remark)
+            try:
+                new = NewCase(path, answered, keys)
+            except RadcalError as error:  # the same question comes again
+                typer.echo(f"radcal: {error}", err=True)
+                continue
             seen.add(left[0].key)
-            given |= _asked(left[0], {"scene.landcover": new.offered, "radar.sensor": known}.get(left[0].key, ""))
-            new = NewCase(path, given, keys)
+            given = answered
         written = new.write({entry.key: entry.text for entry in ENTRIES})
     for line in written:
         typer.echo(line)

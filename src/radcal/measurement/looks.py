@@ -22,12 +22,16 @@ __all__ = [
 ]
 
 SIDE = 8  # number of independent pixels on a side of a window
+_SMALLER = (6, 5, 4)  # sides of windows in materials whose areas are too small for 20 windows of the usual side
 _INDEPENDENT = 1.5  # resolution widths between pixels that are assumed to be independent
 _WINDOWS = 20  # smallest number of windows for an estimate
 _BANDWIDTH = 0.5  # kernel width of the density of log variances, in standard errors of one window
 _DRAWS = 100
 _DB = 10.0 / np.log(10.0)
 _TOO_MANY, _TOO_FEW = 2.0, 0.35  # times the configured looks: neither sensor nor texture explains more extreme ratios
+# power read as amplitude has 4 times the variance; this is 4 to the power of 3/4, and a texture of 2.5 dB at least
+_TOO_VARIABLE, _TEXTURE_DB = 2.83, 2.5
+_CERTAIN = 4.0  # standard errors of the logarithm of the variance
 _ALIKE = (0.6, 1.3)  # times the configured looks
 
 
@@ -43,12 +47,21 @@ class Looks:
         Ends of the 95 % confidence interval of ``looks``.
     windows : int
         Number of windows used.
+    side : int
+        Number of independent pixels on a side of a window.
     """
 
     looks: float
     low: float
     high: float
     windows: int
+    side: int = SIDE
+
+    def differs(self, looks: float) -> bool:
+        """Whether the speckle's variance differs by more than four standard errors from that of a number of looks."""
+        variances = np.log([_log_variance(count) for count in (self.looks, looks, self.low, self.high)])
+        error = (variances[2] - variances[3]) / (2.0 * 1.96)
+        return bool(abs(variances[0] - variances[1]) > _CERTAIN * error)
 
 
 def looks_of_log_variance(variance_db2: float) -> float:
@@ -78,7 +91,8 @@ def estimate_looks(image_db: NDArray[np.float32], material: NDArray[np.uint8], r
 
     In each window of one material, only pixels that are far enough apart to be independent are used, and a plane is
     subtracted from their dB values. In homogeneous windows, the remaining variance is the variance of speckle; in other
-    windows it is larger. The most frequent variance is therefore taken as the variance of speckle.
+    windows it is larger. The most frequent variance is therefore taken as the variance of speckle. Windows have 8 x 8
+    independent pixels; if fewer than 20 of them fit into the materials, they have 6 x 6, 5 x 5 or 4 x 4.
 
     Parameters
     ----------
@@ -92,7 +106,7 @@ def estimate_looks(image_db: NDArray[np.float32], material: NDArray[np.uint8], r
     Returns
     -------
     Looks or None
-        Estimated looks; None if fewer than 20 windows fit into the materials.
+        Estimated looks; None if fewer than 20 windows of 4 x 4 independent pixels fit into the materials.
 
     References
     ----------
@@ -100,18 +114,22 @@ def estimate_looks(image_db: NDArray[np.float32], material: NDArray[np.uint8], r
     polarimetric synthetic aperture radar imagery", IEEE TGRS 47 (2009): the mode of many
     windows' estimates.
     """
-    variances = _window_variances(image_db, material, *independent_steps(radar))
-    if variances.size < _WINDOWS:
+    for side in (SIDE, *_SMALLER):
+        variances = _window_variances(image_db, material, *independent_steps(radar), side)
+        if variances.size >= _WINDOWS:
+            break
+    else:
         return None
     rng = np.random.default_rng(0)  # seed of the bootstrap only: the estimate itself is not random
-    mode = most_frequent_variance(variances)
-    again = [most_frequent_variance(rng.choice(variances, variances.size)) for _ in range(_DRAWS)]
+    mode = most_frequent_variance(variances, side)
+    again = [most_frequent_variance(rng.choice(variances, variances.size), side) for _ in range(_DRAWS)]
     low, high = np.percentile(again, [2.5, 97.5])
     return Looks(
         looks_of_log_variance(mode),
         looks_of_log_variance(float(high)),
         looks_of_log_variance(float(low)),
         int(variances.size),
+        side,
     )
 
 
@@ -158,34 +176,42 @@ def independent_steps(radar: Radar) -> tuple[int, int]:
 
 
 def _window_variances(
-    image_db: NDArray[np.float32], material: NDArray[np.uint8], down: int, across: int
+    image_db: NDArray[np.float32], material: NDArray[np.uint8], down: int, across: int, side: int
 ) -> NDArray[np.float64]:
-    """Variance about a fitted plane in every window of one material [dB^2]."""
-    rows, columns = (n // (SIDE * step) for n, step in zip(image_db.shape, (down, across), strict=True))
+    """Variance about a fitted plane in every window of one material, of ``side`` pixels squared [dB^2]."""
+    rows, columns = (n // (side * step) for n, step in zip(image_db.shape, (down, across), strict=True))
 
     def windows(values: NDArray[np.generic]) -> NDArray[np.generic]:
         """Values of the independent pixels in each window, shape (windows, pixels)."""
-        cut = values[: rows * SIDE * down, : columns * SIDE * across][::down, ::across]
-        parts = cut.reshape(rows, SIDE, columns, SIDE)
-        return parts.transpose(0, 2, 1, 3).reshape(rows * columns, SIDE**2)
+        cut = values[: rows * side * down, : columns * side * across][::down, ::across]
+        parts = cut.reshape(rows, side, columns, side)
+        return parts.transpose(0, 2, 1, 3).reshape(rows * columns, side**2)
 
     labels = windows(material)
     values = np.asarray(windows(image_db), dtype=np.float64)
     whole = (labels[:, :1] != 0).ravel() & np.all(labels == labels[:, :1], axis=1) & np.isfinite(values).all(axis=1)
-    y, x = np.indices((SIDE, SIDE)).reshape(2, -1) - (SIDE - 1) / 2.0
+    y, x = np.indices((side, side)).reshape(2, -1) - (side - 1) / 2.0
     plane = np.stack([np.ones_like(x), x, y], axis=1)
     plane /= np.sqrt((plane**2).sum(axis=0))  # orthogonal already
     values = values[whole] - values[whole].mean(axis=1, keepdims=True)
     left = values - (values @ plane) @ plane.T
-    return np.asarray((left**2).sum(axis=1) / (SIDE**2 - 3))
+    return np.asarray((left**2).sum(axis=1) / (side**2 - 3))
 
 
-def most_frequent_variance(variances: NDArray[np.float64]) -> float:
-    """Variance at which the estimated density of the logarithms of ``variances`` is largest."""
+def most_frequent_variance(variances: NDArray[np.float64], side: int = SIDE) -> float:
+    """Variance at which the estimated density of the logarithms of ``variances`` is largest.
+
+    Parameters
+    ----------
+    variances : ndarray, shape (windows,)
+        Variances in windows [dB^2].
+    side : int, optional
+        Number of independent pixels on a side of a window, which sets the width of the kernel.
+    """
     logs = np.log(np.maximum(variances, 1e-12))
     # standard error for normal values; log variances of log-gamma values scatter a little more
-    width = _BANDWIDTH * np.sqrt(2.0 / (SIDE**2 - 3))
-    grid = np.arange(logs.min() - width, logs.max() + width, width / 10.0)
+    width = _BANDWIDTH * np.sqrt(2.0 / (side**2 - 3))
+    grid = np.arange(logs.min() - 4.0 * width, logs.max() + 4.0 * width, width / 10.0)  # not shorter than the kernel
     counts, _ = np.histogram(logs, np.append(grid, grid[-1] + width / 10.0) - width / 20.0)
     reach = np.arange(-40, 41) / 10.0
     density = np.convolve(counts, np.exp(-0.5 * reach**2), mode="same")
@@ -225,21 +251,28 @@ def check_looks(found: Looks, looks: float, scale: str | None, source: str, filt
         The estimated and the configured looks differ so much that the scale, or ``radar.looks``, must be wrong.
     """
     seen = f"the speckle of {source} is that of {found.looks:.3g} looks in its most homogeneous areas"
-    said = f"{seen} (95 %: {found.low:.3g} to {found.high:.3g}); radar.looks is {looks}"
+    of = f"{found.windows} windows of {found.side} x {found.side} independent pixels"
+    said = f"{seen} (95 %: {found.low:.3g} to {found.high:.3g}, {of}); radar.looks is {looks}"
     variance = _log_variance(found.looks)
-    if found.looks > _TOO_MANY * looks and filtered:
+    too_many, too_few = found.looks > _TOO_MANY * looks, found.looks < _TOO_FEW * looks
+    if scale in ("amplitude", "db"):  # scales with which power would have four times its variance
+        configured = _log_variance(looks)
+        too_few |= variance > max(_TOO_VARIABLE * configured, configured + _TEXTURE_DB**2)
+    if (too_many or too_few) and not found.differs(looks):
+        return f"{said}: too few windows to be certain, check measurement.scale and radar.looks."
+    if too_many and filtered:
         raise MeasurementError(
             f"measurement.path: {source} is speckle-filtered: {said}, and its speckle is correlated over a larger area "
             "than the resolutions say; use the image before filtering, or set radar.looks: "
             f"{min(64, round(found.looks))} (docs/measured_images.md says what is then lost; a multilooked image needs "
             "its own resolutions, too)."
         )
-    if scale is None and not _TOO_FEW * looks <= found.looks <= _TOO_MANY * looks:
+    if scale is None and (too_many or too_few):
         raise MeasurementError(
             f"measurement.path: {said}, which is no speckle of this product: use it as it was delivered, or set "
             "radar.looks to what it has."
         )
-    if found.looks > _TOO_MANY * looks:
+    if too_many:
         as_amplitude = looks_of_log_variance(4.0 * variance)
         if scale == "db":
             guess = "10 log10 of amplitude instead of power would do that: check what the file holds"
@@ -252,7 +285,7 @@ def check_looks(found: Looks, looks: float, scale: str | None, source: str, filt
         raise MeasurementError(
             f"measurement.scale is {scale}, but {said}; {guess}, or radar.looks if they are so many."
         )
-    if found.looks < _TOO_FEW * looks:
+    if too_few:
         guess = ""
         if scale in ("amplitude", "db"):
             guess = f"it would be that of {looks_of_log_variance(0.25 * variance):.3g} if its numbers are "

@@ -28,6 +28,7 @@ from radcal.measurement.pixels import IN_THE_NOISE, eligible_pixels, noise_limit
 from radcal.measurement.point_spread import estimate_point_spread, is_filtered, point_spread_note
 from radcal.measurement.product import open_product
 from radcal.measurement.readers import ReadImage, image_of, read_image
+from radcal.measurement.relief import check_relief, relief_slope
 from radcal.measurement.sentinel1 import sigma0_image
 from radcal.measurement.synthetic import make_synthetic
 from radcal.measurement.tags import Tags, tags_of
@@ -224,6 +225,10 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
         )
     if spread is not None and (note := point_spread_note(spread, looks, radar, path.name)) is not None:
         notes.append(note)
+    slope = relief_slope(read.image_db, geometry, radar)
+    if slope is not None:
+        slope_error_deg = scene.slope_error_deg if scene is not None else 0.0
+        notes += check_relief(slope, radar, path.name, slope_error_deg)
     product = None if is_safe_name(config.path) else named_product(config.path)
     if product is not None:
         keys = f"scale {config.scale}, radiometry {config.radiometry}, polarisation {config.polarisation}"

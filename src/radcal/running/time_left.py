@@ -18,6 +18,8 @@ __all__ = [
 
 FINAL_RUNS = 2  # of each pass: one with the noise seed of all runs, one with another noise seed
 _SHORT_S = 60.0
+# shorter runs are a small part of an iteration, whose other steps take 10 to 20 s, and their first one is compiled
+_LONG_RUN_S = 30.0
 _SEARCH_RUNS = 16  # largest number of infill runs for any of the 53 hidden laws in the table of docs/right_law.md
 _RECENT = 5  # latest iterations, whose median predicts the next ones: training takes longer with more runs
 
@@ -77,9 +79,11 @@ def at_most(runs: int, seconds: float | None, usual: int, of: str = "") -> str:
     Returns
     -------
     str
-        Text to append; empty if no further run is possible, no time is known, or the time is below one minute.
+        Text to append; empty if no further run is possible, no time is known, or the time is below one minute. It is
+        also empty for a part of the time (``of``) if a run takes less than 30 s, because the other parts are then
+        larger.
     """
-    if runs <= 0 or seconds is None or runs * seconds < _SHORT_S:
+    if runs <= 0 or seconds is None or runs * seconds < _SHORT_S or (of and seconds < _LONG_RUN_S):
         return ""
     most = f"most cases need at most {usual} more ({duration(usual * seconds)}), " if 0 < usual < runs else ""
     return (

@@ -28,12 +28,14 @@ import types
 import typing
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from importlib.metadata import version
 from typing import Annotated, Any, Literal, TypeVar
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.errors import StoreError
 from radcal.storage.dimensions import attach_scales, label_dimensions
 
 __all__ = ["About", "Attribute", "Inline", "Main", "put", "same", "table", "take"]
@@ -155,8 +157,8 @@ def take(group: h5py.Group, kind: type[T], without: Collection[str] = ()) -> T:
 
     Raises
     ------
-    KeyError
-        The group lacks a field that has no default.
+    StoreError
+        The group lacks a field that has no default: another version of radcal wrote the file.
     """
     found = {}
     for entry in _entries(kind):
@@ -169,7 +171,11 @@ def take(group: h5py.Group, kind: type[T], without: Collection[str] = ()) -> T:
         elif entry.default is None:
             found[entry.name] = None
         elif entry.default is MISSING:
-            raise KeyError(f"{group.name} of {group.file.filename} lacks {entry.name}")
+            raise StoreError(
+                f"{group.file.filename}: {group.name} lacks {entry.name}, which radcal {version('radcal')} needs: "
+                "another version of radcal wrote it; use that version, or delete the file and type the same command "
+                "again to make it again (finished runs are kept)."
+            )
     return kind(**found)
 
 

@@ -12,11 +12,12 @@ import json
 import os
 import platform
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import MISSING, fields
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import h5py
 
@@ -27,7 +28,9 @@ from radcal.storage.inspection import SCHEMAS, check_case, inspect, inspect_file
 from radcal.storage.provenance import origin
 from radcal.storage.sealing import BLOCK, Fault, header
 
-__all__ = ["REPLACE", "read_hdf5", "read_json", "write_hdf5", "write_json"]
+__all__ = ["REPLACE", "from_json", "read_hdf5", "read_json", "write_hdf5", "write_json"]
+
+T = TypeVar("T")
 
 REPLACE = "RADCAL_REPLACE"
 """Environment variable that allows the replacement of a finished calibration; the session sets it for ``replace``."""
@@ -218,3 +221,36 @@ def read_json(path: str | Path) -> Any:
     except Fault as fault:
         raise set_aside(path, str(fault)) from None
     return outer["data"]
+
+
+def from_json(kind: type[T], data: Mapping[str, Any], path: str | Path) -> T:
+    """Dataclass from the keys of a JSON file.
+
+    Parameters
+    ----------
+    kind : type
+        Type of the dataclass.
+    data : mapping
+        Value of each field by name; fields with a default may be missing.
+    path : path
+        Path of the file, for the error message.
+
+    Raises
+    ------
+    StoreError
+        A key is not a field of the dataclass, or a field without a default is missing: another version of radcal wrote
+        the file.
+    """
+    known = {one.name: one.default is MISSING and one.default_factory is MISSING for one in fields(kind)}  # type: ignore[arg-type]
+    unknown = [f"has the key {name!r}, which radcal {version('radcal')} does not know" for name in data.keys() - known]
+    lacking = [
+        f"lacks the key {name!r}, which radcal {version('radcal')} needs"
+        for name, needed in known.items()
+        if needed and name not in data
+    ]
+    for said in sorted(unknown) + lacking:
+        raise StoreError(
+            f"{path}: a {kind.__name__} {said}: another version of radcal wrote it; use that version, or delete the "
+            "file and type the same command again to make it again (finished runs are kept)."
+        )
+    return kind(**data)

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from radcal.errors import StoreError
-from radcal.storage.records import read_json, write_json
+from radcal.storage.records import from_json, read_json, write_json
 from radcal.storage.runs import Parameters, Record, RunStore
 
 __all__ = ["IndexedRun", "in_all_passes", "indexed", "read_index", "write_index"]
@@ -53,7 +53,7 @@ def read_index(path: str | Path) -> list[IndexedRun]:
     StoreError
         The file is missing or damaged.
     """
-    return [IndexedRun(**{**entry, "draws": tuple(entry.get("draws", ()))}) for entry in read_json(path)]
+    return [from_json(IndexedRun, {**entry, "draws": tuple(entry.get("draws", ()))}, path) for entry in read_json(path)]
 
 
 def indexed(

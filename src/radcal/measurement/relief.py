@@ -1,0 +1,141 @@
+"""Change of a measured image with the local incidence angle on relief, which shows a wrong look side or elevation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.config import Radar
+from radcal.errors import MeasurementError
+from radcal.radar.geometry import Geometry
+
+__all__ = ["ReliefSlope", "check_relief", "relief_slope"]
+
+_BLOCK_PX = 32
+_FEWEST = 20  # smallest number of blocks, and of pixels of a material in a block
+_LEAST_SPREAD_DEG = 1.0  # smallest standard deviation of the incidence inside blocks
+_BETWEEN_DEG = (15.0, 75.0)  # at other angles, layover and noise change the image more than the law does
+_CERTAIN, _LIKELY = 5.0, 3.0  # standard errors
+_AWAY, _FLAT = -0.5, 0.5  # shares of the slope of constant gamma
+
+
+@dataclass(frozen=True)
+class ReliefSlope:
+    """Slope of an image over the local incidence angle, inside blocks of 32 x 32 pixels and inside materials.
+
+    Attributes
+    ----------
+    db_per_deg : float
+        Slope of the measured image [dB per degree].
+    error : float
+        Standard error of the slope, from the scatter between blocks [dB per degree].
+    least : float
+        Slope of ground of constant gamma in the radiometry of the image [dB per degree]. Ground with steeper laws has a
+        slope of more than this size.
+    spread_deg : float
+        Standard deviation of the incidence inside blocks [deg].
+    """
+
+    db_per_deg: float
+    error: float
+    least: float
+    spread_deg: float
+
+
+def relief_slope(image_db: NDArray[np.float32], geometry: Geometry, radar: Radar) -> ReliefSlope | None:
+    """Slope of a measured image over the local incidence angle on relief.
+
+    Blocks have their own level for each material, so that neither differences between fields nor the decrease from near
+    to far range change the slope, only relief of less than 32 pixels does.
+
+    Parameters
+    ----------
+    image_db : ndarray, shape (rows, columns)
+        Measured image, not registered [dB].
+    geometry : Geometry
+        Geometry of the pass.
+    radar : Radar
+        Pass; only its radiometry is used.
+
+    Returns
+    -------
+    ReliefSlope or None
+        Slope; None if the relief is too small or the image has the radiometry gamma0_rtc, in which constant gamma has
+        no slope.
+
+    References
+    ----------
+    Ulander, "Radiometric slope correction of synthetic-aperture radar images", IEEE TGRS 34 (1996): area of the ground
+    in a pixel. Cochran, "Sampling Techniques", 3rd edition (1977), section 6.4: standard error of a ratio.
+    """
+    if radar.radiometry == "gamma0_rtc":
+        return None
+    angle = geometry.incidence_deg.astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        used = (geometry.material > 0) & np.isfinite(image_db) & (angle > _BETWEEN_DEG[0]) & (angle < _BETWEEN_DEG[1])
+    used &= ~(geometry.layover | geometry.shadow)
+    row, column = np.nonzero(used)
+    block = row // _BLOCK_PX * (image_db.shape[1] // _BLOCK_PX + 1) + column // _BLOCK_PX
+    _, group, count = np.unique(block * 256 + geometry.material[used], return_inverse=True, return_counts=True)
+    enough = count[group] >= _FEWEST
+    if not enough.any():
+        return None
+    group, block, angle, image = group[enough], block[enough], angle[used][enough], image_db[used][enough]
+    gamma_db = 10.0 * np.log10(np.cos(np.radians(angle)))
+    if radar.radiometry != "sigma0_local":  # the ground in a pixel of the other radiometries has this area
+        gamma_db -= 10.0 * np.log10(np.sin(np.radians(angle)))
+    away = angle - (np.bincount(group, angle, count.size) / count)[group]
+    blocks = np.unique(block, return_inverse=True)[1]
+    square, seen, expected = (np.bincount(blocks, away * values) for values in (away, image, gamma_db))
+    spread = float(np.sqrt(square.sum() / away.size))
+    if square.size < _FEWEST or spread < _LEAST_SPREAD_DEG:
+        return None
+    slope = float(seen.sum() / square.sum())
+    scatter = np.sqrt(np.sum((seen - slope * square) ** 2) * square.size / (square.size - 1)) / square.sum()
+    return ReliefSlope(slope, float(scatter), float(expected.sum() / square.sum()), spread)
+
+
+def check_relief(found: ReliefSlope, radar: Radar, source: str, slope_error_deg: float) -> list[str]:
+    """Refuse an image that gets brighter where the ground is turned away, and describe an image without any slope.
+
+    Parameters
+    ----------
+    found : ReliefSlope
+        Slope of the image.
+    radar : Radar
+        Pass.
+    source : str
+        Name of the image.
+    slope_error_deg : float
+        Standard error of the slopes of the scene's elevation [deg].
+
+    Returns
+    -------
+    list of str
+        Sentence on an image that does not follow the relief; empty if there is nothing to say.
+
+    Raises
+    ------
+    MeasurementError
+        The image gets brighter with the local incidence angle, at least half as much as ground of constant gamma gets
+        darker.
+    """
+    share, error = found.db_per_deg / found.least, abs(found.error / found.least)
+    side = f"radar.look_side {radar.look_side} and radar.heading_deg {radar.heading_deg:g}"
+    said = (
+        f"changes by {found.db_per_deg:+.2f} +- {found.error:.2f} dB per degree of local incidence on the relief, "
+        f"where ground of constant gamma gets darker by {abs(found.least):.2f} dB"
+    )
+    if share < _AWAY and share + _CERTAIN * error < 0.0:
+        raise MeasurementError(
+            f"measurement.path: {source} {said}: its bright slopes face away from the radar with {side}; set the side "
+            "and the heading from which the image was taken (or is scene.elevation upside down?)."
+        )
+    if share + _LIKELY * error < _FLAT and 2.0 * slope_error_deg**2 < found.spread_deg**2:
+        return [
+            f"warning: {source} {said}: it does not follow the relief of scene.elevation as seen with {side}; is the "
+            "elevation of this area, and not flipped or displaced?"
+        ]
+    return []
