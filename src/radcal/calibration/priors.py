@@ -46,9 +46,9 @@ def _within_range(span_db: NDArray[np.float64]) -> NDArray[np.float64]:
 
     A curve whose absolute level is unknown fits into a range of width R at levels that fill an interval of R minus its
     span. For a level with a uniform distribution, the density of the curve is therefore proportional to R minus the
-    span. The constant 1 keeps the square root smooth at flat curves, of span 0.
+    span. The constant 0.1 keeps the square root smooth at flat curves, of span 0.
     """
-    return np.asarray(np.sqrt(1.0 + 2.0 * (np.log(_RANGE_DB) - _log(_RANGE_DB - span_db, _LEAST_ROOM_DB))))
+    return np.asarray(np.sqrt(0.1 + 2.0 * (np.log(_RANGE_DB) - _log(_RANGE_DB - span_db, _LEAST_ROOM_DB))))
 
 
 def looks_residuals(effective: ArrayLike, sensor: float) -> NDArray[np.float64]:
