@@ -404,3 +404,21 @@ def test_a_start_without_contrast_is_told_before_any_run(tmp_path: Path, monkeyp
         {"materials": {"cropland": {"start": [-24.5, 6.0, 0.0, 4.0]}}},
     ):
         assert not any(line.startswith("warning") for line in check_case(["mine.yaml"], change).outlook)
+
+
+def test_a_case_for_simulate_is_checked_as_such(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    scene = "{source: slant_range, labels: labels.tif, names: names.json, near_incidence_deg: 20, far_incidence_deg: "
+    laws = "{field: {parameters: [-20, 6, 0, 4]}, lake: {parameters: [-30, 6, 9, 4], calibrate: false}}"
+    Path("forward.yaml").write_text(f"scene: {scene}40}}\nmaterials: {laws}\n")
+    found = check_case(["forward.yaml"])
+    assert (found.problems, found.shape, found.forward) == ([], (60, 50), True)
+    assert "radcal simulate\n" in found.summary()
+    assert "simulator runs" not in found.summary()
+    # its mistakes are found, and a measured image or a material to calibrate makes it a case for a calibration
+    assert check_case(["forward.yaml"], {"radar": {"looks": 0}}).problems == [
+        "forward.yaml: radar.looks is 0, expected greater than or equal to 1."
+    ]
+    for change in ({"measurement": {}}, {"materials": {"field": {"calibrate": True, "parameters": None}}}):
+        assert not check_case(["forward.yaml"], change).forward
