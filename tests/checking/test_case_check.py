@@ -15,8 +15,9 @@ from rasterio.transform import from_origin
 from safe_product import LINES, NAME, PIXELS, place_of, write_product
 from typer.testing import CliRunner
 
-from radcal.checking.case_check import check_case
+from radcal.checking.case_check import _Problems, check_case
 from radcal.cli import app
+from radcal.config.mistakes import Loaded
 from radcal.storage.records import write_hdf5
 
 TEN_MISTAKES = """
@@ -306,6 +307,19 @@ MIXES: tuple[tuple[dict[str, str], tuple[str, ...]], ...] = (
         ),
     ),
 )  # fmt: skip
+
+
+def test_a_mistake_is_listed_once_though_its_numbers_differ() -> None:
+    """The whole file and its part in the scene; several files and materials stay apart."""
+    problems = _Problems(Loaded(None, []))
+    of = "measurement.path: the values of {} run from {} to 5.12 with median {}, which looks like power."
+    problems.add([of.format("a_1.tif", "0.00032", "0.0332"), of.format("a_1.tif", "3.2e-05", "0.0389")])
+    problems.add(
+        [of.format("a_2.tif", "0.00032", "0.0332"), of.format("2.tif", "1", "2"), of.format("3.tif", "1", "2")]
+    )
+    problems.add([f"materials.c: bounds of X{k} are [3, 3]" for k in (1, 2, 2)])
+    assert [text.split()[4] for text in problems[:4]] == ["a_1.tif", "a_2.tif", "2.tif", "3.tif"]
+    assert [text.split()[3] for text in problems[4:]] == ["X1", "X2"]
 
 
 @pytest.mark.parametrize(("changes", "said"), MIXES)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -151,8 +152,17 @@ class _Problems(list[str]):
     def add(self, found: Iterable[str]) -> None:
         """Add those problems that are not in the list and do not follow from a wrong key."""
         for text in found:
-            if text not in self and not self._follows(text):
+            if _without_numbers(text) not in map(_without_numbers, self) and not self._follows(text):
                 self.append(text)
+
+
+def _without_numbers(text: str) -> str:
+    """Problem of an image without its numbers, which differ between the whole file and its part in the scene."""
+    return (
+        re.sub(r"(?<![\w./])\d[\d.,]*(?:e[+-]?\d+)?(?![\w/]|\.\w)", "", text)
+        if text.startswith("measurement.")
+        else text
+    )
 
 
 def _checked(case: Case, loaded: Loaded, results: str | Path, say: Say) -> CaseCheck:
