@@ -15,8 +15,9 @@ from rasterio.transform import from_origin
 from safe_product import LINES, NAME, PIXELS, place_of, write_product
 from typer.testing import CliRunner
 
-from radcal.checking.case_check import check_case
+from radcal.checking.case_check import _Problems, check_case
 from radcal.cli import app
+from radcal.config.mistakes import Loaded
 from radcal.storage.records import write_hdf5
 
 TEN_MISTAKES = """
@@ -308,6 +309,19 @@ MIXES: tuple[tuple[dict[str, str], tuple[str, ...]], ...] = (
 )  # fmt: skip
 
 
+def test_a_mistake_is_listed_once_though_its_numbers_differ() -> None:
+    """The whole file and its part in the scene; several files and materials stay apart."""
+    problems = _Problems(Loaded(None, []))
+    of = "measurement.path: the values of {} run from {} to 5.12 with median {}, which looks like power."
+    problems.add([of.format("a_1.tif", "0.00032", "0.0332"), of.format("a_1.tif", "3.2e-05", "0.0389")])
+    problems.add(
+        [of.format("a_2.tif", "0.00032", "0.0332"), of.format("2.tif", "1", "2"), of.format("3.tif", "1", "2")]
+    )
+    problems.add([f"materials.c: bounds of X{k} are [3, 3]" for k in (1, 2, 2)])
+    assert [text.split()[4] for text in problems[:4]] == ["a_1.tif", "a_2.tif", "2.tif", "3.tif"]
+    assert [text.split()[3] for text in problems[4:]] == ["X1", "X2"]
+
+
 @pytest.mark.parametrize(("changes", "said"), MIXES)
 def test_mistakes_of_keys_hide_none_of_files(
     changes: dict[str, str], said: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -404,3 +418,21 @@ def test_a_start_without_contrast_is_told_before_any_run(tmp_path: Path, monkeyp
         {"materials": {"cropland": {"start": [-24.5, 6.0, 0.0, 4.0]}}},
     ):
         assert not any(line.startswith("warning") for line in check_case(["mine.yaml"], change).outlook)
+
+
+def test_a_case_for_simulate_is_checked_as_such(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    scene = "{source: slant_range, labels: labels.tif, names: names.json, near_incidence_deg: 20, far_incidence_deg: "
+    laws = "{field: {parameters: [-20, 6, 0, 4]}, lake: {parameters: [-30, 6, 9, 4], calibrate: false}}"
+    Path("forward.yaml").write_text(f"scene: {scene}40}}\nmaterials: {laws}\n")
+    found = check_case(["forward.yaml"])
+    assert (found.problems, found.shape, found.forward) == ([], (60, 50), True)
+    assert "radcal simulate\n" in found.summary()
+    assert "simulator runs" not in found.summary()
+    # its mistakes are found, and a measured image or a material to calibrate makes it a case for a calibration
+    assert check_case(["forward.yaml"], {"radar": {"looks": 0}}).problems == [
+        "forward.yaml: radar.looks is 0, expected greater than or equal to 1."
+    ]
+    for change in ({"measurement": {}}, {"materials": {"field": {"calibrate": True, "parameters": None}}}):
+        assert not check_case(["forward.yaml"], change).forward

@@ -210,6 +210,12 @@ def test_material_names_are_escaped(made, tmp_path):
     assert "dyke" in parsed.text
 
 
+def test_a_table_too_wide_for_the_page_scrolls_in_its_own_box(page):
+    text, _ = page
+    assert text.count("<table") > 5
+    assert len(re.findall(r'<div class="scroll">\s*<table', text)) == text.count("<table")
+
+
 def test_tables(page):
     text = page[1].text
     assert "X1 is at its upper bound (50 dB)" in text

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import csv
+
 import h5py
 import numpy as np
+import pytest
+import yaml
 
 
 def test_the_same_command_again_has_nothing_to_do(finished):
@@ -38,11 +42,18 @@ def test_a_larger_design_keeps_the_runs_of_a_smaller_one(project):
 
 
 def test_several_materials_share_each_run_and_need_no_design(project):
+    """One of the laws is a formula of the user, which the exports contain."""
+    formula = {
+        "law": "formula",
+        "formula": "base + rise*cos(phi) + peak*exp(-fall*phi**2)",
+        "names": ["base", "rise", "peak", "fall"],
+        "units": ["dB", "dB", "dB", ""],
+    }
     truth = {"field": [6.1, 14.2, 21.5, 3.3], "lake": [10.0, 20.0, 5.0, 8.0]}
     project.write(
         materials={
             "field": {"calibrate": True, "law": "mangia"},
-            "lake": {"calibrate": True, "law": "mangia", "start": [5, 5, 5, 5]},
+            "lake": {"calibrate": True, **formula, "bounds": [[0, 50]] * 4, "start": [5, 5, 5, 5]},
         },
         measurement={"synthetic": {"parameters": truth, "seed": 2}},
         design={"size": 0},
@@ -67,3 +78,14 @@ def test_several_materials_share_each_run_and_need_no_design(project):
     for mode in modes.values():
         ended = np.flatnonzero(mode == "ended")
         assert list(ended) == list(range(len(mode) - len(ended), len(mode)))
+    assert list(summary["materials"]["lake"]["parameters"]) == formula["names"]
+    exported = yaml.safe_load((project.out() / "export" / "calibrated.yaml").read_text())["materials"]["lake"]
+    assert {key: exported[key] for key in formula} == formula
+    x = exported["parameters"]
+    assert x == pytest.approx(list(summary["materials"]["lake"]["parameters"].values()))
+    with (project.out() / "export" / "laws.csv").open() as handle:
+        rows = [row for row in csv.DictReader(handle) if row["material"] == "lake"]
+    phi = np.radians([float(row["incidence_deg"]) for row in rows])
+    curve = x[0] + x[1] * np.cos(phi) + x[2] * np.exp(-x[3] * phi**2)
+    assert [float(row["calibrated_db"]) for row in rows] == pytest.approx(curve, abs=0.01)
+    assert "peak*exp(-fall*phi**2)" in (project.out() / "report.html").read_text()

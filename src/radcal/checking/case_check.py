@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -58,6 +59,8 @@ class CaseCheck:
         Section ``radar`` in YAML, from the annotation of each measured image that has an annotation.
     outlook : tuple of str
         Lines on the expected time, on the contrast of the start image and on the measured levels.
+    forward : bool
+        Whether the case has neither a measured image nor a material to calibrate: it is for ``radcal simulate``.
     """
 
     problems: list[str]
@@ -70,12 +73,17 @@ class CaseCheck:
     draws: int = 1
     sections: tuple[str, ...] = ()
     outlook: tuple[str, ...] = ()
+    forward: bool = False
 
     def summary(self) -> str:
         """Lines on input files, image size, and the expected simulator runs, memory and time of a calibration."""
         lines = [f"  {key}: {path}" for key, path in self.files.items()]
         if self.shape is not None:
             lines.append(f"  simulated image: {self.shape[0]} x {self.shape[1]} pixels")
+        if self.forward:
+            lines.append("  the case has no section measurement and no material with calibrate: true: radcal simulate")
+            lines.append("  makes its image; radcal run needs both of them, and radcal apply --to it a measurement")
+            return "\n".join([*lines, *self.remarks()])
         kinds = ", ".join(f"{count} {kind}" for kind, count in self.runs.items() if count)
         each = f", each of {self.draws} speckle draws" if self.draws > 1 else ""
         most = sum(self.runs.values())
@@ -128,6 +136,9 @@ def check_case(
         return CaseCheck([str(error)], [], {}, None, {}, {})
     if loaded.case is None:
         return CaseCheck(loaded.problems, [], {}, None, {}, {})
+    if loaded.forward:
+        found = _checked(loaded.case, loaded, results, say)
+        return replace(found, runs={}, outlook=(), forward=True)
     return _checked(loaded.case, loaded, results, say)
 
 
@@ -141,8 +152,17 @@ class _Problems(list[str]):
     def add(self, found: Iterable[str]) -> None:
         """Add those problems that are not in the list and do not follow from a wrong key."""
         for text in found:
-            if text not in self and not self._follows(text):
+            if _without_numbers(text) not in map(_without_numbers, self) and not self._follows(text):
                 self.append(text)
+
+
+def _without_numbers(text: str) -> str:
+    """Problem of an image without its numbers, which differ between the whole file and its part in the scene."""
+    return (
+        re.sub(r"(?<![\w./])\d[\d.,]*(?:e[+-]?\d+)?(?![\w/]|\.\w)", "", text)
+        if text.startswith("measurement.")
+        else text
+    )
 
 
 def _checked(case: Case, loaded: Loaded, results: str | Path, say: Say) -> CaseCheck:

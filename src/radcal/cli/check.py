@@ -22,6 +22,8 @@ roughly each material's level against the range of its law.
 
 With a product such as a Sentinel-1 SAFE folder it prints section radar as the annotation gives it, even with problems.
 
+A case without a measured image and without a material to calibrate is checked as radcal simulate needs it.
+
 What only the calibration can find out, such as the registration, is not checked. The exit status is 1 if a problem was
 found, else 0.
 """

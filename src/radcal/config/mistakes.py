@@ -6,7 +6,7 @@ import itertools
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +45,9 @@ class Loaded:
         Sections of the case file that were left out entirely.
     materials : tuple of str or None
         Names of all materials in the case file, including materials with mistakes; None if a name is still ``FILL_IN``.
+    forward : bool
+        Whether the case file has neither a measurement nor a material with ``calibrate: true``, so that it is for
+        ``radcal simulate``; section ``measurement`` then counts as left out.
     """
 
     case: Case | None
@@ -52,6 +55,7 @@ class Loaded:
     wrong: frozenset[str] = frozenset()
     without: frozenset[str] = frozenset()
     materials: tuple[str, ...] | None = None
+    forward: bool = False
 
     @property
     def has_geometry(self) -> bool:
@@ -114,11 +118,23 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     names = given.get("materials")
     named = tuple(names) if isinstance(names, dict) and FILL_IN not in names else None
     gone = {name for name in given if name not in data and name in Case.model_fields}
-    loaded = Loaded(case, [], frozenset(wrong), frozenset(gone), named)
+    forward = _is_forward(given)
+    gone |= {"measurement"} if forward else set()
+    loaded = Loaded(case, [], frozenset(wrong), frozenset(gone), named, forward)
     problems += [text for text in contradictions if not loaded.follows(text) and not _of_nothing(text, loaded)]
     sentences = [f"{origin_of(files)}: {shown(text, 600)}." for text in dict.fromkeys(problems)]
-    sentences += _missing_files(given, gone)
-    return Loaded(case, sentences, frozenset(wrong), frozenset(gone), named)
+    sentences += _missing_files(given, gone.intersection(given))
+    return replace(loaded, problems=sentences)
+
+
+def _is_forward(given: Mapping[str, Any]) -> bool:
+    """Whether a case file names materials but neither a measured image nor a material to calibrate."""
+    materials = given.get("materials")
+    return (
+        "measurement" not in given
+        and isinstance(materials, dict)
+        and not any(isinstance(one, dict) and one.get("calibrate", False) is not False for one in materials.values())
+    )
 
 
 def _wrong(key: WrongKey) -> str:
@@ -136,7 +152,8 @@ def _is_missed(key: WrongKey, wrong: Iterable[str]) -> bool:
 
 def _of_nothing(text: str, loaded: Loaded) -> bool:
     """Whether a contradiction says only that no calibrated material is left, after wrong materials were left out."""
-    return text.startswith("materials: none is marked") and any(key.startswith("materials") for key in loaded.wrong)
+    wrong = loaded.forward or any(key.startswith("materials") for key in loaded.wrong)
+    return text.startswith("materials: none is marked") and wrong
 
 
 def _mend(data: dict[str, Any], key: WrongKey) -> bool:
