@@ -184,11 +184,6 @@ class BinMisfit(Misfit):
         return whole.reshape(3 * n, 3 * n)
 
     @cached_property
-    def _measured(self) -> Doubles:
-        """Measured mean [dB], log sd and skewness of each bin, shape (n, 3)."""
-        return from_cumulants(self.classes.cumulants)
-
-    @cached_property
     def _root(self) -> Doubles:
         return np.asarray(np.linalg.cholesky(self.covariance))
 
@@ -246,7 +241,7 @@ class BinMisfit(Misfit):
         """Expected minus measured means, log sds and skewnesses, whitened by their covariance, shape (3 n,)."""
         sensor = looks if self.method is None else self.method.looks
         expected = expected_cumulants(simulated, sensor, looks, self.patch_variance, self._shift(parameters))
-        difference = from_cumulants(expected) - self._measured
+        difference = from_cumulants(expected) - from_cumulants(self.classes.cumulants)
         return self.whitened(difference - np.clip(difference, -np.asarray(slack), slack))
 
 
