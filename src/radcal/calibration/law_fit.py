@@ -114,8 +114,9 @@ def fit_law(
         return q[:d], float(np.exp(q[d])) if free_looks else assumed
 
     def each(units: NDArray[np.float64]) -> NDArray[np.float64]:
-        parts = [[residuals(*at(unit)), *([prior(*at(unit))] if prior is not None else [])] for unit in units]
-        return np.stack([np.concatenate(part) for part in parts])
+        parts = (residuals,) if prior is None else (residuals, prior)
+        points = [at(unit) for unit in units]
+        return np.stack([np.concatenate([part(*point) for part in parts]) for point in points])
 
     if start is not None:
         x, looks = start

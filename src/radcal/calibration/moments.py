@@ -25,7 +25,8 @@ _SKEWNESS_LIMIT = 0.995  # the skewness of a skew normal is below 0.9953 in size
 
 def from_cumulants(cumulants: ArrayLike) -> NDArray[np.float64]:
     """Mean [dB], log sd and skewness from mean [dB], variance [dB^2] and third cumulant [dB^3], shape (..., 3)."""
-    mean, variance, third = np.moveaxis(np.asarray(cumulants, dtype=np.float64), -1, 0)
+    values = np.asarray(cumulants, dtype=np.float64)
+    mean, variance, third = (values[..., k] for k in range(3))
     return np.stack([mean, 0.5 * np.log(variance), third / variance**1.5], axis=-1)
 
 
