@@ -71,6 +71,8 @@ def test_other_names_and_maps_give_nothing() -> None:
         case({"cropland": {"calibrate": True}}, landcover="worldcover")
     with pytest.raises(ConfigError, match="names is missing, expected a file of names, or landcover"):
         case({"cropland": {"calibrate": True, "law": "mangia"}}, landcover=None)
+    with pytest.raises(ConfigError, match=r"elevation and materials are the same file b\.tif, expected heights and"):
+        case({"cropland": {"calibrate": True}}, elevation="b.tif")
 
 
 @pytest.mark.parametrize("landcover", LANDCOVERS)

@@ -150,6 +150,10 @@ class RasterScene(Section):
 
     @model_validator(mode="after")
     def _named(self) -> Self:
+        if self.elevation == self.materials:
+            raise ValueError(
+                f"elevation and materials are the same file {self.elevation}, expected heights and material ids"
+            )
         if self.names is None and self.landcover is None:
             raise ValueError("names is missing, expected a file of names, or landcover")
         return self
