@@ -151,6 +151,14 @@ def test_few_windows_refuse_no_image(found: float, scale: str) -> None:
         check_looks(Looks(found, found / 1.3, found * 1.3, 20, 4), 4, scale, "image.tif")
 
 
+def test_heterogeneous_ground_is_no_wrong_scale():
+    """More than four standard errors fewer looks, and an interval that reaches 3 of 4 looks: some windows are mixed."""
+    assert not Looks(1.43, 1.4, 3.01, 33, 5).differs(4.0)
+    assert Looks(1.43, 1.3, 1.71, 33, 5).differs(4.0)
+    # no heterogeneity makes the variance smaller
+    assert Looks(8.1, 7.5, 8.7, 33, 5).differs(4.0)
+
+
 @pytest.mark.parametrize("found", [8.1, 1.39])
 def test_a_product_whose_scale_is_known_is_refused_for_its_speckle(found: float) -> None:
     with pytest.raises(MeasurementError, match=r"^measurement\.path: the speckle of .*\.SAFE is .*, which is no"):

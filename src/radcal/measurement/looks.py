@@ -58,10 +58,16 @@ class Looks:
     side: int = SIDE
 
     def differs(self, looks: float) -> bool:
-        """Whether the speckle's variance differs by more than four standard errors from that of a number of looks."""
+        """Whether the variance of the speckle certainly contradicts a number of looks.
+
+        The variance differs by more than four standard errors from that of the given looks. A larger variance must also
+        be at least twice as large in the whole interval, because heterogeneous ground increases the variance of some
+        windows; a wrong scale makes it four times as large.
+        """
         variances = np.log([_log_variance(count) for count in (self.looks, looks, self.low, self.high)])
         error = (variances[2] - variances[3]) / (2.0 * 1.96)
-        return bool(abs(variances[0] - variances[1]) > _CERTAIN * error)
+        whole = self.looks > looks or variances[3] - variances[1] > np.log(2.0)
+        return bool(abs(variances[0] - variances[1]) > _CERTAIN * error and whole)
 
 
 def looks_of_log_variance(variance_db2: float) -> float:
