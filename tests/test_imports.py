@@ -16,6 +16,7 @@ LATE = ("matplotlib", "pandas", "platypus", "rasterio", "scipy.stats", "skimage"
 SIMULATE = {"geometry", "reference", "design_chunk", "verify", "final_runs", "measurement", "reuse", "simulator"}
 
 
+@pytest.mark.slow
 def test_no_script_imports_what_takes_seconds_before_it_is_used() -> None:
     imports = imports_of(SCRIPTS)
     assert len(SCRIPTS) > 15

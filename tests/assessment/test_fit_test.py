@@ -162,6 +162,7 @@ def test_linearised_refits_leave_what_real_ones_leave(right):
     assert by_line.mean() == pytest.approx(by_fit.mean(), rel=0.06)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["classes", "likelihood"])
 def test_a_bump_is_found_where_it_is(kind):
     found = result_of(*comparison_of(ground_of(5, bump_db=3.5), kind))
@@ -205,6 +206,7 @@ def test_laws_beyond_a_critical_sum_have_a_p_below_the_level():
     assert np.sum(beyond != unlikely) <= 4  # laws that lie beyond both sums count differently
 
 
+@pytest.mark.slow
 def test_fewer_pixels_miss_larger_errors_of_form(right):
     """A mean that is off by less than 0.5 dB does not matter, however many pixels show it."""
     few, many = (result_of(*comparison_of(ground_of(3, pixels=n))) for n in (250, 20_000))

@@ -176,6 +176,7 @@ def test_questions_at_a_terminal_are_those_that_the_files_leave_open(
     assert orbit.radar.azimuth_spacing_m == 10
 
 
+@pytest.mark.slow
 def test_a_case_with_a_synthetic_image_can_be_run_at_once(files: list[str]) -> None:
     scene = [*files[:4], "--image", "synthetic", "--vertical-datum", "local"]
     done = new("folder/mine.yaml", *scene, "--material", "code_7")

@@ -169,6 +169,7 @@ def test_the_cases_hold_every_number_there_is() -> None:
     assert {general(place) for case in CASES for place in places(case)} == {path for path, _, _ in FOUND}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=["all", "rasters", "orbit", "program", "band"])
 def test_wild_numbers_are_taken_or_refused_in_a_sentence(case: dict[str, Any]) -> None:
     assert case_from(case)

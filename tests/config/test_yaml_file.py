@@ -94,7 +94,11 @@ def test_aliases_of_some_thousand_values_are_read(tmp_path: Path) -> None:
         ("a: " + "9" * 5000 + "\n", f", line 1: {'9' * 57}... is not a valid int."),
         ("a: 0x" + "f" * 5000 + "\n", f", line 1: 0x{'f' * 55}... is not a valid int."),
         ('"a\\e[31m\\n": 1\n"a\\e[31m\\n": 1\n', r", line 2: a\x1b[31m\n is given here and in line 1"),
-        ("a: " + "[" * 2000 + "]" * 2000 + "\n", ": not a case (sections or lists nested in one another hundreds"),
+        pytest.param(
+            "a: " + "[" * 2000 + "]" * 2000 + "\n",
+            ": not a case (sections or lists nested in one another hundreds",
+            marks=pytest.mark.slow,
+        ),
         ("a: 1\nb: \x07\n", ", line 2: not a YAML file (character U+0007 in it)."),
         ("? [1, 2]\n: 3\n", ", line 1: not a YAML file (a key is a list or a section, expected a name)."),
         ("a:\n  no: {}\n", ", line 2: YAML reads the key no as False: put it in quotes."),

@@ -258,6 +258,7 @@ def test_point_over_clutter_adds_in_amplitude(flat: Scene) -> None:
     np.testing.assert_allclose(alone, other, atol=1e-8)  # no more than the noise at -200 dB
 
 
+@pytest.mark.slow
 def test_points_do_not_depend_on_tiles() -> None:
     """Each point against the transform of its band, over the borders of tiles and of the image."""
     shape, n = (300, 290), 120

@@ -179,6 +179,7 @@ def test_the_pass_that_is_best_for_all_materials_is_named():
     )
 
 
+@pytest.mark.slow
 def test_from_a_results_folder(made, tmp_path):
     with pytest.raises(StoreError, match="is not finished, expected calibration.h5"):
         advise(tmp_path)

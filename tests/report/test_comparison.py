@@ -72,6 +72,7 @@ def test_what_is_known_is_told_only_of_a_law_with_a_band(pair):
     assert _known(replace(dyke, posterior=None)) == "-"
 
 
+@pytest.mark.slow
 def test_the_command_prints_a_table_and_draws_a_figure(pair, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for archive, name in zip(pair, ("small", "other"), strict=True):

@@ -228,6 +228,7 @@ def test_many_materials(build_archive, tmp_path):
             assert alt
 
 
+@pytest.mark.slow
 def test_images_without_a_value_or_missing(made):
     images = made.archive.images
     blank = np.full_like(images.measured_db, np.nan)
@@ -262,6 +263,7 @@ def test_label_points_lie_inside():
     assert abs(other[1] - column) > 4
 
 
+@pytest.mark.slow
 def test_objects_are_dots_in_the_scene(made, tmp_path):
     places = np.random.default_rng(3).uniform(0.0, 100.0, (2, 45_001))
     n = places.shape[1]

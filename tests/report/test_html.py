@@ -231,6 +231,7 @@ def test_tables(page):
     assert "numpy" in text
 
 
+@pytest.mark.slow
 def test_what_does_not_apply_is_not_said(made, tmp_path):
     """Of a material seen at one incidence no slope is doubted; equal densities alone have equal fresh numbers."""
     bins = changed_check(replace(made.archive, objective="classes"), "dyke")
@@ -291,6 +292,7 @@ def test_one_material(made, tmp_path, hidden):
     assert "The density of dyke's backscatter differs from the measured one by an rms of" in text
 
 
+@pytest.mark.slow
 def test_a_better_law_is_excluded_as_far_as_the_surrogate_does(made, tmp_path):
     """Laws that meet the stop criterion; where the search ended before, better laws may exist."""
     promise = "promises no law that is better and differs by more than stop.law_db."

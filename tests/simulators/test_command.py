@@ -353,6 +353,7 @@ def family(path: Path) -> list[int]:
     return [int(pid) for pid in path.read_text().split()[:2]]
 
 
+@pytest.mark.slow
 def test_a_time_out_ends_the_programs_children_too(make: Make, tmp_path: Path) -> None:
     path = tmp_path / "pids"
     with pytest.raises(SimulatorError, match="was not done"):

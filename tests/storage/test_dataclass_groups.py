@@ -205,6 +205,7 @@ def test_the_same_is_so_to_the_last_bit(changed: dict[str, Any]) -> None:
     assert not same(example(), example(**changed))
 
 
+@pytest.mark.slow
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40, deadline=None)
 @given(
     values=arrays.arrays(st.sampled_from(["f8", "f4", "i8", "u2", "?"]), arrays.array_shapes(min_dims=0, min_side=0)),

@@ -70,6 +70,7 @@ def test_the_checksum_is_that_of_coreutils(tmp_path: Path) -> None:
     assert int(words[4]) == len(tail)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.data())
 def test_no_single_bit_passes(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
