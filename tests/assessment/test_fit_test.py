@@ -111,6 +111,7 @@ def test_priors_make_degrees_of_freedom_and_the_mean_of_the_sum_is_theirs():
     assert sums.mean() == pytest.approx(found.expected, rel=0.02)
 
 
+@pytest.mark.slow
 def test_samples_have_the_covariance_of_the_residuals():
     drawn = sampled_statistics(5.3, 300.0, 20_000, np.random.default_rng(1))
     wanted = sampling_covariance(5.3, 300.0)
@@ -175,6 +176,7 @@ def test_a_bump_is_found_where_it_is(kind):
     assert found.worst_mean_db == pytest.approx(-1.75, abs=0.4)
 
 
+@pytest.mark.slow
 def test_what_does_not_matter_fits_all_the_same():
     """30,000 pixels show a bump of half a decibel, which no bin's mean is off by."""
     comparison, score = comparison_of(ground_of(5, bump_db=0.8, pixels=60_000, between=0.0))
@@ -215,6 +217,7 @@ def test_fewer_pixels_miss_larger_errors_of_form(right):
     assert many.missed_db > 0.5
 
 
+@pytest.mark.slow
 def test_looks_at_a_limit_do_not_fit():
     """Pixels with the spread of 30 looks, where the sensor has 4."""
     found = result_of(*comparison_of(ground_of(6, looks=30.0, between=0.0)))
@@ -229,6 +232,7 @@ def test_looks_at_a_limit_by_chance_fit(right):
     assert result_of(comparison, at_limit).looks_limit == ""
 
 
+@pytest.mark.slow
 def test_a_bound_is_told_where_it_holds_a_parameter_back(right):
     assert result_of(*right).bounds == ()
     box = BOX.copy()

@@ -261,6 +261,7 @@ def test_known_land_cover_names_the_codes(files: list[str], tmp_path: Path) -> N
     assert "--landcover-preset is esa_worldcover, which has no code 2, 7: give --names" in wrong.stderr
 
 
+@pytest.mark.slow
 def test_a_product_fills_the_section_of_the_radar(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     safe = write_product(tmp_path)

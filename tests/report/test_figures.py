@@ -153,6 +153,7 @@ def test_edges_of_one_material(build_archive, tmp_path):
     assert "2 lie outside the axis" in figures["histogram"][1]
 
 
+@pytest.mark.slow
 def test_only_laws_with_a_curve_are_drawn(build_archive, tmp_path):
     case = build_archive(tmp_path, external=("dyke", "unused")).archive
     with mpl.rc_context(module.STYLE):
@@ -301,6 +302,7 @@ def test_axes_of_a_turned_scene_are_those_of_the_track(made):
     assert "light from ahead on the left" in turned.axes[0].get_title("left")
 
 
+@pytest.mark.slow
 def test_held_out_ground_and_classes_are_drawn(made):
     keys = ("block", "mean_db", "predicted_db", "law_db", "sd_db")
     held = held_out_blocks(n_blocks=7, **{key: np.linspace(1.0, 3.0, 7) + n for n, key in enumerate(keys)})

@@ -86,6 +86,7 @@ def test_the_summary_holds_the_level_of_a_material_seen_at_one_incidence(made):
     assert (other["level_only"], other["levels"]) == (False, None)
 
 
+@pytest.mark.slow
 def test_the_figure_shows_the_band_and_where_it_is_known(made):
     archive = changed_material(made.archive, "dyke", posterior=posterior())
     canvas, caption, _ = law(archive, "dyke")

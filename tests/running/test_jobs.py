@@ -106,6 +106,7 @@ def test_taking_the_lock_sweeps_what_dead_processes_left(tmp_path):
     assert not left.exists()
 
 
+@pytest.mark.slow
 def test_a_run_that_another_process_holds_is_waited_for(tmp_path):
     code = (
         "import sys, time; from radcal.storage.lock import claimed\n"
