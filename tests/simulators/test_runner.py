@@ -61,8 +61,10 @@ def test_runs_of_the_published_dyke_keep_their_keys(tmp_path: Path, geometry: Ge
     assert isinstance(case.measurement, SyntheticMeasurement)
     assert case.measurement.synthetic.disturbed == ()
     assert case.measurement.synthetic.parameters == {"dyke": [6.1, 14.2, 21.5, 3.3]}
-    bits = hashlib.sha256(scene.elevation_m.tobytes() + scene.material.tobytes()).hexdigest()
-    assert bits.startswith("4b06456ba6d9a9f1")
+    # to the millimetre: processors with and without AVX-512 differ in the last bits of numpy's functions
+    heights = hashlib.sha256(np.round(scene.elevation_m, 3).tobytes()).hexdigest()
+    materials = hashlib.sha256(scene.material.tobytes()).hexdigest()
+    assert (heights[:16], materials[:16]) == ("e5c93f15c98f3767", "56175130c6f384cd")
 
 
 def test_the_pass_of_an_orbit_has_the_earths_radius(

@@ -12,9 +12,10 @@ from radcal.measurement.levels import Levels
 
 __all__ = ["FIELD_FREEDOM", "FLATTENING", "NORMAL_90", "Budget"]
 
-FIELD_FREEDOM = 4.0
+FIELD_FREEDOM = 2.0
 """Degrees of freedom of the half-t priors of the standard deviations between and within fields (Gelman, "Prior
-distributions for variance parameters in hierarchical models", Bayesian Analysis 1, 2006)."""
+distributions for variance parameters in hierarchical models", Bayesian Analysis 1, 2006): the prior counts as much as
+the fields of two materials."""
 
 FLATTENING = 0.25
 """Ratio of the relative flattening of a law to the relative error of the resolutions (docs/uncertainty.md)."""

@@ -18,7 +18,7 @@ MOST_FIELD_DB = 6.0
 
 Doubles = NDArray[np.float64]
 
-_SCALES = np.geomspace(0.1, 20.0, 80)  # scales of the half-normal priors, in units of ``field_db``
+_SCALES = np.geomspace(0.1, 60.0, 96)  # scales of the half-normal priors, in units of ``field_db``
 _PLACES = 4000  # standard deviations in the table of the distribution function
 
 
@@ -26,8 +26,8 @@ class FieldPrior:
     """Quantiles of the priors of the standard deviations between and within the fields of one material.
 
     The standard deviations of all materials of the image have half-normal priors with the same scale. The square of
-    this scale has an inverse gamma prior with 4 degrees of freedom about the square of ``field_db``. For a single
-    material, the prior of its standard deviations is then half-t with 4 degrees of freedom and scale ``field_db``. The
+    this scale has an inverse gamma prior with 2 degrees of freedom about the square of ``field_db``. For a single
+    material, the prior of its standard deviations is then half-t with 2 degrees of freedom and scale ``field_db``. The
     fields of the other materials change the distribution of the scale. The scales between and within fields are
     independent before the other materials are seen.
 
@@ -55,6 +55,7 @@ class FieldPrior:
         hyper = -FIELD_FREEDOM * (np.log(_SCALES) + 0.5 / _SCALES**2)
         hyper = hyper - np.log(np.exp(hyper).sum())
         prior = half_normal(scale_db * _SCALES)
+        prior /= prior.sum(axis=1, keepdims=True)  # so that fields of unknown variation leave all scales alike
         log = hyper[:, None] + hyper + sum(scale_log_evidence(np.exp(one - one.max()), prior) for one in others)
         weight = np.exp(log - log.max())
         weight /= weight.sum()

@@ -32,7 +32,7 @@ class Uncertainty(Section):
         "state worst cases, often some dB above the noise floor of an image",
     )
     field_db: Error = Field(
-        0.5,
+        0.4,
         description="scale of the half-t priors on the standard deviations between and within fields [dB]; it matters "
         "if the pixels hardly determine them, as with a single field; the fields of other materials narrow or widen "
         "these priors",

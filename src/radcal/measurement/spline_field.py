@@ -196,6 +196,9 @@ class Data:
         """
         precision, log_determinant = self.lattice.precision(prior)
         factor = cholesky_banded(self.curvature + precision, overwrite_ab=True, check_finite=False)
+        pivots = factor[-1] ** 2
+        if pivots.min() < pivots.size * np.finfo(np.float64).eps * pivots.max():  # rounding errors alone
+            raise LinAlgError("the precision matrix is numerically singular")
         mean = cho_solve_banded((factor, False), self.pull, check_finite=False)
         evidence = 0.5 * log_determinant - float(np.log(factor[-1]).sum()) + 0.5 * float(self.pull @ mean)
         return Posterior(self.lattice, prior, mean, factor, evidence)
