@@ -31,6 +31,7 @@ from threadpoolctl import threadpool_limits
 
 from radcal.assessment.budget import FIELD_FREEDOM, Budget
 from radcal.assessment.curves import Curves
+from radcal.assessment.field_prior import MOST_FIELD_DB
 from radcal.assessment.fit_test import FitTest, check_fit
 from radcal.assessment.posterior import draw, sigma0_db, summarised
 from radcal.assessment.unknowns import Model
@@ -76,6 +77,14 @@ def drawn_looks(rng: np.random.Generator) -> float:
             return looks
 
 
+def drawn_fields(rng: np.random.Generator, budget: Budget) -> float:
+    """Standard deviation between or within fields [dB] from its prior, which ends at ``MOST_FIELD_DB``."""
+    while True:
+        drawn = budget.field_db * abs(float(rng.standard_t(FIELD_FREEDOM)))
+        if drawn < MOST_FIELD_DB:
+            return drawn
+
+
 def simulated(seed: int, budget: Budget, looks: float | None) -> tuple[Ground, dict[str, Any]]:
     """Ground of one truth, and the truth."""
     rng = np.random.default_rng(seed)
@@ -86,7 +95,7 @@ def simulated(seed: int, budget: Budget, looks: float | None) -> tuple[Ground, d
     mapped = np.clip(true_deg + rng.normal(0.0, error, PIXELS), 0.5, 89.0)
     shown = mapped.mean() + budget.steepening(z[1:])[0] * (true_deg - mapped.mean())
     x, n = drawn_law(rng, mean_deg), drawn_looks(rng) if looks is None else looks
-    between, within = budget.field_db * np.abs(rng.standard_t(FIELD_FREEDOM, 2))
+    between, within = drawn_fields(rng, budget), drawn_fields(rng, budget)
     # fields with relief of their own, so that they share the bins unequally
     fields = int(rng.integers(1, 9))
     patch = np.argsort(np.argsort(mapped + rng.normal(0.0, 2.0 * sd_deg, PIXELS))) * fields // PIXELS + 1
