@@ -132,6 +132,17 @@ def test_nothing_is_overwritten_and_wrong_answers_are_told(files: list[str]) -> 
     assert not Path("mine.yaml").exists()
 
 
+def test_materials_are_written_before_the_scene_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert new("both", "--material", "field", "--fixed", "road=-17").exit_code == 0
+    written = yaml.safe_load(Path("both.yaml").read_text())["materials"]
+    assert list(written) == ["field", "road"]
+    assert written["field"]["calibrate"] is True
+    assert written["road"] == {"law": "constant_gamma", "parameters": [-17]}
+    assert new("one", "--fixed", "road=-17").exit_code == 0
+    assert list(yaml.safe_load(Path("one.yaml").read_text())["materials"]) == ["road", "FILL_IN"]
+
+
 def test_questions_at_a_terminal_are_those_that_the_files_leave_open(
     files: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -128,11 +128,15 @@ def material_lines(
     presets = [starting_keys(landcover, name, {}) for name in others] if landcover else []
     taken = [one.parameters[0] for one in fixed.values() if one.law == _CONSTANT]
     taken += [keys["parameters"][0] for keys in presets if keys]
-    levels = starting_levels([name for name in names.values() if name in chosen], taken)
+    listed: list[tuple[int | None, str]] = list(names.items()) or [
+        (None, name) for name in dict.fromkeys([*chosen, *fixed])
+    ]
+    levels = starting_levels([name for _, name in listed if name in chosen], taken)
     total = sum(counts.values())
     lines, undecided = list[str](), list[str]()
-    for code, name in names.items():
-        lines.append(f"  {scalar(name)}:  # code {code}: {counts.get(code, 0):,} of {total:,} pixels")
+    for code, name in listed:
+        seen = "" if code is None else f"  # code {code}: {counts.get(code, 0):,} of {total:,} pixels"
+        lines.append(f"  {scalar(name)}:{seen}")
         if name in chosen:
             start = ", ".join(f"{x:g}" for x in levels[name].start(_X1[0] + _INSIDE_DB, _X1[1] - _INSIDE_DB))
             lines += [
@@ -146,9 +150,9 @@ def material_lines(
         else:
             undecided += ["materials.fixed"] * (name not in fixed)
             lines += _fixed_lines(fixed.get(name))
-    hidden = ", ".join(f"{scalar(name)}: {_HIDDEN}" for name in names.values() if name in chosen)
-    if not lines:
-        lines = [f"  {FILL_IN}: {{calibrate: true}}  # name of a material, and its law (docs/laws.md)"]
+    hidden = ", ".join(f"{scalar(name)}: {_HIDDEN}" for _, name in listed if name in chosen)
+    if not (names or chosen):
+        lines += [f"  {FILL_IN}: {{calibrate: true}}  # name of a material, and its law (docs/laws.md)"]
         undecided.append("materials")
     return MaterialLines(lines, hidden, undecided)
 
