@@ -195,7 +195,9 @@ def test_points_of_the_prior_have_its_laws():
     found, share = model.points(deviates)[0], stats.norm.cdf(deviates[0])
     np.testing.assert_allclose(found[:2], share[:2])
     assert found[2] == pytest.approx(np.log(0.3) + share[2] * np.log(4.4 / 0.3))
-    np.testing.assert_allclose(found[3:5], stats.t(4.0).ppf(0.5 + 0.5 * share[3:5]), rtol=1e-3)
+    half_t = stats.t(2.0)  # cut at 99 % of 6 dB
+    wanted = half_t.ppf(0.5 + share[3:5] * (half_t.cdf(0.99 * 6.0 / 0.5) - 0.5))
+    np.testing.assert_allclose(found[3:5], wanted, rtol=1e-3)
     np.testing.assert_array_equal(found[5:], [0.2, -0.4])
     at = model.unknowns(found[None])
     np.testing.assert_allclose([at.between_db[0], at.within_db[0]], 0.5 * found[3:5])
