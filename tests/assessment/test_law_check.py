@@ -10,7 +10,14 @@ from calibration_samples import make_target
 
 from radcal.assessment import law_check, validation
 from radcal.assessment.constant import Constant, constants
-from radcal.assessment.law_check import _held_sentences, _levels_asked, _start_db, check_laws, texture_note
+from radcal.assessment.law_check import (
+    _held_sentences,
+    _levels_asked,
+    _noise_sentences,
+    _start_db,
+    check_laws,
+    texture_note,
+)
 from radcal.assessment.validation import CrossValidation, HeldOut, _against, cross_validate
 from radcal.calibration.expected import LawForward
 from radcal.calibration.history import History, Run, Score
@@ -21,6 +28,7 @@ from radcal.measurement.class_target import ClassTarget
 from radcal.measurement.classes import make_classes
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import Spread
+from radcal.measurement.pixels import IN_THE_NOISE
 from radcal.measurement.target import Targets
 from radcal.radar.laws import LAWS
 from radcal.skewnormal import centred, fit
@@ -103,6 +111,16 @@ def test_a_flat_law_is_no_better_than_a_constant():
     check = check_laws(*made(truth=flat))["area"]
     assert check.identified is False
     assert any("area: the law is not identified" in sentence for sentence in check.sentences)
+
+
+@pytest.mark.parametrize(("masked", "share"), [(10, None), (19, 5), (200, 35)])
+def test_pixels_in_the_noise_are_told_from_one_in_twenty_on(masked, share):
+    target = make_target(
+        np.linspace(-20.0, -10.0, 400), np.full(400, 40.0), left_out={IN_THE_NOISE: masked, "layover": 500}
+    )
+    target = replace(target, eligible=361 if masked == 19 else 371)
+    said = _noise_sentences("water", target)
+    assert said == [] if share is None else said[0].startswith(f"water: {share} % of its pixels are masked")
 
 
 @pytest.mark.slow

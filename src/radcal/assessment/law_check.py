@@ -23,6 +23,7 @@ from radcal.config.objectives import DEFAULT
 from radcal.measurement.classes import FEWEST
 from radcal.measurement.ground import Blocks, Ground
 from radcal.measurement.patches import spreads
+from radcal.measurement.pixels import IN_THE_NOISE
 from radcal.measurement.target import Target, Targets
 from radcal.radar.texture import log_speckle_cumulants
 
@@ -30,6 +31,7 @@ __all__ = ["LawCheck", "check_laws", "texture_note"]
 
 _IDENTIFIED = 2.0  # see GroundLaw.identified
 _FOLDS = 5  # number of folds into which fields are divided
+_MANY_IN_NOISE = 0.05  # share of pixels masked as noise that a sentence states
 
 
 @dataclass(frozen=True)
@@ -224,8 +226,11 @@ def _check(
 ) -> LawCheck:  # fmt: skip
     nominal, nothing, unknown = float(case.radar.looks), np.empty(0), float("nan")
     level_db = float(target.values_db.mean())
+    hidden = _noise_sentences(name, target)
     if law is None or constant is None:
-        return LawCheck(score.looks, nominal, None, None, None, "", "", level_db, *(unknown,) * 3, *(nothing,) * 3, [])
+        return LawCheck(
+            score.looks, nominal, None, None, None, "", "", level_db, *(unknown,) * 3, *(nothing,) * 3, hidden
+        )
     binned = target.classes is not None
     crossed = cross_validate(law, constant, law.ground.block // Blocks.of(case.validation).parts)
     left_out = leave_fields_out(law, constant)
@@ -233,7 +238,7 @@ def _check(
     identified = law.identified >= _IDENTIFIED
     # three moments of all pixels do not show how the level changes with the incidence; blocks do
     worse = identified and not binned and crossed.no_better
-    sentences = _doubts(name, identified, binned) + _held_sentences(case, name, held)
+    sentences = _doubts(name, identified, binned) + hidden + _held_sentences(case, name, held)
     if sentence := crossed.sentence(name):
         sentences.append(sentence if binned else f"{sentence} objective: {DEFAULT} can tell more.")
     centre = shown = error = nothing
@@ -272,6 +277,19 @@ def _doubts(name: str, identified: bool, binned: bool) -> list[str]:
     return [
         f"{name}: the law is not identified: the mean square of its change over the incidence seen is less than "
         f"{_IDENTIFIED:g} times the variance of its error.{why}"
+    ]
+
+
+def _noise_sentences(name: str, target: Target) -> list[str]:
+    """Sentence on a material of which the noise hides a part, which selects the brighter pixels near the noise."""
+    masked = target.left_out.get(IN_THE_NOISE, 0)
+    share = masked / max(masked + target.eligible, 1)
+    if share < _MANY_IN_NOISE:
+        return []
+    return [
+        f"{name}: {100.0 * share:.0f} % of its pixels are masked, because they are in the noise (target.snr_db). The "
+        "pixels that remain near the noise are the brighter ones, so that sigma0 may be found too high where the "
+        "ground is darkest."
     ]
 
 
