@@ -39,7 +39,7 @@ from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import all_parameters, noise_seed
 from radcal.config import Case, case_from, stages
 from radcal.errors import RadcalError
-from radcal.measurement.registration import register
+from radcal.measurement.registration import Registered, register
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target import Targets
 from radcal.measurement.target_fit import make_targets
@@ -53,7 +53,7 @@ ANGLES = 19  # between the 5 % and 95 % quantiles of the incidence
 SILENT_DB = 2.0
 WIDE_DEG = 5.0
 WALKERS = 64  # half of the default: enough for the tests of convergence, in half of the time
-WARNINGS = ("which can hide", "at no angle", "has not met")  # in a first line that says "fits"
+WARNINGS = ("which can hide", "at no angle", "in doubt", "has not met")  # in a first line that says "fits"
 MORE = {"none": 2, "all": 3}  # times as many seeds
 
 
@@ -113,13 +113,19 @@ def calibrated(case: Case, simulator: BuiltinSimulator, folder: Path, curve: Cur
         "ended": str(decision.reason),
         "angles_deg": np.degrees(phi).tolist(),
         "truth_db": np.asarray(curve(phi)).tolist(),
-        **stated(case, runner, targets, history, phi, folder),
+        **stated(case, runner, targets, history, phi, folder, registered),
         "notes": list(measurement.notes),
     }
 
 
 def stated(
-    case: Case, runner: Runner, targets: Targets, history: History, phi: NDArray[np.float64], folder: Path
+    case: Case,
+    runner: Runner,
+    targets: Targets,
+    history: History,
+    phi: NDArray[np.float64],
+    folder: Path,
+    registered: Registered,
 ) -> dict[str, Any]:
     """Curve and 90 % band at angles [rad], where it is called known, whether it fits, and the first line."""
     name, angles = bench().material, np.degrees(phi)
@@ -129,7 +135,7 @@ def stated(
     final = [runner.run(parameters, noise_seed(case, fresh), image=fresh) for fresh in (False, True)]
     archive = stages.Archive.of(case)
     found = conclude(
-        archive, case.stop, history, targets, bench().geometry, folder, final, {name: posterior}
+        archive, case.stop, history, targets, bench().geometry, folder, final, {name: posterior}, registered
     )  # fmt: skip
     line = first_line(found.verdicts, {name: found.fits[name].fits}, found.decision.converged)
     low, high = posterior.known_between_deg or (np.inf, -np.inf)
@@ -144,7 +150,7 @@ def stated(
         "p": found.fits[name].p, "known": ((angles >= low) & (angles <= high)).tolist(), "line": line,
         "warned": not line.startswith(f"{name} fits") or any(words in line for words in WARNINGS),
         "sampled": posterior.sampled, "between_db": posterior.between_db[1],
-        "incidence_error_deg": found.checks[name].incidence_error_deg,
+        "incidence_error_deg": found.checks[name].incidence_error_deg, "remarks": found.notes,
     }  # fmt: skip
 
 

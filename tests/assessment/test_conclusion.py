@@ -8,34 +8,19 @@ import numpy as np
 import pytest
 from archives import posterior
 from calibration_samples import make_run, make_target
+from two_materials import X, geometry
 
+from radcal.assessment import conclusion
 from radcal.assessment.conclusion import _known, _unknown, conclude, not_to_be_used
 from radcal.assessment.fit_test import FitTest
+from radcal.assessment.registration_check import Moved
 from radcal.calibration.history import History
 from radcal.config import Stop, Uncertainty, case_from
 from radcal.measurement.levels import Levels
 from radcal.measurement.target import Targets
-from radcal.radar.geometry import Geometry
 from radcal.radar.texture import log_speckle_cumulants
 from radcal.skewnormal import centred
 from radcal.storage.runs import Record, RunStore
-
-ROWS, COLUMNS = 60, 80
-X = [-28.0, 20.0, 6.0, 4.0]
-
-
-def geometry() -> Geometry:
-    """Fifty columns of one material, thirty of another one, each pixel a facet."""
-    material = np.where(np.arange(COLUMNS) < 50, 1, 2).astype(np.uint8) * np.ones((ROWS, 1), dtype=np.uint8)
-    n, nothing = material.size, np.zeros(material.shape, dtype=bool)
-    flat = np.linspace(25.0, 50.0, ROWS)
-    return Geometry(
-        shape=material.shape, names=("area", "rest"), cell_start=np.arange(n + 1, dtype=np.int32),
-        cell_material=material.ravel(), facet_start=np.arange(n + 1, dtype=np.int32),
-        facet_incidence=np.zeros(n, dtype=np.uint16), facet_weight=np.ones(n, dtype=np.float32), material=material,
-        incidence_deg=np.repeat(flat[:, None], COLUMNS, axis=1).astype(np.float32), layover=nothing, shadow=nothing,
-        flat_incidence_deg=flat, ground=np.full((2, *material.shape), np.nan, dtype=np.float32),
-    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -126,6 +111,24 @@ def test_a_final_run_that_the_search_has_made_is_no_new_one(parts, found):
 def test_the_distance_is_the_rms_over_that_of_sampling(found):
     assert found.fits["area"].distance == pytest.approx(0.01 / 0.004)
     assert "its rms is 2.5 times the sampling error" in found.verdicts["area"]
+
+
+def test_a_registration_in_doubt_is_said_in_the_verdict(parts, found, monkeypatch):
+    """The image of the final run with fresh random numbers is the one that is registered onto."""
+    *arguments, final = parts[0]
+    asked = []
+
+    def check(laws, targets, seen, registered, image):
+        asked.append((list(laws), registered, image))
+        return {"area": Moved(*moves)}
+
+    monkeypatch.setattr(conclusion, "check_registration", check)
+    for moves, doubtful in (((0.8, 0.3, 1.4, 0.7), True), ((0.2, 0.3, 0.4, 0.7), False)):
+        said = conclude(*arguments, final, registered="registered")
+        assert ("the registration is in doubt" in said.verdicts["area"]) is doubtful
+        assert f"area {moves[0]:.2f} (stated error 0.30" in said.notes[-1]
+    assert asked[0] == (["area"], "registered", final[1].image_db)
+    assert not any("Registered again" in note for note in found.notes)
 
 
 @pytest.mark.parametrize(("fits", "known"), [(True, (20.0, 40.0)), (None, (20.0, 40.0)), (False, None)])

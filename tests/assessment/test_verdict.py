@@ -141,6 +141,18 @@ def test_fields_that_differ_much_are_said(between, said):
     ) is said
 
 
+def test_a_registration_in_doubt_ends_every_verdict_and_is_counted():
+    doubt = "the registration is in doubt: onto the calibrated image, it moves these pixels by 0.8 pixels"
+    both = (
+        verdict("dyke", fit_of(), known=Known(None, None), doubt=doubt),
+        verdict("dyke", fit_of(False), doubt=doubt),
+    )
+    assert both[0] == (f"dyke fits (residuals 14 of 21), but sigma0 is known well enough at no angle; {doubt}.")
+    assert both[1].endswith(f"; cause unknown; {doubt}.")
+    line = first_line({"dyke": both[0], "road": "road fits."}, {"dyke": True, "road": True}, True)
+    assert line == "Of 2 materials 2 fit; sigma0 is known at some angles for none; the registration is in doubt for 1."
+
+
 def test_all_fit():
     assert all_fit([True, True]) is True
     assert all_fit([True, None]) is None

@@ -27,7 +27,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     posteriors = dict(zip(case.calibrated, map(read_posterior, snakemake.input.posterior), strict=True))
     scene = read_scene(snakemake.input.scene)
     progress("archive: the laws found are tested against the pixels ...")
-    found = conclude(case, stop, history, targets, geometry, runs, final[:2], posteriors)
+    found = conclude(case, stop, history, targets, geometry, runs, final[:2], posteriors, images[0])
     archive = gather(
         case=case, stop=stop, history=history, scene=scene, geometry=geometry, registered=images[0], targets=targets,
         conclusion=found, passes=images, final=final,

@@ -15,6 +15,7 @@ from radcal.assessment.causes import joint_cause, likely_cause
 from radcal.assessment.fit_test import FitTest, check_fit
 from radcal.assessment.law_check import LawCheck, check_laws, texture_note
 from radcal.assessment.posterior import Posterior
+from radcal.assessment.registration_check import Moved, check_registration
 from radcal.assessment.verdict import OFF_DB, Known, verdict
 from radcal.calibration.history import History
 from radcal.calibration.noise import noise_sentence
@@ -25,6 +26,7 @@ from radcal.calibration.stopping import Decision, decide
 from radcal.config import Stop, Uncertainty, stages
 from radcal.errors import StoreError
 from radcal.measurement.levels import Levels
+from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
 from radcal.seeds import derived_rng
@@ -78,7 +80,7 @@ class Conclusion:
     new_runs : int
         Number of final runs that the search had not simulated already.
     notes : list of str
-        Remarks on the simulator's random numbers and on texture.
+        Remarks on the simulator's random numbers, on texture and on the registration.
     fits : mapping
         Test of the fit of each calibrated material's law.
     posteriors : mapping
@@ -109,6 +111,7 @@ def conclude(
     runs: str | Path,
     final: Sequence[Record],
     posteriors: Mapping[str, Posterior] | None = None,
+    registered: Registered | None = None,
 ) -> Conclusion:
     """Conclude a calibration: decide if the search has ended, check the laws, and score the final runs.
 
@@ -128,6 +131,8 @@ def conclude(
         Final runs of the calibrated laws: with the common random numbers, and with fresh ones.
     posteriors : mapping, optional
         Posterior of each material's law.
+    registered : Registered, optional
+        Registered measured image of the first pass, to be registered again onto the image of the calibrated laws.
 
     Raises
     ------
@@ -152,10 +157,10 @@ def conclude(
     ]
     materials = _materials(targets, each_db, final)
     fits = {name: _fit(case, name, targets, objectives[name], history, materials[name]) for name in targets}
+    moved = _moved(case, history, targets, geometry, registered, final[1])
+    doubts = {name: one.sentence(name) for name, one in moved.items() if one.doubtful}
     withheld = {name: why for name, test in fits.items() if (why := not_to_be_used(test))}
-    believed = {
-        name: _unknown(posterior) if name in withheld else posterior for name, posterior in (posteriors or {}).items()
-    }
+    believed = {name: _unknown(one) if name in withheld else one for name, one in (posteriors or {}).items()}
     checks = check_laws(case, targets, history, posteriors=believed, withheld=withheld)
     passes = 1 + len(targets.further)
     return Conclusion(
@@ -166,7 +171,7 @@ def conclude(
         calibrated_db=_picture(final[1], {name: fresh_db[name] for name in targets}, geometry),
         simulator=store.description(key).get("simulator", {}),
         new_runs=len({record.key for record in final} - {run.key for run in history.runs}),
-        notes=_notes(case, history, checks, final),
+        notes=[*_notes(case, history, checks, final), *_moves(moved)],
         fits=fits,
         posteriors=believed,
         verdicts={
@@ -178,6 +183,7 @@ def conclude(
                 level_only=targets.level_only(name),
                 between_db=checks[name].between_db,
                 passes=passes,
+                doubt=doubts.get(name, ""),
             )
             for name in targets
         },
@@ -253,6 +259,34 @@ def _cause(
         return joint_cause(fit, "causes are examined in cases of one pass")
     law = objective.law_in(0, history.best(name).scores[name])
     return likely_cause(case.materials[name].law, law, fit, targets[name], geometry, targets.looks)
+
+
+def _moved(
+    case: stages.Archive,
+    history: History,
+    targets: Targets,
+    geometry: Geometry,
+    registered: Registered | None,
+    final: Record,
+) -> dict[str, Moved]:
+    """Change of the first pass's registration by the calibrated laws, of materials whose law the pixels can show."""
+    if registered is None:
+        return {}
+    laws = {
+        name: (case.laws[name], history.best(name).scores[name].parameters)
+        for name in targets
+        if not targets.level_only(name)
+    }
+    return check_registration(laws, targets, geometry, registered, final.image_db)
+
+
+def _moves(moved: Mapping[str, Moved]) -> list[str]:
+    """Remark on the registration onto the image of the calibrated laws; empty if it was not made."""
+    each = ", ".join(
+        f"{name} {one.moved_px:.2f} (stated error {one.stated_px:.2f}, sigma0 by {one.moved_db:.2f} dB)"
+        for name, one in moved.items()
+    )
+    return [f"Registered again onto the calibrated image, pixels move by (pixels, rms): {each}."] if each else []
 
 
 def _textured(

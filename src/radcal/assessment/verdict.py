@@ -17,6 +17,7 @@ _COUNTS = ((True, "fits", "fit"), (False, "does not fit", "do not fit"), (None, 
 _NAMED = 4  # largest number of materials that the first line names
 _SMALL_DB = 0.1  # smallest half-width of a band [dB] that is given with one decimal
 _KNOWN = ": sigma0 known to +-"
+_DOUBT = "the registration is in doubt"
 _LOOKS = {"upper": "more", "lower": "fewer"}
 OFF_DB = 0.5  # least difference of the means [dB] that a verdict names
 
@@ -69,6 +70,7 @@ def verdict(
     level_only: bool = False,
     between_db: float = float("nan"),
     passes: int = 1,
+    doubt: str = "",
 ) -> str:
     """Verdict on one material: a sentence on the fit of its law, and on where sigma0 is known.
 
@@ -88,9 +90,12 @@ def verdict(
         Standard deviation between fields [dB].
     passes : int
         Number of passes; ``test.mean_db``, ``test.sd_db`` and ``test.measured_sd_db`` are those of the first pass.
+    doubt : str
+        Clause on a registration in doubt.
     """
     first = " in pass 1" * (passes > 1)
     wide = f"; fields differ by {between_db:.1f} dB (sd), which can hide a misfit" * (between_db > DOUBTFUL_SPREAD_DB)
+    wide += f"; {doubt}" * bool(doubt)
     if level_only:
         at = f"level only, seen at one incidence{' in each pass' * (passes > 1)}"
         off = f"its simulated mean {_off(test.mean_db)} the measured{first}"
@@ -105,7 +110,7 @@ def verdict(
         return f"{name}: {_untested(test, passes)}{_known(known) * (not test.unmatched)}{wide}."
     if test.fits:
         return f"{name} fits (residuals {test.residual_sum:.0f} of {test.expected:.0f}){_known(known)}{wide}."
-    return f"{name}: does not fit: {_misfit(test, first)}; {cause or UNKNOWN}."
+    return f"{name}: does not fit: {_misfit(test, first)}; {cause or UNKNOWN}{f'; {doubt}' * bool(doubt)}."
 
 
 def _untested(test: FitTest, passes: int) -> str:
@@ -192,4 +197,6 @@ def first_line(verdicts: Mapping[str, str], fits: Mapping[str, bool | None], con
     known = [name for name, text in verdicts.items() if _KNOWN in text]
     who = f" ({', '.join(known)})" if 0 < len(known) <= _NAMED and len(known) < len(fits) else ""
     where = f"; sigma0 is known at some angles for {len(known) or 'none'}{who}"
-    return f"Of {len(fits)} materials {', '.join(said)}{where}.{going}"
+    doubts = sum(_DOUBT in text for text in verdicts.values())
+    doubt = f"; {_DOUBT} for {doubts}" * bool(doubts)
+    return f"Of {len(fits)} materials {', '.join(said)}{where}{doubt}.{going}"
