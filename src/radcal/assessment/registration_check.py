@@ -53,8 +53,8 @@ class Moved:
         """Clause of a verdict on a registration in doubt, with the way to repair it."""
         return (
             f"the registration is in doubt: onto the calibrated image, it moves these pixels by {self.moved_px:.1f} "
-            f"pixels (stated error {self.stated_px:.1f}) and sigma0 there by {self.moved_db:.1f} dB (rms), which no band "
-            f"contains; set materials.{name}.start to the X found and run again"
+            f"pixels (stated error {self.stated_px:.1f}) and sigma0 there by {self.moved_db:.1f} dB (rms), which no "
+            f"band contains; set materials.{name}.start to the X found and run again"
         )
 
 
