@@ -48,6 +48,15 @@ def test_a_finished_case(folder, made):
     ]
 
 
+def test_warnings_on_the_image_are_shown(folder):
+    data = json.loads((folder / "summary.json").read_text())
+    (folder / "summary.json").write_text(json.dumps(data | {"warnings": ["warning: no relief"]}))
+    assert show(folder)[3] == "warning: no relief"
+    del data["warnings"]
+    (folder / "summary.json").write_text(json.dumps(data))
+    assert show(folder)[3].startswith("simulator runs")
+
+
 @pytest.mark.parametrize(
     ("found", "said"),
     [

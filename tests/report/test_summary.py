@@ -69,6 +69,18 @@ def test_materials(made):
     assert sentences(made.archive) == said
 
 
+@pytest.mark.parametrize(
+    ("count", "end"), [(1, " 1 warning on the measured image."), (2, " 2 warnings on the measured image.")]
+)
+def test_warnings_on_the_image_follow_the_verdict(made, count, end):
+    told = [f"warning: mistake {k}" for k in range(count)]
+    archive = replace(made.archive, notes=("a note", *told, told[0]))
+    summary = summarise(archive)
+    assert summary["warnings"] == told
+    assert summary["verdict"] == summarise(made.archive)["verdict"] + end
+    assert sentences(archive)[3 : 3 + count] == told
+
+
 def test_distances_of_two_normals(made):
     shift = 0.5
     dyke = made.archive.materials["dyke"]

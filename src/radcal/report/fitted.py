@@ -50,8 +50,12 @@ def misfit(fitted: Fitted) -> dict[str, Any]:
     return {**numbers, "bounds": list(fitted.bounds)}
 
 
-def overall(fitted: Mapping[str, Fitted], converged: bool) -> dict[str, Any]:
-    """Whether the laws of all materials fit, and the verdict on all of them, for ``summary.json``."""
+def overall(fitted: Mapping[str, Fitted], converged: bool, warnings: int = 0) -> dict[str, Any]:
+    """Whether the laws of all materials fit, and the verdict on all of them, for ``summary.json``.
+
+    The verdict counts the warnings on the measured image, because the test of the fit can miss what they tell of.
+    """
     fits = {name: one.fits for name, one in fitted.items()}
     verdicts = {name: one.verdict for name, one in fitted.items()}
-    return {"fits": all_fit(list(fits.values())), "verdict": first_line(verdicts, fits, converged)}
+    told = f" {warnings} warning{'s' * (warnings > 1)} on the measured image." * bool(warnings)
+    return {"fits": all_fit(list(fits.values())), "verdict": first_line(verdicts, fits, converged) + told}

@@ -152,6 +152,7 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
         lines.append(f"{said} {law} with {parameters}{_unknown(material)}")
         if remark := material.get("parameters_remark"):
             lines.append(f"{name}: {remark}")
+    lines += summary.get("warnings", [])  # files of earlier versions have none
     search = runs["design"] + runs["infill"]
     return [
         *lines,

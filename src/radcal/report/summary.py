@@ -25,6 +25,8 @@ from radcal.report.law_notes import outside_interval
 
 __all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
+_WARNING = "warning: "  # start of a note on the measured image that the verdict counts
+
 
 def numbered_jobs(archive: Archive) -> dict[str, int]:
     """Number of jobs of each workflow stage whose jobs are numbered.
@@ -79,17 +81,25 @@ def sentences(archive: Archive) -> list[str]:
     """Sentences on a calibration: verdicts, reasons why the search ended, and warnings about each law.
 
     The first sentence is the verdict on all materials; in a case of several materials, a verdict on each follows.
+    Warnings on the measured image are next.
     """
     each = [material.fitted.verdict for material in archive.materials.values()]
     verdicts = [_overall(archive)["verdict"], *(each if len(each) > 1 else [])]
     warnings = [said for material in archive.materials.values() for said in material.check.sentences]
     warnings += [f"{name}: {said}" for name, material in archive.materials.items() if (said := _outside(material))]
-    return [*verdicts, *archive.sentences, *warnings]
+    return [*verdicts, *_image_warnings(archive), *archive.sentences, *warnings]
+
+
+def _image_warnings(archive: Archive) -> list[str]:
+    """Notes on the measured images of all passes that are warnings."""
+    further = [note for one in (archive.passes or {}).values() for note in one.notes]
+    return [note for note in dict.fromkeys([*archive.notes, *further]) if note.startswith(_WARNING)]
 
 
 def _overall(archive: Archive) -> dict[str, Any]:
     """Whether all laws fit, and the verdict on all materials."""
-    return overall({name: material.fitted for name, material in archive.materials.items()}, archive.converged)
+    fitted = {name: material.fitted for name, material in archive.materials.items()}
+    return overall(fitted, archive.converged, len(_image_warnings(archive)))
 
 
 def _check(check: Check) -> dict[str, Any]:
@@ -301,6 +311,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         },
         "simulator": json.loads(archive.simulator),
         "notes": list(archive.notes),
+        "warnings": _image_warnings(archive),
         "law_notes": list(archive.law_notes),
         "registration": _registration(archive.registration),
         "levels": dict(vars(archive.levels)),
