@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -129,6 +130,22 @@ def test_a_wrong_value_is_not_called_missing_as_well(tmp_path: Path) -> None:
         assert ", expected 'db'" in problem or ", expected 'sigma0_ref'" in problem
     path.write_text(path.read_text().replace("scale: decibel, ", ""))
     assert any("measurement.scale is missing" in text for text in check_case([path]).problems)
+
+
+def test_warnings_are_told_as_such_and_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    found = replace(check_case([path]), notes=["warning: steep.", "plain."], outlook=("time: short", "warning: dull."))
+    monkeypatch.setattr("radcal.checking.case_check.check_case", lambda *_: found)
+    done = CliRunner().invoke(app, ["check", str(path)])
+    assert done.exit_code == 0
+    lines = done.stdout.splitlines()
+    assert lines[:3] == [f"{path}: no mistake found, 2 warnings:", "  warning: dull.", "  warning: steep."]
+    assert [line for line in lines[3:] if "warning: " in line] == []
+    assert {"  note: plain.", "  time: short"} <= set(lines)
+    found = replace(found, notes=[], outlook=())
+    assert CliRunner().invoke(app, ["check", str(path)]).stdout.startswith(f"{path}: no mistake found.\n")
+    found = replace(found, notes=["warning: steep."], problems=["wrong."])
+    assert CliRunner().invoke(app, ["check", str(path)]).stdout == "  warning: steep.\n"
 
 
 def test_a_file_that_is_no_yaml_is_one_problem(tmp_path: Path) -> None:
@@ -307,6 +324,28 @@ MIXES: tuple[tuple[dict[str, str], tuple[str, ...]], ...] = (
         ),
     ),
 )  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+def test_an_image_without_a_crs_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    on_the_map(tmp_path)
+    Path("mine.yaml").write_text(ON_THE_MAP)
+    values = np.random.default_rng(5).normal(-12, 2, (7, 9)).astype("float32")
+    settings = {"height": 7, "width": 9, "count": 1, "dtype": "float32", "driver": "GTiff"}
+    for name, place, lacks in (
+        ("plain.tif", {}, "has no CRS"),
+        ("half.tif", {"crs": "EPSG:32631"}, "has no transform from its pixels to the map"),
+        ("plain.npy", None, "has no CRS"),
+    ):
+        if place is None:
+            np.save(name, values)
+        else:
+            with rasterio.open(name, "w", **settings, **place) as raster:
+                raster.write(values, 1)
+        (said,) = check_case(["mine.yaml"], {"measurement": {"path": name, "band": None}}).problems
+        assert said.startswith(f"measurement.path: {name} has 7 x 9 pixels, the scene's image ")
+        assert f" and the file {lacks}, expected a georeferenced image, as the scene in WGS 84 / UTM zone 31N is, or " in said
 
 
 def test_a_mistake_is_listed_once_though_its_numbers_differ() -> None:

@@ -159,8 +159,7 @@ def _wrong_key(detail: ErrorDetails, root: type[BaseModel]) -> WrongKey:
     place, text, value = detail["loc"], _text(detail, root), detail["input"]
     last = str(place[-1]) if place else ""
     if detail["type"] == "extra_forbidden":
-        near = difflib.get_close_matches(last, _known_keys(place, root), n=1, cutoff=0.5)
-        return WrongKey(text, place, _key(place[:-1]), meant=near[0] if near else None)
+        return WrongKey(text, place, _key(place[:-1]), meant=_meant(detail, root))
     key = _key(place)
     if detail["type"] in ("union_tag_invalid", "union_tag_not_found"):
         tag = TAGS[key.partition(".")[0]]
@@ -178,6 +177,22 @@ def _wrong_key(detail: ErrorDetails, root: type[BaseModel]) -> WrongKey:
     return WrongKey(text, place, key, choices=(*near, *(one for one in choices if one not in near)))
 
 
+def _meant(detail: ErrorDetails, root: type[BaseModel]) -> str | None:
+    """Known key that an unknown key most probably stands for.
+
+    This is the most similar key, unless the key is the first word of a key that allows its value: ``look: left`` stands
+    for ``look_side``, ``look: 4`` for ``looks``.
+    """
+    place, value = detail["loc"], detail["input"]
+    last, known = str(place[-1]), _known_keys(place, root)
+    for name in (name for name in known if name.startswith(f"{last}_")):
+        fields = [model.model_fields[name] for model in _models_at(place, root) if name in model.model_fields]
+        if value in [text for field in fields for text in _literals(field.annotation)]:
+            return name
+    near = difflib.get_close_matches(last, known, n=1, cutoff=0.5)
+    return near[0] if near else None
+
+
 def _literals(annotation: object) -> list[str]:
     """Texts that a type annotation allows (its ``Literal`` values)."""
     if typing.get_origin(annotation) is typing.Literal:
@@ -192,7 +207,9 @@ def _text(detail: ErrorDetails, root: type[BaseModel]) -> str:
         case "extra_forbidden":
             *above, last = detail["loc"]
             key = f"{_key(above)}.{last}" if above else str(last)
-            return f"unknown key {key}{nearest(str(last), _known_keys(detail['loc'], root))}"
+            meant = _meant(detail, root)
+            known = _known_keys(detail["loc"], root)
+            return f"unknown key {key}{nearest(str(last), known) if meant is None else f' (did you mean {meant!r}?)'}"
         case "missing":
             return f"{key} is missing"
         case _ if detail["type"] == MISSING:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,7 @@ __all__ = [
     "GeoreferencedImage",
     "check_spacing",
     "is_georeferenced",
+    "off_the_map",
     "places_on_ground",
     "read_georeferenced",
     "values_at_ground",
@@ -73,6 +75,28 @@ def is_georeferenced(path: Path, folders: Sequence[Path] = ()) -> bool:
             return not raster.transform.is_identity and crs_of(raster) is not None
     except Exception:  # the libraries' exceptions for damaged files have no common base class
         return False
+
+
+def off_the_map(path: Path, crs: str, folders: Sequence[Path] = ()) -> str:
+    """Text for the error about an image whose size differs, for which :func:`is_georeferenced` is false.
+
+    Parameters
+    ----------
+    path, folders
+        Arguments of :func:`is_georeferenced`.
+    crs : str
+        The scene's CRS.
+    """
+    from pyproj import CRS
+
+    lacks = "CRS"
+    if is_raster(path):
+        with contextlib.suppress(Exception), open_raster(path, folders) as raster:
+            lacks = "CRS" if crs_of(raster) is None else "transform from its pixels to the map"
+    return (
+        f", and the file has no {lacks}, expected a georeferenced image, as the scene in "
+        f"{CRS.from_user_input(crs).name} is, or one in slant range on the grid of the scene's image"
+    )
 
 
 def check_spacing(path: Path, radar: Radar, folders: Sequence[Path] = ()) -> None:

@@ -18,6 +18,7 @@ from radcal.errors import FitError, MeasurementError, RadcalError
 from radcal.measurement.georeference import (
     check_spacing,
     is_georeferenced,
+    off_the_map,
     places_on_ground,
     read_georeferenced,
     values_at_ground,
@@ -205,7 +206,8 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
         values = values_at_ground(read_georeferenced(path, config, places), crs, transform, geometry.ground)
         read = image_of(values, path, config, geometry.shape)
     else:
-        read = read_image(path, config, geometry.shape)
+        resized = "" if crs is None else off_the_map(path, crs, vrt_folders(config))
+        read = read_image(path, config, geometry.shape, resized)
     if not is_safe_name(config.path):
         read = _tagged(read, tags_of(path, config.band, vrt_folders(config)), config, path)
     _check_pass(read, radar, path)
