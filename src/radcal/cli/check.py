@@ -62,6 +62,6 @@ def _is_right(case: Path, settings: list[str] | None, results: Path) -> bool:
             typer.echo(line)
         return False
     warnings = found.warnings()
-    count = f", {len(warnings)} warning{'s' * (len(warnings) > 1)}:" if warnings else "."
-    typer.echo("\n".join([f"{case}: no mistake found{count}", *warnings, found.summary()]))
+    more = f", {len(warnings)} warning{'s' * (len(warnings) > 1)}:" if warnings else "."
+    typer.echo("\n".join([f"{case}: no mistake found{more}", *warnings, found.summary()]))
     return True

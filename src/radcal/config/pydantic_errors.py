@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 import types
 import typing
@@ -13,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from radcal.config.sections import FURTHER, MATERIALS_FROM, TAGS
+from radcal.radar.bands import letter_band
 
 __all__ = ["MISSING", "Contradictions", "WrongKey", "nearest", "sentence", "shown", "wrong_keys"]
 
@@ -224,7 +226,17 @@ def _text(detail: ErrorDetails, root: type[BaseModel]) -> str:
     message = detail["msg"].removeprefix("Input should be ").replace(" after validation", "")
     message = re.sub(r"^\w+ should have ", "", message)
     message = re.sub("^a valid (dictionary|tuple).*", _of_kind, message)
-    return f"{key} is {shown(repr(found))}, expected {message}"
+    return f"{key} is {shown(repr(found))}, expected {message}{_other_unit(key, found)}"
+
+
+def _other_unit(key: str, found: object) -> str:
+    """Question whether a carrier frequency is in MHz or Hz; empty for other keys and values."""
+    number = float(found) if isinstance(found, int | float) and -1e308 < found < 1e308 else math.nan
+    if key.rpartition(".")[2] == "frequency_ghz":
+        for unit, per_ghz in (("MHz", 1e3), ("Hz", 1e9)):
+            if letter_band(number / per_ghz * 1e9) is not None:
+                return f" (in {unit}? {number / per_ghz:g} GHz)"
+    return ""
 
 
 def _key(place: Sequence[int | str]) -> str:

@@ -48,6 +48,7 @@ __all__ = ["check_image", "make_measurement"]
 
 T = TypeVar("T")
 _LARGEST_ALONE = 20_000_000  # largest number of pixels of a raster that is read for a check without the scene
+_NOISE_ABOVE_DB = 3.0  # an image contains its noise: only errors of both levels let the noise lie above the image
 
 
 def make_measurement(
@@ -90,7 +91,9 @@ def make_measurement(
     refused = [_refusal(name, measurement, geometry, case.target, flags) for name in case.calibrated]
     errors = [error for error in refused if error is not None]
     if errors and not (partly and len(errors) < len(refused)):
-        raise errors[0]
+        is_file = isinstance(case.measurement, FileMeasurement)
+        mistake = _noise_above(measurement, noise_db, case.radar) if flags and is_file else None
+        raise mistake or errors[0]
     return measurement
 
 
@@ -189,6 +192,22 @@ def _refusal(
     except FitError as error:
         return MeasurementError(f"materials.{name} in {measurement.source}: {error}")
     return None
+
+
+def _noise_above(measurement: Measurement, noise_db: NDArray[np.float64], radar: Radar) -> MeasurementError | None:
+    """Error about noise far above the level of the whole image, which no image can have."""
+    present = measurement.image_db[np.isfinite(measurement.image_db)].astype(np.float64)
+    level, noise = 10.0 * np.log10(np.mean(10.0 ** (present / 10.0))), float(np.median(noise_db))
+    if not noise > level + _NOISE_ABOVE_DB:
+        return None
+    one = radar.nesz_db if isinstance(radar.nesz_db, float) else None
+    given = "" if one is None else f" is {one:g}"
+    sign = "" if one is None or one <= 0 else f" (is a minus sign missing? -{one:g})"
+    return MeasurementError(
+        f"radar.nesz_db{given}: this noise of {noise:.3g} dB lies above the mean level of {measurement.source}, "
+        f"{level:.3g} dB, which contains the noise, expected a smaller radar.nesz_db{sign}, for an image without noise "
+        "far below this level, or another measurement.scale."
+    )
 
 
 def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None) -> Measurement:
