@@ -18,6 +18,7 @@ from radcal.errors import FitError, MeasurementError, RadcalError
 from radcal.measurement.georeference import (
     check_spacing,
     is_georeferenced,
+    map_pixel_m,
     off_the_map,
     places_on_ground,
     read_georeferenced,
@@ -213,6 +214,7 @@ def _noise_above(measurement: Measurement, noise_db: NDArray[np.float64], radar:
 def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None) -> Measurement:
     path = expand_path(config.path, "measurement.path", folder=is_safe_name(config.path))
     crs, transform = (scene.crs, scene.transform) if scene is not None else (None, None)
+    sides = None
     if is_safe_name(config.path):
         opened = open_product(path, config, radar)
         power, _, said = sigma0_image(opened, config, radar, geometry, scene)
@@ -221,6 +223,7 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
         path = path.with_name(opened.name)
     elif crs is not None and transform is not None and is_georeferenced(path, vrt_folders(config)):
         check_spacing(path, radar, vrt_folders(config))
+        sides = map_pixel_m(path, radar, vrt_folders(config))
         places = partial(places_on_ground, crs, transform, geometry.ground)
         values = values_at_ground(read_georeferenced(path, config, places), crs, transform, geometry.ground)
         read = image_of(values, path, config, geometry.shape)
@@ -244,7 +247,7 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
             f"radar.looks and the scale of {path.name} could not be checked by the speckle: the areas of single "
             "materials are too small."
         )
-    if spread is not None and (note := point_spread_note(spread, looks, radar, path.name)) is not None:
+    if spread is not None and (note := point_spread_note(spread, looks, radar, path.name, sides)) is not None:
         notes.append(note)
     slope = relief_slope(read.image_db, geometry, radar)
     if slope is not None:
