@@ -80,7 +80,7 @@ scene: {{source: slant_range, labels: {folder}/labels.tif, names: {folder}/names
 measurement: {{source: file, path: {folder}/image.npy, scale: power, radiometry: sigma0_ref}}
 materials:
   field: {{calibrate: true, law: mangia, bounds: [[-40, 0], [0, 30], [0, 20], [0, 20]]}}
-  lake: {{calibrate: false, law: mangia, parameters: [-20, 3, 2, 6]}}
+  lake: {{calibrate: false, law: mangia, parameters: [-4, 3, 2, 6]}}
 target: {{pixels: 300}}
 design: {{size: 3}}
 stop: {{max_runs: 12}}
@@ -130,6 +130,25 @@ def test_a_wrong_value_is_not_called_missing_as_well(tmp_path: Path) -> None:
         assert ", expected 'db'" in problem or ", expected 'sigma0_ref'" in problem
     path.write_text(path.read_text().replace("scale: decibel, ", ""))
     assert any("measurement.scale is missing" in text for text in check_case([path]).problems)
+
+
+def test_a_fixed_law_far_from_the_image_is_told(tmp_path: Path) -> None:
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+
+    def told(parameters: list[float], **more: object) -> list[str]:
+        lake = {"law": "constant_gamma", "parameters": parameters}
+        changed = {"materials": {"lake": lake, "field": {"calibrate": True}}, **more}
+        return [line for line in check_case([path], changed).outlook if line.startswith("warning: materials")]
+
+    # the image has 0 dB, gamma0 of 7.8 dB is a sigma0 of 7.8 dB + 10 log10(cos(32 degrees))
+    (said,) = told([7.8])
+    assert said.startswith("warning: materials.lake is not calibrated, and its constant_gamma gives 7.1 dB at its mean")
+    assert " incidence of 32 degrees, noise included, while the image has about 0.1 dB: is a sign or unit in" in said
+    assert told([5.0]) == []
+    assert len(told([-7.8])) == 1
+    assert told([-30.0], radar={"nesz_db": -5}) == [], "the noise fills the image of dark ground"
+    assert told([7.8], radar={"radiometry": "beta0"}, measurement={"radiometry": "beta0"})[0].count(" 9.") == 1
+    assert told([7.8], target={"normalisation": "offset"}) == []
 
 
 def test_warnings_are_told_as_such_and_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
