@@ -447,9 +447,14 @@ def test_what_a_right_case_will_meet_is_told_before_any_run(tmp_path: Path) -> N
     time, *_ = check_case([path], results=tmp_path / "results").outlook
     # 3 runs of the design and 12 in all at most, of four draws of speckle; one reference run and two final ones
     assert time == (
-        "time: about 16 s a run (median of the case's stored runs); most cases need at most 15 runs (4 min of "
-        "simulation), stop.max_runs allows at most 15 (4 min)"
+        "time: about 16 s of simulation a run (median of the case's stored runs); most cases need at most 15 runs (4 "
+        "min of simulation), stop.max_runs allows at most 15 (4 min of simulation)"
     )
+    (tmp_path / "results/mine/benchmarks").mkdir()
+    for stage in ("train", "propose", "verify"):
+        (tmp_path / f"results/mine/benchmarks/{stage}_0.tsv").write_text("s\th:m:s\n11\t0:00:11\n")
+    time, *_ = check_case([path], results=tmp_path / "results").outlook
+    assert "stored runs); an iteration with training and proposal takes about 33 s; most cases need" in time
 
 
 @pytest.mark.slow

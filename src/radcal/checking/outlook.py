@@ -19,7 +19,14 @@ from radcal.measurement.registration import LEAST_CONTRAST_DB, contrast_db
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db, of_sigma0
 from radcal.radar.reflectivity import law_tables, reflectivity
-from radcal.running.time_left import FINAL_RUNS, duration, largest_runs, most_need, reference_count
+from radcal.running.time_left import (
+    FINAL_RUNS,
+    duration,
+    largest_runs,
+    most_need,
+    reference_count,
+    stored_iteration_seconds,
+)
 from radcal.scene.model import Scene
 from radcal.storage.runs import median_seconds
 
@@ -200,9 +207,9 @@ def fixed_levels(case: Case, geometry: Geometry, image_db: NDArray[np.float32]) 
         level = level_asked_db(image_db[there], float(case.radar.looks))
         if abs(of_law - level) > _FAR_DB:
             lines.append(
-                f"warning: materials.{name} is not calibrated, and its {case.materials[name].law} gives {of_law:.1f} dB "
-                f"at its mean incidence of {phi:.0f} degrees, noise included, while the image has about {level:.1f} dB: "
-                f"is a sign or unit in materials.{name}.parameters wrong?"
+                f"warning: materials.{name} is not calibrated, and its {case.materials[name].law} gives "
+                f"{of_law:.1f} dB at its mean incidence of {phi:.0f} degrees, noise included, while the image has "
+                f"about {level:.1f} dB: is a sign or unit in materials.{name}.parameters wrong?"
             )
     return lines
 
@@ -223,10 +230,12 @@ def time_expected(case: Case, results: str | Path) -> str:
     if seconds is None:
         return "time: not known before the first run, which radcal run CASE reference makes"
     each = seconds * case.simulator.draws
+    whole = stored_iteration_seconds(Path(results) / case.case / "benchmarks")
+    more = f"; an iteration with training and proposal takes about {duration(whole)}" if whole is not None else ""
     search = most_need(case.design_size, case.stop.max_runs)
     usual = len(case.passes) * (reference_count(case.simulator) + search + FINAL_RUNS)
     return (
-        f"time: about {duration(each)} a run (median of the case's stored runs); most cases need at most {usual} runs "
-        f"({duration(usual * each)} of simulation), stop.max_runs allows at most {sum(largest_runs(case).values())} "
-        f"({duration(sum(largest_runs(case).values()) * each)})"
+        f"time: about {duration(each)} of simulation a run (median of the case's stored runs){more}; most cases "
+        f"need at most {usual} runs ({duration(usual * each)} of simulation), stop.max_runs allows at most "
+        f"{sum(largest_runs(case).values())} ({duration(sum(largest_runs(case).values()) * each)} of simulation)"
     )
