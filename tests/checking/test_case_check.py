@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -79,7 +80,7 @@ scene: {{source: slant_range, labels: {folder}/labels.tif, names: {folder}/names
 measurement: {{source: file, path: {folder}/image.npy, scale: power, radiometry: sigma0_ref}}
 materials:
   field: {{calibrate: true, law: mangia, bounds: [[-40, 0], [0, 30], [0, 20], [0, 20]]}}
-  lake: {{calibrate: false, law: mangia, parameters: [-20, 3, 2, 6]}}
+  lake: {{calibrate: false, law: mangia, parameters: [-4, 3, 2, 6]}}
 target: {{pixels: 300}}
 design: {{size: 3}}
 stop: {{max_runs: 12}}
@@ -129,6 +130,41 @@ def test_a_wrong_value_is_not_called_missing_as_well(tmp_path: Path) -> None:
         assert ", expected 'db'" in problem or ", expected 'sigma0_ref'" in problem
     path.write_text(path.read_text().replace("scale: decibel, ", ""))
     assert any("measurement.scale is missing" in text for text in check_case([path]).problems)
+
+
+def test_a_fixed_law_far_from_the_image_is_told(tmp_path: Path) -> None:
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+
+    def told(parameters: list[float], **more: object) -> list[str]:
+        lake = {"law": "constant_gamma", "parameters": parameters}
+        changed = {"materials": {"lake": lake, "field": {"calibrate": True}}, **more}
+        return [line for line in check_case([path], changed).outlook if line.startswith("warning: materials")]
+
+    # the image has 0 dB, gamma0 of 7.8 dB is a sigma0 of 7.8 dB + 10 log10(cos(32 degrees))
+    (said,) = told([7.8])
+    assert said.startswith("warning: materials.lake is not calibrated, and its constant_gamma gives 7.1 dB at its mean")
+    assert " incidence of 32 degrees, noise included, while the image has about 0.1 dB: is a sign or unit in" in said
+    assert told([5.0]) == []
+    assert len(told([-7.8])) == 1
+    assert told([-30.0], radar={"nesz_db": -5}) == [], "the noise fills the image of dark ground"
+    assert told([7.8], radar={"radiometry": "beta0"}, measurement={"radiometry": "beta0"})[0].count(" 9.") == 1
+    assert told([7.8], target={"normalisation": "offset"}) == []
+
+
+def test_warnings_are_told_as_such_and_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    found = replace(check_case([path]), notes=["warning: steep.", "plain."], outlook=("time: short", "warning: dull."))
+    monkeypatch.setattr("radcal.checking.case_check.check_case", lambda *_: found)
+    done = CliRunner().invoke(app, ["check", str(path)])
+    assert done.exit_code == 0
+    lines = done.stdout.splitlines()
+    assert lines[:3] == [f"{path}: no mistake found, 2 warnings:", "  warning: dull.", "  warning: steep."]
+    assert [line for line in lines[3:] if "warning: " in line] == []
+    assert {"  note: plain.", "  time: short"} <= set(lines)
+    found = replace(found, notes=[], outlook=())
+    assert CliRunner().invoke(app, ["check", str(path)]).stdout.startswith(f"{path}: no mistake found.\n")
+    found = replace(found, notes=["warning: steep."], problems=["wrong."])
+    assert CliRunner().invoke(app, ["check", str(path)]).stdout == "  warning: steep.\n"
 
 
 def test_a_file_that_is_no_yaml_is_one_problem(tmp_path: Path) -> None:
@@ -309,6 +345,28 @@ MIXES: tuple[tuple[dict[str, str], tuple[str, ...]], ...] = (
 )  # fmt: skip
 
 
+@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+def test_an_image_without_a_crs_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    on_the_map(tmp_path)
+    Path("mine.yaml").write_text(ON_THE_MAP)
+    values = np.random.default_rng(5).normal(-12, 2, (7, 9)).astype("float32")
+    settings = {"height": 7, "width": 9, "count": 1, "dtype": "float32", "driver": "GTiff"}
+    for name, place, lacks in (
+        ("plain.tif", {}, "has no CRS"),
+        ("half.tif", {"crs": "EPSG:32631"}, "has no transform from its pixels to the map"),
+        ("plain.npy", None, "has no CRS"),
+    ):
+        if place is None:
+            np.save(name, values)
+        else:
+            with rasterio.open(name, "w", **settings, **place) as raster:
+                raster.write(values, 1)
+        (said,) = check_case(["mine.yaml"], {"measurement": {"path": name, "band": None}}).problems
+        assert said.startswith(f"measurement.path: {name} has 7 x 9 pixels, the scene's image ")
+        assert f" and the file {lacks}, expected a georeferenced image, as the scene in WGS 84 / UTM zone" in said
+
+
 def test_a_mistake_is_listed_once_though_its_numbers_differ() -> None:
     """The whole file and its part in the scene; several files and materials stay apart."""
     problems = _Problems(Loaded(None, []))
@@ -389,9 +447,14 @@ def test_what_a_right_case_will_meet_is_told_before_any_run(tmp_path: Path) -> N
     time, *_ = check_case([path], results=tmp_path / "results").outlook
     # 3 runs of the design and 12 in all at most, of four draws of speckle; one reference run and two final ones
     assert time == (
-        "time: about 16 s a run (median of the case's stored runs); most cases need at most 15 runs (4 min of "
-        "simulation), stop.max_runs allows at most 15 (4 min)"
+        "time: about 16 s of simulation a run (median of the case's stored runs); most cases need at most 15 runs (4 "
+        "min of simulation), stop.max_runs allows at most 15 (4 min of simulation)"
     )
+    (tmp_path / "results/mine/benchmarks").mkdir()
+    for stage in ("train", "propose", "verify"):
+        (tmp_path / f"results/mine/benchmarks/{stage}_0.tsv").write_text("s\th:m:s\n11\t0:00:11\n")
+    time, *_ = check_case([path], results=tmp_path / "results").outlook
+    assert "stored runs); an iteration with training and proposal takes about 33 s; most cases need" in time
 
 
 @pytest.mark.slow

@@ -132,6 +132,40 @@ def test_nothing_is_overwritten_and_wrong_answers_are_told(files: list[str]) -> 
     assert not Path("mine.yaml").exists()
 
 
+def test_comments_are_about_what_was_given(files: list[str]) -> None:
+    Path("own.json").write_text('{"2": "road", "7": "field"}')
+    given = ["--names", "own.json", "--range-spacing", "8", "--azimuth-spacing", "9", "--band", "1"]
+    assert new("mine", *files, *given).exit_code == 0
+    lines = Path("mine.yaml").read_text().splitlines()
+    assert "  names: own.json  # JSON file of names by code" in lines
+    assert "  range_spacing_m: 8  # pixel spacing in slant range [m]" in lines
+    assert "  azimuth_spacing_m: 9  # pixel spacing in azimuth [m]" in lines
+    (heading,) = (line for line in lines if line.startswith("  heading_deg: FILL_IN"))
+    assert "; a case without this key has a track to the grid's north; for example" in heading
+    said = CliRunner().invoke(app, ["check", "mine.yaml"]).stderr
+    assert "for example heading_deg: 192.5, or no such line for a track to the grid's north.\n" in said
+
+
+def test_what_a_sensor_lacks_is_said_once(files: list[str]) -> None:
+    given = ["--sensor", "sentinel1_iw_grdh", "--polarisation", "VV", "--band", "2"]
+    assert new("mine", *files, *given).exit_code == 0
+    assert [text for text in check_case(["mine.yaml"]).problems if "FILL_IN" not in text] == []
+    text = Path("mine.yaml").read_text().splitlines()
+    Path("mine.yaml").write_text("\n".join(line for line in text if "  nesz_db:" not in line))
+    (said,) = (text for text in check_case(["mine.yaml"]).problems if "FILL_IN" not in text)
+    assert said.startswith("mine.yaml: radar: nesz_db is missing, which sensor sentinel1_iw_grdh does not give (docs/")
+
+
+def test_files_of_two_places_are_told_at_once(files: list[str]) -> None:
+    with rasterio.open("cover.tif", "r+") as raster:
+        raster.transform = from_origin(7e5, 5.8e6, 20.0, 20.0)
+    done = new("mine", *files)
+    assert (done.exit_code, done.stderr.count("\n")) == (1, 1)
+    assert "scene.materials: cover.tif (longitude 5." in done.stderr
+    assert done.stderr.endswith(") do not overlap.\n")
+    assert not Path("mine.yaml").exists()
+
+
 def test_materials_are_written_before_the_scene_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert new("both", "--material", "field", "--fixed", "road=-17").exit_code == 0

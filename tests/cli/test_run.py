@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -16,7 +17,7 @@ from typer.testing import CliRunner, Result
 
 import radcal
 from radcal.cli import app, snakemake_command
-from radcal.cli.run import sorted_words
+from radcal.cli.run import _outputs, files_of_stages, sorted_words
 from radcal.config import load
 from radcal.config.yaml_file import check_words
 from radcal.errors import ConfigError
@@ -126,6 +127,34 @@ def test_a_clones_own_workflow_is_run_in_its_folder(clone: Path, started: list[l
 def test_rules_and_files_are_targets(clone: Path, started: list[list[str]]) -> None:
     run("mine.yaml", "design", "results/mine/scene.h5")
     assert parse_args(started[0][4:])[1].targets == ["design", "results/mine/scene.h5"]
+
+
+def test_stages_with_wildcards_are_targets(clone: Path, started: list[list[str]]) -> None:
+    run("mine.yaml", "registration", "scene", "design_chunk", "posterior")
+    at = "results/mine/"
+    targets = parse_args(started[0][4:])[1].targets
+    assert targets[:2] == [f"{at}registered.h5", "scene"]
+    assert f"{at}design/0.json" in targets[2:-1]
+    assert targets[-1] == f"{at}posterior/dyke.h5"
+    said = "the target 'verify' is made in each iteration, expected a file of one iteration, such as "
+    told = refused("mine.yaml", "verify")
+    assert told.startswith(f"{said}results/CASE/iterations/0/verified.json, or one of all, archive, design, ")
+    assert "registration" in told
+    assert "train" not in told
+    # every output of the workflow is read from its text: no rule with a wildcard remains for Snakemake to refuse
+    outputs = _outputs(clone)
+    assert {name for name, files in outputs.items() if not files} == {"all", "reference", "design"}
+    known = {"{at}", "{chunk}", "{material}", "{k}"}
+    assert {mark for files in outputs.values() for file in files for mark in re.findall(r"\{\w*\}", file)} == known
+
+
+def test_a_stage_of_several_passes_is_made_in_each() -> None:
+    case = SimpleNamespace(
+        case="two", passes=(1, 2), calibrated=("a", "b"), design_size=5, design=SimpleNamespace(chunk=3)
+    )
+    files = files_of_stages(ROOT, ["target", "design_chunk"], case, Path("found"))  # type: ignore[arg-type]
+    assert files[:2] == ["found/two/target.h5", "found/two/passes/2/target.h5"]
+    assert files[2:] == [f"found/two/{at}design/{k}.json" for at in ("", "passes/2/") for k in (0, 1)]
 
 
 def test_two_files_of_one_case_are_refused(clone: Path, started: list[list[str]]) -> None:

@@ -115,6 +115,9 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"stop": [1, 2]}, ["stop is [1, 2]"]),
     ({"scene": "builtin"}, ["scene is 'builtin'"]),
     # radar
+    ({"radar": {"frequency_ghz": 9600}}, ["radar.frequency_ghz is 9600, expected less", "(in MHz? 9.6 GHz)"]),
+    ({"radar": {"frequency_ghz": 5.405e9}}, ["(in Hz? 5.405 GHz)"]),
+    ({"radar": {"frequency_ghz": 435, "band": "P"}}, ["not in band 'P': correct one of them (in MHz? 0.435 GHz)"]),
     ({"radar": {"altitude_m": 0}}, ["radar.altitude_m is 0", "greater than or equal to 1"]),
     ({"radar": {"altitude_m": "high"}}, ["radar.altitude_m is 'high'"]),
     ({"radar": {"altitude_m": float("nan")}}, ["radar.altitude_m is nan"]),

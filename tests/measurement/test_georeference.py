@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from functools import partial
 from pathlib import Path
@@ -15,11 +16,12 @@ from pyproj import CRS, Transformer
 from rasterio.errors import NotGeoreferencedWarning
 from rasterio.windows import Window
 
-from radcal.config import FileMeasurement
+from radcal.config import FileMeasurement, Radar
 from radcal.errors import MeasurementError
 from radcal.measurement.georeference import (
     GeoreferencedImage,
     is_georeferenced,
+    map_pixel_m,
     places_on_ground,
     read_georeferenced,
     values_at_ground,
@@ -222,3 +224,14 @@ def test_files_without_a_place_are_told_apart(tmp_path: Path) -> None:
     assert not is_georeferenced(tmp_path / "text.tif")
     with pytest.raises(MeasurementError, match=r"text\.tif cannot be read as a raster"):
         read_georeferenced(tmp_path / "text.tif", CONFIG)
+
+
+def test_pixels_are_turned_into_range_and_azimuth(tmp_path: Path) -> None:
+    """Pixels of 3 m to the east and 5 m to the north, seen by a track to the north, the east and the north-east."""
+    settings = {"height": 9, "width": 9, "count": 1, "dtype": "uint8", "crs": UTM, "driver": "GTiff"}
+    with rasterio.open(tmp_path / "a.tif", "w", transform=Affine(3.0, 0, WEST, 0, -5.0, SOUTH), **settings):
+        pass
+    half = math.cos(math.radians(60.0))
+    for heading, across, along in ((0.0, 3.0, 5.0), (90.0, 5.0, 3.0), (45.0, math.sqrt(17.0), math.sqrt(17.0))):
+        sides = map_pixel_m(tmp_path / "a.tif", Radar(heading_deg=heading, depression_deg=60.0))
+        assert sides == pytest.approx((half * across, along), rel=1e-3)

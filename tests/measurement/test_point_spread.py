@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, uniform_filter
@@ -162,6 +164,34 @@ def test_note_gives_both_numbers() -> None:
         "and radar.azimuth_spacing_m of 2.3 allows 2.74 at the finest)."
     )
     assert point_spread_note(PointSpread(2.2, 3.4, 0.13, 0.17, 1.1, 100), None, RADAR, "b.tif") is None
+
+
+def test_resampling_from_a_map_explains_a_wider_spread() -> None:
+    """4 looks on a map of 10 m pixels, taken to pixels of 6 by 10 m."""
+    given = {"range_resolution_m": 11.0, "azimuth_resolution_m": 18.0, "azimuth_spacing_m": 10.0}
+    on_map = power(**given, range_spacing_m=6.5)
+    radar = Radar(**given, range_spacing_m=6.0)
+    rows = np.floor(np.arange(int(SHAPE[0] * 6.5 / 6.0) - 1) * 6.0 / 6.5 + 0.3).astype(int)
+    image_db = decibels(on_map[rows].astype(np.float32))
+    ones = np.ones(image_db.shape, np.uint8)
+    spread = estimate_point_spread(image_db, ones, radar)
+    assert spread is not None
+    # of the nearest neighbour alone, 2.355 / sqrt(12) pixels are added in quadrature
+    assert spread.range_m == pytest.approx(math.hypot(11.0, 0.68 * 6.5), abs=2 * spread.range_error_m)
+    wide = PointSpread(13.9, 18.2, 0.7, 0.9, 1.3, 100)
+    assert "set them to 13.9 and 18.2" in str(point_spread_note(wide, None, radar, "b.tif"))
+    assert str(point_spread_note(wide, None, radar, "b.tif", (6.5, 10.0))).endswith(
+        "; the widths contain the resampling from the map, with which these resolutions give up to 13.4 and 21.5 m: no "
+        "key need be changed."
+    )
+    for beyond in (PointSpread(16.0, 18.2, 0.7, 0.9, 1.3, 100), PointSpread(8.0, 18.2, 0.4, 0.9, 1.3, 100)):
+        said = str(point_spread_note(beyond, None, radar, "b.tif", (6.5, 10.0)))
+        assert f" 13.4 and 21.5 m: set them to {beyond.range_m:g} and 18.2, unless the image was resampled bef" in said
+    assert point_spread_note(PointSpread(11.2, 18.2, 0.7, 0.9, 1.0, 9), None, radar, "b.tif", (6.5, 10.0)) is None
+    # smoothed, unless the resampling explains it
+    coarse = PointSpread(22.0, 24.0, 1.1, 1.2, 3.1, 100)
+    assert str(point_spread_note(coarse, None, radar, "b.tif")).startswith("b.tif is speckle-filtered")
+    assert "set them to 22 and 24" in str(point_spread_note(coarse, None, radar, "b.tif", (6.5, 10.0)))
 
 
 def test_windows_of_all_levels_are_used() -> None:

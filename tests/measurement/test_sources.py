@@ -439,7 +439,11 @@ def test_an_image_below_the_noise_floor_is_told_before_any_run(read: Read, image
         match=r"^materials\.dyke: 0 usable pixels.* in the noise.* the image's own level there is -2[67]\.?\d* dB, "
         r"which radar\.nesz_db and target\.snr_db treat as noise: set radar\.nesz_db to ",
     ):
-        read(dark)
+        read(dark, radar={"nesz_db": -24.0, "radiometry": "sigma0_local"})
     read(dark, radar={"nesz_db": -60.0, "radiometry": "sigma0_local"})
+    lost = r"nesz_db \(is a minus sign missing\? -24\)"
+    for nesz_db, asked in ((24.0, lost), (-5.0, "nesz_db"), ([[0, -5], [80, -5]], "nesz_db")):
+        with pytest.raises(MeasurementError, match=rf"^radar\.nesz_db.* above the mean level of .* -2\d.*{asked}, for"):
+            read(dark, radar={"nesz_db": nesz_db, "radiometry": "sigma0_local"})
     # at which level the noise lies in an image of unknown level, the reference run says
     read(dark, target={"normalisation": "offset"})

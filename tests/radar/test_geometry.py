@@ -441,7 +441,7 @@ def test_geometry_of_another_version_of_the_simulator_is_replaced(
 
 def test_track_below_the_terrain(build_scene: Build) -> None:
     peak = build_scene(lambda east, north: 300.0 * np.exp(-(east**2 + north**2) / 400.0))
-    with pytest.raises(SceneError, match=r"radar.altitude_m is 150 m .* terrain rises 2\d\d m: fly higher"):
+    with pytest.raises(SceneError, match=r"radar.altitude_m is 150 m .* 2\d\d m: fly higher \(is 150 in km.*150000\)"):
         make_geometry(peak, Radar(altitude_m=150.0))
 
 

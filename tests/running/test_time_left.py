@@ -9,8 +9,16 @@ import pytest
 
 from radcal.config import case_from
 from radcal.running.jobs import STARTED
-from radcal.running.time_left import at_most, duration, iteration_seconds, largest_runs, most_need
+from radcal.running.time_left import (
+    at_most,
+    duration,
+    iteration_seconds,
+    largest_runs,
+    most_need,
+    stored_iteration_seconds,
+)
 
+WHOLE = ", with training and proposal"
 EXTERNAL = {
     "kind": "command",
     "command": ["./sim", "{input}"],
@@ -42,15 +50,15 @@ def test_durations_are_said_in_a_fitting_unit(seconds: float, words: str) -> Non
 
 def test_what_may_still_come_is_said_once_a_time_is_known() -> None:
     both = "; about 7.2 min each: most cases need at most 7 more (50 min), stop.max_runs allows at most 30 more (3.6 h"
-    assert at_most(30, 430.0, 7) == f"{both})"
+    assert at_most(30, 430.0, 7) == f"{both})".replace(" each", f" each{WHOLE}")
     assert at_most(30, 430.0, 7, " of simulation") == f"{both} of simulation)"
     # a search that took longer than others, and one that is allowed no more than others take
     for usual in (0, -4, 30, 33):
-        assert at_most(30, 430.0, usual) == "; about 7.2 min each: stop.max_runs allows at most 30 more (3.6 h)"
+        assert at_most(30, 430.0, usual) == f"; about 7.2 min each{WHOLE}: stop.max_runs allows at most 30 more (3.6 h)"
     # the first run of 11 s is compiled, later ones take 0.6 s, and an iteration takes 16 s: only that is told
     assert at_most(202, 11.0, 20, " of simulation") == at_most(201, 29.0, 19, " of simulation") == ""
     assert at_most(201, 31.0, 19, " of simulation").startswith("; about 31 s each: most cases need at most 19 more (9.")
-    assert at_most(197, 16.0, 15).startswith("; about 16 s each: most cases need at most 15 more (4 min)")
+    assert at_most(197, 16.0, 15).startswith(f"; about 16 s each{WHOLE}: most cases need at most 15 more (4 min)")
     assert at_most(0, 430.0, 7) == at_most(30, None, 7) == at_most(29, 2.0, 7) == ""
 
 
@@ -78,3 +86,14 @@ def test_an_iterations_time_is_measured_in_this_command_alone(tmp_path: Path, mo
     assert iteration_seconds(files, now=50_560.0) == 90.0
     monkeypatch.delenv(STARTED)
     assert iteration_seconds(files, now=50_160.0) is None
+
+
+def test_time_of_stored_iterations(tmp_path: Path) -> None:
+    assert stored_iteration_seconds(tmp_path / "gone") is None
+    for number, seconds in enumerate((12.0, 3.0, 5.0)):
+        for stage in ("train", "propose", "verify"):
+            (tmp_path / f"{stage}_{number}.tsv").write_text(f"s\th:m:s\n{seconds}\t0:00:12\n")
+    (tmp_path / "verify_3.tsv").write_text("s\th:m:s\n900\t0:15:00\n")  # its training has left no file
+    assert stored_iteration_seconds(tmp_path) == 15.0
+    (tmp_path / "train_2.tsv").write_text("s\n")
+    assert stored_iteration_seconds(tmp_path) == 22.5

@@ -29,6 +29,8 @@ __all__ = ["CaseCheck", "check_case"]
 
 Say = Callable[[str], None]
 
+_WARNING = "warning: "  # beginning of those notes and lines of the outlook that the user should act on
+
 _LARGEST_RUN = 5_000_000  # pixels of a synthetic image that is made for the check, in some seconds
 _LARGEST = 20_000_000  # values of a scene that is made for the check: more would take minutes
 
@@ -76,7 +78,7 @@ class CaseCheck:
     forward: bool = False
 
     def summary(self) -> str:
-        """Lines on input files, image size, and the expected simulator runs, memory and time of a calibration."""
+        """Lines, without the warnings, on input files, image size, and expected simulator runs, memory and time."""
         lines = [f"  {key}: {path}" for key, path in self.files.items()]
         if self.shape is not None:
             lines.append(f"  simulated image: {self.shape[0]} x {self.shape[1]} pixels")
@@ -94,12 +96,16 @@ class CaseCheck:
             lines.append(
                 f"  memory: about {peak:,.0f} MB in the largest job ({job}); a cluster is asked for {asked:,} MB"
             )
-        lines += [f"  {line}" for line in self.outlook]
+        lines += [f"  {line}" for line in self.outlook if not line.startswith(_WARNING)]
         return "\n".join([*lines, *self.remarks()])
 
+    def warnings(self) -> list[str]:
+        """Lines of the warnings, which are not in the lines of the summary."""
+        return [f"  {text}" for text in (*self.outlook, *self.notes) if text.startswith(_WARNING)]
+
     def remarks(self) -> list[str]:
-        """Lines of the notes and of each image's section ``radar``; a case with problems has them, too."""
-        lines = [f"  note: {text}" for text in self.notes]
+        """Lines of the other notes and of each image's section ``radar``; a case with problems has them, too."""
+        lines = [f"  note: {text}" for text in self.notes if not text.startswith(_WARNING)]
         for section in self.sections:
             lines += ["  section radar as the annotation of the image gives it:"]
             lines += [f"    {line}" for line in section.splitlines()]

@@ -17,15 +17,23 @@ from radcal.config import Case, FileMeasurement
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import LEAST_CONTRAST_DB, contrast_db
 from radcal.radar.geometry import Geometry
-from radcal.radar.radiometry import noise_floor_db
+from radcal.radar.radiometry import noise_floor_db, of_sigma0
 from radcal.radar.reflectivity import law_tables, reflectivity
-from radcal.running.time_left import FINAL_RUNS, duration, largest_runs, most_need, reference_count
+from radcal.running.time_left import (
+    FINAL_RUNS,
+    duration,
+    largest_runs,
+    most_need,
+    reference_count,
+    stored_iteration_seconds,
+)
 from radcal.scene.model import Scene
 from radcal.storage.runs import median_seconds
 
-__all__ = ["hidden_ground", "levels_against_laws", "outlook", "start_contrast", "time_expected"]
+__all__ = ["fixed_levels", "hidden_ground", "levels_against_laws", "outlook", "start_contrast", "time_expected"]
 
 _MOST_HIDDEN, _STEEPEST_DEG = 0.5, 35.0  # more hidden ground and steeper slopes (median) are rare, even in mountains
+_FAR_DB = 6.0  # distance of a fixed law from the image that errors of registration and calibration hardly explain
 _FEWEST_PX = 50  # smallest number of pixels of a material for a line on its level
 
 
@@ -54,6 +62,8 @@ def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> lis
                 f"the image's level counts as right to {error:g} dB (uncertainty.level_db, one standard error): no "
                 f"90 % band of sigma0 from this pass alone is narrower than +-{NORMAL_90 * error:.2g} dB"
             )
+    if measured is not None and isinstance(image, FileMeasurement):
+        lines += fixed_levels(case, geometry, measured.image_db)
     levels = [] if measured is None else levels_against_laws(case, geometry, measured.image_db)
     rough = "levels, rough (the image is not registered, no target is drawn; noise and slopes are left out):"
     return [*lines, rough, *(f"  {line}" for line in levels)] if levels else lines
@@ -169,6 +179,41 @@ def levels_against_laws(case: Case, geometry: Geometry, image_db: NDArray[np.flo
     return lines
 
 
+def fixed_levels(case: Case, geometry: Geometry, image_db: NDArray[np.float32]) -> list[str]:
+    """Warnings on materials that are not calibrated and whose law is far from the measured level.
+
+    The level of a law is that at the mean incidence of the material's pixels, in the radiometry of the image and with
+    its noise.
+
+    Parameters
+    ----------
+    case, geometry, image_db
+        Arguments of :func:`levels_against_laws`.
+    """
+    if case.target.normalisation != "none":
+        return []  # the image's level is not known before the reference run
+    lines = []
+    flat = np.broadcast_to(np.asarray(geometry.flat_incidence_deg)[:, None], image_db.shape)
+    for name in geometry.names:
+        if name in case.calibrated or name not in case.materials or not case.laws[name].has_curve:
+            continue
+        there = (geometry.material == geometry.names.index(name) + 1) & np.isfinite(image_db)
+        if np.count_nonzero(there) < _FEWEST_PX:
+            continue
+        phi, level_deg = float(np.mean(geometry.incidence_deg[there])), np.atleast_1d(np.mean(flat[there]))
+        sigma0_db = float(case.laws[name](np.radians([phi]), case.start_parameters[name])[0])
+        surface = 10.0 ** (sigma0_db / 10.0) * of_sigma0(case.radar.radiometry, level_deg)
+        of_law = 10.0 * np.log10(float((surface + 10.0 ** (noise_floor_db(case.radar, level_deg) / 10.0))[0]))
+        level = level_asked_db(image_db[there], float(case.radar.looks))
+        if abs(of_law - level) > _FAR_DB:
+            lines.append(
+                f"warning: materials.{name} is not calibrated, and its {case.materials[name].law} gives "
+                f"{of_law:.1f} dB at its mean incidence of {phi:.0f} degrees, noise included, while the image has "
+                f"about {level:.1f} dB: is a sign or unit in materials.{name}.parameters wrong?"
+            )
+    return lines
+
+
 def time_expected(case: Case, results: str | Path) -> str:
     """Line on the expected time of the simulator runs, from the stored runs of the case.
 
@@ -185,10 +230,12 @@ def time_expected(case: Case, results: str | Path) -> str:
     if seconds is None:
         return "time: not known before the first run, which radcal run CASE reference makes"
     each = seconds * case.simulator.draws
+    whole = stored_iteration_seconds(Path(results) / case.case / "benchmarks")
+    more = f"; an iteration with training and proposal takes about {duration(whole)}" if whole is not None else ""
     search = most_need(case.design_size, case.stop.max_runs)
     usual = len(case.passes) * (reference_count(case.simulator) + search + FINAL_RUNS)
     return (
-        f"time: about {duration(each)} a run (median of the case's stored runs); most cases need at most {usual} runs "
-        f"({duration(usual * each)} of simulation), stop.max_runs allows at most {sum(largest_runs(case).values())} "
-        f"({duration(sum(largest_runs(case).values()) * each)})"
+        f"time: about {duration(each)} of simulation a run (median of the case's stored runs){more}; most cases "
+        f"need at most {usual} runs ({duration(usual * each)} of simulation), stop.max_runs allows at most "
+        f"{sum(largest_runs(case).values())} ({duration(sum(largest_runs(case).values()) * each)} of simulation)"
     )

@@ -18,7 +18,7 @@ Keys and values, files, scene, geometry and measured image are checked as the ca
 at where keys are wrong, too, and values that are still to be decided (FILL_IN) are listed with line and example. If all
 is well, the command prints what would be read, how many simulator runs the case may take and in which time (once it has
 stored a run), how much memory its jobs request, whether the start image has the contrast that registration needs, and
-roughly each material's level against the range of its law.
+roughly each material's level against the range of its law. Warnings come first; they do not keep a case from being run.
 
 With a product such as a Sentinel-1 SAFE folder it prints section radar as the annotation gives it, even with problems.
 
@@ -58,9 +58,10 @@ def _is_right(case: Path, settings: list[str] | None, results: Path) -> bool:
         typer.echo(f"radcal: {case} cannot be run; {count} problem{'s' if count > 1 else ''} found:", err=True)
         for text in found.problems:
             typer.echo(f"  - {text.removeprefix(f'{case}: ')}", err=True)
-        for line in found.remarks():
+        for line in (*found.warnings(), *found.remarks()):
             typer.echo(line)
         return False
-    typer.echo(f"{case}: no problem found.")
-    typer.echo(found.summary())
+    warnings = found.warnings()
+    more = f", {len(warnings)} warning{'s' * (len(warnings) > 1)}:" if warnings else "."
+    typer.echo("\n".join([f"{case}: no mistake found{more}", *warnings, found.summary()]))
     return True

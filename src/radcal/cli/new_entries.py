@@ -71,7 +71,11 @@ ENTRIES = (
         "--incidence", "radar.incidence_deg", "incidence at the scene's centre [deg], instead of depression", float,
         optional=True,
     ),
-    Entry("--heading", "radar.heading_deg", "heading of the track over the scene, clockwise from north [deg]", float),
+    Entry(
+        "--heading", "radar.heading_deg",
+        "heading of the track over the scene, clockwise from north [deg]; a case without this key has a track to the "
+        "grid's north", float,
+    ),
     Entry("--look-side", "radar.look_side", "side to which the radar looks: right (east) or left (west)"),
     Entry("--range-resolution", "radar.range_resolution_m", "-3 dB width in slant range [m]", float),
     Entry("--azimuth-resolution", "radar.azimuth_resolution_m", "-3 dB width in azimuth [m]", float),

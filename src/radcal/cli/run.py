@@ -6,6 +6,7 @@ cannot be read.
 
 from __future__ import annotations
 
+import itertools
 import os
 import re
 import signal
@@ -22,9 +23,8 @@ from radcal.cli.arguments import Results, Settings, overrides, sentences
 if TYPE_CHECKING:
     from radcal.config import Case
 
-__all__ = ["HELP", "check_folder", "checked_case", "main", "snakemake_command", "sorted_words"]
+__all__ = ["HELP", "check_folder", "checked_case", "files_of_stages", "main", "snakemake_command", "sorted_words"]
 
-_TARGETS = ("all", "reference", "design")  # documented targets; every other rule of the workflow is also a valid target
 _OURS = ("--conf", "-C")  # prefixes of Snakemake's options --configfile and --config, however they are abbreviated
 _ELSEWHERE = (
     "--cores",
@@ -39,9 +39,10 @@ _ELSEWHERE = (
 HELP = """Check cases and calibrate them, in the folder of your clone or anywhere else.
 
 The cases are checked first; a fault in one is reported in one sentence, and none is run. Then Snakemake runs the
-workflow of one case after the other, up to the TARGETS if any are named: reference (one run, to test the setup), design
-(the initial runs), all (the default), any other rule of the workflow or a file below results/. A case that fails does
-not stop the next one. Stop the command at any time: the same command continues.
+workflow of one case after the other, up to the TARGETS if any are named: reference (one run, to test the setup),
+registration, target, design (the initial runs), all (the default), any other stage of docs/architecture.md outside the
+loop of iterations, or a file below results/. A case that fails does not stop the next one. Stop the command at any
+time: the same command continues.
 
 Results go to results/<case> below the current folder, or below the folder of --results.
 
@@ -49,6 +50,7 @@ Results go to results/<case> below the current folder, or below the folder of --
 Examples:
   radcal run config/mine.yaml --dry-run             what would run, and how many simulator runs at most
   radcal run config/mine.yaml reference             one run
+  radcal run config/mine.yaml registration          up to the registered image
   radcal run config/mine.yaml                       the whole calibration
   radcal run config/mine.yaml --set stop.rms=1e-6   one key changed: goes on from there
   radcal run config/a.yaml config/b.yaml            two cases
@@ -91,14 +93,21 @@ def main(
         if elsewhere is not None:  # radcal's own profiles, by the name that they have in a clone
             own = {word: str(folder / word) for word in further if word.startswith("profiles/")}
             further = [word if Path(word).exists() else own.get(word, word) for word in further]
-        commands = [snakemake_command(case, targets, further, changes, cores, dry_run, elsewhere) for case in files]
-        names = _checked(files, changes)
+        checked = _checked(files, changes)
+        commands = [
+            snakemake_command(
+                file, files_of_stages(folder, targets, case, results), further, changes, cores, dry_run, elsewhere
+            )
+            for file, case in zip(files, checked, strict=True)
+        ]
     os.environ["RADCAL_RESULTS"] = str(results)  # radcal.running.jobs.RESULTS, whose import takes a second
     if elsewhere is not None:
         typer.echo(f"radcal: results go to {(here / results).resolve()}", err=True)
     if len(commands) == 1:
         _become(commands[0])
-    raise typer.Exit(_one_after_the_other(dict(zip(names, commands, strict=True))))
+    raise typer.Exit(
+        _one_after_the_other({case.case: command for case, command in zip(checked, commands, strict=True)})
+    )
 
 
 def sorted_words(words: Sequence[str]) -> tuple[list[Path], list[str], list[str]]:
@@ -130,7 +139,7 @@ def check_folder(folder: Path, targets: Iterable[str] = ()) -> None:
     Raises
     ------
     ConfigError
-        The folder has no Snakefile of radcal, or a target is neither a rule nor a path with a slash.
+        The folder has no Snakefile of radcal, or a target is neither a rule outside the loop nor a path with a slash.
     """
     from radcal.config import nearest
     from radcal.errors import ConfigError
@@ -138,12 +147,61 @@ def check_folder(folder: Path, targets: Iterable[str] = ()) -> None:
 
     if not holds_workflow(folder):
         raise ConfigError(f"{folder} is not the folder of radcal's workflow, with Snakefile, workflow and config.")
-    files = [folder / "Snakefile", *(folder / "workflow/rules").glob("*.smk")]
-    pages = [path.read_text(encoding="utf-8") for path in files]
-    rules = set(re.findall(r"^(?:rule|checkpoint) (\w+):", "\n".join(pages), re.MULTILINE))
+    outputs = _outputs(folder)
+    rules = {name for name, files in outputs.items() if not any("{k}" in file for file in files)}
     for target in targets:
         if target not in rules and "/" not in target:
-            raise ConfigError(f"there is no target {target!r}{nearest(target, _TARGETS)}.")
+            if target in outputs:
+                raise ConfigError(
+                    f"the target {target!r} is made in each iteration, expected a file of one iteration, such as "
+                    f"results/CASE/{outputs[target][0].format(k=0)}, or one of {', '.join(sorted(rules))}."
+                )
+            raise ConfigError(f"there is no target {target!r}{nearest(target, sorted(rules))}.")
+
+
+def _outputs(folder: Path) -> dict[str, list[str]]:
+    """Output files of each rule below the folder of the case, with wildcards in braces, from the workflow's text."""
+    pages = [
+        path.read_text(encoding="utf-8") for path in (folder / "Snakefile", *(folder / "workflow/rules").glob("*.smk"))
+    ]
+    found = {}
+    for name, body in re.findall(r"^(?:rule|checkpoint) (\w+):\n((?: .*\n|\n)*)", "\n".join(pages), re.MULTILINE):
+        section = re.search(r"^ {4}output:\n((?: {8}.*\n)+)", body, re.MULTILINE)
+        paths = re.findall(r'f"\{OUT\}/([^"]*)"', section[1]) if section else []
+        found[name] = [path.replace("{{", "{").replace("}}", "}") for path in paths]
+    return found
+
+
+def files_of_stages(folder: Path, targets: Sequence[str], case: Case, results: Path) -> list[str]:
+    """Targets for Snakemake: a rule with wildcards, which Snakemake does not take as a target, as the rule's files.
+
+    Parameters
+    ----------
+    folder : path
+        Folder of the workflow.
+    targets : sequence of str
+        Targets that :func:`check_folder` has accepted.
+    case : Case
+        The case.
+    results : path
+        Folder that contains the results folders of all cases.
+    """
+    outputs = _outputs(folder)
+    wildcards = {
+        "at": [f"passes/{number}/" if number > 1 else "" for number in range(1, len(case.passes) + 1)],
+        "chunk": [str(chunk) for chunk in range(-(-case.design_size // case.design.chunk))],
+        "material": list(case.calibrated),
+    }
+    found = []
+    for target in targets:
+        made = [path for path in outputs.get(target, ()) if "{" in path]
+        for path in made:
+            names = [name for name in wildcards if f"{{{name}}}" in path]
+            for values in itertools.product(*(wildcards[name] for name in names)):
+                found.append(f"{results / case.case}/{path.format(**dict(zip(names, values, strict=True)))}")
+        if not made:
+            found.append(target)
+    return found
 
 
 def checked_case(path: Path, overrides: dict[str, Any]) -> Case:
@@ -237,23 +295,25 @@ def _for_snakemake(value: Any) -> str:
     return f" {json.dumps(text, ensure_ascii=False)} " if isinstance(value, dict | list) else text
 
 
-def _checked(files: Sequence[Path], changes: dict[str, Any]) -> list[str]:
-    """Names of the cases in the given files; if any case is wrong, one error reports every wrong case."""
+def _checked(files: Sequence[Path], changes: dict[str, Any]) -> list[Case]:
+    """Cases in the given files; if any case is wrong, one error reports every wrong case."""
     from radcal.errors import ConfigError
 
     names: dict[str, Path] = {}
-    problems = []
+    cases, problems = [], []
     for file in files:
         try:
-            name = checked_case(file, changes).case
+            case = checked_case(file, changes)
+            name = case.case
             if name in names:
                 raise ConfigError(f"{file}: case is {name!r}, which {names[name]} is called, too, expected another.")
             names[name] = file
+            cases.append(case)
         except ConfigError as error:
             problems.append(str(error))
     if problems:
         raise ConfigError("\nradcal: ".join(problems))
-    return list(names)
+    return cases
 
 
 def _one_after_the_other(commands: Mapping[str, Sequence[str]]) -> int:

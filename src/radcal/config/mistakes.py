@@ -121,7 +121,8 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     forward = _is_forward(given)
     gone |= {"measurement"} if forward else set()
     loaded = Loaded(case, [], frozenset(wrong), frozenset(gone), named, forward)
-    problems += [text for text in contradictions if not loaded.follows(text) and not _of_nothing(text, loaded)]
+    left = [_without(text, wrong) for text in contradictions if not loaded.follows(text)]
+    problems += [text for text in left if text and not _of_nothing(text, loaded)]
     sentences = [f"{origin_of(files)}: {shown(text, 600)}." for text in dict.fromkeys(problems)]
     sentences += _missing_files(given, gone.intersection(given))
     return replace(loaded, problems=sentences)
@@ -148,6 +149,17 @@ def _is_missed(key: WrongKey, wrong: Iterable[str]) -> bool:
         return False
     lost = {one.removeprefix(f"{key.key}.") for one in wrong if one.startswith(f"{key.key}.")}
     return key.key in wrong or bool(lost.intersection(re.findall(r"\w+", key.text)))
+
+
+def _without(text: str, wrong: Iterable[str]) -> str:
+    """Contradiction that lists missing keys of a sensor, without the keys that other problems name; empty if none."""
+    found = re.match(r"radar: (\w+(?:, \w+)*(?: and \w+)?) (?:is|are) missing, which", text)
+    if found is None:
+        return text
+    named = {key.rpartition(".")[2] for key in wrong if key.startswith("radar.")}
+    left = [key for key in re.split(", | and ", found[1]) if key not in named]
+    several = f"{', '.join(left[:-1])} and {left[-1]} are" if len(left) > 1 else f"{''.join(left)} is"
+    return f"radar: {several} missing, which{text[found.end() :]}" if left else ""
 
 
 def _of_nothing(text: str, loaded: Loaded) -> bool:

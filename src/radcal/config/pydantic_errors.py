@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import re
 import types
 import typing
@@ -13,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from radcal.config.sections import FURTHER, MATERIALS_FROM, TAGS
+from radcal.radar.bands import letter_band
 
 __all__ = ["MISSING", "Contradictions", "WrongKey", "nearest", "sentence", "shown", "wrong_keys"]
 
@@ -159,8 +161,7 @@ def _wrong_key(detail: ErrorDetails, root: type[BaseModel]) -> WrongKey:
     place, text, value = detail["loc"], _text(detail, root), detail["input"]
     last = str(place[-1]) if place else ""
     if detail["type"] == "extra_forbidden":
-        near = difflib.get_close_matches(last, _known_keys(place, root), n=1, cutoff=0.5)
-        return WrongKey(text, place, _key(place[:-1]), meant=near[0] if near else None)
+        return WrongKey(text, place, _key(place[:-1]), meant=_meant(detail, root))
     key = _key(place)
     if detail["type"] in ("union_tag_invalid", "union_tag_not_found"):
         tag = TAGS[key.partition(".")[0]]
@@ -178,6 +179,22 @@ def _wrong_key(detail: ErrorDetails, root: type[BaseModel]) -> WrongKey:
     return WrongKey(text, place, key, choices=(*near, *(one for one in choices if one not in near)))
 
 
+def _meant(detail: ErrorDetails, root: type[BaseModel]) -> str | None:
+    """Known key that an unknown key most probably stands for.
+
+    This is the most similar key, unless the key is the first word of a key that allows its value: ``look: left`` stands
+    for ``look_side``, ``look: 4`` for ``looks``.
+    """
+    place, value = detail["loc"], detail["input"]
+    last, known = str(place[-1]), _known_keys(place, root)
+    for name in (name for name in known if name.startswith(f"{last}_")):
+        fields = [model.model_fields[name] for model in _models_at(place, root) if name in model.model_fields]
+        if value in [text for field in fields for text in _literals(field.annotation)]:
+            return name
+    near = difflib.get_close_matches(last, known, n=1, cutoff=0.5)
+    return near[0] if near else None
+
+
 def _literals(annotation: object) -> list[str]:
     """Texts that a type annotation allows (its ``Literal`` values)."""
     if typing.get_origin(annotation) is typing.Literal:
@@ -192,7 +209,9 @@ def _text(detail: ErrorDetails, root: type[BaseModel]) -> str:
         case "extra_forbidden":
             *above, last = detail["loc"]
             key = f"{_key(above)}.{last}" if above else str(last)
-            return f"unknown key {key}{nearest(str(last), _known_keys(detail['loc'], root))}"
+            meant = _meant(detail, root)
+            known = _known_keys(detail["loc"], root)
+            return f"unknown key {key}{nearest(str(last), known) if meant is None else f' (did you mean {meant!r}?)'}"
         case "missing":
             return f"{key} is missing"
         case _ if detail["type"] == MISSING:
@@ -207,7 +226,17 @@ def _text(detail: ErrorDetails, root: type[BaseModel]) -> str:
     message = detail["msg"].removeprefix("Input should be ").replace(" after validation", "")
     message = re.sub(r"^\w+ should have ", "", message)
     message = re.sub("^a valid (dictionary|tuple).*", _of_kind, message)
-    return f"{key} is {shown(repr(found))}, expected {message}"
+    return f"{key} is {shown(repr(found))}, expected {message}{_other_unit(key, found)}"
+
+
+def _other_unit(key: str, found: object) -> str:
+    """Question whether a carrier frequency is in MHz or Hz; empty for other keys and values."""
+    number = float(found) if isinstance(found, int | float) and -1e308 < found < 1e308 else math.nan
+    if key.rpartition(".")[2] == "frequency_ghz":
+        for unit, per_ghz in (("MHz", 1e3), ("Hz", 1e9)):
+            if letter_band(number / per_ghz * 1e9) is not None:
+                return f" (in {unit}? {number / per_ghz:g} GHz)"
+    return ""
 
 
 def _key(place: Sequence[int | str]) -> str:

@@ -239,7 +239,9 @@ class Radar(Section):
     @model_validator(mode="after")
     def _one_band(self) -> Self:
         if self.frequency_ghz is not None and within_band(self.band, self.frequency_ghz * 1e9) is False:
+            in_mhz = within_band(self.band, self.frequency_ghz * 1e6)
             raise ValueError(
                 f"frequency_ghz is {self.frequency_ghz:g}, which is not in band {self.band!r}: correct one of them"
+                + f" (in MHz? {self.frequency_ghz / 1000.0:g} GHz)" * bool(in_mhz)
             )
         return self

@@ -40,6 +40,7 @@ EXAMPLES: Mapping[str, str] = {
     "radar.nesz_db": "-24",
 }
 """Example of a value for each key, for error messages."""
+_LEFT_OUT = {"radar.heading_deg": ", or no such line for a track to the grid's north"}  # keys with a usable default
 _LEVEL = "[-15]"  # of law constant_gamma
 
 
@@ -75,7 +76,7 @@ class Undecided:
         section = f"{self.place[0]}.{key}"
         example = _LEVEL if key == "parameters" else EXAMPLES.get(section)
         such = "its value" if example is None else f"its value, for example {key}: {example}"
-        return f"{self.key} is {FILL_IN}{line}, expected {such}"
+        return f"{self.key} is {FILL_IN}{line}, expected {such}{_LEFT_OUT.get(section, '')}"
 
 
 def undecided(data: Mapping[str, Any], files: Sequence[str | Path] = ()) -> list[Undecided]:

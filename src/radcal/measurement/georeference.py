@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,8 @@ __all__ = [
     "GeoreferencedImage",
     "check_spacing",
     "is_georeferenced",
+    "map_pixel_m",
+    "off_the_map",
     "places_on_ground",
     "read_georeferenced",
     "values_at_ground",
@@ -75,6 +78,28 @@ def is_georeferenced(path: Path, folders: Sequence[Path] = ()) -> bool:
         return False
 
 
+def off_the_map(path: Path, crs: str, folders: Sequence[Path] = ()) -> str:
+    """Text for the error about an image whose size differs, for which :func:`is_georeferenced` is false.
+
+    Parameters
+    ----------
+    path, folders
+        Arguments of :func:`is_georeferenced`.
+    crs : str
+        The scene's CRS.
+    """
+    from pyproj import CRS
+
+    lacks = "CRS"
+    if is_raster(path):
+        with contextlib.suppress(Exception), open_raster(path, folders) as raster:
+            lacks = "CRS" if crs_of(raster) is None else "transform from its pixels to the map"
+    return (
+        f", and the file has no {lacks}, expected a georeferenced image, as the scene in "
+        f"{CRS.from_user_input(crs).name} is, or one in slant range on the grid of the scene's image"
+    )
+
+
 def check_spacing(path: Path, radar: Radar, folders: Sequence[Path] = ()) -> None:
     """Refuse pixel spacings that are much larger or smaller than the pixels of a georeferenced image.
 
@@ -95,9 +120,7 @@ def check_spacing(path: Path, radar: Radar, folders: Sequence[Path] = ()) -> Non
     MeasurementError
         A spacing on the ground is more than five times the mean side of the image's pixels, or less than a fifth of it.
     """
-    with open_raster(path, folders) as raster:
-        crs = crs_of(raster)
-        sides = pixel_size_m(raster, horizontal(crs)) if crs is not None else (1.0, 1.0)
+    sides = _sides_m(path, folders)
     side = float(np.sqrt(sides[0] * sides[1]))
     for way, per_ground in (("range", radar.slant_per_ground), ("azimuth", 1.0)):
         spacing = getattr(radar, f"{way}_spacing_m")
@@ -107,6 +130,26 @@ def check_spacing(path: Path, radar: Radar, folders: Sequence[Path] = ()) -> Non
                 f"radar.{way}_spacing_m is {spacing:g}{ground}, the pixels of {path} are {sides[0]:.3g} x "
                 f"{sides[1]:.3g} m: expected about {per_ground * side:.3g}, at most {_FAR_OFF:g} times more or less."
             )
+
+
+def _sides_m(path: Path, folders: Sequence[Path]) -> tuple[float, float]:
+    with open_raster(path, folders) as raster:
+        crs = crs_of(raster)
+        return pixel_size_m(raster, horizontal(crs)) if crs is not None else (1.0, 1.0)
+
+
+def map_pixel_m(path: Path, radar: Radar, folders: Sequence[Path] = ()) -> tuple[float, float]:
+    """Sides of a georeferenced image's pixels along slant range and azimuth [m], as the root of their mean square.
+
+    Parameters
+    ----------
+    path, radar, folders
+        Arguments of :func:`check_spacing`.
+    """
+    east, north = _sides_m(path, folders)
+    heading = np.radians(radar.heading_deg)
+    across = float(np.hypot(east * np.cos(heading), north * np.sin(heading)))
+    return across * radar.slant_per_ground, float(np.hypot(east * np.sin(heading), north * np.cos(heading)))
 
 
 def read_georeferenced(path: Path, config: FileMeasurement, places: Places | None = None) -> GeoreferencedImage:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,10 @@ _MORE_LOOKS, _WIDER = 1.5, 1.5  # smallest ratios of looks and of areas to the c
 # only come from resolutions that are wrong (both by half, or one by more). A correlation area above 3 could only come
 # from texture, which would also lower the looks below 0.9 times the configured ones.
 _COARSE, _SMOOTHED, _AS_MANY_LOOKS = 2.25, 3.0, 0.9
+# width that resampling adds in quadrature, in sides of a map's pixel, from the variance of its kernels: 1/12 of the
+# nearest neighbour (radcal's), 1/6 of a linear interpolation (of the program that made the map), and 2.355 standard
+# deviations in a width
+_RESAMPLED = 2.355 * math.sqrt(1.0 / 12.0 + 1.0 / 6.0)
 # trial widths in pixel spacings: from sampling far below the bandwidth to filters far wider than any window
 _WIDTHS = np.geomspace(0.4, 30.0, 600)
 
@@ -192,7 +197,9 @@ def is_filtered(found: PointSpread | None, looks: Looks | None, radar: Radar) ->
     return looks.looks > _MORE_LOOKS * radar.looks and found.cells(radar) > _WIDER
 
 
-def point_spread_note(found: PointSpread, looks: Looks | None, radar: Radar, source: str) -> str | None:
+def point_spread_note(
+    found: PointSpread, looks: Looks | None, radar: Radar, source: str, map_pixel_m: tuple[float, float] | None = None
+) -> str | None:
     """Sentence about a point spread that differs from the configured resolutions; None if there is no difference.
 
     If ``radar.looks`` has been set to the number of looks after filtering, only the correlation shows the filter. If
@@ -208,10 +215,17 @@ def point_spread_note(found: PointSpread, looks: Looks | None, radar: Radar, sou
         Arguments of :func:`is_filtered`.
     source : str
         Name of the image.
+    map_pixel_m : (float, float), optional
+        Sides of the pixels of a georeferenced image along slant range and azimuth [m]. The resampling from the map
+        widens the configured cell, so that only a width beyond the widened cell leads to an advice.
     """
-    compared = (
-        (found.range_m, radar.range_resolution_m, found.range_error_m),
-        (found.azimuth_m, radar.azimuth_resolution_m, found.azimuth_error_m),
+    configured = (radar.range_resolution_m, radar.azimuth_resolution_m)
+    sides = map_pixel_m or (0.0, 0.0)
+    explained = [math.hypot(one, _RESAMPLED * side) for one, side in zip(configured, sides, strict=True)]
+    widths = ((found.range_m, found.range_error_m), (found.azimuth_m, found.azimuth_error_m))
+    finer, wider, unexplained = (
+        any(sign * (width - one) > _CERTAIN * error for (width, error), one in zip(widths, limits, strict=True))
+        for sign, limits in ((-1.0, configured), (1.0, configured), (1.0, explained))
     )
     said = (
         f"by its speckle the point spread of {source} is {found.range_m:.3g} +- {found.range_error_m:.2g} m in slant "
@@ -226,12 +240,19 @@ def point_spread_note(found: PointSpread, looks: Looks | None, radar: Radar, sou
             "radar.looks and the resolutions are both wrong."
         )
     as_many = looks is not None and looks.looks > _AS_MANY_LOOKS * radar.looks
-    cells = found.cells(radar)
+    cells = found.range_m * found.azimuth_m / math.prod(explained)
     if cells > _COARSE or (cells > _WIDER and found.smoothing > _SMOOTHED and as_many):
         guess = "speckle-filtered or smoothed in another way, unless the resolutions are wrong"
         return f"{source} is {guess}: {said}; {area}."
-    if all(abs(width - resolution) <= _CERTAIN * error for width, resolution, error in compared):
+    if not (finer or wider):
         return None
+    if map_pixel_m is not None:
+        said += (
+            f"; the widths contain the resampling from the map, with which these resolutions give up to "
+            f"{explained[0]:.3g} and {explained[1]:.3g} m"
+        )
+        if not (finer or unexplained):
+            return f"{said}: no key need be changed."
     ways = {"range": found.range_m, "azimuth": found.azimuth_m}
     possible = {way: radar.possible_resolution_m(way, width) for way, width in ways.items()}
     limits = [
@@ -243,6 +264,6 @@ def point_spread_note(found: PointSpread, looks: Looks | None, radar: Radar, sou
     if all(abs(possible[way] / getattr(radar, f"{way}_resolution_m") - 1.0) <= _SHAPE for way in ways):
         return f"{said}: no resolutions nearer to the image's are possible{limited}."
     return (
-        f"{said}: set them to {possible['range']:g} and {possible['azimuth']:g}{limited}, unless the image was "
-        "resampled or has texture of a few pixels."
+        f"{said}: set them to {possible['range']:g} and {possible['azimuth']:g}{limited}, unless the image "
+        f"{'was resampled' if map_pixel_m is None else 'was resampled before, too,'} or has texture of a few pixels."
     )

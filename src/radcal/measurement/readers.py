@@ -57,7 +57,9 @@ class ReadImage:
     radiometry: str | None = None
 
 
-def read_image(path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None) -> ReadImage:
+def read_image(
+    path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None, resized: str = ""
+) -> ReadImage:
     """Read a measured image as backscatter in dB.
 
     Parameters
@@ -68,6 +70,8 @@ def read_image(path: Path, config: FileMeasurement, shape: tuple[int, int] | Non
         Configuration with the scale of the numbers, and with the dataset or band.
     shape : (int, int), optional
         Size that the image must have.
+    resized : str
+        End of the message about an image of another size; by default the advice to crop or resample it.
 
     Raises
     ------
@@ -85,7 +89,7 @@ def read_image(path: Path, config: FileMeasurement, shape: tuple[int, int] | Non
             frequency_hz=sicd.frequency_hz,
             radiometry=sicd.radiometry,
         )
-    return image_of(read_array(image_file(path, config, shape)), path, config, shape)
+    return image_of(read_array(image_file(path, config, shape, resized)), path, config, shape)
 
 
 def image_of(values: Values, path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None) -> ReadImage:
@@ -184,7 +188,9 @@ def _window(raster: Any, x: NDArray[np.float64], y: NDArray[np.float64]) -> Any:
     return Window(left, top, width, height)
 
 
-def image_file(path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None) -> ImageFile:
+def image_file(
+    path: Path, config: FileMeasurement, shape: tuple[int, int] | None = None, resized: str = ""
+) -> ImageFile:
     """File of a measured image, with the keys that error messages name; ``shape`` is the required size of the image."""
     return ImageFile(
         path,
@@ -193,7 +199,7 @@ def image_file(path: Path, config: FileMeasurement, shape: tuple[int, int] | Non
         "path",
         MeasurementError,
         shape=shape,
-        resized=": crop or resample it to the same grid",
+        resized=resized or ": crop or resample it to the same grid",
         impossible_share=_IMPOSSIBLE_SHARE,
         folders=vrt_folders(config),
     )

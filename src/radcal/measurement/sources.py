@@ -18,6 +18,8 @@ from radcal.errors import FitError, MeasurementError, RadcalError
 from radcal.measurement.georeference import (
     check_spacing,
     is_georeferenced,
+    map_pixel_m,
+    off_the_map,
     places_on_ground,
     read_georeferenced,
     values_at_ground,
@@ -47,6 +49,7 @@ __all__ = ["check_image", "make_measurement"]
 
 T = TypeVar("T")
 _LARGEST_ALONE = 20_000_000  # largest number of pixels of a raster that is read for a check without the scene
+_NOISE_ABOVE_DB = 3.0  # an image contains its noise: only errors of both levels let the noise lie above the image
 
 
 def make_measurement(
@@ -89,7 +92,9 @@ def make_measurement(
     refused = [_refusal(name, measurement, geometry, case.target, flags) for name in case.calibrated]
     errors = [error for error in refused if error is not None]
     if errors and not (partly and len(errors) < len(refused)):
-        raise errors[0]
+        is_file = isinstance(case.measurement, FileMeasurement)
+        mistake = _noise_above(measurement, noise_db, case.radar) if flags and is_file else None
+        raise mistake or errors[0]
     return measurement
 
 
@@ -190,9 +195,26 @@ def _refusal(
     return None
 
 
+def _noise_above(measurement: Measurement, noise_db: NDArray[np.float64], radar: Radar) -> MeasurementError | None:
+    """Error about noise far above the level of the whole image, which no image can have."""
+    present = measurement.image_db[np.isfinite(measurement.image_db)].astype(np.float64)
+    level, noise = 10.0 * np.log10(np.mean(10.0 ** (present / 10.0))), float(np.median(noise_db))
+    if not noise > level + _NOISE_ABOVE_DB:
+        return None
+    one = radar.nesz_db if isinstance(radar.nesz_db, float) else None
+    given = "" if one is None else f" is {one:g}"
+    sign = "" if one is None or one <= 0 else f" (is a minus sign missing? -{one:g})"
+    return MeasurementError(
+        f"radar.nesz_db{given}: this noise of {noise:.3g} dB lies above the mean level of {measurement.source}, "
+        f"{level:.3g} dB, which contains the noise, expected a smaller radar.nesz_db{sign}, for an image without noise "
+        "far below this level, or another measurement.scale."
+    )
+
+
 def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None) -> Measurement:
     path = expand_path(config.path, "measurement.path", folder=is_safe_name(config.path))
     crs, transform = (scene.crs, scene.transform) if scene is not None else (None, None)
+    sides = None
     if is_safe_name(config.path):
         opened = open_product(path, config, radar)
         power, _, said = sigma0_image(opened, config, radar, geometry, scene)
@@ -201,11 +223,13 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
         path = path.with_name(opened.name)
     elif crs is not None and transform is not None and is_georeferenced(path, vrt_folders(config)):
         check_spacing(path, radar, vrt_folders(config))
+        sides = map_pixel_m(path, radar, vrt_folders(config))
         places = partial(places_on_ground, crs, transform, geometry.ground)
         values = values_at_ground(read_georeferenced(path, config, places), crs, transform, geometry.ground)
         read = image_of(values, path, config, geometry.shape)
     else:
-        read = read_image(path, config, geometry.shape)
+        resized = "" if crs is None else off_the_map(path, crs, vrt_folders(config))
+        read = read_image(path, config, geometry.shape, resized)
     if not is_safe_name(config.path):
         read = _tagged(read, tags_of(path, config.band, vrt_folders(config)), config, path)
     _check_pass(read, radar, path)
@@ -223,7 +247,7 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
             f"radar.looks and the scale of {path.name} could not be checked by the speckle: the areas of single "
             "materials are too small."
         )
-    if spread is not None and (note := point_spread_note(spread, looks, radar, path.name)) is not None:
+    if spread is not None and (note := point_spread_note(spread, looks, radar, path.name, sides)) is not None:
         notes.append(note)
     slope = relief_slope(read.image_db, geometry, radar)
     if slope is not None:

@@ -32,6 +32,7 @@ from radcal.scene.size import SceneSize
 
 __all__ = ["make_geometry"]
 
+_LARGEST_KM = 1000.0  # a smaller altitude may be one in km: low orbits lie below 1000 km
 _MOST_NAMES = 254  # largest number of materials, not counting objects
 _CELLS_AT_ONCE = 256  # number of the scene's rows in a block; smaller blocks need less memory
 
@@ -112,13 +113,13 @@ def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None) -> Geom
     if track <= elevation.max():
         raise SceneError(
             f"radar.altitude_m is {radar.altitude_m:g} m above the scene's mean, the terrain rises "
-            f"{elevation.max() - mean:.0f} m: fly higher."
+            f"{elevation.max() - mean:.0f} m: fly higher{_in_km(radar)}."
         )
     edges = np.arange(nx * k + 1) * step - nx * scene.cell_m / 2 + seen.ground_m
     if edges[0] <= 0.0:
         raise SceneError(
             f"radar.depression_deg {radar.depression_deg:g} at radar.altitude_m {radar.altitude_m:g} puts the track "
-            "over the scene: lower the depression angle or fly higher."
+            f"over the scene: lower the depression angle or fly higher{_in_km(radar)}."
         )
     # slant ranges are stored relative to a base slant range near the scene, so that single precision is enough
     base = float(np.hypot(seen.height_m, edges[0]))
@@ -180,9 +181,16 @@ def _standing(
     if standing[0].top_m.size and track <= standing[0].top_m.max():
         raise SceneError(
             f"radar.altitude_m is {radar.altitude_m:g} m above the scene's mean, an object rises "
-            f"{standing[0].top_m.max() - elevation.mean():.0f} m: fly higher."
+            f"{standing[0].top_m.max() - elevation.mean():.0f} m: fly higher{_in_km(radar)}."
         )
     return standing
+
+
+def _in_km(radar: Radar) -> str:
+    """Question whether an altitude that is too low was given in km."""
+    if radar.altitude_m >= _LARGEST_KM:
+        return ""
+    return f" (is {radar.altitude_m:g} in km? radar.altitude_m: {1000.0 * radar.altitude_m:g})"
 
 
 def _pixels(

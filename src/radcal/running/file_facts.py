@@ -18,7 +18,7 @@ from radcal.scene.crs import crs_of, horizontal, label, pixel_size_m, vertical_d
 if TYPE_CHECKING:
     from radcal.measurement.acquisition import Acquisition
 
-__all__ = ["RasterFacts", "code_counts", "product_acquisition", "raster_facts"]
+__all__ = ["RasterFacts", "check_overlap", "code_counts", "product_acquisition", "raster_facts"]
 
 _POLARISATIONS = ("HH", "HV", "VH", "VV")
 _SAMPLE_PX = 1024  # side of the sample from which the range of an image's numbers is read
@@ -146,6 +146,27 @@ def product_acquisition(path: Path, heights: Path, polarisation: str | None) -> 
     )
     radar = Radar(polarisation=polarisation) if polarisation else Radar()
     return told(path, FileMeasurement.model_validate({"path": str(path)}), radar, scene).acquisition
+
+
+def check_overlap(elevation: str, materials: str) -> None:
+    """Raise an error if the rasters of elevation and land cover have no common area.
+
+    Parameters
+    ----------
+    elevation, materials : str
+        Paths of two rasters with a CRS.
+
+    Raises
+    ------
+    SceneError
+        The rasters do not overlap, or one of them cannot be a raster of a scene.
+    """
+    from radcal.config import RasterScene
+    from radcal.scene.grid import opened, overlap
+
+    scene = RasterScene.model_construct(elevation=elevation, materials=materials)
+    with opened("scene.elevation", scene) as heights, opened("scene.materials", scene) as cover:
+        overlap(heights, cover)
 
 
 def code_counts(path: Path) -> dict[int, int]:

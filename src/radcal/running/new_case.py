@@ -18,7 +18,7 @@ from radcal.measurement.acquisition import radar_keys
 from radcal.radar.bands import letter_band
 from radcal.radar.speckle import WIDTH_FACTOR
 from radcal.reading.safe import is_safe_name
-from radcal.running.file_facts import RasterFacts, code_counts, product_acquisition, raster_facts
+from radcal.running.file_facts import RasterFacts, check_overlap, code_counts, product_acquisition, raster_facts
 from radcal.running.new_materials import Raw, fixed_laws, material_lines, scalar
 from radcal.scene.names import read_names
 from radcal.storage.files import atomic
@@ -111,6 +111,8 @@ class NewCase:
             self._values["scene.source"] = "slant_range"
             self._values["scene.labels"] = self._values["scene.materials"]
             self._notes["scene.labels"] = self._notes["scene.materials"]
+        if heights is not None and heights.crs is not None and cover is not None:
+            check_overlap(self._values["scene.elevation"], self._values["scene.materials"])
         if heights is not None and heights.datum is not None:
             self._notes["scene.elevation"] += f", heights above {heights.datum}"
             self._values.setdefault("scene.vertical_datum", "")  # known from the file: no line is needed
@@ -215,14 +217,17 @@ class NewCase:
             for way, size in pixels.items()
         ):
             return
-        self._values.setdefault("radar.azimuth_spacing_m", float(f"{north:.4g}"))
-        self._notes["radar.azimuth_spacing_m"] = f"as {of}"
+        if "radar.azimuth_spacing_m" not in self._values:
+            self._values["radar.azimuth_spacing_m"] = float(f"{north:.4g}")
+            self._notes["radar.azimuth_spacing_m"] = f"as {of}"
+        if "radar.range_spacing_m" in self._values:
+            return
         angle = "sine of the incidence" if "radar.incidence_deg" in self._values else "cosine of the depression angle"
         said = f"{of} of {east:.4g} m times the {angle}"
         self._notes["radar.range_spacing_m"] = said
         if depression_deg is not None:
             spacing = east * math.cos(math.radians(depression_deg))
-            self._values.setdefault("radar.range_spacing_m", float(f"{spacing:.4g}"))
+            self._values["radar.range_spacing_m"] = float(f"{spacing:.4g}")
 
     def _derive(self) -> None:
         frequency = self._values.get("radar.frequency_ghz")
@@ -341,7 +346,10 @@ class NewCase:
                 # the remark on a given file describes the file's content instead of the key
                 told = name in self._notes and name in (*_FILES, "measurement.band", "measurement.scale")
                 such = f"for example {key}: {EXAMPLES[name]}" if value == FILL_IN and name in EXAMPLES else ""
-                about = [text for text in ("" if told else comments.get(name), self._notes.get(name), such) if text]
+                comment = "" if told else comments.get(name, "")
+                if name == "scene.names":  # what follows is about the option, not about the key
+                    comment = comment.partition(";")[0]
+                about = [text for text in (comment, self._notes.get(name), such) if text]
                 lines.append(f"  {key}: {scalar(value)}" + (f"  # {'; '.join(about)}" if about else ""))
         if not self._synthetic:
             lines += [

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import csv
 import itertools
 import os
 import statistics
@@ -14,6 +16,7 @@ from radcal.running.jobs import STARTED
 
 __all__ = [
     "FINAL_RUNS", "at_most", "duration", "iteration_seconds", "largest_runs", "most_need", "reference_count",
+    "stored_iteration_seconds",
 ]  # fmt: skip
 
 FINAL_RUNS = 2  # of each pass: one with the noise seed of all runs, one with another noise seed
@@ -85,11 +88,36 @@ def at_most(runs: int, seconds: float | None, usual: int, of: str = "") -> str:
     """
     if runs <= 0 or seconds is None or runs * seconds < _SHORT_S or (of and seconds < _LONG_RUN_S):
         return ""
+    steps = "" if of else ", with training and proposal"
     most = f"most cases need at most {usual} more ({duration(usual * seconds)}), " if 0 < usual < runs else ""
     return (
-        f"; about {duration(seconds)} each: {most}stop.max_runs allows at most {runs} more "
+        f"; about {duration(seconds)} each{steps}: {most}stop.max_runs allows at most {runs} more "
         f"({duration(runs * seconds)}{of})"
     )
+
+
+def stored_iteration_seconds(folder: str | Path) -> float | None:
+    """Time of the jobs of an iteration (training, proposal, verification) of earlier commands [s], without their start.
+
+    Parameters
+    ----------
+    folder : path
+        Folder of Snakemake's benchmark files, which need not exist.
+
+    Returns
+    -------
+    float or None
+        Median of all iterations; None if no iteration has all files.
+    """
+    found = []
+    for last in Path(folder).glob("verify_*.tsv"):
+        number = last.stem.rpartition("_")[2]
+        # Snakemake does not write these files atomically, so that a file may be incomplete after a kill
+        with contextlib.suppress(OSError, KeyError, TypeError, ValueError, IndexError):
+            pages = [last.with_name(f"{stage}_{number}.tsv") for stage in ("train", "propose", "verify")]
+            rows = [list(csv.DictReader(page.read_text("utf-8").splitlines(), delimiter="\t")) for page in pages]
+            found.append(sum(float(row[-1]["s"]) for row in rows))
+    return statistics.median(found) if found else None
 
 
 def iteration_seconds(files: Sequence[str | Path], now: float | None = None) -> float | None:

@@ -177,8 +177,14 @@ def _empty(box: Box) -> bool:
     return not (box[0] < box[2] and box[1] < box[3])
 
 
-def _overlap(elevation: Source, materials: Source) -> tuple[Box, Box]:
-    """Bounding box of the area that both rasters cover, in the CRS of the elevation and in that of the materials."""
+def overlap(elevation: Source, materials: Source) -> tuple[Box, Box]:
+    """Bounding box of the area that both rasters cover, in the CRS of the elevation and in that of the materials.
+
+    Raises
+    ------
+    SceneError
+        The rasters do not overlap.
+    """
     from pyproj import CRS
 
     globe = CRS.from_user_input("OGC:CRS84")
@@ -238,7 +244,7 @@ def scene_grid(elevation: Source, materials: Source, config: RasterScene, headin
     Snyder, "Map projections: a working manual", USGS Professional Paper 1395 (1987), p. 20:
     Tissot's indicatrix, whose axes are a map's largest and smallest scale.
     """
-    boxes = _overlap(elevation, materials)
+    boxes = overlap(elevation, materials)
     crs = _target(elevation, boxes[0], config)
     box = _common(box_in(boxes[0], elevation.plane, crs), box_in(boxes[1], materials.plane, crs))
     same = same_place(elevation.plane, crs)
