@@ -290,16 +290,25 @@ def test_objects_are_dots_in_the_scene(made, tmp_path):
 def test_axes_of_a_turned_scene_are_those_of_the_track(made):
     config = json.loads(made.archive.config)
     config["radar"]["heading_deg"] = 192.5
+    rows, columns = np.indices((20, 30))
+    hilly = (100.0 + 4.0 * rows * np.sin(columns / 4.0)).astype(np.float32)
+    view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=hilly, cell_m=15.0)
+    case = replace(made.archive, scene=view)
     with mpl.rc_context(module.STYLE):
-        turned, _, _ = module.scene(replace(made.archive, config=json.dumps(config)))
-        plain, _, _ = module.scene(made.archive)
+        turned, _, _ = module.scene(replace(case, config=json.dumps(config)))
+        plain, caption, _ = module.scene(case)
+        assert drawn(turned) == []
+    assert "no relief" not in caption
     for canvas, across, along in (
-        (turned, "right of the track [km]", "along the track, 192.5 deg [km]"),
-        (plain, "east [km]", "north [km]"),
+        (turned, "right of the track [km]", ("along the track, 192.5 deg [km]", "along the track [km]")),
+        (plain, "east [km]", ("north [km]", "north [km]")),
     ):
         labels = [(axes.get_xlabel(), axes.get_ylabel()) for axes in canvas.axes if axes.get_xlabel()]
-        assert labels == [(across, along)] * 4
-    assert "light from ahead on the left" in turned.axes[0].get_title("left")
+        assert labels == [(across, along[0])] * 3 + [(across, along[1])]
+    (solid,) = [axes for axes in turned.axes if hasattr(axes, "get_zlabel")]
+    # with the usual distance the labels lie on the numbers of the ticks
+    assert solid.xaxis.labelpad == solid.yaxis.labelpad == 9.0
+    assert "light from ahead on the left" in turned.axes[2].get_title("left")
 
 
 @pytest.mark.slow
@@ -446,21 +455,57 @@ def test_names_of_files_are_all_different():
     assert list(drawing.slugs(["a b", "A_b", "a/b", "a_b_2", "c"])) == ["a_b", "A_b_2", "a_b_3", "a_b_2_2", "c"]
 
 
-def test_a_scene_of_one_height_is_drawn(made):
-    level = np.full((20, 30), 120.0, dtype=np.float32)
-    view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=level, cell_m=15.0)
+@pytest.mark.parametrize(
+    ("rise_m", "heights", "slopes"), [(0.0, "120.0 to 120.0 m", "below 0.01 deg"), (0.04, "120.0 to 121.2 m", "0.15")]
+)
+def test_a_scene_without_relief_has_plans_of_materials_and_heights_only(made, rise_m, heights, slopes):
+    level = np.tile(120.0 + rise_m * np.arange(30.0), (20, 1)).astype(np.float32)
+    view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=level, cell_m=15.0, step=1)
     with mpl.rc_context(drawing.STYLE):
         canvas, caption, _ = scene_figures.scene(replace(made.archive, scene=view))
         assert drawn(canvas) == []
-    assert "heights from 120 to 120 m" in caption
-    # light from 40 degrees above: the sine of it as grey, on a scale from black to white
-    relief = canvas.axes[0].images[0]
-    np.testing.assert_allclose(relief.norm(relief.get_array()), np.sin(np.radians(40.0)))
+    assert f"heights from {heights}. Slopes are {slopes}" in caption
+    assert "no relief is drawn" in caption
+    assert [axes.get_title("left") for axes in canvas.axes][:2] == ["materials", "elevation"]
+    assert len(canvas.axes) == 3  # with the colour bar
+
+
+def test_heights_are_exaggerated_twenty_times_at_most(made):
+    low = np.zeros((20, 30), dtype=np.float32)
+    low[5:15, 7] = 0.8
+    view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=low, cell_m=15.0, step=1)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = scene_figures.scene(replace(made.archive, scene=view))
+    assert canvas.axes[-1].title.get_text() == "seen from south-west, heights 20 times"
+
+
+def test_a_colour_bar_has_arrows_where_values_lie_beyond_it():
+    values = np.linspace(2.0, 5.0, 31)
+    ends = {(2.0, 5.0): "neither", (2.1, 5.0): "min", (2.0, 4.9): "max", (2.1, 4.9): "both"}
+    for (low, high), extend in ends.items():
+        assert scene_figures._extend(values, low, high) == extend
+
+
+def test_the_unit_of_a_colour_bar_does_not_stand_beside_the_next_panel(made):
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = scene_figures.incidence(made.archive)
+    assert canvas.axes[0].get_title("left") == "local incidence [deg]"
+    assert [axes.get_ylabel() for axes in canvas.axes] == ["slant range [pixel]", "", "", ""]
+
+
+def test_angles_have_the_decimals_that_make_them_differ():
+    for ends, text in {
+        (22.1, 67.8): "22 to 68",
+        (38.92, 39.08): "38.9 to 39.1",
+        (39.01, 39.03): "39.01 to 39.03",
+    }.items():
+        assert scene_figures._span_deg(*ends) == f"{text} deg"
 
 
 def test_one_incidence_has_the_middle_of_a_scale_and_a_title_of_its_own(made):
     assert scene_figures._scale(np.linspace(31.0, 45.0, 101)) == pytest.approx((31.14, 44.86))
-    assert scene_figures._scale(np.full(50, 38.75)) == (38.25, 39.25)
+    assert scene_figures._scale(np.linspace(38.9, 39.1, 101)) == pytest.approx((38.902, 39.098))
+    assert scene_figures._scale(np.full(50, 38.75)) == pytest.approx((38.745, 38.755))
     fitted = made.archive.materials["dyke"].fitted
     for level_only, title in ((True, "seen at one incidence, a level and no law"), (False, "no truth to")):
         one = changed_material(made.archive, "dyke", fitted=replace(fitted, level_only=level_only), hidden=None)
