@@ -242,6 +242,25 @@ def test_images_without_a_value_or_missing(made):
     assert module.residual(case) is None
 
 
+@pytest.mark.parametrize(("shift_db", "own"), [(-1.0, False), (-25.0, True), (25.0, True)])
+def test_a_start_far_from_the_measured_level_has_a_gray_scale_of_its_own(made, shift_db, own):
+    measured = np.random.default_rng(5).normal(-12.0, 3.0, (60, 50))
+    images = replace(made.archive.images, measured_db=measured, reference_db=measured + shift_db)
+    case = replace(made.archive, images=replace(images, calibrated_db=measured[::-1]))
+    with mpl.rc_context(module.STYLE):
+        canvas, caption, alt = module.images(case)
+        assert drawn(canvas) == []
+    limits = [axes.images[0].get_clim() for axes in canvas.axes[:3]]
+    low, high = np.percentile(measured, [1.0, 99.5])
+    np.testing.assert_allclose([limits[0], limits[2]], [[low, high]] * 2)
+    np.testing.assert_allclose(limits[1], np.array([low, high]) + shift_db * own)
+    text = canvas.axes[1].get_title("left")
+    title = f"start, own scale:\n{low + shift_db:.0f} to {high + shift_db:.0f} dB" if own else "start"
+    assert text == title
+    assert ("scale of its own, given in its title" in caption) is own
+    assert ("gray scale of its own" in alt) is own
+
+
 def test_large_images_are_averaged_in_power(monkeypatch):
     monkeypatch.setattr(map_figures, "_LARGEST", 4)
     image = np.full((8, 7), 10.0)
@@ -252,6 +271,15 @@ def test_large_images_are_averaged_in_power(monkeypatch):
     assert shown[0, 0] == pytest.approx(0.0)
     assert np.isnan(shown[1, 0])
     assert shown[2:] == pytest.approx(10.0)
+
+
+def test_every_panel_of_the_overview_names_its_axis(made):
+    """The panels have limits of their own, so that one below does not explain another."""
+    case = made.archive
+    materials = {**case.materials, "third": case.materials["dyke"]}
+    with mpl.rc_context(module.STYLE):
+        canvas, _, _ = module.overview(replace(case, materials=materials, names=(*case.names, "third")))
+    assert [axes.get_xlabel() for axes in canvas.axes if axes.axison] == ["backscatter [dB]"] * 3
 
 
 def test_label_points_lie_inside():
