@@ -16,7 +16,7 @@ from matplotlib.text import Text
 from scipy import stats
 
 from radcal import skewnormal
-from radcal.report import drawing, map_figures, scene_figures
+from radcal.report import drawing, law_figures, map_figures, scene_figures
 from radcal.report import figures as module
 from radcal.report.archive import Fidelity, Images
 from radcal.report.fidelity_figures import differences, fidelity
@@ -381,9 +381,47 @@ def test_the_misfit_of_classes_is_drawn_beside_the_densities(made):
     best = [next(line for line in axes.lines if line.get_label() == "best so far") for axes in (upper, lower)]
     np.testing.assert_allclose(best[0].get_ydata(), 2.0 * costs)
     # two classes of three numbers each, of which the verdict's test tells what is expected
-    assert "18 for the best run, where 4 are expected of a right law (dotted), 6 values less what the fit" in caption
+    assert (
+        "18 for the best run, where 4 are expected of a right law (dash-dotted), 6 values less what the fit" in caption
+    )
     assert not any("tolerance" in str(line.get_label()) for line in lower.lines)
     assert [line.get_ydata()[0] for line in upper.lines if "right law" in str(line.get_label())] == [4.4]
+
+
+def test_the_lines_of_a_right_law_and_of_the_sampling_error_differ(made):
+    classes = dict.fromkeys(("class_deg", "class_db", "class_error_db"), np.array([25.0, 35.0]))
+    case = changed_check(replace(made.archive, objective="classes"), "dyke", **classes)
+    fitted = replace(case.materials["dyke"].fitted, expected=4.4)
+    case = changed_material(case, "dyke", cost=np.linspace(9.0, 7.0, case.runs.kind.size), fitted=fitted)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = cost(case, "dyke")
+    (legend,) = canvas.legends
+    styles = {text.get_text(): (line.get_linestyle(), line.get_color()) for text, line in _entries(legend)}
+    right, sampling = (next(v for k, v in styles.items() if part in k) for part in ("right law", "sampling"))
+    assert right[0] != sampling[0]
+    assert right[1] != sampling[1]
+
+
+def _entries(legend):
+    """Texts and lines of the entries of a legend that have a line."""
+    each = zip(legend.get_texts(), legend.legend_handles, strict=True)
+    return [
+        (text, handle) for text, handle in each if hasattr(handle, "get_linestyle") and hasattr(handle, "get_xdata")
+    ]
+
+
+def test_the_figure_of_the_runs_says_how_they_are_counted(made):
+    material = made.archive.materials["dyke"]
+    kinds = np.array(["reference", "reused", "reused", "design", "design", "infill", "infill", "infill"])
+    case = replace(made.archive, runs=replace(made.archive.runs, kind=kinds))
+    ended = replace(material, mode=("exploit", "ended", "ended"))
+    title, words = law_figures._run_words(case, ended)
+    assert title == ", search ended after run 5"
+    assert words.startswith(" Run 0 is the reference run, runs 1 to 2 are from an earlier case, run 3 the first of the")
+    assert "ended after run 5 (runs of design and infill until then: 3); the runs after it (grey)" in words
+    title, words = law_figures._run_words(case, replace(material, mode=("exploit", "explore", "exploit")))
+    assert title == ""
+    assert "ended" not in words
 
 
 def test_densities_of_a_histogram_are_those_of_design_runs(made):
@@ -444,6 +482,8 @@ def test_the_front_is_drawn_with_the_runs_and_the_chosen_one(made):
         np.testing.assert_array_equal(dots["chosen run"], verified[-1:, [0, other]])
         np.testing.assert_array_equal(dots["infill"], verified[case.runs.kind == "infill"][:, [0, other]])
         assert "reference (start)" not in dots
+        # runs of the design lie far from the front
+        assert "design" not in dots
         assert axes.get_ylabel() == f"squared residuals: {names[other]}"
         for ticks, (low, high) in ((axes.get_xticks(), axes.get_xlim()), (axes.get_yticks(), axes.get_ylim())):
             assert np.count_nonzero((ticks >= low) & (ticks <= high)) >= 2
@@ -535,7 +575,7 @@ def test_one_incidence_has_the_middle_of_a_scale_and_a_title_of_its_own(made):
     assert scene_figures._scale(np.linspace(38.9, 39.1, 101)) == pytest.approx((38.902, 39.098))
     assert scene_figures._scale(np.full(50, 38.75)) == pytest.approx((38.745, 38.755))
     fitted = made.archive.materials["dyke"].fitted
-    for level_only, title in ((True, "seen at one incidence, a level and no law"), (False, "no truth to")):
+    for level_only, title in ((True, "seen at one incidence, a level and no law"), (False, "law of the best run")):
         one = changed_material(made.archive, "dyke", fitted=replace(fitted, level_only=level_only), hidden=None)
         assert title in law(one, "dyke")[0].axes[0].get_title().replace("\n", " ")
     unfit = changed_material(made.archive, "dyke", fitted=replace(fitted, fits=False), hidden=None)
@@ -576,3 +616,17 @@ def test_predicted_and_verified_misfit_have_the_scale_of_the_figure_of_the_runs(
     np.testing.assert_allclose([line.get_ydata() for line in upper.lines], [[18.0, 15.0], [16.0, 14.0]])
     np.testing.assert_allclose([line.get_ydata() for line in other.lines], [[9.0, 7.5], [8.0, 7.0]])
     assert words.startswith("Above: densities, rms [1/dB], as")
+
+
+def test_an_infill_run_without_prediction_is_left_out_and_named(made):
+    values = np.array([[[0.1, 0.2, 0.3]], [[0.3, 0.1, 0.2]]])
+    found = Fidelity(np.array([9.0, np.nan]), np.array([8.0, 7.0]), values, values + 1.0, values, np.zeros((2, 3)))
+    first, second = np.flatnonzero(made.archive.runs.kind == "infill")
+    for mode, repeated in (("ended", True), ("exploit", False)):
+        case = changed_material(made.archive, "dyke", fidelity=found, mode=("exploit", mode))
+        with mpl.rc_context(drawing.STYLE):
+            canvas, caption, _ = fidelity(case, "dyke")
+        for line in canvas.axes[0].lines:
+            np.testing.assert_array_equal(line.get_xdata(), [first])
+        assert f"Without prediction, and not drawn: run {second}" in caption
+        assert ("after the search of this material had ended" in caption) is repeated
