@@ -16,13 +16,13 @@ from radcal.config.objectives import OBJECTIVES
 from radcal.report.archive import Archive, MaterialResult
 from radcal.report.figures import Figure
 from radcal.report.held_out_blocks import refitted
+from radcal.report.law_notes import MANY_X, at_bound
 from radcal.report.reasons import REASONS
 from radcal.report.summary import summarise
 from radcal.storage.files import atomic
 
 __all__ = ["write_report"]
 
-_AT_BOUND = 1e-3  # share of the interval between bounds within which a value is at its bound
 _AGREE = 1.4  # largest ratio of rms to sampling error at which two densities count as equal
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MINUS = "\N{MINUS SIGN}"
@@ -68,12 +68,6 @@ def _theta(values: Mapping[str, float]) -> dict[str, float]:
     return {**values, "mean": float(mean), "sd": float(sd), "skewness": float(skewness)}
 
 
-def _bound(value: float, low: float, high: float) -> str:
-    """Bound that a value has reached, ``lower`` or ``upper``; empty if it has reached neither."""
-    margin = _AT_BOUND * (high - low)
-    return "lower" if value - low <= margin else "upper" if high - value <= margin else ""
-
-
 def _largest(found: Sequence[Mapping[str, Any]], key: str) -> Mapping[str, Any]:
     """Material with the largest value of ``key``; an unknown value counts as smallest."""
     return max(found, key=lambda m: -math.inf if m[key] is None else m[key])
@@ -95,12 +89,13 @@ def _material(
         {
             "name": key,
             "unit": _unit(unit),
-            "value": value,
+            # a value next to a bound has digits of the search without meaning
+            "value": {"lower": bounds[0], "upper": bounds[1]}.get(at_bound(value, *bounds), value),
             "start": begun,
             "hidden": hidden.get(key),
             "low": bounds[0],
             "high": bounds[1],
-            "at": _bound(value, *bounds),
+            "at": at_bound(value, *bounds),
         }
         for (key, value), unit, begun, bounds in zip(
             summary["parameters"].items(),
@@ -120,7 +115,11 @@ def _material(
         "short_reason": words.cell,
         "parameters": parameters,
         # warning only of a bound that limits the fit or, if the fit was not tested, of any bound after a failed search
-        "at_bounds": [p for p in parameters if p["at"] and (p["name"] in summary["misfit"]["bounds"] or missed)],
+        "at_bounds": [
+            p
+            for p in parameters
+            if p["at"] and (p["name"] in summary["misfit"]["bounds"] or missed) and not _little(p["name"], summary)
+        ],
         "target": _theta(summary["target"]),
         "calibrated": _theta(summary["calibrated"]),
         "within": words.met,
@@ -137,6 +136,17 @@ def _material(
         # true for hidden parameters of an external law, too
         "truth": bool(hidden),
     }
+
+
+def _little(name: str, summary: Mapping[str, Any]) -> bool:
+    """Whether sigma0 hardly depends on a parameter at its bound, as the remark on the material's parameters says.
+
+    The parameter lies outside of its own 90 % interval, which does not reach the bound, and sigma0 inside its band.
+    """
+    if not (summary.get("parameters_remark") or "").endswith(MANY_X):
+        return False
+    low, high = (summary[f"parameters_{end}"][name] for end in ("p05", "p95"))
+    return not low <= summary["parameters"][name] <= high
 
 
 def _who(found: Sequence[Mapping[str, Any]], total: int) -> str:
