@@ -580,6 +580,11 @@ def test_one_incidence_has_the_middle_of_a_scale_and_a_title_of_its_own(made):
         assert title in law(one, "dyke")[0].axes[0].get_title().replace("\n", " ")
     unfit = changed_material(made.archive, "dyke", fitted=replace(fitted, fits=False), hidden=None)
     assert "The test of the fit shows that the law found does not fit." in law(unfit, "dyke")[1]
+    for fits, words in ((None, "Level found: -10.5 dB"), (False, "Level found -10.5 dB")):
+        changed = replace(fitted, level_only=True, fits=fits)
+        caption = law(changed_material(one, "dyke", fitted=changed, posterior=posterior()), "dyke")[1]
+        assert f" {words} (90 %: -11.8 to -9.1)" in caption
+        assert ("(not to be used: does not fit)" in caption) is (fits is False)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.known import level_found, level_words
 from radcal.config.objectives import OBJECTIVES
 from radcal.radar.laws import Law
 from radcal.report.archive import Archive, MaterialResult
@@ -232,7 +233,7 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     caption = (
         "Backscatter against local incidence at the starting parameters (orange, dashed) and as found (blue). Shaded, "
         f"thick: {shaded} deg, where 90 % of the material's pixels lie {histogram}; outside, the law is an "
-        f"extrapolation. {remark}{_of_band(material)}"
+        f"extrapolation. {remark}{_of_level(material)}{_of_band(material)}"
     )
     if material.check.class_deg.size:
         caption += (
@@ -248,6 +249,16 @@ def _seen(case: Archive, material: MaterialResult) -> Array:
     if case.passes and material.posterior is not None:
         return np.asarray(material.posterior.seen_deg)
     return np.percentile(material.incidence_deg.astype(np.float64), [5.0, 95.0])[None]
+
+
+def _of_level(material: MaterialResult) -> str:
+    """Part of the caption with the level of a material seen at one incidence; empty for other materials."""
+    levels = material.posterior.levels() if material.fitted.level_only and material.posterior is not None else ()
+    if not levels:
+        return ""
+    if material.fitted.fits is False:
+        return f" L{level_found(levels)[1:]}."
+    return f" Level found: {level_words(levels)}."
 
 
 def _of_band(material: MaterialResult) -> str:
