@@ -114,12 +114,7 @@ def _material(
         "reason": words.clause,
         "short_reason": words.cell,
         "parameters": parameters,
-        # warning only of a bound that limits the fit or, if the fit was not tested, of any bound after a failed search
-        "at_bounds": [
-            p
-            for p in parameters
-            if p["at"] and (p["name"] in summary["misfit"]["bounds"] or missed) and not _little(p["name"], summary)
-        ],
+        "at_bounds": [p for p in parameters if p["at"] and _limits(p["name"], summary, missed)],
         "target": _theta(summary["target"]),
         "calibrated": _theta(summary["calibrated"]),
         "within": words.met,
@@ -138,15 +133,19 @@ def _material(
     }
 
 
-def _little(name: str, summary: Mapping[str, Any]) -> bool:
-    """Whether sigma0 hardly depends on a parameter at its bound, as the remark on the material's parameters says.
+def _limits(name: str, summary: Mapping[str, Any], missed: bool) -> bool:
+    """Whether a better law may lie outside the bound that a parameter has reached.
 
-    The parameter lies outside of its own 90 % interval, which does not reach the bound, and sigma0 inside its band.
+    This may be if the bound limits the fit or, if the fit was not tested, after a failed search (``missed``). It is not
+    said if sigma0 hardly depends on the parameter, as the remark on the material's parameters says: the parameter lies
+    outside of its own 90 % interval, which does not reach the bound, and sigma0 inside its band.
     """
-    if not (summary.get("parameters_remark") or "").endswith(MANY_X):
+    if name not in summary["misfit"]["bounds"] and not missed:
         return False
+    if not (summary.get("parameters_remark") or "").endswith(MANY_X):
+        return True
     low, high = (summary[f"parameters_{end}"][name] for end in ("p05", "p95"))
-    return not low <= summary["parameters"][name] <= high
+    return bool(low <= summary["parameters"][name] <= high)
 
 
 def _who(found: Sequence[Mapping[str, Any]], total: int) -> str:
