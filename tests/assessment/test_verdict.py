@@ -95,6 +95,9 @@ def test_one_incidence_is_a_level_only():
         "water: level only, seen at one incidence, and does not fit: its simulated mean is 3.0 dB below the measured; "
         "cause unknown."
     )
+    assert verdict("water", off, known=level, level_only=True).endswith(
+        "; cause unknown; level found -18.2 dB (90 %: -19.3 to -17.1) (not to be used: does not fit)."
+    )
     for test in (fit_of(), fit_of(False, mean_db=0.3, worst_mean_db=1.2), fit_of(None)):
         assert without_angles(test).fits is None
     # a level that is off by chance, or because the search has not ended, is said

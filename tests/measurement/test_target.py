@@ -149,6 +149,8 @@ def test_a_material_seen_at_one_incidence_is_level_only(geometry: Geometry, meas
     doubtful = SimpleNamespace(incidence_error_deg=span / 3.0, classes=SimpleNamespace(size=4))
     assert replace(targets["dyke"], classes=doubtful).level_only
     assert replace(narrow, classes=doubtful).seen == f"38.93 to 39.06 deg, error {span / 3.0:.2g} deg"
+    precise = SimpleNamespace(incidence_error_deg=7.2e-5, classes=SimpleNamespace(size=4))
+    assert replace(narrow, classes=precise).seen == "38.93 to 39.06 deg, error < 0.01 deg"
     assert not targets["dyke"].level_only
 
 

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 import rasterio
 import yaml
-from archives import changed_check, changed_material
+from archives import changed_check, changed_material, posterior
 
 from radcal.assessment.posterior import Curve
 from radcal.config import Radar, case_from, stages
@@ -132,6 +132,27 @@ def test_a_scene_without_a_map_says_so(made, tmp_path):
         assert (raster.nodata, raster.read(1)[0, 0]) == (0, 0)
         assert yaml.safe_load(raster.tags()["materials"]) == {"1": "dyke", "2": "stem beans", "3": "unused"}
     assert {path.name for path in files} == {path.name for path in tmp_path.iterdir()}
+
+
+def test_the_level_of_a_material_seen_at_one_incidence_is_a_row_of_the_laws(made, tmp_path):
+    fitted = replace(made.archive.materials["dyke"].fitted, level_only=True)
+    seen = np.array([[38.7, 38.9], [44.0, 44.0]])  # the first angle lies between two rows of whole degrees
+    archive = changed_material(made.archive, "dyke", fitted=fitted, posterior=posterior(seen_deg=seen))
+    export(made, tmp_path, archive)
+    laws = pd.read_csv(tmp_path / "laws.csv").set_index(["material", "incidence_deg"]).loc["dyke"]
+    assert laws.index[laws["level"]].tolist() == [38.8, 44.0]
+    assert len(laws) == 87
+    assert laws.index.is_monotonic_increasing
+    row = laws.loc[38.8]
+    np.testing.assert_allclose(
+        [row["median_db"], row["p05_db"], row["p95_db"]],
+        [-4.0 - 0.2 * 38.8, -5.0 - 0.21 * 38.8, -3.2 - 0.18 * 38.8],
+    )
+    x, phi = archive.laws["dyke"].values, np.radians(38.8)  # noqa: PD011
+    assert row["calibrated_db"] == pytest.approx(x[0] + x[1] * np.cos(phi) + x[2] * np.exp(-x[3] * phi**2))
+    whole = changed_material(archive, "dyke", fitted=replace(fitted, level_only=False))
+    export(made, tmp_path, whole)
+    assert not pd.read_csv(tmp_path / "laws.csv")["level"].any()
 
 
 def test_tables(made, tmp_path):

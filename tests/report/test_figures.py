@@ -16,7 +16,7 @@ from matplotlib.text import Text
 from scipy import stats
 
 from radcal import skewnormal
-from radcal.report import drawing, map_figures, scene_figures
+from radcal.report import drawing, law_figures, map_figures, scene_figures
 from radcal.report import figures as module
 from radcal.report.archive import Fidelity, Images
 from radcal.report.fidelity_figures import differences, fidelity
@@ -242,6 +242,25 @@ def test_images_without_a_value_or_missing(made):
     assert module.residual(case) is None
 
 
+@pytest.mark.parametrize(("shift_db", "own"), [(-1.0, False), (-25.0, True), (25.0, True)])
+def test_a_start_far_from_the_measured_level_has_a_gray_scale_of_its_own(made, shift_db, own):
+    measured = np.random.default_rng(5).normal(-12.0, 3.0, (60, 50))
+    images = replace(made.archive.images, measured_db=measured, reference_db=measured + shift_db)
+    case = replace(made.archive, images=replace(images, calibrated_db=measured[::-1]))
+    with mpl.rc_context(module.STYLE):
+        canvas, caption, alt = module.images(case)
+        assert drawn(canvas) == []
+    limits = [axes.images[0].get_clim() for axes in canvas.axes[:3]]
+    low, high = np.percentile(measured, [1.0, 99.5])
+    np.testing.assert_allclose([limits[0], limits[2]], [[low, high]] * 2)
+    np.testing.assert_allclose(limits[1], np.array([low, high]) + shift_db * own)
+    text = canvas.axes[1].get_title("left")
+    title = f"start, own scale:\n{low + shift_db:.0f} to {high + shift_db:.0f} dB" if own else "start"
+    assert text == title
+    assert ("scale of its own, given in its title" in caption) is own
+    assert ("gray scale of its own" in alt) is own
+
+
 def test_large_images_are_averaged_in_power(monkeypatch):
     monkeypatch.setattr(map_figures, "_LARGEST", 4)
     image = np.full((8, 7), 10.0)
@@ -252,6 +271,15 @@ def test_large_images_are_averaged_in_power(monkeypatch):
     assert shown[0, 0] == pytest.approx(0.0)
     assert np.isnan(shown[1, 0])
     assert shown[2:] == pytest.approx(10.0)
+
+
+def test_every_panel_of_the_overview_names_its_axis(made):
+    """The panels have limits of their own, so that one below does not explain another."""
+    case = made.archive
+    materials = {**case.materials, "third": case.materials["dyke"]}
+    with mpl.rc_context(module.STYLE):
+        canvas, _, _ = module.overview(replace(case, materials=materials, names=(*case.names, "third")))
+    assert [axes.get_xlabel() for axes in canvas.axes if axes.axison] == ["backscatter [dB]"] * 3
 
 
 def test_label_points_lie_inside():
@@ -290,16 +318,25 @@ def test_objects_are_dots_in_the_scene(made, tmp_path):
 def test_axes_of_a_turned_scene_are_those_of_the_track(made):
     config = json.loads(made.archive.config)
     config["radar"]["heading_deg"] = 192.5
+    rows, columns = np.indices((20, 30))
+    hilly = (100.0 + 4.0 * rows * np.sin(columns / 4.0)).astype(np.float32)
+    view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=hilly, cell_m=15.0)
+    case = replace(made.archive, scene=view)
     with mpl.rc_context(module.STYLE):
-        turned, _, _ = module.scene(replace(made.archive, config=json.dumps(config)))
-        plain, _, _ = module.scene(made.archive)
+        turned, _, _ = module.scene(replace(case, config=json.dumps(config)))
+        plain, caption, _ = module.scene(case)
+        assert drawn(turned) == []
+    assert "no relief" not in caption
     for canvas, across, along in (
-        (turned, "right of the track [km]", "along the track, 192.5 deg [km]"),
-        (plain, "east [km]", "north [km]"),
+        (turned, "right of the track [km]", ("along the track, 192.5 deg [km]", "along the track [km]")),
+        (plain, "east [km]", ("north [km]", "north [km]")),
     ):
         labels = [(axes.get_xlabel(), axes.get_ylabel()) for axes in canvas.axes if axes.get_xlabel()]
-        assert labels == [(across, along)] * 4
-    assert "light from ahead on the left" in turned.axes[0].get_title("left")
+        assert labels == [(across, along[0])] * 3 + [(across, along[1])]
+    (solid,) = [axes for axes in turned.axes if hasattr(axes, "get_zlabel")]
+    # with the usual distance the labels lie on the numbers of the ticks
+    assert solid.xaxis.labelpad == solid.yaxis.labelpad == 9.0
+    assert "light from ahead on the left" in turned.axes[2].get_title("left")
 
 
 @pytest.mark.slow
@@ -344,9 +381,47 @@ def test_the_misfit_of_classes_is_drawn_beside_the_densities(made):
     best = [next(line for line in axes.lines if line.get_label() == "best so far") for axes in (upper, lower)]
     np.testing.assert_allclose(best[0].get_ydata(), 2.0 * costs)
     # two classes of three numbers each, of which the verdict's test tells what is expected
-    assert "18 for the best run, where 4 are expected of a right law (dotted), 6 values less what the fit" in caption
+    assert (
+        "18 for the best run, where 4 are expected of a right law (dash-dotted), 6 values less what the fit" in caption
+    )
     assert not any("tolerance" in str(line.get_label()) for line in lower.lines)
     assert [line.get_ydata()[0] for line in upper.lines if "right law" in str(line.get_label())] == [4.4]
+
+
+def test_the_lines_of_a_right_law_and_of_the_sampling_error_differ(made):
+    classes = dict.fromkeys(("class_deg", "class_db", "class_error_db"), np.array([25.0, 35.0]))
+    case = changed_check(replace(made.archive, objective="classes"), "dyke", **classes)
+    fitted = replace(case.materials["dyke"].fitted, expected=4.4)
+    case = changed_material(case, "dyke", cost=np.linspace(9.0, 7.0, case.runs.kind.size), fitted=fitted)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = cost(case, "dyke")
+    (legend,) = canvas.legends
+    styles = {text.get_text(): (line.get_linestyle(), line.get_color()) for text, line in _entries(legend)}
+    right, sampling = (next(v for k, v in styles.items() if part in k) for part in ("right law", "sampling"))
+    assert right[0] != sampling[0]
+    assert right[1] != sampling[1]
+
+
+def _entries(legend):
+    """Texts and lines of the entries of a legend that have a line."""
+    each = zip(legend.get_texts(), legend.legend_handles, strict=True)
+    return [
+        (text, handle) for text, handle in each if hasattr(handle, "get_linestyle") and hasattr(handle, "get_xdata")
+    ]
+
+
+def test_the_figure_of_the_runs_says_how_they_are_counted(made):
+    material = made.archive.materials["dyke"]
+    kinds = np.array(["reference", "reused", "reused", "design", "design", "infill", "infill", "infill"])
+    case = replace(made.archive, runs=replace(made.archive.runs, kind=kinds))
+    ended = replace(material, mode=("exploit", "ended", "ended"))
+    title, words = law_figures._run_words(case, ended)
+    assert title == ", search ended after run 5"
+    assert words.startswith(" Run 0 is the reference run, runs 1 to 2 are from an earlier case, run 3 the first of the")
+    assert "ended after run 5 (runs of design and infill until then: 3); the runs after it (grey)" in words
+    title, words = law_figures._run_words(case, replace(material, mode=("exploit", "explore", "exploit")))
+    assert title == ""
+    assert "ended" not in words
 
 
 def test_densities_of_a_histogram_are_those_of_design_runs(made):
@@ -407,6 +482,8 @@ def test_the_front_is_drawn_with_the_runs_and_the_chosen_one(made):
         np.testing.assert_array_equal(dots["chosen run"], verified[-1:, [0, other]])
         np.testing.assert_array_equal(dots["infill"], verified[case.runs.kind == "infill"][:, [0, other]])
         assert "reference (start)" not in dots
+        # runs of the design lie far from the front
+        assert "design" not in dots
         assert axes.get_ylabel() == f"squared residuals: {names[other]}"
         for ticks, (low, high) in ((axes.get_xticks(), axes.get_xlim()), (axes.get_yticks(), axes.get_ylim())):
             assert np.count_nonzero((ticks >= low) & (ticks <= high)) >= 2
@@ -446,27 +523,68 @@ def test_names_of_files_are_all_different():
     assert list(drawing.slugs(["a b", "A_b", "a/b", "a_b_2", "c"])) == ["a_b", "A_b_2", "a_b_3", "a_b_2_2", "c"]
 
 
-def test_a_scene_of_one_height_is_drawn(made):
-    level = np.full((20, 30), 120.0, dtype=np.float32)
-    view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=level, cell_m=15.0)
+@pytest.mark.parametrize(
+    ("rise_m", "heights", "slopes"), [(0.0, "120.0 to 120.0 m", "below 0.01 deg"), (0.04, "120.0 to 121.2 m", "0.15")]
+)
+def test_a_scene_without_relief_has_plans_of_materials_and_heights_only(made, rise_m, heights, slopes):
+    level = np.tile(120.0 + rise_m * np.arange(30.0), (20, 1)).astype(np.float32)
+    view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=level, cell_m=15.0, step=1)
     with mpl.rc_context(drawing.STYLE):
         canvas, caption, _ = scene_figures.scene(replace(made.archive, scene=view))
         assert drawn(canvas) == []
-    assert "heights from 120 to 120 m" in caption
-    # light from 40 degrees above: the sine of it as grey, on a scale from black to white
-    relief = canvas.axes[0].images[0]
-    np.testing.assert_allclose(relief.norm(relief.get_array()), np.sin(np.radians(40.0)))
+    assert f"heights from {heights}. Slopes are {slopes}" in caption
+    assert "no relief is drawn" in caption
+    assert [axes.get_title("left") for axes in canvas.axes][:2] == ["materials", "elevation"]
+    assert len(canvas.axes) == 3  # with the colour bar
+
+
+def test_heights_are_exaggerated_twenty_times_at_most(made):
+    low = np.zeros((20, 30), dtype=np.float32)
+    low[5:15, 7] = 0.8
+    view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=low, cell_m=15.0, step=1)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = scene_figures.scene(replace(made.archive, scene=view))
+    assert canvas.axes[-1].title.get_text() == "seen from south-west, heights 20 times"
+
+
+def test_a_colour_bar_has_arrows_where_values_lie_beyond_it():
+    values = np.linspace(2.0, 5.0, 31)
+    ends = {(2.0, 5.0): "neither", (2.1, 5.0): "min", (2.0, 4.9): "max", (2.1, 4.9): "both"}
+    for (low, high), extend in ends.items():
+        assert scene_figures._extend(values, low, high) == extend
+
+
+def test_the_unit_of_a_colour_bar_does_not_stand_beside_the_next_panel(made):
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = scene_figures.incidence(made.archive)
+    assert canvas.axes[0].get_title("left") == "local incidence [deg]"
+    assert [axes.get_ylabel() for axes in canvas.axes] == ["slant range [pixel]", "", "", ""]
+
+
+def test_angles_have_the_decimals_that_make_them_differ():
+    for ends, text in {
+        (22.1, 67.8): "22 to 68",
+        (38.92, 39.08): "38.9 to 39.1",
+        (39.01, 39.03): "39.01 to 39.03",
+    }.items():
+        assert scene_figures._span_deg(*ends) == f"{text} deg"
 
 
 def test_one_incidence_has_the_middle_of_a_scale_and_a_title_of_its_own(made):
     assert scene_figures._scale(np.linspace(31.0, 45.0, 101)) == pytest.approx((31.14, 44.86))
-    assert scene_figures._scale(np.full(50, 38.75)) == (38.25, 39.25)
+    assert scene_figures._scale(np.linspace(38.9, 39.1, 101)) == pytest.approx((38.902, 39.098))
+    assert scene_figures._scale(np.full(50, 38.75)) == pytest.approx((38.745, 38.755))
     fitted = made.archive.materials["dyke"].fitted
-    for level_only, title in ((True, "seen at one incidence, a level and no law"), (False, "no truth to")):
+    for level_only, title in ((True, "seen at one incidence, a level and no law"), (False, "law of the best run")):
         one = changed_material(made.archive, "dyke", fitted=replace(fitted, level_only=level_only), hidden=None)
         assert title in law(one, "dyke")[0].axes[0].get_title().replace("\n", " ")
     unfit = changed_material(made.archive, "dyke", fitted=replace(fitted, fits=False), hidden=None)
     assert "The test of the fit shows that the law found does not fit." in law(unfit, "dyke")[1]
+    for fits, words in ((None, "Level found: -10.5 dB"), (False, "Level found -10.5 dB")):
+        changed = replace(fitted, level_only=True, fits=fits)
+        caption = law(changed_material(one, "dyke", fitted=changed, posterior=posterior()), "dyke")[1]
+        assert f" {words} (90 %: -11.8 to -9.1)" in caption
+        assert ("(not to be used: does not fit)" in caption) is (fits is False)
 
 
 @pytest.mark.parametrize(
@@ -503,3 +621,17 @@ def test_predicted_and_verified_misfit_have_the_scale_of_the_figure_of_the_runs(
     np.testing.assert_allclose([line.get_ydata() for line in upper.lines], [[18.0, 15.0], [16.0, 14.0]])
     np.testing.assert_allclose([line.get_ydata() for line in other.lines], [[9.0, 7.5], [8.0, 7.0]])
     assert words.startswith("Above: densities, rms [1/dB], as")
+
+
+def test_an_infill_run_without_prediction_is_left_out_and_named(made):
+    values = np.array([[[0.1, 0.2, 0.3]], [[0.3, 0.1, 0.2]]])
+    found = Fidelity(np.array([9.0, np.nan]), np.array([8.0, 7.0]), values, values + 1.0, values, np.zeros((2, 3)))
+    first, second = np.flatnonzero(made.archive.runs.kind == "infill")
+    for mode, repeated in (("ended", True), ("exploit", False)):
+        case = changed_material(made.archive, "dyke", fidelity=found, mode=("exploit", mode))
+        with mpl.rc_context(drawing.STYLE):
+            canvas, caption, _ = fidelity(case, "dyke")
+        for line in canvas.axes[0].lines:
+            np.testing.assert_array_equal(line.get_xdata(), [first])
+        assert f"Without prediction, and not drawn: run {second}" in caption
+        assert ("after the search of this material had ended" in caption) is repeated

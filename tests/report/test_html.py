@@ -14,7 +14,9 @@ from archives import changed_check, changed_material, held_out_blocks, left_out_
 
 from radcal.report.archive import PassLaw, PassSummary
 from radcal.report.figures import Figure
-from radcal.report.html import _bound, _number, _span, write_report
+from radcal.report.html import _material, _number, _span, write_report
+from radcal.report.law_notes import MANY_X, at_bound
+from radcal.report.summary import summarise
 
 VOID = {"meta", "link", "img", "br"}
 
@@ -358,4 +360,25 @@ def test_numbers(value, text):
 
 
 def test_bounds():
-    assert [_bound(x, 0.0, 50.0) for x in (0.0, 0.04, 0.06, 25.0, 49.97)] == ["lower", "lower", "", "", "upper"]
+    assert [at_bound(x, 0.0, 50.0) for x in (0.0, 0.04, 0.06, 25.0, 49.97)] == ["lower", "lower", "", "", "upper"]
+
+
+def test_a_bound_on_which_sigma0_hardly_depends_is_not_said_to_hide_a_better_law(made):
+    """One sentence on each X at a bound: that many X give nearly the law, or that a better law may lie outside."""
+    result = made.archive.materials["stem beans"]
+    found = summarise(made.archive)["materials"]["stem beans"]
+    names = list(found["parameters"])
+    value = found["parameters"]["X1"]
+    ends = {"parameters_p05": dict.fromkeys(names, -99.0), "parameters_p95": dict.fromkeys(names, 99.0)}
+    outside = {**ends, "parameters_p95": {**ends["parameters_p95"], "X1": value - 3.0}}
+    for interval, remark, flagged in (
+        (ends, MANY_X, ["X1"]),
+        (outside, "sigma0 of the best run lies outside of its own 90 % band.", ["X1"]),
+        (outside, None, ["X1"]),
+        (outside, f"X1 is at its upper bound 50: {MANY_X}", []),
+    ):
+        data = _material("stem beans", {**found, **interval, "parameters_remark": remark}, result, ())
+        assert [p["name"] for p in data["at_bounds"]] == flagged
+        assert data["parameters"][0]["value"] == 50.0
+    near = {**found, "parameters": {**found["parameters"], "X1": 50.0 - 1e-9}}
+    assert _material("stem beans", near, result, ())["parameters"][0]["value"] == 50.0

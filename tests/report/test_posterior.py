@@ -140,6 +140,10 @@ def test_x_outside_of_its_own_interval_is_remarked(made, tmp_path):
     assert outside_interval(names, [-25.0, 5.0, 11.25, 4.0], box, interval, 0.347) == (
         f"{lone}; sigma0 of the best run lies outside of its own 90 % band, too, by up to 0.35 dB."
     )
+    # the verdict says that the bound keeps the law from fitting
+    at_bound = "X2 is at its lower bound 0, outside of its own 90 % interval (0.4 to 13)"
+    assert outside_interval(names, [-25.0, 1e-11, 5.0, 4.0], box, interval, 0.0, ["X2"]) == f"{at_bound}."
+    assert outside_interval(names, [-25.0, 1e-11, 5.0, 4.0], box, interval, 0.0, ["X3"]).startswith(f"{at_bound}: many")
     x = made.archive.materials["dyke"].parameters.values[made.archive.materials["dyke"].best]
     low, high = x - 1.0, x + 2.0
     low[1] = x[1] + 0.5

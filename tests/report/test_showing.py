@@ -74,6 +74,15 @@ def test_a_law_of_which_nothing_is_known(folder, found, said):
     assert show(folder)[1].endswith(f"X4 {x:.4g}{said}")
 
 
+def test_a_value_at_a_bound_is_printed_as_the_bound(folder):
+    data = json.loads((folder / "summary.json").read_text())
+    dyke = data["materials"]["dyke"]
+    dyke["bounds"][1:3] = [[0.0, 20.0], [2.0, 25.0]]
+    dyke["parameters"] |= {"X2": 5.202e-22, "X3": 24.999}
+    (folder / "summary.json").write_text(json.dumps(data))
+    assert "X2 0 (at its lower bound), X3 25 (at its upper bound), X4 " in show(folder)[1]
+
+
 def test_an_unfinished_case_says_what_is_missing(folder):
     for name in ("final.json", "calibration.h5", "export.json", "report.json", "report.html", "summary.json"):
         (folder / name).unlink()

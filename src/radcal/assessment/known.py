@@ -20,6 +20,7 @@ __all__ = [
     "degrees",
     "directions",
     "known_between",
+    "level_found",
     "level_words",
     "modes_of",
     "why_unknown",
@@ -88,6 +89,11 @@ def level_words(levels: Sequence[Level]) -> str:
     """Text with the levels, and with their incidences if there are several levels; empty if there is no level."""
     several = len(levels) > 1
     return ", ".join(f"{level}{f' at {level.incidence_deg:.1f} degrees' * several}" for level in levels)
+
+
+def level_found(levels: Sequence[Level]) -> str:
+    """Text with the levels of a material that does not fit; empty if there is no level."""
+    return f"level found {level_words(levels)} (not to be used: does not fit)" if levels else ""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from radcal.assessment.causes import UNKNOWN
 from radcal.assessment.fit_test import DOUBTFUL_SPREAD_DB, SPREAD, FitTest
-from radcal.assessment.known import Level, degrees, level_words
+from radcal.assessment.known import Level, degrees, level_found, level_words
 
 __all__ = ["OFF_DB", "Known", "all_fit", "first_line", "verdict"]
 
@@ -100,7 +100,8 @@ def verdict(
         at = f"level only, seen at one incidence{' in each pass' * (passes > 1)}"
         off = f"its simulated mean {_off(test.mean_db)} the measured{first}"
         if test.fits is False:
-            return f"{name}: {at}, and does not fit: {off}; {cause or UNKNOWN}."
+            found = level_found(known.levels) if known is not None else ""
+            return f"{name}: {at}, and does not fit: {off}; {cause or UNKNOWN}{found and f'; {found}'}."
         said = [off] * (abs(test.mean_db) > OFF_DB) + [_spread(test, first)] * bool(_spread(test, first))
         level = (
             f": {', '.join([level_words(known.levels), *known.remarks])}" if known is not None and known.levels else ""

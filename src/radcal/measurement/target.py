@@ -22,6 +22,7 @@ from radcal.storage.records import read_hdf5, write_hdf5
 __all__ = ["Target", "Targets", "read_targets", "write_targets"]
 
 _UNLIKELY = 0.01  # smallest p-value that the number of bootstrap samples can resolve
+_SMALL_DEG = 0.01  # a smaller error of the incidence is not stated as a number
 _TEXTURED = 0.7  # a textured material has fewer looks than this share of the looks of homogeneous areas
 
 
@@ -123,7 +124,8 @@ class Target:
     def seen(self) -> str:
         """Text of the 5 and 95 % quantiles of the local incidence, and of its standard error if it is known."""
         low, high = np.percentile(self.incidence_deg.astype(np.float64), [5.0, 95.0])
-        return f"{low:.2f} to {high:.2f} deg" + f", error {self._error_deg:.2g} deg" * (self._error_deg > 0.0)
+        error = f"{self._error_deg:.2g} deg" if self._error_deg >= _SMALL_DEG else f"< {_SMALL_DEG:g} deg"
+        return f"{low:.2f} to {high:.2f} deg" + f", error {error}" * (self._error_deg > 0.0)
 
     @property
     def cp(self) -> NDArray[np.float64]:

@@ -5,15 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from radcal.report.drawing import FOUND, STYLE, add_legend, new_canvas, titled
+from radcal.report.drawing import DESIGN, FOUND, STYLE, add_legend, new_canvas, titled
 from radcal.storage.files import atomic
 
 __all__ = ["KNOWN", "OUTSIDE", "SEEN", "Prediction", "draw_predictions"]
 
 KNOWN, SEEN, OUTSIDE = "known", "not known", "not seen"
+
+# markers at the predicted median, of different shapes, and bars of its 90 % interval
+_BARS: dict[str, Any] = {"color": FOUND["color"], "linestyle": "none", "elinewidth": 1.8, "capsize": 4.0}
+_STYLES: dict[str, dict[str, Any]] = {
+    KNOWN: {**_BARS, "marker": "s", "markersize": 9.0, "markerfacecolor": DESIGN},
+    SEEN: {**_BARS, "marker": "D", "markersize": 9.0, "markerfacecolor": "white"},
+    OUTSIDE: {**_BARS, "marker": "v", "markersize": 10.0, "markerfacecolor": "white"},
+}
 
 
 @dataclass(frozen=True)
@@ -77,16 +86,16 @@ def draw_predictions(path: str | Path, rows: Sequence[Prediction], source: str, 
         panels = canvas.subplots(lines, columns, squeeze=False)
         for axes, name in zip(panels.ravel(), names, strict=False):
             own = [row for row in rows if row.material == name]
-            for known, width in ((KNOWN, 3.0), (SEEN, 1.5), (OUTSIDE, 0.8)):
+            for known, style in _STYLES.items():
                 some = [row for row in own if row.known == known]
                 middle = np.array([row.predicted_db for row in some])
                 error = np.abs(np.array([[row.p05_db, row.p95_db] for row in some]).reshape(-1, 2).T - middle)
                 label = f"law of {source}, 90 %: {known}"
                 x = [row.incidence_deg for row in some]
-                axes.errorbar(x, middle, error, fmt="none", elinewidth=width, color=FOUND["color"], label=label)
+                axes.errorbar(x, middle, error, label=label, **style)
             compared = [row for row in own if row.inside is not None]
             x, y = [row.incidence_deg for row in compared], [row.measured_db for row in compared]
-            axes.plot(x, y, "k.", markersize=6, label=f"measured, {other}")
+            axes.plot(x, y, "k.", markersize=6, zorder=4, label=f"measured, {other}")
             axes.set_title(titled(name))
             axes.set_xlabel("local incidence [deg]")
             axes.set_ylabel("mean of the pixels in dB [dB]")

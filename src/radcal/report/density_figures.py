@@ -179,7 +179,7 @@ def overview(case: Archive) -> tuple[Canvas, str, str]:
         axes.tick_params(labelsize=9.5)
     for axes in grid[n:]:
         axes.set_axis_off()
-    for axes in grid[max(0, n - columns) : n]:
+    for axes in grid[:n]:  # each panel has limits of its own
         axes.set_xlabel(f"backscatter [{case.levels.unit}]")
     for axes in grid[:n:columns]:
         axes.set_ylabel(f"density [1/{case.levels.unit}]")

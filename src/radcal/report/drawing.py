@@ -26,6 +26,7 @@ FOUND: dict[str, Any] = {"color": "#0072B2", "linewidth": 2.0, "linestyle": "-"}
 HIDDEN: dict[str, Any] = {"color": "#009E73", "linewidth": 2.4, "linestyle": (0, (1, 1.2))}
 TOLERANCE: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.6, "linestyle": (0, (6, 2))}
 SAMPLING: dict[str, Any] = {"color": "#CC79A7", "linewidth": 2.2, "linestyle": (0, (1, 1.5))}
+EXPECTED: dict[str, Any] = {"color": "#7A7A7A", "linewidth": 1.8, "linestyle": "-."}
 PALE = "#D0D0D0"
 DESIGN = "#56B4E9"
 MUTED = "#7A7A7A"

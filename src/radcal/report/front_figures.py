@@ -57,16 +57,18 @@ def _panel(axes: Axes, case: Archive, name: str, other: int) -> NDArray[np.bool_
     line, runs = (np.maximum(values[:, [0, other]], _LEAST) for values in (found.predicted, found.verified))
     line = line[np.argsort(line[:, 0], kind="stable")]
     axes.plot(*line.T, color="black", linewidth=1.2, marker=".", markersize=4, label="front, predicted")
+    shown = np.concatenate([line, runs[[material.best]]])
+    (left, right), (bottom, top) = limits = _limits(shown[:, 0]), _limits(shown[:, 1])
     for kind, (label, style) in RUNS.items():
         x, y = runs[(case.runs.kind == kind) & np.isfinite(runs).all(axis=1)].T
-        if x.size:
+        # a kind without a run inside the axes has no place in the legend, either
+        if ((x >= left) & (x <= right) & (y >= bottom) & (y <= top)).any():
             axes.scatter(x, y, label=label, edgecolors="black", linewidths=0.4, zorder=3, **style)
     x, y = runs[[material.best]].T
     axes.scatter(
         x, y, label="chosen run", marker="o", s=190, facecolors="none", edgecolors="black", linewidths=1.6, zorder=4
     )
-    shown = np.concatenate([line, runs[[material.best]]])
-    axes.set(xscale="log", yscale="log", xlim=_limits(shown[:, 0]), ylim=_limits(shown[:, 1]))
+    axes.set(xscale="log", yscale="log", xlim=limits[0], ylim=limits[1])
     for axis in (axes.xaxis, axes.yaxis):
         low, high = axis.get_view_interval()
         powers = LogLocator(subs=(1.0, 2.0, 5.0) if high < _WIDE * low else (1.0,))

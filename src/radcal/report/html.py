@@ -16,13 +16,13 @@ from radcal.config.objectives import OBJECTIVES
 from radcal.report.archive import Archive, MaterialResult
 from radcal.report.figures import Figure
 from radcal.report.held_out_blocks import refitted
+from radcal.report.law_notes import MANY_X, at_bound
 from radcal.report.reasons import REASONS
 from radcal.report.summary import summarise
 from radcal.storage.files import atomic
 
 __all__ = ["write_report"]
 
-_AT_BOUND = 1e-3  # share of the interval between bounds within which a value is at its bound
 _AGREE = 1.4  # largest ratio of rms to sampling error at which two densities count as equal
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MINUS = "\N{MINUS SIGN}"
@@ -68,12 +68,6 @@ def _theta(values: Mapping[str, float]) -> dict[str, float]:
     return {**values, "mean": float(mean), "sd": float(sd), "skewness": float(skewness)}
 
 
-def _bound(value: float, low: float, high: float) -> str:
-    """Bound that a value has reached, ``lower`` or ``upper``; empty if it has reached neither."""
-    margin = _AT_BOUND * (high - low)
-    return "lower" if value - low <= margin else "upper" if high - value <= margin else ""
-
-
 def _largest(found: Sequence[Mapping[str, Any]], key: str) -> Mapping[str, Any]:
     """Material with the largest value of ``key``; an unknown value counts as smallest."""
     return max(found, key=lambda m: -math.inf if m[key] is None else m[key])
@@ -95,12 +89,13 @@ def _material(
         {
             "name": key,
             "unit": _unit(unit),
-            "value": value,
+            # a value next to a bound has digits of the search without meaning
+            "value": {"lower": bounds[0], "upper": bounds[1]}.get(at_bound(value, *bounds), value),
             "start": begun,
             "hidden": hidden.get(key),
             "low": bounds[0],
             "high": bounds[1],
-            "at": _bound(value, *bounds),
+            "at": at_bound(value, *bounds),
         }
         for (key, value), unit, begun, bounds in zip(
             summary["parameters"].items(),
@@ -119,8 +114,7 @@ def _material(
         "reason": words.clause,
         "short_reason": words.cell,
         "parameters": parameters,
-        # warning only of a bound that limits the fit or, if the fit was not tested, of any bound after a failed search
-        "at_bounds": [p for p in parameters if p["at"] and (p["name"] in summary["misfit"]["bounds"] or missed)],
+        "at_bounds": [p for p in parameters if p["at"] and _limits(p["name"], summary, missed)],
         "target": _theta(summary["target"]),
         "calibrated": _theta(summary["calibrated"]),
         "within": words.met,
@@ -137,6 +131,21 @@ def _material(
         # true for hidden parameters of an external law, too
         "truth": bool(hidden),
     }
+
+
+def _limits(name: str, summary: Mapping[str, Any], missed: bool) -> bool:
+    """Whether a better law may lie outside the bound that a parameter has reached.
+
+    This may be if the bound limits the fit or, if the fit was not tested, after a failed search (``missed``). It is not
+    said if sigma0 hardly depends on the parameter, as the remark on the material's parameters says: the parameter lies
+    outside of its own 90 % interval, which does not reach the bound, and sigma0 inside its band.
+    """
+    if name not in summary["misfit"]["bounds"] and not missed:
+        return False
+    if not (summary.get("parameters_remark") or "").endswith(MANY_X):
+        return True
+    low, high = (summary[f"parameters_{end}"][name] for end in ("p05", "p95"))
+    return bool(low <= summary["parameters"][name] <= high)
 
 
 def _who(found: Sequence[Mapping[str, Any]], total: int) -> str:

@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from radcal.assessment.known import level_found, level_words
 from radcal.config.objectives import OBJECTIVES
 from radcal.radar.laws import Law
 from radcal.report.archive import Archive, MaterialResult
 from radcal.report.colours import head
 from radcal.report.drawing import (
+    EXPECTED,
     FOUND,
     HIDDEN,
     MUTED,
@@ -43,8 +46,7 @@ def _runs(axes: Axes, case: Archive, material: MaterialResult, shown: Array) -> 
     counted = np.isfinite(material.parameters.values).all(axis=1)  # a run of another law is never the best
     best = np.minimum.accumulate(shown[counted])
     axes.step(runs[counted], best, where="post", color="black", linewidth=1.6, label="best so far")
-    ended = np.zeros(shown.size, dtype=bool)
-    ended[np.flatnonzero(case.runs.kind == "infill")[[mode == "ended" for mode in material.mode]]] = True
+    ended = _ended(case, material)
     markers = [(label, (case.runs.kind == kind) & ~ended, style) for kind, (label, style) in RUNS.items()]
     for label, which, style in (*markers, ("infill after it ended", ended, {"color": PALE, "marker": "^", "s": 26})):
         if which.any():
@@ -53,6 +55,35 @@ def _runs(axes: Axes, case: Archive, material: MaterialResult, shown: Array) -> 
                 **style,
             )  # fmt: skip
     axes.set_yscale("log")
+
+
+def _ended(case: Archive, material: MaterialResult) -> NDArray[np.bool_]:
+    """Mask of the infill runs after the end of a material's search, which repeat its best X for other materials."""
+    ended = np.zeros(case.runs.kind.size, dtype=bool)
+    ended[np.flatnonzero(case.runs.kind == "infill")[[mode == "ended" for mode in material.mode]]] = True
+    return ended
+
+
+def _run_words(case: Archive, material: MaterialResult) -> tuple[str, str]:
+    """Remark for the title on the last run of a material's search, and sentences on the numbers of the runs."""
+    kinds, ended = case.runs.kind, _ended(case, material)
+    reused, design = np.flatnonzero(kinds == "reused"), np.flatnonzero(kinds == "design")
+    said = "Run 0 is the reference run"
+    if reused.size:
+        which = f"runs {reused[0]} to {reused[-1]} are" if reused.size > 1 else f"run {reused[0]} is"
+        said += f", {which} from an earlier case"
+    if design.size:
+        said += f", run {design[0]} the first of the design"
+    said = f" {said}."
+    if not ended.any():
+        return "", said
+    last = int(np.flatnonzero(ended)[0]) - 1
+    count = int(np.isin(kinds[: last + 1], ("design", "infill")).sum())
+    said += (
+        f" The search of this material ended after run {last} (runs of design and infill until then: {count}); the "
+        "runs after it (grey) were made for other materials and repeat its best X."
+    )
+    return f", search ended after run {last}", said
 
 
 def _number_runs(axes: Axes, number: int) -> None:
@@ -76,14 +107,15 @@ def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]
     canvas = new_canvas(6.2, 6.2)
     upper, lower = canvas.subplots(2, 1, sharex=True)
     squares = np.maximum(2.0 * costs, 1e-3)
+    ended, numbered = _run_words(case, material)
     _runs(upper, case, material, squares)
     fitted = material.fitted
     numbers = OBJECTIVES[case.objective].values * material.check.class_deg.size
     tested = bool(numbers) and np.isfinite(fitted.expected)
     if tested:
-        upper.axhline(fitted.expected, label="expected of a right law", **SAMPLING)
+        upper.axhline(fitted.expected, label="expected of a right law", **EXPECTED)
     upper.set_ylabel("squared residuals,\npriors included")
-    head(upper, case, name, f"best misfit {short(squares[material.best])} in run {material.best}")
+    head(upper, case, name, f"best misfit {short(squares[material.best])} in run {material.best}{ended}")
     rms = material.rms
     _runs(lower, case, material, np.where(rms > 0, rms, rms[rms > 0].min() / 3.0 if (rms > 0).any() else 1.0))
     if material.rms_sampling > 0:
@@ -103,12 +135,13 @@ def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]
     if tested:
         caption += (
             f"The verdict counts the bins alone: {fitted.residual_sum:.0f} for the best run, where "
-            f"{fitted.expected:.0f} are expected of a right law (dotted), {numbers} values less what the fit takes up. "
+            f"{fitted.expected:.0f} are expected of a right law (dash-dotted), {numbers} values "
+            "less what the fit takes up. "
         )
     caption += (
         "Below: root mean square difference of the simulated and the target density, which the search does not "
         f"minimise; another sample of {material.measured_db.size:,} pixels would move the target itself by about "
-        f"{short(material.rms_sampling)} 1/{case.levels.unit} (dotted)."
+        f"{short(material.rms_sampling)} 1/{case.levels.unit} (dotted).{numbered}"
     )
     return (
         canvas,
@@ -143,13 +176,14 @@ def _density_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
     top = max(float(shown.max()), float(positive.max()))
     axes.set_ylim(bottom, 2.0 * top)
     _number_runs(axes, rms.size)
-    head(axes, case, name, f"best rms {short(rms[material.best])} 1/{case.levels.unit} in run {material.best}")
+    ended, numbered = _run_words(case, material)
+    head(axes, case, name, f"best rms {short(rms[material.best])} 1/{case.levels.unit} in run {material.best}{ended}")
     axes.set_ylabel(f"difference of the densities, rms [1/{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 3)
     caption = (
         "Root mean square difference between the simulated and the target density, run by run; the line is the best so "
         f"far. Below the dotted line ({short(material.rms_sampling)} 1/{case.levels.unit}) a smaller cost is numerical "
-        f"convergence: another sample of {pixels:,} pixels would move the target itself by about that much."
+        f"convergence: another sample of {pixels:,} pixels would move the target itself by about that much.{numbered}"
     )
     if known.any():
         caption += " Short bars: lower bound of the rms inside the bounds, by the surrogate and two standard errors."
@@ -176,7 +210,7 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     _curves(panels[0], material, seen, angles)
     if material.hidden is None:
         one = material.fitted.level_only
-        title = "seen at one incidence, a level and no law" if one else "no truth to compare with"
+        title = "seen at one incidence, a level and no law" if one else "law of the best run"
         remark = (
             "The test of the fit shows that the law found does not fit."
             if material.fitted.fits is False
@@ -199,7 +233,7 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     caption = (
         "Backscatter against local incidence at the starting parameters (orange, dashed) and as found (blue). Shaded, "
         f"thick: {shaded} deg, where 90 % of the material's pixels lie {histogram}; outside, the law is an "
-        f"extrapolation. {remark}{_of_band(material)}"
+        f"extrapolation. {remark}{_of_level(material)}{_of_band(material)}"
     )
     if material.check.class_deg.size:
         caption += (
@@ -215,6 +249,16 @@ def _seen(case: Archive, material: MaterialResult) -> Array:
     if case.passes and material.posterior is not None:
         return np.asarray(material.posterior.seen_deg)
     return np.percentile(material.incidence_deg.astype(np.float64), [5.0, 95.0])[None]
+
+
+def _of_level(material: MaterialResult) -> str:
+    """Part of the caption with the level of a material seen at one incidence; empty for other materials."""
+    levels = material.posterior.levels() if material.fitted.level_only and material.posterior is not None else ()
+    if not levels:
+        return ""
+    if material.fitted.fits is False:
+        return f" L{level_found(levels)[1:]}."
+    return f" Level found: {level_words(levels)}."
 
 
 def _of_band(material: MaterialResult) -> str:

@@ -7,7 +7,9 @@ from collections.abc import Mapping, Sequence
 from radcal.config import stages
 from radcal.radar.geometry import Geometry
 
-__all__ = ["law_notes", "outside_interval"]
+__all__ = ["MANY_X", "at_bound", "law_notes", "outside_interval"]
+
+MANY_X = "many X give nearly this law, so that sigma0 and its band say more than X."
 
 _AT_BOUND = 1e-3  # share of the interval between bounds within which a value is at its bound
 _SHARE = 0.05  # share of a material's pixels outside the law's valid angles above which a note is made
@@ -49,12 +51,19 @@ def law_notes(case: stages.Archive, geometry: Geometry, parameters: Mapping[str,
     return notes
 
 
+def at_bound(value: float, low: float, high: float) -> str:
+    """Bound that a value has reached, ``lower`` or ``upper``; empty if it has reached neither."""
+    margin = _AT_BOUND * (high - low)
+    return "lower" if value - low <= margin else "upper" if high - value <= margin else ""
+
+
 def outside_interval(
     names: Sequence[str],
     values: Sequence[float],
     bounds: Sequence[Sequence[float]],
     interval: Sequence[Sequence[float]],
     beyond_db: float | None = None,
+    held: Sequence[str] = (),
 ) -> str:
     """Sentence on calibrated parameters that lie outside their own 90 % intervals; empty if all lie inside.
 
@@ -73,20 +82,22 @@ def outside_interval(
     beyond_db : float, optional
         Largest distance of the best run's sigma0 from its own 90 % band over the incidence seen [dB], 0 inside the
         band; None for a law without a curve.
+    held : sequence of str
+        Parameters whose bound keeps the law from fitting: of these, it is not said that many X give nearly this law.
     """
-    said = []
+    said, held_back = [], False
     for name, x, (low, high), (p05, p95) in zip(names, values, bounds, interval, strict=True):
         if p05 <= x <= p95:
             continue
-        margin = _AT_BOUND * (high - low)
-        side, bound = ("lower", low) if x - low <= margin else ("upper", high)
-        at = f"at its {side} bound {bound:g}" if min(x - low, high - x) <= margin else f"{x:.4g}"
+        side = at_bound(x, low, high)
+        at = f"at its {side} bound {low if side == 'lower' else high:g}" if side else f"{x:.4g}"
+        held_back = held_back or name in held
         said.append(f"{name} is {at}, outside of its own 90 % interval ({p05:.3g} to {p95:.3g})")
     if not said:
         return ""
     text = " and ".join(said)
-    if beyond_db is None:
+    if beyond_db is None or (held_back and beyond_db <= 0.0):
         return f"{text}."
     if beyond_db > 0.0:
         return f"{text}; sigma0 of the best run lies outside of its own 90 % band, too, by up to {beyond_db:.2g} dB."
-    return f"{text}: many X give nearly this law, so that sigma0 and its band say more than X."
+    return f"{text}: {MANY_X}"

@@ -21,6 +21,8 @@ __all__ = ["axis_labels", "image_extent", "images", "panels_for", "registration"
 Aspect = Literal["equal", "auto"]
 
 _BOXCAR = 9  # side of the blocks over which the residual is averaged [pixels]
+_BEYOND = 0.1  # share of a simulated image beyond the measured image's gray scale, and
+_MOVED = 0.25  # difference of the medians in parts of this scale, above which the simulated image has its own scale
 _LARGEST = 1600  # largest number of pixels per side of an image in a figure; larger images are averaged
 
 
@@ -100,30 +102,54 @@ def images(case: Archive) -> tuple[Canvas, str, str] | None:
     if not there:
         return None
     first = next(iter(there.values()))
-    finite = first[np.isfinite(first)]
-    low, high = (float(v) for v in np.percentile(finite, [1.0, 99.5])) if finite.size else (-30.0, 0.0)
-    high = max(high, low + 1.0)
+    common = _gray_scale(first)
+    own = "start" in there and _unreadable(there["start"], first)
     canvas, panels, stacked, aspect = panels_for(first.shape, len(there))
-    shown = None
+    extent = image_extent(first.shape)
     for panel, (title, image) in zip(panels, there.items(), strict=True):
-        shown = panel.imshow(
-            _shown(image), cmap="gray", vmin=low, vmax=high, aspect=aspect, extent=image_extent(first.shape)
-        )
-        panel.set_title(title)
-    if shown is not None:
-        bar = canvas.colorbar(shown, ax=panels, extend="both", fraction=0.05, pad=0.02, aspect=30)
-        bar.set_label("backscatter [dB]")
+        alone = own and title == "start"
+        low, high = _gray_scale(image) if alone else common
+        shown = panel.imshow(_shown(image), cmap="gray", vmin=low, vmax=high, aspect=aspect, extent=extent)
+        panel.set_title(f"start, own scale:\n{low:.0f} to {high:.0f} dB" if alone else title)
+        if not alone:
+            of_bar = shown
+    bar = canvas.colorbar(of_bar, ax=panels, extend="both", fraction=0.05, pad=0.02, aspect=30)
+    bar.set_label("backscatter [dB]")
     axis_labels(panels, stacked)
-    k = _factor(first.shape)
-    caption = (
-        "The three images in one gray scale (1 to 99.5 % of the measured pixels), near range on top. "
-        "The calibrated image has speckle of its own: compare levels and textures, not pixels."
-    )
-    if finite.size < first.size:
-        caption += f" {first.size - finite.size:,} measured pixels have no value (pale)."
-    if k > 1:
+    caption = _images_caption(first, own)
+    scales = "the start in a gray scale of its own" if own else "in the same gray scale"
+    return canvas, caption, f"Measured, starting and calibrated radar image side by side, {scales}."
+
+
+def _gray_scale(image_db: NDArray[Any]) -> tuple[float, float]:
+    """Ends of the gray scale of an image: its 1 % and 99.5 % quantile [dB], at least 1 dB apart."""
+    finite = image_db[np.isfinite(image_db)]
+    low, high = (float(v) for v in np.percentile(finite, [1.0, 99.5])) if finite.size else (-30.0, 0.0)
+    return low, max(high, low + 1.0)
+
+
+def _unreadable(image_db: NDArray[Any], other_db: NDArray[Any]) -> bool:
+    """Whether an image would be nearly black or white in the gray scale of another image."""
+    values, others = (one[np.isfinite(one)] for one in (image_db, other_db))
+    if not values.size or not others.size:
+        return False
+    low, high = _gray_scale(other_db)
+    beyond = float(((values < low) | (values > high)).mean())
+    return beyond > _BEYOND or abs(float(np.median(values) - np.median(others))) > _MOVED * (high - low)
+
+
+def _images_caption(first: NDArray[Any], own: bool) -> str:
+    """Caption of the figure of the images; ``own`` if the start has a gray scale of its own."""
+    images = "Measured and calibrated image" if own else "The three images"
+    caption = f"{images} in one gray scale (1 to 99.5 % of the measured pixels), near range on top. "
+    if own:
+        caption += "The start would be nearly black or white there, and has a scale of its own, given in its title. "
+    caption += "The calibrated image has speckle of its own: compare levels and textures, not pixels."
+    if missing := int(np.count_nonzero(~np.isfinite(first))):
+        caption += f" {missing:,} measured pixels have no value (pale)."
+    if (k := _factor(first.shape)) > 1:
         caption += f" Shown as means over {k} x {k} pixels."
-    return canvas, caption, "Measured, starting and calibrated radar image side by side in the same gray scale."
+    return caption
 
 
 def registration(case: Archive) -> tuple[Canvas, str, str] | None:

@@ -154,7 +154,8 @@ def _outside(material: MaterialResult) -> str:
     interval = list(zip(material.posterior.parameters_p05, material.posterior.parameters_p95, strict=True))
     best = material.parameters.values[material.best]
     beyond_db = _beyond_db(material, material.posterior)
-    return outside_interval(material.parameter_names, best, material.bounds.tolist(), interval, beyond_db)
+    held = material.fitted.bounds if material.fitted.fits is False else ()
+    return outside_interval(material.parameter_names, best, material.bounds.tolist(), interval, beyond_db, held)
 
 
 def _beyond_db(material: MaterialResult, posterior: Posterior) -> float | None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radcal.config import Material
 from radcal.report.archive import Archive, MaterialResult
@@ -17,7 +18,7 @@ from radcal.storage.files import atomic
 
 __all__ = ["calibrated_materials", "calibrated_yaml", "law_rows", "parameter_rows", "write_csv"]
 
-LAWS = ("material", "incidence_deg", "median_db", "p05_db", "p95_db", "known", "calibrated_db")
+LAWS = ("material", "incidence_deg", "median_db", "p05_db", "p95_db", "known", "calibrated_db", "level")
 PARAMETERS = (
     "material", "law", "parameter", "unit", "calibrated", "p05", "p95", "lower", "upper", "looks", "fits",
     "known_from_deg", "known_to_deg",
@@ -45,21 +46,27 @@ def law_rows(archive: Archive) -> Iterator[Sequence[Any]]:
     ------
     sequence
         Material, local incidence [deg], median, 5 % and 95 % quantile of sigma0 [dB] (the ground's mean power), whether
-        sigma0 is known at this incidence, and the law at the calibrated X [dB]. A law without a curve has no rows; a
-        law without a posterior in dB has neither median nor quantiles.
+        sigma0 is known at this incidence, the law at the calibrated X [dB], and whether the row is the level of a
+        material seen at one incidence. A law without a curve has no rows; a law without a posterior in dB has neither
+        median nor quantiles.
     """
     for name, material in archive.materials.items():
         law = archive.laws[name].curve()
         if not law.has_curve:
             continue
         curve = None if material.posterior is None else material.posterior.curve
-        degrees = np.arange(91.0) if curve is None else curve.incidence_deg
-        nothing = np.full(degrees.shape, np.nan)
-        bands = (nothing,) * 3 if curve is None else (curve.median_db, curve.p05_db, curve.p95_db)
+        degrees, levels = np.arange(91.0) if curve is None else curve.incidence_deg, []
+        if material.posterior is not None and material.fitted.level_only:
+            levels = [level.incidence_deg for level in material.posterior.levels()]
+            degrees = np.union1d(degrees, levels)
+        bands: list[NDArray[np.float64]] = [np.full(degrees.shape, np.nan)] * 3
+        if curve is not None:
+            each = (curve.median_db, curve.p05_db, curve.p95_db)
+            bands = [np.interp(degrees, curve.incidence_deg, values) for values in each]
         low, high = _known(material)
         known = (degrees >= low) & (degrees <= high)
         at = np.asarray(law(np.radians(degrees), archive.laws[name].values))
-        for row in zip(degrees, *bands, known, at, strict=True):
+        for row in zip(degrees, *bands, known, at, np.isin(degrees, levels), strict=True):
             yield (name, *row)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,11 +19,13 @@ from radcal.calibration.objectives.objective import Points
 from radcal.calibration.search import Search
 from radcal.calibration.steps import noise_seed
 from radcal.calibration.surrogate import Surrogate, train_surrogate
-from radcal.config import SurrogateConfig
+from radcal.config import Stop, SurrogateConfig
 from radcal.errors import MeasurementError
 from radcal.radar.laws import LAWS
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
+
+CRITERION = "(the surrogate of all runs promises no law that is better and differs by more than stop.law_db, 0.05 dB)"
 
 MANGIA = LAWS["mangia"]
 
@@ -56,6 +59,25 @@ def test_it_settles_on_the_laws_in_a_few_runs(objectives, calibrated):
     assert decision.converged
     assert len(history.infill) <= 5
     laws_are_right(objectives, history)
+
+
+@pytest.mark.parametrize(
+    ("ended", "line"),
+    [
+        ([], "0 of 2 laws meet the stop criterion, the law of dyke may still move most, by 0.13 dB from that of its"),
+        (
+            ["dyke"],
+            f"1 of 2 laws meets the stop criterion {CRITERION}, the law of heath may still move most, by 0.07 dB",
+        ),
+        (["dyke", "heath"], f"2 of 2 laws meet the stop criterion {CRITERION}"),
+    ],
+)
+def test_the_progress_line_names_the_criterion_and_moves_only_laws_that_do_not_meet_it(ended, line):
+    scores = {"dyke": SimpleNamespace(moved_db=0.13), "heath": SimpleNamespace(moved_db=0.07)}
+    history = SimpleNamespace(infill=[SimpleNamespace(scores=scores)])
+    text = Bins.progress_line(history, list(scores), ended, Stop(law_db=0.05))
+    assert text.startswith(line)
+    assert ("move" in text) is (len(ended) < 2)
 
 
 def test_looks_are_those_of_each_material(calibrated):

@@ -181,8 +181,14 @@ class Bins(Objective):
     @classmethod
     def progress_line(cls, history: History, materials: Sequence[str], ended: Sequence[str], stop: Stop) -> str:
         """Text on the number of laws that meet the stop criterion, and on the law that may still change most."""
-        text = f"{len(ended)} of {len(materials)} laws meet the stop criterion"
-        moved = {name: history.infill[-1].scores[name].moved_db for name in materials}
+        text = f"{len(ended)} of {len(materials)} laws {'meets' if len(ended) == 1 else 'meet'} the stop criterion"
+        if ended:
+            text += (
+                " (the surrogate of all runs promises no law that is better and differs by more than stop.law_db, "
+                f"{stop.law_db:g} dB)"
+            )
+        # a law that meets the criterion may move by more than law_db, but is then not promised to become better
+        moved = {name: history.infill[-1].scores[name].moved_db for name in materials if name not in ended}
         known = {name: value for name, value in moved.items() if value is not None}
         if known:
             worst = max(known, key=lambda name: known[name])
