@@ -73,8 +73,8 @@ rule archive:
     retries: 0
     threads: 1
     resources:
-        mem_mb=memory("report"),
-        runtime=minutes("report"),
+        mem_mb=memory("registration"),
+        runtime=minutes("registration"),
     params:
         case=STAGES["archive"].params(CASE),
         runs=f"{OUT}/runs",
