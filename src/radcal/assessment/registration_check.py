@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.verdict import DOUBT
 from radcal.measurement.gefolki import find_flow, pyramid
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Target
@@ -52,7 +53,7 @@ class Moved:
     def sentence(self, name: str) -> str:
         """Clause of a verdict on a registration in doubt, with the way to repair it."""
         return (
-            f"the registration is in doubt: onto the calibrated image, it moves these pixels by {self.moved_px:.1f} "
+            f"{DOUBT}: onto the calibrated image, it moves these pixels by {self.moved_px:.1f} "
             f"pixels (stated error {self.stated_px:.1f}) and sigma0 there by {self.moved_db:.1f} dB (rms), which no "
             f"band contains; set materials.{name}.start to the X found and run again"
         )

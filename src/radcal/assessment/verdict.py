@@ -11,13 +11,13 @@ from radcal.assessment.causes import UNKNOWN
 from radcal.assessment.fit_test import DOUBTFUL_SPREAD_DB, SPREAD, FitTest
 from radcal.assessment.known import Level, degrees, level_found, level_words
 
-__all__ = ["OFF_DB", "Known", "all_fit", "first_line", "verdict"]
+__all__ = ["DOUBT", "OFF_DB", "Known", "all_fit", "first_line", "verdict"]
 
 _COUNTS = ((True, "fits", "fit"), (False, "does not fit", "do not fit"), (None, "cannot be tested", "cannot be tested"))
 _NAMED = 4  # largest number of materials that the first line names
 _SMALL_DB = 0.1  # smallest half-width of a band [dB] that is given with one decimal
 _KNOWN = ": sigma0 known to +-"
-_DOUBT = "the registration is in doubt"
+DOUBT = "the registration is in doubt"
 _LOOKS = {"upper": "more", "lower": "fewer"}
 OFF_DB = 0.5  # least difference of the means [dB] that a verdict names
 
@@ -198,6 +198,6 @@ def first_line(verdicts: Mapping[str, str], fits: Mapping[str, bool | None], con
     known = [name for name, text in verdicts.items() if _KNOWN in text]
     who = f" ({', '.join(known)})" if 0 < len(known) <= _NAMED and len(known) < len(fits) else ""
     where = f"; sigma0 is known at some angles for {len(known) or 'none'}{who}"
-    doubts = sum(_DOUBT in text for text in verdicts.values())
-    doubt = f"; {_DOUBT} for {doubts}" * bool(doubts)
+    doubts = sum(DOUBT in text for text in verdicts.values())
+    doubt = f"; {DOUBT} for {doubts}" * bool(doubts)
     return f"Of {len(fits)} materials {', '.join(said)}{where}{doubt}.{going}"
