@@ -202,6 +202,32 @@ def test_shadow_of_a_wedge_is_right_to_a_fraction_of_a_facet(
     np.testing.assert_array_equal(geometry.shadow.any(axis=1), geometry.shadow.all(axis=1))
 
 
+@pytest.mark.parametrize("look_side", ["right", "left"])
+def test_each_azimuth_line_has_the_shadow_of_its_own_wedge(build_scene: Build, look_side: str) -> None:
+    """Wedges of three heights beside one another, and level ground: no line is dark behind the wedge of another."""
+    radar = STEEP.model_copy(update={"look_side": look_side})
+    heights = np.repeat([7.3, 0.0, 11.9, 4.0], [3, 5, 4, 4])
+    crest = 0.5
+
+    def surface(east: np.ndarray, north: np.ndarray) -> np.ndarray:
+        away = east if look_side == "right" else -east
+        return heights[:, None] * np.interp(away, [crest - 80.0, crest, crest + 1.0], [0.0, 1.0, 0.0])
+
+    scene = build_scene(surface, cells=(16, 240), cell_m=1.0)
+    z = scene.elevation_m
+    geometry = make_geometry(scene, radar)
+    track = radar.altitude_m + z.mean()
+    end = (radar.altitude_m + crest) * track / (track - heights) - radar.altitude_m  # similar triangles
+    near = slant_m(radar, z, -120.0, 0.0)
+    first, last = (
+        np.array([slant_m(radar, z, east, up) for east, up in zip(*place, strict=True)]) - near
+        for place in ((np.full(16, crest), heights), (end, np.zeros(16)))
+    )
+    np.testing.assert_allclose(geometry.shape[0] - weights(geometry).sum(axis=0), last - first, atol=0.01)
+    row = np.arange(geometry.shape[0])[:, None]
+    np.testing.assert_array_equal(geometry.shadow, (row + 1 > first) & (row < last) & (heights > 0.0))
+
+
 @pytest.mark.parametrize("height", [7.3, 9.1])
 def test_area_of_a_facet_seen_in_part_is_that_of_its_visible_part(build_scene: Build, height: float) -> None:
     """Level ground, on which the shadow of a wedge ends within a facet: beta0 is sigma0 over the sine, there too."""
