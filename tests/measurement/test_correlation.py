@@ -150,9 +150,15 @@ def test_matrices_are_positive_definite_where_lags_are_not():
     assert np.linalg.eigvalsh(found).min() > 0.0
 
 
-def test_an_image_of_one_level_has_no_more_pixels_than_its_windows():
-    found = effective_sample_size(np.ones(SHAPE, dtype=np.float32), np.arange(500), np.arange(400))
-    assert found < 3.0 * 400 / 13
+def test_pixels_of_one_level_are_equal_within_six_rows_and_columns():
+    """Every pair of them that is no farther apart is correlated by 1; farther away nothing is known."""
+    drawn = np.union1d(np.arange(400), np.arange(40, 1700, 170))
+    row, column = np.divmod(drawn, SHAPE[1])
+    near = (np.abs(row[:, None] - row) <= 6) & (np.abs(column[:, None] - column) <= 6)
+    found = effective_sample_size(np.ones(SHAPE, dtype=np.float32), np.arange(1700), drawn)
+    assert found == pytest.approx(1.0 / near.mean(), rel=1e-9)
+    # all of a small area are one pixel
+    assert effective_sample_size(np.ones(SHAPE, dtype=np.float32), np.arange(500), np.arange(7)) == 1.0
 
 
 def test_no_pixels_are_no_correlation():
