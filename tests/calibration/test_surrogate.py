@@ -267,6 +267,22 @@ def test_a_noise_of_unknown_size_is_estimated():
     assert (error < 0.7 * np.sqrt(NOISE)).all()
 
 
+def test_a_noisy_surrogate_states_its_error_at_unseen_points_and_is_rebuilt_with_its_nugget(tmp_path):
+    x, y = noisy_runs(40)
+    training, new = train_surrogate(objective(), x, y, POSTERIOR, None, noisy=True), points(300, seed=7)
+    found = Surrogate(training, objective())
+    unit = found.unit(new)
+    error = np.sqrt(np.mean((found.predict(unit) - truth(new)[:, :1]) ** 2, axis=0))[0]
+    # the runs scatter by this about the truth
+    assert (error < 0.7 * np.sqrt(NOISE[0])).all()
+    stated = np.sqrt(np.mean(found.standard_error(unit) ** 2, axis=0))[0]
+    np.testing.assert_allclose(stated, error, rtol=0.4)
+    write_trainings(tmp_path / "s.h5", {"heath": training})
+    rebuilt = Surrogate(read_trainings(tmp_path / "s.h5")["heath"], objective())
+    np.testing.assert_array_equal(rebuilt.predict(unit), found.predict(unit))
+    np.testing.assert_array_equal(rebuilt.standard_error(unit), found.standard_error(unit))
+
+
 def test_runs_that_repeat_have_no_noise_whatever_was_measured():
     x, y = noisy_runs(6)
     exact, measured = (train_surrogate(objective(), x, y, POSTERIOR, noise) for noise in (None, NOISE))
