@@ -283,6 +283,15 @@ def test_a_noisy_surrogate_states_its_error_at_unseen_points_and_is_rebuilt_with
     np.testing.assert_array_equal(rebuilt.standard_error(unit), found.standard_error(unit))
 
 
+def test_a_noise_measured_of_the_moments_is_not_that_of_direct_outputs():
+    """Of xi, omega and alpha it is unknown, and estimated as such."""
+    x, y = noisy_runs(7)
+    told, unknown = (train_surrogate(objective(), x, y, DIRECT, noise, noisy=True) for noise in (NOISE, None))
+    np.testing.assert_array_equal(told.nugget, unknown.nugget)
+    np.testing.assert_array_equal(told.scales, unknown.scales)
+    assert (told.nugget > JITTER).any()
+
+
 def test_runs_that_repeat_have_no_noise_whatever_was_measured():
     x, y = noisy_runs(6)
     exact, measured = (train_surrogate(objective(), x, y, POSTERIOR, noise) for noise in (None, NOISE))
