@@ -55,6 +55,12 @@ OUTPUTS = {
 }
 UNUSED = {*every_pass(rules.simulator.output.identity), rules.reuse.output.index}
 UNUSED -= {*every_pass(SIMULATOR), *REUSED}
+if not TWICE:
+    UNUSED |= {
+        *every_pass(rules.first_registration.output.registered),
+        *every_pass(rules.registration_run.output.index),
+        rules.laws_of_image.output.laws,
+    }
 
 
 def results(wildcards):

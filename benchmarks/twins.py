@@ -35,11 +35,11 @@ from radcal.assessment.posterior import posterior_of
 from radcal.assessment.verdict import first_line
 from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.history import History
-from radcal.calibration.loop import calibrate
+from radcal.calibration.loop import calibrate, register_rounds
 from radcal.calibration.steps import all_parameters, noise_seed
 from radcal.config import Case, case_from, stages
 from radcal.errors import RadcalError
-from radcal.measurement.registration import Registered, register
+from radcal.measurement.registration import Registered
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target import Targets
 from radcal.measurement.target_fit import make_targets
@@ -101,12 +101,12 @@ def calibrated(case: Case, simulator: BuiltinSimulator, folder: Path, curve: Cur
     b = bench()
     runner = Runner(RunStore(folder), simulator, b.geometry, b.scene.identity, stages.Simulation.of(case))
     measurement = make_measurement(stages.Measurement.of(case), b.geometry, simulator, b.scene)
-    start = simulator.run(case.start_parameters, case.seed)
-    registered = register(start, measurement, case.registration)
+    registered, run = register_rounds(case, runner, b.geometry, measurement, b.scene)
     stage = stages.Target.of(case)
+    start = runner.run(case.start_parameters, noise_seed(case), image=True).image_db
     targets = make_targets(stage, b.geometry, registered, start)
     targets = bin_targets(stage, targets, b.geometry, registered, b.scene.slope_error_deg)
-    history, decision = calibrate(case, runner, targets)
+    history, decision = calibrate(case, runner, targets, registration=run)
     phi = np.linspace(*seen_rad(targets[b.material].incidence_deg)[[0, -1]], ANGLES)
     return {
         "runs": len(history.runs),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from calibration_samples import TRUTH
 
-from radcal.calibration.bin_target import bin_targets
+from radcal.calibration.bin_target import bin_targets, laws_of_image
 from radcal.measurement.registration import Registered
 from radcal.measurement.target_fit import HELD_OUT
 from radcal.radar.laws import LAWS, external_law
@@ -55,6 +55,19 @@ def registered_with(shape, uncertainty_px):
         applied=True,
         verdict="",
     )
+
+
+def test_the_laws_of_the_image_are_those_of_its_bins_for_every_objective(parts):
+    case, _, geometry, _, targets = parts
+    registered = registered_with(geometry.shape, 0.7)
+    bins = bin_targets(case, targets, geometry, registered, 1.5)
+    asked = {name: target.classes.first.tolist() for name, target in bins.items()}
+    # whole numbers are simulated as such
+    whole = case.materials["lake"].model_copy(update={"integer": True})
+    density = {"objective": "density", "materials": {**case.materials, "lake": whole}}
+    found = laws_of_image(case.model_copy(update=density), targets, geometry, registered, 1.5)
+    assert found == {"field": asked["field"], "lake": np.round(asked["lake"]).tolist()}
+    assert found != asked
 
 
 def test_errors_of_slopes_and_of_the_place_add_up(parts):

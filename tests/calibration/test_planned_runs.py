@@ -36,6 +36,8 @@ def test_a_new_case_may_take_all_its_runs(case, tmp_path: Path) -> None:
     counts = planned_runs(case, [*START, CHUNKS[2]], tmp_path)
     assert counts == {"measurement": 1, "reference": 1, "design": 2, "infill": 0, "final": 0}
     assert "(1 measurement, 1 reference, 2 design, each of 4 speckle draws); stored" in runs_sentence(counts, 4)
+    twice = [("registration_run", {"at": ""}), ("registration_run", {"at": "passes/2/"})]
+    assert planned_runs(case, [*START, *twice], tmp_path)["reference"] == 2, "the case has no second pass"
     assert runs_sentence(planned_runs(case, [("report", {})], tmp_path)) == "no simulator run would be made."
 
 

@@ -94,12 +94,12 @@ def test_what_a_right_case_needs_is_told(tmp_path: Path) -> None:
     found = check_case([path])
     assert found.problems == []
     assert found.shape == (60, 50)
-    assert dict(found.runs) == {"reference": 1, "design": 3, "infill": 9, "final": 2}
+    assert dict(found.runs) == {"reference": 2, "design": 3, "infill": 9, "final": 2}  # with the registration run
     assert set(found.files) == {"scene.labels", "scene.names", "measurement.path"}
     done = CliRunner().invoke(app, ["check", str(path)])
     assert done.exit_code == 0
     assert (
-        "simulator runs: at most 15 (1 reference, 3 design, 9 infill, 2 final, each of 4 speckle draws); most"
+        "simulator runs: at most 16 (2 reference, 3 design, 9 infill, 2 final, each of 4 speckle draws); most"
         in done.stdout
     )
     assert "60 x 50 pixels" in done.stdout
@@ -445,10 +445,10 @@ def test_what_a_right_case_will_meet_is_told_before_any_run(tmp_path: Path) -> N
         with write_hdf5(tmp_path / f"results/mine/runs/{number}.h5", "run") as file:
             file.attrs["seconds"] = seconds
     time, *_ = check_case([path], results=tmp_path / "results").outlook
-    # 3 runs of the design and 12 in all at most, of four draws of speckle; one reference run and two final ones
+    # 3 runs of the design and 12 in all at most, of four draws of speckle; reference, registration and two final runs
     assert time == (
-        "time: about 16 s of simulation a run (median of the case's stored runs); most cases need at most 15 runs (4 "
-        "min of simulation), stop.max_runs allows at most 15 (4 min of simulation)"
+        "time: about 16 s of simulation a run (median of the case's stored runs); most cases need at most 16 runs (4.3 "
+        "min of simulation), stop.max_runs allows at most 16 (4.3 min of simulation)"
     )
     (tmp_path / "results/mine/benchmarks").mkdir()
     for stage in ("train", "propose", "verify"):

@@ -467,6 +467,24 @@ def test_the_design_is_larger_where_no_baseline_predicts_the_runs(
 
 
 @pytest.mark.parametrize(
+    ("changes", "twice"),
+    [
+        ({}, True),
+        ({"objective": "density"}, True),
+        ({"registration": {"method": "ilk"}}, True),
+        ({"registration": {"method": "none"}}, False),
+        ({"registration": {"rounds": 1}}, False),
+        ({"surrogate": {"baseline": False}}, False),
+        (external(3), False),
+    ],
+)
+def test_the_image_is_registered_twice_where_laws_can_be_fitted_without_a_run(
+    changes: dict[str, Any], twice: bool
+) -> None:
+    assert case_from(changes).registers_twice is twice
+
+
+@pytest.mark.parametrize(
     "earlier", [{"training": "warm"}, {"retrain_every": 5}, {"training": "warm", "retrain_every": 1}]
 )
 def test_keys_of_an_earlier_version_are_read_with_a_warning(earlier: dict[str, Any]) -> None:

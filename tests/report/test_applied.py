@@ -203,7 +203,7 @@ def test_an_image_lies_where_its_own_case_has_registered_it(tmp_path) -> None:
     write_registered(path, own)
     found, by = registered_as(path, image, Measurement(image, "a.tif"), RegistrationConfig())
     assert np.array_equal(found.measurement.image_db, moved, equal_nan=True)
-    assert (found.verdict, by) == (verdict, f"as in {tmp_path}, onto the image at its start")
+    assert (found.verdict, by) == (verdict, f"as in {tmp_path}")
     # another image, another method, and no results of the other case
     none = RegistrationConfig(method="none")
     (tmp_path / "broken.h5").write_bytes(b"not HDF5")

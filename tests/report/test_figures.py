@@ -419,6 +419,11 @@ def test_the_figure_of_the_runs_says_how_they_are_counted(made):
     assert title == ", search ended after run 5"
     assert words.startswith(" Run 0 is the reference run, runs 1 to 2 are from an earlier case, run 3 the first of the")
     assert "ended after run 5 (runs of design and infill until then: 3); the runs after it (grey)" in words
+    twice = kinds.astype("<U12")
+    twice[1] = "registration"
+    again = replace(case, runs=replace(case.runs, kind=twice))
+    said = " Run 0 is the reference run, run 1 the registration run, run 2 is from an earlier case, run 3 the first of"
+    assert law_figures._run_words(again, ended)[1].startswith(said)
     title, words = law_figures._run_words(case, replace(material, mode=("exploit", "explore", "exploit")))
     assert title == ""
     assert "ended" not in words

@@ -98,6 +98,15 @@ def test_distances_of_two_normals(made):
         assert dyke[key] == pytest.approx(by_hand, rel=1e-3)
 
 
+def test_the_registration_run_counts_as_a_reference_run(made):
+    before, runs = summarise(made.archive)["runs"], made.archive.runs
+    kinds = runs.kind.astype("<U12")
+    kinds[np.flatnonzero(kinds == "design")[0]] = "registration"
+    found = summarise(replace(made.archive, runs=replace(runs, kind=kinds)))["runs"]
+    assert (found["reference"], found["design"]) == (before["reference"] + 1, before["design"] - 1)
+    assert found["total"] == before["total"]
+
+
 def test_displacements_and_their_error_are_lengths(build_archive, tmp_path):
     """1.5 pixels in both directions, of which half a pixel is wrong."""
     found = summarise(build_archive(tmp_path, moved=True).archive)["registration"]

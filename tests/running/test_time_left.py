@@ -29,15 +29,17 @@ EXTERNAL = {
 
 def test_the_largest_number_of_runs_is_that_of_all_passes(build_case) -> None:
     case = build_case(design={"size": 5}, stop={"max_runs": 40})
+    assert largest_runs(case) == {"reference": 2, "design": 5, "infill": 35, "final": 2}, "with the registration run"
+    case = build_case(design={"size": 5}, stop={"max_runs": 40}, registration={"rounds": 1})
     assert largest_runs(case) == {"reference": 1, "design": 5, "infill": 35, "final": 2}
     external = build_case(design={"size": 5}, stop={"max_runs": 40}, simulator=EXTERNAL)
-    assert largest_runs(external)["reference"] == 2, "repeated, to find out whether it can be"
+    assert largest_runs(external)["reference"] == 3, "repeated, to find out whether it can be"
     declared = build_case(simulator={**EXTERNAL, "deterministic": True})
-    assert largest_runs(declared)["reference"] == 1
+    assert largest_runs(declared)["reference"] == 2
     file = {"source": "file", "path": "a.npy", "scale": "db", "radiometry": "sigma0_ref"}
     passes = {"radar": [{}, {"depression_deg": 50}], "measurement": [file, file]}
     one = {"materials": {"field": {"calibrate": True}}, "design": {"size": 5}, "stop": {"max_runs": 40}}
-    assert largest_runs(case_from({**one, **passes})) == {"reference": 2, "design": 10, "infill": 70, "final": 4}
+    assert largest_runs(case_from({**one, **passes})) == {"reference": 4, "design": 10, "infill": 70, "final": 4}
 
 
 @pytest.mark.parametrize(

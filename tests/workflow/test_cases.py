@@ -51,6 +51,7 @@ def test_the_papers_presets_say_what_the_paper_says():
     for case in (paper, small):
         assert (case.surrogate.outputs, case.surrogate.training) == ("direct", "smt")
         assert not case.has_baseline
+        assert not case.registers_twice
         assert case.radar.radiometry == "sigma0_local"
         assert (case.optimiser.objective, case.optimiser.polish, case.stop.rms) == ("rms", False, 1e-5)
 

@@ -35,6 +35,7 @@ rule reuse:
 
 
 REUSED = [rules.reuse.output.index] if CASE.design.reuse else []
+REGISTRATION_RUN = every_pass(rules.registration_run.output.index) if TWICE else []
 
 
 rule reference_run:
@@ -94,6 +95,7 @@ checkpoint scores:
     input:
         target=every_pass(rules.target.output.target),
         reference=every_pass(rules.reference_run.output.index),
+        registration=REGISTRATION_RUN,
         reused=REUSED,
         design=expand(every_pass(rules.design_chunk.output.index), chunk=CHUNKS),
     output:

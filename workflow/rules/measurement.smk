@@ -28,11 +28,22 @@ rule measurement:
         "../scripts/measurement.py"
 
 
-# The measured image is moved onto the image of the reference run, in which materials and slopes lie where the scene has
-# them.
+# The measured image is moved onto a simulated image, in which materials and slopes lie where the scene has them. The
+# first time, this is the image of the reference run. If a starting law differs much from the real law, other slopes are
+# bright in the reference run than in the measured image, which misleads the registration. The image is therefore
+# registered again, onto a run of the laws found with the first registration of the first pass. All passes have this run,
+# so that it also trains the surrogate.
+TWICE = CASE.registers_twice
+
+
 rule registration:
     input:
-        reference=f"{OUT}/{{at}}reference.json",
+        onto=(
+            f"{OUT}/{{at}}registration_run.json"
+            if TWICE
+            else f"{OUT}/{{at}}reference.json"
+        ),
+        first=[f"{OUT}/{{at}}first/registered.h5"] if TWICE else [],
         measurement=rules.measurement.output.measurement,
     output:
         registered=update(f"{OUT}/{{at}}registered.h5"),
@@ -52,6 +63,70 @@ rule registration:
         "registration"
     script:
         "../scripts/registration.py"
+
+
+use rule registration as first_registration with:
+    input:
+        onto=f"{OUT}/{{at}}reference.json",
+        first=[],
+        measurement=rules.measurement.output.measurement,
+    output:
+        registered=update(f"{OUT}/{{at}}first/registered.h5"),
+    log:
+        f"{OUT}/logs/{{at}}first_registration.log",
+    benchmark:
+        f"{OUT}/benchmarks/{{at}}first_registration.tsv"
+    message:
+        "first registration"
+
+
+rule laws_of_image:
+    input:
+        scene=rules.scene.output.scene,
+        geometry=f"{OUT}/geometry.h5",
+        reference=f"{OUT}/reference.json",
+        registered=f"{OUT}/first/registered.h5",
+    output:
+        laws=f"{OUT}/laws_of_image.json",
+    log:
+        f"{OUT}/logs/laws_of_image.log",
+    retries: 0
+    threads: 1
+    resources:
+        mem_mb=memory("target"),
+        runtime=minutes("target"),
+    params:
+        case=STAGES["laws_of_image"].params(PASSES[""]),
+        runs=f"{OUT}/runs",
+    message:
+        "laws for the registration run"
+    script:
+        "../scripts/laws_of_image.py"
+
+
+rule registration_run:
+    input:
+        SIMULATOR,
+        scene=rules.scene.output.scene,
+        geometry=rules.geometry.output.geometry,
+        laws=rules.laws_of_image.output.laws,
+    output:
+        index=f"{OUT}/{{at}}registration_run.json",
+    log:
+        f"{OUT}/logs/{{at}}registration_run.log",
+    benchmark:
+        f"{OUT}/benchmarks/{{at}}registration_run.tsv"
+    threads: 1
+    resources:
+        mem_mb=memory("run"),
+        runtime=minutes("run"),
+    params:
+        case=of_pass("registration_run"),
+        runs=f"{OUT}/runs",
+    message:
+        "registration run"
+    script:
+        "../scripts/registration_run.py"
 
 
 rule target:

@@ -1,19 +1,23 @@
-"""Register the measured image onto the image of the reference run."""
+"""Register the measured image onto the image of the reference run or, the second time, onto the registration run."""
 
 from radcal.config import stages
 from radcal.measurement.model import read_measurement
-from radcal.measurement.registration import register, write_registered
+from radcal.measurement.registration import read_registered, register, write_registered
+from radcal.measurement.second_registration import register_again
 from radcal.running.jobs import logged, progress
 from radcal.storage.run_index import indexed
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Registration.model_validate(snakemake.params.case)
-    measurement = read_measurement(snakemake.input.measurement)
-    reference, _ = next(indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True))
+    run, _ = next(indexed([snakemake.input.onto], snakemake.params.runs, case.calibrated, image=True))
+    rows, columns = run.image_db.shape
     if case.registration.method != "none":
-        rows, columns = measurement.image_db.shape
-        progress(f"registration of {rows} x {columns} pixels onto the reference run ...")
-    registered = register(reference.image_db, measurement, case.registration)
+        onto = "the run of the laws found" if snakemake.input.first else "the reference run"
+        progress(f"registration of {rows} x {columns} pixels onto {onto} ...")
+    if snakemake.input.first:
+        registered = register_again(run.image_db, read_registered(snakemake.input.first[0]), case.registration)
+    else:
+        registered = register(run.image_db, read_measurement(snakemake.input.measurement), case.registration)
     write_registered(snakemake.output.registered, registered)
     if registered.method != "none":
         progress(registered.verdict)

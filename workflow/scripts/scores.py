@@ -15,7 +15,11 @@ with logged(snakemake.log[0], snakemake.params.case):
     reference = [record for record, _ in in_all_passes(indexed([file], *store) for file in snakemake.input.reference)]
     objectives = make_objectives(case, targets)
     runs = score_reference(case, reference, targets)
-    for kind, files in (("reused", snakemake.input.reused), ("design", snakemake.input.design)):
+    for kind, files in (
+        ("registration", snakemake.input.registration),
+        ("reused", snakemake.input.reused),
+        ("design", snakemake.input.design),
+    ):
         chunks = len(files) // passes
         each = [files[number * chunks : (number + 1) * chunks] for number in range(passes)]
         listed = in_all_passes(indexed(one, *store) for one in each)
@@ -26,4 +30,4 @@ with logged(snakemake.log[0], snakemake.params.case):
     write_runs(snakemake.output.scores, runs)
     best = {name: History(runs).best(name).scores[name].rms for name in targets}
     for name, rms in best.items():
-        progress(f"design of {len(runs) - len(reference)} runs: best rms of {name} {rms:.2e}")
+        progress(f"design of {History(runs).count('design')} runs: best rms of {name} {rms:.2e}")

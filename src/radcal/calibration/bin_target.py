@@ -12,6 +12,7 @@ from radcal.calibration.incidence_error import registration_error_deg
 from radcal.calibration.misfit import BinMisfit, Method
 from radcal.calibration.objectives import OBJECTIVES
 from radcal.config import stages
+from radcal.config.objectives import DEFAULT
 from radcal.measurement.class_target import ClassTarget
 from radcal.measurement.classes import incidence_edges
 from radcal.measurement.ground import Ground
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from radcal.measurement.registration import Registered
     from radcal.radar.geometry import Geometry
 
-__all__ = ["bin_targets"]
+__all__ = ["bin_targets", "laws_of_image"]
 
 _LEVEL_DB = 40.0  # half width of a bin level's bounds about the mean of the pixels, for laws without a curve
 
@@ -106,6 +107,30 @@ def bin_targets(
         targets.looks,
         other_fields=targets.other_fields,
     )
+
+
+def laws_of_image(
+    case: stages.Target, targets: Targets, geometry: Geometry, registered: Registered, slope_error_deg: float = 0.0
+) -> dict[str, list[float]]:
+    """Parameters X of the laws that fit the measured pixels in incidence-angle bins, without a simulator run.
+
+    Parameters
+    ----------
+    case, targets, geometry, registered, slope_error_deg
+        Arguments of :func:`bin_targets`; bins are used for every objective.
+
+    Returns
+    -------
+    dict
+        X of each calibrated material that has a law with a curve.
+    """
+    bins = bin_targets(case.model_copy(update={"objective": DEFAULT}), targets, geometry, registered, slope_error_deg)
+    found = {}
+    for name, target in bins.items():
+        if target.classes is not None and target.classes.first.size:
+            x = target.classes.first
+            found[name] = np.where(case.materials[name].integers, np.round(x), x).tolist()
+    return found
 
 
 def _without_curve(method: Method, ground: Ground) -> Method:

@@ -26,7 +26,7 @@ __all__ = [
     "write_runs",
 ]
 
-Kind = Literal["reference", "reused", "design", "infill"]
+Kind = Literal["reference", "registration", "reused", "design", "infill"]
 
 
 @dataclass(frozen=True)
@@ -159,8 +159,9 @@ class Run:
 
     Attributes
     ----------
-    kind : {'reference', 'reused', 'design', 'infill'}
-        Kind of the run. Reused runs come from an earlier case; they train the surrogate and do not count towards
+    kind : {'reference', 'registration', 'reused', 'design', 'infill'}
+        Kind of the run. The measured image is registered again onto the image of the registration run. Reused runs come
+        from an earlier case. Registration run and reused runs train the surrogate and do not count towards
         ``stop.max_runs``.
     index : int
         Number of the run among the runs of its kind.
@@ -201,7 +202,7 @@ class History:
     Parameters
     ----------
     runs : iterable of Run
-        Reference runs, reused runs, design runs and infill runs, in this order.
+        Reference runs, registration run, reused runs, design runs and infill runs, in this order.
     """
 
     def __init__(self, runs: Iterable[Run]) -> None:

@@ -8,11 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.calibration.bin_target import laws_of_image
 from radcal.calibration.design import design_points
 from radcal.calibration.history import History
 from radcal.calibration.objectives import make_objectives
 from radcal.calibration.scoring import score, score_reference
 from radcal.calibration.steps import (
+    all_parameters,
     propose_all,
     reference_runs,
     run_all_draws,
@@ -21,10 +26,67 @@ from radcal.calibration.steps import (
 )
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Case, stages
+from radcal.measurement.model import Measurement
+from radcal.measurement.registration import Registered, register
+from radcal.measurement.second_registration import register_again
 from radcal.measurement.target import Targets
+from radcal.measurement.target_fit import make_targets
+from radcal.radar.geometry import Geometry
+from radcal.scene.model import Scene
 from radcal.simulators.runner import Runner
+from radcal.storage.runs import Parameters, Record
 
-__all__ = ["calibrate"]
+__all__ = ["calibrate", "register_rounds"]
+
+
+def register_rounds(
+    case: Case,
+    runner: Runner,
+    geometry: Geometry,
+    measurement: Measurement,
+    scene: Scene,
+    reference: Runner | None = None,
+) -> tuple[Registered, tuple[Record, Parameters] | None]:
+    """Register the measured image onto the reference run and, if configured, onto the registration run.
+
+    Parameters
+    ----------
+    case : Case
+        Configuration of a case of one pass.
+    runner : Runner
+        Simulator with a run store.
+    geometry : Geometry
+        Geometry of the pass.
+    measurement : Measurement
+        Measured image.
+    scene : Scene
+        Scene of the runs.
+    reference : Runner, optional
+        Simulator for the reference run, as for :func:`calibrate`.
+
+    Returns
+    -------
+    registered : Registered
+        Registered measured image.
+    run : (Record, Parameters) or None
+        Registration run and its X by material, for :func:`calibrate`; None if the image is registered once.
+    """
+    start = _image_db(reference_runs(stages.ReferenceRun.of(case), reference or runner)[0])
+    first = register(start, measurement, case.registration)
+    if not case.registers_twice:
+        return first, None
+    stage = stages.Target.of(case)
+    targets = make_targets(stage, geometry, first, start, scene=scene)
+    found = laws_of_image(stage, targets, geometry, first, scene.slope_error_deg)
+    parameters = all_parameters(case.materials, found)
+    record = run_all_draws(stages.RegistrationRun.of(case), runner, parameters, image=True)
+    return register_again(_image_db(record), first, case.registration), (record, parameters)
+
+
+def _image_db(record: Record) -> NDArray[np.float32]:
+    """Whole image of a run that was asked for it [dB]."""
+    assert record.image_db is not None  # noqa: S101
+    return record.image_db
 
 
 def calibrate(
@@ -33,6 +95,7 @@ def calibrate(
     targets: Targets,
     report: Callable[[History], None] = lambda _: None,
     reference: Runner | None = None,
+    registration: tuple[Record, Parameters] | None = None,
 ) -> tuple[History, Decision]:
     """Make the reference run, the design runs, and infill runs until the search of every material has ended.
 
@@ -50,6 +113,8 @@ def calibrate(
     reference : Runner, optional
         Simulator for the reference run, made for ``case.at_start``; needed if the starting parameters of a calibrated
         material belong to another law.
+    registration : (Record, Parameters), optional
+        Run onto whose image the measured image was registered again, and its X by material.
 
     Returns
     -------
@@ -70,6 +135,8 @@ def calibrate(
         raise ValueError(f"materials {others} start with another law: expected a reference runner")
     runs = score_reference(scores, reference_runs(stages.ReferenceRun.of(case), reference or runner), targets)
     objectives = make_objectives(scores, targets)
+    if registration is not None:
+        runs.append(score("registration", 0, *registration, targets, objectives, case.seed))
     for k, parameters in enumerate(design_points(stages.DesignChunk.of(case), case.design_size)):
         runs.append(
             score(

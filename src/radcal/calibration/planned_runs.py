@@ -67,6 +67,7 @@ def planned_runs(case: Case, jobs: Jobs, folder: str | Path) -> dict[str, int]:
             start = stages.ReferenceRun.of(one).at_start
             stored = known is not None and known(start).is_recorded(one.start_parameters, noise_seed(start))
             counts["reference"] += reference_count(case.simulator) - stored
+        counts["reference"] += sum(rule == "registration_run" for rule, _ in of_pass)
         chunks = [int(words["chunk"]) for rule, words in of_pass if rule == "design_chunk"]
         if chunks:
             counts["design"] += _of_design(case, chunks, None if known is None else known(stages.DesignChunk.of(one)))

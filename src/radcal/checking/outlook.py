@@ -20,11 +20,9 @@ from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db, of_sigma0
 from radcal.radar.reflectivity import law_tables, reflectivity
 from radcal.running.time_left import (
-    FINAL_RUNS,
     duration,
     largest_runs,
     most_need,
-    reference_count,
     stored_iteration_seconds,
 )
 from radcal.scene.model import Scene
@@ -233,7 +231,7 @@ def time_expected(case: Case, results: str | Path) -> str:
     whole = stored_iteration_seconds(Path(results) / case.case / "benchmarks")
     more = f"; an iteration with training and proposal takes about {duration(whole)}" if whole is not None else ""
     search = most_need(case.design_size, case.stop.max_runs)
-    usual = len(case.passes) * (reference_count(case.simulator) + search + FINAL_RUNS)
+    usual = sum(largest_runs(case)[kind] for kind in ("reference", "final")) + len(case.passes) * search
     return (
         f"time: about {duration(each)} of simulation a run (median of the case's stored runs){more}; most cases "
         f"need at most {usual} runs ({duration(usual * each)} of simulation), stop.max_runs allows at most "

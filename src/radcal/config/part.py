@@ -8,6 +8,7 @@ from typing import Any, Protocol, Self, TypeVar
 from radcal.config.design import Design
 from radcal.config.materials import Material
 from radcal.config.radar import Radar
+from radcal.config.registration import RegistrationConfig
 from radcal.config.sections import DERIVED, FURTHER, Section
 from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
@@ -57,6 +58,11 @@ class _Design(_Levels, Protocol):
 
     @property
     def has_baseline(self) -> bool: ...
+
+
+class _Registered(_Design, Protocol):
+    @property
+    def registration(self) -> RegistrationConfig: ...
 
 
 _OfMaterials = TypeVar("_OfMaterials", bound=_Materials)
@@ -139,6 +145,12 @@ class Part(Section):
         curves = all(material.law != EXTERNAL for material in self.materials.values() if material.calibrate)
         learnt = self.surrogate.baseline and self.surrogate.outputs == "centred"
         return curves and learnt and self.target.normalisation != "image"
+
+    @property
+    def registers_twice(self: _Registered) -> bool:
+        """Whether the image is registered again, onto a run of the laws that the first registration gives."""
+        config = self.registration
+        return config.rounds == 2 and config.method != "none" and self.has_baseline
 
     @property
     def design_size(self: _Design) -> int:

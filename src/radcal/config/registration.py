@@ -18,6 +18,11 @@ class RegistrationConfig(Section):
     method: Literal["gefolki", "ilk", "none"] = Field(
         "gefolki", description="gefolki, ilk (iterative Lucas-Kanade of scikit-image) or none (no registration)"
     )
+    rounds: Literal[1, 2] = Field(
+        2,
+        description="1: register onto the reference run; 2: register again, onto a run of the laws that the image asks "
+        "for after the first registration (needs laws with a curve and surrogate.baseline)",
+    )
     global_shift: bool = Field(
         False, description="whether phase correlation first estimates one shift of the whole image"
     )

@@ -38,11 +38,13 @@ __all__ = [
     "FinalRuns",
     "Forward",
     "Geometry",
+    "LawsOfImage",
     "Measurement",
     "Posterior",
     "Propose",
     "ReferenceRun",
     "Registration",
+    "RegistrationRun",
     "Reuse",
     "Scene",
     "Scores",
@@ -132,11 +134,19 @@ class Registration(Stage):
     registration: RegistrationConfig
 
 
+class RegistrationRun(Simulation):
+    """Sections that rule ``registration_run`` reads."""
+
+
 class Target(Simulation, Scores):
     """Sections that rule ``target`` reads to derive the targets of the materials."""
 
     target: TargetConfig
     validation: Validation | None
+
+
+class LawsOfImage(Target):
+    """Sections that rule ``laws_of_image`` reads to fit laws for the registration run."""
 
 
 class DesignSize(Stage):
@@ -232,6 +242,8 @@ STAGES: Mapping[str, type[Stage]] = {
     "reuse": Reuse,
     "reference_run": ReferenceRun,
     "registration": Registration,
+    "laws_of_image": LawsOfImage,
+    "registration_run": RegistrationRun,
     "target": Target,
     "design_chunk": DesignChunk,
     "scores": Scores,

@@ -368,7 +368,7 @@ def registered_as(
             elif not np.array_equal(stored.unregistered_db, found.image_db, equal_nan=True):
                 why = f", not as in {path.parent}, which has registered another image"
             else:
-                return stored, f"as in {path.parent}, onto the image at its start"
+                return stored, f"as in {path.parent}"
         except RadcalError as error:
             why = f", because the registration of its case cannot be used: {error}"
     return register(predicted_db, found, config), f"onto the predicted image{why}"

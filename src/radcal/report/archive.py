@@ -52,7 +52,7 @@ Integers = NDArray[np.int64]
 class Runs:
     """All n runs of a calibration, in the order reference, reused, design, infill."""
 
-    kind: Annotated[NDArray[np.str_], About("kind of each run: reference, reused, design or infill", shape="n")]
+    kind: Annotated[NDArray[np.str_], About("reference, registration, reused, design or infill", shape="n")]
     index: Annotated[Integers, About("number of the run within its kind", shape="n")]
     key: Annotated[NDArray[np.str_], About("hash of the run, which names its record in `runs/`", shape="n", scale=True)]
     seconds: Annotated[Doubles, About("wall time of the simulator", "s", "n")]
@@ -323,7 +323,7 @@ class Archive:
     versions: Annotated[str, About("versions of Python and packages (JSON)")]
     final_runs: Annotated[int, About("final runs that were not simulated before")]
     names: Annotated[tuple[str, ...], About("names of all materials, in the order of their ids")]
-    runs: Annotated[Runs, About("all n runs in their order: reference, reused, design, infill")]
+    runs: Annotated[Runs, About("all n runs in their order: reference, registration, reused, design, infill")]
     registration: Annotated[RegistrationSummary, About("registration of the measured image")]
     levels: Annotated[LevelSummary, About("level of the measured image relative to the simulated")]
     scene: Annotated[SceneView, About("scene at the resolution of the figures; row 0 is in the south")]

@@ -34,6 +34,7 @@ MUTED = "#7A7A7A"
 # label and style of the runs of each kind
 RUNS: dict[str, tuple[str, dict[str, Any]]] = {
     "reference": ("reference (start)", {"color": START["color"], "marker": "s", "s": 62}),
+    "registration": ("registration run", {"color": HIDDEN["color"], "marker": "P", "s": 44}),
     "reused": ("earlier case", {"color": MUTED, "marker": "D", "s": 26}),
     "design": ("design", {"color": DESIGN, "marker": "o", "s": 30}),
     "infill": ("infill", {"color": FOUND["color"], "marker": "^", "s": 40}),

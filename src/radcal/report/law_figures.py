@@ -69,6 +69,8 @@ def _run_words(case: Archive, material: MaterialResult) -> tuple[str, str]:
     kinds, ended = case.runs.kind, _ended(case, material)
     reused, design = np.flatnonzero(kinds == "reused"), np.flatnonzero(kinds == "design")
     said = "Run 0 is the reference run"
+    if (again := np.flatnonzero(kinds == "registration")).size:
+        said += f", run {again[0]} the registration run"
     if reused.size:
         which = f"runs {reused[0]} to {reused[-1]} are" if reused.size > 1 else f"run {reused[0]} is"
         said += f", {which} from an earlier case"

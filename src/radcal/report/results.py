@@ -245,7 +245,7 @@ def _law(values: Any, material: Material, radar: Radar) -> LawParameters:
 
 
 def _runs(history: History) -> Runs:
-    """Kind, number, hash and time of all runs, in the order reference, reused, design, infill."""
+    """Kind, number, hash and time of all runs, in the order reference, registration, reused, design, infill."""
     return Runs(
         kind=np.array([run.kind for run in history.runs]),
         index=np.array([run.index for run in history.runs]),

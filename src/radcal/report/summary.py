@@ -293,6 +293,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
     made = np.isin(np.arange(keys.size), np.unique(keys, return_index=True)[1])
     each = np.tile(kinds, keys.size // kinds.size)
     runs = {kind: int(np.count_nonzero((each == kind) & made)) for kind in ("reference", "design", "infill")}
+    runs["reference"] += int(np.count_nonzero((each == "registration") & made))
     runs["final"] = sum(one.final_runs for one in passes.values()) if passes else archive.final_runs
     search = runs["design"] + runs["infill"]
     reused = int(np.count_nonzero(kinds == "reused"))

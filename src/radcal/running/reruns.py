@@ -22,13 +22,13 @@ _RUNS: Mapping[str, str] = {
     "simulator": "none for `keep_images`; all where the simulator's identity changes (its program, its files)",
     "materials": "those with changed parameters: a new start is a new reference run, new bounds are a new design; "
     "all for a new law or another material's parameters",
-    "measurement": "none of the design; infill towards the new target",
-    "registration": "none of the design; infill towards the new target",
+    "measurement": "none of the design; the registration run, and infill towards the new target",
+    "registration": "none of the design; the registration run where it is new, and infill towards the new target",
     "objective": "further draws of speckle in the design where `simulator.draws` is not configured; infill for the new "
     "objective",
-    "target": "none of the design, which is larger with normalisation `image` (`design.size: auto`); infill towards "
-    "the new target",
-    "validation": "none of the design; infill towards the new target",
+    "target": "none of the design, which is larger with normalisation `image` (`design.size: auto`); the registration "
+    "run, and infill towards the new target",
+    "validation": "none of the design; the registration run, and infill towards the new target",
     "design": "those by which a larger design, or another sampler, differs",
     "surrogate": "those by which the design without a baseline is larger (`design.size: auto`); infill where the "
     "proposals differ",

@@ -36,7 +36,7 @@ def largest_runs(case: Case) -> dict[str, int]:
     """Largest number of simulator runs of a case over all passes, for each kind: reference, design, infill, final."""
     passes = len(case.passes)
     return {
-        "reference": passes * reference_count(case.simulator),
+        "reference": passes * (reference_count(case.simulator) + case.registers_twice),
         "design": passes * case.design_size,
         "infill": passes * (case.stop.max_runs - case.design_size),
         "final": passes * FINAL_RUNS,
