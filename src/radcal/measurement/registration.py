@@ -105,7 +105,9 @@ def contrast_db(image_db: NDArray[np.float32]) -> float:
     return float(np.sqrt(max(0.0, float(np.mean(left * right)))))
 
 
-def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: RegistrationConfig) -> Registered:
+def register(
+    fixed_db: NDArray[np.float32], measurement: Measurement, config: RegistrationConfig, same_area: bool = False
+) -> Registered:
     """Register a measured image onto a simulated one.
 
     The displacement field is estimated three times: from all pixels, and, with the same prior, from the squares of each
@@ -123,6 +125,8 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
         Measured image of the same size as the simulated image.
     config : RegistrationConfig
         Method and limits of the registration.
+    same_area : bool
+        Whether the images are known to show the same area, so that no comparison with mirrored images is needed.
 
     Returns
     -------
@@ -162,7 +166,8 @@ def register(fixed_db: NDArray[np.float32], measurement: Measurement, config: Re
     # an image that is used unregistered must agree with the simulated image without any displacement
     correlation = after if raised and furthest <= config.max_displacement_px else before
     found_out = f"{found}, standard error {_standard_error(after):.3f}"
-    _check_agreement(source, levels, flow, correlation, found_out, contrast_db(fixed_db))
+    if not same_area:
+        _check_agreement(source, levels, flow, correlation, found_out, contrast_db(fixed_db))
     if furthest > config.max_displacement_px:
         return _kept(
             measurement,

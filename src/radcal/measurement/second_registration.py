@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import RegistrationConfig
-from radcal.errors import MeasurementError
 from radcal.measurement.registration import Registered, register
 
 __all__ = ["register_again"]
@@ -37,10 +36,7 @@ def register_again(image_db: NDArray[np.float32], first: Registered, config: Reg
         Registration with the higher mean local correlation of the measured image with its simulated image. The
         sentence ``verdict`` names the choice.
     """
-    try:
-        again = register(image_db, replace(first.measurement, image_db=first.unregistered_db), config)
-    except MeasurementError as error:
-        return replace(first, verdict=f"{first.verdict} The registration onto the reference run is kept: {error}")
+    again = register(image_db, replace(first.measurement, image_db=first.unregistered_db), config, same_area=True)
     before, after = (float(np.mean(one.correlation)) for one in (first, again))
     numbers = f"mean local correlation {after:.3f}, with the reference run {before:.3f}"
     if after < before:
