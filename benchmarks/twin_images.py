@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.budget import FIELD_FREEDOM
 from radcal.config import Case, case_from
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import LAWS, Law, seen_rad
@@ -22,7 +23,7 @@ CROP = (slice(120, 280), slice(150, 270))  # cells of the scene: north, east
 KNOTS_DEG = [float(angle) for angle in range(0, 91, 5)]
 UNDISTURBED: dict[str, Any] = {
     "laws": {}, "offset_db": 0.0, "warp_px": 0.0, "relief_m": 0.0, "resolution_factor": 1.0, "looks": None,
-    "nesz_db": None, "texture_db": 0.0, "wrong_labels": 0.0,
+    "nesz_db": None, "texture_db": 0.0, "fields_db": {}, "wrong_labels": 0.0,
 }  # fmt: skip
 
 Curve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -118,8 +119,15 @@ def outside(rng: np.random.Generator) -> dict[str, Any]:
     return {"bump": [either(rng, 0.5, 1.0), float(rng.uniform(low, high)), 6.0]}
 
 
+def fields(rng: np.random.Generator) -> dict[str, Any]:
+    """Levels of fields that differ as the prior of the configured uncertainty says, for each material."""
+    scale_db = bench().case.uncertainty.field_db * np.sqrt(FIELD_FREEDOM / rng.chisquare(FIELD_FREEDOM))
+    materials = [*bench().case.calibrated, *neighbours()]
+    return {"fields_db": {name: float(abs(rng.normal(0.0, min(scale_db, 6.0)))) for name in materials}}
+
+
 def together(rng: np.random.Generator) -> dict[str, Any]:
-    """All factors but the law's family; level and resolution are drawn from the configured uncertainty."""
+    """All factors but the law's family; level, resolution and fields are drawn from the configured uncertainty."""
     found: dict[str, Any] = {}
     for factor in (relief, texture, labels, noise, warp):
         found |= factor(rng)
@@ -127,12 +135,13 @@ def together(rng: np.random.Generator) -> dict[str, Any]:
     found["resolution_factor"] = float(np.clip(rng.normal(1.0, budget.point_spread), 0.9, 1.5))
     found["offset_db"] = float(rng.normal(0.0, budget.level_db))
     found["laws"] = shifted({name: float(rng.normal(0.0, 2.0)) for name in neighbours()})
-    return found
+    return found | fields(rng)
 
 
 FACTORS: dict[str, Callable[[np.random.Generator], dict[str, Any]]] = {
     "none": lambda _: {}, "relief": relief, "point_spread": point_spread, "level": level, "others": others,
-    "texture": texture, "labels": labels, "noise": noise, "warp": warp, "outside": outside, "all": together,
+    "texture": texture, "labels": labels, "noise": noise, "warp": warp, "fields": fields,
+    "outside": outside, "all": together,
 }  # fmt: skip
 
 

@@ -233,6 +233,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
         {**synthetic(texture_db=1.0), "simulator": COMMAND},
         ["measurement.synthetic.texture_db is for the built-in simulator", "the scene of the runs alone"],
     ),
+    (synthetic(fields_db={"dike": 0.5}), ["measurement.synthetic.fields_db.dike: no such material", "'dyke'"]),
     (
         {**synthetic(relief_m=0.3), **flat()},
         ["measurement.synthetic.relief_m is 0.3, expected 0: a slant-range scene has no heights"],

@@ -86,6 +86,7 @@ FIRST: dict[str, Any] = {
             "laws": {"c": {"law": "tabulated", "angles_deg": [15, 55], "parameters": [-9.0, -12.0]}},
             "relief_m": 0.4, "relief_length_m": 3.0, "resolution_factor": 1.2, "looks": 2, "nesz_db": -26.0,
             "texture_db": 1.5, "texture_length_m": 12.0, "wrong_labels": 0.02,
+            "fields_db": {"a": 0.7},
         },
     },
     "registration": {"max_displacement_px": 10},
@@ -151,7 +152,11 @@ def general(place: tuple[str | int, ...]) -> str:
     parts = ["*" if isinstance(part, int) else part for part in place]
     for k, part in enumerate(parts[:-1]):
         hidden = "synthetic" in parts[:k] and "laws" not in parts[:k]
-        if part == "aspect" or (part == "materials" and k == 0) or (part in ("parameters", "laws") and hidden):
+        if (
+            part == "aspect"
+            or (part == "materials" and k == 0)
+            or (part in ("parameters", "laws", "fields_db") and hidden)
+        ):
             parts[k + 1] = "*"
     return ".".join(parts)
 

@@ -13,7 +13,7 @@ from radcal.config import Case, Radar, Synthetic
 from radcal.errors import MeasurementError
 from radcal.measurement.model import Measurement
 from radcal.measurement.sources import make_measurement
-from radcal.measurement.synthetic import check_synthetic, relabelled, roughened, textured
+from radcal.measurement.synthetic import check_synthetic, relabelled, roughened, textured, varied
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
@@ -60,6 +60,7 @@ def correlation(measurement: Measurement, axis: int, pixels: np.ndarray) -> floa
         {"looks": 2},
         {"nesz_db": 0.0},
         {"texture_db": 1.0},
+        {"fields_db": {"dyke": 1.0}},
         {"wrong_labels": 0.05},
         {"laws": {"dyke": {"law": "mangia", "parameters": [6.2, *TRUTH[1:]]}}},
     ],
@@ -189,6 +190,36 @@ def test_texture_has_its_spread_its_mean_and_its_length(build_scene: Callable[..
             a, b = np.delete(image, range(steps), axis), np.delete(image, range(-steps, 0), axis)
             expected = np.exp(-((steps * pixel_m / length_m) ** 2))
             assert np.corrcoef(a.ravel(), b.ravel())[0, 1] == pytest.approx(expected, abs=0.13)
+
+
+def test_fields_have_levels_of_their_own(build_scene: Callable[..., Scene], radar: Radar) -> None:
+    material = np.ones((160, 160), dtype=np.uint8)
+    for east in range(0, 160, 8):
+        material[:, east : east + 6] = 2
+    material[50:53], material[110:113] = 1, 1  # three fields in each strip
+    names = ("grass", "dyke")
+    scene = build_scene(lambda east, north: 0 * east, cells=material.shape, names=names, material=material)
+    flat = make_geometry(scene, radar)
+    first, shown = flat.facet_start[flat.cell_start[:-1]], flat.material.ravel()
+    calibrated = shown == 2
+    for sd in (0.7, 1.4):
+        weight = varied(flat, scene, {"dyke": sd}, 5).facet_weight
+        gain_db = 10 * np.log10(weight[first] / flat.facet_weight[first])
+        assert np.abs(gain_db[~calibrated]).max() == 0.0
+        levels, count = np.unique(gain_db[calibrated].round(3), return_counts=True)
+        assert 55 < len(levels[count > 20]) <= 60  # the radar does not see all
+        assert levels[count > 20].std() == pytest.approx(sd, rel=0.15)
+    assert not np.array_equal(varied(flat, scene, {"dyke": sd}, 6).facet_weight, weight)
+    assert varied(flat, scene, {}, 5) is flat
+
+
+def test_fields_keep_their_levels_on_ground_with_relief(make: Make, plain: Measurement, geometry: Geometry) -> None:
+    pixels, fields = geometry.pixels("dyke", 3), {"fields_db": {"dyke": 3.0}}
+    change = mean_db(make(**fields), pixels) - mean_db(plain, pixels)
+    assert abs(change) > 0.5
+    relief = {"relief_m": 0.05, "relief_length_m": 8.0}
+    rough = mean_db(make(**relief, **fields), pixels) - mean_db(make(**relief), pixels)
+    assert rough == pytest.approx(change, abs=0.1)
 
 
 def test_settings_that_no_image_can_have_are_refused_without_a_run(radar: Radar) -> None:

@@ -306,6 +306,9 @@ class Case(Part):
                 yield f"{key}.laws.{name} and {key}.parameters.{name} are both given, expected one of them"
             if "frequency_ghz" in hidden.unbound_law.needs and self.radar.frequency_ghz is None:
                 yield f"radar.frequency_ghz is missing: law {hidden.law!r} of {key}.laws.{name} depends on it"
+        for name in synthetic.fields_db:
+            if name not in self.materials:
+                yield f"{key}.fields_db.{name}: no such material{nearest(name, self.materials)}"
         if synthetic.disturbed and isinstance(self.simulator, CommandSimulation):
             yield (
                 f"{key}.{synthetic.disturbed[0]} is for the built-in simulator, which images the changed scene; "

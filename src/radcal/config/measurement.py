@@ -84,6 +84,10 @@ class Synthetic(Section):
         0.0, description="standard deviation of gamma texture [dB]; with texture, pixels are K-distributed"
     )
     texture_length_m: Length = Field(10.0, description="correlation length of the gamma texture on the ground [m]")
+    fields_db: dict[str, Annotated[Real, Field(ge=0, le=20)]] = Field(
+        default_factory=dict,
+        description="standard deviation of the level between the fields (connected areas) of a material [dB]",
+    )
     wrong_labels: Annotated[Real, Field(ge=0, le=0.5)] = Field(
         0.0, description="share of the scene's cells to which a wrong material is given, on borders and in patches"
     )
@@ -91,7 +95,7 @@ class Synthetic(Section):
     @property
     def disturbed(self) -> tuple[str, ...]:
         """Keys by which scene, pass or laws of the synthetic measurement differ from those of the runs."""
-        keys = ("laws", "relief_m", "resolution_factor", "looks", "nesz_db", "texture_db", "wrong_labels")
+        keys = ("laws", "relief_m", "resolution_factor", "looks", "nesz_db", "texture_db", "fields_db", "wrong_labels")
         return tuple(key for key in keys if getattr(self, key) not in (None, {}, type(self).model_fields[key].default))
 
 

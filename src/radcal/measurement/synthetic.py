@@ -6,6 +6,7 @@ image is formed by the built-in simulator itself, from a changed scene, geometry
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from radcal.config import Radar, Synthetic, stages
 from radcal.errors import MeasurementError
 from radcal.measurement.displacement import invert, warp
 from radcal.measurement.model import Measurement
+from radcal.measurement.patches import patches_seen
 from radcal.radar.geometry import Geometry
 from radcal.radar.lines import refined_elevation
 from radcal.radar.projection import make_geometry
@@ -27,7 +29,7 @@ from radcal.seeds import derived_rng, measurement_seed
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.protocol import Simulator
 
-__all__ = ["check_synthetic", "make_synthetic", "relabelled", "roughened", "smooth_warp", "textured"]
+__all__ = ["check_synthetic", "make_synthetic", "relabelled", "roughened", "smooth_warp", "textured", "varied"]
 
 _WARP_SIGMA_PX = 60.0  # smoothing of a synthetic displacement field
 _PATCH_CELLS = 4.0  # correlation length of patches with a wrong label
@@ -120,15 +122,12 @@ def _other_simulator(
 ) -> BuiltinSimulator:
     """Built-in simulator of the disturbed scene, pass and laws."""
     radar = _other_pass(case.radar, synthetic)
-    if synthetic.relief_m > 0 or synthetic.wrong_labels > 0:
+    if synthetic.relief_m > 0 or synthetic.wrong_labels > 0 or synthetic.fields_db:
         if scene is None:
-            raise MeasurementError("measurement.synthetic: relief and wrong labels need the scene, which is missing.")
-        other = relabelled(scene, synthetic.wrong_labels, derived_rng(synthetic.seed, "measurement", "labels"))
-        if synthetic.relief_m > 0:
-            rng = derived_rng(synthetic.seed, "measurement", "relief")
-            k = refinement(scene.cell_m, radar)
-            other = roughened(other, synthetic.relief_m, synthetic.relief_length_m, k, rng)
-        geometry = make_geometry(other, radar, onto=geometry)
+            raise MeasurementError(
+                "measurement.synthetic: relief, fields and wrong labels need the scene, which is missing."
+            )
+        geometry = _other_ground(radar, synthetic, geometry, scene)
     if synthetic.texture_db > 0:
         rng = derived_rng(synthetic.seed, "measurement", "texture")
         geometry = textured(geometry, radar, synthetic.texture_db, synthetic.texture_length_m, rng)
@@ -139,6 +138,19 @@ def _other_simulator(
         materials[name] = materials[name].model_copy(update=update)
     laws = case.model_copy(update={"materials": materials}).laws
     return BuiltinSimulator(geometry, radar, laws)
+
+
+def _other_ground(radar: Radar, synthetic: Synthetic, geometry: Geometry, scene: Scene) -> Geometry:
+    """Geometry of the scene with wrong labels and relief, and with fields that differ."""
+    if synthetic.relief_m > 0 or synthetic.wrong_labels > 0:
+        scene = relabelled(scene, synthetic.wrong_labels, derived_rng(synthetic.seed, "measurement", "labels"))
+        if synthetic.relief_m > 0:
+            rng = derived_rng(synthetic.seed, "measurement", "relief")
+            scene = roughened(
+                scene, synthetic.relief_m, synthetic.relief_length_m, refinement(scene.cell_m, radar), rng
+            )
+        geometry = make_geometry(scene, radar, onto=geometry)
+    return varied(geometry, scene, synthetic.fields_db, synthetic.seed)
 
 
 def _other_pass(radar: Radar, synthetic: Synthetic) -> Radar:
@@ -260,8 +272,38 @@ def textured(geometry: Geometry, radar: Radar, sd_db: float, length_m: float, rn
     ground_m = radar.range_spacing_m / np.sin(np.radians(float(np.median(geometry.flat_incidence_deg))))
     lengths = (length_m / ground_m, length_m / radar.azimuth_spacing_m)
     texture = texture_db(ndtr(_correlated(geometry.shape, lengths, rng)), order_of_texture(sd_db))
+    return _brightened(geometry, texture)
+
+
+def varied(geometry: Geometry, scene: Scene, sd_db: Mapping[str, float], seed: int) -> Geometry:
+    """Geometry whose weights are multiplied by a gain of each field, so that the fields of a material differ.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Geometry of the pass.
+    scene : Scene
+        Scene of the runs, whose connected areas of a material are its fields.
+    sd_db : mapping
+        Standard deviation of the normally distributed gains of a material's fields [dB], by material.
+    seed : int
+        Seed of the measurement, from which the gains are drawn.
+    """
+    if not sd_db:
+        return geometry
+    gain_db = np.zeros(geometry.shape)
+    for name, sd in sd_db.items():
+        number = geometry.names.index(name) + 1
+        field = patches_seen(geometry.material == number, scene.material == number, geometry.ground)
+        gains = derived_rng(seed, "measurement", "fields", name).normal(0.0, sd, int(field.max()) + 1)
+        gain_db += np.where(field > 0, gains[field], 0.0)
+    return _brightened(geometry, gain_db)
+
+
+def _brightened(geometry: Geometry, gain_db: NDArray[np.float64]) -> Geometry:
+    """Geometry whose weights are multiplied by a gain of each pixel, shape (rows, columns) [dB]."""
     first = geometry.facet_start[geometry.cell_start]  # first facet of each pixel
-    power = np.repeat((10.0 ** (texture.ravel() / 10.0)).astype(np.float32), np.diff(first))
+    power = np.repeat((10.0 ** (gain_db.ravel() / 10.0)).astype(np.float32), np.diff(first))
     return replace(geometry, facet_weight=geometry.facet_weight * power)
 
 
