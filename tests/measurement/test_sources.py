@@ -426,7 +426,7 @@ def test_a_speckle_filtered_image_is_called_that(
     ):
         make_measurement(build_case(measurement=file, radar={"looks": 4}), geometry, NoSimulator())
     notes = make_measurement(build_case(measurement=file, radar={"looks": 14}), geometry, NoSimulator()).notes
-    assert notes[2].startswith("a.tif is speckle-filtered or smoothed in another way")
+    assert notes[2].startswith("warning: a.tif is speckle-filtered or smoothed in another way")
     coarse = {"range_resolution_m": 1.8, "azimuth_resolution_m": 7.0, "azimuth_spacing_m": 5.0, "looks": 14}
     notes = make_measurement(build_case(measurement=file, radar=coarse), geometry, NoSimulator()).notes
     assert "radar.range_resolution_m is 1.8 and radar.azimuth_resolution_m 7" in notes[2]
