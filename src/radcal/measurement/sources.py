@@ -6,10 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
 from radcal import skewnormal
 from radcal.config import FileMeasurement, Radar, TargetConfig, expand_path, stages, vrt_folders
@@ -49,6 +50,7 @@ __all__ = ["check_image", "make_measurement"]
 
 T = TypeVar("T")
 _LARGEST_ALONE = 20_000_000  # largest number of pixels of a raster that is read for a check without the scene
+_SAME_RELIEF = 0.3  # largest ratio of differences to the relief (rms) at which an image counts as heights
 _NOISE_ABOVE_DB = 3.0  # an image contains its noise: only errors of both levels let the noise lie above the image
 
 
@@ -226,6 +228,7 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
         sides = map_pixel_m(path, radar, vrt_folders(config))
         places = partial(places_on_ground, crs, transform, geometry.ground)
         values = values_at_ground(read_georeferenced(path, config, places), crs, transform, geometry.ground)
+        _check_no_heights(values, path, geometry, scene)
         read = image_of(values, path, config, geometry.shape)
     else:
         resized = "" if crs is None else off_the_map(path, crs, vrt_folders(config))
@@ -235,6 +238,8 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
     _check_pass(read, radar, path)
     _check_radiometry(read.radiometry, config.radiometry, radar, path)
     notes = [f"{path.name}: {read.counts}.", *read.notes]
+    if sides is not None:
+        notes.append(_angle_note(path, radar, geometry))
     looks = estimate_looks(read.image_db, geometry.material, radar)
     spread = estimate_point_spread(read.image_db, geometry.material, radar)
     if looks is not None:
@@ -264,6 +269,30 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
             f"{radar.band}, which is none of {', '.join(LETTER_BANDS_GHZ)}."
         )
     return Measurement(read.image_db, path.name, notes=tuple(notes))
+
+
+def _check_no_heights(values: NDArray[Any], path: Path, geometry: Geometry, scene: Scene | None) -> None:
+    """Refuse values that are the scene's own heights: a copy of the elevation in place of the measured image."""
+    if scene is None or scene.elevation_m is None or values.dtype.kind == "c":
+        return
+    known = np.isfinite(values) & np.isfinite(geometry.ground).all(axis=0)
+    height = map_coordinates(scene.elevation_m, geometry.ground[:, known].astype(np.float64), order=0, mode="nearest")
+    if height.size and np.sqrt(np.mean((values[known] - height) ** 2)) < _SAME_RELIEF * height.std():
+        raise MeasurementError(
+            f"measurement.path: the values of {path}, {values[known].min():.4g} to {values[known].max():.4g}, are the "
+            "heights of scene.elevation in metres, expected backscatter: give the file of the measured image."
+        )
+
+
+def _angle_note(path: Path, radar: Radar, geometry: Geometry) -> str:
+    """Incidence that the case gives an image on the map, in which the map and not the angle places the pixels."""
+    key = "depression_deg" if radar.incidence_deg is None else "incidence_deg"
+    low, high = geometry.flat_incidence_deg.min(), geometry.flat_incidence_deg.max()
+    return (
+        f"{path.name}: the map places its pixels, so that a wrong radar.{key} does not displace them and can remain "
+        f"unnoticed: {getattr(radar, key):g} gives incidences of {low:.1f} to {high:.1f} degrees on level ground, "
+        "expected those that the metadata of the image say."
+    )
 
 
 def _tagged(read: ReadImage, tags: Tags, config: FileMeasurement, path: Path) -> ReadImage:
