@@ -367,9 +367,52 @@ def test_an_image_on_the_map_is_seen_where_its_ground_lies(
         "remain unnoticed: 45 gives incidences of 42 to 47 degrees on level ground, expected those that the metadata "
         "of the image say."
     )
-    orbit = module._angle_note(path, Radar(incidence_deg=38.5, altitude_m=700_000.0), geometry)
+    orbit = module._angle_note(
+        path, case.measurement, Radar(incidence_deg=38.5, altitude_m=700_000.0), geometry, on_map
+    )
     assert "wrong radar.incidence_deg does" in orbit
     assert "unnoticed: 38.5 gives" in orbit
+
+
+@pytest.mark.parametrize("name", ["angle", "incidenceAngleFromEllipsoid", "localIncidenceAngle"])
+@pytest.mark.parametrize(("turned_deg", "expected"), [(0.9, None), (-9.7, "54.7"), (4.4, "40.6")])
+def test_a_band_of_incidence_angles_is_compared(
+    tmp_path: Path, build_scene: Callable[..., Scene], build_case: Build, name: str, turned_deg: float, expected: str
+) -> None:
+    """Ground that rises by 3 degrees towards the radar's far side, 900 to 1100 m from a track of 1000 m."""
+    slope = build_scene(lambda east, _: np.tan(np.radians(3.0)) * east)
+    on_map = replace(slope, crs="EPSG:32631", transform=(5.0, 0.0, 6e5, 0.0, 5.0, 5.78e6))
+    case = build_case(
+        measurement={"source": "file", "path": str(tmp_path / "a.tif"), "scale": "db", "radiometry": "sigma0_ref"},
+        radar={"altitude_m": 1000.0, "nesz_db": -60.0},
+        materials={"dyke": {"calibrate": True}},
+    )
+    angle = np.degrees(np.arctan((902.5 + 5.0 * np.arange(40.0)) / 1000.0)) + turned_deg
+    angle += -3.0 if name.startswith("local") else 0.0
+    speckle = 10.0 * np.log10(np.random.default_rng(6).gamma(4.0, 0.25, (40, 40))) - 12.0
+    with rasterio.open(
+        tmp_path / "a.tif", "w", driver="GTiff", count=2, height=40, width=40, dtype="float32", crs="EPSG:32631",
+        transform=rasterio.Affine(5.0, 0.0, 6e5, 0.0, -5.0, 5.78e6 + 200.0),
+    ) as raster:  # fmt: skip
+        raster.write(np.stack([speckle, np.broadcast_to(angle, (40, 40))]).astype(np.float32))
+        raster.descriptions = ("VV", name)
+    chosen = case.model_copy(
+        update={
+            "measurement": case.measurement.model_copy(update={"band": 1}),
+            "radar": case.radar.model_copy(update={"polarisation": "VV"}),
+        }
+    )
+    geometry = make_geometry(on_map, chosen.radar)
+    if expected is None:
+        (note,) = (note for note in make_measurement(chosen, geometry, NoSimulator(), on_map).notes if name in note)
+        assert re.search(rf"level ground, as band 2 \({name}\) does \(-0\.[89] degrees, median\)\.$", note)
+        return
+    with pytest.raises(MeasurementError) as caught:
+        make_measurement(chosen, geometry, NoSimulator(), on_map)
+    assert str(caught.value) == (
+        f"radar.depression_deg is 45, whose incidences differ by {-turned_deg:+.1f} degrees (median) from band 2 "
+        f"({name}) of {tmp_path / 'a.tif'}, expected about {expected}."
+    )
 
 
 @pytest.mark.parametrize(("scale", "copied"), [("db", True), ("power", True), ("db", False)])
