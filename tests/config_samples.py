@@ -19,7 +19,7 @@ def dyke(**keys: Any) -> dict[str, Any]:
 
 
 def flat(**keys: Any) -> dict[str, Any]:
-    both = {"labels": "a.tif", "names": "a.json", "near_incidence_deg": 20, "far_incidence_deg": 40}
+    both = {"labels": "ids.tif", "names": "a.json", "near_incidence_deg": 20, "far_incidence_deg": 40}
     return {"scene": {"source": "slant_range", **both, **keys}}
 
 

@@ -108,6 +108,17 @@ def test_a_final_run_that_the_search_has_made_is_no_new_one(parts, found):
     assert any("another seed gives the same pixels" in note for note in again.notes)
 
 
+def test_a_doubtful_level_is_a_warning_among_the_notes(parts, found):
+    assert not any(note.startswith("warning: ") for note in found.notes)
+    case, stop, history, targets, *rest = parts[0]
+    doubtful = Targets(targets, Levels("none", offset_db=1.4, offset_error_db=0.2, references=("rest",)))
+    notes = conclude(case, stop, history, doubtful, *rest).notes
+    assert [note for note in notes if note.startswith("warning: ")] == doubtful.level_warnings()
+    assert doubtful.level_warnings()[0].startswith(
+        "warning: the measured image is taken at its own level, but the meas"
+    )
+
+
 def test_the_distance_is_the_rms_over_that_of_sampling(found):
     assert found.fits["area"].distance == pytest.approx(0.01 / 0.004)
     assert "its rms is 2.5 times the sampling error" in found.verdicts["area"]

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from radcal.checking.outlook import hidden_ground, outlook, start_contrast
+from radcal.checking.outlook import fixed_levels, hidden_ground, low_track, outlook, start_contrast
 from radcal.config import Case
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
@@ -44,12 +45,90 @@ def test_the_error_of_the_level_is_told_where_no_level_is_removed(build_case: Ca
         assert any("from this pass alone is narrower than +-0.54 dB" in line for line in said) == told
 
 
-def test_heights_in_decimetres_are_told(build_scene: Callable[..., Scene], build_case: Callable[..., Case]) -> None:
-    """Hills of 20 m on 250 m of ground: slopes of up to 27 degrees, or of 79."""
-    radar = build_case().radar
-    for unit, told in ((1.0, False), (10.0, True)):
-        scene = build_scene(lambda east, _, unit=unit: unit * 20.0 * np.sin(np.pi * east / 125.0), cells=(20, 50))
-        said = hidden_ground(scene, make_geometry(scene, radar))
-        assert [("half of the ground is steeper than 7" in text, "decimetres" in text) for text in said] == [
-            (True, True)
-        ] * told
+@pytest.mark.parametrize(
+    ("factor", "steep", "units"),
+    [
+        (1.0, None, []),
+        (3.281, 45, [("feet", "0.3048", 17), ("decimetres", "0.1", 6)]),
+        (10.0, 72, [("decimetres", "0.1", 17), ("centimetres", "0.01", 2)]),
+        (100.0, 88, [("centimetres", "0.01", 17)]),
+    ],
+)
+def test_heights_in_another_unit_are_told(
+    build_scene: Callable[..., Scene],
+    build_case: Callable[..., Case],
+    factor: float,
+    steep: int | None,
+    units: list[tuple[str, str, int]],
+) -> None:
+    """Hills of 18 m on 250 m of ground, with slopes of up to 24 degrees, multiplied by a factor."""
+    scene = build_scene(lambda east, _: factor * 18.0 * np.sin(np.pi * east / 125.0), cells=(20, 50))
+    radar = build_case(radar={"altitude_m": 9000.0}).radar
+    said = hidden_ground(scene, make_geometry(scene, radar))
+    assert bool(said) == bool(units)
+    if units:
+        asked = " or in ".join(
+            f"{unit} (gdal_calc --calc='A*{number}' makes metres, with half of the ground steeper than {deg} degrees)"
+            for unit, number, deg in units
+        )
+        assert said[0].endswith(
+            f"half of the ground is steeper than {steep} degrees: are the heights in scene.elevation in {asked}, or is "
+            "radar.depression_deg wrong?"
+        )
+
+
+def test_an_altitude_that_may_be_in_km_is_told(
+    build_scene: Callable[..., Scene], build_case: Callable[..., Case]
+) -> None:
+    """200 m of level ground, 593 to 793 m from a track of 693 m."""
+    scene = build_scene(lambda east, north: 0 * east)
+    for altitude, told in ((693.0, True), (159.0, False), (2000.0, False)):
+        radar = build_case(radar={"altitude_m": altitude, "depression_deg": 45 if told else 35}).radar
+        said = low_track(radar, make_geometry(scene, radar))
+        assert said == told * [
+            "radar.altitude_m is 693, a track 693 m above the scene, which sees level ground at 40.6 to 48.8 degrees "
+            "of incidence: expected 693000 for a satellite 693 km high."
+        ]
+
+
+@pytest.mark.parametrize(
+    ("laws", "image", "said"),
+    [
+        ((-12.0, -15.0), (-15.3, -11.7), ["are the two exchanged"]),
+        ((-8.0, -19.0), (-19.4, -7.2), ["are the two exchanged"]),  # in place of what is told of laws 6 dB off
+        ((-8.0, -19.0), (-40.2, 3.1), ["grass.parameters wrong?", "crops.parameters wrong?"]),
+        ((-12.0, -15.0), (-15.3, -14.8), []),  # only one is off, as an exchange cannot be
+        ((-12.0, -15.0), (-9.0, -12.0), []),  # both are 3 dB off, in the same order
+        ((-12.0, -15.0), (-13.2, -13.6), []),  # exchanged they would be 2 dB off, too
+        ((-12.0, -15.0), (-17.3, -10.1), []),  # 5 dB off, and 2 dB if exchanged
+        ((-12.0, -15.0), (-13.9, -13.1), []),  # less than 2 dB off
+    ],
+)
+def test_exchanged_laws_are_told(
+    build_scene: Callable[..., Scene],
+    build_case: Callable[..., Case],
+    laws: tuple[float, float],
+    image: tuple[float, float],
+    said: list[str],
+) -> None:
+    """Levels of two fixed laws, and of the image at their places [dB]."""
+    material = np.repeat([1, 2, 3, 2], 10).astype(np.uint8) * np.ones((40, 1), dtype=np.uint8)
+    scene = build_scene(lambda east, north: 0 * east, names=("dyke", "grass", "crops"), material=material)
+    fixed = dict(zip(("grass", "crops"), laws, strict=True))
+    case = build_case(
+        materials={"dyke": {"calibrate": True}}
+        | {name: {"law": "constant_gamma", "parameters": [level]} for name, level in fixed.items()},
+        radar={"altitude_m": 20_000.0, "nesz_db": -60.0, "radiometry": "gamma0"},
+        measurement={"source": "file", "path": "a.tif", "scale": "db", "radiometry": "gamma0"},
+        objective="classes",
+    )
+    geometry = make_geometry(scene, case.radar)
+    levels = np.array([np.nan, -3.0, *image], dtype=np.float32) - np.float32(0.56)  # mean of 4 looks in dB
+    lines = fixed_levels(case, geometry, levels[geometry.material])
+    assert [text in line for text, line in zip(said, lines, strict=True)] == [True] * len(said)
+    if image == (-15.3, -11.7):
+        assert lines == [
+            "warning: materials.grass and materials.crops are not calibrated, and their laws give -12.0 and -15.0 dB, "
+            "noise included, while the image has about -15.3 and -11.7 dB: are the two exchanged, in their laws or in "
+            "the names of the scene? Exchanged, they would give -15.0 and -12.0 dB."
+        ]

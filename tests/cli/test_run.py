@@ -150,11 +150,22 @@ def test_stages_with_wildcards_are_targets(clone: Path, started: list[list[str]]
 
 def test_a_stage_of_several_passes_is_made_in_each() -> None:
     case = SimpleNamespace(
-        case="two", passes=(1, 2), calibrated=("a", "b"), design_size=5, design=SimpleNamespace(chunk=3)
+        case="two", passes=(1, 2), calibrated=("a", "b"), design_size=5, design=SimpleNamespace(chunk=3, reuse=None)
     )
     files = files_of_stages(ROOT, ["target", "design_chunk"], case, Path("found"))  # type: ignore[arg-type]
     assert files[:2] == ["found/two/target.h5", "found/two/passes/2/target.h5"]
     assert files[2:] == [f"found/two/{at}design/{k}.json" for at in ("", "passes/2/") for k in (0, 1)]
+
+
+def test_runs_are_reused_of_a_case_that_is_named(clone: Path, started: list[list[str]]) -> None:
+    for target in ("reuse", "results/mine/reused.json"):
+        assert refused("mine.yaml", target) == (
+            f"the target '{target}' takes runs of an earlier case, and design.reuse of case mine is missing, expected "
+            "the earlier case's name: --set design.reuse=NAME."
+        )
+    assert started == []
+    run("mine.yaml", "reuse", "--set", "design.reuse=older")
+    assert "reuse" in started[0]
 
 
 def test_two_files_of_one_case_are_refused(clone: Path, started: list[list[str]]) -> None:

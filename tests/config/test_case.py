@@ -138,6 +138,10 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
         {"radar": {"incidence_deg": 35, "earth": "flat"}},
         ["incidence_deg is 35 and earth is flat", "depression_deg: 55"],
     ),
+    (
+        {"radar": {"incidence_deg": 38.5, "altitude_m": 693}},
+        ["altitude_m is 693 beside incidence_deg 38.5", "expected metres: 693000 if", "depression_deg: 51.5 instead"],
+    ),
     ({"radar": {"incidence_deg": 85}}, ["radar.incidence_deg is 85", "less than 85"]),
     ({"radar": {"earth": "round"}}, ["radar.earth is 'round'"]),
     (
@@ -191,6 +195,15 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (dyke(start=[1, 2, 3, 51]), ["materials.dyke", "start of X4 is 51", "[0, 50]"]),
     # measurement
     ({"measurement": {"source": "satellite"}}, ["measurement.source is 'satellite'", "'file'", "'synthetic'"]),
+    (
+        mapped() | measured(path="./a.tif", band=1),
+        ["measurement.path and scene.elevation are the same file a.tif, expected the measured image"],
+    ),
+    (mapped() | measured(path="b.tif"), ["measurement.path and scene.materials are the same file b.tif, expected"]),
+    (
+        flat() | measured(path="ids.tif"),
+        ["measurement.path and scene.labels are the same file ids.tif, expected the measured image"],
+    ),
     (measured(scale="dB"), ["measurement.scale is 'dB'", "'db', 'power', 'amplitude' or 'complex'"]),
     (measured(scale=None), ["measurement.scale is None"]),
     ({"measurement": {"source": "file", "path": "a.tif"}}, ["measurement.scale is missing"]),
@@ -305,7 +318,7 @@ def test_yes_and_no_are_no_numbers(data: dict[str, Any], key: str) -> None:
 
 def test_each_union_member_is_read() -> None:
     assert case_from(flat()).scene == SlantRangeScene(
-        source="slant_range", labels="a.tif", names="a.json", near_incidence_deg=20, far_incidence_deg=40
+        source="slant_range", labels="ids.tif", names="a.json", near_incidence_deg=20, far_incidence_deg=40
     )
     assert case_from(mapped(bounds=[0, 1, 2, 3])).scene == RasterScene(
         source="raster", elevation="a.tif", materials="b.tif", names="a.json", bounds=(0, 1, 2, 3)
@@ -372,6 +385,18 @@ def test_laws_know_the_pass() -> None:
     case = case_from(truth([8, 1, 1], OH, frequency_ghz=5.4, band="C", polarisation="VV"))
     higher = case_from(truth([8, 1, 1], OH, frequency_ghz=9.6, polarisation="HH"))
     assert float(case.laws["dyke"](0.6, [8, 1, 1])) != float(higher.laws["dyke"](0.6, [8, 1, 1]))
+
+
+def test_an_image_may_be_a_further_band_of_the_elevation() -> None:
+    assert case_from(mapped() | measured(band=2)).measurement == FileMeasurement(
+        path="a.tif", scale="db", radiometry="sigma0_ref", band=2
+    )
+
+
+def test_a_low_track_is_no_orbit() -> None:
+    assert case_from({"radar": {"depression_deg": 40, "altitude_m": 693}}).radar.altitude_m == 693
+    assert case_from({"radar": {"incidence_deg": 50, "altitude_m": 2100}}).radar.altitude_m == 2100
+    assert case_from({"radar": {"incidence_deg": 50, "altitude_m": 150}}).radar.altitude_m == 150
 
 
 def test_a_measurement_of_another_radiometry_is_refused() -> None:

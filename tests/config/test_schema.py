@@ -22,7 +22,7 @@ CASES = [*sorted((ROOT / "config").glob("*.yaml")), *sorted((ROOT / "examples").
 X = [1.0, 2.0, 3.0, 4.0]
 FLAT = {
     "source": "slant_range",
-    "labels": "a.tif",
+    "labels": "ids.tif",
     "names": "a.json",
     "near_incidence_deg": 20,
     "far_incidence_deg": 40,

@@ -54,7 +54,11 @@ def test_none_takes_nothing_but_says_what_it_sees() -> None:
     levels = offset_levels("none", {"grass": (3.0, 0.1)})
     assert levels.measured == (0.0, 1.0)
     assert levels.doubtful
-    assert "target.normalisation: offset" in levels.sentence
+    assert levels.sentence == (
+        "the measured image is taken at its own level, but the measured image lies +3.00 +- 0.10 dB from the reference "
+        "run on grass: are its calibration (if this alone is wrong, target.normalisation: offset), the incidence in "
+        "section radar, or the laws of these materials wrong?"
+    )
     assert not offset_levels("none", {"grass": (0.2, 0.01)}).doubtful
     assert not offset_levels("none", {}).doubtful
     assert "no material" in offset_levels("none", {}).sentence

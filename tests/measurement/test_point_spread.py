@@ -106,7 +106,7 @@ def test_filtered_speckle_is_recognised(image: str) -> None:
     filtered = uniform_filter(speckle, int(side)) if name == "box" else lee(speckle, int(side), 4)
     is_so, note = judged(filtered)
     assert is_so
-    assert str(note).startswith("a.tif is speckle-filtered: by its speckle the point spread of a.tif is ")
+    assert str(note).startswith("warning: a.tif is speckle-filtered: by its speckle the point spread of a.tif is ")
     assert str(note).endswith(
         "times radar.looks. Use the image before filtering, unless radar.looks and the resolutions are both wrong."
     )
@@ -116,7 +116,7 @@ def test_filtered_speckle_is_recognised(image: str) -> None:
     is_so, note = judged(filtered, Radar(looks=min(64, round(left.looks))))
     assert not is_so
     assert str(note).startswith(
-        "a.tif is speckle-filtered or smoothed in another way, unless the resolutions are wrong: by its speckle"
+        "warning: a.tif is speckle-filtered or smoothed in another way, unless the resolutions are wrong: by its "
     )
 
 
@@ -131,7 +131,7 @@ def test_filtered_speckle_is_recognised(image: str) -> None:
         ({}, 0.0, 0.5, None),  # amplitude, read as power
         (
             {"range_resolution_m": 2.6, "azimuth_resolution_m": 4.55}, 0.0, 1.0,
-            "by its speckle the point spread of a.tif is 2.6",
+            "warning: by its speckle the point spread of a.tif is 2.6",
         ),
     ],
 )  # fmt: skip
@@ -146,9 +146,9 @@ def test_what_is_not_a_filter(keys: dict[str, float], sd_db: float, exponent: fl
 def test_note_gives_both_numbers() -> None:
     spread = PointSpread(2.5, 3.4, 0.13, 0.17, 1.2, 100)
     assert point_spread_note(spread, None, RADAR, "b.tif") == (
-        "by its speckle the point spread of b.tif is 2.5 +- 0.13 m in slant range and 3.4 +- 0.17 m in azimuth, "
-        "radar.range_resolution_m is 2 and radar.azimuth_resolution_m 3.5: set them to 2.5 and 3.4, unless the image "
-        "was resampled or has texture of a few pixels."
+        "warning: by its speckle the point spread of b.tif is 2.5 +- 0.13 m in slant range and 3.4 +- 0.17 m in "
+        "azimuth, radar.range_resolution_m is 2 and radar.azimuth_resolution_m 3.5: set them to 2.5 and 3.4, unless "
+        "the image was resampled or has texture of a few pixels."
     )
     # an image whose speckle is hardly correlated: 1.184 times the spacings is the finest, rounded upwards
     fine = PointSpread(1.2, 2.71, 0.06, 0.14, 0.9, 100)
@@ -158,6 +158,7 @@ def test_note_gives_both_numbers() -> None:
         "radar.azimuth_spacing_m of 2.3 allows 2.74 at the finest), unless the image was resampled or has texture of a "
         "few pixels."
     )
+    assert str(point_spread_note(fine, None, coarse, "b.tif")).startswith("by its speckle")  # finer is no warning
     advised = coarse.model_copy(update={"range_resolution_m": 1.78, "azimuth_resolution_m": 2.74})
     assert str(point_spread_note(fine, None, advised, "b.tif")).endswith(
         ": no resolutions nearer to the image's are possible (radar.range_spacing_m of 1.5 allows 1.78 at the finest "
@@ -186,11 +187,15 @@ def test_resampling_from_a_map_explains_a_wider_spread() -> None:
     )
     for beyond in (PointSpread(16.0, 18.2, 0.7, 0.9, 1.3, 100), PointSpread(8.0, 18.2, 0.4, 0.9, 1.3, 100)):
         said = str(point_spread_note(beyond, None, radar, "b.tif", (6.5, 10.0)))
+        assert said.startswith("warning: ") == (beyond.range_m == 16.0)
         assert f" 13.4 and 21.5 m: set them to {beyond.range_m:g} and 18.2, unless the image was resampled bef" in said
+    # wider in azimuth as the resampling explains, and finer in slant range
+    both = str(point_spread_note(PointSpread(8.0, 21.0, 0.4, 0.9, 1.3, 100), None, radar, "b.tif", (6.5, 10.0)))
+    assert both.startswith("by its speckle")
     assert point_spread_note(PointSpread(11.2, 18.2, 0.7, 0.9, 1.0, 9), None, radar, "b.tif", (6.5, 10.0)) is None
     # smoothed, unless the resampling explains it
     coarse = PointSpread(22.0, 24.0, 1.1, 1.2, 3.1, 100)
-    assert str(point_spread_note(coarse, None, radar, "b.tif")).startswith("b.tif is speckle-filtered")
+    assert str(point_spread_note(coarse, None, radar, "b.tif")).startswith("warning: b.tif is speckle-filtered")
     assert "set them to 22 and 24" in str(point_spread_note(coarse, None, radar, "b.tif", (6.5, 10.0)))
 
 

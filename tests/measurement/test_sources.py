@@ -13,6 +13,7 @@ from scipy.ndimage import uniform_filter
 
 from radcal.config import Case, Radar
 from radcal.errors import ConfigError, MeasurementError
+from radcal.measurement import sources as module
 from radcal.measurement.model import Measurement, read_measurement, write_measurement
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.synthetic import smooth_warp
@@ -359,6 +360,90 @@ def test_an_image_on_the_map_is_seen_where_its_ground_lies(
     level = measurement.image_db[:, geometry.shape[1] // 2]
     nearest, furthest = np.nanmean(level[:10]), np.nanmean(level[-10:])
     assert (furthest - nearest > 10) if look_side == "right" else (nearest - furthest > 10)
+    # the scene of 200 m lies 900 to 1100 m from the track of 1000 m
+    (note,) = (note for note in measurement.notes if "displace" in note)
+    assert re.sub(r"(\d)\.\d ", r"\1 ", note) == (
+        "map.tif: the map places its pixels, so that a wrong radar.depression_deg does not displace them and can "
+        "remain unnoticed: 45 gives incidences of 42 to 47 degrees on level ground, expected those that the metadata "
+        "of the image say."
+    )
+    orbit = module._angle_note(
+        path, case.measurement, Radar(incidence_deg=38.5, altitude_m=700_000.0), geometry, on_map
+    )
+    assert "wrong radar.incidence_deg does" in orbit
+    assert "unnoticed: 38.5 gives" in orbit
+
+
+@pytest.mark.parametrize("name", ["angle", "incidenceAngleFromEllipsoid", "localIncidenceAngle"])
+@pytest.mark.parametrize(("turned_deg", "expected"), [(0.9, None), (-9.7, "54.7"), (4.4, "40.6")])
+def test_a_band_of_incidence_angles_is_compared(
+    tmp_path: Path, build_scene: Callable[..., Scene], build_case: Build, name: str, turned_deg: float, expected: str
+) -> None:
+    """Ground that rises by 3 degrees towards the radar's far side, 900 to 1100 m from a track of 1000 m."""
+    slope = build_scene(lambda east, _: np.tan(np.radians(3.0)) * east)
+    on_map = replace(slope, crs="EPSG:32631", transform=(5.0, 0.0, 6e5, 0.0, 5.0, 5.78e6))
+    case = build_case(
+        measurement={"source": "file", "path": str(tmp_path / "a.tif"), "scale": "db", "radiometry": "sigma0_ref"},
+        radar={"altitude_m": 1000.0, "nesz_db": -60.0},
+        materials={"dyke": {"calibrate": True}},
+    )
+    angle = np.degrees(np.arctan((902.5 + 5.0 * np.arange(40.0)) / 1000.0)) + turned_deg
+    angle += -3.0 if name.startswith("local") else 0.0
+    speckle = 10.0 * np.log10(np.random.default_rng(6).gamma(4.0, 0.25, (40, 40))) - 12.0
+    with rasterio.open(
+        tmp_path / "a.tif", "w", driver="GTiff", count=2, height=40, width=40, dtype="float32", crs="EPSG:32631",
+        transform=rasterio.Affine(5.0, 0.0, 6e5, 0.0, -5.0, 5.78e6 + 200.0),
+    ) as raster:  # fmt: skip
+        raster.write(np.stack([speckle, np.broadcast_to(angle, (40, 40))]).astype(np.float32))
+        raster.descriptions = ("VV", name)
+    chosen = case.model_copy(
+        update={
+            "measurement": case.measurement.model_copy(update={"band": 1}),
+            "radar": case.radar.model_copy(update={"polarisation": "VV"}),
+        }
+    )
+    geometry = make_geometry(on_map, chosen.radar)
+    if expected is None:
+        (note,) = (note for note in make_measurement(chosen, geometry, NoSimulator(), on_map).notes if name in note)
+        assert re.search(rf"level ground, as band 2 \({name}\) does \(-0\.[89] degrees, median\)\.$", note)
+        return
+    with pytest.raises(MeasurementError) as caught:
+        make_measurement(chosen, geometry, NoSimulator(), on_map)
+    assert str(caught.value) == (
+        f"radar.depression_deg is 45, whose incidences differ by {-turned_deg:+.1f} degrees (median) from band 2 "
+        f"({name}) of {tmp_path / 'a.tif'}, expected about {expected}."
+    )
+
+
+@pytest.mark.parametrize(("scale", "copied"), [("db", True), ("power", True), ("db", False)])
+def test_a_copy_of_the_elevation_is_no_image(
+    tmp_path: Path, scene: Scene, radar: Radar, build_case: Build, scale: str, copied: bool
+) -> None:
+    """Heights of -12 to -8 m, and an image with these levels in dB whose brightness follows the heights."""
+    assert scene.elevation_m is not None
+    on_map = replace(scene, crs="EPSG:32631", transform=(5.0, 0.0, 6e5, 0.0, 5.0, 5.78e6))
+    low = replace(on_map, elevation_m=scene.elevation_m - 10.0 if scale == "db" else scene.elevation_m + 30.0)
+    geometry = make_geometry(low, radar)
+    speckle = 10.0 * np.log10(np.random.default_rng(6).gamma(4.0, 0.25, (40, 40)))
+    path = tmp_path / "copy.tif"
+    with rasterio.open(
+        path, "w", driver="GTiff", count=1, height=40, width=40, dtype="float32", crs="EPSG:32631",
+        transform=rasterio.Affine(5.0, 0.0, 6e5, 0.0, -5.0, 5.78e6 + 200.0),
+    ) as raster:  # fmt: skip
+        raster.write((low.elevation_m + (0.0 if copied else speckle))[::-1].astype(np.float32), 1)
+    case = build_case(
+        measurement={"source": "file", "path": str(path), "scale": scale, "radiometry": "sigma0_local"},
+        radar={"altitude_m": 1000.0, "nesz_db": -60.0, "radiometry": "sigma0_local"},
+    )
+    if not copied:
+        assert np.isfinite(make_measurement(case, geometry, NoSimulator(), low).image_db).any()
+        return
+    with pytest.raises(
+        MeasurementError,
+        match=r"^measurement\.path: the values of \S+copy\.tif, \S+ to \S+, are the heights of scene\.elevation in "
+        r"metres, expected backscatter: give the file of the measured image\.$",
+    ):
+        make_measurement(case, geometry, NoSimulator(), low)
 
 
 @pytest.fixture(scope="module")
@@ -426,7 +511,7 @@ def test_a_speckle_filtered_image_is_called_that(
     ):
         make_measurement(build_case(measurement=file, radar={"looks": 4}), geometry, NoSimulator())
     notes = make_measurement(build_case(measurement=file, radar={"looks": 14}), geometry, NoSimulator()).notes
-    assert notes[2].startswith("a.tif is speckle-filtered or smoothed in another way")
+    assert notes[2].startswith("warning: a.tif is speckle-filtered or smoothed in another way")
     coarse = {"range_resolution_m": 1.8, "azimuth_resolution_m": 7.0, "azimuth_spacing_m": 5.0, "looks": 14}
     notes = make_measurement(build_case(measurement=file, radar=coarse), geometry, NoSimulator()).notes
     assert "radar.range_resolution_m is 1.8 and radar.azimuth_resolution_m 7" in notes[2]

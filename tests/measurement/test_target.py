@@ -12,7 +12,7 @@ from scipy.ndimage import uniform_filter
 from radcal import skewnormal
 from radcal.config import Case, TargetConfig, Validation, stages
 from radcal.errors import FitError, MeasurementError
-from radcal.measurement.levels import Levels
+from radcal.measurement.levels import Levels, offset_levels
 from radcal.measurement.model import Measurement
 from radcal.measurement.one_incidence import incidence_span_deg
 from radcal.measurement.patches import GRID_DB
@@ -216,3 +216,12 @@ def test_sampling_rms_is_what_fresh_scipy_samples_give() -> None:
         found.append(skewnormal.density_rms(skewnormal.fit(sample).dp, dp))
     own = sampling_rms(dp, 1000, np.random.default_rng(2), draws=300)
     assert own == pytest.approx(np.median(found), rel=0.15)
+
+
+def test_a_level_that_fixed_laws_contradict_is_a_warning() -> None:
+    right, wrong, other = (offset_levels("none", {"grass": (offset, 0.2)}) for offset in (0.3, 1.4, -2.3))
+    assert Targets({}, right).level_warnings() == []
+    assert Targets({}, wrong).level_warnings() == [f"warning: {wrong.sentence}"]
+    passes = Targets({}, right, further=[Targets({}, other), Targets({}, wrong)])
+    assert passes.level_warnings() == [f"warning: pass 2: {other.sentence}", f"warning: pass 3: {wrong.sentence}"]
+    assert Targets({}, offset_levels("offset", {"grass": (1.4, 0.2)})).level_warnings() == []

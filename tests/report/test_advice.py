@@ -150,9 +150,36 @@ def test_lines():
         "half-width between 20.0 and 60.0 degrees)."
     )
     assert said[1].startswith("Expected of a linear-Gaussian model")
-    said = list(_sentences([row("left", 1.25), row("right", 1.31)]))
+    assert len(said) == 2
+    third = replace(row("right", 1.5), radar=case().radar.model_copy(update={"depression_deg": 30.0}))
+    said = list(_sentences([row("left", 1.25), row("right", 1.31), third]))
     assert said[1] == "slope: as good within 5 %: 45 deg right."
     assert next(_sentences([row("left", 1.85)])).startswith("slope: no pass of the table is expected to narrow")
+
+
+def test_passes_that_do_not_differ_are_called_so():
+    """Half-widths of three passes within 5 % of the best one; their order is not that of the table."""
+    steep = case().radar.model_copy(update={"depression_deg": 60.0})
+    rows = [row("left", 1.24), row("right", 1.30), replace(row("right", 1.26), radar=steep)]
+    said = list(_sentences(rows))
+    assert said[0] == (
+        "slope: the passes of the table do not differ by more than 5 %, so that other reasons may decide: each is "
+        "expected to narrow the band from +-2.00 dB to between +-1.24 dB and +-1.30 dB (mean half-width between 20.0 "
+        "and 60.0 degrees)."
+    )
+    assert len(said) == 2
+    assert "to +-1.24 dB (mean" in next(_sentences([row("left", 1.24), row("right", 1.241)]))
+    assert "expected to narrow the band most" in next(_sentences(rows[:1]))
+    both = [
+        one
+        for each in (rows[0], rows[2], rows[1])
+        for one in (each, replace(each, material="flat", now_db=0.4, after_db=0.2))
+    ]
+    assert list(_sentences(both))[2] == (
+        "all materials: the passes of the table do not differ by more than 5 %, so that other reasons may decide: each "
+        "is expected to narrow the bands to between 0.56 and 0.57 times their half-widths (geometric mean "
+        "over the materials)."
+    )
 
 
 def test_the_pass_that_is_best_for_all_materials_is_named():

@@ -121,6 +121,15 @@ def test_write_protected_outputs_become_a_sentence(path):
     )
 
 
+def test_a_stage_with_several_files_becomes_a_sentence():
+    text = "WorkflowError:\nTarget rules may not contain wildcards. Please specify concrete files or a rule without"
+    said = shown(Messages(lambda: False), text)
+    assert said is not None
+    assert said.startswith(
+        "radcal: to snakemake, this target has no single file: type radcal run CASE TARGET, such as "
+    )
+
+
 def test_progress_without_a_place_fails_no_job(tmp_path, monkeypatch):
     from radcal.running.jobs import PROGRESS, progress
 

@@ -4,6 +4,7 @@ from radcal.assessment.conclusion import conclude
 from radcal.assessment.posterior import read_posterior
 from radcal.calibration.history import read_runs
 from radcal.config import Stop, stages
+from radcal.measurement.height_shift import with_height_warning
 from radcal.measurement.registration import read_registered
 from radcal.measurement.target import read_targets
 from radcal.radar.geometry import read_geometry
@@ -26,6 +27,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     images = [read_registered(path) for path in snakemake.input.registered]
     posteriors = dict(zip(case.calibrated, map(read_posterior, snakemake.input.posterior), strict=True))
     scene = read_scene(snakemake.input.scene)
+    images[0] = with_height_warning(images[0], geometry, scene, case.radar)
     progress("archive: the laws found are tested against the pixels ...")
     found = conclude(case, stop, history, targets, geometry, runs, final[:2], posteriors, images[0])
     archive = gather(

@@ -3,6 +3,7 @@
 from radcal.assessment.reach import check_reach
 from radcal.calibration.bin_target import bin_targets
 from radcal.config import stages
+from radcal.measurement.height_shift import height_warnings
 from radcal.measurement.registration import read_registered
 from radcal.measurement.target import write_targets
 from radcal.measurement.target_fit import make_targets
@@ -22,5 +23,5 @@ with logged(snakemake.log[0], snakemake.params.case):
     check_reach(case, targets)
     targets = bin_targets(case, targets, geometry, registered, scene.slope_error_deg)
     write_targets(snakemake.output.target, targets)
-    for sentence in targets.sentences():
+    for sentence in (*height_warnings(registered, geometry, scene, case.radar), *targets.sentences()):
         progress(sentence)

@@ -80,7 +80,7 @@ class Conclusion:
     new_runs : int
         Number of final runs that the search had not simulated already.
     notes : list of str
-        Remarks on the simulator's random numbers, on texture and on the registration.
+        Remarks on the simulator's random numbers, on texture, on the image's level and on the registration.
     fits : mapping
         Test of the fit of each calibrated material's law.
     posteriors : mapping
@@ -171,7 +171,7 @@ def conclude(
         calibrated_db=_picture(final[1], {name: fresh_db[name] for name in targets}, geometry),
         simulator=store.description(key).get("simulator", {}),
         new_runs=len({record.key for record in final} - {run.key for run in history.runs}),
-        notes=[*_notes(case, history, checks, final), *_moves(moved)],
+        notes=[*_notes(case, history, checks, final), *targets.level_warnings(), *_moves(moved)],
         fits=fits,
         posteriors=believed,
         verdicts={

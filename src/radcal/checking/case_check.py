@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from radcal.checking.file_problems import image_problems, is_on_map, scene_problems
-from radcal.checking.outlook import hidden_ground, outlook, time_expected
+from radcal.checking.outlook import hidden_ground, low_track, outlook, time_expected
 from radcal.config import Case, Loaded, check_reuse, load_with_problems, missing_inputs
 from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, RadcalError
@@ -269,6 +269,7 @@ def _made(
             _images_alone(one, loaded, problems)
             continue
         notes += hidden_ground(scene, geometry)
+        notes += low_track(one.radar, geometry) if scene.elevation_m is not None else []
         if "measurement" not in loaded.without:
             say(f"measured image{which}, for {shape[0]} x {shape[1]} pixels ...")
             measured = _measured(one, loaded, geometry, scene, problems, number)

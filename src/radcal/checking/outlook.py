@@ -5,6 +5,9 @@ It needs no simulator run. Rough values are called rough.
 
 from __future__ import annotations
 
+import itertools
+import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +16,7 @@ from numpy.typing import NDArray
 from radcal.assessment.budget import NORMAL_90
 from radcal.assessment.reach import law_range_db, level_asked_db
 from radcal.checking.file_problems import is_on_map
-from radcal.config import Case, FileMeasurement
+from radcal.config import Case, FileMeasurement, Radar
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import LEAST_CONTRAST_DB, contrast_db
 from radcal.radar.geometry import Geometry
@@ -28,10 +31,23 @@ from radcal.running.time_left import (
 from radcal.scene.model import Scene
 from radcal.storage.runs import median_seconds
 
-__all__ = ["fixed_levels", "hidden_ground", "levels_against_laws", "outlook", "start_contrast", "time_expected"]
+__all__ = [
+    "fixed_levels",
+    "hidden_ground",
+    "levels_against_laws",
+    "low_track",
+    "outlook",
+    "start_contrast",
+    "time_expected",
+]
 
 _MOST_HIDDEN, _STEEPEST_DEG = 0.5, 35.0  # more hidden ground and steeper slopes (median) are rare, even in mountains
+# units of heights that are taken for metres, with the factors that convert them to metres
+_UNITS = {"feet": 0.3048, "decimetres": 0.1, "centimetres": 0.01}
 _FAR_DB = 6.0  # distance of a fixed law from the image that errors of registration and calibration hardly explain
+# distances from the image of two exchanged laws, and of each law in the other's place: a level is uncertain by 0.3 dB,
+# and the fields of a material differ by 0.4 dB
+_OFF_DB, _NEAR_DB = 2.0, 1.5
 _FEWEST_PX = 50  # smallest number of pixels of a material for a line on its level
 
 
@@ -87,13 +103,39 @@ def hidden_ground(scene: Scene, geometry: Geometry) -> list[str]:
         return []
     without = float(np.mean(~geometry.visible))
     hidden = float(np.mean(~geometry.visible | geometry.layover | geometry.shadow))
-    slope_deg = float(np.median(np.degrees(np.arctan(np.hypot(*np.gradient(scene.elevation_m, scene.cell_m))))))
+    slope = float(np.median(np.hypot(*np.gradient(scene.elevation_m, scene.cell_m))))
+    slope_deg = math.degrees(math.atan(slope))
     if hidden <= _MOST_HIDDEN and slope_deg <= _STEEPEST_DEG:
         return []
+    units = [
+        f"{unit} (gdal_calc --calc='A*{factor:g}' makes metres, with half of the ground steeper than {deg:.0f} degrees)"
+        for unit, factor in _UNITS.items()
+        if (deg := math.degrees(math.atan(factor * slope))) <= _STEEPEST_DEG
+    ]
     return [
         f"warning: {100 * hidden:.0f} % of the simulated image's pixels are in shadow or layover or without ground "
         f"({100 * without:.0f} % show none at all), and half of the ground is steeper than {slope_deg:.0f} degrees: "
-        "are the heights in scene.elevation in metres, not decimetres or feet, and is radar.depression_deg right?"
+        f"are the heights in scene.elevation in {' or in '.join(units[:2])}, or is radar.depression_deg wrong?"
+    ]
+
+
+def low_track(radar: Radar, geometry: Geometry) -> list[str]:
+    """Note on an altitude in metres whose number would be that of a satellite in km; else empty.
+
+    Parameters
+    ----------
+    radar : Radar
+        Pass over a scene with elevations.
+    geometry : Geometry
+        Geometry of the pass.
+    """
+    if not radar.maybe_in_km:
+        return []
+    low, high = geometry.flat_incidence_deg.min(), geometry.flat_incidence_deg.max()
+    return [
+        f"radar.altitude_m is {radar.altitude_m:g}, a track {radar.altitude_m:g} m above the scene, which sees level "
+        f"ground at {low:.1f} to {high:.1f} degrees of incidence: expected {1000.0 * radar.altitude_m:g} for a "
+        f"satellite {radar.altitude_m:g} km high."
     ]
 
 
@@ -181,7 +223,7 @@ def fixed_levels(case: Case, geometry: Geometry, image_db: NDArray[np.float32]) 
     """Warnings on materials that are not calibrated and whose law is far from the measured level.
 
     The level of a law is that at the mean incidence of the material's pixels, in the radiometry of the image and with
-    its noise.
+    its noise. Two materials that are both near the measured level if they exchange their laws are named together.
 
     Parameters
     ----------
@@ -190,26 +232,51 @@ def fixed_levels(case: Case, geometry: Geometry, image_db: NDArray[np.float32]) 
     """
     if case.target.normalisation != "none":
         return []  # the image's level is not known before the reference run
-    lines = []
     flat = np.broadcast_to(np.asarray(geometry.flat_incidence_deg)[:, None], image_db.shape)
+    seen: dict[str, tuple[float, float, float]] = {}  # local incidence, incidence on level ground, level of the image
     for name in geometry.names:
         if name in case.calibrated or name not in case.materials or not case.laws[name].has_curve:
             continue
         there = (geometry.material == geometry.names.index(name) + 1) & np.isfinite(image_db)
-        if np.count_nonzero(there) < _FEWEST_PX:
+        if np.count_nonzero(there) >= _FEWEST_PX:
+            level = level_asked_db(image_db[there], float(case.radar.looks))
+            seen[name] = (float(np.mean(geometry.incidence_deg[there])), float(np.mean(flat[there])), level)
+    # level of the law of each material at the place of each material
+    levels = {place: {name: _law_level_db(case, name, *seen[place][:2]) for name in seen} for place in seen}
+    lines, told = [], set[str]()
+    for one, other in itertools.combinations(seen, 2):
+        if one in told or other in told or not _exchanged(one, other, levels, {k: seen[k][2] for k in seen}):
             continue
-        phi, level_deg = float(np.mean(geometry.incidence_deg[there])), np.atleast_1d(np.mean(flat[there]))
-        sigma0_db = float(case.laws[name](np.radians([phi]), case.start_parameters[name])[0])
-        surface = 10.0 ** (sigma0_db / 10.0) * of_sigma0(case.radar.radiometry, level_deg)
-        of_law = 10.0 * np.log10(float((surface + 10.0 ** (noise_floor_db(case.radar, level_deg) / 10.0))[0]))
-        level = level_asked_db(image_db[there], float(case.radar.looks))
-        if abs(of_law - level) > _FAR_DB:
+        told |= {one, other}
+        lines.append(
+            f"warning: materials.{one} and materials.{other} are not calibrated, and their laws give "
+            f"{levels[one][one]:.1f} and {levels[other][other]:.1f} dB, noise included, while the image has about "
+            f"{seen[one][2]:.1f} and {seen[other][2]:.1f} dB: are the two exchanged, in their laws or in the names of "
+            f"the scene? Exchanged, they would give {levels[one][other]:.1f} and {levels[other][one]:.1f} dB."
+        )
+    for name, (phi, _, level) in seen.items():
+        if name not in told and abs(levels[name][name] - level) > _FAR_DB:
             lines.append(
                 f"warning: materials.{name} is not calibrated, and its {case.materials[name].law} gives "
-                f"{of_law:.1f} dB at its mean incidence of {phi:.0f} degrees, noise included, while the image has "
-                f"about {level:.1f} dB: is a sign or unit in materials.{name}.parameters wrong?"
+                f"{levels[name][name]:.1f} dB at its mean incidence of {phi:.0f} degrees, noise included, while the "
+                f"image has about {level:.1f} dB: is a sign or unit in materials.{name}.parameters wrong?"
             )
     return lines
+
+
+def _law_level_db(case: Case, name: str, incidence_deg: float, flat_incidence_deg: float) -> float:
+    """Level of a material's law at a local incidence, in the radiometry of the image and with its noise [dB]."""
+    flat = np.atleast_1d(flat_incidence_deg)
+    sigma0_db = float(case.laws[name](np.radians([incidence_deg]), case.start_parameters[name])[0])
+    surface = 10.0 ** (sigma0_db / 10.0) * of_sigma0(case.radar.radiometry, flat)
+    return float(10.0 * np.log10(surface + 10.0 ** (noise_floor_db(case.radar, flat) / 10.0))[0])
+
+
+def _exchanged(one: str, other: str, levels: Mapping[str, Mapping[str, float]], image: Mapping[str, float]) -> bool:
+    """Whether both of two materials are off the measured level, and both near it with the law of the other one."""
+    pairs = ((one, other), (other, one))
+    gaps = [(abs(levels[place][place] - image[place]), abs(levels[place][law] - image[place])) for place, law in pairs]
+    return all(own > _OFF_DB and exchanged < min(_NEAR_DB, 0.5 * own) for own, exchanged in gaps)
 
 
 def time_expected(case: Case, results: str | Path) -> str:

@@ -185,8 +185,21 @@ def files_of_stages(folder: Path, targets: Sequence[str], case: Case, results: P
         The case.
     results : path
         Folder that contains the results folders of all cases.
+
+    Raises
+    ------
+    ConfigError
+        A target is the rule ``reuse``, and the case names no earlier case.
     """
+    from radcal.errors import ConfigError
+
     outputs = _outputs(folder)
+    for target in targets:
+        if case.design.reuse is None and Path(target).name in ("reuse", *outputs["reuse"]):
+            raise ConfigError(
+                f"the target {target!r} takes runs of an earlier case, and design.reuse of case {case.case} is "
+                "missing, expected the earlier case's name: --set design.reuse=NAME."
+            )
     wildcards = {
         "at": [f"passes/{number}/" if number > 1 else "" for number in range(1, len(case.passes) + 1)],
         "chunk": [str(chunk) for chunk in range(-(-case.design_size // case.design.chunk))],

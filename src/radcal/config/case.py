@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
@@ -358,7 +359,14 @@ class Case(Part):
                     yield (f"radar.frequency_ghz is missing: law {seen.law!r} of materials.{key} depends on it")
 
     def _in_image(self, measurement: FileMeasurement) -> Iterator[str]:
-        """Sentences on radiometry, polarisation or band of the image that differs from that of section ``radar``."""
+        """Sentences on a file that is no image, or on an image whose keys contradict those of section ``radar``."""
+        for key in ("elevation", "materials", "labels"):
+            of_scene = getattr(self.scene, key, None)
+            if of_scene and measurement.band in (None, 1) and Path(of_scene) == Path(measurement.path):
+                yield (
+                    f"measurement.path and scene.{key} are the same file {of_scene}, expected the measured image in "
+                    "measurement.path"
+                )
         if measurement.radiometry not in (None, self.radar.radiometry):
             yield (
                 f"measurement.radiometry is {measurement.radiometry}, radar.radiometry is {self.radar.radiometry}: set "

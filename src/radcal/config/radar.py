@@ -40,6 +40,7 @@ _Elevation = Annotated[Real, Field(gt=5, lt=85)]
 
 
 _DEPRESSION_DEG = 45.0
+_ORBITS_KM = (160.0, 2000.0)  # altitudes of low orbits
 _STEEPEST = 85.0  # incidence [deg], as the limit of incidence_deg
 
 
@@ -152,6 +153,12 @@ class Radar(Section):
                     f"incidence_deg is {self.incidence_deg:g} and earth is flat, expected earth: curved, or "
                     f"depression_deg: {90.0 - self.incidence_deg:g} instead of incidence_deg"
                 )
+            if self.maybe_in_km:
+                raise ValueError(
+                    f"altitude_m is {self.altitude_m:g} beside incidence_deg {self.incidence_deg:g}, expected metres: "
+                    f"{1000.0 * self.altitude_m:g} if the track is {self.altitude_m:g} km high, or for an aircraft "
+                    f"depression_deg: {90.0 - self.incidence_deg:g} instead of incidence_deg"
+                )
         elif self.earth == "curved" and not self.centre_incidence_deg < _STEEPEST:
             raise ValueError(
                 f"depression_deg is {self.depression_deg:g}, at which a track at altitude_m {self.altitude_m:g} sees "
@@ -176,6 +183,11 @@ class Radar(Section):
         """Plain data that identify the pass: without the sensor's name and without unused keys of later versions."""
         data = self.model_dump(mode="json", exclude={"sensor"})
         return {key: value for key, value in data.items() if key not in _LATER or value != _LATER[key]}
+
+    @property
+    def maybe_in_km(self) -> bool:
+        """Whether the altitude would be that of a low orbit if its number were in km."""
+        return _ORBITS_KM[0] <= self.altitude_m < _ORBITS_KM[1]
 
     @property
     def centre_incidence_deg(self) -> float:

@@ -75,7 +75,11 @@ class Levels:
         if self.normalisation == "offset":
             return f"{found}; that is taken out, as far as those materials' laws are right."
         if self.doubtful:
-            return f"the measured image is taken at its own level, but {found}: see target.normalisation: offset."
+            return (
+                f"the measured image is taken at its own level, but {found}: are its calibration (if this alone is "
+                "wrong, target.normalisation: offset), the incidence in section radar, or the laws of these materials "
+                "wrong?"
+            )
         return f"the measured image is taken at its own level; {found}."
 
     @property

@@ -202,6 +202,9 @@ def point_spread_note(
 ) -> str | None:
     """Sentence about a point spread that differs from the configured resolutions; None if there is no difference.
 
+    The sentence is a warning if the image is filtered, smoothed or coarser than the resolutions, because the simulated
+    image then differs from the measured one; it is a note if the image is only finer.
+
     If ``radar.looks`` has been set to the number of looks after filtering, only the correlation shows the filter. If
     the image does not have more looks than configured, the sentence calls the image smoothed in two cases:
 
@@ -236,14 +239,14 @@ def point_spread_note(
     if looks is not None and is_filtered(found, looks, radar):
         more = f"{looks.looks / radar.looks:.2g} times radar.looks"
         return (
-            f"{source} is speckle-filtered: {said}; {area}, and it has {more}. Use the image before filtering, unless "
-            "radar.looks and the resolutions are both wrong."
+            f"warning: {source} is speckle-filtered: {said}; {area}, and it has {more}. Use the image before "
+            "filtering, unless radar.looks and the resolutions are both wrong."
         )
     as_many = looks is not None and looks.looks > _AS_MANY_LOOKS * radar.looks
     cells = found.range_m * found.azimuth_m / math.prod(explained)
     if cells > _COARSE or (cells > _WIDER and found.smoothing > _SMOOTHED and as_many):
         guess = "speckle-filtered or smoothed in another way, unless the resolutions are wrong"
-        return f"{source} is {guess}: {said}; {area}."
+        return f"warning: {source} is {guess}: {said}; {area}."
     if not (finer or wider):
         return None
     if map_pixel_m is not None:
@@ -263,7 +266,7 @@ def point_spread_note(
     limited = f" ({' and '.join(limits)})" * bool(limits)
     if all(abs(possible[way] / getattr(radar, f"{way}_resolution_m") - 1.0) <= _SHAPE for way in ways):
         return f"{said}: no resolutions nearer to the image's are possible{limited}."
-    return (
+    return "warning: " * unexplained + (
         f"{said}: set them to {possible['range']:g} and {possible['azimuth']:g}{limited}, unless the image "
         f"{'was resampled' if map_pixel_m is None else 'was resampled before, too,'} or has texture of a few pixels."
     )

@@ -6,10 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
 from radcal import skewnormal
 from radcal.config import FileMeasurement, Radar, TargetConfig, expand_path, stages, vrt_folders
@@ -33,7 +34,7 @@ from radcal.measurement.readers import ReadImage, image_of, read_image
 from radcal.measurement.relief import check_relief, relief_slope
 from radcal.measurement.sentinel1 import sigma0_image
 from radcal.measurement.synthetic import make_synthetic
-from radcal.measurement.tags import Tags, tags_of
+from radcal.measurement.tags import Tags, incidence_band, tags_of
 from radcal.radar.bands import LETTER_BANDS_GHZ, letter_band, within_band
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
@@ -49,6 +50,8 @@ __all__ = ["check_image", "make_measurement"]
 
 T = TypeVar("T")
 _LARGEST_ALONE = 20_000_000  # largest number of pixels of a raster that is read for a check without the scene
+_INCIDENCE_DEG = 2.0  # largest difference from the incidences that a file gives; their definitions differ by far less
+_SAME_RELIEF = 0.3  # largest ratio of differences to the relief (rms) at which an image counts as heights
 _NOISE_ABOVE_DB = 3.0  # an image contains its noise: only errors of both levels let the noise lie above the image
 
 
@@ -226,6 +229,7 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
         sides = map_pixel_m(path, radar, vrt_folders(config))
         places = partial(places_on_ground, crs, transform, geometry.ground)
         values = values_at_ground(read_georeferenced(path, config, places), crs, transform, geometry.ground)
+        _check_no_heights(values, path, geometry, scene)
         read = image_of(values, path, config, geometry.shape)
     else:
         resized = "" if crs is None else off_the_map(path, crs, vrt_folders(config))
@@ -235,6 +239,8 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
     _check_pass(read, radar, path)
     _check_radiometry(read.radiometry, config.radiometry, radar, path)
     notes = [f"{path.name}: {read.counts}.", *read.notes]
+    if sides is not None:
+        notes.append(_angle_note(path, config, radar, geometry, scene))
     looks = estimate_looks(read.image_db, geometry.material, radar)
     spread = estimate_point_spread(read.image_db, geometry.material, radar)
     if looks is not None:
@@ -264,6 +270,61 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
             f"{radar.band}, which is none of {', '.join(LETTER_BANDS_GHZ)}."
         )
     return Measurement(read.image_db, path.name, notes=tuple(notes))
+
+
+def _check_no_heights(values: NDArray[Any], path: Path, geometry: Geometry, scene: Scene | None) -> None:
+    """Refuse values that are the scene's own heights: a copy of the elevation in place of the measured image."""
+    if scene is None or scene.elevation_m is None or values.dtype.kind == "c":
+        return
+    known = np.isfinite(values) & np.isfinite(geometry.ground).all(axis=0)
+    height = map_coordinates(scene.elevation_m, geometry.ground[:, known].astype(np.float64), order=0, mode="nearest")
+    if height.size and np.sqrt(np.mean((values[known] - height) ** 2)) < _SAME_RELIEF * height.std():
+        raise MeasurementError(
+            f"measurement.path: the values of {path}, {values[known].min():.4g} to {values[known].max():.4g}, are the "
+            "heights of scene.elevation in metres, expected backscatter: give the file of the measured image."
+        )
+
+
+def _angle_note(path: Path, config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None) -> str:
+    """Sentence on the incidence of an image on the map, in which the map and not the angle places the pixels.
+
+    Raises
+    ------
+    MeasurementError
+        The file has a band of incidence angles, and these differ from those of ``radar``.
+    """
+    key = "depression_deg" if radar.incidence_deg is None else "incidence_deg"
+    value = getattr(radar, key)
+    low, high = geometry.flat_incidence_deg.min(), geometry.flat_incidence_deg.max()
+    gives = f"{value:g} gives incidences of {low:.1f} to {high:.1f} degrees on level ground"
+    band = incidence_band(path, vrt_folders(config))
+    off_deg = None if band is None else _off_band_deg(path, config, geometry, scene, *band)
+    if band is None or off_deg is None:
+        return (
+            f"{path.name}: the map places its pixels, so that a wrong radar.{key} does not displace them and can "
+            f"remain unnoticed: {gives}, expected those that the metadata of the image say."
+        )
+    if abs(off_deg) > _INCIDENCE_DEG:
+        right = value + off_deg * (1.0 if key == "depression_deg" else -1.0)
+        raise MeasurementError(
+            f"radar.{key} is {value:g}, whose incidences differ by {off_deg:+.1f} degrees (median) from band {band[0]} "
+            f"({band[1]}) of {path}, expected about {right:.1f}."
+        )
+    return f"{path.name}: radar.{key} of {gives}, as band {band[0]} ({band[1]}) does ({off_deg:+.1f} degrees, median)."
+
+
+def _off_band_deg(
+    path: Path, config: FileMeasurement, geometry: Geometry, scene: Scene | None, number: int, _: str, local: bool
+) -> float | None:
+    """Median of the geometry's incidence less that of a band [deg]; None if no angle is known."""
+    crs, transform = (scene.crs, scene.transform) if scene is not None else (None, None)
+    if crs is None or transform is None:
+        return None
+    places = partial(places_on_ground, crs, transform, geometry.ground)
+    image = read_georeferenced(path, config.model_copy(update={"band": number}), places)
+    angle = values_at_ground(image, crs, transform, geometry.ground)
+    off = (geometry.incidence_deg if local else geometry.flat_incidence_deg[:, None]) - angle
+    return float(np.nanmedian(off)) if np.isfinite(off).any() else None
 
 
 def _tagged(read: ReadImage, tags: Tags, config: FileMeasurement, path: Path) -> ReadImage:

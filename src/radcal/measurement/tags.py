@@ -10,12 +10,14 @@ from pathlib import Path
 from radcal.reading.arrays import is_raster
 from radcal.reading.rasters import open_raster
 
-__all__ = ["Tags", "tags_of"]
+__all__ = ["Tags", "incidence_band", "tags_of"]
 
 # tag of OPERA RTC-S1 images, whose processor writes gamma0, sigma0 or beta0 into it
 _NORMALISATION = "PROCESSING_INFORMATION_OUTPUT_BACKSCATTER_NORMALIZATION_CONVENTION"
 # band names of Earth Engine ("VV") and of SNAP ("Sigma0_VV", "Sigma0_VV_db")
 _BAND = re.compile(r"(?:(?:Sigma|Gamma|Beta)0_)?(?P<pol>HH|HV|VH|VV)(?P<db>_db)?", re.IGNORECASE)
+# names of bands of incidence angles [deg] of Earth Engine and of SNAP, and whether the angles are those of slopes
+_INCIDENCE = {"angle": False, "incidenceanglefromellipsoid": False, "localincidenceangle": True}
 
 
 @dataclass(frozen=True)
@@ -63,3 +65,29 @@ def tags_of(path: Path, band: int | None, folders: Sequence[Path] = ()) -> Tags:
         normalisation.strip().lower() if normalisation else None,
         bool(found and found["db"]),
     )
+
+
+def incidence_band(path: Path, folders: Sequence[Path] = ()) -> tuple[int, str, bool] | None:
+    """Band of incidence angles in a measured image, recognised by its name.
+
+    Parameters
+    ----------
+    path, folders
+        Arguments of :func:`tags_of`.
+
+    Returns
+    -------
+    (int, str, bool) or None
+        Number of the band, from 1, its name, and whether the angles are local ones, on the slopes of the ground; None
+        without such a band.
+    """
+    try:
+        with open_raster(path, folders) as raster:
+            names = raster.descriptions
+    except Exception:  # the libraries' exceptions for damaged files have no common base class
+        return None
+    for number, name in enumerate(names, start=1):
+        local = _INCIDENCE.get((name or "").strip().lower())
+        if local is not None:
+            return number, str(name).strip(), local
+    return None

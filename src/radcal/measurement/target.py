@@ -216,6 +216,15 @@ class Targets(dict[str, Target]):
             lines.append(f"{size}, {mean:.2f} +- {sd:.2f} {levels.unit}, skewness {skewness:.2f}{classes}")
         return [*lines, *self.warnings()]
 
+    def level_warnings(self) -> list[str]:
+        """Warnings on the level of each pass's image, if materials of fixed laws contradict it."""
+        several = len(self.passes) > 1
+        return [
+            f"warning: {f'pass {number}: ' * several}{one.levels.sentence}"
+            for number, one in enumerate(self.passes, start=1)
+            if one.levels.doubtful
+        ]
+
     def warnings(self) -> list[str]:
         """Warnings on materials whose values do not follow a skew normal, or for which no law can be determined."""
         lines = []

@@ -34,6 +34,7 @@ _INCIDENCES = (15.0, 80.0)
 _SIDES = ("right", "left")
 _EQUAL = 1.05
 _ALL = "all materials"
+_ALIKE = "the passes of the table do not differ by more than 5 %, so that other reasons may decide"
 _LITTLE = 0.9  # of the half-width now
 COLUMNS = (
     "depression_deg", "look_side", "material", "incidence_p05_deg", "incidence_p95_deg", "half_width_now_db",
@@ -322,32 +323,51 @@ def _table(rows: Sequence[Advised]) -> Iterator[str]:
 def _sentences(rows: Sequence[Advised]) -> Iterator[str]:
     """Sentences that name the best further pass for each material."""
     for name in dict.fromkeys(row.material for row in rows):
-        best = min((row for row in rows if row.material == name), key=lambda row: row.after_db)
+        own = sorted((row for row in rows if row.material == name), key=lambda row: row.after_db)
+        best, *others = own
         over = f"between {best.over_deg[0]:.1f} and {best.over_deg[1]:.1f} degrees"
+        equal = [row.name for row in others if row.after_db <= _EQUAL * best.after_db]
         if best.after_db > _LITTLE * best.now_db:
             yield f"{name}: no pass of the table is expected to narrow the band by a tenth {over}."
+        elif others and len(equal) == len(others):
+            yield (
+                f"{name}: {_ALIKE}: each is expected to narrow the band from +-{best.now_db:.2f} dB to "
+                f"{_range('+-{:.2f} dB', best.after_db, own[-1].after_db)} (mean half-width {over})."
+            )
         else:
             yield (
                 f"{name}: a pass of {best.name} is expected to narrow the band most, from +-{best.now_db:.2f} dB to "
                 f"+-{best.after_db:.2f} dB (mean half-width {over})."
             )
-            own = [row for row in rows if row.material == name and row is not best]
-            if equal := [row.name for row in own if row.after_db <= _EQUAL * best.after_db]:
+            if equal:
                 yield f"{name}: as good within 5 %: {', '.join(equal)}."
     passes = list(_passes(rows))
     if len(passes[0]) > 1:
-        common = [common_ratio(each) for each in passes]
-        mean = "geometric mean over the materials"
-        if common[0] > _LITTLE:
-            yield f"{_ALL}: no pass of the table is expected to narrow the bands by a tenth ({mean})."
-        else:
-            best_of_all = f"{_ALL}: a pass of {passes[0][0].name} is expected to narrow the bands most"
-            equal = [
-                each[0].name for each, ratio in zip(passes[1:], common[1:], strict=True) if ratio <= _EQUAL * common[0]
-            ]
-            alike = f"; as good within 5 %: {', '.join(equal)}" * bool(equal)
-            yield f"{best_of_all}, to {common[0]:.2f} times their half-widths ({mean}){alike}."
+        yield _sentence_on_all(passes)
     yield (
         "Expected of a linear-Gaussian model with the draws of the posterior: a law that does not fit, an image that "
         "cannot be registered or a wrong level are not part of it."
     )
+
+
+def _sentence_on_all(passes: Sequence[Sequence[Advised]]) -> str:
+    """Sentence that names the best further pass for all materials together; the best pass comes first."""
+    common = [common_ratio(each) for each in passes]
+    mean = "geometric mean over the materials"
+    if common[0] > _LITTLE:
+        return f"{_ALL}: no pass of the table is expected to narrow the bands by a tenth ({mean})."
+    equal = [each[0].name for each, ratio in zip(passes[1:], common[1:], strict=True) if ratio <= _EQUAL * common[0]]
+    if equal and len(equal) == len(passes) - 1:
+        times = _range("{:.2f}", common[0], common[-1])
+        return f"{_ALL}: {_ALIKE}: each is expected to narrow the bands to {times} times their half-widths ({mean})."
+    alike = f"; as good within 5 %: {', '.join(equal)}" * bool(equal)
+    return (
+        f"{_ALL}: a pass of {passes[0][0].name} is expected to narrow the bands most, to {common[0]:.2f} times their "
+        f"half-widths ({mean}){alike}."
+    )
+
+
+def _range(form: str, low: float, high: float) -> str:
+    """Two numbers in words; one number if both are written alike."""
+    first, last = form.format(low), form.format(high)
+    return first if first == last else f"between {first} and {last}"

@@ -111,6 +111,7 @@ _AFTERMATH = (
 )
 _INTERRUPTED = "Terminating processes on user request"
 _PROTECTED = "ProtectedOutputException"
+_WILDCARDS = "Target rules may not contain wildcards"
 
 
 class Messages:
@@ -132,13 +133,23 @@ class Messages:
         self.interrupted = False
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether a log record is printed; one sentence replaces Snakemake's text about write-protected outputs."""
+        """Whether a log record is printed.
+
+        One sentence replaces Snakemake's text about write-protected outputs, and one its text about a target that is a
+        rule with a file for each pass or iteration.
+        """
         text = str(record.msg)
         if text.startswith(_INTERRUPTED):
             self.interrupted = True
             return False
         if text.startswith(_PROTECTED):
             record.msg = f"radcal: {_protected(text)}"
+            return True
+        if _WILDCARDS in text:
+            record.msg = (
+                "radcal: to snakemake, this target has no single file: type radcal run CASE TARGET, such as "
+                "radcal run config/mine.yaml registration, or name its file, such as results/CASE/registered.h5."
+            )
             return True
         explained = text.startswith(_AFTERMATH) and (self.interrupted or self._explained())
         return not (text.startswith(_ROUTINE) or explained)
