@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -168,19 +169,14 @@ def register(
     found_out = f"{found}, standard error {_standard_error(after):.3f}"
     if not same_area:
         _check_agreement(source, levels, flow, correlation, found_out, contrast_db(fixed_db))
+    kept = partial(_kept, measurement, ranks, config.method)
     if furthest > config.max_displacement_px:
-        return _kept(
-            measurement,
-            ranks,
-            config.method,
+        return kept(
             f"the registration would move {source} by up to {furthest:.1f} pixels, more than "
             f"registration.max_displacement_px = {config.max_displacement_px:g}: the image is used unregistered.",
         )
     if not raised:
-        return _kept(
-            measurement,
-            ranks,
-            config.method,
+        return kept(
             f"the registration did not raise the correlation of {source} with the simulated image ({found}): "
             "the image is used unregistered.",
         )
