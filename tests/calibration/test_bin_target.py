@@ -57,6 +57,7 @@ def registered_with(shape, uncertainty_px):
     )
 
 
+@pytest.mark.slow
 def test_the_laws_of_the_image_are_those_of_its_bins_for_every_objective(parts):
     case, _, geometry, _, targets = parts
     registered = registered_with(geometry.shape, 0.7)

@@ -62,6 +62,7 @@ def test_change_with_height_is_found(hills: Scene, geometry: Geometry, m_per_m: 
     assert found.ellipsoid == pytest.approx(-np.sin(np.radians(50.0)), abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_warp_that_has_nothing_to_do_with_heights_is_not_told(hills: Scene, geometry: Geometry) -> None:
     """The standard error is that of a smooth displacement: of twenty, few are further from 0 than two errors."""
     found = [height_shift(by_height(hills, geometry, 0.0, seed), geometry, hills, RADAR) for seed in range(20)]

@@ -16,6 +16,8 @@ from radcal.measurement.registration import register
 from radcal.measurement.second_registration import register_again
 from radcal.storage.dataclass_groups import same
 
+pytestmark = pytest.mark.slow
+
 SHAPE = (120, 150)
 CONFIG = RegistrationConfig()
 
