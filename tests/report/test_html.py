@@ -233,6 +233,15 @@ def test_tables(page):
     assert "numpy" in text
 
 
+def test_the_registration_run_has_a_line_of_its_own(made, tmp_path):
+    runs = made.archive.runs
+    kinds = runs.kind.astype("<U12")
+    kinds[1] = "registration"
+    text = render(tmp_path / "report.html", replace(made.archive, runs=replace(runs, kind=kinds)))[1].text
+    told = re.findall(r"(reference|registration|design|total)\s*(\d+)", text[text.index("Runs of the simulator") :])
+    assert told[:4] == [("reference", "1"), ("registration", "1"), ("design", "3"), ("total", "8")]
+
+
 @pytest.mark.slow
 def test_what_does_not_apply_is_not_said(made, tmp_path):
     """Of a material seen at one incidence no slope is doubted; equal densities alone have equal fresh numbers."""

@@ -293,7 +293,8 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
     made = np.isin(np.arange(keys.size), np.unique(keys, return_index=True)[1])
     each = np.tile(kinds, keys.size // kinds.size)
     runs = {kind: int(np.count_nonzero((each == kind) & made)) for kind in ("reference", "design", "infill")}
-    runs["reference"] += int(np.count_nonzero((each == "registration") & made))
+    again = int(np.count_nonzero((each == "registration") & made))
+    runs["reference"] += again
     runs["final"] = sum(one.final_runs for one in passes.values()) if passes else archive.final_runs
     search = runs["design"] + runs["infill"]
     reused = int(np.count_nonzero(kinds == "reused"))
@@ -304,7 +305,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "converged": archive.converged,
         "stop_reason": archive.reason,
         "tolerance": archive.tolerance,
-        "runs": {**runs, "total": sum(runs.values()), "search": search, "reused": reused},
+        "runs": {**runs, "total": sum(runs.values()), "registration": again, "search": search, "reused": reused},
         "iterations": int(np.count_nonzero(kinds == "infill")),
         "measurement": archive.measurement,
         "looks": {
