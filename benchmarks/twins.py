@@ -104,7 +104,7 @@ def calibrated(case: Case, simulator: BuiltinSimulator, folder: Path, curve: Cur
     registered, run = register_rounds(case, runner, b.geometry, measurement, b.scene)
     stage = stages.Target.of(case)
     start = runner.run(case.start_parameters, noise_seed(case), image=True).image_db
-    targets = make_targets(stage, b.geometry, registered, start)
+    targets = make_targets(stage, b.geometry, registered, start, scene=b.scene)
     targets = bin_targets(stage, targets, b.geometry, registered, b.scene.slope_error_deg)
     history, decision = calibrate(case, runner, targets, registration=run)
     phi = np.linspace(*seen_rad(targets[b.material].incidence_deg)[[0, -1]], ANGLES)
