@@ -283,7 +283,7 @@ def varied(geometry: Geometry, scene: Scene, sd_db: Mapping[str, float], seed: i
     geometry : Geometry
         Geometry of the pass.
     scene : Scene
-        Scene of the runs, whose connected areas of a material are its fields.
+        Scene from which the geometry is made; its connected areas of a material are the fields.
     sd_db : mapping
         Standard deviation of the normally distributed gains of a material's fields [dB], by material.
     seed : int
