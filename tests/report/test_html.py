@@ -306,7 +306,7 @@ def test_one_material(made, tmp_path, hidden):
 @pytest.mark.slow
 def test_a_better_law_is_excluded_as_far_as_the_surrogate_does(made, tmp_path):
     """Laws that meet the stop criterion; where the search ended before, better laws may exist."""
-    promise = "promises no law that is better and differs by more than stop.law_db."
+    promise = "predicts no law that is clearly better and differs by more than stop.law_db."
 
     def shown(archive):
         return re.search(r"What has been shown (.*?) The search compared", render(tmp_path / "p", archive)[1].text)[1]
