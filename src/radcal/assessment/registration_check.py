@@ -51,7 +51,7 @@ class Moved:
         )
 
     def sentence(self, name: str) -> str:
-        """Clause of a verdict on a registration in doubt, with the way to repair it."""
+        """Clause of a verdict on a registration in doubt, with the key to change."""
         return (
             f"{DOUBT}: onto the calibrated image, it moves these pixels by {self.moved_px:.1f} "
             f"pixels (stated error {self.stated_px:.1f}) and sigma0 there by {self.moved_db:.1f} dB (rms), which no "
