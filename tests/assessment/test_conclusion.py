@@ -139,7 +139,8 @@ def test_a_registration_in_doubt_is_said_in_the_verdict(parts, found, monkeypatc
         assert ("the registration is in doubt" in said.verdicts["area"]) is doubtful
         assert f"area {moves[0]:.2f} (stated error 0.30" in said.notes[-1]
     assert asked[0] == (["area"], "registered", final[1].image_db)
-    assert not any("Registered again" in note for note in found.notes)
+    assert said.notes[-1].startswith("Check of the registration")
+    assert not any("Check of the registration" in note for note in found.notes)
 
 
 @pytest.mark.parametrize(("fits", "known"), [(True, (20.0, 40.0)), (None, (20.0, 40.0)), (False, None)])

@@ -215,7 +215,7 @@ def test_texture_is_said(right):
     found = right
     said = texture_note({"area": replace(found, looks=2.5), "other": replace(found, looks=4.2)})
     assert "has 4 looks" in said
-    assert "found fewer effective ones (area 2.50), with a prior about 0.9 of the sensor's, so that above that" in said
+    assert "found fewer effective looks (area 2.50). Values above about 0.9 of the sensor's looks" in said
     assert texture_note({"area": replace(found, looks=4.0)}) == ""
 
 

@@ -30,8 +30,8 @@ def test_a_new_case_may_take_all_its_runs(case, tmp_path: Path) -> None:
     counts = planned_runs(case, [*START, *CHUNKS, *LOOP], tmp_path)
     assert counts == {"measurement": 1, "reference": 1, "design": 10, "infill": 20, "final": 2}
     assert runs_sentence(counts) == (
-        "at most 34 simulator runs would be made (1 measurement, 1 reference, 10 design, 20 infill, 2 final); most "
-        "cases need far fewer infill; stored ones are left out."
+        "at most 34 simulator runs would be made (1 measurement, 1 reference, 10 design, 20 infill, 2 final); a "
+        "search that meets its stop criterion ends earlier; stored ones are left out."
     )
     counts = planned_runs(case, [*START, CHUNKS[2]], tmp_path)
     assert counts == {"measurement": 1, "reference": 1, "design": 2, "infill": 0, "final": 0}

@@ -163,7 +163,7 @@ def test_a_law_without_a_curve_settles_by_its_gain_alone():
     assert reason(of_law([5.0], gain=0.06, moved=None), "classes") is None
     assert reason(of_law([5.0], gain=0.04, moved=None), "classes") == "settled"
     said = judged(of_law([5.0], gain=0.04, moved=None), "classes").materials["dyke"].sentence
-    assert said.endswith("stop criterion met after 2 runs: the surrogate of all runs promises no better X.")
+    assert said.endswith("stop criterion met after 2 runs: the surrogate of all runs predicts no clearly better X.")
 
 
 def test_a_law_does_not_settle_where_more_may_be_hidden():
@@ -177,8 +177,8 @@ def test_the_sentence_says_how_the_law_settled():
         judged(of_law([5.0, 4.0], **last), "classes").materials["dyke"].sentence
         for last in ({"gain": 0.01}, {"moved": 0.04})
     )
-    assert gained == "dyke: stop criterion met after 2 runs: the surrogate of all runs promises no better law."
-    promised = "the best law that the surrogate of all runs promises"
+    assert gained == "dyke: stop criterion met after 2 runs: the surrogate of all runs predicts no clearly better law."
+    promised = "the best law that the surrogate of all runs predicts"
     assert f"after 2 runs: {promised} differs from that of the best run by 0.04 dB" in moved
 
 

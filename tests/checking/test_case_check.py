@@ -99,7 +99,7 @@ def test_what_a_right_case_needs_is_told(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["check", str(path)])
     assert done.exit_code == 0
     assert (
-        "simulator runs: at most 16 (2 reference, 3 design, 9 infill, 2 final, each of 4 speckle draws); most"
+        "simulator runs: at most 16 (2 reference, 3 design, 9 infill, 2 final, each of 4 speckle draws); a search"
         in done.stdout
     )
     assert "60 x 50 pixels" in done.stdout
@@ -447,14 +447,15 @@ def test_what_a_right_case_will_meet_is_told_before_any_run(tmp_path: Path) -> N
     time, *_ = check_case([path], results=tmp_path / "results").outlook
     # 3 runs of the design and 12 in all at most, of four draws of speckle; reference, registration and two final runs
     assert time == (
-        "time: about 16 s of simulation a run (median of the case's stored runs); most cases need at most 16 runs (4.3 "
-        "min of simulation), stop.max_runs allows at most 16 (4.3 min of simulation)"
+        "time: about 16 s of simulation a run (median of the case's stored runs); with a search as for most laws of "
+        "docs/right_law.md, at most 16 runs (4.3 min of simulation), stop.max_runs allows at most "
+        "16 (4.3 min of simulation)"
     )
     (tmp_path / "results/mine/benchmarks").mkdir()
     for stage in ("train", "propose", "verify"):
         (tmp_path / f"results/mine/benchmarks/{stage}_0.tsv").write_text("s\th:m:s\n11\t0:00:11\n")
     time, *_ = check_case([path], results=tmp_path / "results").outlook
-    assert "stored runs); an iteration with training and proposal takes about 33 s; most cases need" in time
+    assert "stored runs); an iteration with training and proposal takes about 33 s; with a search as for most" in time
 
 
 @pytest.mark.slow

@@ -254,7 +254,7 @@ def test_what_does_not_apply_is_not_said(made, tmp_path):
     assert "Where rms is far above" in text
     assert "A law of another form" not in text
     for names, words in (
-        (["dyke"], "at least 1.4 dB at an"),
+        (["dyke"], "up to 1.4 dB at an"),
         (["stem beans"], "1.4 to 2.3 dB at an incidence seen (dyke"),
     ):
         for name in names:
@@ -306,7 +306,7 @@ def test_one_material(made, tmp_path, hidden):
 @pytest.mark.slow
 def test_a_better_law_is_excluded_as_far_as_the_surrogate_does(made, tmp_path):
     """Laws that meet the stop criterion; where the search ended before, better laws may exist."""
-    promise = "promises no law that is better and differs by more than stop.law_db."
+    promise = "predicts no law that is clearly better and differs by more than stop.law_db."
 
     def shown(archive):
         return re.search(r"What has been shown (.*?) The search compared", render(tmp_path / "p", archive)[1].text)[1]

@@ -48,6 +48,16 @@ def test_a_finished_case(folder, made):
     ]
 
 
+def test_registration_runs_are_counted_apart(folder):
+    data = json.loads((folder / "summary.json").read_text())
+    data["runs"] |= {"reference": 3, "registration": 2}
+    (folder / "summary.json").write_text(json.dumps(data))
+    assert "besides 1 reference, 2 registration, 1 final; end" in show(folder)[3]
+    del data["runs"]["registration"]  # a file of an earlier version
+    (folder / "summary.json").write_text(json.dumps(data))
+    assert "besides 3 reference, 1 final; end" in show(folder)[3]
+
+
 def test_warnings_on_the_image_are_shown(folder):
     data = json.loads((folder / "summary.json").read_text())
     (folder / "summary.json").write_text(json.dumps(data | {"warnings": ["warning: no relief"]}))

@@ -51,7 +51,10 @@ def test_durations_are_said_in_a_fitting_unit(seconds: float, words: str) -> Non
 
 
 def test_what_may_still_come_is_said_once_a_time_is_known() -> None:
-    both = "; about 7.2 min each: most cases need at most 7 more (50 min), stop.max_runs allows at most 30 more (3.6 h"
+    both = (
+        "; about 7.2 min each: most laws of docs/right_law.md took at most 7 more (50 min), stop.max_runs allows at "
+        "most 30 more (3.6 h"
+    )
     assert at_most(30, 430.0, 7) == f"{both})".replace(" each", f" each{WHOLE}")
     assert at_most(30, 430.0, 7, " of simulation") == f"{both} of simulation)"
     # a search that took longer than others, and one that is allowed no more than others take
@@ -59,8 +62,9 @@ def test_what_may_still_come_is_said_once_a_time_is_known() -> None:
         assert at_most(30, 430.0, usual) == f"; about 7.2 min each{WHOLE}: stop.max_runs allows at most 30 more (3.6 h)"
     # the first run of 11 s is compiled, later ones take 0.6 s, and an iteration takes 16 s: only that is told
     assert at_most(202, 11.0, 20, " of simulation") == at_most(201, 29.0, 19, " of simulation") == ""
-    assert at_most(201, 31.0, 19, " of simulation").startswith("; about 31 s each: most cases need at most 19 more (9.")
-    assert at_most(197, 16.0, 15).startswith(f"; about 16 s each{WHOLE}: most cases need at most 15 more (4 min)")
+    laws = "most laws of docs/right_law.md took at most"
+    assert at_most(201, 31.0, 19, " of simulation").startswith(f"; about 31 s each: {laws} 19 more (9.")
+    assert at_most(197, 16.0, 15).startswith(f"; about 16 s each{WHOLE}: {laws} 15 more (4 min)")
     assert at_most(0, 430.0, 7) == at_most(30, None, 7) == at_most(29, 2.0, 7) == ""
 
 

@@ -126,7 +126,7 @@ def test_commands_of_snakemake_behave(finished):
     spent = finished.summary()["runs"]
     longer = ended(finished, "-n", *CASE, "--config", 'stop={"rms": 1e-9, "max_runs": 40}')
     most = 40 - spent["design"] - spent["infill"]
-    assert f"radcal: at most {most + 2} simulator runs would be made ({most} infill, 2 final); most cases" in longer
+    assert f"radcal: at most {most + 2} simulator runs would be made ({most} infill, 2 final); a search that" in longer
     assert finished.listing() == listing, "a dry run changed something"
     # what a finished case holds is what the rules make, runs and times aside: what is missing of it is made again
     made = set(re.findall(r"(?m)^results/tiny/(\S+)\t", ended(finished, "--summary", *CASE)))

@@ -286,7 +286,9 @@ def _moves(moved: Mapping[str, Moved]) -> list[str]:
         f"{name} {one.moved_px:.2f} (stated error {one.stated_px:.2f}, sigma0 by {one.moved_db:.2f} dB)"
         for name, one in moved.items()
     )
-    return [f"Registered again onto the calibrated image, pixels move by (pixels, rms): {each}."] if each else []
+    return (
+        [f"Check of the registration: onto the calibrated image, pixels move by (pixels, rms) {each}."] if each else []
+    )
 
 
 def _textured(

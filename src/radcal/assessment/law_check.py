@@ -172,9 +172,9 @@ def texture_note(checks: Mapping[str, LawCheck]) -> str:
     each = ", ".join(f"{name} {check.looks:.2f}" for name, check in found.items())
     nominal = next(iter(found.values())).looks_nominal
     return (
-        f"The simulated speckle has {nominal:.3g} looks, the search found fewer effective ones ({each}), with a prior "
-        "about 0.9 of the sensor's, so that above that they show no texture: for densities and pictures gamma texture "
-        "is multiplied onto these simulated pixels, down to the looks found."
+        f"The simulated speckle has {nominal:.3g} looks, and the search found fewer effective looks ({each}). Values "
+        "above about 0.9 of the sensor's looks, the median of their prior, show no texture. For densities and images, "
+        "these simulated pixels are multiplied by gamma texture that lowers their looks to those found."
     )
 
 

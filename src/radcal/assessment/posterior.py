@@ -322,8 +322,8 @@ def summarised(model: Model, found: Draws, known_db: float) -> Posterior:
     if not sampler.converged:
         sentences.append(
             f"the sampler has not converged (effective sample size {sampler.ess:.0f}, R-hat {sampler.r_hat:.2f} after "
-            f"{sampler.steps} steps): intervals are those of the linear (Gauss-Newton) covariance, which are too "
-            "narrow where the law bends with its parameters."
+            f"{sampler.steps} steps): intervals are those of the linear (Gauss-Newton) covariance, which may "
+            "be too narrow where the law is not linear in its parameters."
         )
     modes = Modes(np.ones(1), middle[None])
     if model.curves is not None:

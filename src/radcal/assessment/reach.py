@@ -90,6 +90,5 @@ def check_reach(case: stages.Target, targets: Targets) -> None:
             raise ConfigError(
                 f"materials.{name}.bounds: inside them the law {case.materials[name].law!r} gives {low:.1f} to "
                 f"{high:.1f} dB at the incidence seen, and the measured level is {asked:.1f} dB: expected bounds "
-                f"between which the law reaches it to within {_MARGIN_DB:g} dB (only the reference run was needed to "
-                "find this)."
+                f"between which the law reaches it to within {_MARGIN_DB:g} dB (found without any run of the design)."
             )

@@ -1,4 +1,4 @@
-"""Check of the registration with the image of the calibrated laws in place of the reference run."""
+"""Check of the registration with the image of the calibrated laws in place of the run onto which it was made."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Moved:
         )
 
     def sentence(self, name: str) -> str:
-        """Clause of a verdict on a registration in doubt, with the way to repair it."""
+        """Clause of a verdict on a registration in doubt, with the key to change."""
         return (
             f"{DOUBT}: onto the calibrated image, it moves these pixels by {self.moved_px:.1f} "
             f"pixels (stated error {self.stated_px:.1f}) and sigma0 there by {self.moved_db:.1f} dB (rms), which no "
@@ -60,7 +60,7 @@ class Moved:
 
 
 def moved_again(registered: Registered, calibrated_db: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Change of the displacement field if another simulated image takes the place of the reference run.
+    """Change of the displacement field if the image is registered onto another simulated image.
 
     Parameters
     ----------
@@ -89,10 +89,10 @@ def check_registration(
 ) -> dict[str, Moved]:
     """Register the measured image again, onto the image of the calibrated laws, and compare both registrations.
 
-    The registration compares patterns of brightness. If the starting law of a material differs much from its real law,
-    other slopes are bright in the reference run than in the measured image, and the displacement has an error that its
-    standard error does not contain. The image of the calibrated laws has the right pattern if the laws are right. A
-    change of the displacement by more than its standard error therefore shows that the registration was wrong.
+    The registration compares patterns of brightness. If the laws of the run onto which the image was registered differ
+    much from the real laws, other slopes are bright in this run than in the measured image, and the displacement has an
+    error that its standard error does not contain. The image of the calibrated laws has the right pattern if the laws
+    are right. If the displacement then changes by more than its standard error, one of the two registrations is wrong.
 
     Parameters
     ----------

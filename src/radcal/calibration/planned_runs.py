@@ -125,6 +125,6 @@ def runs_sentence(counts: Mapping[str, int], draws: int = 1) -> str:
     if not kinds:
         return "no simulator run would be made."
     each = f", each of {draws} speckle draws" if draws > 1 else ""
-    search = "; most cases need far fewer infill" if counts.get("infill") else ""
+    search = "; a search that meets its stop criterion ends earlier" if counts.get("infill") else ""
     most = sum(counts.values())
     return f"at most {most} simulator runs would be made ({kinds}{each}){search}; stored ones are left out."

@@ -300,7 +300,8 @@ def time_expected(case: Case, results: str | Path) -> str:
     search = most_need(case.design_size, case.stop.max_runs)
     usual = sum(largest_runs(case)[kind] for kind in ("reference", "final")) + len(case.passes) * search
     return (
-        f"time: about {duration(each)} of simulation a run (median of the case's stored runs){more}; most cases "
-        f"need at most {usual} runs ({duration(usual * each)} of simulation), stop.max_runs allows at most "
+        f"time: about {duration(each)} of simulation a run (median of the case's stored runs){more}; with a "
+        f"search as for most laws of docs/right_law.md, at most {usual} runs ({duration(usual * each)} of simulation), "
+        "stop.max_runs allows at most "
         f"{sum(largest_runs(case).values())} ({duration(sum(largest_runs(case).values()) * each)} of simulation)"
     )

@@ -21,7 +21,8 @@ class Design(Section):
     size: Annotated[Integer, Field(ge=0, le=100_000)] | Literal["auto"] = Field(
         "auto",
         description="number of runs; auto: 2, or at least 8 if radcal cannot predict the runs (as with law: external); "
-        "0: no design, with which the fewest runs are needed; a larger design contains the runs of a smaller one",
+        "0: no design, which took the fewest runs in tests (docs/right_law.md); a larger design contains the runs of a "
+        "smaller one",
     )
     chunk: Annotated[Integer, Field(ge=1, le=1000)] = Field(4, description="number of design runs in one workflow job")
     reuse: CaseName | None = Field(

@@ -20,8 +20,8 @@ class RegistrationConfig(Section):
     )
     rounds: Literal[1, 2] = Field(
         2,
-        description="1: register onto the reference run; 2: register again, onto a run of the laws that the image asks "
-        "for after the first registration (needs laws with a curve and surrogate.baseline)",
+        description="1: register onto the reference run; 2: register again, onto a run of the laws that fit the image "
+        "as first registered (only if all calibrated laws have a curve, and the surrogate a baseline)",
     )
     global_shift: bool = Field(
         False, description="whether phase correlation first estimates one shift of the whole image"

@@ -178,7 +178,7 @@ def _search(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
 
 def _criterion(materials: Sequence[Mapping[str, Any]]) -> str:
     """Sentences on the stop criterion of laws that are compared by incidence-angle bin."""
-    promise = "the surrogate of all runs promises no law that is better and differs by more than stop.law_db"
+    promise = "the surrogate of all runs predicts no law that is clearly better and differs by more than stop.law_db"
     met, count = [m for m in materials if m["within"]], len(materials)
     if count == 1:
         ends = f"meets the stop criterion: {promise}" if met else "does not meet the stop criterion"

@@ -155,11 +155,12 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
         if remark := material.get("parameters_remark"):
             lines.append(f"{name}: {remark}")
     lines += summary.get("warnings", [])  # files of earlier versions have none
-    search = runs["design"] + runs["infill"]
+    search, again = runs["design"] + runs["infill"], runs.get("registration", 0)
+    first = f"{runs['reference'] - again} reference" + f", {again} registration" * bool(again)
     return [
         *lines,
         f"simulator runs of the search: {search} ({runs['design']} design, {runs['infill']} infill{reused}), besides "
-        f"{runs['reference']} reference, {runs['final']} final; end: {REASONS[summary['stop_reason']].clause}.",
+        f"{first}, {runs['final']} final; end: {REASONS[summary['stop_reason']].clause}.",
     ]
 
 

@@ -25,7 +25,9 @@ from radcal.radar.laws import LAWS
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
 
-CRITERION = "(the surrogate of all runs promises no law that is better and differs by more than stop.law_db, 0.05 dB)"
+CRITERION = (
+    "(the surrogate of all runs predicts no law that is clearly better and differs by more than stop.law_db, 0.05 dB)"
+)
 
 MANGIA = LAWS["mangia"]
 

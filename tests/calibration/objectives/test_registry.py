@@ -81,7 +81,7 @@ def test_rules_scripts_and_the_report_compare_no_objective():
 
 
 class Quartiles(Objective):
-    """Median and interquartile range of all pixels; ends where the surrogate of all runs promises nothing better."""
+    """Median and interquartile range of all pixels; ends where the surrogate of all runs predicts nothing better."""
 
     looks_ahead = True
     explores = False

@@ -163,10 +163,10 @@ class Bins(Objective):
         if score.floor is not None and progress.best - score.floor > _SETTLED:
             return None
         if score.gain <= _SETTLED:
-            text = f"the surrogate of all runs promises no better {'X' if score.moved_db is None else 'law'}."
+            text = f"the surrogate of all runs predicts no clearly better {'X' if score.moved_db is None else 'law'}."
         elif score.moved_db is not None and score.moved_db <= stop.law_db:
             text = (
-                f"the best law that the surrogate of all runs promises differs from that of the best run by "
+                f"the best law that the surrogate of all runs predicts differs from that of the best run by "
                 f"{score.moved_db:.2g} dB over the incidence seen."
             )
         else:
@@ -184,10 +184,10 @@ class Bins(Objective):
         text = f"{len(ended)} of {len(materials)} laws {'meets' if len(ended) == 1 else 'meet'} the stop criterion"
         if ended:
             text += (
-                " (the surrogate of all runs promises no law that is better and differs by more than stop.law_db, "
-                f"{stop.law_db:g} dB)"
+                " (the surrogate of all runs predicts no law that is clearly better and differs by more than "
+                f"stop.law_db, {stop.law_db:g} dB)"
             )
-        # a law that meets the criterion may move by more than law_db, but is then not promised to become better
+        # a law that meets the criterion may move by more than law_db, but is then predicted to become hardly better
         moved = {name: history.infill[-1].scores[name].moved_db for name in materials if name not in ended}
         known = {name: value for name, value in moved.items() if value is not None}
         if known:
