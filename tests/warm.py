@@ -1,9 +1,8 @@
-"""Warm process: has imported what Snakemake and the jobs import, and forks them, for tests that kill nothing.
+"""Warm process: has imported what Snakemake and the jobs import, and forks them, for commands that are not killed.
 
 The workflow stays the real one: Snakefile, rules, profile and scripts as they are, one process for Snakemake and one
 for each job. Only the start of an interpreter and its imports, three quarters of a tiny calibration's CPU time, are
-spent once, and fonts in PDF files are not cut to their letters. The small calibration, the tests of faults and those of
-the cluster start everything as people do.
+spent once. The small calibration, whatever is killed and jobs of the cluster start as people start them.
 """
 
 from __future__ import annotations
