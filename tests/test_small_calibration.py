@@ -64,6 +64,8 @@ def test_pictures_and_page_are_there(finished):
     for stem in ("histogram_field", "densities_field", "cost_field", "law_field"):
         for suffix in (".png", ".pdf"):
             assert (figures / (stem + suffix)).stat().st_size > 1000
+        # Type 42, whose text can be edited; tests/workflow draw with another
+        assert b"/CIDFontType2" in (figures / f"{stem}.pdf").read_bytes()
     page = (finished.out() / "report.html").read_text()
     assert "data:image/png;base64," in page
     assert 'src="http' not in page

@@ -1,9 +1,9 @@
-"""Warm process: has imported what Snakemake and the jobs import, and forks them, for tests that kill nothing.
+"""Warm process: has imported what Snakemake and the jobs import, and forks them, for commands that are not killed.
 
 The workflow stays the real one: Snakefile, rules, profile and scripts as they are, one process for Snakemake and one
 for each job. Only the start of an interpreter and its imports, three quarters of a tiny calibration's CPU time, are
-spent once, and fonts in PDF files are not cut to their letters. The small calibration, the tests of faults and those of
-the cluster start everything as people do.
+spent once, and fonts in PDF files are of Type 3. The small calibration, whatever is killed and jobs of the cluster
+start as people start them.
 """
 
 from __future__ import annotations
@@ -95,6 +95,8 @@ def rehearse() -> None:
     from radcal.report.drawing import STYLE, new_canvas
 
     ImageFormation(Radar(), (20, 20), -20.0).intensity(uniform(np.ones((20, 20), np.float32)), 1)
+    # Type 42, as users get it, takes a quarter of a report's time; the small calibration and the cluster write it
+    STYLE["pdf.fonttype"] = 3
     with mpl.rc_context(STYLE):
         canvas = new_canvas(3.0, 2.0)
         canvas.subplots().plot([-1.0, 2.0], label="a")

@@ -4,19 +4,29 @@ from __future__ import annotations
 
 import fcntl
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from warm import Warm
 from workflow_project import Project, make_project
 
-
-@pytest.fixture
-def project(tmp_path: Path) -> Project:
-    return make_project(tmp_path / "project")
+SMALL_CALIBRATION = Path(__file__).with_name("test_small_calibration.py")
 
 
 @pytest.fixture(scope="session")
-def _finished_once(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Project:
+def warm() -> Iterator[Warm]:
+    with Warm() as server:
+        yield server
+
+
+@pytest.fixture
+def project(request: pytest.FixtureRequest, tmp_path: Path) -> Project:
+    return quick(make_project(tmp_path / "project"), request)
+
+
+@pytest.fixture(scope="session")
+def _finished_once(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Project:
     base = tmp_path_factory.getbasetemp()
     # tests that run side by side have a folder in common, and make it once
     folder = (base if worker_id == "master" else base.parent) / "finished" / "project"
@@ -26,6 +36,8 @@ def _finished_once(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> 
         project = Project(folder)
         if not (folder.parent / "done").exists():
             project = make_project(folder)
+            if all(item.path != SMALL_CALIBRATION for item in request.session.items):
+                project.interpreter = request.getfixturevalue("warm").interpreter()
             done = project.run("--configfile", "tiny.yaml")
             assert done.returncode == 0, done.stdout
             (folder.parent / "done").touch()
@@ -33,6 +45,16 @@ def _finished_once(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> 
 
 
 @pytest.fixture
-def finished(_finished_once: Project, tmp_path: Path) -> Project:
+def finished(request: pytest.FixtureRequest, _finished_once: Project, tmp_path: Path) -> Project:
     """The tiny case, run to its end undisturbed: a copy for each test, time stamps kept."""
-    return Project(Path(shutil.copytree(_finished_once.folder, tmp_path / "finished")))
+    return quick(Project(Path(shutil.copytree(_finished_once.folder, tmp_path / "finished"))), request)
+
+
+def quick(project: Project, request: pytest.FixtureRequest) -> Project:
+    """The project, whose ``run`` forks a warm process in the folders of long tests; the rest starts as people type it.
+
+    What is to be killed is begun with ``start``.
+    """
+    if any(request.node.get_closest_marker(name) for name in ("workflow", "faults")):
+        project.interpreter = request.getfixturevalue("warm").interpreter()
+    return project

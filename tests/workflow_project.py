@@ -1,4 +1,4 @@
-"""A copy of the workflow in an empty folder, with a tiny case that takes seconds: for tests/workflow."""
+"""A copy of the workflow in an empty folder, with a tiny case that takes seconds: for tests of whole calibrations."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Project:
     """A folder with the workflow in it."""
 
     folder: Path
-    # what `run` starts Snakemake with; tests/workflow has a quicker one
+    # what `run` starts Snakemake with; long tests have a quicker one (workflow_fixtures.py)
     interpreter: list[str] = field(default_factory=lambda: [sys.executable])
 
     def write(self, name: str = "tiny.yaml", **changes: Any) -> str:

@@ -70,9 +70,10 @@ def of_rule(jobs: list[dict[str, str]], rule: str, *states: str) -> list[dict[st
     return [job for job in jobs if rule in job["rule"] and (not states or job["state"] in states)]
 
 
-def test_cancelled_drained_killed_and_continued_is_the_same_as_undisturbed(cluster, tmp_path):
+def test_cancelled_drained_killed_and_continued_is_the_same_as_undisturbed(cluster, warm, tmp_path):
     undisturbed = make_project(tmp_path / "undisturbed")
     undisturbed.write(**SMALL)
+    undisturbed.interpreter = warm.interpreter()
     # beside the other one, which has one job at a time and waits for much of its own
     reference = ThreadPoolExecutor(1).submit(undisturbed.run, "--configfile", "tiny.yaml", cores=1)
 

@@ -21,6 +21,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -151,12 +152,12 @@ def calibrate(project: Project, tally: Tally, most: int, draw: random.Random, lo
             killed += 1
         watch.look(tally)
     # on one core: results do not depend on that either
-    code = start(project, log, cores=1).wait(timeout=3600)
+    ended = project.run(*COMMAND, cores=1)
     psutil.wait_procs(orphans, timeout=60)
     watch.look(tally)
-    output = log.read_text(errors="replace")
-    if code != 0 or "Traceback" in output:
-        tally.tracebacks.append(f"{project.folder}: exit code {code}\n{output[-3000:]}")
+    output = log.read_text(errors="replace") + ended.stdout
+    if ended.returncode != 0 or "Traceback" in output:
+        tally.tracebacks.append(f"{project.folder}: exit code {ended.returncode}\n{output[-3000:]}")
     tally.left += [str(path) for path in project.out().rglob(".partial-*")]
     tally.aside += [str(path) for path in project.out().rglob("*.damaged")]
     tally.calibrations += 1
@@ -170,12 +171,17 @@ def prepare(folder: Path, most_runs: int) -> Project:
 
 
 def campaign(
-    folder: Path, kills: int, seed: int, longest_s: float, each: int, expected: dict[str, Any], most_runs: int = 60
-) -> Tally:
-    """So many kills over as many calibrations as they take."""
+    folder: Path, kills: int, seed: int, longest_s: float, each: int, expected: dict[str, Any], most_runs: int = 60,
+    interpreter: Sequence[str] = (sys.executable,),
+) -> Tally:  # fmt: skip
+    """So many kills over as many calibrations as they take.
+
+    The interpreter is that of the command after the last kill of each calibration.
+    """
     tally, draw, started = Tally(), random.Random(seed), time.perf_counter()
     while sum(tally.kills.values()) < kills:
         project = prepare(folder / f"killed-{tally.calibrations}", most_runs)
+        project.interpreter = list(interpreter)
         calibrate(project, tally, min(each, kills - sum(tally.kills.values())), draw, longest_s)
         if not (project.out() / "summary.json").is_file() or result(project) != expected:
             tally.different.append(str(project.folder))

@@ -85,7 +85,9 @@ def kill_when(project: Project, condition, *arguments: str) -> None:
 
 
 def test_a_kill_of_each_kind_changes_nothing(finished, tmp_path):
-    tally = campaign(tmp_path, kills=3, seed=5, longest_s=12.0, each=3, expected=result(finished))
+    tally = campaign(
+        tmp_path, kills=3, seed=5, longest_s=12.0, each=3, expected=result(finished), interpreter=finished.interpreter
+    )
     found = tally.as_json()
     assert found["by"] == {"group": 1, "snakemake": 1, "job": 1}
     for key in (
