@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 __all__ = [
     "METRES",
     "crs_of",
-    "earth_radius_m",
     "geoid_m",
     "horizontal",
     "label",
@@ -148,40 +147,6 @@ def turned(crs: CRS, place: tuple[float, float], heading_deg: float) -> CRS:
         angle_from_rectified_to_skew_grid=gamma,
     )
     return ProjectedCRS(line, name=f"track of heading {heading_deg:g} degrees", geodetic_crs=crs.geodetic_crs)
-
-
-def earth_radius_m(crs: str, place: tuple[float, float], azimuth_deg: float) -> float:
-    """Radius of curvature of the ellipsoid at a place, along a given direction.
-
-    Parameters
-    ----------
-    crs : str
-        Projected CRS, with its ellipsoid.
-    place : (float, float)
-        Coordinates of the place in the CRS [m].
-    azimuth_deg : float
-        Direction, clockwise from north [deg].
-
-    Returns
-    -------
-    float
-        Radius of the normal section [m], by Euler's formula from the radii of the meridian and of the prime vertical.
-
-    References
-    ----------
-    Torge and Mueller, "Geodesy" (4th edition, 2012), section 4.1.3.
-    """
-    from pyproj import CRS
-
-    plane = CRS.from_user_input(crs)
-    _, latitude = transformer(plane, plane.geodetic_crs).transform(*place)
-    ellipsoid = plane.ellipsoid
-    assert ellipsoid is not None  # noqa: S101 - every geodetic datum has an ellipsoid
-    major, ratio = ellipsoid.semi_major_metre, 1.0 - (ellipsoid.semi_minor_metre / ellipsoid.semi_major_metre) ** 2
-    root = math.sqrt(1.0 - ratio * math.sin(math.radians(latitude)) ** 2)
-    meridian, vertical = major * (1.0 - ratio) / root**3, major / root
-    azimuth = math.radians(azimuth_deg)
-    return 1.0 / (math.cos(azimuth) ** 2 / meridian + math.sin(azimuth) ** 2 / vertical)
 
 
 def vertical_unit(crs: CRS) -> str | None:
