@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 from radcal.errors import SceneError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pyproj import CRS, Transformer
 
 __all__ = [
@@ -31,12 +33,18 @@ __all__ = [
     "transformation_note",
     "transformer",
     "turned",
+    "unit_in_metadata",
     "utm",
     "vertical_datum",
     "vertical_unit",
 ]
 
 METRES = ("m", "metre", "metres", "meter", "meters")
+# keys of a raster's metadata that hold the unit of its heights, letters alone: "Vertical Units", ELEVATION_UNITS (PCI)
+_UNIT_KEYS = re.compile(r"(vertical|elevation|height|z)units?")
+_OTHER_UNITS = re.compile(
+    r"(us|international)? ?(survey)? ?(feet|foot|ft|yards?|fathoms?|(deci|centi|milli|kilo)met(er|re)s?|dm|cm|mm|km)"
+)
 _UNNAMED = ("unknown", "unnamed", "undefined", "")
 
 
@@ -153,6 +161,26 @@ def vertical_unit(crs: CRS) -> str | None:
     """Unit of heights in a CRS, or None if the CRS has no vertical axis."""
     axes = crs.axis_info if not crs.is_bound or crs.source_crs is None else crs.source_crs.axis_info
     return next((axis.unit_name for axis in axes if axis.direction.lower() in ("up", "down")), None)
+
+
+def unit_in_metadata(metadata: Mapping[str, str], description: str | None) -> str | None:
+    """Unit of heights other than metres that a raster's metadata or the description of its band names.
+
+    Parameters
+    ----------
+    metadata : mapping
+        Metadata of the raster and its band. Keys such as ``Vertical Units``, ``ELEVATION_UNITS`` or ``zUnit`` are read.
+    description : str or None
+        Description of the band, which may end with a unit in brackets, as in ``elevation (ft)``.
+
+    Returns
+    -------
+    str or None
+        The unit as written; None if metadata and description name metres, an unknown unit, or no unit.
+    """
+    named = [text for key, text in metadata.items() if _UNIT_KEYS.fullmatch(re.sub(r"[^a-z]", "", key.lower()))]
+    named += re.findall(r"[(\[]([^()\[\]]*)[)\]]\s*$", description or "")
+    return next((text for text in named if _OTHER_UNITS.fullmatch(re.sub(r"[^a-z ]", "", text.lower()).strip())), None)
 
 
 def vertical_datum(crs: CRS) -> str | None:
