@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from radcal.calibration.reuse import reuse_runs
+from radcal.calibration.reuse import require_earlier, reuse_runs
 from radcal.config import Case, stages
 from radcal.errors import ConfigError
 from radcal.radar.geometry import Geometry
@@ -77,3 +77,9 @@ def test_runs_of_another_seed_or_outside_of_the_bounds_alone_are_refused(
     run_all(*made("far", [[0, 50]] * 4), OUTSIDE)
     with pytest.raises(ConfigError, match=r"none of the 1 runs .* materials.dyke is outside its bounds"):
         reuse_runs(*made("mine", NARROW), tmp_path / "far")
+
+
+def test_the_target_without_an_earlier_case_says_what_is_missing(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"^design\.reuse is missing, .* expected the earlier case's name\.$"):
+        require_earlier(None)
+    require_earlier(tmp_path)

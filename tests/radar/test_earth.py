@@ -23,7 +23,8 @@ from radcal.radar.earth import Sight, heading_at_scene, heading_of_sight, sight
 from radcal.radar.facets import LAID_OVER, VISIBLE
 from radcal.radar.lines import Lines
 from radcal.radar.projection import make_geometry
-from radcal.scene.crs import earth_radius_m, label, turned
+from radcal.scene.crs import label, turned
+from radcal.scene.ellipsoid import earth_radius_m, ground_per_grid
 from radcal.scene.model import Scene
 
 CELLS, CELL_M, MEAN_M = 200, 100.0, 300.0  # 20 x 20 km
@@ -61,9 +62,10 @@ def seen_from_orbit(scene: Scene, radar: Radar) -> Truth:
     def at(*place: float) -> np.ndarray:
         return np.array(to_space.transform(*place))
 
-    middle = at(0.0, 0.0, MEAN_M)
-    up = unit(at(0.0, 0.0, MEAN_M + 1000.0) - middle)
-    forward = unit(at(0.0, 100.0, MEAN_M) - at(0.0, -100.0, MEAN_M))
+    mean_m = float(scene.elevation_m.mean())
+    middle = at(0.0, 0.0, mean_m)
+    up = unit(at(0.0, 0.0, mean_m + 1000.0) - middle)
+    forward = unit(at(0.0, 100.0, mean_m) - at(0.0, -100.0, mean_m))
     side = np.cross(forward, up) * (1.0 if radar.look_side == "right" else -1.0)
     angle = math.radians(float(radar.incidence_deg or 0.0))
     sight_line = math.cos(angle) * up - math.sin(angle) * side
@@ -71,7 +73,7 @@ def seen_from_orbit(scene: Scene, radar: Radar) -> Truth:
     def height(slant: float) -> float:
         return float(to_place.transform(*(middle + slant * sight_line))[2])
 
-    wanted = MEAN_M + radar.altitude_m
+    wanted = mean_m + radar.altitude_m
     satellite = middle + brentq(lambda s: height(s) - wanted, radar.altitude_m, 4 * radar.altitude_m) * sight_line
     longitude, latitude, high = to_place.transform(*satellite)
     overhead = unit(in_space(longitude, latitude, high + 1000.0) - satellite)
@@ -91,14 +93,19 @@ def seen_from_orbit(scene: Scene, radar: Radar) -> Truth:
     return Truth(points, np.linalg.norm(to_satellite, axis=-1), unit(to_satellite), when, satellite)
 
 
-def make_scene(latitude: float, heading: float, relief: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Scene:
+def make_scene(
+    latitude: float, heading: float, relief: Callable[[np.ndarray, np.ndarray], np.ndarray], mean_m: float = MEAN_M,
+    grid: str | None = None,
+) -> Scene:  # fmt: skip
+    """Scene on a grid that is turned to the heading, or on another ``grid`` whose origin is the scene's centre."""
     utm = CRS.from_epsg(32633)
-    crs = label(turned(utm, Transformer.from_crs("OGC:CRS84", utm, always_xy=True).transform(15.3, latitude), heading))
+    place = Transformer.from_crs("OGC:CRS84", utm, always_xy=True).transform(15.3, latitude)
+    crs = grid or label(turned(utm, place, heading))
     x = (np.arange(CELLS) + 0.5 - CELLS / 2) * CELL_M
     heights = relief(*np.meshgrid(x, x)) + np.zeros((CELLS, CELLS))
     corner = -CELLS / 2 * CELL_M
     return Scene(
-        "earth", ("grass",), np.ones((CELLS, CELLS), dtype=np.uint8), heights - heights.mean() + MEAN_M, CELL_M,
+        "earth", ("grass",), np.ones((CELLS, CELLS), dtype=np.uint8), heights - heights.mean() + mean_m, CELL_M,
         crs=crs, transform=(CELL_M, 0.0, corner, 0.0, CELL_M, corner), heading_deg=heading or None,
     )  # fmt: skip
 
@@ -184,6 +191,44 @@ def test_incidence_and_slant_range_are_those_of_the_ellipsoid(
     per_m = np.polyfit(np.repeat(x, CELLS), truth.along_m.ravel(), 1)[0]
     columns = (truth.along_m / per_m - x[:, None]) / 10.0
     assert np.abs(columns - columns.mean()).max() < 0.4
+
+
+def steep(across: np.ndarray, along: np.ndarray) -> np.ndarray:
+    """Hills with slopes up to 40 degrees, in all directions."""
+    return 685.0 * np.sin(across * 2 * np.pi / 4900.0 + 1.0) * np.cos(along * 2 * np.pi / 5200.0 + 0.3)
+
+
+# transverse Mercator with a scale of 0.995 at the scene's centre, as far from the central meridian of a zone
+SMALLER = "+proj=tmerc +lat_0=42 +lon_0=15.3 +k=0.995 +datum=WGS84 +units=m"
+
+
+@pytest.mark.parametrize(
+    ("latitude", "keys", "mean_m", "grid"),
+    [
+        *((latitude, keys, 700.0, None) for latitude, keys in PASSES),
+        (42.0, {"heading_deg": 0.0}, 3500.0, None),
+        (42.0, {"heading_deg": 0.0, "look_side": "left"}, 700.0, SMALLER),
+        (42.0, {"heading_deg": 192.0, "altitude_m": 20_000.0, "incidence_deg": 42.0}, 700.0, None),
+    ],
+)
+def test_incidence_on_slopes_of_40_degrees_is_that_of_the_ellipsoid(
+    latitude: float, keys: dict[str, Any], mean_m: float, grid: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    radar = orbit_pass(**keys)
+    scene = make_scene(latitude, radar.heading_deg, steep, mean_m, grid)
+    slopes = np.degrees(np.arctan(np.hypot(*np.gradient(scene.elevation_m, CELL_M))))
+    assert 39.5 < slopes.max() < 41.5
+    truth, facets = seen_from_orbit(scene, radar), facets_of(scene, radar, monkeypatch)
+    found, whole = facets.lines.incidence.astype(float) * 90.0 / 65535.0, (facets.lines.state & VISIBLE) != 0
+    if radar.look_side == "left":
+        found, whole = found[:, ::-1], whole[:, ::-1]
+    expected = local_incidence_deg(truth)
+    # a facet of which one half is visible, near a crest or a shadow, has the incidence of this half
+    whole = whole & ~ends(~whole) & (expected < 87.0)
+    whole[[0, -1]] = whole[:, [0, -1]] = False
+    assert whole.mean() > 0.8
+    assert np.ptp(expected[whole]) > 60.0
+    assert np.abs(found - expected)[whole].max() < 0.007
 
 
 def centre_in_space(scene: Scene) -> Any:
@@ -275,6 +320,20 @@ def test_radius_of_the_ellipsoid() -> None:
     assert earth_radius_m("EPSG:32633", at, 90.0) == pytest.approx(a, abs=1.0)
     assert earth_radius_m("EPSG:3995", (0.0, 0.0), 33.0) == pytest.approx(a**2 / b, abs=1.0)
     assert b < MEAN_RADIUS_M < a
+
+
+def test_scale_of_a_grid() -> None:
+    """0.9996 on the central meridian of UTM, 2 at 60 degrees in Mercator; plate carree has 2 along parallels alone."""
+    utm = Transformer.from_crs("OGC:CRS84", "EPSG:32633", always_xy=True).transform(15.0, 42.0)
+    assert ground_per_grid("EPSG:32633", utm, (0.0, 3.0)) == pytest.approx(1.0 / 0.9996, abs=1e-7)
+    assert ground_per_grid("EPSG:32633", utm, (2.0, 2.0)) == pytest.approx(1.0 / 0.9996, abs=1e-7)
+    sphere = "+proj=merc +R=6371000 +units=m"
+    place = Transformer.from_crs(CRS(sphere).geodetic_crs, sphere, always_xy=True).transform(10.0, 60.0)
+    assert ground_per_grid(sphere, place, (0.0, -1.0)) == pytest.approx(0.5, abs=1e-6)
+    plate = "+proj=eqc +R=6371000 +units=m"
+    place = Transformer.from_crs(CRS(plate).geodetic_crs, plate, always_xy=True).transform(10.0, 60.0)
+    assert ground_per_grid(plate, place, (5.0, 0.0)) == pytest.approx(0.5, abs=1e-6)
+    assert ground_per_grid(plate, place, (0.0, 5.0)) == pytest.approx(1.0, abs=1e-6)
 
 
 # the shared Sentinel-1 product --------------------------------------------------------------------------------------

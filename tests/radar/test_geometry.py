@@ -454,7 +454,7 @@ def test_geometry_of_another_version_of_the_simulator_is_replaced(
     (tmp_path / "calibration.h5").write_bytes(b"")
     better = replace(geometry, facet_weight=geometry.facet_weight * np.float32(0.9))
     with monkeypatch.context() as earlier:
-        earlier.setattr("radcal.radar.geometry.SIMULATOR_VERSION", 1)
+        earlier.setattr("radcal.radar.geometry.simulator_version", lambda earth: 1)
         write_geometry(path, geometry, radar)
     with pytest.raises(ConfigError, match="holds a finished calibration of another geometry"):
         write_geometry(path, better, radar.model_copy(update={"altitude_m": 1001.0}))

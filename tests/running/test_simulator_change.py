@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 
 from radcal.config import Case
-from radcal.radar import SIMULATOR_VERSION
+from radcal.radar import SIMULATOR_VERSION, simulator_version
 from radcal.running.simulator_change import simulator_change
 from radcal.storage.records import write_json
 from radcal.storage.runs import Record, RunStore
@@ -31,6 +32,16 @@ def test_runs_of_an_earlier_version_are_said_to_be_made_anew(tmp_path: Path, cas
     # once: the reference run is the first to be made anew
     reference_run(tmp_path, {"kind": "builtin", "version": SIMULATOR_VERSION})
     assert simulator_change(tmp_path, case) == []
+
+
+def test_passes_over_a_curved_earth_have_a_version_of_their_own(
+    tmp_path: Path, build_case: Callable[..., Case]
+) -> None:
+    orbit = build_case(radar={"altitude_m": 7e5, "incidence_deg": 33.0})
+    assert (simulator_version("flat"), simulator_version("curved")) == (SIMULATOR_VERSION, SIMULATOR_VERSION + 1)
+    reference_run(tmp_path, {"kind": "builtin", "version": SIMULATOR_VERSION})
+    assert len(simulator_change(tmp_path, orbit)) == 1
+    assert simulator_change(tmp_path, build_case()) == []
 
 
 @pytest.mark.parametrize("simulator", [{"kind": "command", "version": "2"}, {}])

@@ -527,6 +527,43 @@ def test_heights_in_feet_are_refused(build: Build) -> None:
     assert raster_scene(build(crs=UTM, profile={"units": "m"}, vertical_datum="EGM96")).cell_m == 10.0
 
 
+@pytest.mark.parametrize(
+    ("where", "key", "text"),
+    [
+        ("file", "Vertical Units", "Feet"),
+        ("file", "ELEVATION_UNITS", "FEET"),
+        ("band", "zUnit", "U.S. survey foot"),
+        ("band", "vertical_unit", "cm"),
+        ("description", "", "elevation (ft)"),
+    ],
+)
+def test_heights_in_feet_by_the_metadata_of_the_file_are_refused(build: Build, where: str, key: str, text: str) -> None:
+    config = build(crs=UTM, vertical_datum="EGM96")
+
+    def say(unit: str) -> None:
+        with rasterio.open(config.elevation, "r+") as raster:
+            if where == "description":
+                raster.set_band_description(1, f"elevation ({unit})")
+            else:
+                raster.update_tags(*([1] if where == "band" else []), **{key: unit})
+
+    unit = text.partition("(")[2].strip(")") or text
+    say(unit)
+    with pytest.raises(SceneError, match=rf"^scene\.elevation: .*heights\.tif has heights in {unit}, expected metres"):
+        raster_scene(config)
+    for harmless in ("metres", "m", "unknown"):
+        say(harmless)
+        assert raster_scene(config).cell_m == 10.0
+
+
+def test_feet_elsewhere_in_the_metadata_say_nothing_of_the_heights(build: Build) -> None:
+    config = build(crs=UTM, vertical_datum="EGM96")
+    with rasterio.open(config.elevation, "r+") as raster:
+        raster.update_tags(horizontal_units="feet", TITLE="heights of 6 feet above ground (draft)", units="feet")
+        raster.set_band_description(1, "feet (first) of the hills")
+    assert raster_scene(config).cell_m == 10.0
+
+
 def test_heights_that_no_place_has_are_refused(build: Build) -> None:
     heights = np.full(SHAPE, 30.0)
     heights[3, 3] = -9999.0

@@ -361,6 +361,17 @@ def test_runs_of_an_earlier_case_are_reused(finished):
     assert len(contents(finished, "second")) - len(shared) <= runs["reference"] + runs["design"] + runs["infill"] + 1
 
 
+def test_the_target_reuse_without_an_earlier_case_says_so_at_once(project):
+    done = project.run("reuse")
+    assert done.returncode != 0
+    (said,) = [line for line in done.stdout.splitlines() if line.startswith("radcal: ") and "stopped." not in line]
+    assert said.endswith(
+        "design.reuse is missing, and the target reuse takes runs of an earlier case: expected the earlier case's name."
+    )
+    assert "None" not in done.stdout
+    assert not (project.out() / "scene.h5").exists()
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

@@ -5,16 +5,20 @@
 # design would remain after a change of the seed, which also changes the target.
 
 CHUNKS = range(-(-CASE.design_size // CASE.design.chunk))
-EARLIER = f"{OUT.parent}/{CASE.design.reuse}/runs"
+EARLIER = f"{OUT.parent}/{CASE.design.reuse}/runs" if CASE.design.reuse else None
+# Without an earlier case the rule needs nothing, so that its job says at once that the case is not named.
+FOR_REUSE = {
+    "simulator": every_pass(SIMULATOR),
+    "scene": rules.scene.output.scene,
+    "geometry": f"{OUT}/geometry.h5",
+    "measurement": f"{OUT}/measurement.h5",
+}
 
 
 # Runs copied from an earlier case. This rule comes before the reference run, which may be one of the copied runs.
 rule reuse:
     input:
-        every_pass(SIMULATOR),
-        scene=rules.scene.output.scene,
-        geometry=f"{OUT}/geometry.h5",
-        measurement=f"{OUT}/measurement.h5",
+        **(FOR_REUSE if CASE.design.reuse else {}),
     output:
         index=f"{OUT}/reused.json",
     log:

@@ -1,6 +1,6 @@
 # Scene and geometry, which do not depend on the laws' parameters.
 
-from radcal.radar import SIMULATOR_VERSION
+from radcal.radar import simulator_version
 
 # The heading of the track turns the scene's grid. For a track to the north, this parameter of the rule is left out, so
 # that jobs of earlier cases do not run again.
@@ -33,7 +33,11 @@ rule scene:
 
 # The geometry is part of radcal's own simulator and depends on its version. For another simulator it does not change
 # with the version, because the records of finished runs hold pixels of this geometry.
-VERSION = {"version": SIMULATOR_VERSION} if CASE.simulator.kind == "builtin" else {}
+VERSION = (
+    {"version": max(simulator_version(one.radar.earth) for one in CASE.passes)}
+    if CASE.simulator.kind == "builtin"
+    else {}
+)
 
 
 rule geometry:

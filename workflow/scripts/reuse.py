@@ -1,12 +1,13 @@
 """Copy the runs of an earlier case that are also runs of this case."""
 
-from radcal.calibration.reuse import reuse_runs
+from radcal.calibration.reuse import require_earlier, reuse_runs
 from radcal.config import stages
 from radcal.running.jobs import logged, progress
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import write_index
 
 with logged(snakemake.log[0], snakemake.params.case):
+    require_earlier(snakemake.params.earlier)
     case = stages.Reuse.model_validate(snakemake.params.case)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     taken = reuse_runs(case, runner, snakemake.params.earlier)

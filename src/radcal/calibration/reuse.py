@@ -17,9 +17,29 @@ from radcal.storage.files import digest, first_difference
 from radcal.storage.run_index import IndexedRun
 from radcal.storage.runs import RunStore
 
-__all__ = ["reuse_runs"]
+__all__ = ["require_earlier", "reuse_runs"]
 
 logger = logging.getLogger(__name__)
+
+
+def require_earlier(earlier: str | Path | None) -> None:
+    """Check that the case names an earlier case whose runs it takes over.
+
+    Parameters
+    ----------
+    earlier : path or None
+        Folder of the earlier case's runs; None if the configuration names no earlier case.
+
+    Raises
+    ------
+    ConfigError
+        The configuration names no earlier case.
+    """
+    if earlier is None:
+        raise ConfigError(
+            "design.reuse is missing, and the target reuse takes runs of an earlier case: expected the earlier case's "
+            "name."
+        )
 
 
 def reuse_runs(case: stages.Reuse, runner: Runner, earlier: str | Path) -> list[IndexedRun]:

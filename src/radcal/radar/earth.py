@@ -4,7 +4,8 @@ Over a curved earth, the ground is modelled as a sphere with the ellipsoid's rad
 is computed in the plane that touches the sphere at the scene's centre. Elevations are lowered by the depth of the
 sphere below this plane, which depends on ground range alone. At the scene's centre, slant range and incidence angle are
 the same as on the sphere. Elevations are not lowered along azimuth, because an orbit follows the curvature of the
-earth. ``docs/simulator.md`` gives the errors of this approximation.
+earth. For the local incidence, slopes and the direction to the radar are given relative to the local vertical
+(:meth:`Sight.upright`). ``docs/simulator.md`` gives the errors of this approximation.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.config import Radar
 from radcal.config.angles import MEAN_RADIUS_M, depression_deg, incidence_deg
 
-__all__ = ["Sight", "heading_at_scene", "heading_of_sight", "sight"]
+__all__ = ["Sight", "Upright", "heading_at_scene", "heading_of_sight", "sight"]
+
+Doubles = NDArray[np.float64]
 
 
 def heading_at_scene(
@@ -107,12 +110,16 @@ class Sight:
         Height of the track above the ground at the point below the track [m]; equal to ``height_m`` over a flat earth.
     radius_m : float
         Radius of the earth at the scene's mean elevation [m]; infinite for a flat earth.
+    stretch : (float, float)
+        Distance on the ground, at the scene's mean elevation, per distance in the scene's grid: along azimuth, and
+        along ground range. Without effect for a flat earth.
     """
 
     height_m: float
     ground_m: float
     altitude_m: float
     radius_m: float
+    stretch: tuple[float, float] = (1.0, 1.0)
 
     def flat_incidence_deg(self, slant_m: ArrayLike) -> NDArray[np.float64]:
         """Incidence angle [deg] of level ground at the slant range ``slant_m``."""
@@ -153,6 +160,68 @@ class Sight:
         along = (np.arange(columns) + 0.5 - 0.5 * columns) * cell_m
         return np.asarray(elevation_m - along**2 / (2.0 * self.radius_m))
 
+    def upright(self, along: Doubles, across: Doubles, ground_m: Doubles, down_m: Doubles, line_m: Doubles) -> Upright:
+        """Slopes and direction to the radar relative to the local vertical, on a curved earth.
+
+        At the distance u from the scene's centre along ground range, the vertical is tilted by u / R away from the
+        track. The slopes of the lowered elevations contain the tilt as a difference of slopes, which equals a rotation
+        by this angle for level ground only. The tilt is therefore taken from the slopes, and the direction to the radar
+        is rotated instead. The scale of the grid and the elevation change distances on the ground, and hence slopes.
+        Lines of equal azimuth converge away from the track, as meridians converge towards a pole. The horizontal axes
+        are rotated by the angle of convergence, so that the direction to the radar has no azimuth component.
+
+        Parameters
+        ----------
+        along, across : ndarray, shape (lines, facets)
+            Slopes of the lowered elevations along azimuth, and along ground range away from the track [m/m].
+        ground_m : ndarray, shape (facets,)
+            Distance of the facets from the track in the tangent plane [m].
+        down_m : ndarray, shape (lines, facets)
+            Depth of the facets below the track, with lowered elevations [m].
+        line_m : ndarray, shape (lines,)
+            Position of the lines along azimuth, relative to the scene's centre [m].
+
+        Returns
+        -------
+        Upright
+            Slopes and direction to the radar, of shape (lines, facets).
+
+        References
+        ----------
+        Snyder, "Map projections: a working manual", USGS Professional Paper 1395 (1987), chapters 3 (scale factor) and
+        5 (convergence of the meridians on a sphere, longitude difference times sine of latitude; here for a graticule
+        whose equator is the track).
+        """
+        from_centre = ground_m - self.ground_m
+        tilt = from_centre / self.radius_m
+        # elevation above the scene's mean, without the lowering
+        above = self.height_m - down_m + from_centre**2 / (2.0 * self.radius_m)
+        scale = 1.0 + above / self.radius_m
+        along, across = along / (self.stretch[0] * scale), (across + tilt) / (self.stretch[1] * scale)
+        latitude = math.atan2(self.ground_m, self.radius_m + self.height_m) + tilt
+        turn = np.multiply.outer(line_m / self.radius_m, np.tan(latitude))
+        cosine, sine, slant = np.cos(tilt), np.sin(tilt), np.hypot(ground_m, down_m)
+        to_radar = ((-ground_m * cosine - down_m * sine) / slant, (down_m * cosine - ground_m * sine) / slant)
+        # to first order, because the angle of convergence is below 0.5 degrees
+        return Upright(along + across * turn, across - along * turn, to_radar)
+
+
+@dataclass(frozen=True)
+class Upright:
+    """Slopes of facets, and the direction to the radar, relative to the local vertical and to the line of sight.
+
+    Attributes
+    ----------
+    along, across : ndarray, shape (lines, facets)
+        Slopes perpendicular to the line of sight, and along it, away from the track [m/m].
+    to_radar : (ndarray, ndarray), each of shape (lines, facets)
+        Horizontal component (negative, towards the track) and vertical component of the unit vector to the radar.
+    """
+
+    along: Doubles
+    across: Doubles
+    to_radar: tuple[Doubles, Doubles]
+
 
 def _slant_range_m(cosine: float, altitude_m: float, radius_m: float) -> float:
     """Slant range [m] from a track to a sphere, computed from the cosine of the incidence angle on the sphere."""
@@ -161,7 +230,7 @@ def _slant_range_m(cosine: float, altitude_m: float, radius_m: float) -> float:
     return product / (half + math.sqrt(half**2 + product))
 
 
-def sight(radar: Radar, radius_m: float = MEAN_RADIUS_M) -> Sight:
+def sight(radar: Radar, radius_m: float = MEAN_RADIUS_M, stretch: tuple[float, float] = (1.0, 1.0)) -> Sight:
     """Position of the track of a pass relative to the scene's centre.
 
     Parameters
@@ -170,6 +239,8 @@ def sight(radar: Radar, radius_m: float = MEAN_RADIUS_M) -> Sight:
         Pass.
     radius_m : float
         Radius of the earth at the scene's mean elevation [m]; without effect for ``earth: flat``.
+    stretch : (float, float)
+        Distance on the ground per distance in the scene's grid (:class:`Sight`); without effect for ``earth: flat``.
     """
     if radar.earth == "flat":
         ground = float(radar.altitude_m / np.tan(np.radians(radar.depression_deg)))
@@ -179,4 +250,4 @@ def sight(radar: Radar, radius_m: float = MEAN_RADIUS_M) -> Sight:
         incidence = incidence_deg(radar.depression_deg, radar.altitude_m, radius_m)
     angle = math.radians(incidence)
     slant = _slant_range_m(math.cos(angle), radar.altitude_m, radius_m)
-    return Sight(slant * math.cos(angle), slant * math.sin(angle), radar.altitude_m, radius_m)
+    return Sight(slant * math.cos(angle), slant * math.sin(angle), radar.altitude_m, radius_m, stretch)

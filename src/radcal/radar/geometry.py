@@ -19,7 +19,7 @@ from scipy.ndimage import distance_transform_cdt
 
 from radcal.config import Radar
 from radcal.errors import StoreError
-from radcal.radar import SIMULATOR_VERSION
+from radcal.radar import simulator_version
 from radcal.storage.dataclass_groups import put, same, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
@@ -182,7 +182,7 @@ def write_geometry(
         The folder of the file holds the results of a finished calibration that used another geometry. The geometry of
         the same pass by another version of the simulator causes no error: its file is replaced.
     """
-    described = None
+    described, version = None, simulator_version("flat" if radar is None else radar.earth)
     if radar is not None:
         ours = json.dumps(radar.described(), separators=(",", ":"), ensure_ascii=False)
         described = _recorded_pass(Path(path), ours, set(immaterial))
@@ -190,18 +190,18 @@ def write_geometry(
     def alike(file: h5py.File) -> bool:
         return bool(file.attrs.get("pass") == described and same(take(file, Geometry), geometry))
 
-    with write_hdf5(path, "geometry", protected=not _outdated(path, described), alike=alike) as file:
+    with write_hdf5(path, "geometry", protected=not _outdated(path, described, version), alike=alike) as file:
         if described is not None:
             file.attrs["pass"] = described
-        file.attrs["simulator"] = SIMULATOR_VERSION
+        file.attrs["simulator"] = version
         put(file, geometry)
 
 
-def _outdated(path: str | Path, described: str | None) -> bool:
+def _outdated(path: str | Path, described: str | None, version: int) -> bool:
     """Whether a file contains the geometry of the pass ``described``, computed by another version of the simulator."""
     try:
         with read_hdf5(path, "geometry") as file:
-            return bool(file.attrs.get("pass") == described and file.attrs.get("simulator") != SIMULATOR_VERSION)
+            return bool(file.attrs.get("pass") == described and file.attrs.get("simulator") != version)
     except StoreError:
         return False
 

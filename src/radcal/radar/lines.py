@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, maximum_filter, minimum_filter
 
+from radcal.radar.earth import Sight
 from radcal.radar.facets import ANGLES_PER_RADIAN, LAID_OVER, OBJECT, VISIBLE
 from radcal.radar.footprints import Boxes, Raised, Seen, Spots, add_up, locate, raise_boxes, stand
 from radcal.radar.visibility import FAR_HALF, NEAR_HALF, laid_over
@@ -125,6 +126,7 @@ def refined_elevation(elevation: NDArray[np.float64], k: int, cell_m: float) -> 
 def fill_lines(
     elevation: NDArray[np.float64], first: int, last: int, k: int, step: float, edges: NDArray[np.float64],
     track: float, base: float, spacing_m: float, lines: Lines, standing: tuple[Boxes, Spots] | None,
+    earth: Sight | None = None,
 ) -> tuple[float, float]:  # fmt: skip
     """Compute the facets of a block of the scene's rows, and store them in ``lines``.
 
@@ -151,6 +153,8 @@ def fill_lines(
     standing : (Boxes, Spots) or None
         Boxes and point scatterers of the scene; the extents of the boxes and the slant ranges of the points are
         updated.
+    earth : Sight, optional
+        Position of the track over a curved earth, for which the elevation is lowered; by default the earth is flat.
 
     Returns
     -------
@@ -193,7 +197,9 @@ def fill_lines(
     laid = laid_over(np.hypot(track - raised.roof_m, ground), visible, spacing_m)
     part = slice(first * k, last * k)
     lines.near_m[part], lines.far_m[part] = seen.near_m - base, seen.far_m - base
-    lines.incidence[part], lines.area[part] = _faces(beyond_ground, at_edges, seen, ground, track, step)
+    line_m = (np.arange(first * k, last * k) + 0.5 - 0.5 * ny * k) * step
+    faces = _faces(beyond_ground, at_edges, seen, ground, track, step, earth, line_m)
+    lines.incidence[part], lines.area[part] = faces
     lines.state[part] = visible * VISIBLE + laid * LAID_OVER
     standing_here = raised.owner >= 0
     # The cross-section of an object's facet is known only after the last line. Until then the array of areas holds the
@@ -208,11 +214,12 @@ def fill_lines(
 
 def _faces(
     fine: NDArray[np.float64], at_edges: NDArray[np.float64], seen: Seen, ground: NDArray[np.float64], track: float,
-    step: float,
+    step: float, earth: Sight | None, line_m: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
     """Incidence (in units of 90 degrees / 65535) and visible area [m2] of the facets of a block of lines.
 
-    If only one half of a facet is visible, the slope along ground range is the slope of the visible half.
+    If only one half of a facet is visible, the slope along ground range is the slope of the visible half. ``line_m`` is
+    the position of the lines along azimuth, relative to the scene's centre [m]; it is used on a curved earth only.
     """
     slopes: list[NDArray[np.float64]] = list(np.gradient(fine, step))
     along, across = slopes[0][1:-1], slopes[1][1:-1]
@@ -220,6 +227,10 @@ def _faces(
         across = np.where(seen.half == half, rise / (0.5 * step), across)
     height = track - fine[1:-1]
     slant = np.hypot(height, ground)
-    cosine = local_incidence_cosine(along, across, (-ground / slant, height / slant))
+    to_radar = (-ground / slant, height / slant)
+    if earth is not None:
+        upright = earth.upright(along, across, ground, height, line_m)
+        along, across, to_radar = upright.along, upright.across, upright.to_radar
+    cosine = local_incidence_cosine(along, across, to_radar)
     area = step**2 * np.sqrt(1.0 + along**2 + across**2) * seen.share
     return np.round(np.arccos(np.clip(cosine, 0.0, 1.0)) * ANGLES_PER_RADIAN), area

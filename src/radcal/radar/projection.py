@@ -26,7 +26,7 @@ from radcal.radar.lines import Lines, fill_lines
 from radcal.radar.points import not_pure
 from radcal.radar.radiometry import of_sigma0
 from radcal.radar.size import check_size, refinement
-from radcal.scene.crs import earth_radius_m
+from radcal.scene.ellipsoid import earth_radius_m, ground_per_grid
 from radcal.scene.model import Scene
 from radcal.scene.size import SceneSize
 
@@ -127,10 +127,11 @@ def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None) -> Geom
     elevation = seen.lowered(elevation, scene.cell_m)
     standing = _standing(scene, radar, elevation, track, k, step)
     near, far = 0.0, np.inf
+    curved = None if radar.earth == "flat" else seen
     for first in range(0, ny, _CELLS_AT_ONCE):
         last = min(ny, first + _CELLS_AT_ONCE)
         near_line, far_line = fill_lines(
-            elevation, first, last, k, step, edges, track, base, radar.range_spacing_m, lines, standing
+            elevation, first, last, k, step, edges, track, base, radar.range_spacing_m, lines, standing, curved
         )
         near, far = max(near, near_line), min(far, far_line)
     if onto is not None:
@@ -157,13 +158,15 @@ def _sight(scene: Scene, radar: Radar, mean_m: float) -> Sight:
     """Position of the track relative to the scene's centre, over ground at the scene's mean elevation."""
     if radar.earth == "flat":
         return sight(radar)
-    radius = MEAN_RADIUS_M
+    radius, along, across = MEAN_RADIUS_M, 1.0, 1.0
     if scene.crs is not None and scene.transform is not None:
         ny, nx = scene.material.shape
         a, b, c, d, e, f = scene.transform
         centre = (a * nx / 2 + b * ny / 2 + c, d * nx / 2 + e * ny / 2 + f)
         radius = earth_radius_m(scene.crs, centre, radar.heading_deg + 90.0)  # along ground range
-    return sight(radar, radius + mean_m)
+        along, across = (ground_per_grid(scene.crs, centre, axis) for axis in ((b, e), (a, d)))
+    higher = 1.0 + mean_m / radius  # distances on the ground grow with elevation
+    return sight(radar, radius + mean_m, (along * higher, across * higher))
 
 
 def _standing(

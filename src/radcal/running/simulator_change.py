@@ -6,7 +6,7 @@ from pathlib import Path
 
 from radcal.config import Case
 from radcal.errors import StoreError
-from radcal.radar import SIMULATOR_VERSION
+from radcal.radar import simulator_version
 from radcal.storage.run_index import read_index
 from radcal.storage.runs import RunStore
 
@@ -37,10 +37,11 @@ def simulator_change(folder: str | Path, case: Case) -> list[str]:
         theirs = RunStore(folder / "runs").description(key)["simulator"]
     except (StoreError, KeyError, IndexError, TypeError):
         return []  # radcal.running.salvage reports damaged files
-    if theirs.get("kind") != "builtin" or theirs.get("version") == SIMULATOR_VERSION:
+    ours = simulator_version(case.radar.earth)
+    if theirs.get("kind") != "builtin" or theirs.get("version") == ours:
         return []
     return [
-        f"the built-in simulator is version {SIMULATOR_VERSION} now, the runs of {folder} are of version "
+        f"the built-in simulator is version {ours} now, the runs of {folder} are of version "
         f"{theirs.get('version')}: its identity has changed, runs are made anew, and the old ones are kept in "
         f"{folder / 'runs'} (docs/simulator.md says what changed)."
     ]

@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any
 from radcal.errors import SceneError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pyproj import CRS, Transformer
 
 __all__ = [
     "METRES",
     "crs_of",
-    "earth_radius_m",
     "geoid_m",
     "horizontal",
     "label",
@@ -32,12 +33,18 @@ __all__ = [
     "transformation_note",
     "transformer",
     "turned",
+    "unit_in_metadata",
     "utm",
     "vertical_datum",
     "vertical_unit",
 ]
 
 METRES = ("m", "metre", "metres", "meter", "meters")
+# keys of a raster's metadata that hold the unit of its heights, letters alone: "Vertical Units", ELEVATION_UNITS (PCI)
+_UNIT_KEYS = re.compile(r"(vertical|elevation|height|z)units?")
+_OTHER_UNITS = re.compile(
+    r"(us|international)? ?(survey)? ?(feet|foot|ft|yards?|fathoms?|(deci|centi|milli|kilo)met(er|re)s?|dm|cm|mm|km)"
+)
 _UNNAMED = ("unknown", "unnamed", "undefined", "")
 
 
@@ -150,44 +157,30 @@ def turned(crs: CRS, place: tuple[float, float], heading_deg: float) -> CRS:
     return ProjectedCRS(line, name=f"track of heading {heading_deg:g} degrees", geodetic_crs=crs.geodetic_crs)
 
 
-def earth_radius_m(crs: str, place: tuple[float, float], azimuth_deg: float) -> float:
-    """Radius of curvature of the ellipsoid at a place, along a given direction.
-
-    Parameters
-    ----------
-    crs : str
-        Projected CRS, with its ellipsoid.
-    place : (float, float)
-        Coordinates of the place in the CRS [m].
-    azimuth_deg : float
-        Direction, clockwise from north [deg].
-
-    Returns
-    -------
-    float
-        Radius of the normal section [m], by Euler's formula from the radii of the meridian and of the prime vertical.
-
-    References
-    ----------
-    Torge and Mueller, "Geodesy" (4th edition, 2012), section 4.1.3.
-    """
-    from pyproj import CRS
-
-    plane = CRS.from_user_input(crs)
-    _, latitude = transformer(plane, plane.geodetic_crs).transform(*place)
-    ellipsoid = plane.ellipsoid
-    assert ellipsoid is not None  # noqa: S101 - every geodetic datum has an ellipsoid
-    major, ratio = ellipsoid.semi_major_metre, 1.0 - (ellipsoid.semi_minor_metre / ellipsoid.semi_major_metre) ** 2
-    root = math.sqrt(1.0 - ratio * math.sin(math.radians(latitude)) ** 2)
-    meridian, vertical = major * (1.0 - ratio) / root**3, major / root
-    azimuth = math.radians(azimuth_deg)
-    return 1.0 / (math.cos(azimuth) ** 2 / meridian + math.sin(azimuth) ** 2 / vertical)
-
-
 def vertical_unit(crs: CRS) -> str | None:
     """Unit of heights in a CRS, or None if the CRS has no vertical axis."""
     axes = crs.axis_info if not crs.is_bound or crs.source_crs is None else crs.source_crs.axis_info
     return next((axis.unit_name for axis in axes if axis.direction.lower() in ("up", "down")), None)
+
+
+def unit_in_metadata(metadata: Mapping[str, str], description: str | None) -> str | None:
+    """Unit of heights other than metres that a raster's metadata or the description of its band names.
+
+    Parameters
+    ----------
+    metadata : mapping
+        Metadata of the raster and its band. Keys such as ``Vertical Units``, ``ELEVATION_UNITS`` or ``zUnit`` are read.
+    description : str or None
+        Description of the band, which may end with a unit in brackets, as in ``elevation (ft)``.
+
+    Returns
+    -------
+    str or None
+        The unit as written; None if metadata and description name metres, an unknown unit, or no unit.
+    """
+    named = [text for key, text in metadata.items() if _UNIT_KEYS.fullmatch(re.sub(r"[^a-z]", "", key.lower()))]
+    named += re.findall(r"[(\[]([^()\[\]]*)[)\]]\s*$", description or "")
+    return next((text for text in named if _OTHER_UNITS.fullmatch(re.sub(r"[^a-z ]", "", text.lower()).strip())), None)
 
 
 def vertical_datum(crs: CRS) -> str | None:

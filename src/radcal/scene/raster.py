@@ -19,6 +19,7 @@ from radcal.scene.crs import (
     same_datum,
     same_place,
     transformation_note,
+    unit_in_metadata,
     vertical_datum,
     vertical_unit,
 )
@@ -180,8 +181,10 @@ def _check_heights(elevation: Source) -> None:
     dtype = np.dtype(elevation.raster.dtypes[0])
     if dtype.kind not in "fiu":
         raise elevation.error(f"holds {dtype}, expected heights as real numbers.")
-    units = (vertical_unit(elevation.crs), elevation.raster.units[0])
-    other = [unit for unit in units if unit and unit.lower() not in METRES]
+    raster = elevation.raster
+    units = (vertical_unit(elevation.crs), raster.units[0])
+    told = unit_in_metadata({**raster.tags(), **raster.tags(1)}, raster.descriptions[0])
+    other = [*(unit for unit in units if unit and unit.lower() not in METRES), *filter(None, [told])]
     if other:
         raise elevation.error(f"has heights in {other[0]}, expected metres: convert it, for example with gdal_calc.")
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from radcal.config import Radar
 from radcal.errors import ConfigError
-from radcal.radar import SIMULATOR_VERSION
+from radcal.radar import simulator_version
 from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.laws import EXTERNAL, Law, law_for, laws_known
@@ -55,7 +55,7 @@ class BuiltinSimulator:
     """
 
     def __init__(self, geometry: Geometry, radar: Radar, laws: Mapping[str, Law | str]) -> None:
-        self._geometry = geometry
+        self._geometry, self._version = geometry, simulator_version(radar.earth)
         self._laws = {
             name: law_for(law, frequency_ghz=radar.frequency_ghz, polarisation=radar.polarisation)
             if isinstance(law, str)
@@ -75,7 +75,7 @@ class BuiltinSimulator:
     @property
     def identity(self) -> Mapping[str, Any]:
         """Name and version of the simulator."""
-        return {"kind": "builtin", "version": SIMULATOR_VERSION}
+        return {"kind": "builtin", "version": self._version}
 
     def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
         """Simulate one pass, as :meth:`radcal.simulators.protocol.Simulator.run` specifies.
