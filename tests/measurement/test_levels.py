@@ -47,7 +47,9 @@ def test_offset_is_taken_from_the_measured_image_only() -> None:
     assert levels.simulated({}) == (0.0, 1.0)
     assert levels.unit == "dB"
     assert "+3.00 +- 0.10 dB" in levels.sentence
-    assert "taken out" in levels.sentence
+    assert levels.sentence.endswith(
+        "; this offset is subtracted, and is right only if the laws of these materials are."
+    )
 
 
 def test_none_takes_nothing_but_says_what_it_sees() -> None:

@@ -89,8 +89,8 @@ class CaseCheck:
         kinds = ", ".join(f"{count} {kind}" for kind, count in self.runs.items() if count)
         each = f", each of {self.draws} speckle draws" if self.draws > 1 else ""
         most = sum(self.runs.values())
-        earlier = "; a search that meets its stop criterion ends earlier" * bool(self.runs.get("infill"))
-        lines.append(f"  simulator runs: at most {most} ({kinds}{each}){earlier}")
+        earlier = "a search that meets its stop criterion ends earlier"
+        lines.append(f"  simulator runs: at most {most} ({kinds}{each}); {earlier}")
         if self.peak_mb:
             job = max(self.peak_mb, key=lambda name: self.peak_mb[name])
             peak, asked = round(self.peak_mb[job], -1), max(self.memory_mb.values())

@@ -73,7 +73,7 @@ class Levels:
             f"{', '.join(self.references)}"
         )
         if self.normalisation == "offset":
-            return f"{found}; that is taken out, as far as those materials' laws are right."
+            return f"{found}; this offset is subtracted, and is right only if the laws of these materials are."
         if self.doubtful:
             return (
                 f"the measured image is taken at its own level, but {found}: are its calibration (if this alone is "
