@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,14 @@ import pytest
 from radcal.assessment.budget import Budget
 from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.posterior import KeptDraws
-from radcal.assessment.preposterior import Sight, half_widths_after, half_widths_now, sight_of
+from radcal.assessment.preposterior import (
+    Sight,
+    equivalent_sd,
+    half_widths_after,
+    half_widths_now,
+    normal_scores,
+    sight_of,
+)
 from radcal.config import Radar, TargetConfig
 from radcal.radar.laws import LAWS
 from radcal.radar.texture import log_speckle_cumulants
@@ -20,14 +28,17 @@ NO_FIELDS = np.zeros(2)
 AT_30, AT_50 = np.array([120]), np.array([200])  # places of 30 and 50 degrees in the grid
 
 
-def sight(angle: int = 120, independent: float = 100.0, noise_db: float = -300.0, fields: float = 0.25) -> Sight:
-    """One bin, whose pixels all have the incidence of one place of the grid."""
+def sight(
+    angle: int = 120, independent: float = 100.0, noise_db: float = -300.0, fields: float = 0.25, number: int = 0
+) -> Sight:
+    """One bin, whose pixels all have the incidence of one place of the grid; with a number, all lie in this field."""
     weights = np.zeros((1, GRID_DEG.size))
     weights[0, angle] = 1.0
     one = np.ones((1, 1))
     incidence, edges = np.full(9, GRID_DEG[angle]), GRID_DEG[[angle, angle]]
     count, noise = np.array([independent]), np.array([noise_db])
-    return Sight(np.arange(9), incidence, edges, weights, fields * one, 0.5 * one, count, noise)
+    known = (np.array([number]), one) if number else (np.empty(0, dtype=np.int64), one[:, :0])
+    return Sight(np.arange(9), incidence, edges, weights, fields * one, 0.5 * one, count, noise, *known)
 
 
 def lines(count: int = 4000, level_sd: float = 0.8, slope_sd: float = 0.06) -> np.ndarray:
@@ -37,25 +48,93 @@ def lines(count: int = 4000, level_sd: float = 0.8, slope_sd: float = 0.06) -> n
     return -10.0 + a + b * (GRID_DEG - 30.0)
 
 
+def kept(count: int, fields_db: Any = (0.0, 0.0), looks: Any = 4.0) -> KeptDraws:
+    return KeptDraws(np.zeros((count, 4)), np.full(count, looks), np.full((count, 2), fields_db))
+
+
+def sd(values: np.ndarray) -> float:
+    """Standard deviation of a normal distribution with the 90 % interval of the values."""
+    return float(half_widths_now(values[:, None])[0] / 1.6448536269514722)
+
+
 def sd_left(curves: np.ndarray, seen: list[Sight], at: np.ndarray, budget: Budget = EXACT, **more: Any) -> float:
-    fields = more.get("fields", NO_FIELDS)
-    ratio = half_widths_after(curves, seen, fields, 4.0, budget, at) / half_widths_now(curves[:, at])
-    return float((ratio * curves[:, at].std(axis=0))[0])
+    draws = kept(len(curves), more.get("fields", NO_FIELDS))
+    half_width = half_widths_after(curves, draws, more.get("own", []), seen, budget, at)
+    return float(half_width[0] / 1.6448536269514722)
 
 
 def test_a_known_variance_shrinks_as_two_normal_measurements_do() -> None:
     curves = lines()
-    prior, speckle = curves[:, 120].var(), float(log_speckle_cumulants(4.0)[1]) / 7.0
+    prior, speckle = sd(curves[:, 120]) ** 2, float(log_speckle_cumulants(4.0)[1]) / 7.0
     expected = np.sqrt(prior * speckle / (prior + speckle))
     assert sd_left(curves, [sight(independent=7.0)], AT_30) == pytest.approx(expected, rel=1e-6)
     twice = np.sqrt(1.0 / (1.0 / prior + 2.0 / speckle))
     assert sd_left(curves, [sight(independent=7.0)] * 2, AT_30) == pytest.approx(twice, rel=1e-6)
 
 
+@pytest.mark.parametrize(("number", "common"), [(3, 0.36), (5, 0.0)])
+def test_a_pass_over_the_same_field_does_not_measure_its_effect_again(number: int, common: float) -> None:
+    """Level a, known from one pass: a further pass has an error of its own, and the effect of field 3 in common.
+
+    By hand: the draws have the variance p; the errors of the passes have the variances c + s and c + t, and the
+    covariance c if the field is the same.
+    """
+    curves = lines(slope_sd=0.0)
+    p, speckle = sd(curves[:, 120]) ** 2, float(log_speckle_cumulants(4.0)[1])
+    s, t, c = speckle / 40.0, speckle / 90.0, 0.36
+    own, further = sight(independent=40.0, fields=1.0, number=3), sight(independent=90.0, fields=1.0, number=number)
+    gain = common / (c + s)
+    error = c + t - gain * common
+    expected = np.sqrt(p - p**2 * (1.0 - gain) ** 2 / (p * (1.0 - gain) ** 2 + error))
+    found = sd_left(curves, [further], AT_30, fields=np.array([0.6, 0.0]), own=[own])
+    assert found == pytest.approx(expected, rel=1e-6)
+    # by far more is left of the level if its error is that of the field
+    assert (found > 0.8 * np.sqrt(p)) == (number == 3)
+
+
+def test_shares_of_fields_that_two_passes_have_in_common() -> None:
+    one, other = (sight(number=1) for _ in range(2))
+    two = np.array([[0.2, 0.8], [0.7, 0.3]])
+    one = replace(one, weights=np.ones((2, 361)), fields=np.array([4, 9]), shares=two)
+    other = replace(other, fields=np.array([2, 9]), shares=np.array([[0.4, 0.6]]))
+    np.testing.assert_allclose(one.in_common(other), [[0.8 * 0.6], [0.3 * 0.6]])
+    np.testing.assert_allclose(other.in_common(one), [[0.8 * 0.6, 0.3 * 0.6]])
+
+
+def test_one_draw_far_away_changes_neither_scores_nor_the_standard_deviation_of_fields() -> None:
+    values = np.random.default_rng(1).normal(3.0, 2.0, (999, 2))
+    scores = normal_scores(values)
+    assert scores.mean(axis=0) == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert scores.std(axis=0) == pytest.approx([sd(values[:, 0]), sd(values[:, 1])])
+    assert (np.argsort(scores, axis=0) == np.argsort(values, axis=0)).all()
+    far = values.copy()
+    far[values.argmax(axis=0), [0, 1]] = 1e3
+    np.testing.assert_allclose(normal_scores(far), scores)
+    # half of the draws without an effect, half with 2 dB: 1.2816 and 1.6449 are the normal quantiles of 90 and 95 %
+    half = np.repeat([[0.0, 0.3], [2.0, 0.3]], 500, axis=0)
+    assert equivalent_sd(half) == pytest.approx([2.0 * 1.281552 / 1.644854, 0.3], rel=1e-5)
+    assert equivalent_sd(np.zeros((9, 1))) == pytest.approx([0.0])
+    half[-1] = 1e3
+    assert equivalent_sd(half) == pytest.approx([2.0 * 1.281552 / 1.644854, 0.3], rel=0.01)
+
+
+def test_looks_that_differ_between_draws_shift_the_means() -> None:
+    """The mean of log speckle depends on the looks: a pass then says less of the level."""
+    curves = lines(slope_sd=0.0)
+    looks = np.exp(np.random.default_rng(8).normal(np.log(3.0), 0.4, len(curves)))
+    left = half_widths_after(
+        curves, replace(kept(len(curves)), looks=looks), [], [sight(independent=1e9)], EXACT, AT_30
+    )
+    shift = np.array([float(log_speckle_cumulants(x)[0]) for x in looks])
+    p, q = curves[:, 120].var(), shift.var()
+    assert float(left[0] / 1.6448536) == pytest.approx(np.sqrt(p * q / (p + q)), rel=0.05)
+
+
 def test_without_a_pass_nothing_changes() -> None:
     curves = lines(500)
     some = np.arange(80, 240, 40)
-    assert half_widths_after(curves, [], NO_FIELDS, 4.0, EXACT, some) == pytest.approx(half_widths_now(curves[:, some]))
+    left = half_widths_after(curves, kept(500), [sight()], [], EXACT, some)
+    assert left == pytest.approx(half_widths_now(curves[:, some]))
 
 
 def test_a_pass_says_of_other_angles_what_the_draws_correlate() -> None:
@@ -78,7 +157,7 @@ def test_a_pass_says_of_other_angles_what_the_draws_correlate() -> None:
 )
 def test_level_and_fields_limit_what_a_pass_says(budget: Budget, fields: np.ndarray, variance: float) -> None:
     curves = lines()
-    prior = curves[:, 120].var()
+    prior = sd(curves[:, 120]) ** 2
     expected = np.sqrt(prior * variance / (prior + variance))
     assert sd_left(curves, [sight(independent=1e9)], AT_30, budget, fields=fields) == pytest.approx(expected, rel=1e-5)
 
@@ -88,12 +167,10 @@ def test_an_error_of_the_noise_floor_counts_by_the_noise_in_the_mean_level() -> 
     curves = lines(level_sd=3.0, slope_sd=0.0)
     seen = sight(independent=1e12, noise_db=-20.0)
     floor = 10.0 ** ((-20.0 - float(seen.means_db(curves).mean())) / 10.0)
-    prior, variance = seen.means_db(curves).var(), (2.0 * floor) ** 2
-    found = half_widths_after(curves, [seen], NO_FIELDS, 4.0, Budget(0.0, 0.5, 0.0, 0.0, 0.0, 2.0), AT_30)
-    across = np.mean((curves[:, 120] - curves[:, 120].mean()) * seen.means_db(curves)[:, 0])
-    left = curves[:, 120].var() - across**2 / (prior + variance)
+    prior, variance = sd(seen.means_db(curves)[:, 0]) ** 2, (2.0 * floor) ** 2
+    found = half_widths_after(curves, kept(len(curves)), [], [seen], Budget(0.0, 0.5, 0.0, 0.0, 0.0, 2.0), AT_30)
     ratio = float((found / half_widths_now(curves[:, AT_30]))[0])
-    assert ratio == pytest.approx(np.sqrt(left / curves[:, 120].var()), rel=1e-3)
+    assert ratio == pytest.approx(np.sqrt(variance / (prior + variance)), rel=1e-3)
 
 
 def test_ground_in_the_noise_says_little() -> None:
@@ -101,7 +178,7 @@ def test_ground_in_the_noise_says_little() -> None:
     clear, equal, deep = (sd_left(curves, [sight(independent=2000.0, noise_db=n)], AT_30) for n in (-60.0, -10.0, 10.0))
     assert clear < 0.5 * 0.1
     # at a noise as strong as the signal, half of a change of the signal is seen
-    speckle, prior = float(log_speckle_cumulants(4.0)[1]) / 2000.0, curves[:, 120].var()
+    speckle, prior = float(log_speckle_cumulants(4.0)[1]) / 2000.0, sd(curves[:, 120]) ** 2
     assert equal == pytest.approx(np.sqrt(prior * (1.0 - 0.25 * prior / (0.25 * prior + speckle))), rel=1e-3)
     assert deep > 0.95 * 0.1
 

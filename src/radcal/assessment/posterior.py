@@ -87,6 +87,10 @@ class KeptDraws:
         """Mean power of the ground [dB] by each draw on the grid of incidence, (m, 361); the law must have a curve."""
         return np.asarray(Curves(law, self.parameters[[0, -1]])(self.parameters) + _power_of_fields_db(self.fields_db))
 
+    def laws_db(self, curves_db: Doubles) -> Doubles:
+        """Laws of the draws [dB], the levels of median fields, from the mean powers of the ground, shape (m, 361)."""
+        return np.asarray(curves_db - _power_of_fields_db(self.fields_db))
+
 
 @dataclass(frozen=True)
 class Posterior:

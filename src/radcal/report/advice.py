@@ -174,17 +174,19 @@ def advice_on(
     own = [(one.radar, make_geometry(scene, one.radar)) for one in case.passes]
     rows: list[list[Advised]] = [[] for _ in passes]
     for name, (draws, curves) in found.items():
-        sights = [sight_of(name, made, radar, case.target) for radar, made in zip(passes, geometries, strict=True)]
-        known = [sight_of(name, made, radar, case.target) for radar, made in own]
+        sights = [
+            sight_of(name, made, radar, case.target, scene) for radar, made in zip(passes, geometries, strict=True)
+        ]
+        known = [sight_of(name, made, radar, case.target, scene) for radar, made in own]
         seen = [_seen(one) for one in (*sights, *known) if one is not None]
         over = over_deg or (min(low for low, _ in seen), max(high for _, high in seen))
         of = np.flatnonzero((over[0] <= GRID_DEG) & (over[1] >= GRID_DEG)).astype(np.int64)
-        fields, looks = np.sqrt((draws.fields_db**2).mean(axis=0)), float(np.median(draws.looks))
         now = float(half_widths_now(curves[:, of]).mean())
         for each, radar, made, sight in zip(rows, passes, geometries, sights, strict=True):
             after = now
             if sight is not None:
-                after = float(half_widths_after(curves, [sight], fields, looks, budget, of).mean())
+                measured = [one for one in known if one is not None]
+                after = float(half_widths_after(curves, draws, measured, [sight], budget, of).mean())
             incidence = None if sight is None else _seen(sight)
             each.append(Advised(radar, name, incidence, now, after, over, *_hidden(made)))
     return [row for each in sorted(rows, key=common_ratio) for row in each]
