@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from radcal.assessment.constant import constants
+from radcal.assessment.incidence_check import incidence_warnings
 from radcal.assessment.validation import cross_validate, held_out
 from radcal.calibration.grounds import GroundLaw, fit_grounds, marginal_law
-from radcal.calibration.incidence_error import incidence_warnings
 from radcal.calibration.misfit import LikelihoodMisfit, Method
 from radcal.measurement.correlation import estimate_correlation
 from radcal.measurement.ground import Blocks, Ground

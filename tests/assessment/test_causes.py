@@ -11,8 +11,8 @@ from calibration_samples import make_target
 
 from radcal.assessment.causes import UNKNOWN, area_slope, joint_cause, likely_cause
 from radcal.assessment.fit_test import FitTest
+from radcal.assessment.incidence_check import error_behind
 from radcal.calibration.grounds import fit_grounds
-from radcal.calibration.incidence_error import error_behind
 from radcal.calibration.misfit import Method
 from radcal.measurement.classes import make_classes
 from radcal.measurement.correlation import Correlation

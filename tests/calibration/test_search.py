@@ -26,7 +26,9 @@ class Exact:
     def __init__(self, known=((0.5, 0.5, 0.5),), error=1e-9, box=((0, 1), (0, 1), (0, 1)), whole=(0, 0, 0)):
         self.bounds, self.integer = np.array(box, dtype=float), np.array(whole, dtype=bool)
         self.parameters, self.error = np.array(known, dtype=float), error
-        self.training = SimpleNamespace(direct=False, q2=np.array([0.5, 0.75, np.nan]))
+        self.training = SimpleNamespace(
+            direct=False, q2=np.array([0.5, 0.75, np.nan]), baseline=np.zeros(3, dtype=bool)
+        )
 
     def unit(self, x):
         low, high = self.bounds.T

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.fit_test import MEAN_DB, FitTest
+from radcal.assessment.incidence_check import error_behind
 from radcal.assessment.reach import law_range_db
 from radcal.calibration.grounds import GroundLaw
-from radcal.calibration.incidence_error import error_behind
 from radcal.measurement.target import Target
 from radcal.radar.geometry import Geometry
 from radcal.radar.texture import log_speckle_cumulants

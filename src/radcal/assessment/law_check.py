@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.constant import Constant, constants
+from radcal.assessment.incidence_check import incidence_warnings
 from radcal.assessment.posterior import Posterior
 from radcal.assessment.recommendation import FieldCheck, fold_of_fields, leave_fields_out, recommend
 from radcal.assessment.validation import HeldOut, cross_validate, held_out
 from radcal.calibration.expected import law_cumulants
 from radcal.calibration.grounds import GroundLaw, fit_grounds, marginal_law
 from radcal.calibration.history import History, Score
-from radcal.calibration.incidence_error import incidence_warnings
 from radcal.calibration.misfit import true_angles
 from radcal.calibration.objectives import make_objectives
 from radcal.config import stages

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from radcal.assessment.constant import Constant
 from radcal.assessment.gain import Gain, field_gains, power
+from radcal.assessment.passes import law_sd_db
 from radcal.assessment.prediction import predict
 from radcal.calibration.grounds import GroundLaw, refit
-from radcal.calibration.passes import law_sd_db
 from radcal.measurement.classes import FEWEST
 from radcal.radar.laws import seen_rad
 

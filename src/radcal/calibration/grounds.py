@@ -179,7 +179,7 @@ def marginal_law(found: GroundLaw, looks: float) -> LawFit:
 
     The fit uses the distribution of the incidence, but not the incidence of each pixel. An error of the mapped
     incidence that ``found.method`` leaves out flattens the law in incidence-angle bins more than the law in one bin;
-    :func:`radcal.calibration.incidence_error.incidence_warnings` compares both laws.
+    :func:`radcal.assessment.incidence_check.incidence_warnings` compares both laws.
 
     Parameters
     ----------

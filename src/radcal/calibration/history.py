@@ -130,7 +130,8 @@ class Score:
         the calibration.
     gain : float or None
         Decrease from the smallest verified cost to the smallest cost that the surrogate of all runs predicts, after an
-        infill run; None for an objective whose stop criterion does not use it.
+        infill run, or to that of :meth:`radcal.calibration.search.Search.without_trend`, if it is smaller; None for an
+        objective whose stop criterion does not use it.
     floor : float or None
         Smallest cost if the statistics of the surrogate of all runs may err by two standard errors towards the target;
         None if it was not searched for.

@@ -19,30 +19,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.calibration.law_fit import LawFit
-from radcal.radar.laws import Law, seen_rad
-from radcal.radar.texture import log_speckle_cumulants
-
-__all__ = [
-    "LEAST_SHARE",
-    "ErrorKind",
-    "attenuation",
-    "error_behind",
-    "incidence_warnings",
-    "law_gap_db",
-    "registration_error_deg",
-    "true_nodes",
-]
+__all__ = ["LEAST_SHARE", "ErrorKind", "attenuation", "registration_error_deg", "true_nodes"]
 
 ErrorKind = Literal["classical", "berkson"]
 _HERMITE = 5
 LEAST_SHARE = 0.1  # smallest share of the mapped variance that counts as variance of the true angles
-_GAP_DB = 0.7
-_GAP_ERRORS = 2.0  # standard errors; 1,000 pixels of a right law show up to 1 dB by chance (benchmarks/right_law.py)
-_FEW_LOOKS = 0.5  # in multiples of the sensor's looks
-_BENT_DB = 0.5  # change of a law that is worth a warning
-_LIKELY_DEG = 6.0  # largest likely error of a map of incidence; texture causes larger apparent errors
-_MOST_OF_SPREAD = 0.75  # largest error, as a share of the standard deviation of the mapped incidence
 
 
 def attenuation(incidence_deg: ArrayLike, error_deg: ArrayLike, rms_deg: float | None = None) -> NDArray[np.float64]:
@@ -149,127 +130,3 @@ def true_nodes(
     points = np.arange(_HERMITE) - 0.5 * (_HERMITE - 1)
     points /= points.std()
     return np.asarray(np.clip(centre[..., None] + sd[..., None] * points, 0.0, 90.0).reshape(nodes.shape[0], -1))
-
-
-def law_gap_db(law: Law, first: LawFit, second: LawFit, incidence_deg: ArrayLike) -> tuple[float, float]:
-    """Largest difference in shape between two laws, from the 5 % to the 95 % quantile of the incidence.
-
-    The mean difference is subtracted, because it depends on looks and level; errors of the incidence change the shape.
-
-    Returns
-    -------
-    gap_db : float
-        Largest difference [dB].
-    standard_errors : float
-        Largest difference, divided by its own standard error.
-    """
-    phi = seen_rad(incidence_deg)
-    difference = law(phi, first.parameters) - law(phi, second.parameters)
-    difference = np.abs(difference - difference.mean())
-    variance = _shape_variance(law, first, phi) + _shape_variance(law, second, phi)
-    k = int(difference.argmax())
-    return float(difference[k]), float(difference[k] / np.sqrt(max(variance[k], 1e-12)))
-
-
-def _shape_variance(law: Law, fit: LawFit, phi: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Variance, by the uncertainty of X, of a law minus its mean over the angles [dB^2], shape (k,), to first order."""
-    x = fit.parameters
-    steps = 1e-4 * np.sqrt(np.diag(fit.covariance)[:-1]) * np.eye(x.size)
-    columns = [(law(phi, x + step) - law(phi, x - step)) / (2.0 * step.max()) for step in steps]
-    slope = np.stack(columns, axis=-1)
-    slope -= slope.mean(axis=0)
-    return np.asarray(np.einsum("kd,de,ke->k", slope, fit.covariance[:-1, :-1], slope))
-
-
-def error_behind(law: Law, fit: LawFit, incidence_deg: ArrayLike, sensor: float) -> tuple[float, float]:
-    r"""Error of the local incidence that would alone explain the low effective looks, and its effect on the law.
-
-    A classical error e adds the variance :math:`b^2 e^2 / \lambda` to the pixels of a bin of mapped incidence. The
-    fitted slope b is :math:`\lambda = 1 - e^2 / V` times the true slope, where V is the variance of the mapped
-    incidence. The function finds the error e whose added variance explains why the fitted looks are below the sensor's.
-
-    Parameters
-    ----------
-    law : Law
-        Backscatter law with a curve.
-    fit : LawFit
-        Law and looks fitted in bins of mapped incidence.
-    incidence_deg : array_like
-        Mapped incidence of the pixels [deg].
-    sensor : float
-        Number of looks of the sensor.
-
-    Returns
-    -------
-    error_deg : float
-        Error e in addition to the configured error [deg]; 0 if the fitted looks are not below the sensor's.
-    bent_db : float
-        Largest change that the error e causes in the shape of the law, over the incidence seen (5-95 %) [dB].
-    """
-    angle = np.asarray(incidence_deg, dtype=np.float64)
-    missing = float(log_speckle_cumulants(fit.looks)[1] - log_speckle_cumulants(sensor)[1])
-    phi = seen_rad(angle)
-    level = law(phi, fit.parameters)
-    step = np.radians(0.01)
-    slope = (law(phi + step, fit.parameters) - law(phi - step, fit.parameters)) / 0.02
-    spread = max(float(np.var(angle)), 1e-12)
-    ratio = max(missing, 0.0) / max(float(np.mean(slope**2)), 1e-12) / spread
-    error = np.sqrt(spread * ratio / (1.0 + ratio))
-    return float(error), float(ratio * np.abs(level - level.mean()).max())
-
-
-def incidence_warnings(
-    name: str, law: Law, conditional: LawFit, marginal: LawFit, incidence_deg: ArrayLike, sensor: float
-) -> list[str]:
-    """Warnings if the law fitted in incidence-angle bins contradicts the distribution of all pixels of a material.
-
-    Parameters
-    ----------
-    name : str
-        Name of the material.
-    law : Law
-        Backscatter law with a curve.
-    conditional : LawFit
-        Law fitted in bins of mapped incidence.
-    marginal : LawFit
-        Law fitted to all pixels as one bin, with the looks of neighbouring pixels. An error of the incidence that is
-        not configured flattens ``conditional`` more than ``marginal``.
-    incidence_deg : array_like
-        Mapped incidence of the pixels [deg].
-    sensor : float
-        Number of looks of the sensor.
-
-    Returns
-    -------
-    list of str
-
-    References
-    ----------
-    Hausman, "Specification tests in econometrics", Econometrica 46 (1978): comparison of two estimates, of which an
-    error of the regressor biases one more than the other.
-    """
-    lines = []
-    gap, errors = law_gap_db(law, conditional, marginal, incidence_deg)
-    if gap > _GAP_DB and errors > _GAP_ERRORS:
-        lines.append(
-            f"{name}: the law in incidence-angle bins and the one from the spread of all pixels differ by "
-            f"{gap:.1f} dB over the incidence seen: texture, mixed ground, or an error of the local incidence "
-            "(see incidence_error_deg), which flattens a law."
-        )
-    error, bent = error_behind(law, conditional, incidence_deg, sensor)
-    spread = float(np.std(np.asarray(incidence_deg, dtype=np.float64)))
-    few = np.log(sensor / conditional.looks) > np.sqrt(conditional.covariance[-1, -1])
-    few = few and _shape_variance(law, conditional, seen_rad(incidence_deg)).max() > 0.0  # a constant law has no shape
-    if few and bent > _BENT_DB and error <= min(_LIKELY_DEG, _MOST_OF_SPREAD * spread):
-        lines.append(
-            f"{name}: its pixels spread as those of {conditional.looks:.1f} looks, the sensor has {sensor:.3g}. "
-            f"Texture does that; so does an error of the local incidence of {error:.1f} deg, which would have "
-            f"flattened the law by up to {bent:.1f} dB over the incidence seen. If the map may be off that much, say "
-            "so in target.incidence_error_deg."
-        )
-    elif conditional.looks < _FEW_LOOKS * sensor:
-        lines.append(
-            f"{name}: its pixels spread as those of {conditional.looks:.1f} looks, the sensor has {sensor:.3g}: "
-            "texture, mixed ground, or an error of the local incidence (see incidence_error_deg)."
-        )
-    return lines

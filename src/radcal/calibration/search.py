@@ -191,8 +191,43 @@ class Search:
     def _starts(self, best: Score) -> list[NDArray[np.float64]]:
         return [self.point(*start) for start in ((best.parameters, best.looks), *self.objective.starts)]
 
+    def without_trend(self, best: Score, seed: int) -> tuple[NDArray[np.float64], float] | None:
+        """Better X that follows if the discrepancy of the best run holds everywhere, while the runs leave this open.
+
+        Kriging continues changes of the discrepancy from run to run. Along the directions in which no two runs differ,
+        the runs do not show these changes: a linear change along d parameters is determined by d + 1 runs, not by
+        fewer. With fewer runs, kriging and the constant discrepancy of the best run are two extrapolations between
+        which the runs do not decide.
+
+        Parameters
+        ----------
+        best : Score
+            Score of the best verified run.
+        seed : int
+            Seed of the search.
+
+        Returns
+        -------
+        point : ndarray, shape (dimension,)
+            Point with the smallest predicted cost.
+        cost : float
+            Its predicted cost.
+            None in place of both if d + 1 runs have been made, if no baseline is used, if the objective explores, if
+            another run is nearer to the X than the best run and thus shows the discrepancy there, or if the X improves
+            the best verified cost by ``improvement`` of the objective or less.
+        """
+        training, known = self.surrogate.training, self.surrogate.parameters
+        if self.objective.explores or len(known) > self._d or not training.baseline.any():
+            return None
+        alone = Search(self.objective, Surrogate(training.of_run(best.parameters), self.objective))
+        starts = self._starts(best)
+        point, cost = alone.minimum(starts, seed, count=len(starts) + 2)
+        apart = ((self.surrogate.unit(known) - point[: self._d]) ** 2).sum(axis=1)
+        near = (known[np.argmin(apart)] == np.asarray(best.parameters)).all()
+        return (point, cost) if near and best.cost - cost > self.objective.improvement else None
+
     def outlook(self, best: Score, seed: int) -> tuple[float, float | None, float | None]:
-        """Improvement on the best verified run that the surrogate of all runs still predicts.
+        """Improvement on the best verified run that the surrogate of all runs, or :meth:`without_trend`, predicts.
 
         Parameters
         ----------
@@ -210,7 +245,8 @@ class Search:
             objective that does not explore.
         moved_db : float or None
             Largest difference over the incidence seen between the laws of the best run and of the best predicted X
-            [dB]; None for a law without a curve.
+            [dB]; None for a law without a curve. If both predictions promise more than ``improvement`` of the
+            objective, the larger difference.
         """
         starts = self._starts(best)
         point, cost = self.minimum(starts, seed, count=len(starts) + 2)
@@ -218,7 +254,13 @@ class Search:
         floor = None
         if self.objective.explores:
             floor = min(cost, self.minimum([*starts, point], seed, _FAVOUR)[1])
-        return max(best.cost - cost, 0.0), floor, self.objective.moved_db(best.parameters, x)
+        gain, moved_db = max(best.cost - cost, 0.0), self.objective.moved_db(best.parameters, x)
+        if other := self.without_trend(best, seed):
+            there = self.objective.moved_db(best.parameters, self.surrogate.scaled(other[0][: self._d]))
+            both = (moved_db, there) if gain > self.objective.improvement else (there,)
+            gain = max(gain, best.cost - other[1])
+            moved_db = max((value for value in both if value is not None), default=None)
+        return gain, floor, moved_db
 
     def propose(self, config: Optimiser, seed: int, best: Score, failures: int = 0) -> Proposal:
         """Choose the next X of a material to simulate.
@@ -233,8 +275,8 @@ class Search:
         minimises the predicted cost. The second multi-start search minimises the cost of statistics that may err by two
         standard errors towards the target; its minimum is the floor. If the floor is clearly below the best verified
         cost, the point of the floor is proposed. A higher floor means that no point inside the bounds is clearly better
-        than the best run. An objective that does not explore omits the multi-start searches, and proposes the point
-        with the smallest predicted cost.
+        than the best run. An objective that does not explore omits the multi-start searches. It proposes the point of
+        :meth:`without_trend`, if there is one, otherwise the point with the smallest predicted cost.
 
         Parameters
         ----------
@@ -272,6 +314,8 @@ class Search:
         if fresh:
             return told(min(fresh, key=self.uncertainty), "exploit")
         if not self.objective.explores:
+            if other := self.without_trend(best, seed):
+                return told(other[0], "explore")
             return told(min(near, key=lambda point: self.cost(point)[0]), "exploit")
         point, cost = self.minimum([first, there, *others], seed)
         if self._promising([point], best).any() and self._fresh(point):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +55,19 @@ class Training:
     q2: NDArray[np.float64]
     status: tuple[str, ...]
     direct: bool = False
+
+    def of_run(self, parameters: ArrayLike) -> Training:
+        """Training by one of the runs alone, with baseline: the discrepancy of the run then holds at every X.
+
+        Parameters
+        ----------
+        parameters : array_like, shape (d,)
+            X of the run.
+        """
+        one = (self.parameters == np.asarray(parameters)).all(axis=1)
+        kept = np.ones(len(STATISTICS), dtype=np.bool_)
+        q2 = np.full(len(STATISTICS), np.nan)
+        return replace(self, parameters=self.parameters[one], statistics=self.statistics[one], baseline=kept, q2=q2)
 
     def sentence(self) -> str:
         """Sentence on the leave-one-out Q2 of each statistic, statistics without baseline, and failed training."""

@@ -265,7 +265,7 @@ class LevelSummary:
 
 @dataclass(frozen=True)
 class PassLaw:
-    """Law of a material over the incidence of one pass (:class:`radcal.calibration.passes.PassLaw`)."""
+    """Law of a material over the incidence of one pass (:class:`radcal.assessment.passes.PassLaw`)."""
 
     low_deg: Annotated[float, About("5 % quantile of the local incidence of the target's pixels", "deg")]
     high_deg: Annotated[float, About("95 % quantile of the local incidence of the target's pixels", "deg")]

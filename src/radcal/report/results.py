@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from radcal.assessment.conclusion import Conclusion
 from radcal.assessment.law_check import LawCheck
+from radcal.assessment.passes import pass_laws
 from radcal.calibration.history import History, Run
 from radcal.calibration.objectives import OBJECTIVES
-from radcal.calibration.passes import pass_laws
 from radcal.config import Material, Radar, Stop, stages
 from radcal.config.sections import FURTHER
 from radcal.measurement.levels import Levels, without_level

@@ -19,7 +19,7 @@ from radcal.calibration.objectives.objective import Points
 from radcal.calibration.search import Search
 from radcal.calibration.steps import noise_seed
 from radcal.calibration.surrogate import Surrogate, train_surrogate
-from radcal.config import Stop, SurrogateConfig
+from radcal.config import Optimiser, Stop, SurrogateConfig
 from radcal.errors import MeasurementError
 from radcal.radar.laws import LAWS
 from radcal.simulators.runner import Runner
@@ -30,6 +30,7 @@ CRITERION = (
 )
 
 MANGIA = LAWS["mangia"]
+ANGLES = np.radians([25.0, 32.0, 40.0])
 
 
 @pytest.fixture(scope="module")
@@ -186,6 +187,50 @@ def test_a_simulator_brighter_than_law_and_speckle_is_followed(objectives):
     _, (_, _, moved) = outlook(objective, x, objective.baseline(x) + [0.7, 0.0, 0.0])
     # but for the prior on the level, 0.7 dB against its 10
     assert moved == pytest.approx(0.7, rel=0.1)
+
+
+def test_a_trend_that_few_runs_leave_open_is_no_end(objectives, monkeypatch):
+    """Two runs: one as the baseline predicts, the other with another skewness, which kriging continues between them."""
+    objective = objectives["field"]
+    x, quick = np.array(objective.bins.first), Optimiser(population=20, evaluations=100)
+    away, other = x + [3.0, 0.0, 0.0, 0.0], x + [-0.5, 0.0, 0.0, 0.0]
+    runs = np.array([away, other])
+    shown = np.array([objective.baseline(away), objective.baseline(other) + [0.0, 0.0, -1.5]])
+
+    def searched(runs, shown):
+        return Search(objective, Surrogate(train_surrogate(objective, runs, shown, SurrogateConfig()), objective))
+
+    found = searched(runs, shown)
+    cost, (gain, _, moved) = outlook(objective, away, shown[0])
+    best = make_score(cost, away.tolist(), looks=objective.worth(away, shown[0])[0], statistics=shown[0].tolist())
+    point, least = found.without_trend(best, seed=1)
+    assert cost - least == pytest.approx(gain, abs=5e-3)
+    # kriging that promises nothing does not end the search, and its next run is that of the other promise
+    at_best = found.point(away, best.looks)
+    monkeypatch.setattr(found, "minimum", lambda *_, **__: (at_best, cost - 0.01))
+    monkeypatch.setattr(found, "polish", lambda *_, **__: at_best)
+    told = found.outlook(best, seed=1)
+    assert told[0] == pytest.approx(gain, abs=5e-3)
+    assert told[2] == pytest.approx(moved, abs=0.05)
+    proposal = found.propose(quick, 1, replace(best, cost=float(found.cost(at_best)[0])))
+    assert proposal.mode == "explore"
+    there = found.split(point[None])[0][0]
+    difference = MANGIA(ANGLES, proposal.parameters) - MANGIA(ANGLES, there)
+    assert np.abs(difference).max() < 0.05
+    # no more than the stop criterion asks for
+    assert found.without_trend(replace(best, cost=least + 0.04), seed=1) is None
+    assert found.without_trend(replace(best, cost=least + 0.06), seed=1) is not None
+    # the run of that X, or one beside it, shows the discrepancy there
+    tried = np.array([*runs, there + [0.1, 0.0, 0.0, 0.0]])
+    assert searched(tried, np.array([*shown, shown[0]])).without_trend(best, seed=1) is None
+    # as many runs as a linear trend has coefficients: 4 leave it open, 5 do not
+    far = np.array([*runs, *(x + [20.0, shift, -shift, 0.0] for shift in (0.0, 5.0, 9.0))])
+    all_shown = np.array([objective.baseline(one) for one in far])
+    assert searched(far[:4], all_shown[:4]).without_trend(best, seed=1) is not None
+    assert searched(far, all_shown).without_trend(best, seed=1) is None
+    # without a baseline there is no model that one run could correct
+    black_box = train_surrogate(objective, runs, shown, SurrogateConfig(baseline=False))
+    assert Search(objective, Surrogate(black_box, objective)).without_trend(best, seed=1) is None
 
 
 def test_two_runs_tell_how_the_noise_lifts_weak_levels(objectives):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from radcal.assessment.passes import law_sd_db, pass_laws
 from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.history import (
     Front,
@@ -19,7 +20,6 @@ from radcal.calibration.history import (
 from radcal.calibration.objectives import make_objectives
 from radcal.calibration.objectives.joint import Joint
 from radcal.calibration.objectives.objective import Points
-from radcal.calibration.passes import law_sd_db, pass_laws
 from radcal.calibration.scoring import score, with_texture
 from radcal.calibration.search import Search
 from radcal.calibration.shared_fields import together

@@ -40,7 +40,7 @@ class Bins(Objective):
 
     looks_ahead = True
     tolerance = 1e-6
-    improvement: ClassVar[float] = _SETTLED
+    improvement = _SETTLED
     misfit: ClassVar[type[Misfit]] = BinMisfit
     part_names = ("means and priors", "log sds and skewnesses")
 

@@ -40,7 +40,7 @@ class Joint(Comparison):
         self._parts = [part for part in passes if part is not None]
         self.part_names = [f"pass {k}" for k, part in enumerate(passes, start=1) if part is not None]
         self.free_looks, self.explores = first.free_looks, any(part.explores for part in self._parts)
-        self.looks_ahead, self.tolerance = first.looks_ahead, first.tolerance
+        self.looks_ahead, self.tolerance, self.improvement = first.looks_ahead, first.tolerance, first.improvement
         self.starts = [(x, self._back(part, looks)) for part in self._parts for x, looks in part.starts]
         bases = [part.baseline for part in self._parts]
         known = [base for base in bases if base is not None]

@@ -195,6 +195,8 @@ class Comparison(ABC):
         Whether the end of the search depends on the improvement that the surrogate of all runs still predicts.
     tolerance : float
         Relative tolerance of the least-squares search.
+    improvement : float
+        Decrease of the cost that a run must exceed to be better than earlier runs.
     passes : sequence of Objective or None
         Objective of each pass, None for a pass in which the material has too few pixels.
     part_names : sequence of str
@@ -208,6 +210,7 @@ class Comparison(ABC):
     explores: bool = True
     looks_ahead: bool = False
     tolerance: float = 1e-14
+    improvement: float = 0.0
     passes: Sequence[Objective | None]
     part_names: Sequence[str] = ("all residuals",)
 
@@ -274,13 +277,10 @@ class Objective(Comparison):
     ----------
     expected : LawForward or None
         Model of law, noise and speckle that gives the baseline; None without a baseline.
-    improvement : float
-        Decrease of the cost that a run must exceed to be better than earlier runs.
     misfit : type of Misfit, or None
         Misfit of the pixels in incidence-angle bins; None for an objective without bins.
     """
 
-    improvement: ClassVar[float] = 0.0
     misfit: ClassVar[type[Misfit] | None] = None
     expected: LawForward | None = None
 
