@@ -164,6 +164,22 @@ def test_the_partial_file_of_another_user_is_kept(tmp_path: Path, monkeypatch: p
     assert partial.exists()
 
 
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+def test_a_process_that_nobody_has_waited_for_is_dead(tmp_path: Path) -> None:
+    """Until its parent asks for its status, an ended process has its number, and signals can be sent to it."""
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
+        left = tmp_path / f".partial-{socket.gethostname()}-{process.pid}-run.h5"
+        left.touch()
+        assert alive(process.pid)
+        assert sweep(tmp_path) == 0
+        process.kill()
+        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)  # it has ended, and stays in the table
+        os.kill(process.pid, 0)
+        assert not alive(process.pid)
+        assert sweep(tmp_path) == 1
+    assert not left.exists()
+
+
 def test_scripts_of_this_case_alone_are_swept(tmp_path: Path) -> None:
     for name, log in (("tmp1.py", "results/dyke/logs/run.log"), ("tmp2.py", "results/dyke2/logs/run.log")):
         (tmp_path / name).write_text(f"log = '{log}'")

@@ -184,11 +184,20 @@ def clamp_future_mtimes(folder: str | Path) -> int:
 
 
 def alive(pid: int) -> bool:
-    """Whether the process with this number runs on this machine."""
+    """Whether the process with this number runs on this machine; a killed process that nobody waits for does not."""
     try:
         os.kill(pid, 0)
     except ProcessLookupError:
         return False
     except PermissionError:
         return True
-    return True
+    return not _zombie(pid)
+
+
+def _zombie(pid: int) -> bool:
+    """Whether a process has ended and only its entry in the table of processes is left; false without /proc."""
+    try:
+        status = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return False
+    return status.rpartition(")")[2].split()[0] == "Z"  # after the name of the program, see proc(5)
