@@ -109,7 +109,7 @@ def test_a_measured_image_from_the_raw_files_to_the_report(project):
     for name, material in data["materials"].items():
         if name not in ("water", "wheat 2"):
             data["materials"][name] = {"parameters": [-20, 0, 0, 0]} if material["calibrate"] else material
-    data |= {"case": "measured", "design": {"size": 12, "chunk": 6}, "stop": {"rms": 1e-3, "max_runs": 14}}
+    data |= {"case": "measured", "design": {"size": 4, "chunk": 2}, "stop": {"rms": 1e-3, "max_runs": 6}}
     (project.folder / "measured.yaml").write_text(yaml.safe_dump(data))
     done = project.run("--configfile", "measured.yaml")
     assert done.returncode == 0, done.stdout

@@ -189,6 +189,7 @@ def test_a_simulator_brighter_than_law_and_speckle_is_followed(objectives):
     assert moved == pytest.approx(0.7, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_trend_that_few_runs_leave_open_is_no_end(objectives, monkeypatch):
     """Two runs: one as the baseline predicts, the other with another skewness, which kriging continues between them."""
     objective = objectives["field"]
