@@ -164,7 +164,7 @@ def test_the_partial_file_of_another_user_is_kept(tmp_path: Path, monkeypatch: p
     assert partial.exists()
 
 
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system has no /proc")
 def test_a_process_that_nobody_has_waited_for_is_dead(tmp_path: Path) -> None:
     """Until its parent asks for its status, an ended process has its number, and signals can be sent to it."""
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
