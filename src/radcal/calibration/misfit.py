@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.expected import expected_cumulants, law_cumulants
-from radcal.calibration.incidence_error import ErrorKind, attenuation, true_nodes
+from radcal.calibration.incidence_error import attenuation, true_nodes
 from radcal.calibration.moments import from_cumulants, sampled_statistics, sampling_covariance
 from radcal.measurement.classes import Classes, class_of
 from radcal.measurement.ground import Ground
@@ -356,9 +356,7 @@ class Method:
     priors : bool
         Whether weak priors on the curve and on the number of looks enter the fit.
     incidence_error_deg : float
-        Standard deviation of the error of the local incidence [deg].
-    incidence_error : {'classical', 'berkson'}
-        Kind of the error of the local incidence (:mod:`radcal.calibration.incidence_error`).
+        Standard deviation of the error of the local incidence [deg] (:mod:`radcal.calibration.incidence_error`).
     """
 
     law: Law
@@ -369,7 +367,6 @@ class Method:
     free_looks: bool = True
     priors: bool = True
     incidence_error_deg: float = 0.0
-    incidence_error: ErrorKind = "classical"
 
 
 def true_angles(ground: Ground, classes: Classes, method: Method, nodes_deg: Doubles) -> Doubles:
@@ -382,7 +379,7 @@ def true_angles(ground: Ground, classes: Classes, method: Method, nodes_deg: Dou
     classes : Classes
         Incidence-angle bins of these pixels.
     method : Method
-        Kind of the error of the local incidence, and its standard deviation if all pixels share one.
+        Standard deviation of the error of the local incidence, if all pixels share one.
     nodes_deg : ndarray, shape (n, m)
         Mapped angles [deg]; each row lies in one incidence-angle bin.
 
@@ -397,4 +394,4 @@ def true_angles(ground: Ground, classes: Classes, method: Method, nodes_deg: Dou
         each = np.sqrt(np.bincount(classes.member, square, classes.size) / classes.count)
         error, rms = each[class_of(nodes_deg.mean(axis=1), classes.edges_deg)], float(np.sqrt(square.mean()))
     share = attenuation(mapped, error, rms)
-    return true_nodes(nodes_deg, error, method.incidence_error, float(mapped.mean()), share)
+    return true_nodes(nodes_deg, error, float(mapped.mean()), share)
