@@ -14,7 +14,7 @@ from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import GroundLaw, bins_of, ground_residuals
 from radcal.calibration.history import History, Proposal, Score
 from radcal.calibration.law_fit import Residuals, fit_law
-from radcal.calibration.misfit import BinMisfit, Method
+from radcal.calibration.misfit import BinMisfit, Method, drawn
 from radcal.calibration.moments import from_cumulants, from_dp, to_dp
 from radcal.calibration.objectives.objective import (
     Compared,
@@ -24,7 +24,6 @@ from radcal.calibration.objectives.objective import (
     Points,
     Progress,
     Verdict,
-    drawn,
     run_count,
 )
 from radcal.calibration.priors import looks_residuals

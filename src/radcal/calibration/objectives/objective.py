@@ -33,7 +33,6 @@ __all__ = [
     "Progress",
     "Reason",
     "Verdict",
-    "drawn",
     "suited_looks",
 ]
 
@@ -373,12 +372,6 @@ def suited_looks(comparison: Comparison, parameters: Sequence[float], statistics
         lambda log: at(float(np.exp(log))), bounds=bounds, method="bounded", options={"xatol": 1e-6}
     )
     return float(np.exp(found.x)), float(found.fun)
-
-
-def drawn(values: Doubles, target: Doubles, slack: Doubles | float) -> Doubles:
-    """Differences of values from a target, each brought nearer to 0 by up to ``slack``."""
-    difference = values - target
-    return np.asarray(difference - np.clip(difference, -np.asarray(slack), slack))
 
 
 def run_count(number: int) -> str:
