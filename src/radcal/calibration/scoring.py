@@ -89,7 +89,7 @@ def score(
         kind=kind,
         index=index,
         key=record.key,
-        seconds=sum(draw.seconds for run in record.passes for draw in (run, *run.draws)),
+        seconds=record.all_seconds,
         scores=scores,
         further_keys=[run.key for run in record.further],
     )
