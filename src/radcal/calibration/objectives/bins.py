@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -25,7 +24,6 @@ from radcal.calibration.objectives.objective import (
     Progress,
     Verdict,
     run_count,
-    suited_looks,
 )
 from radcal.config import Stop
 from radcal.errors import MeasurementError
@@ -112,10 +110,6 @@ class Bins(Objective):
         first, second, weak = np.split(squares, [n, 3 * n], axis=1)
         return np.stack([first.sum(axis=1) + weak.sum(axis=1), second.sum(axis=1)], axis=-1)
 
-    def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
-        """Number of looks that minimises the cost of a run, and this cost: half the sum of squared residuals."""
-        return suited_looks(self, parameters, statistics)
-
     def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
         """Mask of the costs that are clearly below the best verified cost, and about as good as the smallest one."""
         return costs <= min(best - _SETTLED, float(costs.min()) + _SETTLED)
@@ -143,7 +137,6 @@ class Bins(Objective):
         classes, method, free_looks = self.bins.classes, self.method, self.method.free_looks
         found = residuals or self.evidence(score)
         fit = fit_law(found, method.bounds, method.looks, free_looks, (x, score.looks), score.looks, self._prior, False)
-        fit = replace(fit, parameters=x, looks=score.looks)
         correction = statistics[:, 0] - LawForward(method.law, classes.nodes_deg, method.looks)(x)[:, 0]
         # the run's own speckle causes a part of the differences between bins, which is removed
         common = correction.mean()

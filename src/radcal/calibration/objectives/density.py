@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -142,7 +141,6 @@ class Density(Objective):
             moves=False,
         )
         correction = np.array([score.statistics[0][0]]) - LawForward(m.law, classes.nodes_deg, m.looks)(x)[:, 0]
-        fit = replace(fit, parameters=x, looks=m.looks)
         return GroundLaw(ground, method, classes, _ALONE, fit, correction)
 
     @classmethod

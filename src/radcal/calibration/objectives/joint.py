@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.grounds import GroundLaw
 from radcal.calibration.history import Score
-from radcal.calibration.objectives.objective import Comparison, Doubles, Objective, Points, suited_looks
+from radcal.calibration.objectives.objective import Comparison, Doubles, Objective, Points
 from radcal.calibration.shared_fields import SharedFields
 from radcal.radar.texture import equal_texture
 
@@ -117,7 +117,7 @@ class Joint(Comparison):
     def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
         """Looks that minimise the cost of a run in all passes, and this cost; None if the cost is the density rms."""
         looks, cost = self.first.worth(parameters, statistics[: self._ends[0]])
-        return (looks, None) if cost is None else suited_looks(self, parameters, statistics)
+        return (looks, None) if cost is None else super().worth(parameters, statistics)
 
     def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
         """Mask of the costs that are worth a run, by the rule of the first pass's objective."""

@@ -33,7 +33,6 @@ __all__ = [
     "Progress",
     "Reason",
     "Verdict",
-    "suited_looks",
 ]
 
 Doubles = NDArray[np.float64]
@@ -243,9 +242,23 @@ class Comparison(ABC):
         """Cost of several passes together: sum of the costs of the passes, shape (passes, m) to (m,)."""
         return np.asarray(costs.sum(axis=0))
 
-    @abstractmethod
     def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
         """Number of looks that minimises the cost of a run, and this cost; None if the cost is the density rms."""
+        from scipy.optimize import minimize_scalar
+
+        x = np.asarray(parameters, dtype=np.float64)[None]
+
+        def at(looks: float) -> float:
+            return float(self.cost(Points(statistics[None], x, np.array([looks])))[0])
+
+        sensor = self.material.looks
+        if not self.free_looks:
+            return sensor, at(sensor)
+        bounds = np.log([LOOKS[0], LOOKS[1] * sensor])
+        found = minimize_scalar(
+            lambda log: at(float(np.exp(log))), bounds=bounds, method="bounded", options={"xatol": 1e-6}
+        )
+        return float(np.exp(found.x)), float(found.fun)
 
     @abstractmethod
     def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
@@ -353,25 +366,6 @@ class Objective(Comparison):
         law = self.material.law
         incidence_deg = self.material.target.incidence_deg
         return law.largest_difference_db(first, second, incidence_deg) if law.has_curve else None
-
-
-def suited_looks(comparison: Comparison, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float]:
-    """Number of looks that minimises the cost of a run's statistics, shape (n, 3), and this cost."""
-    from scipy.optimize import minimize_scalar
-
-    x = np.asarray(parameters, dtype=np.float64)[None]
-
-    def at(looks: float) -> float:
-        return float(comparison.cost(Points(statistics[None], x, np.array([looks])))[0])
-
-    sensor = comparison.material.looks
-    if not comparison.free_looks:
-        return sensor, at(sensor)
-    bounds = np.log([LOOKS[0], LOOKS[1] * sensor])
-    found = minimize_scalar(
-        lambda log: at(float(np.exp(log))), bounds=bounds, method="bounded", options={"xatol": 1e-6}
-    )
-    return float(np.exp(found.x)), float(found.fun)
 
 
 def run_count(number: int) -> str:
