@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from radcal.errors import ConfigError, StoreError
 from radcal.report.archive import Archive, MaterialResult, read_archive
-from radcal.report.drawing import FOUND, START, STYLE, add_legend, new_canvas, titled
+from radcal.report.drawing import FOUND, START, law_panels
 from radcal.report.summary import summarise
-from radcal.storage.files import atomic
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -214,24 +213,10 @@ def _known(material: MaterialResult) -> str:
 
 def _draw(first: Archive, second: Archive, names: Sequence[str], path: str | Path) -> None:
     """Draw the laws in one panel for each material, and write the figure as PNG."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(STYLE):
-        columns = min(len(names), 3)
-        rows = -(-len(names) // columns)
-        canvas = new_canvas(0.8 + 4.4 * columns, 0.8 + 3.2 * rows)
-        panels = canvas.subplots(rows, columns, squeeze=False)
-        for axes, name in zip(panels.ravel(), names, strict=False):
+    with law_panels(path, names, "\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]") as panels:
+        for axes, name in panels:
             for archive, letter, style in ((first, "A", START), (second, "B", FOUND)):
                 _panel(axes, _band(archive, name), f"{letter}: {archive.case}", style)
-            axes.set_title(titled(name))
-            axes.set_xlabel("local incidence [deg]")
-            axes.set_ylabel("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
-        for axes in panels.ravel()[len(names) :]:
-            axes.remove()
-        add_legend(canvas, panels[0, 0].get_legend_handles_labels(), 2)
-        with atomic(path) as partial:
-            canvas.savefig(partial, format="png", dpi=150, metadata={"Software": None}, facecolor="white")
 
 
 def _panel(axes: Axes, band: _Band | None, label: str, style: Mapping[str, Any]) -> None:
