@@ -86,7 +86,7 @@ class Bins(Objective):
         """Measured pixels of the material, with the statistics of their incidence-angle bins."""
         measured = from_cumulants(self.bins.classes.cumulants)
         prior = law_prior(self.ground, self.method)
-        return Compared(self.ground, self.bins.classes, self.method, measured, prior, self.method.priors)
+        return Compared(self.ground, self.bins.classes, self.method, measured, prior)
 
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
         """Mean [dB], log sd and skewness of the pixels in each bin, shape (n, 3)."""

@@ -84,7 +84,7 @@ class Density(Objective):
         """Measured pixels and the centred parameters of their density."""
         # the simulated pixels have their own speckle, which adds to the variance of the difference
         classes = self._classes.compared(1)
-        return Compared(self.material.target.ground, classes, self._method, self._target[None], None, True)
+        return Compared(self.material.target.ground, classes, self._method, self._target[None], None)
 
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
         """Mean [dB], log sd and skewness of the density fitted to the pixels, shape (1, 3)."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -95,14 +96,11 @@ class Joint(Comparison):
 
     def refinements(self) -> Sequence[Callable[[Points], Doubles]]:
         """Functions that give further residuals of all passes, minimised one after the other."""
-        count = len(self.first.refinements())
 
-        def of(number: int) -> Callable[[Points], Doubles]:
-            return lambda points: np.concatenate(
-                [part.refinements()[number](at) for part, at in self._split(points)], axis=1
-            )
+        def of(number: int, points: Points) -> Doubles:
+            return np.concatenate([part.refinements()[number](at) for part, at in self._split(points)], axis=1)
 
-        return [of(number) for number in range(count)]
+        return [partial(of, number) for number in range(len(self.first.refinements()))]
 
     def cost(self, points: Points) -> Doubles:
         """Cost of all passes together, shape (m,)."""

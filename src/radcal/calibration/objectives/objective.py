@@ -110,13 +110,11 @@ class Compared:
     classes : Classes
         Incidence-angle bins, with the effective sample size for differences between target and run.
     method : Method
-        Law, number of looks, and error of the local incidence.
+        Law, number of looks and whether it has a prior, and error of the local incidence.
     statistics : ndarray, shape (n, 3)
         Mean [dB], log sd and skewness of the pixels in each bin.
     prior : CurvePrior or None
         Prior on the curve of the law.
-    looks_prior : bool
-        Whether the effective number of looks has a prior.
     """
 
     ground: Ground
@@ -124,7 +122,6 @@ class Compared:
     method: Method
     statistics: Doubles
     prior: CurvePrior | None
-    looks_prior: bool
 
 
 @dataclass(frozen=True)
