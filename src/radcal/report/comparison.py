@@ -30,14 +30,13 @@ _HEADINGS = ("material", "seen by both", "mean B-A", "largest", "bands meet", "f
 
 @dataclass(frozen=True)
 class _Band:
-    """Sigma0 of one material: median and 90 % band [dB], incidence seen [deg], incidence of known sigma0 [deg]."""
+    """Sigma0 of one material: median and 90 % band [dB], and incidence seen [deg]."""
 
     incidence_deg: Doubles
     median_db: Doubles
     p05_db: Doubles
     p95_db: Doubles
     seen_deg: Intervals
-    known_deg: tuple[float, ...] | None
 
     def at(self, degrees: Doubles) -> tuple[Doubles, Doubles, Doubles]:
         """Median, 5 % and 95 % quantile of sigma0 [dB] at the incidence angles ``degrees``."""
@@ -73,15 +72,15 @@ def _band(archive: Archive, name: str) -> _Band | None:
     posterior = material.posterior
     if posterior is not None and posterior.curve is not None:
         curve = posterior.curve
-        seen, known = _united(posterior.seen_deg.tolist()), posterior.known_between_deg
-        return _Band(curve.incidence_deg, curve.median_db, curve.p05_db, curve.p95_db, seen, known)
+        seen = _united(posterior.seen_deg.tolist())
+        return _Band(curve.incidence_deg, curve.median_db, curve.p05_db, curve.p95_db, seen)
     if not law.has_curve:
         return None
     degrees = np.arange(91.0)
     unknown = np.full(91, np.nan)
     low, high = np.percentile(material.incidence_deg, [5.0, 95.0])
     at = np.asarray(law(np.radians(degrees), archive.laws[name].values))
-    return _Band(degrees, at, unknown, unknown, ((float(low), float(high)),), None)
+    return _Band(degrees, at, unknown, unknown, ((float(low), float(high)),))
 
 
 def _united(intervals: Sequence[Sequence[float]]) -> Intervals:
