@@ -12,7 +12,7 @@ import sys
 from snakemake.logging import logger
 from snakemake.utils import min_version
 
-from radcal.calibration.planned_runs import planned_runs, runs_sentence
+from radcal.running.planned_runs import planned_runs, runs_sentence
 from radcal.config.stages import STAGES
 from radcal.running.session import is_dry_run, is_planned, open_session
 from radcal.running.slurm import job_name

@@ -18,13 +18,13 @@ def test_classical_error_draws_the_true_angle_to_the_mean():
     share = attenuation(mapped, 4.0)
     assert share == pytest.approx(36.0 / 52.0, rel=0.01)
     near = np.abs(mapped - 52.0) < 0.5
-    nodes = true_nodes([[52.0]], 4.0, "classical", float(mapped.mean()), share)
+    nodes = true_nodes([[52.0]], 4.0, float(mapped.mean()), share)
     assert nodes.mean() == pytest.approx(true[near].mean(), abs=0.1)
     assert nodes.std() == pytest.approx(true[near].std(), rel=0.03)
 
 
-def test_berksons_error_only_spreads():
-    nodes = true_nodes([[40.0, 50.0]], 3.0, "berkson", 45.0, 1.0).reshape(2, 5)
+def test_without_attenuation_the_angles_only_spread():
+    nodes = true_nodes([[40.0, 50.0]], 3.0, 45.0, 1.0).reshape(2, 5)
     np.testing.assert_allclose(nodes.mean(axis=1), [40.0, 50.0])
     np.testing.assert_allclose(nodes.std(axis=1), 3.0)
     slope = -0.3
@@ -33,7 +33,7 @@ def test_berksons_error_only_spreads():
 
 
 def test_no_error_changes_nothing():
-    np.testing.assert_array_equal(true_nodes([[40.0, 50.0]], 0.0, "classical", 45.0, 1.0), [[40.0, 50.0]])
+    np.testing.assert_array_equal(true_nodes([[40.0, 50.0]], 0.0, 45.0, 1.0), [[40.0, 50.0]])
     assert attenuation([40.0, 50.0], 0.0) == 1.0
 
 
@@ -42,7 +42,7 @@ def test_an_error_beyond_the_spread_leaves_something():
 
 
 def test_angles_stay_possible():
-    nodes = true_nodes([[1.0, 89.0]], 5.0, "berkson", 45.0, 1.0)
+    nodes = true_nodes([[1.0, 89.0]], 5.0, 45.0, 1.0)
     assert nodes.min() == 0.0
     assert nodes.max() == 90.0
 
@@ -83,7 +83,7 @@ def test_each_place_is_attenuated_by_its_own_error():
     mapped = true + error * rng.normal(size=true.size)
     share = attenuation(mapped, [2.0, 5.0], float(np.sqrt(np.mean(error**2))))
     np.testing.assert_allclose(share, [36.0 / 40.0, 36.0 / 61.0], rtol=0.01)
-    nodes = true_nodes([[52.0], [52.0]], [2.0, 5.0], "classical", float(mapped.mean()), share)
+    nodes = true_nodes([[52.0], [52.0]], [2.0, 5.0], float(mapped.mean()), share)
     for row, size in zip(nodes, (2.0, 5.0), strict=True):
         near = (np.abs(mapped - 52.0) < 0.5) & (error == size)
         assert row.mean() == pytest.approx(true[near].mean(), abs=0.1)

@@ -30,7 +30,8 @@ def speckled(rng, incidence_deg, looks, x=X):
 
 
 def one_patch(classes):
-    return BinMisfit(classes, np.ones((classes.size, 1)), np.eye(classes.size), np.zeros(classes.size, int), 0.0, 0.0)
+    n, one = classes.size, np.zeros(1, int)
+    return BinMisfit(classes, np.ones((n, 1)), np.eye(n), np.zeros(n, int), 0.0, 0.0, METHOD, classes.nodes_deg, one)
 
 
 def test_residuals_at_the_truth_have_unit_variance():
@@ -64,7 +65,15 @@ def test_a_patch_in_all_classes_hides_the_level_and_not_the_slope():
 
 def test_patches_inside_of_a_class_widen_it():
     classes = make_classes(np.random.default_rng(4).normal(size=300), np.linspace(20, 40, 300), 1)
-    objective = BinMisfit(classes, np.full((1, 4), 0.25), np.full((1, 10), 0.1), np.arange(10) // 3, 2.0, 1.0)
+    objective = replace(
+        one_patch(classes),
+        patch_share=np.full((1, 4), 0.25),
+        cell_share=np.full((1, 10), 0.1),
+        patch_of_cell=np.arange(10) // 3,
+        between_db=2.0,
+        within_db=1.0,
+        patches=np.arange(4),
+    )
     assert objective.patch_variance[0] == pytest.approx(4.0 * 0.75 + 0.9)
 
 
@@ -73,7 +82,7 @@ def test_the_likelihood_is_the_pixels_own():
     incidence = np.full(4000, 40.0)
     values = speckled(rng, incidence, 3.0)
     classes = make_classes(values, incidence, 1).compared(1)  # every pixel counts for half a pixel
-    objective = LikelihoodMisfit(classes, values)
+    objective = LikelihoodMisfit(classes, values, METHOD, classes.nodes_deg)
 
     def direct(level_db, looks):
         power = 10.0 ** (values / 10.0)
@@ -93,7 +102,7 @@ def test_residuals_of_small_and_large_bins_are_of_their_own_counts():
     values = speckled(rng, incidence, 3.0)
     classes = replace(make_classes(values, incidence, 2), member=(incidence > 40.0).astype(np.int64))
     classes = replace(classes, count=np.array([500, 2500]), pairs=independent_pairs(classes.member, 2))
-    objective = LikelihoodMisfit(classes, values)
+    objective = LikelihoodMisfit(classes, values, METHOD, classes.nodes_deg)
     each = (objective.residuals(LAW(np.radians([[30.0], [50.0]]), X), 3.0) ** 2).reshape(2, -1)
     for k, part in enumerate(each):
         filled = np.histogram(values[classes.member == k], objective._bins)[0] >= 5

@@ -113,16 +113,21 @@ def test_texture_brings_the_spread_to_the_measured_one(parts, calibrated):
 
 
 def test_texture_lowers_looks_and_a_fresh_run_has_its_own(made):
-    objective = made[0]["lake"]
     values = np.zeros(20_000, dtype=np.float32)
-    drawn = [with_texture(values, objective, 2.5, 1, fresh) for fresh in (False, True)]
+
+    def lake(looks, fresh=False):
+        found = with_texture({"lake": values, "road": values}, {"lake": made[0]["lake"]}, {"lake": looks}, 1, fresh)
+        assert found["road"] is values
+        return found["lake"]
+
+    drawn = [lake(2.5, fresh) for fresh in (False, True)]
     assert abs(np.corrcoef(*drawn)[0, 1]) < 0.05
     assert drawn[0].std() == pytest.approx(drawn[1].std(), rel=0.05)
-    np.testing.assert_array_equal(drawn[0], with_texture(values, objective, 2.5, 1))
+    np.testing.assert_array_equal(drawn[0], lake(2.5))
     # with speckle of 4 looks it has the variance in dB of that of 2.5
     wanted = log_speckle_cumulants(2.5)[1] - log_speckle_cumulants(4.0)[1]
     assert drawn[0].var() == pytest.approx(wanted, rel=0.05)
-    assert with_texture(values, objective, 4.0, 1) is values
+    assert lake(4.0) is values
 
 
 def program(build_case, **keys):

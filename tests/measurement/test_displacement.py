@@ -23,18 +23,10 @@ def test_a_whole_shift_moves_pixels_unchanged():
     assert np.isnan(moved[:, :2]).all()
 
 
-def test_nearest_pixels_keep_the_variance_of_speckle_and_interpolation_does_not():
+def test_nearest_pixels_keep_the_variance_of_speckle():
     image = np.random.default_rng(1).normal(size=SHAPE).astype(np.float32)
     half = np.full((2, *SHAPE), 0.4)
     assert np.nanvar(warp(image, half)) == pytest.approx(image.var(), rel=0.02)
-    assert np.nanvar(warp(image, half, order=1)) < 0.5 * image.var()
-
-
-def test_linear_interpolation_is_exact_on_a_plane():
-    rows, columns = np.indices(SHAPE)
-    plane = (2.0 * rows - 0.5 * columns).astype(np.float32)
-    moved = warp(plane, np.broadcast_to(np.array([0.25, 0.5])[:, None, None], (2, *SHAPE)), order=1)
-    np.testing.assert_allclose(moved[:-1, :-1], (plane + 0.25)[:-1, :-1], atol=1e-4)
 
 
 def test_gaps_stay_gaps():

@@ -7,7 +7,6 @@ from scipy.signal import windows
 from radcal.radar.speckle import (
     WIDTH_FACTOR,
     impulse_response,
-    log_speckle_sd_db,
     speckle_correlation,
     taylor_weights,
 )
@@ -60,16 +59,3 @@ def test_speckle_is_correlated_as_the_impulse_response(resolution: float, spacin
     expected = [np.dot(taps[k:], taps[: taps.size - k]) ** 2 for k in lags]
     np.testing.assert_allclose(speckle_correlation(lags * spacing / resolution), expected, atol=0.002)
     assert speckle_correlation(np.array([0.0])) == pytest.approx([1.0], rel=1e-12)
-
-
-def test_log_speckle_sd_of_four_looks() -> None:
-    assert log_speckle_sd_db(4) == pytest.approx(2.31, abs=0.005)
-    assert log_speckle_sd_db(1) == pytest.approx(10 / np.log(10) * np.pi / np.sqrt(6), rel=1e-12)
-
-
-@pytest.mark.parametrize("looks", [1, 2.5, 4, 16])
-def test_log_speckle_sd_is_that_of_gamma_numbers(looks: float) -> None:
-    n = 200_000
-    db = 10 * np.log10(np.random.default_rng(8).gamma(looks, 1 / looks, n))
-    # 4 sigma of a sample sd at a kurtosis of at most 5.4 (log of an exponential)
-    assert db.std() == pytest.approx(log_speckle_sd_db(looks), rel=4 * np.sqrt(4.4 / 4 / n))

@@ -19,7 +19,7 @@ from radcal.measurement.model import Measurement
 from radcal.measurement.registration import Registered, registered_as, write_registered
 from radcal.radar.laws import LAWS, law_for
 from radcal.radar.texture import log_speckle_cumulants
-from radcal.report import applied_figures
+from radcal.report import drawing
 from radcal.report.applied import _conclusion, _table, _unfit, apply, predictions, where_seen, with_laws
 from radcal.report.applied_figures import Prediction, draw_predictions
 
@@ -140,7 +140,7 @@ def test_a_law_that_does_not_fit_is_told(made) -> None:
 
 def test_bins_of_different_knowledge_have_markers_of_their_own(tmp_path, monkeypatch) -> None:
     legends = []
-    monkeypatch.setattr(applied_figures, "add_legend", lambda canvas, entries, columns: legends.append(entries))
+    monkeypatch.setattr(drawing, "add_legend", lambda canvas, entries, columns: legends.append(entries))
     rows = [row for known in ("known", "not known", "not seen") for _, row in (one(known, -8.0),)]
     draw_predictions(tmp_path / "a.png", rows, "a", "b")
     ((handles, labels),) = legends

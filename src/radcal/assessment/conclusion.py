@@ -149,10 +149,10 @@ def conclude(
     objectives = make_objectives(case, targets)
     first = {name: score.looks for name, score in history.runs[0].scores.items()}
     looks = {name: history.best(name).scores[name].looks for name in targets}
-    fresh_db = _textured(final[1], objectives, looks, case.seed, fresh=True)
+    fresh_db = with_texture(final[1].pixels_db, objectives, looks, case.seed, fresh=True)
     each_db = [
-        _textured(reference, objectives, first, case.seed),
-        _textured(final[0], objectives, looks, case.seed),
+        with_texture(reference.pixels_db, objectives, first, case.seed),
+        with_texture(final[0].pixels_db, objectives, looks, case.seed),
         fresh_db,
     ]
     materials = _materials(targets, each_db, final)
@@ -289,19 +289,6 @@ def _moves(moved: Mapping[str, Moved]) -> list[str]:
     return (
         [f"Check of the registration: onto the calibrated image, pixels move by (pixels, rms) {each}."] if each else []
     )
-
-
-def _textured(
-    record: Record, objectives: Mapping[str, Comparison], looks: Mapping[str, float], seed: int, fresh: bool = False
-) -> Pixels:
-    """Pixels of a run, with the texture of each material multiplied onto them."""
-    return {
-        **record.pixels_db,
-        **{
-            name: with_texture(record.pixels_db[name], objective, looks[name], seed, fresh)
-            for name, objective in objectives.items()
-        },
-    }
 
 
 def _picture(record: Record, pixels_db: Pixels, geometry: Geometry) -> NDArray[np.float32] | None:

@@ -33,6 +33,7 @@ _OF_PRIOR = 0.5
 _APART_DB = 1.0  # least rms difference, over the incidence seen, of the nearest curves of two modes
 _LEAST_SHARE = 0.05
 _COMPARED = 400  # curves
+_LAST_DEG = 85.0
 
 
 @dataclass(frozen=True)
@@ -147,10 +148,10 @@ class Modes:
     parameters: Doubles
 
 
-def band_of(curves_db: Doubles, step_deg: float = 1.0, last_deg: float = 85.0) -> Band:
-    """90 % band of curves on the grid, shape (m, 361), at angles from 0 to ``last_deg`` in steps of ``step_deg``."""
+def band_of(curves_db: Doubles, step_deg: float = 1.0) -> Band:
+    """90 % band of curves on the grid, shape (m, 361), at angles from 0 to 85 degrees in steps of ``step_deg``."""
     every = round(step_deg / (GRID_DEG[1] - GRID_DEG[0]))
-    which = np.flatnonzero(last_deg >= GRID_DEG)[::every]
+    which = np.flatnonzero(GRID_DEG <= _LAST_DEG)[::every]
     low, middle, high = np.quantile(curves_db[:, which], _LEVELS, axis=0)
     return Band(GRID_DEG[which], middle, low, high)
 

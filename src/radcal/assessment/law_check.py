@@ -90,11 +90,10 @@ def check_laws(
     case: stages.Archive,
     targets: Targets,
     history: History,
-    number: int = 0,
     posteriors: Mapping[str, Posterior] | None = None,
     withheld: Mapping[str, str] | None = None,
 ) -> dict[str, LawCheck]:
-    """Check the best run's law of every material on the ground of one pass.
+    """Check the best run's law of every material on the ground of the first pass.
 
     Parameters
     ----------
@@ -103,9 +102,7 @@ def check_laws(
     targets : Targets
         Target of each calibrated material.
     history : History
-        All scored runs.
-    number : int
-        Number of the pass whose ground is used, from 0; the law's uncertainty follows from all passes.
+        All scored runs; the uncertainty of a law follows from all passes.
     posteriors : mapping, optional
         Posterior of each material's law; with it, a law counts as identified if sigma0 is known at some angles.
     withheld : mapping, optional
@@ -119,11 +116,11 @@ def check_laws(
     objectives = make_objectives(case, targets)
     one_angle = {name for name in targets if targets.level_only(name)}
     if targets.further:
-        case, targets = case.passes[number], targets.passes[number]
+        case = case.passes[0]
     scores = {name: history.best(name).scores[name] for name in targets}
-    best = {name: objectives[name].in_pass(number, score) for name, score in scores.items()}
+    best = {name: objectives[name].in_pass(0, score) for name, score in scores.items()}
     laws = {
-        name: objectives[name].law_in(number, score)
+        name: objectives[name].law_in(0, score)
         for name, score in scores.items()
         # values of normalised images are not in dB
         if case.laws[name].has_curve and case.target.normalisation != "image"

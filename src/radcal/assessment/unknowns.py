@@ -72,7 +72,7 @@ class Model:
         parts = [part for part, _ in pairs]
         self.evidence = Evidence(parts, [Budget.of(config, one) for _, one in pairs], material.looks)
         first = self.evidence.compared
-        self.prior, self._looks_prior = first.prior, first.looks_prior and material.decibels
+        self.prior, self._looks_prior = first.prior, first.method.priors and material.decibels
         self._prior_rad = np.radians(self.prior.angles_deg if self.prior is not None else [])
         self.free_looks = first.method.free_looks and material.decibels
         self._log_looks = np.log([LOOKS[0], LOOKS[1] * material.looks])

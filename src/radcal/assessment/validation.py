@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radcal.assessment.budget import NORMAL_90
 from radcal.assessment.constant import Constant
 from radcal.assessment.gain import POWER, Gain, field_gains, power
 from radcal.assessment.prediction import Prediction, predict
@@ -27,7 +28,6 @@ _LEVELS = 200  # number of levels that represent the pixels of a predicted densi
 _TAIL = 0.99
 _CHANCE = 0.01
 _LEAST_DB = 1e-3
-_BAND = 1.6448536269514722  # standard deviations on each side that hold 90 % of a normal law
 
 
 @dataclass(frozen=True)
@@ -241,7 +241,7 @@ def held_out(
         tail_law_db=tail_law,
         tail_constant_db=float(np.quantile(calibrated, _TAIL) - np.quantile(values, _TAIL)),
         tail_start_db=tail_start,
-        coverage_90=float(np.mean(np.abs(error) <= _BAND * blocks.sd_db)),
+        coverage_90=float(np.mean(np.abs(error) <= NORMAL_90 * blocks.sd_db)),
         n_blocks=int(error.size),
         **_gains(field, law_gain, patch_gain),  # type: ignore[arg-type]
         block=blocks.block,

@@ -62,18 +62,18 @@ def bin_targets(
     misfit = OBJECTIVES[case.objective].misfit
     if misfit is None:
         return targets
-    grounds, methods = {}, {}
+    laws, grounds, methods, binned = case.laws, {}, {}, {}
     for name, target in targets.items():
-        error, each = case.target.incidence_error_deg, None
+        law, error, each = laws[name], case.target.incidence_error_deg, None
         if error is None:
             each = np.hypot(
                 registration_error_deg(geometry.incidence_deg, registered.uncertainty_px, target.pixels),
                 slope_error_deg,
             )
             error = float(np.sqrt(np.mean(each**2)))
-        grounds[name] = replace(target.ground, error_deg=each if case.laws[name].has_curve else None)
+        grounds[name] = replace(target.ground, error_deg=each if law.has_curve else None)
         method = Method(
-            case.laws[name],
+            law,
             case.materials[name].box,
             float(case.radar.looks),
             misfit=misfit,
@@ -82,31 +82,21 @@ def bin_targets(
             priors=case.target.priors,
             incidence_error_deg=error,
         )
-        methods[name] = method if method.law.has_curve else _without_curve(method, target.ground)
-    found = fit_grounds(grounds, methods)
-    known = {name: case.laws[name].has_curve for name in targets}
-    return Targets(
-        {
-            name: replace(
-                target,
-                classes=ClassTarget(
-                    classes=found[name].classes.compared(case.simulator.draws),
-                    draws=case.simulator.draws,
-                    spread=found[name].spread,
-                    free_looks=methods[name].free_looks,
-                    priors=case.target.priors,
-                    incidence_error_deg=methods[name].incidence_error_deg,
-                    first=found[name].fit.parameters if known[name] else np.empty(0),
-                    first_looks=found[name].fit.looks,
-                    error_deg=grounds[name].error_deg,
-                ),
-            )
-            for name, target in targets.items()
-        },
-        targets.levels,
-        targets.looks,
-        other_fields=targets.other_fields,
-    )
+        methods[name] = method if law.has_curve else _without_curve(method, target.ground)
+    for name, found in fit_grounds(grounds, methods).items():
+        classes = ClassTarget(
+            classes=found.classes.compared(case.simulator.draws),
+            draws=case.simulator.draws,
+            spread=found.spread,
+            free_looks=found.method.free_looks,
+            priors=case.target.priors,
+            incidence_error_deg=found.method.incidence_error_deg,
+            first=found.fit.parameters if laws[name].has_curve else np.empty(0),
+            first_looks=found.fit.looks,
+            error_deg=grounds[name].error_deg,
+        )
+        binned[name] = replace(targets[name], classes=classes)
+    return Targets(binned, targets.levels, targets.looks, other_fields=targets.other_fields)
 
 
 def laws_of_image(

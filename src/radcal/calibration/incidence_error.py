@@ -1,27 +1,20 @@
 r"""Effects of an error of the mapped local incidence on the statistics of an incidence-angle bin.
 
-Two kinds of error of standard deviation e (Carroll, Ruppert, Stefanski and Crainiceanu, "Measurement
-Error in Nonlinear Models", 2nd edition (2006), chapter 1):
-
-- ``classical``: mapped = true + error. Noise of the elevation model and misregistration cause classical errors.
-  The expected true angle is closer to the mean angle than the mapped angle is, by the factor
-  :math:`\lambda = s_t^2 / (s_t^2 + e^2)`, where :math:`s_t` is the standard deviation of the true angles. Given the
-  mapped angle, the true angle has the standard deviation :math:`e \sqrt\lambda`. In bins of mapped incidence, a law
-  has :math:`\lambda` times its true slope (0.69 for e = 4 and :math:`s_t` = 6 degrees).
-- ``berkson``: true = mapped + error. Relief that a smooth elevation model leaves out causes Berkson errors. Berkson
-  errors leave the slope of a law unchanged; the variance of the pixels in a bin grows by the square of slope times e.
+Noise of the elevation model and misregistration cause classical errors (mapped = true + error) of standard deviation e
+(Carroll, Ruppert, Stefanski and Crainiceanu, "Measurement Error in Nonlinear Models", 2nd edition (2006), chapter 1).
+The expected true angle is closer to the mean angle than the mapped angle is, by the factor
+:math:`\lambda = s_t^2 / (s_t^2 + e^2)`, where :math:`s_t` is the standard deviation of the true angles. Given the
+mapped angle, the true angle has the standard deviation :math:`e \sqrt\lambda`. In bins of mapped incidence, a law has
+:math:`\lambda` times its true slope (0.69 for e = 4 and :math:`s_t` = 6 degrees).
 """
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["LEAST_SHARE", "ErrorKind", "attenuation", "registration_error_deg", "true_nodes"]
+__all__ = ["LEAST_SHARE", "attenuation", "registration_error_deg", "true_nodes"]
 
-ErrorKind = Literal["classical", "berkson"]
 _HERMITE = 5
 LEAST_SHARE = 0.1  # smallest share of the mapped variance that counts as variance of the true angles
 
@@ -94,9 +87,7 @@ def registration_error_deg(
     return np.asarray(np.sqrt(np.where(known, found, usual)))
 
 
-def true_nodes(
-    nodes_deg: ArrayLike, error_deg: ArrayLike, kind: ErrorKind, mean_deg: float, share: ArrayLike
-) -> NDArray[np.float64]:
+def true_nodes(nodes_deg: ArrayLike, error_deg: ArrayLike, mean_deg: float, share: ArrayLike) -> NDArray[np.float64]:
     """Angles with the distribution of the true local incidence, given the mapped angles of each bin.
 
     Parameters
@@ -105,12 +96,10 @@ def true_nodes(
         Mapped angles that represent each incidence-angle bin [deg].
     error_deg : array_like, shape (n,) or ()
         Standard deviation of the error in each bin [deg].
-    kind : {'classical', 'berkson'}
-        Kind of the error, as described at the top of this module.
     mean_deg : float
         Mean of the material's mapped angles [deg].
     share : array_like, shape (n,) or ()
-        Share of true variance, from :func:`attenuation`; not used for ``berkson``.
+        Share of true variance, from :func:`attenuation`.
 
     Returns
     -------
@@ -124,9 +113,7 @@ def true_nodes(
     )
     if not sd.any():
         return nodes
-    centre = nodes
-    if kind == "classical":
-        centre, sd = mean_deg + kept * (nodes - mean_deg), sd * np.sqrt(kept)
+    centre, sd = mean_deg + kept * (nodes - mean_deg), sd * np.sqrt(kept)
     points = np.arange(_HERMITE) - 0.5 * (_HERMITE - 1)
     points /= points.std()
     return np.asarray(np.clip(centre[..., None] + sd[..., None] * points, 0.0, 90.0).reshape(nodes.shape[0], -1))

@@ -84,13 +84,17 @@ class Kriging:
         return np.asarray(self.process * np.maximum(1.0 - known + trend, 0.0))
 
     @cached_property
+    def _projected(self) -> NDArray[np.float64]:
+        """Inverse of the correlation matrix, projected so that the constant of the outputs is left out."""
+        inverse = cho_solve(self._factor, np.eye(len(self._x)))
+        return np.asarray(inverse - np.outer(self._ones, self._ones) / self._ones.sum())
+
+    @cached_property
     def excess(self) -> float:
         """Mean square of the standardised leave-one-out errors, at least 1."""
         if len(self._x) < 2 or self.process <= 0.0:
             return 1.0
-        inverse = cho_solve(self._factor, np.eye(len(self._x)))
-        projected = np.diag(inverse - np.outer(self._ones, self._ones) / self._ones.sum())
-        standardised = self.leave_one_out() ** 2 * projected[:, None] / self.process
+        standardised = self.leave_one_out() ** 2 * np.diag(self._projected)[:, None] / self.process
         return max(1.0, float(standardised.mean()))
 
     def leave_one_out(self) -> NDArray[np.float64]:
@@ -100,9 +104,7 @@ class Kriging:
         ----------
         Dubrule, "Cross validation of kriging in a unique neighborhood", Mathematical Geology 15 (1983).
         """
-        inverse = cho_solve(self._factor, np.eye(len(self._x)))
-        projected = inverse - np.outer(self._ones, self._ones) / self._ones.sum()
-        return np.asarray(projected @ self._y / np.diag(projected)[:, None])
+        return np.asarray(self._projected @ self._y / np.diag(self._projected)[:, None])
 
 
 def train(

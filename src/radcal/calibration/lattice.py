@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.calibration.bounded import sobol
 from radcal.calibration.surrogate import Surrogate
 
 __all__ = ["SAME", "corners", "elsewhere", "lattice"]
@@ -79,11 +80,8 @@ def elsewhere(surrogate: Surrogate, seed: int) -> NDArray[np.float64]:
         If every parameter is a whole number and :func:`lattice` lists the points, all points not yet simulated, which
         may be none. Otherwise a Sobol sample with rounded whole-number parameters.
     """
-    from scipy.stats import qmc  # a second to import, which most jobs need not spend
-
     points = lattice(surrogate)
     if points is None:
-        sobol = qmc.Sobol(len(surrogate.bounds), scramble=True, rng=np.random.default_rng(seed)).random(_SAMPLE)
-        points = np.unique(surrogate.snapped(sobol), axis=0)
+        points = np.unique(surrogate.snapped(sobol(len(surrogate.bounds), _SAMPLE, seed)), axis=0)
     known = surrogate.unit(surrogate.parameters)
     return np.asarray(points[np.abs(known[None] - points[:, None]).max(axis=2).min(axis=1) > SAME])

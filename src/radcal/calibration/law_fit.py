@@ -144,4 +144,5 @@ def fit_law(
     inside = slice(len(low))
     covariance[inside, inside] = np.linalg.inv(known + data.T @ data) * np.multiply.outer(width, width)
     information[inside, inside] = known / np.multiply.outer(width, width)
-    return LawFit(*at(best.x), float(best.cost), covariance, information)
+    place = at(best.x) if moves or start is None else (np.asarray(start[0], dtype=np.float64), start[1])
+    return LawFit(*place, float(best.cost), covariance, information)

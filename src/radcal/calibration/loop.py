@@ -45,14 +45,13 @@ def register_rounds(
     geometry: Geometry,
     measurement: Measurement,
     scene: Scene,
-    reference: Runner | None = None,
 ) -> tuple[Registered, tuple[Record, Parameters] | None]:
     """Register the measured image onto the reference run and, if configured, onto the registration run.
 
     Parameters
     ----------
     case : Case
-        Configuration of a case of one pass.
+        Configuration of a case of one pass, whose starting parameters belong to the calibrated laws.
     runner : Runner
         Simulator with a run store.
     geometry : Geometry
@@ -61,8 +60,6 @@ def register_rounds(
         Measured image.
     scene : Scene
         Scene of the runs.
-    reference : Runner, optional
-        Simulator for the reference run, as for :func:`calibrate`.
 
     Returns
     -------
@@ -71,7 +68,7 @@ def register_rounds(
     run : (Record, Parameters) or None
         Registration run and its X by material, for :func:`calibrate`; None if the image is registered once.
     """
-    start = _image_db(reference_runs(stages.ReferenceRun.of(case), reference or runner)[0])
+    start = _image_db(reference_runs(stages.ReferenceRun.of(case), runner)[0])
     first = register(start, measurement, case.registration)
     if not case.registers_twice:
         return first, None

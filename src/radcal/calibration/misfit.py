@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.expected import expected_cumulants, law_cumulants
-from radcal.calibration.incidence_error import ErrorKind, attenuation, true_nodes
+from radcal.calibration.incidence_error import attenuation, true_nodes
 from radcal.calibration.moments import from_cumulants, sampled_statistics, sampling_covariance
 from radcal.measurement.classes import Classes, class_of
 from radcal.measurement.ground import Ground
@@ -19,7 +19,7 @@ from radcal.measurement.patches import Spread
 from radcal.radar.laws import Law
 from radcal.radar.texture import log_speckle_cumulants
 
-__all__ = ["SKEWNESS_SHAPE", "BinMisfit", "LikelihoodMisfit", "Method", "Misfit", "true_angles"]
+__all__ = ["SKEWNESS_SHAPE", "BinMisfit", "LikelihoodMisfit", "Method", "Misfit", "drawn", "true_angles"]
 
 # the skewness depends on the distribution of texture as much as on the backscatter law: in dB, the gamma distribution
 # of 2.5 looks has the skewness -0.69, the K distribution of 4 looks with the same variance has -0.36
@@ -28,6 +28,12 @@ _LOG_SD_PATCH = 0.1  # standard deviation of a field's log sd: the looks of fiel
 _BIN_DB = 0.5
 _LEVELS = 8  # levels [dB] that represent an incidence-angle bin
 Doubles = NDArray[np.float64]
+
+
+def drawn(values: Doubles, target: Doubles, slack: Doubles | float) -> Doubles:
+    """Differences of values from a target, each brought nearer to 0 by up to ``slack``."""
+    difference = values - target
+    return np.asarray(difference - np.clip(difference, -np.asarray(slack), slack))
 
 
 class Misfit(ABC):
@@ -82,11 +88,11 @@ class BinMisfit(Misfit):
         Column of each cell's field in ``patch_share``.
     between_db, within_db : float
         Between-field and within-field standard deviation [dB].
-    method : Method, optional
-        Law, and error of the local incidence, which shifts the expected statistics; no shift if missing.
-    true_deg : ndarray, shape (n, k), optional
+    method : Method
+        Law, number of looks of the sensor, and error of the local incidence, which shifts the expected statistics.
+    true_deg : ndarray, shape (n, k)
         Angles with the distribution of the true local incidence in each bin [deg].
-    patches : ndarray of int, shape (patches,), optional
+    patches : ndarray of int, shape (patches,)
         Label of each field, which is the same in all passes.
     """
 
@@ -96,9 +102,9 @@ class BinMisfit(Misfit):
     patch_of_cell: NDArray[np.int64]
     between_db: float
     within_db: float
-    method: Method | None = None
-    true_deg: Doubles | None = None
-    patches: NDArray[np.int64] | None = None
+    method: Method
+    true_deg: Doubles
+    patches: NDArray[np.int64]
 
     of_fields: ClassVar[bool] = True
 
@@ -231,18 +237,16 @@ class BinMisfit(Misfit):
 
     def _shift(self, x: Doubles) -> Doubles | float:
         """Change of the bins' cumulants by the error of the local incidence, shape (n, 3); 0 without an error."""
-        m = self.method
-        mapped = self.classes.nodes_deg
-        if m is None or not m.law.has_curve or self.true_deg is None or self.true_deg.shape == mapped.shape:  # no error
+        law, mapped = self.method.law, self.classes.nodes_deg
+        if not law.has_curve or self.true_deg.shape == mapped.shape:  # no error
             return 0.0
-        return law_cumulants(m.law, x, self.true_deg) - law_cumulants(m.law, x, mapped)
+        return law_cumulants(law, x, self.true_deg) - law_cumulants(law, x, mapped)
 
     def __call__(self, parameters: Doubles, looks: float, simulated: Doubles, slack: Doubles | float = 0.0) -> Doubles:
         """Expected minus measured means, log sds and skewnesses, whitened by their covariance, shape (3 n,)."""
-        sensor = looks if self.method is None else self.method.looks
-        expected = expected_cumulants(simulated, sensor, looks, self.patch_variance, self._shift(parameters))
-        difference = from_cumulants(expected) - from_cumulants(self.classes.cumulants)
-        return self.whitened(difference - np.clip(difference, -np.asarray(slack), slack))
+        shift = self._shift(parameters)
+        expected = expected_cumulants(simulated, self.method.looks, looks, self.patch_variance, shift)
+        return self.whitened(drawn(from_cumulants(expected), from_cumulants(self.classes.cumulants), slack))
 
 
 @dataclass(frozen=True)
@@ -260,9 +264,9 @@ class LikelihoodMisfit(Misfit):
         Incidence-angle bins with their measured statistics.
     values_db : ndarray, shape (pixels,)
         Measured pixels of the material [dB].
-    method : Method, optional
+    method : Method
         Law and settings of the fit.
-    true_deg : ndarray, shape (n, k), optional
+    true_deg : ndarray, shape (n, k)
         Angles with the distribution of the true local incidence in each bin [deg].
 
     References
@@ -272,8 +276,8 @@ class LikelihoodMisfit(Misfit):
 
     classes: Classes
     values_db: Doubles
-    method: Method | None = None
-    true_deg: Doubles | None = None
+    method: Method
+    true_deg: Doubles
 
     @classmethod
     def of(cls, ground: Ground, classes: Classes, method: Method, spread: Spread) -> LikelihoodMisfit:
@@ -283,8 +287,6 @@ class LikelihoodMisfit(Misfit):
     def __call__(self, parameters: Doubles, looks: float, simulated: Doubles, slack: Doubles | float = 0.0) -> Doubles:
         """Deviance residuals of the law's levels, shifted to the simulated mean of each bin; ``slack`` is ignored."""
         m = self.method
-        assert m is not None  # noqa: S101
-        assert self.true_deg is not None  # noqa: S101
         levels = m.law(np.radians(self.true_deg), parameters)
         # the simulated mean replaces the law's: it includes the area of facets, noise and neighbouring materials
         mean = simulated[:, 0] - log_speckle_cumulants(m.looks)[0]
@@ -356,9 +358,7 @@ class Method:
     priors : bool
         Whether weak priors on the curve and on the number of looks enter the fit.
     incidence_error_deg : float
-        Standard deviation of the error of the local incidence [deg].
-    incidence_error : {'classical', 'berkson'}
-        Kind of the error of the local incidence (:mod:`radcal.calibration.incidence_error`).
+        Standard deviation of the error of the local incidence [deg] (:mod:`radcal.calibration.incidence_error`).
     """
 
     law: Law
@@ -369,7 +369,6 @@ class Method:
     free_looks: bool = True
     priors: bool = True
     incidence_error_deg: float = 0.0
-    incidence_error: ErrorKind = "classical"
 
 
 def true_angles(ground: Ground, classes: Classes, method: Method, nodes_deg: Doubles) -> Doubles:
@@ -382,7 +381,7 @@ def true_angles(ground: Ground, classes: Classes, method: Method, nodes_deg: Dou
     classes : Classes
         Incidence-angle bins of these pixels.
     method : Method
-        Kind of the error of the local incidence, and its standard deviation if all pixels share one.
+        Standard deviation of the error of the local incidence, if all pixels share one.
     nodes_deg : ndarray, shape (n, m)
         Mapped angles [deg]; each row lies in one incidence-angle bin.
 
@@ -397,4 +396,4 @@ def true_angles(ground: Ground, classes: Classes, method: Method, nodes_deg: Dou
         each = np.sqrt(np.bincount(classes.member, square, classes.size) / classes.count)
         error, rms = each[class_of(nodes_deg.mean(axis=1), classes.edges_deg)], float(np.sqrt(square.mean()))
     share = attenuation(mapped, error, rms)
-    return true_nodes(nodes_deg, error, method.incidence_error, float(mapped.mean()), share)
+    return true_nodes(nodes_deg, error, float(mapped.mean()), share)

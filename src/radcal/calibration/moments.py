@@ -78,7 +78,7 @@ def sampling_covariance(variance_db2: float, effective: float, levels_db2: float
     looks = looks_of_log_variance(variance_db2)
     sd = float(np.sqrt(polygamma(1, looks)))
     # standardised cumulants of orders 3 to 6
-    _, _, _, c3, c4, c5, c6 = (0.0 if r < 3 else float(polygamma(r - 1, looks)) / sd**r for r in range(7))
+    c3, c4, c5, c6 = (float(polygamma(r - 1, looks)) / sd**r for r in range(3, 7))
     v = levels_db2 / variance_db2
     # influence functions, with levels l and deviations e: e of the mean, (l + e)^2 - E_e (l + e)^2 of the variance, and
     # (l + e)^3 - E_e (l + e)^3 - 3 (v + 1) e of the third moment; k has the means of their products over l and e

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,17 +31,6 @@ class Population:
     points: NDArray[np.float64]
     objectives: NDArray[np.float64]
     front: NDArray[np.intp]
-
-
-@contextmanager
-def _seeded_global_random(seed: int) -> Iterator[None]:
-    """Seed the module ``random``, from which Platypus draws, and restore the state of the module afterwards."""
-    state = random.getstate()
-    random.seed(seed)
-    try:
-        yield
-    finally:
-        random.setstate(state)
 
 
 def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectives: int = 1) -> Population:
@@ -90,13 +77,17 @@ def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectiv
 
     problem = platypus.Problem(dimension, objectives)
     problem.types[:] = [platypus.Real(0.0, 1.0) for _ in range(dimension)]
-    with _seeded_global_random(seed):
+    earlier = random.getstate()  # Platypus draws from the module random, whose state is restored
+    random.seed(seed)
+    try:
         algorithm = platypus.NSGAII(problem, population_size=config.population, evaluator=Batched())
         algorithm.run(max(config.evaluations, config.population))
-        population = sorted(algorithm.population, key=lambda s: sum(s.objectives))
-        best = {id(solution) for solution in platypus.nondominated(population)}
-        values = np.array([solution.objectives[:] for solution in population], dtype=np.float64)
-        front = np.flatnonzero([id(solution) in best for solution in population])
-        _, first = np.unique(values[front], axis=0, return_index=True)  # a population may contain a point several times
-        points = np.array([solution.variables[:] for solution in population], dtype=np.float64)
-        return Population(points, values, front[np.sort(first)])
+    finally:
+        random.setstate(earlier)
+    population = sorted(algorithm.population, key=lambda s: sum(s.objectives))
+    best = {id(solution) for solution in platypus.nondominated(population)}
+    values = np.array([solution.objectives[:] for solution in population], dtype=np.float64)
+    front = np.flatnonzero([id(solution) in best for solution in population])
+    _, first = np.unique(values[front], axis=0, return_index=True)  # a population may contain a point several times
+    points = np.array([solution.variables[:] for solution in population], dtype=np.float64)
+    return Population(points, values, front[np.sort(first)])

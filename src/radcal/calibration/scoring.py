@@ -64,8 +64,9 @@ def score(
         if name not in other_law:
             looks, cost = objective.worth(parameters[name], statistics)
         found[name] = statistics, looks, cost
+    of_texture = {name: looks for name, (_, looks, _) in found.items()}
     densities = [
-        _densities(number, run.pixels_db, one, objectives, {name: looks for name, (_, looks, _) in found.items()}, seed)
+        one.score(with_texture(run.pixels_db, objectives, of_texture, seed, number=number))
         for number, (run, one) in enumerate(zip(record.passes, targets.passes, strict=True))
     ]
     scores = {}
@@ -89,7 +90,7 @@ def score(
         kind=kind,
         index=index,
         key=record.key,
-        seconds=sum(draw.seconds for run in record.passes for draw in (run, *run.draws)),
+        seconds=record.all_seconds,
         scores=scores,
         further_keys=[run.key for run in record.further],
     )
@@ -109,40 +110,24 @@ def _statistics(name: str, objective: Comparison, targets: Targets, draws: Seque
     return np.concatenate(found)
 
 
-def _densities(
-    number: int,
+def with_texture(
     pixels_db: Mapping[str, NDArray[np.float32]],
-    targets: Targets,
     objectives: Mapping[str, Comparison],
     looks: Mapping[str, float],
     seed: int,
-) -> dict[str, tuple[NDArray[np.float64], float]]:
-    """Density of every material in one pass of a run, with its rms difference from the target's density [1/dB]."""
-    values_db = dict(pixels_db)
-    for name, objective in objectives.items():
-        if name in targets:
-            values_db[name] = with_texture(pixels_db[name], objective, looks[name], seed, number=number)
-    return targets.score(values_db)
-
-
-def with_texture(
-    pixels_db: NDArray[np.float32],
-    objective: Comparison,
-    looks: float,
-    seed: int,
     fresh: bool = False,
     number: int = 0,
-) -> NDArray[np.float32]:
-    """Pixels of a material in a run, with added texture that gives them the material's effective looks.
+) -> dict[str, NDArray[np.float32]]:
+    """Pixels of a run in one pass, with added texture that gives each calibrated material its effective looks.
 
     Parameters
     ----------
-    pixels_db : ndarray
-        All visible pixels of the material [dB].
-    objective : Comparison
-        Objective of the material.
-    looks : float
-        Effective looks of the material in the first pass; texture can only lower the looks of the speckle.
+    pixels_db : mapping
+        All visible pixels by material [dB].
+    objectives : mapping
+        Objective by calibrated material.
+    looks : mapping
+        Effective looks of each calibrated material in the first pass; texture can only lower the looks of the speckle.
     seed : int
         Seed of the case.
     fresh : bool
@@ -152,14 +137,16 @@ def with_texture(
 
     Returns
     -------
-    ndarray of float32
-        Pixels with texture [dB]. All runs use the same random numbers, so that texture changes smoothly with the looks.
+    dict
+        Pixels by material [dB]. All runs use the same random numbers, so that texture changes smoothly with the looks.
     """
-    one = objective.passes[number]
-    assert one is not None  # noqa: S101
-    sensor = one.material.looks
-    order = texture_order(sensor, equal_texture(objective.material.looks, looks, sensor))
-    return textured(pixels_db, order, seed, objective.material.name, fresh)
+    found = dict(pixels_db)
+    for name, objective in objectives.items():
+        if (one := objective.passes[number]) is not None:
+            sensor = one.material.looks
+            order = texture_order(sensor, equal_texture(objective.material.looks, looks[name], sensor))
+            found[name] = textured(pixels_db[name], order, seed, name, fresh)
+    return found
 
 
 def score_reference(case: stages.Scores, records: Sequence[Record], targets: Targets) -> list[Run]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,34 +33,34 @@ def together(misfits: Sequence[BinMisfit]) -> BinMisfit:
     -------
     BinMisfit
         Misfit with the covariance and the replicates of all passes; with one pass, the misfit of this pass. The misfit
-        of several passes has no incidence angles, so that it cannot shift expected statistics.
+        of several passes does not shift expected statistics.
     """
     first = misfits[0]
     if len(misfits) == 1:
         return first
     every = [one.classes for one in misfits]
-    labels = [np.arange(one.patch_share.shape[1]) if one.patches is None else one.patches for one in misfits]
-    patches = np.unique(np.concatenate(labels))
-    columns = [np.searchsorted(patches, each) for each in labels]
+    patches = np.unique(np.concatenate([one.patches for one in misfits]))
+    columns = [np.searchsorted(patches, one.patches) for one in misfits]
     shares = np.zeros((sum(one.size for one in every), patches.size))
     ends = np.cumsum([0, *(one.size for one in every)])
     for one, own, start in zip(misfits, columns, ends[:-1], strict=True):
         shares[start : start + one.classes.size, own] = one.patch_share
-    return BinMisfit(
+    nodes = np.concatenate([one.nodes_deg for one in every])
+    return replace(
+        first,
         classes=Classes(
             edges_deg=np.concatenate([one.edges_deg for one in every]),
             member=np.concatenate([one.member + start for one, start in zip(every, ends[:-1], strict=True)]),
             count=np.concatenate([one.count for one in every]),
             pairs=np.stack([block_diag(*(one.pairs[k] for one in every)) for k in range(3)]),
             cumulants=np.concatenate([one.cumulants for one in every]),
-            nodes_deg=np.concatenate([one.nodes_deg for one in every]),
+            nodes_deg=nodes,
             speckle_db2=np.concatenate([one.speckle_db2 for one in every]),
         ),
         patch_share=shares,
         cell_share=block_diag(*(one.cell_share for one in misfits)),
         patch_of_cell=np.concatenate([own[one.patch_of_cell] for one, own in zip(misfits, columns, strict=True)]),
-        between_db=first.between_db,
-        within_db=first.within_db,
+        true_deg=nodes,
         patches=patches,
     )
 

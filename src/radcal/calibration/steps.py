@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from multiprocessing import get_context
-from typing import TYPE_CHECKING, Any, TypeVar
-
-from threadpoolctl import threadpool_limits
+from typing import TYPE_CHECKING
 
 from radcal.calibration.history import History, Proposal, Run, Score
 from radcal.calibration.objectives import OBJECTIVES, Comparison, make_objectives
@@ -19,7 +15,7 @@ from radcal.calibration.search import Search
 from radcal.calibration.stopping import decide
 from radcal.calibration.surrogate import Surrogate, Training, train_surrogate
 from radcal.config import CommandSimulation, Material, SimulatorConfig, Stop, stages
-from radcal.running.jobs import die_with_parent
+from radcal.processes import each
 from radcal.seeds import derived_seed, draw_seeds, noise_seed
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import Parameters, Record
@@ -43,8 +39,6 @@ __all__ = [
 ]
 
 logger = logging.getLogger(__name__)
-
-_Result = TypeVar("_Result")
 
 
 def reference_runs(case: stages.ReferenceRun, runner: Runner) -> list[Record]:
@@ -149,23 +143,10 @@ def all_parameters(materials: Mapping[str, Material], calibrated: Parameters) ->
     }
 
 
-def _each(work: Sequence[Callable[[], _Result]], processes: int) -> list[_Result]:
-    """Results of independent calls; they do not depend on the number of processes."""
-    if min(processes, len(work)) <= 1:
-        return [call() for call in work]
-    _WORK[:] = work  # forked processes inherit the list; objectives hold functions, which cannot be pickled
-    with ProcessPoolExecutor(
-        min(processes, len(work)), mp_context=get_context("fork"), initializer=die_with_parent
-    ) as pool:
-        return list(pool.map(_call, range(len(work))))
-
-
-_WORK: list[Callable[[], Any]] = []
-
-
-def _call(number: int) -> Any:
-    with threadpool_limits(1):
-        return _WORK[number]()
+def _trained(name: str, objective: Comparison, history: History, case: stages.Train | stages.Verify) -> Training:
+    """Training of one material's surrogate by all runs so far."""
+    noisy = _noisy(history, case.simulator)
+    return train_surrogate(objective, *history.training(name), case.surrogate, history.noise_variance(name), noisy)
 
 
 def train_all(
@@ -189,14 +170,8 @@ def train_all(
     dict
         Data and hyper-parameters of the surrogate by material.
     """
-    noisy = _noisy(history, case.simulator)
-    work = [
-        partial(
-            train_surrogate, objective, *history.training(name), case.surrogate, history.noise_variance(name), noisy
-        )
-        for name, objective in objectives.items()
-    ]
-    trained = dict(zip(objectives, _each(work, processes), strict=True))
+    work = {name: partial(_trained, name, objective, history, case) for name, objective in objectives.items()}
+    trained = each(work, processes)
     for name, training in trained.items():
         level = logging.WARNING if "failed" in training.status else logging.INFO
         logger.log(level, "%s: %s", name, training.sentence())
@@ -235,19 +210,19 @@ def propose_all(
         Proposal by material.
     """
     verdicts = decide(history, list(objectives), stop, case.objective).materials
-    going = [name for name in objectives if verdicts[name].reason is None]
     best = {name: history.best(name).scores[name] for name in objectives}
-    work = [
-        partial(
-            Search(objectives[name], Surrogate(trainings[name], objectives[name])).propose,
+    work = {
+        name: partial(
+            Search(objective, Surrogate(trainings[name], objective)).propose,
             case.optimiser,
             derived_seed(case.seed, "propose", name, iteration),
             best[name],
             history.failures(name),
         )
-        for name in going
-    ]
-    found = dict(zip(going, _each(work, processes), strict=True))
+        for name, objective in objectives.items()
+        if verdicts[name].reason is None
+    }
+    found = each(work, processes)
     for name, proposal in found.items():
         logger.info("%s: %s", name, proposal)
     return {name: found.get(name) or Proposal(list(best[name].parameters), "ended") for name in objectives}
@@ -296,17 +271,15 @@ def verify(
     if not ahead:
         return run
     history = History([*history.runs, run])
-    noisy = _noisy(history, case.simulator)
 
     def outlook(name: str) -> Score:
-        variance = history.noise_variance(name)
-        training = train_surrogate(objectives[name], *history.training(name), case.surrogate, variance, noisy)
-        search = Search(objectives[name], Surrogate(training, objectives[name]))
+        objective = objectives[name]
+        search = Search(objective, Surrogate(_trained(name, objective, history, case), objective))
         seed = derived_seed(case.seed, "outlook", name, iteration)
         gain, floor, moved_db = search.outlook(history.best(name).scores[name], seed)
         return replace(run.scores[name], gain=gain, floor=floor, moved_db=moved_db)
 
-    found = dict(zip(ahead, _each([partial(outlook, name) for name in ahead], processes), strict=True))
+    found = each({name: partial(outlook, name) for name in ahead}, processes)
     return replace(run, scores={**run.scores, **found})
 
 

@@ -10,7 +10,7 @@ from radcal.calibration.objectives import OBJECTIVES, Objective
 from radcal.calibration.objectives.objective import Progress, Reason, Verdict, run_count
 from radcal.config import Stop
 
-__all__ = ["Decision", "Verdict", "decide"]
+__all__ = ["Decision", "decide"]
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -238,40 +239,40 @@ def train_surrogate(
     base = None
     if config.baseline and not direct and objective.baseline is not None:
         base = np.stack([objective.baseline(x) for x in parameters])
-    found = []
+    found, kept = [], []
     for k in range(len(STATISTICS)):
         # the measured variance is that of (mean, log sd, skewness), not of (xi, omega, alpha)
         noise = None if noise_variance is None or direct else float(noise_variance[:, k].mean())
-        best = _train_one(unit, values[..., k], config, noise if noisy else 0.0)
+        best, helps = _train_one(unit, values[..., k], config, noise if noisy else 0.0), False
         if base is not None:
             other = _train_one(unit, values[..., k] - base[..., k], config, noise if noisy else 0.0)
             helps = len(unit) < _JUDGED or other.squares <= best.squares
-            best = _Trained(other.scales, other.nugget, other.squares, other.status, True) if helps else best
+            best = other if helps else best
         found.append(best)
+        kept.append(helps)
+    scales, nugget, squares, status = zip(*found, strict=True)
     with np.errstate(invalid="ignore"):
         variation = ((values - values.mean(axis=0)) ** 2).sum(axis=(0, 1))
-        q2 = 1.0 - np.array([one.squares for one in found]) / np.where(variation > 0.0, variation, np.nan)
+        q2 = 1.0 - np.array(squares) / np.where(variation > 0.0, variation, np.nan)
     return Training(
         parameters=parameters,
         statistics=statistics,
-        scales=np.stack([one.scales for one in found]),
-        nugget=np.array([one.nugget for one in found]),
-        baseline=np.array([one.baseline for one in found]),
+        scales=np.stack(scales),
+        nugget=np.array(nugget),
+        baseline=np.array(kept),
         q2=q2,
-        status=tuple(one.status for one in found),
+        status=status,
         direct=direct,
     )
 
 
-@dataclass(frozen=True)
-class _Trained:
+class _Trained(NamedTuple):
     """Hyper-parameters of the kriging of one statistic, and the sum of its squared leave-one-out errors."""
 
     scales: NDArray[np.float64]
     nugget: float
     squares: float
     status: str
-    baseline: bool = False
 
 
 def _train_one(

@@ -16,8 +16,10 @@ _ITERATIONS = 50
 _CLOSE_PX = 1e-3
 
 
-def warp(image: NDArray[np.float32], displacement: NDArray[np.float64], order: int = 0) -> NDArray[np.float32]:
-    """Moving image resampled onto the pixels of the fixed image.
+def warp(image: NDArray[np.float32], displacement: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Moving image resampled onto the pixels of the fixed image, at the nearest pixels.
+
+    Interpolation would lower the variance of speckle.
 
     Parameters
     ----------
@@ -25,18 +27,15 @@ def warp(image: NDArray[np.float32], displacement: NDArray[np.float64], order: i
         Moving image, NaN where it has no value.
     displacement : ndarray, shape (2, rows, columns)
         Field [pixels].
-    order : {0, 1}
-        Order of interpolation: 0 takes the nearest pixel, which keeps the statistics of speckle; 1 interpolates
-        linearly, which lowers the variance of speckle.
 
     Returns
     -------
     ndarray of float32, shape (rows, columns)
-        Values of ``image`` at x + d(x), NaN outside the image.
+        Values of ``image`` at the pixels nearest to x + d(x), NaN outside the image.
     """
     at = np.indices(displacement.shape[1:], dtype=np.float64) + displacement
     return np.asarray(
-        map_coordinates(image.astype(np.float64), at, order=order, mode="constant", cval=np.nan), dtype=np.float32
+        map_coordinates(image.astype(np.float64), at, order=0, mode="constant", cval=np.nan), dtype=np.float32
     )
 
 

@@ -19,7 +19,7 @@ from radcal.reading.images import Counts, ImageFile, reading, to_db
 from radcal.reading.rasters import open_raster
 from radcal.scene.crs import crs_of, horizontal
 
-__all__ = ["ReadImage", "image_file", "image_of", "read_image", "read_raster", "read_values"]
+__all__ = ["ReadImage", "image_file", "image_of", "read_image", "read_raster"]
 
 Values = NDArray[Any]
 Places = Callable[[Any], tuple[NDArray[np.float64], NDArray[np.float64]]]
@@ -122,17 +122,6 @@ def image_of(values: Values, path: Path, config: FileMeasurement, shape: tuple[i
     return ReadImage(image, counts)
 
 
-def read_values(path: Path, config: FileMeasurement) -> Values:
-    """Numbers of a file without conversion; values that the file format marks as no data become NaN.
-
-    Raises
-    ------
-    MeasurementError
-        The file cannot be read or does not hold the dataset or band.
-    """
-    return read_array(image_file(path, config))
-
-
 def read_raster(path: Path, config: FileMeasurement, places: Places | None = None) -> tuple[Values, Any, Any]:
     """Pixel values of a raster, with its transform and CRS.
 
@@ -149,7 +138,7 @@ def read_raster(path: Path, config: FileMeasurement, places: Places | None = Non
     Returns
     -------
     values : ndarray, shape (rows, columns)
-        Numbers in the same form as from :func:`read_values`.
+        Numbers without conversion; values that the file format marks as no data become NaN.
     transform : affine.Affine
         Affine transform from (column, row) of pixel corners to coordinates; identity where the file has none.
     crs : pyproj.CRS or None

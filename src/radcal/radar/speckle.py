@@ -10,7 +10,6 @@ __all__ = [
     "beta_share",
     "border_gain",
     "impulse_response",
-    "log_speckle_sd_db",
     "speckle_correlation",
     "taylor_weights",
 ]
@@ -164,14 +163,3 @@ def beta_share(power: NDArray[np.float32], looks: float, whole: int) -> NDArray[
     root = 1.0 - np.linspace(1.0, 0.0, _SHARES) ** 3
     shares = betainccinv(looks, whole - looks, root**4) * (whole / looks)
     return np.asarray(np.interp(np.exp(-0.25 * power), root, shares), dtype=np.float32)
-
-
-def log_speckle_sd_db(looks: float) -> float:
-    """Standard deviation of multilook speckle in dB.
-
-    The standard deviation is 10 / ln 10 sqrt(trigamma(L)) for a gamma-distributed intensity of shape L (Oliver and
-    Quegan, "Understanding Synthetic Aperture Radar Images", section 4.3).
-    """
-    from scipy.special import polygamma
-
-    return float(10.0 / np.log(10.0) * np.sqrt(polygamma(1, looks)))

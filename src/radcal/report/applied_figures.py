@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from radcal.report.drawing import DESIGN, FOUND, STYLE, add_legend, new_canvas, titled
-from radcal.storage.files import atomic
+from radcal.report.drawing import DESIGN, FOUND, law_panels
 
 __all__ = ["KNOWN", "OUTSIDE", "SEEN", "Prediction", "draw_predictions"]
 
@@ -76,15 +75,9 @@ def draw_predictions(path: str | Path, rows: Sequence[Prediction], source: str, 
     source, other : str
         Name of the case that gives the laws, and of the case that gives the image.
     """
-    import matplotlib as mpl
-
     names = list(dict.fromkeys(row.material for row in rows))
-    with mpl.rc_context(STYLE):
-        columns = min(len(names), 3)
-        lines = -(-len(names) // columns)
-        canvas = new_canvas(0.8 + 4.4 * columns, 0.8 + 3.2 * lines)
-        panels = canvas.subplots(lines, columns, squeeze=False)
-        for axes, name in zip(panels.ravel(), names, strict=False):
+    with law_panels(path, names, "mean of the pixels in dB [dB]") as panels:
+        for axes, name in panels:
             own = [row for row in rows if row.material == name]
             for known, style in _STYLES.items():
                 some = [row for row in own if row.known == known]
@@ -96,11 +89,3 @@ def draw_predictions(path: str | Path, rows: Sequence[Prediction], source: str, 
             compared = [row for row in own if row.inside is not None]
             x, y = [row.incidence_deg for row in compared], [row.measured_db for row in compared]
             axes.plot(x, y, "k.", markersize=6, zorder=4, label=f"measured, {other}")
-            axes.set_title(titled(name))
-            axes.set_xlabel("local incidence [deg]")
-            axes.set_ylabel("mean of the pixels in dB [dB]")
-        for axes in panels.ravel()[len(names) :]:
-            axes.remove()
-        add_legend(canvas, panels[0, 0].get_legend_handles_labels(), 2)
-        with atomic(path) as partial:
-            canvas.savefig(partial, format="png", dpi=150, metadata={"Software": None}, facecolor="white")

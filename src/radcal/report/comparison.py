@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from radcal.errors import ConfigError, StoreError
 from radcal.report.archive import Archive, MaterialResult, read_archive
-from radcal.report.drawing import FOUND, START, STYLE, add_legend, new_canvas, titled
+from radcal.report.drawing import FOUND, START, law_panels
 from radcal.report.summary import summarise
-from radcal.storage.files import atomic
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,14 +30,13 @@ _HEADINGS = ("material", "seen by both", "mean B-A", "largest", "bands meet", "f
 
 @dataclass(frozen=True)
 class _Band:
-    """Sigma0 of one material: median and 90 % band [dB], incidence seen [deg], incidence of known sigma0 [deg]."""
+    """Sigma0 of one material: median and 90 % band [dB], and incidence seen [deg]."""
 
     incidence_deg: Doubles
     median_db: Doubles
     p05_db: Doubles
     p95_db: Doubles
     seen_deg: Intervals
-    known_deg: tuple[float, ...] | None
 
     def at(self, degrees: Doubles) -> tuple[Doubles, Doubles, Doubles]:
         """Median, 5 % and 95 % quantile of sigma0 [dB] at the incidence angles ``degrees``."""
@@ -74,15 +72,15 @@ def _band(archive: Archive, name: str) -> _Band | None:
     posterior = material.posterior
     if posterior is not None and posterior.curve is not None:
         curve = posterior.curve
-        seen, known = _united(posterior.seen_deg.tolist()), posterior.known_between_deg
-        return _Band(curve.incidence_deg, curve.median_db, curve.p05_db, curve.p95_db, seen, known)
+        seen = _united(posterior.seen_deg.tolist())
+        return _Band(curve.incidence_deg, curve.median_db, curve.p05_db, curve.p95_db, seen)
     if not law.has_curve:
         return None
     degrees = np.arange(91.0)
     unknown = np.full(91, np.nan)
     low, high = np.percentile(material.incidence_deg, [5.0, 95.0])
     at = np.asarray(law(np.radians(degrees), archive.laws[name].values))
-    return _Band(degrees, at, unknown, unknown, ((float(low), float(high)),), None)
+    return _Band(degrees, at, unknown, unknown, ((float(low), float(high)),))
 
 
 def _united(intervals: Sequence[Sequence[float]]) -> Intervals:
@@ -214,24 +212,10 @@ def _known(material: MaterialResult) -> str:
 
 def _draw(first: Archive, second: Archive, names: Sequence[str], path: str | Path) -> None:
     """Draw the laws in one panel for each material, and write the figure as PNG."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(STYLE):
-        columns = min(len(names), 3)
-        rows = -(-len(names) // columns)
-        canvas = new_canvas(0.8 + 4.4 * columns, 0.8 + 3.2 * rows)
-        panels = canvas.subplots(rows, columns, squeeze=False)
-        for axes, name in zip(panels.ravel(), names, strict=False):
+    with law_panels(path, names, "\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]") as panels:
+        for axes, name in panels:
             for archive, letter, style in ((first, "A", START), (second, "B", FOUND)):
                 _panel(axes, _band(archive, name), f"{letter}: {archive.case}", style)
-            axes.set_title(titled(name))
-            axes.set_xlabel("local incidence [deg]")
-            axes.set_ylabel("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
-        for axes in panels.ravel()[len(names) :]:
-            axes.remove()
-        add_legend(canvas, panels[0, 0].get_legend_handles_labels(), 2)
-        with atomic(path) as partial:
-            canvas.savefig(partial, format="png", dpi=150, metadata={"Software": None}, facecolor="white")
 
 
 def _panel(axes: Axes, band: _Band | None, label: str, style: Mapping[str, Any]) -> None:

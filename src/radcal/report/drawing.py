@@ -9,10 +9,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from radcal.storage.files import atomic
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -118,6 +122,28 @@ def new_canvas(width: float, height: float, layout: Literal["constrained", "comp
     canvas = Canvas(figsize=(width, height), layout=layout)
     FigureCanvasAgg(canvas)
     return canvas
+
+
+@contextmanager
+def law_panels(path: str | Path, names: Sequence[str], y_label: str) -> Iterator[Iterator[tuple[Axes, str]]]:
+    """Yield one panel over the incidence for each material, and write the figure as PNG after the ``with`` block."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(STYLE):
+        columns = min(len(names), 3)
+        rows = -(-len(names) // columns)
+        canvas = new_canvas(0.8 + 4.4 * columns, 0.8 + 3.2 * rows)
+        panels = canvas.subplots(rows, columns, squeeze=False).ravel()
+        for axes, name in zip(panels, names, strict=False):
+            axes.set_title(titled(name))
+            axes.set_xlabel("local incidence [deg]")
+            axes.set_ylabel(y_label)
+        yield zip(panels, names, strict=False)
+        for axes in panels[len(names) :]:
+            axes.remove()
+        add_legend(canvas, panels[0].get_legend_handles_labels(), 2)
+        with atomic(path) as partial:
+            canvas.savefig(partial, format="png", dpi=150, metadata={"Software": None}, facecolor="white")
 
 
 def add_legend(canvas: Canvas, entries: tuple[Sequence[Any], Sequence[str]], columns: int) -> None:

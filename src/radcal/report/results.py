@@ -23,7 +23,7 @@ from radcal.measurement.levels import Levels, without_level
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import EXTERNAL, FORMULA, Law, seen_rad
+from radcal.radar.laws import EXTERNAL, FORMULA, Law
 from radcal.report.archive import (
     Archive,
     Check,
@@ -219,8 +219,7 @@ def _difference_db(
     """
     if hidden is None or not law.has_curve:
         return None
-    seen = seen_rad(incidence_deg)
-    return float(np.max(np.abs(law(seen, found) - law(seen, hidden))))
+    return law.largest_difference_db(found, hidden, incidence_deg)
 
 
 def _final_parameters(case: stages.Archive, history: History, targets: Targets) -> dict[str, Sequence[float]]:

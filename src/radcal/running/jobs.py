@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import ctypes
 import gc
 import logging
 import os
-import signal
 import sys
 import threading
 import time
@@ -16,6 +14,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from radcal.errors import RadcalError
+from radcal.processes import die_with_parent
 from radcal.running.terminal import guard
 from radcal.storage.files import alive
 from radcal.storage.provenance import provenance
@@ -44,23 +43,6 @@ PROGRESS = "RADCAL_PROGRESS"  # file for the progress lines of jobs on other mac
 
 # environment variable that the command radcal sets for the session
 RESULTS = "RADCAL_RESULTS"  # folder that contains the results folders of all cases; results if missing
-
-_PR_SET_PDEATHSIG = 1  # linux/prctl.h
-
-
-def die_with_parent() -> None:
-    """Let the operating system kill this process when its parent process ends for any reason; Linux only.
-
-    A job that continues after its Snakemake process has ended would write the same files as the next command's jobs.
-
-    References
-    ----------
-    prctl(2), PR_SET_PDEATHSIG. For prctl, the parent is the thread that started this process. This thread
-    lives until the process ends, because the thread waits for the process.
-    """
-    if sys.platform == "linux":
-        with suppress(OSError, AttributeError):
-            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 @contextmanager

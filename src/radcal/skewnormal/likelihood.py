@@ -37,8 +37,6 @@ class Fit:
     ----------
     dp, cp : ndarray, shape (3,)
         Direct and centred parameters.
-    n : int
-        Sample size.
     at_boundary : bool
         Whether the likelihood grows up to the largest possible skewness, so that it has no maximum at a finite alpha.
         The value of alpha in ``dp`` then stands for infinity.
@@ -48,7 +46,6 @@ class Fit:
 
     dp: NDArray[np.float64]
     cp: NDArray[np.float64]
-    n: int
     at_boundary: bool
     penalised: bool = False
 
@@ -334,7 +331,7 @@ def fit(sample: ArrayLike, penalised: bool = False) -> Fit:
     elif lowest >= _NORMAL:  # the best is the normal density (alpha = 0), where the search would divide by zero
         dp = np.array([0.0, 1.0, 0.0])
     dp = np.array([centre + scale * dp[0], scale * dp[1], dp[2]])
-    return Fit(dp=dp, cp=centred(dp), n=y.size, at_boundary=at_boundary, penalised=penalised)
+    return Fit(dp=dp, cp=centred(dp), at_boundary=at_boundary, penalised=penalised)
 
 
 def covariance(sample: ArrayLike, found: Fit, effective: float | None = None) -> NDArray[np.float64]:

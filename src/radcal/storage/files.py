@@ -134,21 +134,19 @@ def sweep_scripts(folder: str | Path, case_folder: str | Path) -> int:
     return removed
 
 
-def unwritable(folder: str | Path, besides: str = "external") -> Path | None:
+def unwritable(folder: str | Path) -> Path | None:
     """First folder, among ``folder`` and its subfolders, in which this process may not create files, or None.
 
     Parameters
     ----------
     folder : path
-        ``results/<case>``.
-    besides : str
-        Name of the only subfolder of ``folder`` that is not checked.
+        ``results/<case>``, whose subfolder ``external`` is not checked.
     """
     for path, folders, _ in os.walk(folder):
         if not os.access(path, os.W_OK | os.X_OK):
             return Path(path)
-        if Path(path) == Path(folder) and besides in folders:
-            folders.remove(besides)
+        if Path(path) == Path(folder) and "external" in folders:
+            folders.remove("external")
     return None
 
 

@@ -42,7 +42,6 @@ _PACKAGES = ("numpy", "scipy", "h5py")
 def write_hdf5(
     path: str | Path,
     kind: str,
-    track_order: bool = False,
     protected: bool = False,
     alike: Callable[[h5py.File], bool] = lambda _: False,
 ) -> Iterator[h5py.File]:
@@ -57,8 +56,6 @@ def write_hdf5(
         Path of the file.
     kind : str
         Kind of the file, one of the keys of :data:`~radcal.storage.inspection.SCHEMAS`.
-    track_order : bool
-        Whether a reader of the file gets its groups in the order of their creation.
     protected : bool
         Whether to raise a ConfigError if the folder has a finished calibration that was made with an earlier file of
         other content. The environment variable :data:`REPLACE` switches this protection off.
@@ -79,7 +76,7 @@ def write_hdf5(
     # attempt would raise an exception that cannot be caught.
     made = io.BytesIO()
     with atomic(path) as partial:
-        with h5py.File(made, "w", track_order=track_order, userblock_size=BLOCK) as file:
+        with h5py.File(made, "w", userblock_size=BLOCK) as file:
             file.attrs["kind"] = kind
             file.attrs["schema"] = SCHEMAS[kind]
             if (case := origin().case) is not None:

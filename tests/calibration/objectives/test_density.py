@@ -9,9 +9,10 @@ import pytest
 from calibration_samples import BOUNDS, TRUTH, make_material, make_score, make_target
 
 from radcal import skewnormal
+from radcal.calibration.misfit import drawn
 from radcal.calibration.moments import from_dp, to_dp
 from radcal.calibration.objectives.density import Density
-from radcal.calibration.objectives.objective import Points, drawn
+from radcal.calibration.objectives.objective import Points
 from radcal.calibration.surrogate import Surrogate, train_surrogate
 from radcal.config import SurrogateConfig
 from radcal.radar.laws import LAWS

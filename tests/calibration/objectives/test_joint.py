@@ -257,8 +257,8 @@ def test_passes_of_other_looks_share_the_texture():
     there = equal_texture(4.0, 2.5, 8.0)
     assert there > 3.0
     # of densities and pictures, too: the same texture in both passes, on speckle of other looks
-    nothing = np.zeros(5000, dtype=np.float32)
-    textures = [with_texture(nothing, joint, 2.5, 1, number=number) for number in (0, 1)]
+    nothing, objectives = {"field": np.zeros(5000, dtype=np.float32)}, {"field": joint}
+    textures = [with_texture(nothing, objectives, {"field": 2.5}, 1, number=number)["field"] for number in (0, 1)]
     np.testing.assert_allclose(textures[1], textures[0], atol=0.01)
     wanted = log_speckle_cumulants(2.5)[1] - log_speckle_cumulants(4.0)[1]
     assert textures[0].var() == pytest.approx(wanted, rel=0.1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -25,7 +24,6 @@ from radcal.calibration.objectives.objective import (
     Progress,
     Verdict,
     run_count,
-    suited_looks,
 )
 from radcal.config import Stop
 from radcal.errors import MeasurementError
@@ -88,7 +86,7 @@ class Bins(Objective):
         """Measured pixels of the material, with the statistics of their incidence-angle bins."""
         measured = from_cumulants(self.bins.classes.cumulants)
         prior = law_prior(self.ground, self.method)
-        return Compared(self.ground, self.bins.classes, self.method, measured, prior, self.method.priors)
+        return Compared(self.ground, self.bins.classes, self.method, measured, prior)
 
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
         """Mean [dB], log sd and skewness of the pixels in each bin, shape (n, 3)."""
@@ -111,10 +109,6 @@ class Bins(Objective):
         squares = self.residuals(points) ** 2
         first, second, weak = np.split(squares, [n, 3 * n], axis=1)
         return np.stack([first.sum(axis=1) + weak.sum(axis=1), second.sum(axis=1)], axis=-1)
-
-    def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
-        """Number of looks that minimises the cost of a run, and this cost: half the sum of squared residuals."""
-        return suited_looks(self, parameters, statistics)
 
     def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
         """Mask of the costs that are clearly below the best verified cost, and about as good as the smallest one."""
@@ -143,7 +137,6 @@ class Bins(Objective):
         classes, method, free_looks = self.bins.classes, self.method, self.method.free_looks
         found = residuals or self.evidence(score)
         fit = fit_law(found, method.bounds, method.looks, free_looks, (x, score.looks), score.looks, self._prior, False)
-        fit = replace(fit, parameters=x, looks=score.looks)
         correction = statistics[:, 0] - LawForward(method.law, classes.nodes_deg, method.looks)(x)[:, 0]
         # the run's own speckle causes a part of the differences between bins, which is removed
         common = correction.mean()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +13,7 @@ from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import GroundLaw, bins_of, ground_residuals
 from radcal.calibration.history import History, Proposal, Score
 from radcal.calibration.law_fit import Residuals, fit_law
-from radcal.calibration.misfit import BinMisfit, Method
+from radcal.calibration.misfit import BinMisfit, Method, drawn
 from radcal.calibration.moments import from_cumulants, from_dp, to_dp
 from radcal.calibration.objectives.objective import (
     Compared,
@@ -24,7 +23,6 @@ from radcal.calibration.objectives.objective import (
     Points,
     Progress,
     Verdict,
-    drawn,
     run_count,
 )
 from radcal.calibration.priors import looks_residuals
@@ -86,7 +84,7 @@ class Density(Objective):
         """Measured pixels and the centred parameters of their density."""
         # the simulated pixels have their own speckle, which adds to the variance of the difference
         classes = self._classes.compared(1)
-        return Compared(self.material.target.ground, classes, self._method, self._target[None], None, True)
+        return Compared(self.material.target.ground, classes, self._method, self._target[None], None)
 
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
         """Mean [dB], log sd and skewness of the density fitted to the pixels, shape (1, 3)."""
@@ -143,7 +141,6 @@ class Density(Objective):
             moves=False,
         )
         correction = np.array([score.statistics[0][0]]) - LawForward(m.law, classes.nodes_deg, m.looks)(x)[:, 0]
-        fit = replace(fit, parameters=x, looks=m.looks)
         return GroundLaw(ground, method, classes, _ALONE, fit, correction)
 
     @classmethod

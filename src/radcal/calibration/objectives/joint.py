@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.grounds import GroundLaw
 from radcal.calibration.history import Score
-from radcal.calibration.objectives.objective import Comparison, Doubles, Objective, Points, suited_looks
+from radcal.calibration.objectives.objective import Comparison, Doubles, Objective, Points
 from radcal.calibration.shared_fields import SharedFields
 from radcal.radar.texture import equal_texture
 
@@ -95,14 +96,11 @@ class Joint(Comparison):
 
     def refinements(self) -> Sequence[Callable[[Points], Doubles]]:
         """Functions that give further residuals of all passes, minimised one after the other."""
-        count = len(self.first.refinements())
 
-        def of(number: int) -> Callable[[Points], Doubles]:
-            return lambda points: np.concatenate(
-                [part.refinements()[number](at) for part, at in self._split(points)], axis=1
-            )
+        def of(number: int, points: Points) -> Doubles:
+            return np.concatenate([part.refinements()[number](at) for part, at in self._split(points)], axis=1)
 
-        return [of(number) for number in range(count)]
+        return [partial(of, number) for number in range(len(self.first.refinements()))]
 
     def cost(self, points: Points) -> Doubles:
         """Cost of all passes together, shape (m,)."""
@@ -117,7 +115,7 @@ class Joint(Comparison):
     def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
         """Looks that minimise the cost of a run in all passes, and this cost; None if the cost is the density rms."""
         looks, cost = self.first.worth(parameters, statistics[: self._ends[0]])
-        return (looks, None) if cost is None else suited_looks(self, parameters, statistics)
+        return (looks, None) if cost is None else super().worth(parameters, statistics)
 
     def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
         """Mask of the costs that are worth a run, by the rule of the first pass's objective."""

@@ -33,8 +33,6 @@ __all__ = [
     "Progress",
     "Reason",
     "Verdict",
-    "drawn",
-    "suited_looks",
 ]
 
 Doubles = NDArray[np.float64]
@@ -112,13 +110,11 @@ class Compared:
     classes : Classes
         Incidence-angle bins, with the effective sample size for differences between target and run.
     method : Method
-        Law, number of looks, and error of the local incidence.
+        Law, number of looks and whether it has a prior, and error of the local incidence.
     statistics : ndarray, shape (n, 3)
         Mean [dB], log sd and skewness of the pixels in each bin.
     prior : CurvePrior or None
         Prior on the curve of the law.
-    looks_prior : bool
-        Whether the effective number of looks has a prior.
     """
 
     ground: Ground
@@ -126,7 +122,6 @@ class Compared:
     method: Method
     statistics: Doubles
     prior: CurvePrior | None
-    looks_prior: bool
 
 
 @dataclass(frozen=True)
@@ -244,9 +239,23 @@ class Comparison(ABC):
         """Cost of several passes together: sum of the costs of the passes, shape (passes, m) to (m,)."""
         return np.asarray(costs.sum(axis=0))
 
-    @abstractmethod
     def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
         """Number of looks that minimises the cost of a run, and this cost; None if the cost is the density rms."""
+        from scipy.optimize import minimize_scalar
+
+        x = np.asarray(parameters, dtype=np.float64)[None]
+
+        def at(looks: float) -> float:
+            return float(self.cost(Points(statistics[None], x, np.array([looks])))[0])
+
+        sensor = self.material.looks
+        if not self.free_looks:
+            return sensor, at(sensor)
+        bounds = np.log([LOOKS[0], LOOKS[1] * sensor])
+        found = minimize_scalar(
+            lambda log: at(float(np.exp(log))), bounds=bounds, method="bounded", options={"xatol": 1e-6}
+        )
+        return float(np.exp(found.x)), float(found.fun)
 
     @abstractmethod
     def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
@@ -354,31 +363,6 @@ class Objective(Comparison):
         law = self.material.law
         incidence_deg = self.material.target.incidence_deg
         return law.largest_difference_db(first, second, incidence_deg) if law.has_curve else None
-
-
-def suited_looks(comparison: Comparison, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float]:
-    """Number of looks that minimises the cost of a run's statistics, shape (n, 3), and this cost."""
-    from scipy.optimize import minimize_scalar
-
-    x = np.asarray(parameters, dtype=np.float64)[None]
-
-    def at(looks: float) -> float:
-        return float(comparison.cost(Points(statistics[None], x, np.array([looks])))[0])
-
-    sensor = comparison.material.looks
-    if not comparison.free_looks:
-        return sensor, at(sensor)
-    bounds = np.log([LOOKS[0], LOOKS[1] * sensor])
-    found = minimize_scalar(
-        lambda log: at(float(np.exp(log))), bounds=bounds, method="bounded", options={"xatol": 1e-6}
-    )
-    return float(np.exp(found.x)), float(found.fun)
-
-
-def drawn(values: Doubles, target: Doubles, slack: Doubles | float) -> Doubles:
-    """Differences of values from a target, each brought nearer to 0 by up to ``slack``."""
-    difference = values - target
-    return np.asarray(difference - np.clip(difference, -np.asarray(slack), slack))
 
 
 def run_count(number: int) -> str:

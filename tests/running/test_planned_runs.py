@@ -8,8 +8,8 @@ import pytest
 
 from radcal.calibration.design import design_points
 from radcal.calibration.history import Run, write_runs
-from radcal.calibration.planned_runs import planned_runs, runs_sentence
 from radcal.config import stages
+from radcal.running.planned_runs import planned_runs, runs_sentence
 from radcal.scene.model import write_scene
 from radcal.seeds import noise_seed
 from radcal.simulators.builtin import BuiltinSimulator

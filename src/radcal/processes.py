@@ -1,0 +1,53 @@
+"""Independent calls in several processes, which end when their parent process ends."""
+
+from __future__ import annotations
+
+import ctypes
+import signal
+import sys
+from collections.abc import Callable, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
+from multiprocessing import get_context
+from typing import Any, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+__all__ = ["die_with_parent", "each"]
+
+_PR_SET_PDEATHSIG = 1  # linux/prctl.h
+_Result = TypeVar("_Result")
+
+
+def die_with_parent() -> None:
+    """Let the operating system kill this process when its parent process ends for any reason; Linux only.
+
+    A job that continues after its Snakemake process has ended would write the same files as the next command's jobs.
+
+    References
+    ----------
+    prctl(2), PR_SET_PDEATHSIG. For prctl, the parent is the thread that started this process. This thread
+    lives until the process ends, because the thread waits for the process.
+    """
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+def each(work: Mapping[str, Callable[[], _Result]], processes: int) -> dict[str, _Result]:
+    """Results of independent calls by name; they do not depend on the number of processes."""
+    if min(processes, len(work)) <= 1:
+        return {name: call() for name, call in work.items()}
+    _WORK[:] = work.values()  # forked processes inherit the list; calls that hold functions cannot be pickled
+    with ProcessPoolExecutor(
+        min(processes, len(work)), mp_context=get_context("fork"), initializer=die_with_parent
+    ) as pool:
+        return dict(zip(work, pool.map(_call, range(len(work))), strict=True))
+
+
+_WORK: list[Callable[[], Any]] = []
+
+
+def _call(number: int) -> Any:
+    with threadpool_limits(1):
+        return _WORK[number]()
