@@ -9,8 +9,11 @@ the 5 % and 95 % quantiles of the angles of the calibrated half. The constant is
 random effects of fields and cells. The variances of the random effects are estimated from all materials together, for
 the constant as for the law.
 
-The recommendation of law or constant uses the calibrated half alone. The laws are fitted to the measured pixels with
-the model of law and speckle, without a simulator. Ratios of errors are geometric means over materials and folds.
+The recommendation of law or constant uses the calibrated half alone. As in the workflow, a law that does not fit the
+calibrated half is not recommended. The laws are fitted to the measured pixels with the model of law and speckle,
+without a simulator. Ratios of errors are geometric means over materials and folds. Two ratios show what a better choice
+could gain: those of the better predictor, if it were known in each case, or in each case of four or more fields, with
+the constant in the others.
 """
 
 from __future__ import annotations
@@ -22,20 +25,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fit_power import tested
 from numpy.typing import NDArray
 from right_law import FLEVOLAND_BOUNDS, LAW, LOOKS, flevoland_grounds, geometric
 from threadpoolctl import threadpool_limits
 
 from radcal.assessment.constant import Constant, constants
 from radcal.assessment.prediction import predict
-from radcal.assessment.recommendation import leave_fields_out, recommend
+from radcal.assessment.recommendation import Recommendation, leave_fields_out, recommend
 from radcal.calibration.grounds import GroundLaw, fit_grounds
 from radcal.calibration.misfit import Method
 from radcal.measurement.ground import Ground
+from radcal.seeds import derived_rng
 
 DRAWS = 4
 FEWEST = 20  # pixels in a cell
 WORSE = 1.15
+MANY = 4  # fields from which the errors on left-out fields alone decide
 KNOWN_DB = 1.5  # default of uncertainty.known_db
 
 
@@ -63,6 +69,13 @@ def errors(law: GroundLaw, constant: Constant, out: Ground) -> tuple[float, floa
     return found[0], found[1], found[2], int(seen.sum())
 
 
+def choice(law: GroundLaw, constant: Constant, rng: np.random.Generator) -> Recommendation:
+    """Recommended predictor; a law that does not fit is not recommended, as in the workflow."""
+    if tested(law, "classes", rng).fits is False:
+        return Recommendation("constant", "the law does not fit")
+    return recommend(law, leave_fields_out(law, constant), KNOWN_DB)
+
+
 def image(folder: Path, polarisation: str, draws: int, seed: int) -> dict[str, Any]:
     """Errors of all materials and folds of one image."""
     grounds = flevoland_grounds(folder, polarisation)
@@ -71,7 +84,7 @@ def image(folder: Path, polarisation: str, draws: int, seed: int) -> dict[str, A
     print(
         f"{'draw':4} {'way':3} {'material':11} {'fields':>6} {'cells':>5} {'mean':>6} {'constant':>8} {'law':>6} ratio"
     )
-    rows: list[tuple[float, float, float, bool]] = []
+    rows: list[tuple[float, float, float, bool, int]] = []
     known: dict[str, int] = {}
     for draw in range(draws):
         first = halves(grounds, seed + draw)
@@ -84,21 +97,25 @@ def image(folder: Path, polarisation: str, draws: int, seed: int) -> dict[str, A
                 found = errors(law, levels[name], grounds[name].part(~kept[name]))
                 if found is None:
                     continue
-                chosen = recommend(law, leave_fields_out(law, levels[name]), KNOWN_DB)
+                chosen = choice(law, levels[name], derived_rng(seed + draw, "fit", name, way))
                 is_law = chosen.predictor == "law"
-                rows.append((*found[:3], is_law))
+                fields = np.unique(law.ground.patch).size
+                rows.append((*found[:3], is_law, fields))
                 known[name] = known.get(name, 0) + is_law
                 print(
-                    f"{draw:4} {way:3} {name:11} {np.unique(law.ground.patch).size:6} {found[3]:5} {found[2]:6.2f} "
+                    f"{draw:4} {way:3} {name:11} {fields:6} {found[3]:5} {found[2]:6.2f} "
                     f"{found[0]:8.2f} {found[1]:6.2f} {found[1] / found[0]:5.2f} {chosen.predictor}: {chosen.why}",
                     flush=True,
                 )
-    constant, law_error, plain, is_law_all = np.array(rows, dtype=np.float64).T
+    constant, law_error, plain, is_law_all, fields_all = np.array(rows, dtype=np.float64).T
+    better = np.minimum(law_error / constant, 1.0)
     ratio = np.where(is_law_all > 0.0, law_error, constant) / constant
     return {
         "recommended_over_constant": geometric(ratio),
         "law_over_constant": geometric(law_error / constant),
         "mean_over_constant": geometric(plain / constant),
+        "better_over_constant": geometric(better),
+        "better_if_many_fields_over_constant": geometric(np.where(fields_all >= MANY, better, 1.0)),
         "n": len(rows),
         "law_recommended": int(is_law_all.sum()),
         "above_1.15": int((ratio > WORSE).sum()),

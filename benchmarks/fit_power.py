@@ -80,10 +80,11 @@ def made_ground(kind: str, looks: float, rng: np.random.Generator) -> Ground:
     return Ground(level + 10.0 * np.log10(rng.gamma(looks, 1.0 / looks, PIXELS)), incidence, patch, block)
 
 
-def tested(found: GroundLaw, objective: str, seed: int) -> FitTest:
+def tested(found: GroundLaw, objective: str, rng: np.random.Generator) -> FitTest:
     """Test of the law of one ground, as a finished calibration makes it."""
-    ground, method = found.ground, found.method
-    bins = ClassTarget(found.classes, found.spread, 1, method.free_looks, method.priors, 0.0, found.fit.parameters, 4.0)
+    ground, method, x = found.ground, found.method, found.fit.parameters
+    law, box = method.law, np.asarray(method.bounds, dtype=np.float64)
+    bins = ClassTarget(found.classes, found.spread, 1, method.free_looks, method.priors, 0.0, x, method.looks)
     size = ground.values_db.size
     target = Target(
         pixels=np.arange(size), order=np.arange(size), values_db=ground.values_db,
@@ -91,12 +92,11 @@ def tested(found: GroundLaw, objective: str, seed: int) -> FitTest:
         at_boundary=False, effective=float(size), rms_sampling=1.0, cp_error=np.zeros(3), cp_interval=np.zeros((3, 2)),
         goodness=Goodness(0.0, 1.0, 0.0, 1.0), patch=ground.patch, block=ground.block, classes=bins,
     )  # fmt: skip
-    comparison = OBJECTIVES[objective](Material("area", target, LAW, BOX, np.zeros(4, dtype=np.bool_), LOOKS))
-    x = found.fit.parameters
-    statistics = from_cumulants(LawForward(LAW, found.classes.nodes_deg, LOOKS)(x))
+    comparison = OBJECTIVES[objective](Material("area", target, law, box, np.zeros(4, dtype=np.bool_), method.looks))
+    statistics = from_cumulants(LawForward(law, found.classes.nodes_deg, method.looks)(x))
     score = Score(x.tolist(), [0.0, 1.0, 0.0], 0.0, statistics.tolist(), found.fit.looks, found.fit.cost)
     pixels = (ground.values_db, ground.values_db)
-    return check_fit(comparison, score, pixels, float("nan"), np.random.default_rng(seed))
+    return check_fit(comparison, score, pixels, float("nan"), rng)
 
 
 def grounds_of(kind: str, objective: str, count: int, looks: float, seed: int) -> list[tuple[GroundLaw, FitTest]]:
@@ -109,7 +109,7 @@ def grounds_of(kind: str, objective: str, count: int, looks: float, seed: int) -
             str(k): made_ground(kind, looks, np.random.default_rng(seed + k)) for k in range(first, first + SEVERAL)
         }
         found = fit_grounds(grounds, dict.fromkeys(grounds, Method(LAW, BOX, LOOKS, misfit=misfit)))
-        results += [(law, tested(law, objective, int(name))) for name, law in found.items()]
+        results += [(law, tested(law, objective, np.random.default_rng(int(name)))) for name, law in found.items()]
     return results
 
 
