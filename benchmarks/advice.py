@@ -1,116 +1,240 @@
 """Test of ``radcal advise``: how often the advised pass is the one that narrows the 90 % band of sigma0 most.
 
-    python benchmarks/advice.py [--quick] [--truths 10] [--first 0] [--speckle 0]
+    python benchmarks/advice.py [--quick] [--truths 10] [--first 0] [--speckle 0] [--protocol drawn] [--out FILE]
 
-The hidden laws are drawn uniformly in the bounds of the default case's dyke. Each law is measured in a first pass with
-a depression of 45 degrees to the right, with independent speckle and no other mismatch, and is calibrated. ``radcal
-advise`` then compares three further passes, with depressions of 30 and 60 degrees to the right, and of 45 degrees to
-the left. Each further pass is also measured, and calibrated together with the first pass. The advice is right if the
-advised pass leaves the smallest half-width of the 90 % band of sigma0, averaged over the incidence that the material
-has in any of the four passes. The half-widths found are those of the posterior's whole sample, because quantiles of its
-400 kept draws differ by up to a fifth. ``--speckle`` draws other speckle for the further passes of the same laws.
+The question of each test is that of a user who needs the law of the default case's dyke over an interval of incidence,
+has one pass, and can have one of three further passes. A generator with a fixed seed for each number draws
+
+- the hidden law, uniformly in the bounds of the dyke;
+- the first pass, one of six: depression angles of 30, 45 and 60 degrees, each to the right and to the left;
+- three of the five other passes as candidates;
+- the interval of interest: its width uniformly between 20 and 30 degrees, its place uniformly in the incidence of the
+  dyke, from the lowest 5 % quantile to the highest 95 % quantile of the six passes.
+
+The law is measured in the first pass, with independent speckle and no other mismatch, and is calibrated. ``advice_on``,
+the function of ``radcal advise``, then gives the expected half-widths for the three candidates. A draw is skipped if
+the command would not name one pass alone: if no pass is expected to narrow the band by a tenth, or if a second pass is
+as good within 5 %. Numbers follow each other until ``--truths`` draws are not skipped. Each candidate is then measured,
+and calibrated together with the first pass. The advice is right if the advised pass leaves the smallest half-width of
+the 90 % band of sigma0, averaged over the interval. The half-widths found are those of the posterior's whole sample,
+because quantiles of its 400 kept draws differ by up to a fifth.
+
+Peers that know geometry and interval, and no posterior: the largest share of the dyke's usable pixels inside of the
+interval (``inside``); the median incidence nearest to the interval's middle (``median``); the largest part of the
+interval between the 5 % and 95 % quantiles of the incidence in the first or the further pass, and at equal parts the
+largest share (``covered``). Peers without a choice: a random pass, and always the same pass.
+
+``--speckle`` draws other speckle for the further passes. ``--protocol fixed`` has the same passes for each hidden law
+(45 degrees right; then 30 right, 60 right or 45 left), the whole incidence as interval, and skips nothing.
+
+Each finished number is one line of the file ``--out`` and is not made again. The last line printed is one JSON object.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import tempfile
+import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from passes import calibrated_passes
 from threadpoolctl import threadpool_limits
+from twins import finished
 
 from radcal.assessment.budget import Budget
+from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.posterior import Posterior, posterior_of
+from radcal.assessment.preposterior import sight_of
 from radcal.config import Case, case_from, stages
 from radcal.measurement.levels import Levels
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
-from radcal.report.advice import advice_on
+from radcal.report.advice import _EQUAL, _LITTLE, advice_on
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.seeds import derived_rng
 
-FIRST = {"depression_deg": 45.0, "look_side": "right"}
-FURTHER = (
-    {"depression_deg": 30.0, "look_side": "right"},
-    {"depression_deg": 60.0, "look_side": "right"},
-    {"depression_deg": 45.0, "look_side": "left"},
-)
 NAME = "dyke"
+PASSES = [(depression, side) for depression in (30.0, 45.0, 60.0) for side in ("right", "left")]
+FIXED = [(45.0, "right"), (30.0, "right"), (60.0, "right"), (45.0, "left")]
+PEERS = ("inside", "median", "covered")
+WIDTH_DEG = (20.0, 30.0)
+
+Pass = tuple[float, str]
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Scene of the default case, and what each pass sees of the dyke: geometry and incidence of usable pixels [deg]."""
+
+    scene: Scene
+    geometries: dict[Pass, Geometry]
+    incidence_deg: dict[Pass, NDArray[np.float64]]
+
+    @classmethod
+    def made(cls, case: Case) -> Ground:
+        """Scene and geometries of all passes."""
+        scene = make_scene(case.scene, list(case.materials))
+        radars = {one: case.radar.model_copy(update=settings(one)) for one in PASSES}
+        geometries = {one: make_geometry(scene, radar) for one, radar in radars.items()}
+        sights = {one: sight_of(NAME, geometries[one], radars[one], case.target, scene) for one in PASSES}
+        return cls(scene, geometries, {one: sight.incidence_deg for one, sight in sights.items() if sight is not None})
+
+    def seen_deg(self, one: Pass) -> tuple[float, float]:
+        """5 % and 95 % quantiles of the incidence in a pass [deg]."""
+        low, high = np.quantile(self.incidence_deg[one], [0.05, 0.95])
+        return float(low), float(high)
+
+
+@dataclass(frozen=True)
+class Question:
+    """Hidden law, first pass, candidates, and interval of interest [deg]; without an interval, the default one."""
+
+    truth: list[float]
+    first: Pass
+    candidates: list[Pass]
+    over_deg: tuple[float, float] | None
 
 
 def main() -> None:
-    """Print a line per truth and, last, the summary as JSON."""
+    """Make the numbers that are missing, print a line for each and, last, the summary as JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="1 truth in place of 10")
-    parser.add_argument("--truths", type=int, default=10, help="number of truths")
-    parser.add_argument("--first", type=int, default=0, help="number of the first truth, to continue a benchmark")
+    parser.add_argument("--truths", type=int, default=10, help="number of truths that are not skipped")
+    parser.add_argument("--first", type=int, default=0, help="number of the first truth")
     parser.add_argument("--speckle", type=int, default=0, help="number of the draw of speckle of the further passes")
-    arguments = parser.parse_args()
-    count = 1 if arguments.quick else arguments.truths
-    base = case_of([-24.0, 10.0, 14.0, 5.0], 0, [FIRST])
-    scene = make_scene(base.scene, list(base.materials))
-    geometries = {str(one): make_geometry(scene, base.radar.model_copy(update=one)) for one in (FIRST, *FURTHER)}
-    low, high = np.array(base.materials[NAME].box).T
-    truths = low + derived_rng(1, "benchmark", "advice").random((arguments.first + count, len(low))) * (high - low)
-    rows = []
-    print(f"{'hidden X':28} {'now':>5}   expected after each of the three | found after each; advised and best")
-    for number in range(arguments.first, arguments.first + count):
-        with threadpool_limits(1):
-            row = followed(truths[number].tolist(), number, scene, geometries, arguments.speckle)
-        rows.append(row)
-        both = (" ".join(f"{x:5.2f}" for x in row[key]) for key in ("expected_db", "found_db"))
-        told = f"advised {row['advised']}, best {row['best']}"
-        print(f"{np.round(truths[number], 1)!s:28} {row['now_db']:5.2f}   {' | '.join(both)}   {told}", flush=True)
+    parser.add_argument("--protocol", choices=("drawn", "fixed"), default="drawn", help="how questions are made")
+    parser.add_argument("--out", type=Path, default=Path("results/advice.jsonl"), help="file of finished numbers")
+    a = parser.parse_args()
+    a.out.parent.mkdir(parents=True, exist_ok=True)
+    made = {(row["protocol"], row["number"], row["speckle"]): row for row in finished(a.out)}
+    base = case_of([-24.0, 10.0, 14.0, 5.0], 0, PASSES[:1])
+    ground = Ground.made(base)
+    rows: list[dict[str, Any]] = []
+    number = a.first
+    while sum("found_db" in row for row in rows) < (1 if a.quick else a.truths):
+        key = (a.protocol, number, a.speckle)
+        if key not in made:
+            began = time.time()
+            with threadpool_limits(1):
+                row = followed(question(a.protocol, number, base, ground), number, ground, a.speckle, a.protocol)
+            named = dict(zip(("protocol", "number", "speckle"), key, strict=True))
+            made[key] = {**named, **row, "seconds": round(time.time() - began, 1)}
+            with a.out.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(made[key]) + "\n")
+                file.flush()
+                os.fsync(file.fileno())
+        rows.append(made[key])
+        print(line(made[key]), flush=True)
+        number += 1
     print(json.dumps(summary(rows)))
 
 
-def case_of(truth: list[float], number: int, passes: list[dict[str, Any]], speckle: int = 0) -> Case:
+def settings(one: Pass) -> dict[str, Any]:
+    """Keys of section ``radar``."""
+    return {"depression_deg": one[0], "look_side": one[1]}
+
+
+def question(protocol: str, number: int, base: Case, ground: Ground) -> Question:
+    """Question of a number, drawn before any result is known."""
+    low, high = np.array(base.materials[NAME].box).T
+    if protocol == "fixed":
+        truth = derived_rng(1, "benchmark", "advice").random((number + 1, len(low)))[number]
+        return Question((low + truth * (high - low)).tolist(), FIXED[0], FIXED[1:], None)
+    rng = derived_rng(1, "benchmark", "advice", "question", number)
+    truth = low + rng.random(len(low)) * (high - low)
+    first, *others = (PASSES[k] for k in rng.permutation(len(PASSES))[:4])
+    seen = [ground.seen_deg(one) for one in PASSES]
+    lowest, highest = min(each[0] for each in seen), max(each[1] for each in seen)
+    width = float(rng.uniform(*WIDTH_DEG))
+    begin = float(rng.uniform(lowest, highest - width))
+    return Question(truth.tolist(), first, others, (begin, begin + width))
+
+
+def case_of(truth: list[float], number: int, passes: list[Pass], speckle: int = 0) -> Case:
     """Default case with a hidden law, and these passes; ``speckle`` numbers the draws of the further pass's speckle."""
     seeds = [100 + 10 * number + k + 1000 * speckle * (k > 0) for k in range(len(passes))]
     images = [
         {"source": "synthetic", "synthetic": {"parameters": {NAME: truth}, "seed": seed, "warp_px": 0}}
         for seed in seeds
     ]
-    return case_from({"radar": passes, "measurement": images, "registration": {"method": "none"}})
+    radar = [settings(one) for one in passes]
+    return case_from({"radar": radar, "measurement": images, "registration": {"method": "none"}})
 
 
-def followed(
-    truth: list[float], number: int, scene: Scene, geometries: dict[str, Geometry], speckle: int = 0
-) -> dict[str, Any]:
-    """Mean half-widths [dB] after the first pass, and after each further one as advised and as found."""
+def followed(asked: Question, number: int, ground: Ground, speckle: int, protocol: str) -> dict[str, Any]:
+    """Mean half-widths [dB] after the first pass, and after each further one as advised and, if not skipped, found."""
     with tempfile.TemporaryDirectory() as folder:
-        case = case_of(truth, number, [FIRST])
-        first = calibrated(case, scene, [geometries[str(FIRST)]], Path(folder))
+        case = case_of(asked.truth, number, [asked.first])
+        first = calibrated(case, ground, [asked.first], Path(folder))
         assert first.draws is not None
         curves = first.draws.curves_db(case.laws[NAME])
-        radars = [case.radar.model_copy(update=one) for one in FURTHER]
+        radars = [case.radar.model_copy(update=settings(one)) for one in asked.candidates]
         budget = Budget.of(case.uncertainty, Levels())
-        advised = advice_on(case, scene, {NAME: (first.draws, curves)}, budget, radars)
+        advised = advice_on(case, ground.scene, {NAME: (first.draws, curves)}, budget, radars, asked.over_deg)
         over = advised[0].over_deg
         after = {(row.radar.depression_deg, row.radar.look_side): row.after_db for row in advised}
-        expected = [after[one["depression_deg"], one["look_side"]] for one in FURTHER]
+        row = {
+            "truth": asked.truth,
+            "first": asked.first,
+            "candidates": [list(one) for one in asked.candidates],
+            "over_deg": over,
+            "peers": peers(asked, over, ground),
+            "advice_now_db": advised[0].now_db,
+            "now_db": half_width_db(first, over),
+            "expected_db": [after[one] for one in asked.candidates],
+        }
+        if protocol == "drawn" and (why := no_advice(advised[0].now_db, row["expected_db"])):
+            return {**row, "skipped": why}
         found = []
-        for one in FURTHER:
-            both = [geometries[str(FIRST)], geometries[str(one)]]
-            narrowed = calibrated(case_of(truth, number, [FIRST, one], speckle), scene, both, Path(folder))
+        for one in asked.candidates:
+            both = [asked.first, one]
+            narrowed = calibrated(case_of(asked.truth, number, both, speckle), ground, both, Path(folder))
             found.append(half_width_db(narrowed, over))
+    return {**row, "found_db": found}
+
+
+def no_advice(now_db: float, expected_db: list[float]) -> str | None:
+    """Reason for which ``radcal advise`` would not name one pass alone, or None."""
+    best, second, *_ = sorted(expected_db)
+    if best > _LITTLE * now_db:
+        return "no pass narrows by a tenth"
+    if second <= _EQUAL * best:
+        return "all within 5 %" if max(expected_db) <= _EQUAL * best else "two within 5 %"
+    return None
+
+
+def peers(asked: Question, over_deg: tuple[float, float], ground: Ground) -> dict[str, int]:
+    """Choice of each peer that knows geometry and interval, as an index of the candidates."""
+    middle = 0.5 * (over_deg[0] + over_deg[1])
+    wanted = GRID_DEG[(over_deg[0] <= GRID_DEG) & (over_deg[1] >= GRID_DEG)]
+
+    def within(values: NDArray[np.float64], low: float, high: float) -> NDArray[np.bool_]:
+        return np.asarray((values >= low) & (values <= high))
+
+    own = within(wanted, *ground.seen_deg(asked.first))
+    inside, median, covered = [], [], []
+    for one in asked.candidates:
+        angles = ground.incidence_deg[one]
+        inside.append(float(within(angles, *over_deg).mean()))
+        median.append(-abs(float(np.median(angles)) - middle))
+        covered.append((float((own | within(wanted, *ground.seen_deg(one))).mean()), inside[-1]))
     return {
-        "now_db": half_width_db(first, over),
-        "expected_db": expected,
-        "found_db": found,
-        "advised": int(np.argmin(expected)),
-        "best": int(np.argmin(found)),
+        name: max(range(len(scores)), key=scores.__getitem__)
+        for name, scores in zip(PEERS, (inside, median, covered), strict=True)
     }
 
 
-def calibrated(case: Case, scene: Scene, geometries: list[Geometry], folder: Path) -> Posterior:
+def calibrated(case: Case, ground: Ground, passes: list[Pass], folder: Path) -> Posterior:
     """Posterior after a calibration."""
-    targets, history, _ = calibrated_passes(case, scene, geometries, folder)
+    geometries = [ground.geometries[one] for one in passes]
+    targets, history, _ = calibrated_passes(case, ground.scene, geometries, folder)
     return posterior_of(stages.Posterior.of(case), targets, history, NAME)
 
 
@@ -122,26 +246,65 @@ def half_width_db(posterior: Posterior, over_deg: tuple[float, float]) -> float:
     return float(0.5 * (curve.p95_db - curve.p05_db)[of].mean())
 
 
-def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """How often the advised pass was the best, and how far the expected half-widths were from those found."""
-    ratio = [row["expected_db"][row["advised"]] / row["found_db"][row["advised"]] for row in rows]
+def line(row: dict[str, Any]) -> str:
+    """One number in words, with half-widths [dB]."""
+    names = [f"{one[0]:g} {one[1]}" for one in row["candidates"]]
+    cells = [f"{name} {x:.2f}" for name, x in zip(names, row["expected_db"], strict=True)]
+    if "found_db" in row:
+        cells = [f"{cell} > {x:.2f}" for cell, x in zip(cells, row["found_db"], strict=True)]
+        best = names[int(np.argmin(row["found_db"]))]
+        told = f"advised {names[int(np.argmin(row['expected_db']))]}, best {best}"
+    else:
+        told = f"skipped: {row['skipped']}"
+    low, high = row["over_deg"]
+    return (
+        f"{row['number']:3d} {np.round(row['truth'], 1)!s:24} {low:.0f}-{high:.0f} deg, first {row['first'][0]:g} "
+        f"{row['first'][1]} {row['now_db']:.2f} | {', '.join(cells)} | {told}"
+    )
+
+
+def chosen(rows: list[dict[str, Any]], choice: list[int]) -> dict[str, Any]:
+    """How often a choice was the best one, and how much wider its band was than after the best one [%]."""
     found = np.array([row["found_db"] for row in rows])
-    # how much wider the band is than after the best pass [%]
-    regret = 100.0 * (found / found.min(axis=1, keepdims=True) - 1.0)
-    of_advice = regret[np.arange(len(rows)), [row["advised"] for row in rows]]
+    regret = (100.0 * (found / found.min(axis=1, keepdims=True) - 1.0))[np.arange(len(rows)), choice]
     return {
-        "n": len(rows),
-        "right": sum(row["advised"] == row["best"] for row in rows),
-        "within_5_percent": sum(row["found_db"][row["advised"]] <= 1.05 * min(row["found_db"]) for row in rows),
-        "regret_percent": {"mean": float(of_advice.mean()), "worst": float(of_advice.max())},
-        "regret_percent_of_the_same_pass": regret.mean(axis=0).round(2).tolist(),
-        "regret_percent_of_a_random_pass": float(regret.mean()),
-        "advised": [row["advised"] for row in rows],
-        "best": [row["best"] for row in rows],
-        "expected_over_found": float(np.median(ratio)),
-        "now_db": float(np.median([row["now_db"] for row in rows])),
-        "advised_db": float(np.median([row["found_db"][row["advised"]] for row in rows])),
-        "others_db": float(np.median([np.delete(row["found_db"], row["advised"]).min() for row in rows])),
+        "right": int((regret == 0.0).sum()),
+        "within_5_percent": int((regret <= 5.0).sum()),
+        "regret_percent": {"mean": round(float(regret.mean()), 2), "worst": round(float(regret.max()), 2)},
+    }
+
+
+def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Advice and peers on the same numbers, and how far the expected half-widths were from those found."""
+    kept = [row for row in rows if "found_db" in row]
+    reasons = [row["skipped"] for row in rows if "skipped" in row]
+    advised = [int(np.argmin(row["expected_db"])) for row in kept]
+    found = np.array([row["found_db"] for row in kept])
+    of_best = found / found.min(axis=1, keepdims=True)
+    ratio = np.array([row["expected_db"] for row in kept]) / found
+    always = {}
+    for one in PASSES:
+        where = [row for row in kept if list(one) in row["candidates"]]
+        if where:
+            same = chosen(where, [row["candidates"].index(list(one)) for row in where])
+            always[f"{one[0]:g} {one[1]}"] = {"n": len(where), **same}
+    return {
+        "n": len(kept),
+        "skipped": {why: reasons.count(why) for why in dict.fromkeys(reasons)},
+        "advice": chosen(kept, advised),
+        **{name: chosen(kept, [row["peers"][name] for row in kept]) for name in PEERS},
+        "random": {
+            "right": round(len(kept) / found.shape[1], 2),
+            "regret_percent": {
+                "mean": round(100.0 * float(of_best.mean()) - 100.0, 2),
+                "worst": round(100.0 * float(of_best.max()) - 100.0, 2),
+            },
+        },
+        "always": always,
+        "expected_over_found": [round(float(q), 2) for q in np.quantile(ratio, [0.0, 0.5, 1.0])],
+        "now_db": float(np.median([row["now_db"] for row in kept])),
+        "advised_db": float(np.median(found[np.arange(len(kept)), advised])),
+        "others_db": float(np.median([np.delete(one, k).min() for one, k in zip(found, advised, strict=True)])),
     }
 
 
