@@ -7,17 +7,17 @@ has one pass, and can have one of three further passes. A generator with a fixed
 
 - the hidden law, uniformly in the bounds of the dyke;
 - the first pass, one of six: depression angles of 30, 45 and 60 degrees, each to the right and to the left;
-- three of the five other passes as candidates;
-- the interval of interest: its width uniformly between 20 and 30 degrees, its place uniformly in the incidence of the
-  dyke, from the lowest 5 % quantile to the highest 95 % quantile of the six passes.
+- 100 questions: three of the five other passes as candidates, and an interval of interest, whose width is uniform
+  between 20 and 30 degrees, and whose place is uniform in the incidence of the dyke (from the lowest 5 % quantile to
+  the highest 95 % quantile of the six passes).
 
-The law is measured in the first pass, with independent speckle and no other mismatch, and is calibrated. ``advice_on``,
-the function of ``radcal advise``, then gives the expected half-widths for the three candidates. A draw is skipped if
-the command would not name one pass alone: if no pass is expected to narrow the band by a tenth, or if a second pass is
-as good within 5 %. Numbers follow each other until ``--truths`` draws are not skipped. Each candidate is then measured,
-and calibrated together with the first pass. The advice is right if the advised pass leaves the smallest half-width of
-the 90 % band of sigma0, averaged over the interval. The half-widths found are those of the posterior's whole sample,
-because quantiles of its 400 kept draws differ by up to a fifth.
+The law is measured in the first pass, with independent speckle and no other mismatch, and is calibrated. Of the
+questions, the first one is followed for which ``radcal advise`` would name one pass alone: this pass is expected to
+narrow the band by a tenth, and no other candidate is as good within 5 %. The expected half-widths alone decide this. A
+number without such a question is skipped. Each candidate is then measured, and calibrated together with the first pass.
+The advice is right if the advised pass leaves the smallest half-width of the 90 % band of sigma0, averaged over the
+interval. The half-widths found are those of the posterior's whole sample, because quantiles of its 400 kept draws
+differ by up to a fifth.
 
 Peers that know geometry and interval, and no posterior: the largest share of the dyke's usable pixels inside of the
 interval (``inside``); the median incidence nearest to the interval's middle (``median``); the largest part of the
@@ -25,7 +25,7 @@ interval between the 5 % and 95 % quantiles of the incidence in the first or the
 largest share (``covered``). Peers without a choice: a random pass, and always the same pass.
 
 ``--speckle`` draws other speckle for the further passes. ``--protocol fixed`` has the same passes for each hidden law
-(45 degrees right; then 30 right, 60 right or 45 left), the whole incidence as interval, and skips nothing.
+(45 degrees right; then 30 right, 60 right or 45 left), the whole incidence as interval, and follows each number.
 
 Each finished number is one line of the file ``--out`` and is not made again. The last line printed is one JSON object.
 """
@@ -49,8 +49,8 @@ from twins import finished
 
 from radcal.assessment.budget import Budget
 from radcal.assessment.curves import GRID_DEG
-from radcal.assessment.posterior import Posterior, posterior_of
-from radcal.assessment.preposterior import sight_of
+from radcal.assessment.posterior import KeptDraws, Posterior, posterior_of
+from radcal.assessment.preposterior import Sight, half_widths_after, half_widths_now, sight_of
 from radcal.config import Case, case_from, stages
 from radcal.measurement.levels import Levels
 from radcal.radar.geometry import Geometry
@@ -65,39 +65,40 @@ PASSES = [(depression, side) for depression in (30.0, 45.0, 60.0) for side in ("
 FIXED = [(45.0, "right"), (30.0, "right"), (60.0, "right"), (45.0, "left")]
 PEERS = ("inside", "median", "covered")
 WIDTH_DEG = (20.0, 30.0)
+QUESTIONS = 100  # for each hidden law
+ALONE = "one pass alone"
 
+Doubles = NDArray[np.float64]
 Pass = tuple[float, str]
 
 
 @dataclass(frozen=True)
 class Ground:
-    """Scene of the default case, and what each pass sees of the dyke: geometry and incidence of usable pixels [deg]."""
+    """Scene of the default case, and what each pass sees of it: geometry, and usable pixels of the dyke."""
 
     scene: Scene
     geometries: dict[Pass, Geometry]
-    incidence_deg: dict[Pass, NDArray[np.float64]]
+    sights: dict[Pass, Sight]
 
     @classmethod
     def made(cls, case: Case) -> Ground:
-        """Scene and geometries of all passes."""
+        """Scene, and what all passes see of it."""
         scene = make_scene(case.scene, list(case.materials))
         radars = {one: case.radar.model_copy(update=settings(one)) for one in PASSES}
         geometries = {one: make_geometry(scene, radar) for one, radar in radars.items()}
         sights = {one: sight_of(NAME, geometries[one], radars[one], case.target, scene) for one in PASSES}
-        return cls(scene, geometries, {one: sight.incidence_deg for one, sight in sights.items() if sight is not None})
+        return cls(scene, geometries, {one: sight for one, sight in sights.items() if sight is not None})
 
     def seen_deg(self, one: Pass) -> tuple[float, float]:
         """5 % and 95 % quantiles of the incidence in a pass [deg]."""
-        low, high = np.quantile(self.incidence_deg[one], [0.05, 0.95])
+        low, high = np.quantile(self.sights[one].incidence_deg, [0.05, 0.95])
         return float(low), float(high)
 
 
 @dataclass(frozen=True)
 class Question:
-    """Hidden law, first pass, candidates, and interval of interest [deg]; without an interval, the default one."""
+    """Candidates, and interval of interest [deg]; without an interval, the default one of ``radcal advise``."""
 
-    truth: list[float]
-    first: Pass
     candidates: list[Pass]
     over_deg: tuple[float, float] | None
 
@@ -123,7 +124,7 @@ def main() -> None:
         if key not in made:
             began = time.time()
             with threadpool_limits(1):
-                row = followed(question(a.protocol, number, base, ground), number, ground, a.speckle, a.protocol)
+                row = followed(number, base, ground, a.speckle, a.protocol)
             named = dict(zip(("protocol", "number", "speckle"), key, strict=True))
             made[key] = {**named, **row, "seconds": round(time.time() - began, 1)}
             with a.out.open("a", encoding="utf-8") as file:
@@ -141,20 +142,25 @@ def settings(one: Pass) -> dict[str, Any]:
     return {"depression_deg": one[0], "look_side": one[1]}
 
 
-def question(protocol: str, number: int, base: Case, ground: Ground) -> Question:
-    """Question of a number, drawn before any result is known."""
+def drawn(protocol: str, number: int, base: Case, ground: Ground) -> tuple[list[float], Pass, list[Question]]:
+    """Hidden law, first pass and questions of a number, drawn before any result is known."""
     low, high = np.array(base.materials[NAME].box).T
     if protocol == "fixed":
         truth = derived_rng(1, "benchmark", "advice").random((number + 1, len(low)))[number]
-        return Question((low + truth * (high - low)).tolist(), FIXED[0], FIXED[1:], None)
-    rng = derived_rng(1, "benchmark", "advice", "question", number)
+        return (low + truth * (high - low)).tolist(), FIXED[0], [Question(FIXED[1:], None)]
+    rng = derived_rng(1, "benchmark", "advice", "questions", number)
     truth = low + rng.random(len(low)) * (high - low)
-    first, *others = (PASSES[k] for k in rng.permutation(len(PASSES))[:4])
+    first = PASSES[int(rng.integers(len(PASSES)))]
+    others = [one for one in PASSES if one != first]
     seen = [ground.seen_deg(one) for one in PASSES]
     lowest, highest = min(each[0] for each in seen), max(each[1] for each in seen)
-    width = float(rng.uniform(*WIDTH_DEG))
-    begin = float(rng.uniform(lowest, highest - width))
-    return Question(truth.tolist(), first, others, (begin, begin + width))
+    questions = []
+    for _ in range(QUESTIONS):
+        three = [others[k] for k in rng.permutation(len(others))[:3]]
+        width = float(rng.uniform(*WIDTH_DEG))
+        begin = float(rng.uniform(lowest, highest - width))
+        questions.append(Question(three, (begin, begin + width)))
+    return truth.tolist(), first, questions
 
 
 def case_of(truth: list[float], number: int, passes: list[Pass], speckle: int = 0) -> Case:
@@ -168,49 +174,75 @@ def case_of(truth: list[float], number: int, passes: list[Pass], speckle: int = 
     return case_from({"radar": radar, "measurement": images, "registration": {"method": "none"}})
 
 
-def followed(asked: Question, number: int, ground: Ground, speckle: int, protocol: str) -> dict[str, Any]:
-    """Mean half-widths [dB] after the first pass, and after each further one as advised and, if not skipped, found."""
+def followed(number: int, base: Case, ground: Ground, speckle: int, protocol: str) -> dict[str, Any]:
+    """Mean half-widths [dB] after the first pass, and after each further one as expected and, if followed, as found."""
+    truth, first, questions = drawn(protocol, number, base, ground)
     with tempfile.TemporaryDirectory() as folder:
-        case = case_of(asked.truth, number, [asked.first])
-        first = calibrated(case, ground, [asked.first], Path(folder))
-        assert first.draws is not None
-        curves = first.draws.curves_db(case.laws[NAME])
-        radars = [case.radar.model_copy(update=settings(one)) for one in asked.candidates]
+        case = case_of(truth, number, [first])
+        before = calibrated(case, ground, [first], Path(folder))
+        assert before.draws is not None
+        curves = before.draws.curves_db(case.laws[NAME])
+        row: dict[str, Any] = {"truth": truth, "first": first}
         budget = Budget.of(case.uncertainty, Levels())
-        advised = advice_on(case, ground.scene, {NAME: (first.draws, curves)}, budget, radars, asked.over_deg)
+        if protocol == "drawn":
+            told = outcomes(before.draws, curves, budget, first, questions, ground)
+            row["outcomes"] = {why: told.count(why) for why in dict.fromkeys(told)}
+            if ALONE not in told:
+                return row
+            row["tried"] = told.index(ALONE) + 1
+        asked = questions[row.get("tried", 1) - 1]
+        radars = [case.radar.model_copy(update=settings(one)) for one in asked.candidates]
+        advised = advice_on(case, ground.scene, {NAME: (before.draws, curves)}, budget, radars, asked.over_deg)
         over = advised[0].over_deg
-        after = {(row.radar.depression_deg, row.radar.look_side): row.after_db for row in advised}
-        row = {
-            "truth": asked.truth,
-            "first": asked.first,
-            "candidates": [list(one) for one in asked.candidates],
-            "over_deg": over,
-            "peers": peers(asked, over, ground),
-            "advice_now_db": advised[0].now_db,
-            "now_db": half_width_db(first, over),
-            "expected_db": [after[one] for one in asked.candidates],
-        }
-        if protocol == "drawn" and (why := no_advice(advised[0].now_db, row["expected_db"])):
-            return {**row, "skipped": why}
+        after = {(one.radar.depression_deg, one.radar.look_side): one.after_db for one in advised}
+        expected = [after[one] for one in asked.candidates]
+        assert protocol == "fixed" or outcome(advised[0].now_db, expected) == ALONE
         found = []
         for one in asked.candidates:
-            both = [asked.first, one]
-            narrowed = calibrated(case_of(asked.truth, number, both, speckle), ground, both, Path(folder))
+            narrowed = calibrated(case_of(truth, number, [first, one], speckle), ground, [first, one], Path(folder))
             found.append(half_width_db(narrowed, over))
-    return {**row, "found_db": found}
+    return {
+        **row,
+        "candidates": [list(one) for one in asked.candidates],
+        "over_deg": over,
+        "peers": peers(asked, first, over, ground),
+        "advice_now_db": advised[0].now_db,
+        "now_db": half_width_db(before, over),
+        "expected_db": expected,
+        "found_db": found,
+    }
 
 
-def no_advice(now_db: float, expected_db: list[float]) -> str | None:
-    """Reason for which ``radcal advise`` would not name one pass alone, or None."""
-    best, second, *_ = sorted(expected_db)
+def outcomes(
+    draws: KeptDraws, curves_db: Doubles, budget: Budget, first: Pass, questions: list[Question], ground: Ground
+) -> list[str]:
+    """What ``radcal advise`` would say to each question."""
+    grid = np.arange(GRID_DEG.size, dtype=np.int64)
+    now = half_widths_now(curves_db)
+    after = {
+        one: half_widths_after(curves_db, draws, [ground.sights[first]], [ground.sights[one]], budget, grid)
+        for one in PASSES
+        if one != first
+    }
+    told = []
+    for asked in questions:
+        assert asked.over_deg is not None
+        of = (asked.over_deg[0] <= GRID_DEG) & (asked.over_deg[1] >= GRID_DEG)
+        told.append(outcome(float(now[of].mean()), [float(after[one][of].mean()) for one in asked.candidates]))
+    return told
+
+
+def outcome(now_db: float, expected_db: list[float]) -> str:
+    """What ``radcal advise`` would say of three candidates with these half-widths."""
+    best, second, third = sorted(expected_db)
     if best > _LITTLE * now_db:
-        return "no pass narrows by a tenth"
-    if second <= _EQUAL * best:
-        return "all within 5 %" if max(expected_db) <= _EQUAL * best else "two within 5 %"
-    return None
+        return "none by a tenth"
+    if third <= _EQUAL * best:
+        return "all within 5 %"
+    return "two within 5 %" if second <= _EQUAL * best else ALONE
 
 
-def peers(asked: Question, over_deg: tuple[float, float], ground: Ground) -> dict[str, int]:
+def peers(asked: Question, first: Pass, over_deg: tuple[float, float], ground: Ground) -> dict[str, int]:
     """Choice of each peer that knows geometry and interval, as an index of the candidates."""
     middle = 0.5 * (over_deg[0] + over_deg[1])
     wanted = GRID_DEG[(over_deg[0] <= GRID_DEG) & (over_deg[1] >= GRID_DEG)]
@@ -218,10 +250,10 @@ def peers(asked: Question, over_deg: tuple[float, float], ground: Ground) -> dic
     def within(values: NDArray[np.float64], low: float, high: float) -> NDArray[np.bool_]:
         return np.asarray((values >= low) & (values <= high))
 
-    own = within(wanted, *ground.seen_deg(asked.first))
+    own = within(wanted, *ground.seen_deg(first))
     inside, median, covered = [], [], []
     for one in asked.candidates:
-        angles = ground.incidence_deg[one]
+        angles = ground.sights[one].incidence_deg
         inside.append(float(within(angles, *over_deg).mean()))
         median.append(-abs(float(np.median(angles)) - middle))
         covered.append((float((own | within(wanted, *ground.seen_deg(one))).mean()), inside[-1]))
@@ -247,20 +279,16 @@ def half_width_db(posterior: Posterior, over_deg: tuple[float, float]) -> float:
 
 
 def line(row: dict[str, Any]) -> str:
-    """One number in words, with half-widths [dB]."""
+    """One number in words, with half-widths expected > found [dB]."""
+    begin = f"{row['number']:3d} {np.round(row['truth'], 1)!s:24} first {row['first'][0]:g} {row['first'][1]:5}"
+    if "found_db" not in row:
+        return f"{begin} skipped: {row['outcomes']}"
     names = [f"{one[0]:g} {one[1]}" for one in row["candidates"]]
-    cells = [f"{name} {x:.2f}" for name, x in zip(names, row["expected_db"], strict=True)]
-    if "found_db" in row:
-        cells = [f"{cell} > {x:.2f}" for cell, x in zip(cells, row["found_db"], strict=True)]
-        best = names[int(np.argmin(row["found_db"]))]
-        told = f"advised {names[int(np.argmin(row['expected_db']))]}, best {best}"
-    else:
-        told = f"skipped: {row['skipped']}"
-    low, high = row["over_deg"]
-    return (
-        f"{row['number']:3d} {np.round(row['truth'], 1)!s:24} {low:.0f}-{high:.0f} deg, first {row['first'][0]:g} "
-        f"{row['first'][1]} {row['now_db']:.2f} | {', '.join(cells)} | {told}"
-    )
+    each = zip(names, row["expected_db"], row["found_db"], strict=True)
+    cells = ", ".join(f"{name} {expected:.2f} > {found:.2f}" for name, expected, found in each)
+    advised, best = (names[int(np.argmin(row[key]))] for key in ("expected_db", "found_db"))
+    over = "{:.0f}-{:.0f} deg".format(*row["over_deg"])
+    return f"{begin} {over} {row['now_db']:.2f} | {cells} | advised {advised}, best {best}"
 
 
 def chosen(rows: list[dict[str, Any]], choice: list[int]) -> dict[str, Any]:
@@ -277,7 +305,7 @@ def chosen(rows: list[dict[str, Any]], choice: list[int]) -> dict[str, Any]:
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Advice and peers on the same numbers, and how far the expected half-widths were from those found."""
     kept = [row for row in rows if "found_db" in row]
-    reasons = [row["skipped"] for row in rows if "skipped" in row]
+    told = [row["outcomes"] for row in rows if "outcomes" in row]
     advised = [int(np.argmin(row["expected_db"])) for row in kept]
     found = np.array([row["found_db"] for row in kept])
     of_best = found / found.min(axis=1, keepdims=True)
@@ -290,7 +318,10 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
             always[f"{one[0]:g} {one[1]}"] = {"n": len(where), **same}
     return {
         "n": len(kept),
-        "skipped": {why: reasons.count(why) for why in dict.fromkeys(reasons)},
+        "skipped": len(rows) - len(kept),
+        "outcomes": {
+            why: sum(each.get(why, 0) for each in told) for why in dict.fromkeys(w for one in told for w in one)
+        },
         "advice": chosen(kept, advised),
         **{name: chosen(kept, [row["peers"][name] for row in kept]) for name in PEERS},
         "random": {
