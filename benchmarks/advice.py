@@ -24,8 +24,10 @@ interval (``inside``); the median incidence nearest to the interval's middle (``
 interval between the 5 % and 95 % quantiles of the incidence in the first or the further pass, and at equal parts the
 largest share (``covered``). Peers without a choice: a random pass, and always the same pass.
 
-``--speckle`` draws other speckle for the further passes. ``--protocol fixed`` has the same passes for each hidden law
-(45 degrees right; then 30 right, 60 right or 45 left), the whole incidence as interval, and follows each number.
+``--protocol contested`` follows, of 1000 questions, the first one for which ``radcal advise`` would name one pass alone
+and ``inside`` names another one. ``--protocol fixed`` has the same passes for each hidden law (45 degrees right; then
+30 right, 60 right or 45 left), the whole incidence as interval, and follows each number. ``--speckle`` draws other
+speckle for the further passes.
 
 Each finished number is one line of the file ``--out`` and is not made again. The last line printed is one JSON object.
 """
@@ -37,6 +39,7 @@ import json
 import os
 import tempfile
 import time
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -65,7 +68,7 @@ PASSES = [(depression, side) for depression in (30.0, 45.0, 60.0) for side in ("
 FIXED = [(45.0, "right"), (30.0, "right"), (60.0, "right"), (45.0, "left")]
 PEERS = ("inside", "median", "covered")
 WIDTH_DEG = (20.0, 30.0)
-QUESTIONS = 100  # for each hidden law
+QUESTIONS = {"drawn": 100, "contested": 1000}  # for each hidden law
 ALONE = "one pass alone"
 
 Doubles = NDArray[np.float64]
@@ -110,7 +113,9 @@ def main() -> None:
     parser.add_argument("--truths", type=int, default=10, help="number of truths that are not skipped")
     parser.add_argument("--first", type=int, default=0, help="number of the first truth")
     parser.add_argument("--speckle", type=int, default=0, help="number of the draw of speckle of the further passes")
-    parser.add_argument("--protocol", choices=("drawn", "fixed"), default="drawn", help="how questions are made")
+    parser.add_argument(
+        "--protocol", choices=("drawn", "contested", "fixed"), default="drawn", help="how questions are made"
+    )
     parser.add_argument("--out", type=Path, default=Path("results/advice.jsonl"), help="file of finished numbers")
     a = parser.parse_args()
     a.out.parent.mkdir(parents=True, exist_ok=True)
@@ -155,7 +160,7 @@ def drawn(protocol: str, number: int, base: Case, ground: Ground) -> tuple[list[
     seen = [ground.seen_deg(one) for one in PASSES]
     lowest, highest = min(each[0] for each in seen), max(each[1] for each in seen)
     questions = []
-    for _ in range(QUESTIONS):
+    for _ in range(QUESTIONS[protocol]):
         three = [others[k] for k in rng.permutation(len(others))[:3]]
         width = float(rng.uniform(*WIDTH_DEG))
         begin = float(rng.uniform(lowest, highest - width))
@@ -184,19 +189,20 @@ def followed(number: int, base: Case, ground: Ground, speckle: int, protocol: st
         curves = before.draws.curves_db(case.laws[NAME])
         row: dict[str, Any] = {"truth": truth, "first": first}
         budget = Budget.of(case.uncertainty, Levels())
-        if protocol == "drawn":
+        if protocol != "fixed":
             told = outcomes(before.draws, curves, budget, first, questions, ground)
-            row["outcomes"] = {why: told.count(why) for why in dict.fromkeys(told)}
-            if ALONE not in told:
+            row |= counted(told)
+            wanted = [one.alone and not (protocol == "contested" and one.peers[PEERS[0]] == one.best) for one in told]
+            if not any(wanted):
                 return row
-            row["tried"] = told.index(ALONE) + 1
+            row["tried"] = wanted.index(True) + 1
         asked = questions[row.get("tried", 1) - 1]
         radars = [case.radar.model_copy(update=settings(one)) for one in asked.candidates]
         advised = advice_on(case, ground.scene, {NAME: (before.draws, curves)}, budget, radars, asked.over_deg)
         over = advised[0].over_deg
         after = {(one.radar.depression_deg, one.radar.look_side): one.after_db for one in advised}
         expected = [after[one] for one in asked.candidates]
-        assert protocol == "fixed" or outcome(advised[0].now_db, expected) == ALONE
+        assert protocol == "fixed" or said(advised[0].now_db, expected) == ALONE
         found = []
         for one in asked.candidates:
             narrowed = calibrated(case_of(truth, number, [first, one], speckle), ground, [first, one], Path(folder))
@@ -213,10 +219,24 @@ def followed(number: int, base: Case, ground: Ground, speckle: int, protocol: st
     }
 
 
+@dataclass(frozen=True)
+class Outcome:
+    """What ``radcal advise`` would say to a question, and indices of the passes that it and the peers put first."""
+
+    said: str
+    best: int
+    peers: dict[str, int]
+
+    @property
+    def alone(self) -> bool:
+        """Whether one pass alone would be named."""
+        return self.said == ALONE
+
+
 def outcomes(
     draws: KeptDraws, curves_db: Doubles, budget: Budget, first: Pass, questions: list[Question], ground: Ground
-) -> list[str]:
-    """What ``radcal advise`` would say to each question."""
+) -> list[Outcome]:
+    """Outcome of each question."""
     grid = np.arange(GRID_DEG.size, dtype=np.int64)
     now = half_widths_now(curves_db)
     after = {
@@ -224,15 +244,29 @@ def outcomes(
         for one in PASSES
         if one != first
     }
-    told = []
+    found = []
     for asked in questions:
-        assert asked.over_deg is not None
-        of = (asked.over_deg[0] <= GRID_DEG) & (asked.over_deg[1] >= GRID_DEG)
-        told.append(outcome(float(now[of].mean()), [float(after[one][of].mean()) for one in asked.candidates]))
-    return told
+        over = asked.over_deg
+        assert over is not None
+        of = (over[0] <= GRID_DEG) & (over[1] >= GRID_DEG)
+        expected = [float(after[one][of].mean()) for one in asked.candidates]
+        words = said(float(now[of].mean()), expected)
+        named = peers(asked, first, over, ground) if words == ALONE else {}
+        found.append(Outcome(words, int(np.argmin(expected)), named))
+    return found
 
 
-def outcome(now_db: float, expected_db: list[float]) -> str:
+def counted(told: list[Outcome]) -> dict[str, dict[str, int]]:
+    """Numbers of outcomes and, where one pass alone is named, how often each peer names the same."""
+    words = [one.said for one in told]
+    alone = [one for one in told if one.alone]
+    return {
+        "outcomes": {why: words.count(why) for why in dict.fromkeys(words)},
+        "agree": {name: sum(one.peers[name] == one.best for one in alone) for name in PEERS},
+    }
+
+
+def said(now_db: float, expected_db: list[float]) -> str:
     """What ``radcal advise`` would say of three candidates with these half-widths."""
     best, second, third = sorted(expected_db)
     if best > _LITTLE * now_db:
@@ -305,7 +339,6 @@ def chosen(rows: list[dict[str, Any]], choice: list[int]) -> dict[str, Any]:
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Advice and peers on the same numbers, and how far the expected half-widths were from those found."""
     kept = [row for row in rows if "found_db" in row]
-    told = [row["outcomes"] for row in rows if "outcomes" in row]
     advised = [int(np.argmin(row["expected_db"])) for row in kept]
     found = np.array([row["found_db"] for row in kept])
     of_best = found / found.min(axis=1, keepdims=True)
@@ -319,9 +352,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "n": len(kept),
         "skipped": len(rows) - len(kept),
-        "outcomes": {
-            why: sum(each.get(why, 0) for each in told) for why in dict.fromkeys(w for one in told for w in one)
-        },
+        **{key: dict(sum((Counter(row.get(key, {})) for row in rows), Counter())) for key in ("outcomes", "agree")},
         "advice": chosen(kept, advised),
         **{name: chosen(kept, [row["peers"][name] for row in kept]) for name in PEERS},
         "random": {
