@@ -12,14 +12,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
-import sys
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
+from dyke_cases import ROOT, by_workflow
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
@@ -32,8 +30,6 @@ from radcal.measurement.target import read_targets
 from radcal.radar.geometry import read_geometry
 from radcal.seeds import derived_rng
 from radcal.simulators.sources import make_simulator
-
-ROOT = Path(__file__).resolve().parents[1]
 
 
 def run(name: str, parameters: list[float], seed: int) -> dict[str, Any]:
@@ -52,11 +48,7 @@ def run(name: str, parameters: list[float], seed: int) -> dict[str, Any]:
     text = yaml.safe_dump(merged(published, own))
     if not config.exists() or config.read_text() != text:
         config.write_text(text)
-    command = [sys.executable, "-m", "snakemake", "--cores", "1", "--configfile", str(config)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    if done.returncode:
-        sys.exit(f"{name}: {done.stderr}")
-    return dict(json.loads((folder / "summary.json").read_text()))
+    return by_workflow(name, config)
 
 
 def dense_search(name: str, sample: int = 256, starts: int = 6) -> float:

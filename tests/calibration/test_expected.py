@@ -42,6 +42,13 @@ def test_law_cumulants_are_moments_over_the_angles():
     )
 
 
+def test_several_laws_at_once_are_the_single_laws_bit_for_bit():
+    nodes = np.linspace(20.0, 50.0, 24).reshape(2, 12)
+    several = np.array([X, X + [3.0, -2.0, 1.0, 0.5], X - 1.0])
+    forward = LawForward(LAW, nodes, 4.0, -25.0)
+    np.testing.assert_array_equal(forward(several), [forward(x) for x in several])
+
+
 def test_noise_adds_its_power_to_the_laws():
     nodes = np.linspace(20.0, 50.0, 24).reshape(2, 12)
     level = LAW(np.radians(nodes), X)

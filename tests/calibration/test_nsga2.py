@@ -3,6 +3,8 @@ from __future__ import annotations
 import random
 
 import numpy as np
+import platypus
+import pytest
 
 from radcal.calibration.nsga2 import nsga2
 from radcal.config import Optimiser
@@ -44,6 +46,27 @@ def test_several_objectives_give_a_front():
     assert along.min() < 0.15
     assert along.max() > 0.85
     assert np.abs(points - ends[0] - along[:, None] * (ends[1] - ends[0])).max() < 0.1
+
+
+@pytest.mark.parametrize("step", [0.0, 0.1])
+@pytest.mark.parametrize("objectives", [1, 2])
+def test_the_faster_parts_give_what_platypus_alone_gives(objectives, step):
+    """Bit for bit, also if many solutions have equal objectives."""
+    ends = np.array([[0.2, 0.3], [0.7, 0.6]])[:objectives]
+
+    def distances(u):
+        found = ((u[:, None] - ends) ** 2).sum(axis=-1)
+        return np.round(found / step) * step if step else found
+
+    problem = platypus.Problem(2, objectives, function=lambda x: distances(np.array([x]))[0].tolist())
+    problem.types[:] = [platypus.Real(0.0, 1.0)] * 2
+    random.seed(3)
+    alone = platypus.NSGAII(problem, population_size=20)
+    alone.run(400)
+    expected = sorted(alone.population, key=lambda s: sum(s.objectives))
+    found = nsga2(distances, 2, Optimiser(population=20, evaluations=400), seed=3, objectives=objectives)
+    np.testing.assert_array_equal(found.points, [s.variables[:] for s in expected])
+    np.testing.assert_array_equal(found.objectives, [s.objectives[:] for s in expected])
 
 
 def test_it_evaluates_in_batches_and_leaves_the_global_generator_alone():

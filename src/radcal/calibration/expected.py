@@ -29,8 +29,8 @@ def law_cumulants(
     ----------
     law : Law
         Backscatter law with a curve.
-    parameters : array_like, shape (d,)
-        Parameters X of the law.
+    parameters : array_like, shape (d,) or (k, d)
+        Parameters X of the law; one X, or k.
     nodes_deg : ndarray, shape (n, m)
         Equally likely angles that represent each incidence-angle bin [deg].
     noise_db : float
@@ -38,15 +38,16 @@ def law_cumulants(
 
     Returns
     -------
-    ndarray, shape (n, 3)
+    ndarray, shape (n, 3), or (k, n, 3) for k X
     """
     per_neper = 10.0 / np.log(10.0)
-    level = law(np.radians(nodes_deg), parameters)
+    phi, x = np.radians(nodes_deg), np.asarray(parameters, dtype=np.float64)
+    level = law(phi, x) if x.ndim == 1 else np.stack([law(phi, one) for one in x])
     if np.isfinite(noise_db):
         level = per_neper * np.logaddexp(level / per_neper, noise_db / per_neper)
-    mean = level.mean(axis=1)
-    left = level - mean[:, None]
-    return np.stack([mean, (left**2).mean(axis=1), (left**3).mean(axis=1)], axis=-1)
+    mean = level.mean(axis=-1)
+    left = level - mean[..., None]
+    return np.stack([mean, (left**2).mean(axis=-1), (left**3).mean(axis=-1)], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,7 @@ class LawForward:
     noise_db: float = -np.inf
 
     def __call__(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Mean [dB], variance [dB^2] and third central moment [dB^3] of each incidence-angle bin, shape (n, 3)."""
+        """Cumulants of each incidence-angle bin, shape (n, 3), at one X, shape (d,); of k X, shape (k, n, 3)."""
         return law_cumulants(self.law, parameters, self.nodes_deg, self.noise_db) + log_speckle_cumulants(self.looks)
 
 

@@ -59,28 +59,14 @@ def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectiv
     """
     import platypus
 
-    class Batched(platypus.Evaluator):  # type: ignore[misc]
-        """Evaluator that evaluates all solutions of a generation in one call of the objective."""
-
-        def evaluate_all(self, jobs: Any, **_: Any) -> Any:
-            jobs = list(jobs)
-            points = np.array([job.solution.variables[:] for job in jobs], dtype=np.float64)
-            state = random.getstate()
-            values = objective(points)
-            random.setstate(state)  # libraries may draw numbers when imported, which must not change those of Platypus
-            for job, value in zip(jobs, values, strict=True):
-                job.solution.objectives[:] = [float(part) for part in np.atleast_1d(value)]
-                job.solution.constraint_violation = 0.0
-                job.solution.feasible = True
-                job.solution.evaluated = True
-            return jobs
+    from radcal.calibration.generations import Batched, Generations, Start  # imports Platypus
 
     problem = platypus.Problem(dimension, objectives)
     problem.types[:] = [platypus.Real(0.0, 1.0) for _ in range(dimension)]
     earlier = random.getstate()  # Platypus draws from the module random, whose state is restored
     random.seed(seed)
     try:
-        algorithm = platypus.NSGAII(problem, population_size=config.population, evaluator=Batched())
+        algorithm = Generations(problem, config.population, Start(), evaluator=Batched(objective))
         algorithm.run(max(config.evaluations, config.population))
     finally:
         random.setstate(earlier)

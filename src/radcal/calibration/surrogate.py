@@ -138,7 +138,7 @@ class Surrogate:
         """Baseline of the statistics at m parameter vectors X, shape (m, n, 3); 0 for statistics without baseline."""
         if self._baseline is None:
             return np.zeros((len(parameters), *self._shape))
-        return np.stack([self._baseline(x) for x in parameters]) * self.training.baseline
+        return self._baseline(parameters) * self.training.baseline
 
     def predict(self, unit: ArrayLike, baseline: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
         """Predicted statistics, shape (m, n, 3), at points of the unit box, shape (m, d).
@@ -238,7 +238,7 @@ def train_surrogate(
     values = _learnt(statistics, direct)
     base = None
     if config.baseline and not direct and objective.baseline is not None:
-        base = np.stack([objective.baseline(x) for x in parameters])
+        base = objective.baseline(parameters)
     found, kept = [], []
     for k in range(len(STATISTICS)):
         # the measured variance is that of (mean, log sd, skewness), not of (xi, omega, alpha)

@@ -23,8 +23,8 @@ FINAL_RUNS = 2  # of each pass: one with the noise seed of all runs, one with an
 _SHORT_S = 60.0
 # shorter runs are a small part of an iteration, whose other steps take 10 to 20 s, and their first one is compiled
 _LONG_RUN_S = 30.0
-# largest number of infill runs for any of the 64 hidden laws with a baseline in the table of docs/right_law.md; of 20
-# laws without a baseline, half needed at most 9
+# infill runs within which 63 of the 64 searches with a baseline in the table of docs/right_law.md ended (one took 17);
+# of 20 searches without a baseline, half ended within 8
 _SEARCH_RUNS = 16
 _RECENT = 5  # latest iterations, whose median predicts the next ones: training takes longer with more runs
 

@@ -126,9 +126,9 @@ def test_cost_and_residuals_are_those_of_the_passes(found):
     assert min(costs) > 0.0
     wanted = 0.5 * sum(wanted) if case.objective == "classes" else np.sqrt(np.mean(np.square(costs)))
     assert joint.cost(points)[0] == pytest.approx(wanted, rel=1e-12)
-    np.testing.assert_allclose(
-        joint.baseline(np.array(X)), np.concatenate([part.baseline(np.array(X)) for part in parts])
-    )
+    alone = np.concatenate([part.baseline(np.array(X)) for part in parts])
+    np.testing.assert_allclose(joint.baseline(np.array(X)), alone)
+    np.testing.assert_array_equal(joint.baseline(np.array([X, X])), [joint.baseline(np.array(X))] * 2)
     first, second = np.array([-9.0, 2.0, 14.0, 2.0]), np.array(X)
     assert joint.moved_db(first, second) == max(part.moved_db(first, second) for part in parts)
 

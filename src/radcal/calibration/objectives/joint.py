@@ -45,7 +45,8 @@ class Joint(Comparison):
         self.starts = [(x, self._back(part, looks)) for part in self._parts for x, looks in part.starts]
         bases = [part.baseline for part in self._parts]
         known = [base for base in bases if base is not None]
-        self.baseline = (lambda x: np.concatenate([base(x) for base in known])) if len(known) == len(bases) else None
+        if len(known) == len(bases):
+            self.baseline = lambda x: np.concatenate([base(x) for base in known], axis=-2)
         self._ends = np.cumsum([len(part.scale) for part in self._parts])
         fields = [part.of_fields for part in self._parts]
         shown = [one for one in fields if one is not None]

@@ -38,7 +38,7 @@ __all__ = [
 Doubles = NDArray[np.float64]
 
 Baseline = Callable[[Doubles], Doubles]
-"""Function from X, shape (d,), to the statistics expected from law, speckle and noise, shape (n, 3)."""
+"""Function from X to the statistics that law, speckle and noise give: shape (d,) to (n, 3), or (k, d) to (k, n, 3)."""
 
 Reason = Literal["rms", "settled", "unreachable", "stagnation", "max_runs"]
 
