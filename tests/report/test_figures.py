@@ -19,6 +19,7 @@ from radcal import skewnormal
 from radcal.report import drawing, law_figures, map_figures, scene_figures
 from radcal.report import figures as module
 from radcal.report.archive import Fidelity, Images
+from radcal.report.density_figures import densities, overview
 from radcal.report.fidelity_figures import differences, fidelity
 from radcal.report.figures import write_figures
 from radcal.report.front_figures import front
@@ -97,6 +98,21 @@ def test_captions_say_what_is_seen(figures):
     assert "lower bound of the rms" not in captions["cost_dyke"]
     # the start is 40 dB away, on an axis for a density of 2 dB
     assert "one lies outside the axis" in captions["densities_stem_beans"]
+
+
+def test_captions_give_the_looks_of_the_densities(made):
+    dyke = made.archive.materials["dyke"]
+    assert "texture" not in densities(made.archive, "dyke")[1]
+    looks = np.linspace(0.5, 3.5, dyke.rms.size)
+    looks[dyke.best] = 2.25
+    archive = changed_material(made.archive, "dyke", run_looks=looks)
+    assert "the texture that gives the run" in overview(archive)[1]
+    assert densities(archive, "dyke")[1].count("Effective looks of these runs: 0.5 to 2.2.") == 1
+    looks[0] = np.nan
+    archive = changed_material(made.archive, "dyke", run_looks=looks)
+    assert "Effective looks of these runs: 2.2." in densities(archive, "dyke")[1]
+    archive = changed_material(made.archive, "dyke", run_looks=np.full_like(looks, np.nan))
+    assert "texture" not in densities(archive, "dyke")[1]
 
 
 @pytest.mark.slow

@@ -126,7 +126,8 @@ def _protect(path: Path, kind: str, content: str, alike: Callable[[h5py.File], b
         why = "the files that it is made from are others"
     raise ConfigError(
         f"{path.parent} holds a finished calibration of another {kind} ({why}), which stays as it is: give this one a "
-        "name of its own (case: ...), or add --config replace=true to have those results replaced (runs are kept)."
+        "name of its own (case: ...), or add --config replace=true (to radcal run: --set replace=true) to have those "
+        "results replaced (runs are kept)."
     )
 
 
