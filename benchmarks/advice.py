@@ -58,7 +58,7 @@ from radcal.config import Case, case_from, stages
 from radcal.measurement.levels import Levels
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
-from radcal.report.advice import _EQUAL, _LITTLE, advice_on
+from radcal.report.advice import EQUAL, LITTLE, advice_on
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.seeds import derived_rng
@@ -269,11 +269,11 @@ def counted(told: list[Outcome]) -> dict[str, dict[str, int]]:
 def said(now_db: float, expected_db: list[float]) -> str:
     """What ``radcal advise`` would say of three candidates with these half-widths."""
     best, second, third = sorted(expected_db)
-    if best > _LITTLE * now_db:
+    if best > LITTLE * now_db:
         return "none by a tenth"
-    if third <= _EQUAL * best:
+    if third <= EQUAL * best:
         return "all within 5 %"
-    return "two within 5 %" if second <= _EQUAL * best else ALONE
+    return "two within 5 %" if second <= EQUAL * best else ALONE
 
 
 def peers(asked: Question, first: Pass, over_deg: tuple[float, float], ground: Ground) -> dict[str, int]:

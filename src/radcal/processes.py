@@ -6,12 +6,8 @@ import ctypes
 import signal
 import sys
 from collections.abc import Callable, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
-from multiprocessing import get_context
 from typing import Any, TypeVar
-
-from threadpoolctl import threadpool_limits
 
 __all__ = ["die_with_parent", "each"]
 
@@ -38,6 +34,9 @@ def each(work: Mapping[str, Callable[[], _Result]], processes: int) -> dict[str,
     """Results of independent calls by name; they do not depend on the number of processes."""
     if min(processes, len(work)) <= 1:
         return {name: call() for name, call in work.items()}
+    from concurrent.futures import ProcessPoolExecutor  # imported here, because every job imports this module
+    from multiprocessing import get_context
+
     _WORK[:] = work.values()  # forked processes inherit the list; calls that hold functions cannot be pickled
     with ProcessPoolExecutor(
         min(processes, len(work)), mp_context=get_context("fork"), initializer=die_with_parent
@@ -49,5 +48,7 @@ _WORK: list[Callable[[], Any]] = []
 
 
 def _call(number: int) -> Any:
+    from threadpoolctl import threadpool_limits
+
     with threadpool_limits(1):
         return _WORK[number]()

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.budget import NORMAL_90
 from radcal.assessment.constant import Constant
 from radcal.assessment.gain import Gain, field_gains, power
 from radcal.assessment.passes import law_sd_db
@@ -29,7 +30,6 @@ __all__ = [
 
 _FOLDS = 10
 _FEW_PIXELS = 20  # least number of pixels in a cell whose mean is compared
-_BAND = 1.6448536269514722
 _TREND = 4.0  # least squared coefficient over its variance: two standard errors, squared
 _MANY = 4  # least number of fields whose scatter alone gives a standard error: three degrees of freedom
 _IDENTIFIED = 2.0  # see GroundLaw.identified
@@ -128,7 +128,7 @@ def half_width_db(found: GroundLaw) -> float:
     """
     method = found.method
     sd = law_sd_db(method.law, method.bounds, found.fit, seen_rad(found.ground.incidence_deg))
-    return float(_BAND * sd.max())
+    return float(NORMAL_90 * sd.max())
 
 
 def trend(found: GroundLaw) -> float:

@@ -24,7 +24,7 @@ from radcal.report.archive import Archive, read_archive
 from radcal.report.tables import write_csv
 from radcal.scene.model import Scene, read_scene
 
-__all__ = ["Advised", "advice_on", "advise", "candidates", "common_ratio", "of_archive"]
+__all__ = ["EQUAL", "LITTLE", "Advised", "advice_on", "advise", "candidates", "common_ratio", "of_archive"]
 
 Doubles = NDArray[np.float64]
 
@@ -32,10 +32,12 @@ _STEP_DEG = 15.0
 _DEPRESSIONS = (10.0, 75.0)
 _INCIDENCES = (15.0, 80.0)
 _SIDES = ("right", "left")
-_EQUAL = 1.05
+EQUAL = 1.05
+"""Ratio of two half-widths after a pass up to which the passes count as equally good."""
 _ALL = "all materials"
 _ALIKE = "the passes of the table do not differ by more than 5 %, so that other reasons may decide"
-_LITTLE = 0.9  # of the half-width now
+LITTLE = 0.9
+"""Ratio of the half-width after a pass to that now above which the pass counts as hardly narrowing the band."""
 COLUMNS = (
     "depression_deg", "look_side", "material", "incidence_p05_deg", "incidence_p95_deg", "half_width_now_db",
     "half_width_after_db", "after_over_now", "over_from_deg", "over_to_deg", "layover", "shadow",
@@ -328,8 +330,8 @@ def _sentences(rows: Sequence[Advised]) -> Iterator[str]:
         own = sorted((row for row in rows if row.material == name), key=lambda row: row.after_db)
         best, *others = own
         over = f"between {best.over_deg[0]:.1f} and {best.over_deg[1]:.1f} degrees"
-        equal = [row.name for row in others if row.after_db <= _EQUAL * best.after_db]
-        if best.after_db > _LITTLE * best.now_db:
+        equal = [row.name for row in others if row.after_db <= EQUAL * best.after_db]
+        if best.after_db > LITTLE * best.now_db:
             yield f"{name}: no pass of the table is expected to narrow the band by a tenth {over}."
         elif others and len(equal) == len(others):
             yield (
@@ -356,9 +358,9 @@ def _sentence_on_all(passes: Sequence[Sequence[Advised]]) -> str:
     """Sentence that names the best further pass for all materials together; the best pass comes first."""
     common = [common_ratio(each) for each in passes]
     mean = "geometric mean over the materials"
-    if common[0] > _LITTLE:
+    if common[0] > LITTLE:
         return f"{_ALL}: no pass of the table is expected to narrow the bands by a tenth ({mean})."
-    equal = [each[0].name for each, ratio in zip(passes[1:], common[1:], strict=True) if ratio <= _EQUAL * common[0]]
+    equal = [each[0].name for each, ratio in zip(passes[1:], common[1:], strict=True) if ratio <= EQUAL * common[0]]
     if equal and len(equal) == len(passes) - 1:
         times = _range("{:.2f}", common[0], common[-1])
         return f"{_ALL}: {_ALIKE}: each is expected to narrow the bands to {times} times their half-widths ({mean})."
