@@ -77,14 +77,14 @@ def test_a_law_that_fields_bear_out_is_recommended():
     assert choice.predictor == "average"
     assert choice.weight == outcome.weight > 0.85
     assert "geometric mean over 8 fields" in choice.why
-    assert choice.why.endswith(": better")
+    assert choice.why.endswith(": better by more than this error")
 
 
 def test_a_flat_law_gets_less_weight_and_is_not_called_better():
     law = found(fields(2, FLAT, APART, between=0.8))
     choice = recommend(law, check(law), 1.5)
     assert 0.2 < choice.weight < 0.6
-    assert choice.why.endswith(": not shown to be better")
+    assert choice.why.endswith(": not better by more than this error")
 
 
 def test_a_wide_band_is_not():

@@ -298,12 +298,11 @@ def recommend(found: GroundLaw, check: FieldCheck, known_db: float) -> Recommend
             return Recommendation(1.0, "its change with incidence is seen inside of the parts of fields")
         return Recommendation(0.0, "its change with incidence is not shown to exceed its error")
     if gain.fields >= 2:
-        better = "better" if gain.better else "not shown to be better"
         return Recommendation(
             check.weight,
             f"the law's error on fields left out is {gain.ratio:.2f} times the constant's, geometric mean over "
             f"{gain.fields} fields, one standard error {np.exp(-gain.mean - gain.error):.2f} to "
-            f"{np.exp(-gain.mean + gain.error):.2f}: {better}",
+            f"{np.exp(-gain.mean + gain.error):.2f}: {'' if gain.better else 'not '}better by more than this error",
         )
     if identified and trend(found) >= _TREND:
         return Recommendation(1.0, "its change with incidence exceeds what gradients inside of one field would make")
