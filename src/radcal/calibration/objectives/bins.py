@@ -30,7 +30,7 @@ from radcal.errors import MeasurementError
 
 __all__ = ["Bins", "Likelihood"]
 
-_SETTLED = 0.05  # difference in cost for a law that is a third of its standard error from the minimum
+_SETTLED = 0.03  # difference in cost for a law that is a quarter of its standard error from the minimum
 
 
 class Bins(Objective):
