@@ -291,7 +291,8 @@ def recommend(found: GroundLaw, check: FieldCheck, known_db: float) -> Recommend
     if not width <= known_db:
         return Recommendation(
             0.0,
-            f"the law's linear 90 % band, without the level's error, is +-{width:.3g} dB, more than {known_db:.3g} dB",
+            f"the law's linear 90 % band over the 5-95 % of the incidence, without the level's error, reaches "
+            f"+-{width:.3g} dB, more than {known_db:.3g} dB",
         )
     if share_among_cells(found) < _INSIDE:
         if identified:
