@@ -25,6 +25,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning"),  # of rasterio about affine
 ]
 needs_data = pytest.mark.skipif(not os.environ.get("RADCAL_DATA"), reason="RADCAL_DATA is not set")
+LABELS = np.full((20, 30), 3, dtype=np.uint8)
 REMAINING = """--vertical-datum EGM2008 --radiometry sigma0_ref --frequency 5.405 --altitude 693000 --depression 51
     --heading 190.5 --look-side right --range-resolution 13 --azimuth-resolution 22 --looks 4 --nesz -22""".split()  # noqa: SIM905
 
@@ -158,8 +159,20 @@ def test_all_wrong_answers_are_told_at_once(files: list[str]) -> None:
     assert [line.split()[1] for line in done.stderr.splitlines()] == [
         "scene.elevation:", "scene.materials:", "measurement.path:", "--sensor", "scene.landcover", "scene.names:",
     ]  # fmt: skip
+    done = new("mine", *files[:4], "--image", "none", "--near-incidence", "20", "--band", "2", "--radiometry", "gamma0")
+    assert done.stderr.splitlines() == [
+        f"radcal: {key} is given, but a case with scene.source raster and measurement.source none has no such key."
+        for key in ("scene.near_incidence_deg", "measurement.band")
+    ]
+    assert new("mine", *files, "--band", "3").stderr == "radcal: measurement.band is 3, image.tif has 2.\n"
+    assert "radcal: measurement.band is 2, dem.tif has 1.\n" in new("mine", "--image", "dem.tif", "--band", "2").stderr
+    assert new("mine", "--elevation", ".").stderr == "radcal: scene.elevation: . is a folder, expected a file.\n"
     done = new("mine", *files, "--material", "grass", "--material", "lake", "--fixed", "sea=-3")
     assert done.stderr.count("radcal: there is no material '") == 3
+    done = new("mine", "--elevation", "dem.tif", "--landcover", write(Path("labels.tif"), [LABELS], pixel_m=None))
+    assert done.stderr == (
+        "radcal: scene.materials: labels.tif has no CRS and scene.elevation is given, expected land cover on the map.\n"
+    )
     assert not Path("mine.yaml").exists()
     assert not Path("mine_names.json").exists()
 
@@ -319,10 +332,9 @@ def test_a_case_with_a_synthetic_image_can_be_run_at_once(files: list[str]) -> N
 
 def test_land_cover_without_a_place_is_a_scene_in_slant_range(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    labels = np.full((20, 30), 3, dtype=np.uint8)
     image = np.random.default_rng(1).normal(-12, 2, (20, 30)).astype(np.float32)
     np.save("image.npy", image)
-    done = new("flat", "--landcover", write(tmp_path / "labels.tif", [labels], pixel_m=None), "--image", "image.npy")
+    done = new("flat", "--landcover", write(tmp_path / "labels.tif", [LABELS], pixel_m=None), "--image", "image.npy")
     assert done.exit_code == 0, done.output
     data = yaml.safe_load(Path("flat.yaml").read_text())
     assert data["scene"]["labels"] == "labels.tif"

@@ -35,6 +35,7 @@ Example:
 
 def main(case: str, **answers: Any) -> None:
     """Write a new case."""
+    from radcal.config import FILL_IN
     from radcal.config.sensors import SENSORS
     from radcal.running.new_case import NewCase, case_path
 
@@ -46,6 +47,8 @@ def main(case: str, **answers: Any) -> None:
         keys = {entry.key: entry.optional for entry in ENTRIES}
         new = NewCase(path, given, keys)
         seen = set(given)
+        if asked:
+            typer.echo(f"An empty answer leaves a line open ({FILL_IN}); Ctrl-C ends without a file.", err=True)
         # an answer may settle later questions: the file tells the bands, the band tells the scale
         while asked and (left := [one for one in ENTRIES if one.key not in seen and _is_open(one, new)]):
             remark = {"scene.landcover": new.offered, "radar.sensor": known}.get(left[0].key, "")

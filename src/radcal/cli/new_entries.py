@@ -44,7 +44,7 @@ class Entry:
 
 
 ENTRIES = (
-    Entry("--elevation", "scene.elevation", "raster of heights [m]; none for a land cover in slant range"),
+    Entry("--elevation", "scene.elevation", "raster of heights [m]; left out for a land cover in slant range"),
     Entry("--materials,--landcover", "scene.materials", "raster of land cover, as whole codes from 1 to 255"),
     Entry(
         "--landcover-preset", "scene.landcover", "land-cover map with known codes: esa_worldcover, corine or nlcd",

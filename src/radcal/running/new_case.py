@@ -33,6 +33,7 @@ _HIDDEN = (
     " # hidden laws, which the calibration is to find: drawn by the seed of the default case, another one for each "
     "material, about the level of its start"
 )
+_NOT_WRITTEN = ("measurement.path", "scene.materials", "materials.calibrated", "materials.fixed")  # by their name
 _FILES = ("scene.elevation", "scene.materials", "scene.labels", "measurement.path")
 
 
@@ -94,6 +95,7 @@ class NewCase(Answers):
         self._sections = {name: getattr(self, f"_{name}_keys")() for name in sections}
         for section, keys in self._sections.items():
             self.undecided += [f"{section}.{key}" for key in keys if f"{section}.{key}" not in self._values]
+        self._refuse_unused([key for key in answers if key not in _NOT_WRITTEN], self._sections)
         wrong = mistakes_of("\n".join(self._lines({})), answers.keys())
         if told := list(dict.fromkeys([*self._mistakes, *wrong])):
             raise ConfigError("\nradcal: ".join(told))
@@ -127,6 +129,7 @@ class NewCase(Answers):
                     f"scene.materials: {self._values['scene.materials']} has no CRS and scene.elevation is given, "
                     "expected land cover on the map."
                 )
+                del self._values["scene.elevation"]
             self._values["scene.source"] = "slant_range"
             self._values["scene.labels"] = self._values["scene.materials"]
             self._notes["scene.labels"] = self._notes["scene.materials"]
@@ -208,13 +211,16 @@ class NewCase(Answers):
             return
         band = self._values.get("measurement.band")
         if len(facts.bands) == 1:
-            band = 1
-            self._values.setdefault("measurement.band", "")  # the only band: no line is needed
+            band = self._values.setdefault("measurement.band", "") or 1  # the only band: no line is needed
         elif band is None and (wanted := self._values.get("radar.polarisation")) in facts.bands:
             band = self._values["measurement.band"] = facts.bands.index(wanted) + 1
         listed = ", ".join(f"{k} {name or 'without a name'}" for k, name in enumerate(facts.bands, start=1))
         self._notes["measurement.band"] = f"bands of the file: {listed}"
-        if band is None or not 1 <= band <= len(facts.bands):
+        if band is None:
+            return
+        if not 1 <= band <= len(facts.bands):
+            path = self._values["measurement.path"]
+            self._mistakes.append(f"measurement.band is {band}, {path} has {len(facts.bands)}.")
             return
         if facts.bands[band - 1] in ("HH", "HV", "VH", "VV"):
             self._values.setdefault("radar.polarisation", facts.bands[band - 1])

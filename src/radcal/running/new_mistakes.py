@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any, TypeVar
 
 from radcal.config import load_with_problems
@@ -13,6 +13,8 @@ from radcal.errors import RadcalError
 __all__ = ["Answers", "mistakes_of"]
 
 T = TypeVar("T")
+
+_SOURCES = ("scene", "measurement")  # sections whose keys depend on their source
 
 _ORIGIN = "configuration: "  # beginning of messages about data of no file
 
@@ -38,6 +40,14 @@ class Answers:
             self._mistakes.append(str(error))
             self._values.pop(key, None)
             return None
+
+    def _refuse_unused(self, given: Iterable[str], sections: Mapping[str, Collection[str]]) -> None:
+        """Add a sentence for each given key that has no line in the sections of the case, and is known from no file."""
+        for key in given:
+            section, _, name = key.partition(".")
+            if self._values.get(key, "") != "" and name not in sections.get(section, ()):
+                sources = " and ".join(f"{one}.source {self._values[f'{one}.source']}" for one in _SOURCES)
+                self._mistakes.append(f"{key} is given, but a case with {sources} has no such key.")
 
 
 def mistakes_of(text: str, typed: Collection[str]) -> list[str]:
