@@ -183,6 +183,6 @@ def _check_former(folder: Path, keys: Sequence[str]) -> None:
         if former != key:
             run = "is no readable image of a run" if former is None else f"is the image of run {former}"
             raise ConfigError(
-                f"{path}: {run}, and not of run {key}, which differs in laws, scene, pass or simulator: give --replace "
-                "to replace it, or --out with another folder."
+                f"{path}: {run}, and not of run {key}, which differs in laws, scene, pass, seed or simulator: give "
+                "--replace to replace it, or --out with another folder."
             )

@@ -123,13 +123,13 @@ class NewCase(Answers):
 
     def _read_scene(self) -> None:
         heights, cover = self._facts("scene.elevation"), self._facts("scene.materials")
+        if cover is not None and cover.crs is None and heights is not None:
+            self._mistakes.append(
+                f"scene.materials: {self._values['scene.materials']} has no CRS and scene.elevation is given, "
+                "expected land cover on the map."
+            )
+            return
         if cover is not None and cover.crs is None:
-            if heights is not None:
-                self._mistakes.append(
-                    f"scene.materials: {self._values['scene.materials']} has no CRS and scene.elevation is given, "
-                    "expected land cover on the map."
-                )
-                del self._values["scene.elevation"]
             self._values["scene.source"] = "slant_range"
             self._values["scene.labels"] = self._values["scene.materials"]
             self._notes["scene.labels"] = self._notes["scene.materials"]
