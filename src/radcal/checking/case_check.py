@@ -164,6 +164,7 @@ class _Problems(list[str]):
     def __init__(self, loaded: Loaded) -> None:
         super().__init__(loaded.problems)
         self._follows = loaded.follows
+        self.unmeasured = False  # whether the measured image of a pass could not be made
 
     def add(self, found: Iterable[str]) -> None:
         """Add those problems that are not in the list and do not follow from a wrong key."""
@@ -217,7 +218,7 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     if not sections:
         said, sections = _of_products(case)
         notes += said
-    unseen = _unseen(loaded, shape) if problems else ()
+    unseen = _unseen(loaded, shape, problems.unmeasured) if problems else ()
     listed = [_elsewhere(text, paths) + swapped_hint(case.scene, text) for text in problems]
     return CaseCheck(
         listed, notes, files, shape, largest_runs(case), demands, peaks, case.simulator.draws, tuple(sections),
@@ -225,12 +226,12 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     )  # fmt: skip
 
 
-def _unseen(loaded: Loaded, shape: tuple[int, int] | None) -> tuple[str, ...]:
+def _unseen(loaded: Loaded, shape: tuple[int, int] | None, unmeasured: bool) -> tuple[str, ...]:
     """Parts of a case with problems that were not checked."""
     parts = ["how right values of the wrong keys fit the others"] if loaded.wrong or loaded.without else []
     if loaded.forward:
         return (*parts, "the image's geometry") if shape is None else tuple(parts)
-    if shape is None or not loaded.has_geometry:
+    if unmeasured or shape is None or not loaded.has_geometry:
         parts.append("the measured image on the ground of the scene, with its levels and noise")
     return (*parts, "contrast of the start image, and levels against the ranges of the laws")
 
@@ -311,6 +312,7 @@ def _made(
             say(f"measured image{which}, for {shape[0]} x {shape[1]} pixels ...")
             measured = _measured(one, loaded, geometry, scene, problems, number)
             notes += said if measured is None else measured.notes
+            problems.unmeasured |= measured is None
             if not problems:
                 levels += outlook(one, geometry, measured)
     return notes, shape
