@@ -600,7 +600,7 @@ def test_more_gaps_than_elevation_are_refused(build: Build) -> None:
     [
         (np.full(SHAPE, 300, dtype=np.uint16), "holds uint16 from 300 to 300, expected whole material ids"),
         (np.full(SHAPE, -1, dtype=np.int16), "holds int16 from -1 to -1"),
-        (np.full(SHAPE, 1.0, dtype=np.float32), "holds float32 from 1.0 to 1.0"),
+        (np.full(SHAPE, 1.0, dtype=np.float32), "holds float32 from 1 to 1"),
         (np.zeros(SHAPE, dtype=np.uint8), "has no material where the elevation is"),
     ],
 )

@@ -335,7 +335,7 @@ def _ids(materials: Source, grid: Grid) -> tuple[NDArray[np.uint8], str]:
         raise materials.error("holds no material in the scene's area, only no-data.")
     if held.dtype.kind not in "ui" or held.min() < 0 or held.max() > 255:
         raise materials.error(
-            f"holds {held.dtype} from {held.min()} to {held.max()}, expected whole material ids from 0 to 255."
+            f"holds {held.dtype} from {held.min():g} to {held.max():g}, expected whole material ids from 0 to 255."
         )
     missing = -1
     parts = subdivision(materials, grid)
