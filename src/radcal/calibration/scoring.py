@@ -75,7 +75,7 @@ def score(
         others = [each.get(name) for each in densities[1:]]
         every = [rms, *(other[1] for other in others if other is not None)]
         if cost is None:
-            cost = float(objectives[name].together(np.array(every))) if len(every) > 1 else rms
+            cost = float(objectives[name].together(np.array(every)))
         scores[name] = Score(
             parameters=[float(x) for x in parameters[name]],
             dp=[float(v) for v in dp],
@@ -173,10 +173,8 @@ def score_reference(case: stages.Scores, records: Sequence[Record], targets: Tar
         score("reference", k, record, start, targets, objectives, case.seed, other_law=others)
         for k, record in enumerate(records)
     ]
-    sampling = {name: target.rms_sampling for name, target in targets.items()}
-    if targets.further:
-        each = {name: [one[name].rms_sampling for one in targets.passes if name in one] for name in targets}
-        sampling = {name: float(np.sqrt(np.mean(np.square(found)))) for name, found in each.items()}
+    each = {name: [one[name].rms_sampling for one in targets.passes if name in one] for name in targets}
+    sampling = {name: float(np.sqrt(np.mean(np.square(found)))) for name, found in each.items()}
     runs[0] = replace(runs[0], rms_sampling=sampling)
     for k, record in enumerate(records[1:], start=1):
         difference = records[0].largest_difference_db(record)

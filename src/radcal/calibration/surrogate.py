@@ -132,7 +132,7 @@ class Surrogate:
     def snapped(self, unit: ArrayLike) -> NDArray[np.float64]:
         """Points of the unit box with whole-number parameters rounded to values that can be simulated."""
         unit = np.asarray(unit, dtype=np.float64)
-        return np.where(self.integer, self.unit(self.scaled(unit)), unit) if self.integer.any() else unit
+        return np.where(self.integer, self.unit(self.scaled(unit)), unit)
 
     def _base(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         """Baseline of the statistics at m parameter vectors X, shape (m, n, 3); 0 for statistics without baseline."""
