@@ -251,9 +251,8 @@ def train_surrogate(
         found.append(best)
         kept.append(helps)
     scales, nugget, squares, status = zip(*found, strict=True)
-    with np.errstate(invalid="ignore"):
-        variation = ((values - values.mean(axis=0)) ** 2).sum(axis=(0, 1))
-        q2 = 1.0 - np.array(squares) / np.where(variation > 0.0, variation, np.nan)
+    variation = ((values - values.mean(axis=0)) ** 2).sum(axis=(0, 1))
+    q2 = 1.0 - np.array(squares) / np.where(variation > 0.0, variation, np.nan)
     return Training(
         parameters=parameters,
         statistics=statistics,
