@@ -134,7 +134,7 @@ class Surrogate:
     def snapped(self, unit: ArrayLike) -> NDArray[np.float64]:
         """Points of the unit box with whole-number parameters rounded to values that can be simulated."""
         unit = np.asarray(unit, dtype=np.float64)
-        return np.where(self.integer, self.unit(self.scaled(unit)), unit) if self.integer.any() else unit
+        return np.where(self.integer, self.unit(self.scaled(unit)), unit)
 
     def _base(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         """Baseline of the statistics at m parameter vectors X, shape (m, n, 3); 0 for statistics without baseline."""
@@ -259,9 +259,8 @@ def train_surrogate(
         found.append(tried[chosen])
         factors.append(candidates[chosen])
     scales, nugget, squares, status = zip(*found, strict=True)
-    with np.errstate(invalid="ignore"):
-        variation = ((values - values.mean(axis=0)) ** 2).sum(axis=(0, 1))
-        q2 = 1.0 - np.array(squares) / np.where(variation > 0.0, variation, np.nan)
+    variation = ((values - values.mean(axis=0)) ** 2).sum(axis=(0, 1))
+    q2 = 1.0 - np.array(squares) / np.where(variation > 0.0, variation, np.nan)
     return Training(
         parameters=parameters,
         statistics=statistics,
