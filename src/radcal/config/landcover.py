@@ -41,7 +41,8 @@ _X4 = 4.0
 _WORDS = {
     "woods": "forests? trees? woods? woodlands? mangroves? scrub shrubs? shrubland",
     "metropolitan": "urban built buildings? developed city houses? settlements? harbours? ports?",
-    "farmland": "crops? croplands? arable cultivated farmland agriculture grass grasses grasslands? pastures? meadows?",
+    "farmland": "crops? croplands? arable cultivated farmland agriculture grass grasses grasslands? pastures? meadows? "
+    "wheat barley rye oats? maize corn rice beets? potato(es)? rapeseed peas? beans? vineyards?",
     "flatland": "bare soil sands? barren rocks? beach(es)? desert snow ice roads? runways? airports?",
     "sea state 3": "water sea ocean lakes? rivers? lagoons?",
 }
