@@ -97,7 +97,7 @@ def test_a_wide_band_is_not():
     assert choice.weight == 0.0
     assert recommend(wide, outcome, 1.2 * half_width_db(wide)).weight == outcome.weight
     assert recommend(law, outcome, 0.8 * half_width_db(law)).predictor == "constant"
-    assert "the law's linear 90 % band over the 5-95 % of the incidence, without the level's error, reaches +-" in choice.why
+    assert "linear 90 % band over the 5-95 % of the incidence, without the level's error, reaches +-" in choice.why
 
 
 def test_one_field_tells_a_steep_law_from_its_own_gradient_and_a_weak_one_not():
