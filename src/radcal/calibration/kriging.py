@@ -85,7 +85,7 @@ class Kriging:
         return np.asarray(self.process * np.maximum(1.0 - known + trend, 0.0))
 
     @cached_property
-    def projected(self) -> NDArray[np.float64]:
+    def _projected(self) -> NDArray[np.float64]:
         """Inverse of the correlation matrix, projected so that the constant of the outputs is left out."""
         inverse = cho_solve(self._factor, np.eye(len(self._x)))
         return np.asarray(inverse - np.outer(self._ones, self._ones) / self._ones.sum())
@@ -95,7 +95,7 @@ class Kriging:
         """Mean square of the standardised leave-one-out errors, at least 1."""
         if len(self._x) < 2 or self.process <= 0.0:
             return 1.0
-        standardised = self.leave_one_out() ** 2 * np.diag(self.projected)[:, None] / self.process
+        standardised = self.leave_one_out() ** 2 * np.diag(self._projected)[:, None] / self.process
         return max(1.0, float(standardised.mean()))
 
     def leave_one_out(self) -> NDArray[np.float64]:
@@ -105,7 +105,7 @@ class Kriging:
         ----------
         Dubrule, "Cross validation of kriging in a unique neighborhood", Mathematical Geology 15 (1983).
         """
-        return np.asarray(self.projected @ self._y / np.diag(self.projected)[:, None])
+        return np.asarray(self._projected @ self._y / np.diag(self._projected)[:, None])
 
 
 def baseline_factor(x: NDArray[np.float64], y: NDArray[np.float64], baseline: NDArray[np.float64]) -> float:
@@ -128,7 +128,7 @@ def baseline_factor(x: NDArray[np.float64], y: NDArray[np.float64], baseline: ND
     Biometrika 87 (2000), eq. 1 and section 3.
     """
     freedom, scales = len(x) - 1, np.ones(x.shape[1])
-    weights = Kriging(x, baseline, scales).projected @ baseline
+    weights = Kriging(x, baseline, scales)._projected @ baseline
     across, along = ((part * weights).sum() / y.shape[1] for part in (y, baseline))
     factor, first = 1.0, Kriging(x, y - baseline, scales).process
     for _ in range(_ROUNDS):
