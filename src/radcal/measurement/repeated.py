@@ -13,9 +13,8 @@ __all__ = ["Repeated", "repeated_pixels"]
 
 _LEAST_SHARE = 0.01  # of equal adjacent pixels
 _APART = 8
-_BY_CHANCE = (
-    2e-4  # largest share of all pairs of pixels with equal values at which adjacent ones are not equal by chance
-)
+# largest share of all pairs of pixels with equal values at which adjacent pixels are not equal by chance
+_BY_CHANCE = 2e-4
 
 
 @dataclass(frozen=True)
