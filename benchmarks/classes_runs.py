@@ -1,6 +1,6 @@
 """Number of runs until the stop criterion of ``objective: classes`` is met, and the cost that the stop leaves.
 
-    python benchmarks/classes_runs.py [--quick] [--other 24] [--workflow 5] [--cases FOLDER]
+    python benchmarks/classes_runs.py [--quick] [--first 0] [--other 24] [--workflow 5] [--cases FOLDER]
 
 Hidden X of the published dyke are drawn uniformly in the bounds; each measured image has its own speckle. The first
 table is for the search without a design: its runs, its law error and its cost (half the sum of squared residuals) at
@@ -11,8 +11,9 @@ of 2, because smt needs two points. This search also goes on for three runs afte
 stop of the first search minus the lowest cost of all runs of both searches. A case file with bins refuses smt, which is
 compared here only.
 
-The first hidden X (``--workflow``) are also calibrated by the workflow, from the same case file, whose results lie in
-results/<case> of this project. ``--cases`` keeps the case files, for ``snakemake --configfile``.
+``--first 24`` takes the next 24 hidden X. The first hidden X of a table (``--workflow``) are also calibrated by the
+workflow, from the same case file, whose results lie in results/<case> of this project. ``--cases`` keeps the case files,
+for ``snakemake --configfile``.
 """
 
 from __future__ import annotations
@@ -49,18 +50,20 @@ def main() -> None:
     """Print two tables with a line per hidden X and, last, the summary as JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="2 hidden X in place of 24")
+    parser.add_argument("--first", type=int, default=0, help="number of the first hidden X")
     parser.add_argument("--other", type=int, default=COUNT, help="number of hidden X for the other surrogate")
     parser.add_argument("--workflow", type=int, default=0, help="number of hidden X that the workflow calibrates, too")
     parser.add_argument("--cases", type=Path, help="folder for the case files; by default a temporary one")
     arguments = parser.parse_args()
-    truths = hidden_laws(2 if arguments.quick else COUNT).tolist()
+    first, count = arguments.first, 2 if arguments.quick else COUNT
+    truths = hidden_laws(first + count)[first:].tolist()
     with tempfile.TemporaryDirectory() as folder, threadpool_limits(1):
         cases = arguments.cases or Path(folder)
         cases.mkdir(parents=True, exist_ok=True)
         bench = Bench(cases)
         paths = [
             bench.speckled(f"classes_{number}", truth, 100 + number, {"design": {"size": 0}})
-            for number, truth in enumerate(truths)
+            for number, truth in enumerate(truths, start=first)
         ]
         rows = []
         print(f"{'hidden X':30} {'ended':8} {'runs':>4} {'law error':>9} {'cost':>7} {'3 more':>7} {'workflow':>8}")
