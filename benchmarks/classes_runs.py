@@ -12,8 +12,8 @@ stop of the first search minus the lowest cost of all runs of both searches. A c
 compared here only.
 
 ``--first 24`` takes the next 24 hidden X. The first hidden X of a table (``--workflow``) are also calibrated by the
-workflow, from the same case file, whose results lie in results/<case> of this project. ``--cases`` keeps the case files,
-for ``snakemake --configfile``.
+workflow, from the same case file, whose results lie in results/<case> of this project. ``--cases`` keeps the case
+files, for ``snakemake --configfile``.
 """
 
 from __future__ import annotations
