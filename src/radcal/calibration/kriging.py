@@ -109,18 +109,17 @@ class Kriging:
 
 
 def baseline_factor(x: NDArray[np.float64], y: NDArray[np.float64], baseline: NDArray[np.float64]) -> float:
-    """Factor of the baseline in y(x) = factor * baseline(x) + constant + Gaussian process.
+    """Factor of the baseline in y(x) = factor * baseline(x) + constant + Gaussian process, for one output.
 
     Generalised least squares with a length scale of one width of the box; the prior of the factor is normal, with mean
-    1 and standard deviation 0.3. All outputs together count as one, because the baselines of neighbouring bins
-    change together. With a few runs, the variance of the process is drawn to its value for a factor of 1.
+    1 and standard deviation 0.3. With a few runs, the variance of the process is drawn to its value for a factor of 1.
 
     Parameters
     ----------
     x : ndarray, shape (k, d)
         At least two distinct points of the unit box.
-    y, baseline : ndarray, shape (k, n)
-        Outputs at the points, and their baseline.
+    y, baseline : ndarray, shape (k,)
+        Output at the points, and its baseline.
 
     References
     ----------
@@ -128,14 +127,17 @@ def baseline_factor(x: NDArray[np.float64], y: NDArray[np.float64], baseline: ND
     Biometrika 87 (2000), eq. 1 and section 3.
     """
     freedom, scales = len(x) - 1, np.ones(x.shape[1])
-    weights = Kriging(x, baseline, scales)._projected @ baseline
-    across, along = ((part * weights).sum() / y.shape[1] for part in (y, baseline))
-    factor, first = 1.0, Kriging(x, y - baseline, scales).process
+
+    def process(factor: float) -> float:
+        return Kriging(x, (y - factor * baseline)[:, None], scales).process
+
+    weights = Kriging(x, baseline[:, None], scales)._projected @ baseline
+    factor, first = 1.0, process(1.0)
     for _ in range(_ROUNDS):
-        process = (freedom * Kriging(x, y - factor * baseline, scales).process + first) / (freedom + 1)
-        prior = max(process, 1e-300) / _FACTOR_SD**2
-        factor = (across + prior) / (along + prior)
-    return float(factor)
+        variance = (freedom * process(factor) + first) / (freedom + 1)
+        prior = max(variance, 1e-300) / _FACTOR_SD**2
+        factor = float((y @ weights + prior) / (baseline @ weights + prior))
+    return factor
 
 
 def train(

@@ -207,9 +207,9 @@ def train_surrogate(
 ) -> Training:
     """Choose the length scales of each statistic, and the factor of its baseline: 1, 0 or the one that the runs show.
 
-    From four runs on, the factor with the smallest leave-one-out errors is chosen (Kennedy and O'Hagan, "Predicting the
-    output from a complex computer code when fast approximations are available", Biometrika 87 (2000), eq. 1). Before,
-    the factor is 1.
+    From four runs on, the factor with the smallest leave-one-out errors is chosen; before, the factor is 1. The runs are
+    asked for a factor of their own if there is a single bin (Kennedy and O'Hagan, "Predicting the output from a complex
+    computer code when fast approximations are available", Biometrika 87 (2000), eq. 1).
 
     Parameters
     ----------
@@ -253,7 +253,9 @@ def train_surrogate(
         one, of = values[..., k], np.zeros_like(values[..., k]) if base is None else base[..., k]
         candidates = [0.0] if base is None else [1.0]
         if base is not None and len(unit) >= _JUDGED:
-            candidates += [0.0] if config.training == "smt" else [0.0, baseline_factor(unit, one, of)]
+            candidates.append(0.0)
+            if one.shape[1] == 1 and config.training != "smt":  # bins differ: no factor holds for all of them
+                candidates.append(baseline_factor(unit, one[:, 0], of[:, 0]))
         tried = [_train_one(unit, one - factor * of, config, noise) for factor in candidates]
         chosen = int(np.argmin([each.squares for each in tried]))
         found.append(tried[chosen])
