@@ -207,9 +207,9 @@ def train_surrogate(
 ) -> Training:
     """Choose the length scales of each statistic, and the factor of its baseline: 1, 0 or the one that the runs show.
 
-    From four runs on, the factor with the smallest leave-one-out errors is chosen; before, the factor is 1. The runs are
-    asked for a factor of their own if there is a single bin (Kennedy and O'Hagan, "Predicting the output from a complex
-    computer code when fast approximations are available", Biometrika 87 (2000), eq. 1).
+    From four runs on, the factor with the smallest leave-one-out errors is chosen; before, the factor is 1. The runs
+    are asked for a factor of their own if there is a single bin (Kennedy and O'Hagan, "Predicting the output from a
+    complex computer code when fast approximations are available", Biometrika 87 (2000), eq. 1).
 
     Parameters
     ----------
