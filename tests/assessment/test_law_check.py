@@ -235,7 +235,10 @@ def test_whole_fields_are_predicted_from_the_others():
     assert held.rmse_constant_patch_db == held.rmse_constant_db
     assert held.patch_gain == held.law_gain
     assert check.left_out.gain.fields == PATCHES
-    assert check.recommended == "law"
+    assert check.recommended == "average"
+    assert check.law_weight == check.left_out.weight > 0.8
+    refused = check_laws(case, targets, history, withheld={"area": "the law does not fit"})["area"]
+    assert (refused.recommended, refused.law_weight) == ("constant", 0.0)
 
 
 @pytest.mark.slow

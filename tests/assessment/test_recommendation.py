@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import polygamma
+from scipy.stats import truncnorm
 
 from radcal.assessment.constant import constants
 from radcal.assessment.gain import Gain
@@ -19,7 +20,7 @@ from radcal.assessment.recommendation import (
     share_among_cells,
     trend,
 )
-from radcal.calibration.grounds import GroundLaw, fit_grounds
+from radcal.calibration.grounds import GroundLaw, fit_grounds, refit
 from radcal.calibration.law_fit import LawFit
 from radcal.calibration.misfit import Method
 from radcal.measurement.classes import make_classes
@@ -73,13 +74,17 @@ def test_a_law_that_fields_bear_out_is_recommended():
     assert outcome.power > 2.0
     assert half_width_db(law) < 1.5
     choice = recommend(law, outcome, 1.5)
-    assert choice.predictor == "law"
+    assert choice.predictor == "average"
+    assert choice.weight == outcome.weight > 0.85
     assert "geometric mean over 8 fields" in choice.why
+    assert choice.why.endswith(": better by more than this error")
 
 
-def test_a_flat_law_is_not():
+def test_a_flat_law_gets_less_weight_and_is_not_called_better():
     law = found(fields(2, FLAT, APART, between=0.8))
-    assert recommend(law, check(law), 1.5).predictor == "constant"
+    choice = recommend(law, check(law), 1.5)
+    assert 0.2 < choice.weight < 0.6
+    assert choice.why.endswith(": not better by more than this error")
 
 
 def test_a_wide_band_is_not():
@@ -89,9 +94,10 @@ def test_a_wide_band_is_not():
     assert half_width_db(wide) == pytest.approx(10.0 * half_width_db(law))
     choice = recommend(wide, outcome, 1.5)
     assert choice.predictor == "constant"
-    assert recommend(wide, outcome, 1.2 * half_width_db(wide)).predictor == "law"
+    assert choice.weight == 0.0
+    assert recommend(wide, outcome, 1.2 * half_width_db(wide)).weight == outcome.weight
     assert recommend(law, outcome, 0.8 * half_width_db(law)).predictor == "constant"
-    assert "the law's linear 90 % band, without the level's error, is +-" in choice.why
+    assert "the law's linear 90 % band over the 5-95 % of the incidence, without the level's error, reaches +-" in choice.why
 
 
 def test_one_field_tells_a_steep_law_from_its_own_gradient_and_a_weak_one_not():
@@ -118,9 +124,9 @@ def test_fields_that_hold_all_angles_alike_are_silent():
     law = found(alike)
     assert share_among_cells(found(ground)) > 0.9
     assert share_among_cells(law) < 0.1
-    against = FieldCheck(1.0, 0.9, Gain(-0.1, 0.02, 8), 0.1)
+    against = FieldCheck(1.0, 0.9, Gain(-0.1, 0.02, 8), 0.1, 0.25)
     assert recommend(law, against, 1.5).predictor == "law"
-    assert recommend(found(ground), against, 1.5).predictor == "constant"
+    assert recommend(found(ground), against, 1.5).weight == 0.25
 
 
 @pytest.fixture(scope="module")
@@ -171,14 +177,34 @@ def test_the_trend_is_the_law_in_generalised_least_squares_of_all_cells(steep):
     assert trend(steep) == pytest.approx(slope**2 / normal[1, 1], rel=1e-6)
 
 
-def test_four_fields_are_enough_for_their_own_error(steep):
-    """Three are not: the law must then be seen inside of the fields, too."""
-    flat = replace(steep, spread=Spread(20.0, 0.3))
-    assert trend(flat) < 4.0
-    gains = {fields: FieldCheck(0.3, 0.5, Gain(0.5, 0.1, fields), 5.0) for fields in (3, 4)}
-    assert recommend(flat, gains[4], 1.5).predictor == "law"
-    assert recommend(flat, gains[3], 1.5).predictor == "constant"
-    assert recommend(steep, gains[3], 1.5).predictor == "law"
+@pytest.mark.slow
+@pytest.mark.parametrize(("x", "between"), [(STEEP, 0.3), (FLAT, 0.8)])
+def test_the_weight_is_the_mean_of_a_normal_one_between_0_and_1(x, between):
+    """Dense algebra over all folds: effects of fields with a gradient, and the error that a fold's constant shares."""
+    law = found(fields(7, x, [(20.0 + 4.0 * k, 24.0 + 4.0 * k) for k in range(4)], between))
+    level = constants({"field": law.ground})["field"]
+    information = right = 0.0
+    for label in np.unique(law.ground.patch):
+        rest, out = (law.ground.part(mask) for mask in (law.ground.patch != label, law.ground.patch == label))
+        cells, others = out.cells, replace(level, ground=rest)
+        angle = cells.mean(out.incidence_deg)
+        z = (angle - angle.mean()) / angle.std()
+        covariance = np.diag(out.sampling + law.spread.within**2) + others.variance
+        inverse = np.linalg.inv(covariance + law.spread.between**2 * (1.0 + np.outer(z, z)))
+        difference = cells.mean(refit(law, rest).levels_db(out.incidence_deg)) - others.level_db
+        information += difference @ inverse @ difference
+        right += difference @ inverse @ (cells.mean(out.values_db) - others.level_db)
+    middle, sd = right / information, information**-0.5
+    expected = truncnorm(-middle / sd, (1.0 - middle) / sd, middle, sd).mean()
+    assert leave_fields_out(law, level).weight == pytest.approx(expected, abs=1e-3)
+
+
+def test_two_fields_are_averaged_and_one_decides_alone(steep):
+    outcomes = [FieldCheck(0.3, 0.5, Gain(0.5, 0.1, fields), 5.0, 0.625) for fields in (2, 1)]
+    two, one = (recommend(steep, outcome, 1.5) for outcome in outcomes)
+    assert (two.predictor, two.weight) == ("average", 0.625)
+    assert (one.predictor, one.weight) == ("law", 1.0)
+    np.testing.assert_allclose(two.levels_db([-8.0, -12.0], -16.0), [-11.0, -13.5])
 
 
 @pytest.mark.slow

@@ -122,6 +122,8 @@ def test_one_density_is_not_tested():
     assert said == (
         "dyke: one density leaves no degree of freedom to test the law, and its rms is 0.4 times the sampling error."
     )
+    near = fit_of(None, residual_sum=nan, expected=nan, p=nan, distance=0.003)  # a search that ends at its tolerance
+    assert verdict("dyke", near).endswith(", and its rms is less than 0.1 times the sampling error.")
     far = fit_of(None, residual_sum=nan, expected=nan, p=nan, distance=3.1)
     assert far.unmatched
     assert not replace(far, distance=2.9).unmatched

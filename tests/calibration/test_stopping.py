@@ -67,13 +67,13 @@ def test_a_run_beyond_the_maximum_does_not_count():
     assert reason(history([0.1, 1e-4]), max_runs=4) == "rms", "the last one allowed does"
 
 
-@pytest.mark.parametrize(("objective", "step"), [("density", 0.01), ("classes", 0.06)])
+@pytest.mark.parametrize(("objective", "step"), [("density", 0.01), ("classes", 0.035)])
 def test_stagnation_counts_runs_without_a_better_point(objective, step):
-    """For bins a better one by 0.05, a third of the law's standard error."""
+    """For bins a better one by 0.03, a quarter of the law's standard error."""
     assert reason(history([0.3, 0.31, 0.32]), objective, stagnation_runs=2) == "stagnation"
     assert reason(history([0.3, 0.31, 0.3 - step]), objective, stagnation_runs=2) is None
     assert reason(history([0.3, 0.31, 0.32]), objective, stagnation_runs=3) is None
-    assert reason(history([0.3, 0.31, 0.26]), "classes", stagnation_runs=2) == "stagnation"
+    assert reason(history([0.3, 0.31, 0.275]), "classes", stagnation_runs=2) == "stagnation"
     assert reason(history([0.3, 0.3, 0.3]), objective, stagnation_runs=2) == "stagnation", "equal is no better"
 
 
@@ -147,22 +147,23 @@ def of_law(cost, gain=1.0, moved=1.0, floor=None):
 @pytest.mark.parametrize("objective", ["classes", "likelihood"])
 def test_a_law_settles_when_all_runs_promise_no_better_or_hardly_another(objective):
     assert reason(of_law([5.0]), objective) is None
-    assert reason(of_law([5.0], gain=0.06, moved=0.06), objective) is None
-    assert reason(of_law([5.0], gain=0.04), objective) == "settled"
+    assert reason(of_law([5.0], gain=0.04, moved=0.06), objective) is None
+    assert reason(of_law([5.0], gain=0.02), objective) == "settled"
     assert reason(of_law([5.0], moved=0.04), objective) == "settled"
     assert reason(of_law([5.0], moved=0.06), objective, law_db=0.07) == "settled"
     # the limits themselves are within
     assert reason(of_law([5.0], moved=0.07), objective, law_db=0.07) == "settled"
-    assert reason(of_law([5.0], gain=0.05), objective) == "settled"
-    assert judged(of_law([5.0], gain=0.04), objective).converged
+    assert reason(of_law([5.0], gain=0.03), objective) == "settled"
+    assert judged(of_law([5.0], gain=0.02), objective).converged
     # not in a run that is worse than the best
-    assert reason(of_law([5.0, 6.0], gain=0.04), objective) == "settled"
+    assert reason(of_law([5.0, 6.0], gain=0.02), objective) == "settled"
 
 
 def test_a_law_without_a_curve_settles_by_its_gain_alone():
-    assert reason(of_law([5.0], gain=0.06, moved=None), "classes") is None
-    assert reason(of_law([5.0], gain=0.04, moved=None), "classes") == "settled"
-    said = judged(of_law([5.0], gain=0.04, moved=None), "classes").materials["dyke"].sentence
+    """Its search explores, so that there is a floor; 0.05 is its limit."""
+    assert reason(of_law([5.0], gain=0.06, moved=None, floor=5.0), "classes") is None
+    assert reason(of_law([5.0], gain=0.05, moved=None, floor=5.0), "classes") == "settled"
+    said = judged(of_law([5.0], gain=0.04, moved=None, floor=5.0), "classes").materials["dyke"].sentence
     assert said.endswith("stop criterion met after 2 runs: the surrogate of all runs predicts no clearly better X.")
 
 

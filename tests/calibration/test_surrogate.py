@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from calibration_samples import make_material, make_target
 
-from radcal.calibration.kriging import JITTER, Kriging
+from radcal.calibration.kriging import JITTER, Kriging, baseline_factor
 from radcal.calibration.moments import to_dp
 from radcal.calibration.objectives import OBJECTIVES
 from radcal.calibration.surrogate import Surrogate, Training, read_trainings, train_surrogate, write_trainings
@@ -144,6 +144,41 @@ def test_leave_one_out_drops_a_baseline_that_does_not_help():
         np.testing.assert_array_equal(found.predict([[0.3, 0.6]]), alone.predict([[0.3, 0.6]]))
     assert "without baseline: mean, log sd, skewness" in found.training.sentence()
     assert "leave-one-out Q2 of 8 runs: mean " in found.training.sentence()
+
+
+def exaggerated(x):
+    """The runs vary by 0.6 of this baseline, and lie elsewhere."""
+    return truth(x) / 0.6 + 1.0
+
+
+def test_a_baseline_that_exaggerates_is_multiplied_by_the_factor_that_the_runs_show():
+    x = points(50, seed=1)
+    assert surrogate(3, exaggerated).training.baseline.tolist() == [1.0] * 3  # before the runs are asked
+    found, alone = surrogate(6, exaggerated), surrogate(6)
+    np.testing.assert_allclose(found.training.baseline, 0.6, atol=0.06)
+    error = [np.abs(one.predict(one.unit(x)) - truth(x)).mean(axis=(0, 1)) for one in (found, alone)]
+    assert (error[0] < 0.3 * error[1]).all()
+    assert "; baseline multiplied: mean by 0.6" in found.training.sentence()
+    assert "without baseline" not in found.training.sentence()
+    x = points(6)
+    smt = SurrogateConfig(training="smt")
+    training = train_surrogate(objective(lambda x: exaggerated(x)[:1]), x, truth(x)[:, :1], smt)
+    assert set(training.baseline) <= {0.0, 1.0}  # the library's kriging is left as it is
+
+
+def test_the_factor_of_a_baseline():
+    """Known runs beat the prior; runs that do not depend on the baseline leave little of it."""
+    x, rng = np.random.default_rng(3).random((12, 2)), np.random.default_rng(4)
+    base = np.stack([np.sin(7.0 * x[:, 0]), np.cos(5.0 * x[:, 1])], axis=-1)
+    for factor in (0.5, 0.8, 1.0, 1.5):
+        assert baseline_factor(x, factor * base + [3.0, -2.0], base) == pytest.approx(factor, abs=0.1)
+    assert abs(baseline_factor(x, 1e-3 * rng.standard_normal((12, 2)), base)) < 0.1
+    # two runs of one output are one equation: the prior keeps a part
+    few = baseline_factor(x[:2], 0.5 * base[:2, :1], base[:2, :1])
+    assert 0.5 < few < 0.95
+    # the same output twice tells nothing more
+    twice = np.repeat(base[:, :1], 2, axis=1)
+    assert baseline_factor(x, 0.5 * twice, twice) == pytest.approx(baseline_factor(x, 0.5 * base[:, :1], base[:, :1]))
 
 
 def test_each_statistic_keeps_or_drops_its_own():

@@ -25,6 +25,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning"),  # of rasterio about affine
 ]
 needs_data = pytest.mark.skipif(not os.environ.get("RADCAL_DATA"), reason="RADCAL_DATA is not set")
+LABELS = np.full((20, 30), 3, dtype=np.uint8)
 REMAINING = """--vertical-datum EGM2008 --radiometry sigma0_ref --frequency 5.405 --altitude 693000 --depression 51
     --heading 190.5 --look-side right --range-resolution 13 --azimuth-resolution 22 --looks 4 --nesz -22""".split()  # noqa: SIM905
 
@@ -78,7 +79,10 @@ def test_what_the_files_say_is_read_and_the_rest_is_marked(files: list[str]) -> 
     # what is known of neither of them is told apart at the start, so that the start image shows their border
     starts = [material["start"] for material in data["materials"].values()]
     assert starts == [[-20.86, 6.05, 0, 4], [-17.86, 6.05, 0, 4]]
-    assert "# gamma -12 dB of no known kind, moved apart from another material: the image at the start needs" in text
+    assert (
+        "# no starting law is known for 'code_7' (docs/landcover.md), gamma -12 dB is a guess, moved apart from "
+        "another material; the image at the start needs contrast\n" in text
+    )
     assert json.loads(Path("mine_names.json").read_text()) == {"2": "code_2", "7": "code_7"}
     # what the level's error adds to every band is to be decided, too, and has a default
     assert data["uncertainty"] == {"level_db": 0.33}
@@ -92,7 +96,8 @@ def test_what_the_files_say_is_read_and_the_rest_is_marked(files: list[str]) -> 
     assert checked.exit_code == 1
     said = checked.stderr.splitlines()
     assert said[0] == f"radcal: mine.yaml cannot be run; {len(marked)} problems found:"
-    assert {line.split()[1] for line in said[1:]} == marked
+    assert {line.split()[1] for line in said[1:-1]} == marked
+    assert said[-1].startswith("Not looked at yet, because of the above: ")
     line = text.splitlines().index("  scale: FILL_IN  # " + text.partition("scale: FILL_IN  # ")[2].partition("\n")[0])
     assert "; for example scale: power" in text.splitlines()[line]
     assert f"  - measurement.scale is FILL_IN (line {line + 1}), expected its value, for example scale: power." in said
@@ -122,6 +127,7 @@ def test_nothing_is_overwritten_and_wrong_answers_are_told(files: list[str]) -> 
             ["mine", *files, "--fixed", "code_2=magia:1,2"],
             "--fixed code_2=magia:1,2: law is 'magia', expected one of",
         ),
+        (["mine", *files, "--landcover-preset", "nlcd"], "--landcover-preset is nlcd, which has no code 2, 7: give"),
         (["mine", *files, "--fixed", "code_2=mangia:1,2"], "code_2=mangia:1,2: parameters has 2 numbers, law 'mangia'"),
         (["mine", "--landcover", "dem.tif"], "scene.materials: dem.tif holds float32, expected whole material ids"),
     ):
@@ -130,6 +136,90 @@ def test_nothing_is_overwritten_and_wrong_answers_are_told(files: list[str]) -> 
         assert said in done.stderr
     assert Path("old.yaml").read_text() == "case: old\n"
     assert not Path("mine.yaml").exists()
+
+
+def test_all_wrong_answers_are_told_at_once(files: list[str]) -> None:
+    """With the sentences of the configuration, and without those on values that follow from a wrong one."""
+    done = new(
+        "mine", *files, "--scale", "decibel", "--polarisation", "XX", "--looks=-3", "--vertical-datum", "EGM2800",
+        "--depression", "100", "--fixed", "code_2=low", "--fixed", "code_7=high",
+    )  # fmt: skip
+    assert done.exit_code == 1
+    assert done.stdout == ""
+    assert [line.partition(", expected")[0] for line in done.stderr.splitlines()] == [
+        "radcal: scene.vertical_datum is 'EGM2800' (did you mean 'EGM2008 height'?)",
+        "radcal: --fixed code_2=low: expected NAME=DB such as water=-17, or NAME=LAW:X1,X2,... of its law.",
+        "radcal: --fixed code_7=high: expected NAME=DB such as water=-17, or NAME=LAW:X1,X2,... of its law.",
+        "radcal: radar.polarisation is 'XX'",
+        "radcal: measurement.scale is 'decibel'",
+        "radcal: radar.depression_deg is 100",
+        "radcal: radar.looks is -3",
+    ]
+    gone = [*("--elevation", "a.tif"), *("--landcover", "b.tif"), *("--names", "c.json"), *("--image", "d.tif")]
+    done = new("mine", *gone, "--sensor", "radarsat", "--landcover-preset", "corin")
+    assert [line.split()[1] for line in done.stderr.splitlines()] == [
+        "scene.elevation:", "scene.materials:", "measurement.path:", "--sensor", "scene.landcover", "scene.names:",
+    ]  # fmt: skip
+    done = new("mine", *files[:4], "--image", "none", "--near-incidence", "20", "--band", "2", "--radiometry", "gamma0")
+    assert done.stderr.splitlines() == [
+        f"radcal: {key} is given, but a case with scene.source raster and measurement.source none has no such key."
+        for key in ("scene.near_incidence_deg", "measurement.band")
+    ]
+    assert new("mine", *files, "--band", "3").stderr == "radcal: measurement.band is 3, image.tif has 2.\n"
+    assert "radcal: measurement.band is 2, dem.tif has 1.\n" in new("mine", "--image", "dem.tif", "--band", "2").stderr
+    assert new("mine", "--elevation", ".").stderr == "radcal: scene.elevation: . is a folder, expected a file.\n"
+    done = new("mine", *files, "--material", "grass", "--material", "lake", "--fixed", "sea=-3")
+    assert done.stderr.count("radcal: there is no material '") == 3
+    done = new("mine", "--elevation", "dem.tif", "--landcover", write(Path("labels.tif"), [LABELS], pixel_m=None))
+    assert done.stderr == (
+        "radcal: scene.materials: labels.tif has no CRS and scene.elevation is given, expected land cover on the map.\n"
+    )
+    assert not Path("mine.yaml").exists()
+    assert not Path("mine_names.json").exists()
+
+
+def test_a_case_for_a_simulation_alone_needs_no_further_answer(files: list[str]) -> None:
+    done = new("alone", *files[:4], "--image", "none", "--fixed", "code_2=mangia:-28,8,14,8")
+    assert done.exit_code == 0, done.output
+    assert done.stdout.endswith("Next: radcal check alone.yaml\nThen: radcal simulate alone.yaml\n")
+    data = yaml.safe_load(Path("alone.yaml").read_text())
+    assert list(data) == ["case", "scene", "radar", "materials"]
+    assert data["scene"]["vertical_datum"] == "local"
+    # as for a synthetic image: as large as the cells
+    assert (data["radar"]["range_spacing_m"], data["radar"]["azimuth_resolution_m"]) == (14.14, 28)
+    assert data["materials"]["code_7"] == {"law": "constant_gamma", "parameters": [-15]}
+    made = CliRunner().invoke(app, ["simulate", "alone.yaml"])
+    assert made.exit_code == 0, made.output
+    assert "results/alone/simulated/simulated.tif" in made.stdout
+    refused = new("other", *files[:4], "--image", "none", "--material", "code_2")
+    assert refused.stderr == (
+        "radcal: --material names a material to calibrate, and --image none gives no image for that.\n"
+    )
+    assert new("empty", "--image", "none").exit_code == 0
+    assert all("FILL_IN" in text for text in check_case(["empty.yaml"]).problems)
+
+
+def test_hidden_laws_differ_and_lie_inside_of_the_bounds(files: list[str]) -> None:
+    """Those of dark and bright materials, too, whose starts keep their distance."""
+    names = {"2": "water", "7": "lake"}
+    Path("names.json").write_text(json.dumps(names))
+    given = [*files[:4], "--names", "names.json", "--vertical-datum", "local", "--image", "synthetic"]
+    assert new("mine", *given).exit_code == 0
+    text = Path("mine.yaml").read_text()
+    assert "  synthetic:  # hidden laws, which the calibration is to find: drawn by the seed of the default c" in text
+    case = load(["mine.yaml"])
+    hidden = case.measurement.synthetic.parameters
+    assert hidden.keys() == {"water", "lake"}
+    assert all(abs(a - b) > 0.05 for a, b in zip(*hidden.values(), strict=True))
+    assert [material.start[0] for material in case.materials.values()] == [-45.86, -42.86]
+    middle = np.radians(45.0)
+    for name, (x1, x2, x3, x4) in hidden.items():
+        box, start = case.materials[name].box, case.materials[name].start
+        assert all(low < x < high for x, (low, high) in zip(hidden[name], box, strict=True))
+        level = x1 + x2 * np.cos(middle) + x3 * np.exp(-x4 * middle**2)
+        assert abs(level - start[0] - start[1] * np.cos(middle)) < 2.1
+    assert new("again", *given).exit_code == 0
+    assert load(["again.yaml"]).measurement == case.measurement
 
 
 def test_comments_are_about_what_was_given(files: list[str]) -> None:
@@ -228,7 +318,7 @@ def test_a_case_with_a_synthetic_image_can_be_run_at_once(files: list[str]) -> N
     assert done.exit_code == 0, done.output
     assert "parameters: [FILL_IN]  # gamma [dB], for example parameters: [-15]" in Path("folder/mine.yaml").read_text()
     (one,) = check_case(["folder/mine.yaml"]).problems
-    assert "materials.code_2.parameters is FILL_IN (line 21), expected its value, for example parameters: [-15]" in one
+    assert "materials.code_2.parameters is FILL_IN (line 23), expected its value, for example parameters: [-15]" in one
     fixed = ["--material", "code_7", "--fixed", "code_2=-12.5"]
     new("own", *scene, *fixed)
     found = check_case(["own.yaml"])
@@ -236,17 +326,16 @@ def test_a_case_with_a_synthetic_image_can_be_run_at_once(files: list[str]) -> N
     case = load(["own.yaml"])
     assert case.calibrated == ["code_7"]
     assert case.materials["code_2"].parameters == [-12.5]
-    assert case.measurement.synthetic.parameters == {"code_7": [-24, 10, 14, 5]}
+    assert list(case.measurement.synthetic.parameters) == ["code_7"]
     # as large as the cells, and sampled as the default pass is
     assert (case.radar.range_spacing_m, case.radar.azimuth_resolution_m) == (14.14, 28)
 
 
 def test_land_cover_without_a_place_is_a_scene_in_slant_range(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    labels = np.full((20, 30), 3, dtype=np.uint8)
     image = np.random.default_rng(1).normal(-12, 2, (20, 30)).astype(np.float32)
     np.save("image.npy", image)
-    done = new("flat", "--landcover", write(tmp_path / "labels.tif", [labels], pixel_m=None), "--image", "image.npy")
+    done = new("flat", "--landcover", write(tmp_path / "labels.tif", [LABELS], pixel_m=None), "--image", "image.npy")
     assert done.exit_code == 0, done.output
     data = yaml.safe_load(Path("flat.yaml").read_text())
     assert data["scene"]["labels"] == "labels.tif"

@@ -75,7 +75,7 @@ BAD_FILES = {
     "code.yaml": (b"__use_yte__: true\n", "code.yaml: unknown key __use_yte__ "),
     "files.yaml": (
         b"measurement: {source: file, path: gone.tif, scale: db, radiometry: sigma0_ref}\n",
-        "measurement.path: the file gone.tif does not exist.",
+        "measurement.path: the file gone.tif does not exist in ",
     ),
 }  # fmt: skip
 

@@ -33,7 +33,9 @@ def test_names_that_no_file_has_end_in_a_sentence() -> None:
         ConfigError, match=r"^scene\.labels: the file a{197}\.\.\. cannot be read \(File name too long\)\.$"
     ):
         expand_path("a" * 5000, "scene.labels")
-    with pytest.raises(ConfigError, match=r"^scene\.labels: the file a\\nb\\x00\.tif does not exist\.$"):
+    with pytest.raises(
+        ConfigError, match=r"^scene\.labels: the file a\\nb\\x00\.tif does not exist in /.*, the current folder\.$"
+    ):
         expand_path("a\nb\0.tif", "scene.labels")
 
 

@@ -110,7 +110,7 @@ def test_whole_parameters() -> None:
         ({"start": [1, 2.5]}, {}, "start: n is 2.5, expected a whole number"),
         ({"bounds": [[0, 9], [1, 1e17]]}, {}, "bounds: n is 1e+17, expected a whole number within +-2^53"),
         ({"integer": ["m"]}, {}, "integer: no parameter 'm'"),
-        ({"integer": 3}, {}, "materials.soil.integer is 3, expected a valid boolean"),
+        ({"integer": 3}, {}, "materials.soil.integer is 3, expected true or false"),
         ({"bounds": [[0, 1], [1, 4]], "integer": True}, {},
          "design.size is 8, expected less than 8, the number of combinations of whole parameters"),
         ({}, {"measurement": {"synthetic": {"parameters": {"soil": [1, 2.5]}}}},
@@ -160,7 +160,7 @@ def test_a_start_and_a_hidden_law_may_be_formulas() -> None:
         ({"names": ["a", "b", "c"]}, "names: 'c' does not occur in the formula 'a + b*cos(phi)'"),
         ({"units": ["dB"]}, "units has 1 entries, names 2"),
         ({"bounds": None}, "bounds is missing, law 'formula' has no default: expected [lower, upper] for each of a, b"),
-        ({"bounds": [[0, 1]]}, "bounds has 1 intervals, law 'formula' takes 2 (names: a, b)"),
+        ({"bounds": [[0, 1]]}, "bounds has 1 interval, law 'formula' takes 2 (names: a, b)"),
         ({"bounds": [[0, 1], [0, 2000]]}, "bounds of b are [0, 2000], expected within +-1000"),
         ({"integer": True}, "integer is for parameters of law: external"),
         (
@@ -168,7 +168,7 @@ def test_a_start_and_a_hidden_law_may_be_formulas() -> None:
             "'a + sqrt(b - 1)' is nan at an incidence of 0 degrees and a = -30, b = 0,",
         ),
         ({"law": "mangia", "names": None, "bounds": None}, "formula is given, law is 'mangia'"),
-        ({"law": "formulae"}, "'mangia', 'oh1992', 'tabulated', 'ulaby_dobson', 'formula', 'external']"),
+        ({"law": "formulae"}, "mangia, oh1992, tabulated, ulaby_dobson, formula, external"),
     ],
 )
 def test_what_a_formula_must_not_be(keys: dict[str, Any], words: str) -> None:

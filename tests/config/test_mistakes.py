@@ -60,3 +60,45 @@ def test_a_required_key_that_was_left_out_is_not_called_missing(loaded: Any) -> 
     missing = loaded({"measurement": {key: value for key, value in IMAGE.items() if key != "path"}})
     assert len(missing.problems) == 1
     assert "measurement.path is missing" in missing.problems[0]
+
+
+def test_a_duplicate_key_hides_no_other_mistake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yaml").write_text("seed: 1\nradar: {looks: 3}\nseed: 2\nradar: {looks: 0}\nstop: {rms: low}\n")
+    found = load_with_problems(["mine.yaml"])
+    assert [text.partition(",")[0] for text in found.problems[2:]] == [
+        "mine.yaml: radar.looks is 0",
+        "mine.yaml: stop.rms is 'low'",
+    ]
+    assert found.problems[0].startswith("mine.yaml, line 3: seed is given here and in line 1, expected each key once")
+    assert found.problems[1].startswith("mine.yaml, line 4: radar is given here and in line 2, expected each key once")
+    assert found.case.seed == 2
+
+
+def test_a_contradiction_in_a_pass_leaves_its_other_keys(loaded: Any) -> None:
+    found = loaded({"radar": {"altitude_m": 693, "incidence_deg": 38, "looks": 7, "frequency_ghz": 5.4, "band": "X"}})
+    assert [text.split()[2] for text in found.problems] == ["altitude_m", "frequency_ghz"]
+    assert found.wrong == {"radar.altitude_m", "radar.frequency_ghz"}
+    assert found.case.radar.looks == 7
+
+
+def test_one_mistake_of_a_material_is_told_once(loaded: Any) -> None:
+    law = {"law": "constant_gamma"}
+    found = loaded({"materials": {"a": {**law, "parameters": ["nineteen"]}, "b": {**law, "calibrate": "yes please",
+        "parameters": [-15]}, "c": {**law, "calibrate": "on top", "bounds": [-20, -10]}}})  # fmt: skip
+    assert sorted(text.removeprefix("mine.yaml: materials.") for text in found.problems) == [
+        "a.parameters.0 is 'nineteen', expected a valid number, for example -15.",
+        "b.calibrate is 'yes please', expected true or false.",
+        "c.bounds: -20 is no interval, expected [lower, upper] for each parameter, for example bounds: [[-20, -10]].",
+        "c.calibrate is 'on top', expected true or false.",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("-24 dB", "(without its unit: -24)"), ("-24,5", "(with a decimal point: -24.5)"), ("low", ", for example -24")],
+)
+def test_a_text_for_a_number_is_answered_with_a_number(loaded: Any, text: str, said: str) -> None:
+    assert loaded({"radar": {"looks": 3, "nesz_db": text}}).problems == [
+        f"mine.yaml: radar.nesz_db is {text!r}, expected a valid number{' ' * said.startswith('(')}{said}."
+    ]

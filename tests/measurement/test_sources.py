@@ -107,21 +107,29 @@ def test_notes_tell_what_is_unusable(read: Read, image_db: np.ndarray) -> None:
     counts = f"measured.tif: {power.size:,} pixels, 3 without data, 2 zero, 1 negative: NaN in the image."
     unchecked = (
         "radar.looks and the scale of measured.tif could not be checked by the speckle: the areas of single materials "
-        "are too small."
+        "are too small for these resolutions."
     )
-    counted, checked = read(power, "power").notes
+    finer = "by its speckle the point spread of measured.tif is "  # these pixels are not correlated
+    counted, checked, spread = read(power, "power").notes
     assert counted == counts
+    assert spread.startswith(finer)
     # a standard deviation of 3 dB is that of 2.5 looks
     assert re.search(
         r"is that of 2\.\d+ looks .*, \d+ windows of 6 x 6 independent pixels\); radar.looks is 4", checked
     )
     coarse = {"radiometry": "sigma0_local", "range_resolution_m": 40.0}  # few independent pixels are left
-    assert read(power, "power", radar=coarse).notes == (counts, unchecked)
+    *others, spread = read(power, "power", radar=coarse).notes
+    assert others == [counts, unchecked]
+    assert spread.startswith(f"warning: {finer}")  # a cell of far less than 40 m
     amplitude = np.sqrt(10 ** (image_db / 10)).astype(np.complex64)
-    assert read(amplitude, "complex", radar=coarse).notes[1:] == (
+    assert read(amplitude, "complex", radar=coarse).notes[1:-1] == (
         "measured.tif: complex pixels have a single look, radar.looks is 4.",
     )
-    assert read(amplitude, "complex", radar={"looks": 1, **coarse}).notes[1:] == (unchecked,)
+    assert read(amplitude, "complex", radar={"looks": 1, **coarse}).notes[1:-1] == (unchecked,)
+    power[::3] = np.nan
+    assert read(power, "power", radar=coarse).notes[-1].startswith("warning: radar.range_resolution_m and radar.azim")
+    with pytest.raises(MeasurementError, match=r"^radar\.range_resolution_m is 4000: no area of a single material "):
+        read(power, "power", radar={**coarse, "range_resolution_m": 4000.0, "range_spacing_m": 5.0})
 
 
 def test_image_of_another_size(read: Read, geometry: Geometry) -> None:
@@ -340,6 +348,7 @@ def test_an_image_on_the_map_is_seen_where_its_ground_lies(
     # speckle that says where it is, on a level of 1 dB every 10 m to the east
     speckle = 10.0 * np.log10(np.random.default_rng(6).gamma(4.0, 0.25, (220, 220)))
     values = (-20.0 + 0.1 * np.arange(-9.5, 210.0) + speckle).astype(np.float32)
+    values[12:19, 12:17] = np.nan
     path = tmp_path / "map.tif"
     with rasterio.open(
         path, "w", driver="GTiff", count=1, height=220, width=220, dtype="float32", crs="EPSG:32631",
@@ -360,6 +369,13 @@ def test_an_image_on_the_map_is_seen_where_its_ground_lies(
     level = measurement.image_db[:, geometry.shape[1] // 2]
     nearest, furthest = np.nanmean(level[:10]), np.nanmean(level[-10:])
     assert (furthest - nearest > 10) if look_side == "right" else (nearest - furthest > 10)
+    # of the file, what lies beside the scene of 200 m is not read
+    empty = np.count_nonzero(np.isnan(measurement.image_db))
+    pixels = f"{measurement.image_db.size:,} pixels, {empty:,} without data, 0 zero, 0 negative: NaN in the image"
+    assert re.sub(r"3\d,\d{3} pixels", "3 pixels", measurement.notes[0]) == (
+        f"map.tif, resampled to the grid of the scene's image: {pixels}; the part of the file around the scene has 3 "
+        "pixels, 35 without data."
+    )
     # the scene of 200 m lies 900 to 1100 m from the track of 1000 m
     (note,) = (note for note in measurement.notes if "displace" in note)
     assert re.sub(r"(\d)\.\d ", r"\1 ", note) == (

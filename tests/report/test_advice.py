@@ -241,11 +241,13 @@ def test_from_a_results_folder(made, tmp_path):
     archive = replace(changed_material(made.archive, "dyke", posterior=posterior), config=json.dumps(config))
     write_archive(tmp_path / "calibration.h5", archive)
     lines = advise(tmp_path, [30.0], (30.0, 60.0))
-    table = pd.read_csv(tmp_path / "advice.csv")
+    path = tmp_path / "advice_depression_30_between_30_60.csv"
+    table = pd.read_csv(path)
     assert sorted(table["look_side"]) == ["left", "right"]
     assert (table["half_width_after_db"] < table["half_width_now_db"]).all()
     assert table["over_from_deg"].unique().tolist() == [30.0]
-    assert lines[-1] == f"table: {tmp_path / 'advice.csv'}"
+    assert lines[-1] == f"table: {path}"
+    assert advise(tmp_path)[-1] == f"table: {tmp_path / 'advice.csv'}"
     assert not any("does not fit, so" in line for line in lines)
     fitted = replace(archive.materials["dyke"].fitted, fits=False)
     write_archive(tmp_path / "calibration.h5", changed_material(archive, "dyke", fitted=fitted))

@@ -118,6 +118,7 @@ def test_a_raster_on_the_scenes_own_grid_is_taken_as_it_lies(build: Build) -> No
     # row 0 of the scene is in the south, of the file in the north
     np.testing.assert_allclose(scene.elevation_m, heights[::-1], rtol=1e-12)
     np.testing.assert_array_equal(scene.material, ids[::-1])
+    assert "elevation as in the file, materials of the nearest pixel" in scene.notes
     assert scene.transform == (10.0, 0.0, WEST, 0.0, 10.0, SOUTH)
     assert scene.crs == UTM
     assert scene.cell_m == 10.0
@@ -132,6 +133,7 @@ def test_the_order_of_rows_and_columns_does_not_matter(build: Build, up: str) ->
     values = np.random.default_rng(1).normal(50.0, 5.0, SHAPE)
     ids = np.random.default_rng(2).integers(1, 4, SHAPE, dtype=np.uint8)
     expected = raster_scene(build(values, ids, cell_m=7.0))
+    assert "elevation interpolated, materials of the nearest pixel" in expected.notes
     if up == "south":
         flipped = Affine(10.0, 0.0, WEST, 0.0, 10.0, SOUTH)
         values, ids = values[::-1], ids[::-1]
@@ -598,7 +600,7 @@ def test_more_gaps_than_elevation_are_refused(build: Build) -> None:
     [
         (np.full(SHAPE, 300, dtype=np.uint16), "holds uint16 from 300 to 300, expected whole material ids"),
         (np.full(SHAPE, -1, dtype=np.int16), "holds int16 from -1 to -1"),
-        (np.full(SHAPE, 1.0, dtype=np.float32), "holds float32 from 1.0 to 1.0"),
+        (np.full(SHAPE, 1.0, dtype=np.float32), "holds float32 from 1 to 1"),
         (np.zeros(SHAPE, dtype=np.uint8), "has no material where the elevation is"),
     ],
 )

@@ -226,7 +226,7 @@ def test_wrong_settings_are_refused_before_anything_runs(project, monkeypatch):
     for changes, words in (
         ({"command": ["{python}", "sim.py", "{input}", "{field.b}"]}, "unknown placeholder 'field.b'"),
         ({"input": None, "command": ["{python}", "sim.py"]}, "the parameter field.a never reaches the program"),
-        ({"command": ["./no-sim", "{input}"]}, "simulator.command: the file no-sim does not exist."),
+        ({"command": ["./no-sim", "{input}"]}, "simulator.command: the file no-sim does not exist in "),
     ):
         flawed(project, "", **changes)
         with monkeypatch.context() as patch, pytest.raises(ConfigError) as raised:

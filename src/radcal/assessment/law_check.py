@@ -53,8 +53,10 @@ class LawCheck:
         Errors of the predictions of whole fields of the calibrated ground from the other fields; None for a law without
         a curve.
     recommended, recommended_why : str
-        Recommended predictor of other fields, ``law`` or ``constant``, and a text with the reason; both are empty for
-        a law without a curve.
+        Recommended predictor of other fields (``law``, ``constant``, or ``average`` of both), and a text with the
+        reason; both are empty for a law without a curve.
+    law_weight : float
+        Weight of the law in the recommended predictor, from 0 to 1; NaN for a law without a curve.
     constant_db : float
         Constant level with which the law is compared [dB]: generalised least squares mean of the calibrated ground over
         fields and cells.
@@ -75,6 +77,7 @@ class LawCheck:
     held: HeldOut | None
     left_out: FieldCheck | None
     recommended: str
+    law_weight: float
     recommended_why: str
     constant_db: float
     between_db: float
@@ -148,7 +151,7 @@ def _with_posterior(
 ) -> LawCheck:
     """Check of a law in which the posterior decides whether the law is identified; a law not to be used is not."""
     if withheld and check.recommended:
-        check = replace(check, recommended="constant", recommended_why=withheld)
+        check = replace(check, recommended="constant", law_weight=0.0, recommended_why=withheld)
     if posterior is None or posterior.curve is None or check.identified is None:
         return check
     known = posterior.known_between_deg is not None
@@ -226,7 +229,7 @@ def _check(
     hidden = _noise_sentences(name, target)
     if law is None or constant is None:
         return LawCheck(
-            score.looks, nominal, None, None, None, "", "", level_db, *(unknown,) * 3, *(nothing,) * 3, hidden
+            score.looks, nominal, None, None, None, "", unknown, "", level_db, *(unknown,) * 3, *(nothing,) * 3, hidden
         )
     binned = target.classes is not None
     crossed = cross_validate(law, constant, law.ground.block // Blocks.of(case.validation).parts)
@@ -254,6 +257,7 @@ def _check(
         held=held,
         left_out=left_out,
         recommended=choice.predictor,
+        law_weight=choice.weight,
         recommended_why=choice.why,
         constant_db=constant.level_db,
         between_db=law.spread.between if estimated else unknown,

@@ -123,7 +123,8 @@ def _untested(test: FitTest, passes: int) -> str:
     alone = "one density leaves no degree of freedom to test the law"
     said = alone if passes == 1 else "the law is not tested, because only densities were compared"
     unmatched = ", so that the density is not matched and sigma0 is called known at no angle" * test.unmatched
-    return f"{said}, and its rms is {test.distance:.1f} times the sampling error{unmatched}"
+    times = "less than 0.1" if test.distance < 0.1 else f"{test.distance:.1f}"
+    return f"{said}, and its rms is {times} times the sampling error{unmatched}"
 
 
 def _known(known: Known | None) -> str:

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.expected import Forward, LawForward
-from radcal.calibration.law_fit import LawFit, Residuals, fit_law, prior_residuals
+from radcal.calibration.law_fit import LawFit, Residuals, fit_law
 from radcal.calibration.misfit import BinMisfit, Method, true_angles
-from radcal.calibration.priors import CurvePrior
+from radcal.calibration.priors import CurvePrior, looks_residuals
 from radcal.measurement.classes import Classes, class_of, incidence_edges, make_classes, winsorised
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import Effects, Spread, patch_effects, spreads
@@ -143,8 +143,16 @@ def bins_of(ground: Ground, classes: int | Literal["auto"]) -> Classes:
 
 
 def curve_prior(ground: Ground, method: Method) -> Residuals:
-    """Function from X and looks to the residuals of the priors on a material's curve and looks."""
-    return prior_residuals(law_prior(ground, method), method.looks, method.free_looks)
+    """Function from X and looks to the residuals of the priors on a material's curve and looks; none without priors."""
+    prior = law_prior(ground, method)
+
+    def residuals(parameters: NDArray[np.float64], looks: float) -> NDArray[np.float64]:
+        if prior is None:
+            return np.empty(0)
+        curve = prior.residuals(parameters)
+        return np.concatenate([curve, looks_residuals(looks, method.looks)]) if method.free_looks else curve
+
+    return residuals
 
 
 def law_prior(ground: Ground, method: Method) -> CurvePrior | None:
@@ -162,16 +170,20 @@ def ground_residuals(
     return lambda x, looks: misfit(x, looks, simulate(x))
 
 
+def _fitted(
+    ground: Ground, method: Method, classes: Classes, spread: Spread, start: tuple[ArrayLike, float] | None
+) -> GroundLaw:
+    """Law fitted to the pixels in their bins; looks that are not free are those of ``start``, or of the sensor."""
+    residuals, prior = ground_residuals(ground, classes, method, spread), curve_prior(ground, method)
+    looks = method.looks if start is None else start[1]
+    fit = fit_law(residuals, method.bounds, method.looks, method.free_looks, start, looks, prior)
+    return GroundLaw(ground, method, classes, spread, fit)
+
+
 def refit(found: GroundLaw, ground: Ground) -> GroundLaw:
     """Law fitted to other pixels, starting at the X and looks of ``found`` and with its spread."""
-    classes = bins_of(ground, found.method.classes)
-    residuals = ground_residuals(ground, classes, found.method, found.spread)
-    start = (found.fit.parameters, found.fit.looks)
-    method = found.method
-    fit = fit_law(
-        residuals, method.bounds, method.looks, method.free_looks, start, prior=curve_prior(ground, found.method)
-    )
-    return GroundLaw(ground, found.method, classes, found.spread, fit)
+    classes, start = bins_of(ground, found.method.classes), (found.fit.parameters, found.fit.looks)
+    return _fitted(ground, found.method, classes, found.spread, start)
 
 
 def marginal_law(found: GroundLaw, looks: float) -> LawFit:
@@ -193,11 +205,8 @@ def marginal_law(found: GroundLaw, looks: float) -> LawFit:
     LawFit
     """
     method = replace(found.method, misfit=BinMisfit, classes=1, free_looks=False)
-    ground = found.ground
-    classes = bins_of(ground, 1)
-    residuals = ground_residuals(ground, classes, method, found.spread)
-    start = (found.fit.parameters, looks)
-    return fit_law(residuals, method.bounds, method.looks, False, start, looks, curve_prior(ground, method))
+    classes, start = bins_of(found.ground, 1), (found.fit.parameters, looks)
+    return _fitted(found.ground, method, classes, found.spread, start).fit
 
 
 def fit_grounds(
@@ -228,13 +237,9 @@ def fit_grounds(
             if turn and not method.misfit.of_fields:  # only misfits with variance between fields depend on the spread
                 found[name] = replace(found[name], spread=spread[name])
                 continue
-            residuals = ground_residuals(ground, classes[name], method, spread[name])
             last = found.get(name)
             start = (last.fit.parameters, last.fit.looks) if last else None
-            fit = fit_law(
-                residuals, method.bounds, method.looks, method.free_looks, start, prior=curve_prior(ground, method)
-            )
-            found[name] = GroundLaw(ground, method, classes[name], spread[name], fit)
+            found[name] = _fitted(ground, method, classes[name], spread[name], start)
         if turn < _ROUNDS - 1:
             spread = dict(zip(found, spreads([item.cell_residuals() for item in found.values()]), strict=True))
     return found

@@ -10,7 +10,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from radcal.errors import SurrogateError
 
-__all__ = ["JITTER", "Kriging", "train"]
+__all__ = ["JITTER", "Kriging", "baseline_factor", "train"]
 
 _LOG_SD = 1.0  # log standard deviation of the prior of a length scale; its median is 1, the width of the box
 # starts of the searches for the length scales, in widths of the box: the first start of each group and, if it is
@@ -20,6 +20,7 @@ _STARTS = ((1.0,), (0.3, 0.1, 0.03), (3.0, 10.0))
 _SCALES = (0.02, 50.0)
 JITTER = 1e-10  # nugget without noise
 _MOST_NOISE = 10.0  # largest nugget, in variances of the process
+_FACTOR_SD = 0.3  # standard deviation of the prior of the factor of a baseline
 _ROUNDS = 4  # alternations between fits of the length scales and of the nugget
 
 
@@ -84,7 +85,7 @@ class Kriging:
         return np.asarray(self.process * np.maximum(1.0 - known + trend, 0.0))
 
     @cached_property
-    def _projected(self) -> NDArray[np.float64]:
+    def projected(self) -> NDArray[np.float64]:
         """Inverse of the correlation matrix, projected so that the constant of the outputs is left out."""
         inverse = cho_solve(self._factor, np.eye(len(self._x)))
         return np.asarray(inverse - np.outer(self._ones, self._ones) / self._ones.sum())
@@ -94,7 +95,7 @@ class Kriging:
         """Mean square of the standardised leave-one-out errors, at least 1."""
         if len(self._x) < 2 or self.process <= 0.0:
             return 1.0
-        standardised = self.leave_one_out() ** 2 * np.diag(self._projected)[:, None] / self.process
+        standardised = self.leave_one_out() ** 2 * np.diag(self.projected)[:, None] / self.process
         return max(1.0, float(standardised.mean()))
 
     def leave_one_out(self) -> NDArray[np.float64]:
@@ -104,7 +105,37 @@ class Kriging:
         ----------
         Dubrule, "Cross validation of kriging in a unique neighborhood", Mathematical Geology 15 (1983).
         """
-        return np.asarray(self._projected @ self._y / np.diag(self._projected)[:, None])
+        return np.asarray(self.projected @ self._y / np.diag(self.projected)[:, None])
+
+
+def baseline_factor(x: NDArray[np.float64], y: NDArray[np.float64], baseline: NDArray[np.float64]) -> float:
+    """Factor of the baseline in y(x) = factor * baseline(x) + constant + Gaussian process.
+
+    Generalised least squares with a length scale of one width of the box; the prior of the factor is normal, with mean
+    1 and standard deviation 0.3. All outputs together count as one, because the baselines of neighbouring bins
+    change together. With a few runs, the variance of the process is drawn to its value for a factor of 1.
+
+    Parameters
+    ----------
+    x : ndarray, shape (k, d)
+        At least two distinct points of the unit box.
+    y, baseline : ndarray, shape (k, n)
+        Outputs at the points, and their baseline.
+
+    References
+    ----------
+    Kennedy and O'Hagan, "Predicting the output from a complex computer code when fast approximations are available",
+    Biometrika 87 (2000), eq. 1 and section 3.
+    """
+    freedom, scales = len(x) - 1, np.ones(x.shape[1])
+    weights = Kriging(x, baseline, scales).projected @ baseline
+    across, along = ((part * weights).sum() / y.shape[1] for part in (y, baseline))
+    factor, first = 1.0, Kriging(x, y - baseline, scales).process
+    for _ in range(_ROUNDS):
+        process = (freedom * Kriging(x, y - factor * baseline, scales).process + first) / (freedom + 1)
+        prior = max(process, 1e-300) / _FACTOR_SD**2
+        factor = (across + prior) / (along + prior)
+    return float(factor)
 
 
 def train(

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.bounded import distant, least_squares, sobol
-from radcal.calibration.priors import LOOKS_MOST, CurvePrior, looks_residuals
+from radcal.calibration.priors import LOOKS_MOST
 
-__all__ = ["LOOKS", "LawFit", "Residuals", "fit_law", "prior_residuals"]
+__all__ = ["LOOKS", "LawFit", "Residuals", "fit_law"]
 
 Residuals = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
 """Function from X, shape (d,), and effective looks to residuals in standard deviations, shape (k,)."""
@@ -53,18 +53,6 @@ class LawFit:
     prior_information: NDArray[np.float64]
 
 
-def prior_residuals(prior: CurvePrior | None, sensor: float, free_looks: bool) -> Residuals:
-    """Function from X and looks to the residuals of the priors on curve and looks; none if ``prior`` is None."""
-
-    def residuals(parameters: NDArray[np.float64], looks: float) -> NDArray[np.float64]:
-        if prior is None:
-            return np.empty(0)
-        curve = prior.residuals(parameters)
-        return np.concatenate([curve, looks_residuals(looks, sensor)]) if free_looks else curve
-
-    return residuals
-
-
 def fit_law(
     residuals: Residuals,
     bounds: ArrayLike,
@@ -72,7 +60,7 @@ def fit_law(
     free_looks: bool = True,
     start: tuple[ArrayLike, float] | None = None,
     fixed_looks: float | None = None,
-    prior: Residuals | None = None,
+    prior: Residuals = lambda *_: np.empty(0),
     moves: bool = True,
 ) -> LawFit:
     """Minimise the sum of squared residuals over X and the effective looks.
@@ -114,9 +102,7 @@ def fit_law(
         return q[:d], float(np.exp(q[d])) if free_looks else assumed
 
     def each(units: NDArray[np.float64]) -> NDArray[np.float64]:
-        parts = (residuals,) if prior is None else (residuals, prior)
-        points = [at(unit) for unit in units]
-        return np.stack([np.concatenate([part(*point) for part in parts]) for point in points])
+        return np.stack([np.concatenate([residuals(*point), prior(*point)]) for point in map(at, units)])
 
     if start is not None:
         x, looks = start
@@ -136,8 +122,7 @@ def fit_law(
             break
     # a uniform law on the unit interval has the variance 1/12
     known = 12.0 * np.eye(len(low))
-    priors = prior(*at(best.x)).size if prior is not None else 0
-    data, weak = np.split(best.jac, [len(best.jac) - priors])
+    data, weak = np.split(best.jac, [len(best.jac) - prior(*at(best.x)).size])
     known += weak.T @ weak
     # looks that are not searched are known
     covariance, information = np.zeros((d + 1, d + 1)), np.diag([0.0] * d + [_KNOWN])

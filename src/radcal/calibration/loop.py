@@ -135,11 +135,8 @@ def calibrate(
     if registration is not None:
         runs.append(score("registration", 0, *registration, targets, objectives, case.seed))
     for k, parameters in enumerate(design_points(stages.DesignChunk.of(case), case.design_size)):
-        runs.append(
-            score(
-                "design", k, run_all_draws(simulation, runner, parameters), parameters, targets, objectives, case.seed
-            )
-        )
+        record = run_all_draws(simulation, runner, parameters)
+        runs.append(score("design", k, record, parameters, targets, objectives, case.seed))
     history, k = History(runs), 0
     report(history)
     while not (decision := decide(history, list(targets), case.stop, case.objective)).ended:

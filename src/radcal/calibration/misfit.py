@@ -143,14 +143,15 @@ class BinMisfit(Misfit):
         """
         cells, patches = self.cell_share, self.patch_share
         field = patches[:, self.patch_of_cell]
-        both = cells[:, None] * cells  # (n, n, cells)
-        one = cells @ cells.T
-        alone = both.sum(axis=-1) - (both * cells[:, None]).sum(axis=-1) - (both * cells).sum(axis=-1) + one**2
-        mixed = both.sum(axis=-1) - (both * field[:, None]).sum(axis=-1) - (both * field).sum(axis=-1)
-        mixed += one * (patches @ patches.T)
-        shared = patches[:, None] * patches
-        whole = shared.sum(axis=-1) - (shared * patches[:, None]).sum(axis=-1) - (shared * patches).sum(axis=-1)
-        whole += (patches @ patches.T) ** 2
+        of_cells, of_patches = cells @ cells.T, patches @ patches.T
+
+        def trace(shares: Doubles, others: Doubles, product: Doubles) -> Doubles:
+            both = shares[:, None] * shares  # (n, n, columns)
+            left = both.sum(axis=-1) - (both * others[:, None]).sum(axis=-1) - (both * others).sum(axis=-1)
+            return np.asarray(left + product)
+
+        alone, mixed = trace(cells, cells, of_cells**2), trace(cells, field, of_cells * of_patches)
+        whole = trace(patches, patches, of_patches**2)
         variance = self.classes.cumulants[:, 1]
         # d log sd = d variance / (2 variance)
         return np.array([[whole, mixed], [mixed, alone]]) * 2.0 / (4.0 * np.multiply.outer(variance, variance))

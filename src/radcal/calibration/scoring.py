@@ -54,12 +54,12 @@ def score(
         Materials for which the run used another law than the calibrated one.
     """
     draws = [
-        [(draw.pixels_db, one.levels.simulated(draw.pixels_db)) for draw in (run, *run.draws)]
+        [_values(one, draw.pixels_db) for draw in (run, *run.draws)]
         for run, one in zip(record.passes, targets.passes, strict=True)
     ]
     found = {}
     for name, objective in objectives.items():
-        statistics = _statistics(name, objective, targets, draws)
+        statistics = _statistics(name, objective, draws)
         looks, cost = objective.material.looks, None
         if name not in other_law:
             looks, cost = objective.worth(parameters[name], statistics)
@@ -75,7 +75,7 @@ def score(
         others = [each.get(name) for each in densities[1:]]
         every = [rms, *(other[1] for other in others if other is not None)]
         if cost is None:
-            cost = float(objectives[name].together(np.array(every))) if len(every) > 1 else rms
+            cost = float(objectives[name].together(np.array(every)))
         scores[name] = Score(
             parameters=[float(x) for x in parameters[name]],
             dp=[float(v) for v in dp],
@@ -96,17 +96,20 @@ def score(
     )
 
 
-_Values = Sequence[tuple[Mapping[str, NDArray[np.float32]], tuple[float, float]]]
+def _values(targets: Targets, pixels_db: Mapping[str, NDArray[np.float32]]) -> dict[str, NDArray[np.float64]]:
+    """Values of a run at the pixels of each target of one pass, with the levels of the pass."""
+    mapping = targets.levels.simulated(pixels_db)
+    return {name: targets.levels.apply(pixels_db[name][target.order], mapping) for name, target in targets.items()}
 
 
-def _statistics(name: str, objective: Comparison, targets: Targets, draws: Sequence[_Values]) -> NDArray[np.float64]:
+def _statistics(
+    name: str, objective: Comparison, draws: Sequence[Sequence[Mapping[str, NDArray[np.float64]]]]
+) -> NDArray[np.float64]:
     """Mean, log sd and skewness of each bin, averaged over the draws of speckle, for the bins of all passes, (n, 3)."""
     found = []
-    for one, target, values in zip(objective.passes, targets.passes, draws, strict=True):
+    for one, values in zip(objective.passes, draws, strict=True):
         if one is not None:
-            order = target[name].order
-            each = [one.statistics(target.levels.apply(db[name][order], mapping)) for db, mapping in values]
-            found.append(np.mean(each, axis=0))
+            found.append(np.mean([one.statistics(draw[name]) for draw in values], axis=0))
     return np.concatenate(found)
 
 
@@ -173,10 +176,8 @@ def score_reference(case: stages.Scores, records: Sequence[Record], targets: Tar
         score("reference", k, record, start, targets, objectives, case.seed, other_law=others)
         for k, record in enumerate(records)
     ]
-    sampling = {name: target.rms_sampling for name, target in targets.items()}
-    if targets.further:
-        each = {name: [one[name].rms_sampling for one in targets.passes if name in one] for name in targets}
-        sampling = {name: float(np.sqrt(np.mean(np.square(found)))) for name, found in each.items()}
+    each = {name: [one[name].rms_sampling for one in targets.passes if name in one] for name in targets}
+    sampling = {name: float(np.sqrt(np.mean(np.square(found)))) for name, found in each.items()}
     runs[0] = replace(runs[0], rms_sampling=sampling)
     for k, record in enumerate(records[1:], start=1):
         difference = records[0].largest_difference_db(record)
@@ -191,12 +192,10 @@ def _repeat_variance(
 ) -> dict[str, list[list[float]]]:
     found: dict[str, list[NDArray[np.float64]]] = {name: [] for name in targets}
     for number, one in enumerate(targets.passes):
-        records = [record.passes[number].pixels_db for record in (first, again)]
-        pair = [(pixels_db, one.levels.simulated(pixels_db)) for pixels_db in records]
+        values, others = (_values(one, record.passes[number].pixels_db) for record in (first, again))
         for name, target in one.items():
-            values = [one.levels.apply(pixels_db[name][target.order], mapping) for pixels_db, mapping in pair]
             objective = objectives[name].passes[number]
             assert objective is not None  # noqa: S101
             rng = derived_rng(case.seed, "repeat", name)
-            found[name].append(noise_variance(values[0], values[1], objective.statistics, rng, target.effective))
+            found[name].append(noise_variance(values[name], others[name], objective.statistics, rng, target.effective))
     return {name: np.concatenate(each).tolist() for name, each in found.items()}

@@ -58,9 +58,7 @@ class Search:
 
     def split(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Parameters X, shape (m, d), and looks, shape (m,), at points of the unit box."""
-        x = self.surrogate.scaled(points[:, : self._d]) if self.surrogate.integer.any() else None
-        low, high = self.surrogate.bounds.T
-        x = low + points[:, : self._d] * (high - low) if x is None else x
+        x = self.surrogate.scaled(points[:, : self._d])
         if not self.objective.free_looks:
             return x, np.full(len(points), self.objective.material.looks)
         return x, np.exp(self._looks[0] + points[:, self._d] * (self._looks[1] - self._looks[0]))
@@ -85,8 +83,6 @@ class Search:
 
     def snapped(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Points with their whole-number parameters rounded, shape (m, dimension)."""
-        if not self.surrogate.integer.any():
-            return points
         return np.concatenate([self.surrogate.snapped(points[:, : self._d]), points[:, self._d :]], axis=1)
 
     def polish(self, start: NDArray[np.float64], favour: float = 0.0, radius: float = np.inf) -> NDArray[np.float64]:
@@ -138,13 +134,13 @@ class Search:
             full[:, free] = part
             return what(self._at(full, favour))
 
-        for number, what in enumerate((self.objective.residuals, *self.objective.refinements())):
+        for number, what in enumerate((self.objective.residuals, self.objective.refined)):
             part = least_squares(partial(of, what), best[free], low[free], high[free], self.objective.tolerance).x
             point = start.copy()
             point[free] = part
             if number == 0 or self.cost(point, favour)[0] < self.cost(best, favour)[0]:
                 best = point
-            if self.distance(best[None], favour)[0] < _CERTAIN:
+            if not self.objective.refines or self.distance(best[None], favour)[0] < _CERTAIN:
                 break
         return best
 
@@ -295,9 +291,7 @@ class Search:
         """
         direct = config.objective == "rms"
         goals = 1 if direct else len(self.objective.part_names)
-        population = nsga2(
-            lambda points: self._goals(self.snapped(points), direct), self.dimension, config, seed, goals
-        )
+        population = nsga2(partial(self._goals, direct), self.dimension, config, seed, goals)
         first = self.snapped(population.points[:1])[0]
         front = self._front(population) if goals > 1 else Front()
         told = partial(self._proposal, seed=seed, best=best, nsga2_cost=float(self.cost(first)[0]), front=front)
@@ -329,11 +323,10 @@ class Search:
             return told(hopeful, "explore", floor=floor)
         return told(point, "exploit", floor=floor)
 
-    def _goals(self, points: NDArray[np.float64], direct: bool) -> NDArray[np.float64]:
+    def _goals(self, direct: bool, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Goals that NSGA-II minimises at m points, shape (m, p): the cost, or parts of the sum of squares."""
-        if direct:
-            return self.cost(points)[:, None]
-        return self.objective.parts(self._at(points, 0.0))
+        at = self._at(self.snapped(points), 0.0)
+        return self.objective.cost(at)[:, None] if direct else self.objective.parts(at)
 
     def _front(self, population: Population) -> Front:
         """Front of a population for several objectives, with X in its own units."""

@@ -137,10 +137,7 @@ def _noisy(history: History, simulator: SimulatorConfig) -> bool:
 
 def all_parameters(materials: Mapping[str, Material], calibrated: Parameters) -> dict[str, list[float]]:
     """Parameters of all materials: the given ones of calibrated materials, the configured ones of the others."""
-    return {
-        **{name: material.start_parameters for name, material in materials.items()},
-        **{name: list(x) for name, x in calibrated.items()},
-    }
+    return {name: list(calibrated.get(name, material.start_parameters)) for name, material in materials.items()}
 
 
 def _trained(name: str, objective: Comparison, history: History, case: stages.Train | stages.Verify) -> Training:

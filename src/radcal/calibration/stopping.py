@@ -61,10 +61,8 @@ def decide(history: History, materials: Sequence[str], stop: Stop, objective: st
         settings had always held.
     """
     verdicts = {name: _judge(history, name, stop, OBJECTIVES[objective]) for name in materials}
-    if any(verdict.reason is None for verdict in verdicts.values()):
-        return Decision(verdicts, None)
     reasons = {verdict.reason for verdict in verdicts.values()}
-    order: tuple[Reason, ...] = ("max_runs", "stagnation", "unreachable", "rms", "settled")
+    order: tuple[Reason | None, ...] = (None, "max_runs", "stagnation", "unreachable", "rms", "settled")
     return Decision(verdicts, next(reason for reason in order if reason in reasons))
 
 

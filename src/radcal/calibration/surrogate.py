@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.calibration.kriging import JITTER, Kriging, train
+from radcal.calibration.kriging import JITTER, Kriging, baseline_factor, train
 from radcal.calibration.moments import STATISTICS, from_dp, to_dp
 from radcal.calibration.objectives import Comparison
 from radcal.calibration.smt_kriging import train_smt
@@ -38,8 +38,8 @@ class Training:
         Length scales of each statistic along each parameter, in widths of the bounds.
     nugget : ndarray, shape (3,)
         Ratio of the variance of the noise to the variance of the Gaussian process, for each statistic.
-    baseline : ndarray of bool, shape (3,)
-        Whether the baseline is part of each statistic's prediction.
+    baseline : ndarray, shape (3,)
+        Factor of the baseline in each statistic's prediction; 0 if the prediction leaves the baseline out.
     q2 : ndarray, shape (3,)
         Leave-one-out Q2 of each statistic: one minus the ratio of mean squared error to variance; NaN for one run.
     status : tuple of str
@@ -52,7 +52,7 @@ class Training:
     statistics: NDArray[np.float64]
     scales: NDArray[np.float64]
     nugget: NDArray[np.float64]
-    baseline: NDArray[np.bool_]
+    baseline: NDArray[np.float64]
     q2: NDArray[np.float64]
     status: tuple[str, ...]
     direct: bool = False
@@ -66,16 +66,18 @@ class Training:
             X of the run.
         """
         one = (self.parameters == np.asarray(parameters)).all(axis=1)
-        kept = np.ones(len(STATISTICS), dtype=np.bool_)
+        kept = np.ones(len(STATISTICS))
         q2 = np.full(len(STATISTICS), np.nan)
         return replace(self, parameters=self.parameters[one], statistics=self.statistics[one], baseline=kept, q2=q2)
 
     def sentence(self) -> str:
-        """Sentence on the leave-one-out Q2 of each statistic, statistics without baseline, and failed training."""
+        """Sentence on the leave-one-out Q2 of each statistic, factors of the baseline, and failed training."""
         found = ", ".join(f"{name} {q2:.3f}" for name, q2 in zip(STATISTICS, self.q2, strict=True))
-        alone = [name for name, kept in zip(STATISTICS, self.baseline, strict=True) if not kept]
+        alone = [name for name, factor in zip(STATISTICS, self.baseline, strict=True) if not factor]
         failed = [name for name, status in zip(STATISTICS, self.status, strict=True) if status == "failed"]
-        notes = (("without baseline", alone), ("training failed", failed))
+        factors = zip(STATISTICS, self.baseline, strict=True)
+        times = [f"{name} by {factor:.2g}" for name, factor in factors if factor not in (0.0, 1.0)]
+        notes = (("without baseline", alone), ("baseline multiplied", times), ("training failed", failed))
         more = "".join(f"; {text}: {', '.join(names)}" for text, names in notes if names)
         return f"leave-one-out Q2 of {len(self.parameters)} runs: {found}{more}"
 
@@ -113,7 +115,7 @@ class Surrogate:
         self._shape = training.statistics.shape[1:]
         learnt = _learnt(training.statistics, training.direct) - self._base(self.parameters)
         unit = self.unit(self.parameters)
-        self._first = np.mean(learnt[0] ** 2, axis=0) * training.baseline  # used if it is the only run
+        self._first = np.mean(learnt[0] ** 2, axis=0) * (training.baseline != 0.0)  # used if it is the only run
         self._models = [
             Kriging(unit, learnt[..., k], training.scales[k], float(training.nugget[k])) for k in range(len(STATISTICS))
         ]
@@ -132,7 +134,7 @@ class Surrogate:
     def snapped(self, unit: ArrayLike) -> NDArray[np.float64]:
         """Points of the unit box with whole-number parameters rounded to values that can be simulated."""
         unit = np.asarray(unit, dtype=np.float64)
-        return np.where(self.integer, self.unit(self.scaled(unit)), unit) if self.integer.any() else unit
+        return np.where(self.integer, self.unit(self.scaled(unit)), unit)
 
     def _base(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
         """Baseline of the statistics at m parameter vectors X, shape (m, n, 3); 0 for statistics without baseline."""
@@ -203,7 +205,11 @@ def train_surrogate(
     noise_variance: NDArray[np.float64] | None = None,
     noisy: bool = False,
 ) -> Training:
-    """Choose the length scales of each statistic, and drop its baseline if predictions without it are better.
+    """Choose the length scales of each statistic, and the factor of its baseline: 1, 0 or the one that the runs show.
+
+    From four runs on, the factor with the smallest leave-one-out errors is chosen (Kennedy and O'Hagan, "Predicting the
+    output from a complex computer code when fast approximations are available", Biometrika 87 (2000), eq. 1). Before,
+    the factor is 1.
 
     Parameters
     ----------
@@ -239,27 +245,28 @@ def train_surrogate(
     base = None
     if config.baseline and not direct and objective.baseline is not None:
         base = objective.baseline(parameters)
-    found, kept = [], []
+    found, factors = [], []
     for k in range(len(STATISTICS)):
         # the measured variance is that of (mean, log sd, skewness), not of (xi, omega, alpha)
         noise = None if noise_variance is None or direct else float(noise_variance[:, k].mean())
-        best, helps = _train_one(unit, values[..., k], config, noise if noisy else 0.0), False
-        if base is not None:
-            other = _train_one(unit, values[..., k] - base[..., k], config, noise if noisy else 0.0)
-            helps = len(unit) < _JUDGED or other.squares <= best.squares
-            best = other if helps else best
-        found.append(best)
-        kept.append(helps)
+        noise = noise if noisy else 0.0
+        one, of = values[..., k], np.zeros_like(values[..., k]) if base is None else base[..., k]
+        candidates = [0.0] if base is None else [1.0]
+        if base is not None and len(unit) >= _JUDGED:
+            candidates += [0.0] if config.training == "smt" else [0.0, baseline_factor(unit, one, of)]
+        tried = [_train_one(unit, one - factor * of, config, noise) for factor in candidates]
+        chosen = int(np.argmin([each.squares for each in tried]))
+        found.append(tried[chosen])
+        factors.append(candidates[chosen])
     scales, nugget, squares, status = zip(*found, strict=True)
-    with np.errstate(invalid="ignore"):
-        variation = ((values - values.mean(axis=0)) ** 2).sum(axis=(0, 1))
-        q2 = 1.0 - np.array(squares) / np.where(variation > 0.0, variation, np.nan)
+    variation = ((values - values.mean(axis=0)) ** 2).sum(axis=(0, 1))
+    q2 = 1.0 - np.array(squares) / np.where(variation > 0.0, variation, np.nan)
     return Training(
         parameters=parameters,
         statistics=statistics,
         scales=np.stack(scales),
         nugget=np.array(nugget),
-        baseline=np.array(kept),
+        baseline=np.array(factors),
         q2=q2,
         status=status,
         direct=direct,

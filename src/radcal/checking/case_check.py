@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radcal.checking.file_problems import image_problems, is_on_map, scene_problems
+from radcal.checking.file_problems import image_problems, is_on_map, scene_problems, swapped_hint
 from radcal.checking.outlook import hidden_ground, low_track, outlook, time_expected
 from radcal.config import Case, Loaded, check_reuse, load_with_problems, missing_inputs
 from radcal.config.inputs import input_files
@@ -61,6 +62,8 @@ class CaseCheck:
         Section ``radar`` in YAML, from the annotation of each measured image that has an annotation.
     outlook : tuple of str
         Lines on the expected time, on the contrast of the start image and on the measured levels.
+    unseen : tuple of str
+        Parts of the case that could not be checked because of the problems.
     forward : bool
         Whether the case has neither a measured image nor a material to calibrate: it is for ``radcal simulate``.
     """
@@ -75,7 +78,12 @@ class CaseCheck:
     draws: int = 1
     sections: tuple[str, ...] = ()
     outlook: tuple[str, ...] = ()
+    unseen: tuple[str, ...] = ()
     forward: bool = False
+
+    def not_looked_at(self) -> str:
+        """Sentence on what could not be checked because of the problems; empty if everything was."""
+        return f"Not looked at yet, because of the above: {'; '.join(self.unseen)}." if self.unseen else ""
 
     def summary(self) -> str:
         """Lines, without the warnings, on input files, image size, and expected simulator runs, memory and time."""
@@ -140,13 +148,14 @@ def check_case(
     try:
         loaded = load_with_problems(paths, overrides)
     except ConfigError as error:
-        return CaseCheck([str(error)], [], {}, None, {}, {})
+        return CaseCheck([str(error)], [], {}, None, {}, {}, unseen=("the keys, files, scene and measured image",))
     if loaded.case is None:
-        return CaseCheck(loaded.problems, [], {}, None, {}, {})
+        nothing = ("contradictions between keys", "files, scene and measured image")
+        return CaseCheck(loaded.problems, [], {}, None, {}, {}, unseen=nothing)
     if loaded.forward:
-        found = _checked(loaded.case, loaded, results, say)
+        found = _checked(paths, loaded.case, loaded, results, say)
         return replace(found, runs={}, outlook=(), forward=True)
-    return _checked(loaded.case, loaded, results, say)
+    return _checked(paths, loaded.case, loaded, results, say)
 
 
 class _Problems(list[str]):
@@ -155,6 +164,7 @@ class _Problems(list[str]):
     def __init__(self, loaded: Loaded) -> None:
         super().__init__(loaded.problems)
         self._follows = loaded.follows
+        self.unmeasured = False  # whether the measured image of a pass could not be made
 
     def add(self, found: Iterable[str]) -> None:
         """Add those problems that are not in the list and do not follow from a wrong key."""
@@ -164,7 +174,8 @@ class _Problems(list[str]):
 
 
 def _without_numbers(text: str) -> str:
-    """Problem of an image without its numbers, which differ between the whole file and its part in the scene."""
+    """Problem of a raster without its numbers, which differ between the whole file and its part in the scene."""
+    text = re.sub(r"(?<= holds )(\w+)(?: from \S+ to \S+)?, expected whole material ids.*", r"\1", text)
     return (
         re.sub(r"(?<![\w./])\d[\d.,]*(?:e[+-]?\d+)?(?![\w/]|\.\w)", "", text)
         if text.startswith("measurement.")
@@ -172,7 +183,7 @@ def _without_numbers(text: str) -> str:
     )
 
 
-def _checked(case: Case, loaded: Loaded, results: str | Path, say: Say) -> CaseCheck:
+def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: str | Path, say: Say) -> CaseCheck:
     """Result of all checks of a case, once the keys have been checked."""
     problems = _Problems(loaded)
     missing = missing_inputs(case)
@@ -207,10 +218,36 @@ def _checked(case: Case, loaded: Loaded, results: str | Path, say: Say) -> CaseC
     if not sections:
         said, sections = _of_products(case)
         notes += said
+    unseen = _unseen(loaded, shape, problems.unmeasured) if problems else ()
+    listed = [_elsewhere(text, paths) + swapped_hint(case.scene, text) for text in problems]
     return CaseCheck(
-        problems, notes, files, shape, largest_runs(case), demands, peaks, case.simulator.draws, tuple(sections),
-        (time_expected(case, results), *levels) if not problems else (),
+        listed, notes, files, shape, largest_runs(case), demands, peaks, case.simulator.draws, tuple(sections),
+        (time_expected(case, results), *levels) if not problems else (), unseen,
     )  # fmt: skip
+
+
+def _unseen(loaded: Loaded, shape: tuple[int, int] | None, unmeasured: bool) -> tuple[str, ...]:
+    """Parts of a case with problems that were not checked."""
+    parts = ["how right values of the wrong keys fit the others"] if loaded.wrong or loaded.without else []
+    if loaded.forward:
+        return (*parts, "the image's geometry") if shape is None else tuple(parts)
+    if unmeasured or shape is None or not loaded.has_geometry:
+        parts.append("the measured image on the ground of the scene, with its levels and noise")
+    return (*parts, "contrast of the start image, and levels against the ranges of the laws")
+
+
+def _elsewhere(text: str, paths: Sequence[str | Path]) -> str:
+    """Problem of a missing file, with a hint if the file lies where the case file is."""
+    found = re.search(r": the file (.+) does not exist in .*, the current folder\.$", text)
+    if found is None:
+        return text
+    for folder in {Path(path).parent.absolute() for path in paths}:
+        if folder != Path.cwd() and (folder / found[1]).exists():
+            return (
+                f"{text[:-1]}; it is in {folder}, the folder of the case file, but paths are relative to the current "
+                f"folder: write {os.path.relpath(folder / found[1])}."
+            )
+    return text
 
 
 def _images_alone(case: Case, loaded: Loaded, problems: _Problems) -> None:
@@ -275,6 +312,7 @@ def _made(
             say(f"measured image{which}, for {shape[0]} x {shape[1]} pixels ...")
             measured = _measured(one, loaded, geometry, scene, problems, number)
             notes += said if measured is None else measured.notes
+            problems.unmeasured |= measured is None
             if not problems:
                 levels += outlook(one, geometry, measured)
     return notes, shape

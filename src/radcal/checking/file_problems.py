@@ -14,7 +14,7 @@ from radcal.errors import RadcalError
 from radcal.reading.safe import is_safe_name
 from radcal.running.file_facts import code_counts
 
-__all__ = ["image_problems", "is_on_map", "scene_problems"]
+__all__ = ["image_problems", "is_on_map", "scene_problems", "swapped_hint"]
 
 
 def scene_problems(scene: SceneConfig, materials: Collection[str] | None = None) -> list[str]:
@@ -27,8 +27,9 @@ def scene_problems(scene: SceneConfig, materials: Collection[str] | None = None)
     materials : collection of str, optional
         Names of the materials of the case; the scene must have all of them.
     """
+    checks: list[Callable[[], Any]] = []  # the built-in scene has no files
     if isinstance(scene, RasterScene):
-        checks: list[Callable[[], Any]] = [
+        checks = [
             partial(_datum, scene),
             partial(_heights, scene),
             partial(_names, scene, materials),
@@ -36,6 +37,25 @@ def scene_problems(scene: SceneConfig, materials: Collection[str] | None = None)
     elif isinstance(scene, SlantRangeScene):
         checks = [partial(_slant_names, scene, materials)]
     return [text for check in checks for text in _said(check)]
+
+
+def swapped_hint(scene: SceneConfig, text: str) -> str:
+    """Question whether heights and land cover are swapped, for a problem of a land cover that holds no codes.
+
+    Parameters
+    ----------
+    scene : SceneConfig
+        Section ``scene``.
+    text : str
+        Problem; the hint is empty for a problem of another file, and if the raster of heights holds no bytes.
+    """
+    if not (isinstance(scene, RasterScene) and text.startswith("scene.materials: ") and " holds float" in text):
+        return ""
+    with contextlib.suppress(RadcalError):
+        path = expand_path(scene.elevation, "scene.elevation")
+        code_counts(path)  # refuses a raster of fractions
+        return f" scene.elevation: {path} holds whole numbers: are the two files swapped?"
+    return ""
 
 
 def image_problems(config: FileMeasurement, radar: Radar, on_map: bool = True) -> list[str]:

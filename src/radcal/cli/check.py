@@ -24,6 +24,8 @@ With a product such as a Sentinel-1 SAFE folder it prints section radar as the a
 
 A case without a measured image and without a material to calibrate is checked as radcal simulate needs it.
 
+Problems come in one list. If some of them keep a part of the case from being checked, the last line names that part.
+
 What only the calibration can find out, such as the registration, is not checked. The exit status is 1 if a problem was
 found, else 0.
 """
@@ -58,6 +60,8 @@ def _is_right(case: Path, settings: list[str] | None, results: Path) -> bool:
         typer.echo(f"radcal: {case} cannot be run; {count} problem{'s' if count > 1 else ''} found:", err=True)
         for text in found.problems:
             typer.echo(f"  - {text.removeprefix(f'{case}: ')}", err=True)
+        if unseen := found.not_looked_at():
+            typer.echo(unseen, err=True)
         for line in (*found.warnings(), *found.remarks()):
             typer.echo(line)
         return False

@@ -22,16 +22,20 @@ HELP = """Write a new case, from questions at a terminal or from options.
 
 CASE is the YAML file to write, or a name. What the files say is read from them: size, CRS, pixel spacing, bands, codes
 of the land cover. A line that is still to be decided is marked FILL_IN; radcal check lists these lines. No file is
-overwritten.
+overwritten, and with a wrong option none is written.
+
+With --image synthetic, the image is simulated with hidden laws; with --image none, the case is for radcal simulate.
 
 \b
 Example:
   radcal new config/mine.yaml --elevation dem.tif --landcover cover.tif --image s1.tif
+  radcal new config/look.yaml --elevation dem.tif --landcover cover.tif --image none
 """
 
 
 def main(case: str, **answers: Any) -> None:
     """Write a new case."""
+    from radcal.config import FILL_IN
     from radcal.config.sensors import SENSORS
     from radcal.running.new_case import NewCase, case_path
 
@@ -43,6 +47,8 @@ def main(case: str, **answers: Any) -> None:
         keys = {entry.key: entry.optional for entry in ENTRIES}
         new = NewCase(path, given, keys)
         seen = set(given)
+        if asked:
+            typer.echo(f"An empty answer leaves a line open ({FILL_IN}); Ctrl-C ends without a file.", err=True)
         # an answer may settle later questions: the file tells the bands, the band tells the scale
         while asked and (left := [one for one in ENTRIES if one.key not in seen and _is_open(one, new)]):
             remark = {"scene.landcover": new.offered, "radar.sensor": known}.get(left[0].key, "")
@@ -62,7 +68,8 @@ def main(case: str, **answers: Any) -> None:
         typer.echo(f"Still to be decided, marked FILL_IN (or by options in a new case): {options}.")
         if decided := new.decided_by_sensors():
             typer.echo(f"--sensor decides up to {len(decided)} of them: {', '.join(SENSORS)} (docs/sensors.md).")
-    typer.echo(f"Next: radcal check {path}\nThen: radcal run {path} reference, and radcal run {path}")
+    then = f"radcal simulate {path}" if new.forward else f"radcal run {path} reference, and radcal run {path}"
+    typer.echo(f"Next: radcal check {path}\nThen: {then}")
 
 
 def _at_terminal() -> bool:
@@ -75,7 +82,9 @@ def _is_open(entry: Entry, new: NewCase) -> bool:
         return new.offered != ""
     if entry.key == "radar.sensor":
         return new.decided_by_sensors() != []
-    return entry.key in new.undecided or (entry.key == "materials.calibrated" and new.materials != [])
+    if entry.key == "materials.calibrated":
+        return new.materials != [] and not new.forward
+    return entry.key in new.undecided
 
 
 def _asked(entry: Entry, remark: str) -> dict[str, Any]:

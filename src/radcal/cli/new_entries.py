@@ -44,7 +44,7 @@ class Entry:
 
 
 ENTRIES = (
-    Entry("--elevation", "scene.elevation", "raster of heights [m]; none for a land cover in slant range"),
+    Entry("--elevation", "scene.elevation", "raster of heights [m]; left out for a land cover in slant range"),
     Entry("--materials,--landcover", "scene.materials", "raster of land cover, as whole codes from 1 to 255"),
     Entry(
         "--landcover-preset", "scene.landcover", "land-cover map with known codes: esa_worldcover, corine or nlcd",
@@ -54,7 +54,10 @@ ENTRIES = (
     Entry("--vertical-datum", "scene.vertical_datum", "vertical datum of the heights, such as EGM2008"),
     Entry("--near-incidence", "scene.near_incidence_deg", "incidence angle at the first row [deg]", float),
     Entry("--far-incidence", "scene.far_incidence_deg", "incidence angle at the last row [deg]", float),
-    Entry("--image", "measurement.path", "measured image, Sentinel-1 SAFE folder, or the word synthetic"),
+    Entry(
+        "--image", "measurement.path",
+        "measured image, Sentinel-1 SAFE folder, or the word synthetic, or none for radcal simulate alone",
+    ),
     Entry("--band", "measurement.band", "number of the raster band, from 1", int),
     Entry("--dataset", "measurement.dataset", "name of the array in an npz, mat or HDF5 file", optional=True),
     Entry("--scale", "measurement.scale", "scale of the image's numbers: db, power, amplitude or complex"),

@@ -11,7 +11,16 @@ from radcal.cli.arguments import Results, Settings, overrides, sentences
 
 __all__ = ["HELP", "main"]
 
-HELP = "Simulate the image of a case with the parameters of its materials; it needs no measured image."
+HELP = """Simulate the image of a case with the parameters of its materials; it needs no measured image.
+
+A material with calibrate: true is simulated at its start. With --materials, the materials of FILE replace those of the
+same names, and the others keep the case's laws. An image of another run in the folder is replaced only with --replace.
+
+\b
+Examples:
+  radcal simulate config/mine.yaml
+  radcal simulate config/mine.yaml --materials results/mine/export/calibrated.yaml --out results/mine/found
+"""
 
 
 def main(
@@ -19,17 +28,25 @@ def main(
         Path, typer.Argument(metavar="CASE", readable=False, help="The case's YAML file.", show_default=False)
     ],
     materials: Annotated[
-        Path | None, typer.Option(help="File with materials in place of the case's, as calibrated.yaml.")
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="File whose materials replace the case's materials of the same names, as calibrated.yaml.",
+        ),
     ] = None,
     settings: Settings = None,
-    out: Annotated[Path | None, typer.Option(help="Folder of the images; by default results/<case>/simulated.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Folder of the images; by default results/<case>/simulated.")
+    ] = None,
+    replace: Annotated[bool, typer.Option("--replace", help="Replace images of other runs in the folder.")] = False,
     results: Results = Path("results"),
 ) -> None:
     """Simulate the images of a case without a measured image."""
-    from radcal.config import load_forward
     from radcal.report.simulated import simulate
+    from radcal.running.forward_case import forward_case
 
     with sentences():
-        found = load_forward([case], overrides(settings), materials)
+        found, remarks = forward_case(case, overrides(settings), materials)
         folder = results / found.case
-        typer.echo("\n".join(simulate(found, out or folder / "simulated", folder / "runs")))
+        lines = simulate(found, out or folder / "simulated", folder / "runs", replace)
+        typer.echo("\n".join([*remarks, *lines]))

@@ -346,7 +346,7 @@ class Case(Part):
             if material.law == EXTERNAL and not command:
                 yield (
                     f"materials.{name}.law is {EXTERNAL}, which only simulator.kind: command can simulate, "
-                    f"expected one of {laws_known(external=False)}"
+                    f"expected one of {', '.join(laws_known(external=False))}"
                 )
             if material.starts_with_another_law and command:
                 yield (

@@ -59,7 +59,8 @@ def expand_path(text: str, key: str, folder: bool = False) -> Path:
     except OSError as error:  # the name is too long for the file system
         raise ConfigError(f"{key}: the file {shown(str(path), 200)} cannot be read ({error.strerror}).") from None
     if not found:
-        raise ConfigError(f"{key}: the file {shown(str(path), 200)} does not exist.")
+        where = "" if path.is_absolute() else f" in {Path.cwd()}, the current folder"
+        raise ConfigError(f"{key}: the file {shown(str(path), 200)} does not exist{where}.")
     if not path.is_file() and not (folder and path.is_dir()):
         raise ConfigError(f"{key}: {path} is not a file.")
     if not os.access(path, os.R_OK):

@@ -149,13 +149,18 @@ def origin_of(files: Sequence[str | Path]) -> str:
     return ", ".join(str(f) for f in files) or "configuration"
 
 
-def read_cases(files: Sequence[str | Path], overrides: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Plain data merged from configuration files and overrides; parameters and errors as for :func:`load`."""
+def read_cases(
+    files: Sequence[str | Path], overrides: Mapping[str, Any] | None, twice: list[str] | None = None
+) -> dict[str, Any]:
+    """Plain data merged from configuration files and overrides; parameters and errors as for :func:`load`.
+
+    ``twice`` collects sentences on duplicate keys, as in :func:`radcal.config.yaml_file.read_case_file`.
+    """
     from radcal.config.yaml_file import merged, read_case_file  # imports PyYAML, which workflow jobs do not need
 
     data: dict[str, Any] = {}
     for file in files:
-        data = merged(data, read_case_file(file))
+        data = merged(data, read_case_file(file, twice))
     data = merged(data, _parsed(overrides or {}))
     if (file := data.pop(MATERIALS_FROM, None)) is not None:
         own = data.get("materials", {})

@@ -36,7 +36,7 @@ def _law_of(
 ) -> Law:
     """Law by its name, with knots, formula, parameter names and units from the case file."""
     if name not in laws_known():
-        raise ValueError(f"law is {shown(repr(name))}, expected one of {laws_known()}")
+        raise ValueError(f"law is {shown(repr(name))}, expected one of {', '.join(laws_known())}")
     if name not in (EXTERNAL, FORMULA) and (names is not None or units is not None):
         raise ValueError(f"law {name!r} names its own parameters: names and units are for law: {EXTERNAL} or {FORMULA}")
     if (formula is None) is (name == FORMULA):
@@ -64,9 +64,13 @@ def _check_names(names: Sequence[str], units: Sequence[str] | None) -> None:
         if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
             raise ValueError(f"names: {name!r} is not a letter followed by letters, digits and _")
     if len(set(names)) != len(names):
-        raise ValueError(f"names are {list(names)}, expected each once")
+        raise ValueError(f"names are {', '.join(names)}, expected each once")
     if units is not None and len(units) != len(names):
         raise ValueError(f"units has {len(units)} entries, names {len(names)}")
+
+
+def _numbers(count: int) -> str:
+    return f"{count} number{'s' * (count != 1)}"
 
 
 def _takes(law: Law, name: str) -> str:
@@ -96,7 +100,7 @@ def check_parameters(key: str, values: Sequence[float], law: Law, name: str) -> 
         The law has another number of parameters, or a value lies outside the limits of the law.
     """
     if len(values) != len(law.names):
-        raise ValueError(f"{key} has {len(values)} numbers, {_takes(law, name)}")
+        raise ValueError(f"{key} has {_numbers(len(values))}, {_takes(law, name)}")
     # only the external simulator knows which values of its parameters are too large
     largest = _LARGEST if law.has_curve else math.inf
     limits = law.limits or ((-largest, largest),) * len(law.names)
@@ -120,7 +124,7 @@ class OtherLaw(Section):
     def _consistent(self) -> Self:
         if self.law == EXTERNAL:
             raise ValueError(
-                f"law is {EXTERNAL!r}, which {self._cannot_be}, expected one of {laws_known(external=False)}"
+                f"law is {EXTERNAL!r}, which {self._cannot_be}, expected one of {', '.join(laws_known(external=False))}"
             )
         law = self.unbound_law
         check_parameters("parameters", self.parameters, law, self.law)
@@ -190,7 +194,9 @@ class Material(Section):
         d = len(law.names)
         if not self.calibrate:
             if self.parameters is None and d > 0:
-                raise ValueError(f"a material that is not calibrated needs parameters: {d} numbers {list(law.names)}")
+                raise ValueError(
+                    f"a material that is not calibrated needs parameters: {_numbers(d)} ({', '.join(law.names)})"
+                )
             check_parameters("parameters", self.parameters or [], law, self.law)
             self._check_integers()
             self.check_whole("parameters", self.parameters or [])
@@ -220,7 +226,7 @@ class Material(Section):
         if self.starts_with_another_law:
             return self
         if len(self.start_parameters) != d:
-            raise ValueError(f"start has {len(self.start_parameters)} numbers, {_takes(law, self.law)}")
+            raise ValueError(f"start has {_numbers(len(self.start_parameters))}, {_takes(law, self.law)}")
         for name, x, (low, high) in zip(law.names, self.start_parameters, self.box, strict=True):
             if not low <= x <= high:
                 raise ValueError(f"start of {name} is {x:g}, expected inside its bounds [{low:g}, {high:g}]")
@@ -230,7 +236,7 @@ class Material(Section):
     def _of_bounds(self, law: Law) -> Iterator[str]:
         """Sentences on all bounds that are wrong."""
         if len(self.box) != len(law.names):
-            yield f"bounds has {len(self.box)} intervals, {_takes(law, self.law)}"
+            yield f"bounds has {len(self.box)} interval{'s' * (len(self.box) != 1)}, {_takes(law, self.law)}"
         for name, (low, high) in zip(law.names, self.box, strict=False):
             if not low < high:
                 yield f"bounds of {name} are [{low:g}, {high:g}], expected lower < upper"

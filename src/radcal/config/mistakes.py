@@ -89,9 +89,10 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     Raises
     ------
     ConfigError
-        A file is missing, empty or not YAML, or a key occurs twice.
+        A file is missing, empty or not YAML.
     """
-    given = read_cases(files, overrides)
+    twice: list[str] = []
+    given = read_cases(files, overrides, twice)
     marked = undecided(given, files)
     data = deepcopy(given)
     for one in marked:
@@ -108,6 +109,7 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
             rest = deepcopy(data)
             # a corrected key may remove the cause of another error: after a correction, all keys are checked again
             mended = [key for key in found if _mend(rest, key)]
+            found = [_blamed(data, key) for key in found]
             for key in () if mended else found:
                 _leave_out(rest, key.place)
             problems += [key.text for key in mended or found if not _is_missed(key, wrong)]
@@ -123,7 +125,7 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     loaded = Loaded(case, [], frozenset(wrong), frozenset(gone), named, forward)
     left = [_without(text, wrong) for text in contradictions if not loaded.follows(text)]
     problems += [text for text in left if text and not _of_nothing(text, loaded)]
-    sentences = [f"{origin_of(files)}: {shown(text, 600)}." for text in dict.fromkeys(problems)]
+    sentences = twice + [f"{origin_of(files)}: {shown(text, 600)}." for text in dict.fromkeys(problems)]
     sentences += _missing_files(given, gone.intersection(given))
     return replace(loaded, problems=sentences)
 
@@ -138,6 +140,17 @@ def _is_forward(given: Mapping[str, Any]) -> bool:
     )
 
 
+def _blamed(data: dict[str, Any], key: WrongKey) -> WrongKey:
+    """Contradiction inside section ``radar`` as a mistake of the key that it names first, so that the others stay."""
+    found = re.match(rf"{re.escape(key.key)}: (\w+) [(i]", key.text) if key.key.startswith("radar") else None
+    if found is None:
+        return key
+    section = _section(data, _placed(data, key.place))
+    if not (isinstance(section, dict) and found[1] in section):
+        return key  # a default value, in place of a wrong one, contradicts: the whole section is left out
+    return replace(key, place=(*key.place, found[1]), key=f"{key.key}.{found[1]}")
+
+
 def _wrong(key: WrongKey) -> str:
     """Full name of a wrong key; an unknown key gives its own name, because the rest of its section is right."""
     return f"{key.key}.{key.place[-1]}".lstrip(".") if key.text.startswith("unknown key") else key.key
@@ -145,9 +158,12 @@ def _wrong(key: WrongKey) -> str:
 
 def _is_missed(key: WrongKey, wrong: Iterable[str]) -> bool:
     """Whether a key is missing only because it was left out for a mistake that another problem names."""
+    blamed = re.match(rf"{re.escape(key.key)}: (\w+) [(i]", key.text) if key.key.startswith("radar") else None
+    if blamed and f"{key.key}.{blamed[1]}" in wrong:  # about the default of a key that was left out
+        return True
     if not re.search("missing|needs", key.text):
         return False
-    lost = {one.removeprefix(f"{key.key}.") for one in wrong if one.startswith(f"{key.key}.")}
+    lost = {one.removeprefix(f"{key.key}.").partition(".")[0] for one in wrong if one.startswith(f"{key.key}.")}
     return key.key in wrong or bool(lost.intersection(re.findall(r"\w+", key.text)))
 
 
@@ -174,6 +190,9 @@ def _mend(data: dict[str, Any], key: WrongKey) -> bool:
     section = _section(data, above)
     if not isinstance(section, dict):
         return False
+    if last == "calibrate" and key.place[0] == "materials" and not isinstance(section.get(last), bool):
+        section[last] = "parameters" not in section  # which of the two the other keys of the material tell
+        return True
     if key.meant is not None and last in section and key.meant not in section:
         section[key.meant] = section.pop(last)
         return True

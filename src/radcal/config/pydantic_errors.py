@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from radcal.config.sections import FURTHER, MATERIALS_FROM, TAGS
+from radcal.config.sections import EXAMPLES, FURTHER, MATERIALS_FROM, TAGS
 from radcal.radar.bands import letter_band
 
 __all__ = ["MISSING", "Contradictions", "WrongKey", "nearest", "sentence", "shown", "wrong_keys"]
@@ -145,7 +145,7 @@ def wrong_keys(error: ValidationError, root: type[BaseModel]) -> list[WrongKey]:
     # A misspelt required key gives two errors, an unknown key and a missing key: the unknown key comes first.
     details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
     found: dict[str, WrongKey] = {}
-    for detail in details:
+    for detail in map(_whole_list, details):
         several = getattr(detail.get("ctx", {}).get("error"), "sentences", None)
         key = _key(detail["loc"])
         if several is None:
@@ -154,6 +154,14 @@ def wrong_keys(error: ValidationError, root: type[BaseModel]) -> list[WrongKey]:
         else:
             found |= {text: WrongKey(f"{key}: {text}", detail["loc"], key) for text in several}
     return list(found.values())
+
+
+def _whole_list(detail: ErrorDetails) -> ErrorDetails:
+    """Error of the list, in place of the error of each of its items, if ``bounds`` are a list of two numbers."""
+    place = detail["loc"]
+    if len(place) > 2 and place[-2] == "bounds" and detail["type"] == "tuple_type":
+        detail["loc"], detail["msg"] = place[:-1], "Input should be [lower, upper] for each parameter"
+    return detail
 
 
 def _wrong_key(detail: ErrorDetails, root: type[BaseModel]) -> WrongKey:
@@ -223,10 +231,52 @@ def _text(detail: ErrorDetails, root: type[BaseModel]) -> str:
             return f"{key}.{tag} is {_shown(found, tag)}, expected {detail.get('ctx', {}).get('expected_tags', '')}"
         case "int_parsing_size":
             return f"{key} is {shown(repr(found))}, expected an integer of fewer digits"
+        case "tuple_type" if key.endswith(".bounds"):
+            return f"{key}: {shown(_plain(found))} is no interval, expected {_BOUNDS}"
     message = detail["msg"].removeprefix("Input should be ").replace(" after validation", "")
     message = re.sub(r"^\w+ should have ", "", message)
     message = re.sub("^a valid (dictionary|tuple).*", _of_kind, message)
-    return f"{key} is {shown(repr(found))}, expected {message}{_other_unit(key, found)}"
+    message = re.sub(", unable to .*", "", message).replace("a valid boolean", "true or false")
+    example = _example(detail, root) if message in ("a valid number", "a valid integer") else ""
+    if message == "a valid list" and key.endswith(".bounds"):
+        message = _BOUNDS
+    elif message == "a valid list" and isinstance(found, str | int | float):
+        example = f" (in brackets: [{shown(str(found))}])"
+    return f"{key} is {shown(_plain(found))}, expected {message}{example}{_other_unit(key, found)}"
+
+
+_BOUNDS = "[lower, upper] for each parameter, for example bounds: [[-20, -10]]"
+
+
+def _plain(found: object) -> str:
+    """Value as a case file gives it, with texts in quotes."""
+    if isinstance(found, list):
+        return f"[{', '.join(map(_plain, found))}]"
+    if isinstance(found, dict):
+        return f"{{{', '.join(f'{key}: {_plain(value)}' for key, value in found.items())}}}"
+    if found is None:
+        return "empty"
+    return str(found).lower() if isinstance(found, bool) else repr(found)
+
+
+def _example(detail: ErrorDetails, root: type[BaseModel]) -> str:
+    """Number that a text probably stands for, or else an example of the key's value; empty if there is none."""
+    place, found = detail["loc"], detail["input"]
+    number = re.fullmatch(r"\s*([-+]?\d+)(?:[.,](\d+))?\s*([A-Za-z%°/]*)\s*", found) if isinstance(found, str) else None
+    if number is not None:
+        fraction = f".{number[2]}" if number[2] else ""
+        why = "without its unit" if number[3] else "with a decimal point"
+        return f" ({why}: {number[1]}{fraction})"
+    last = next((str(part) for part in reversed(place) if f"{place[0]}.{part}" in EXAMPLES), None)
+    if last is not None:
+        return f", for example {EXAMPLES[f'{place[0]}.{last}']}"
+    if {"parameters", "bounds", "start"} & set(place):
+        return ", for example -15"
+    fields = [
+        model.model_fields[str(place[-1])] for model in _models_at(place, root) if place[-1] in model.model_fields
+    ]
+    default = fields[0].default if fields else None
+    return f", for example {default:g}" if isinstance(default, int | float) and not isinstance(default, bool) else ""
 
 
 def _other_unit(key: str, found: object) -> str:

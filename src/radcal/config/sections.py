@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict
 
 from radcal.errors import ConfigError
 
-__all__ = ["DERIVED", "FURTHER", "MATERIALS_FROM", "TAGS", "CaseName", "Section", "check_case_name"]
+__all__ = ["DERIVED", "EXAMPLES", "FURTHER", "MATERIALS_FROM", "TAGS", "CaseName", "Section", "check_case_name"]
 
 _LONGEST_NAME = 100  # file systems allow names of 255 bytes, and the names of some files contain the name of the case
 
@@ -57,6 +58,35 @@ CaseName = Annotated[str, AfterValidator(_case_name)]
 
 # key of a case file that names another file; before the sections are checked, that file's materials replace the key
 MATERIALS_FROM = "materials_from"
+
+EXAMPLES: Mapping[str, str] = {
+    "scene.elevation": "data/dem.tif",
+    "scene.materials": "data/landcover.tif",
+    "scene.labels": "data/labels.tif",
+    "scene.names": "data/names.json",
+    "scene.vertical_datum": "EGM2008",
+    "scene.near_incidence_deg": "22.5",
+    "scene.far_incidence_deg": "41",
+    "measurement.path": "data/image.tif",
+    "measurement.band": "2",
+    "measurement.scale": "power",
+    "measurement.radiometry": "gamma0",
+    "radar.radiometry": "gamma0",
+    "radar.polarisation": "VV",
+    "radar.frequency_ghz": "5.405",
+    "radar.altitude_m": "3500",
+    "radar.depression_deg": "48",
+    "radar.incidence_deg": "38.5",
+    "radar.heading_deg": "192.5",
+    "radar.look_side": "left",
+    "radar.range_resolution_m": "2.7",
+    "radar.azimuth_resolution_m": "22",
+    "radar.range_spacing_m": "2.3",
+    "radar.azimuth_spacing_m": "14",
+    "radar.looks": "4.4",
+    "radar.nesz_db": "-24",
+}
+"""Example of a value for each key, for error messages."""
 
 
 class Section(BaseModel):

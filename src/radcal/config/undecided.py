@@ -7,39 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from radcal.config.sections import MATERIALS_FROM
+from radcal.config.sections import EXAMPLES, MATERIALS_FROM
 
 __all__ = ["EXAMPLES", "FILL_IN", "Undecided", "undecided"]
 
 FILL_IN = "FILL_IN"  # mark of a missing value in a case that radcal new has written; the user must replace it
-EXAMPLES: Mapping[str, str] = {
-    "scene.elevation": "data/dem.tif",
-    "scene.materials": "data/landcover.tif",
-    "scene.labels": "data/labels.tif",
-    "scene.names": "data/names.json",
-    "scene.vertical_datum": "EGM2008",
-    "scene.near_incidence_deg": "22.5",
-    "scene.far_incidence_deg": "41",
-    "measurement.path": "data/image.tif",
-    "measurement.band": "2",
-    "measurement.scale": "power",
-    "measurement.radiometry": "gamma0",
-    "radar.radiometry": "gamma0",
-    "radar.polarisation": "VV",
-    "radar.frequency_ghz": "5.405",
-    "radar.altitude_m": "3500",
-    "radar.depression_deg": "48",
-    "radar.incidence_deg": "38.5",
-    "radar.heading_deg": "192.5",
-    "radar.look_side": "left",
-    "radar.range_resolution_m": "2.7",
-    "radar.azimuth_resolution_m": "22",
-    "radar.range_spacing_m": "2.3",
-    "radar.azimuth_spacing_m": "14",
-    "radar.looks": "4.4",
-    "radar.nesz_db": "-24",
-}
-"""Example of a value for each key, for error messages."""
 _LEFT_OUT = {"radar.heading_deg": ", or no such line for a track to the grid's north"}  # keys with a usable default
 _LEVEL = "[-15]"  # of law constant_gamma
 

@@ -37,6 +37,8 @@ class _Fault(Exception):
 class _Loader(yaml.SafeLoader):
     """PyYAML's safe loader with an error message that names the line of a value that cannot be converted."""
 
+    twice: list[_Fault] | None = None  # duplicate keys, of which the last value is read; None to refuse the first
+
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
             value = super().construct_object(node, deep)
@@ -52,13 +54,15 @@ class _Loader(yaml.SafeLoader):
         return value
 
 
-def read_case_file(path: str | Path) -> dict[str, Any]:
+def read_case_file(path: str | Path, twice: list[str] | None = None) -> dict[str, Any]:
     """Read the keys and values of a case file.
 
     Parameters
     ----------
     path : path
         A YAML file in UTF-8 with one document.
+    twice : list of str, optional
+        List that is extended by a sentence on each duplicate key, of which the last value is then read.
 
     Returns
     -------
@@ -76,15 +80,22 @@ def read_case_file(path: str | Path) -> dict[str, Any]:
     YAML 1.1, sections 3.2.1.3 (keys are unique) and 7.1 (aliases).
     """
     try:
-        found = _parsed(_text(_content(Path(path))))
+        faults = None if twice is None else list[_Fault]()
+        found = _parsed(_text(_content(Path(path))), faults)
     except _Fault as fault:
-        line = "" if fault.line is None else f", line {fault.line}"
-        raise ConfigError(f"{shown(str(path), 300)}{line}: {fault}.") from None
+        raise ConfigError(_at_line(path, fault)) from None
+    if twice is not None:
+        twice += [_at_line(path, fault) for fault in faults or ()]
     if found is None:
         raise ConfigError(f"{path}: is empty, expected keys and values such as case: mine.")
     if not isinstance(found, Mapping):
         raise ConfigError(f"{path}: holds {type(found).__name__}, expected keys and values.")
     return dict(found)
+
+
+def _at_line(path: str | Path, fault: _Fault) -> str:
+    line = "" if fault.line is None else f", line {fault.line}"
+    return f"{shown(str(path), 300)}{line}: {fault}."
 
 
 def lines_of(path: str | Path, text: str) -> list[tuple[tuple[int | str, ...], int]]:
@@ -233,13 +244,14 @@ def _text(content: bytes) -> str:
         raise _Fault(f"not a text file in UTF-8 ({wrong}; in Latin-1? save it as UTF-8)", line) from None
 
 
-def _parsed(text: str) -> Any:
-    """Convert a YAML text to plain data."""
+def _parsed(text: str, twice: list[_Fault] | None = None) -> Any:
+    """Convert a YAML text to plain data; ``twice`` collects the duplicate keys, which are refused without it."""
     try:
         loader = _Loader(text)
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         raise _Fault(f"not a YAML file (character U+{ord(text[error.position]):04X} in it)", line) from None
+    loader.twice = twice
     try:
         node = loader.get_single_node()
         if node is None:
@@ -267,7 +279,7 @@ def _problem(error: yaml.MarkedYAMLError) -> str:
     return problem
 
 
-def _check(loader: yaml.SafeLoader, root: yaml.Node) -> None:
+def _check(loader: _Loader, root: yaml.Node) -> None:
     """Refuse duplicate keys, anchors that contain themselves, and aliases that expand to too many values."""
     weights: dict[int, int] = {}  # number of values in each node after its aliases are expanded
     entered: set[int] = set()
@@ -292,8 +304,8 @@ def _check(loader: yaml.SafeLoader, root: yaml.Node) -> None:
         raise _Fault(f"its aliases stand for {number} values, expected at most {_LARGEST_VALUES:,}")
 
 
-def _names(loader: yaml.SafeLoader, node: yaml.MappingNode, above: str) -> list[str]:
-    """Names of a section's keys in dotted form; a duplicate key is refused."""
+def _names(loader: _Loader, node: yaml.MappingNode, above: str) -> list[str]:
+    """Names of a section's keys in dotted form; a duplicate key is refused, or collected."""
     lines: dict[Any, int] = {}
     names = []
     for key_node, _ in node.value:
@@ -304,9 +316,10 @@ def _names(loader: yaml.SafeLoader, node: yaml.MappingNode, above: str) -> list[
             raise _Fault(f"YAML reads the key {key_node.value or 'null'} as {key}: put it in quotes", _line(key_node))
         name = f"{above}.{key}" if above else key
         if key in lines:
-            raise _Fault(
-                f"{shown(name)} is given here and in line {lines[key]}, expected each key once", _line(key_node)
-            )
+            text = f"{shown(name)} is given here and in line {lines[key]}, expected each key once"
+            if loader.twice is None:
+                raise _Fault(text, _line(key_node))
+            loader.twice.append(_Fault(f"{text} (only the last one was looked at)", _line(key_node)))
         lines[key] = _line(key_node)
         names.append(name)
     return names

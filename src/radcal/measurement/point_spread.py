@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from radcal.config import Radar
 from radcal.measurement.looks import SIDE, Looks, independent_steps, most_frequent_variance
+from radcal.measurement.small_areas import pairs_of_areas
 from radcal.radar.speckle import speckle_correlation
 
 __all__ = ["PointSpread", "estimate_point_spread", "is_filtered", "point_spread_note"]
@@ -18,6 +20,8 @@ _WINDOWS = (20, 2000)  # smallest number of windows, and largest number that is 
 _HOMOGENEOUS = (0.5, 2.0)  # times the most frequent variance; other windows have edges, texture or point targets
 _FAR = 2.0  # widths beyond which speckle is uncorrelated; what is correlated further is texture
 _DRAWS = 100
+_WAYS = ("range", "azimuth")
+_NARROW = 1.0  # pixel spacings
 _SHAPE = 0.05  # relative error that other weightings than Taylor's (Hamming 3 %, Kaiser 10 %) and texture leave
 _CERTAIN = 2.0  # standard errors
 _REACH = 7  # distance in pixels over which the correlation area is summed: that of the usual filters
@@ -26,9 +30,9 @@ _MORE_LOOKS, _WIDER = 1.5, 1.5  # smallest ratios of looks and of areas to the c
 # only come from resolutions that are wrong (both by half, or one by more). A correlation area above 3 could only come
 # from texture, which would also lower the looks below 0.9 times the configured ones.
 _COARSE, _SMOOTHED, _AS_MANY_LOOKS = 2.25, 3.0, 0.9
-# width that resampling adds in quadrature, in sides of a map's pixel, from the variance of its kernels: 1/12 of the
-# nearest neighbour (radcal's), 1/6 of a linear interpolation (of the program that made the map), and 2.355 standard
-# deviations in a width
+# width that resampling adds in quadrature, in sides of a pixel of the image before it (a map), from the variance of its
+# kernels: 1/12 of the nearest neighbour (radcal's), 1/6 of a linear interpolation (of the program that made the map),
+# and 2.355 standard deviations in a width
 _RESAMPLED = 2.355 * math.sqrt(1.0 / 12.0 + 1.0 / 6.0)
 # trial widths in pixel spacings: from sampling far below the bandwidth to filters far wider than any window
 _WIDTHS = np.geomspace(0.4, 30.0, 600)
@@ -51,7 +55,9 @@ class PointSpread:
         ``smoothing`` by about the number of independent pixels in this area. Unlike the widths, ``smoothing`` also
         grows if a filter keeps a part of each pixel's own value.
     windows : int
-        Number of windows used.
+        Number of windows used, or of tiles with pairs of pixels if the areas are too small for windows.
+    at_least : (bool, bool)
+        Whether each width is only a lower limit, because speckle is correlated over half the windows.
     """
 
     range_m: float
@@ -60,6 +66,7 @@ class PointSpread:
     azimuth_error_m: float
     smoothing: float
     windows: int
+    at_least: tuple[bool, bool] = (False, False)
 
     def cells(self, radar: Radar) -> float:
         """Ratio of the area of the point spread to the area of the configured resolution cell."""
@@ -69,7 +76,7 @@ class PointSpread:
 def estimate_point_spread(
     image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar
 ) -> PointSpread | None:
-    r"""Point spread from the semivariances of the power in homogeneous windows of one material.
+    r"""Point spread from the semivariances of the power in homogeneous windows of one material, or in small areas.
 
     For any number of looks, the power of speckle has the autocorrelation :math:`\rho(d) = |\mu(d)|^2`, where
     :math:`\mu` is the autocorrelation of the complex amplitude. The same :math:`\mu` is the autocorrelation of the
@@ -78,6 +85,9 @@ def estimate_point_spread(
     mean power, and D is a distance just beyond the correlation of speckle. Semivariances need no removal of a mean, and
     texture that is correlated over longer distances has no effect. The width is fitted by least squares to
     :math:`\rho(d)` at the distances below D.
+
+    If fewer than 20 homogeneous windows fit into the materials, the semivariances are those of pairs of pixels of the
+    same area (:func:`radcal.measurement.small_areas.pairs_of_areas`), whatever the configured resolutions.
 
     Parameters
     ----------
@@ -91,8 +101,9 @@ def estimate_point_spread(
     Returns
     -------
     PointSpread or None
-        Estimated point spread; None if fewer than 20 homogeneous windows fit into the materials. The standard errors of
-        the widths combine the sampling error of the windows (bootstrap) with 5 % for other weightings and texture. For
+        Estimated point spread; None if the areas are too small for pairs of pixels, too, or if the widths are half of
+        the largest distance of pairs or more. The standard errors of the widths combine the sampling error of the
+        windows or tiles (bootstrap) with 5 % for other weightings and texture. For
         an impulse response without any weighting, the estimate is only 0.66 to 0.76 of the estimate for a weighted
         impulse response of equal width.
 
@@ -102,7 +113,11 @@ def estimate_point_spread(
     amplitude. Madsen, "Spectral properties of homogeneous and nonhomogeneous radar images", IEEE TAES 23 (1987).
     Matheron, "Principles of geostatistics", Economic Geology 58 (1963): semivariance.
     """
-    windows = _windows(image_db, material, radar)
+    return _of_windows(_windows(image_db, material, radar), radar) or _of_small_areas(image_db, material, radar)
+
+
+def _of_windows(windows: NDArray[np.float64], radar: Radar) -> PointSpread | None:
+    """Point spread from the power in windows, shape (windows, rows, columns); None if fewer than 20 are homogeneous."""
     if len(windows) < _WINDOWS[0]:
         return None
     both = [_semivariances(windows), _semivariances(windows.swapaxes(1, 2))]
@@ -112,20 +127,62 @@ def estimate_point_spread(
     if np.count_nonzero(usual) < _WINDOWS[0]:
         return None
     rng = np.random.default_rng(0)  # seed of the bootstrap only: the estimate itself is not random
-    found: list[float] = []
-    errors: list[float] = []
-    smoothing = 1.0
-    for semivariances, way in zip(both, ("range", "azimuth"), strict=True):
-        spacing, resolution = getattr(radar, f"{way}_spacing_m"), getattr(radar, f"{way}_resolution_m")
+    found = []
+    for semivariances, way in zip(both, _WAYS, strict=True):
         each = semivariances[usual]
-        expected = speckle_correlation(np.arange(1, each.shape[1]) / _WIDTHS[:, None])
-        width = _width(each.mean(axis=0), expected, resolution / spacing)
         draws = rng.integers(len(each), size=(_DRAWS, len(each)))
-        again = [_width(each[draw].mean(axis=0), expected, resolution / spacing) for draw in draws]
-        found.append(width * spacing)
-        errors.append(spacing * float(np.hypot(np.std(again), _SHAPE * width)))
-        smoothing *= _correlation_length(each.mean(axis=0), resolution / spacing)
-    return PointSpread(found[0], found[1], errors[0], errors[1], smoothing, int(np.count_nonzero(usual)))
+        start = getattr(radar, f"{way}_resolution_m") / getattr(radar, f"{way}_spacing_m")
+        found.append(_Width.of(each.mean(axis=0), [each[draw].mean(axis=0) for draw in draws], start, way, radar))
+    return _Width.both(found, int(np.count_nonzero(usual)))
+
+
+def _of_small_areas(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> PointSpread | None:
+    """Point spread from pairs of pixels of the same area; None if too few pairs are far enough apart."""
+    both = pairs_of_areas(image_db, material)
+    if both is None:
+        return None
+    rng = np.random.default_rng(0)  # seed of the bootstrap only: the estimate itself is not random
+    found = []
+    for pairs, way in zip(both, _WAYS, strict=True):
+        tiles = len(pairs.sums)
+        draws = rng.integers(tiles, size=(_DRAWS, tiles))
+        # the first guess is one pixel, because a guess beyond the distances would make them all count as correlated
+        width = _Width.of(pairs.semivariances(), [pairs.semivariances(draw) for draw in draws], _NARROW, way, radar)
+        if width.at_least:  # a limit would not tell whether the image is finer than the resolutions
+            return None
+        found.append(width)
+    return _Width.both(found, len(both[0].sums))
+
+
+@dataclass(frozen=True)
+class _Width:
+    """Width along one axis, its standard error [m], its factor of ``smoothing``, and whether it is a lower limit."""
+
+    width_m: float
+    error_m: float
+    smoothing: float
+    at_least: bool
+
+    @classmethod
+    def of(
+        cls, seen: NDArray[np.float64], again: Sequence[NDArray[np.float64]], start: float, way: str, radar: Radar
+    ) -> _Width:
+        """Width from semivariances, and its error from those of bootstrap samples; ``start`` is a first guess."""
+        spacing, resolution = getattr(radar, f"{way}_spacing_m"), getattr(radar, f"{way}_resolution_m")
+        expected = speckle_correlation(np.arange(1, seen.size) / _WIDTHS[:, None])
+        width = _width(seen, expected, start)
+        scatter = float(np.std([_width(one, expected, start) for one in again]))
+        error = spacing * float(np.hypot(scatter, _SHAPE * width))
+        far = bool(np.ceil(_FAR * width) > seen.size - 1)  # the largest distances are correlated, too
+        return cls(width * spacing, error, _correlation_length(seen, resolution / spacing), far)
+
+    @staticmethod
+    def both(found: Sequence[_Width], windows: int) -> PointSpread:
+        """Point spread of the widths in range and azimuth."""
+        one, other = found
+        smoothing = one.smoothing * other.smoothing
+        limits = (one.at_least, other.at_least)
+        return PointSpread(one.width_m, other.width_m, one.error_m, other.error_m, smoothing, windows, limits)
 
 
 def _windows(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> NDArray[np.float64]:
@@ -198,12 +255,13 @@ def is_filtered(found: PointSpread | None, looks: Looks | None, radar: Radar) ->
 
 
 def point_spread_note(
-    found: PointSpread, looks: Looks | None, radar: Radar, source: str, map_pixel_m: tuple[float, float] | None = None
+    found: PointSpread, looks: Looks | None, radar: Radar, source: str, pixel_m: tuple[float, float] | None = None
 ) -> str | None:
     """Sentence about a point spread that differs from the configured resolutions; None if there is no difference.
 
     The sentence is a warning if the image is filtered, smoothed or coarser than the resolutions, because the simulated
-    image then differs from the measured one; it is a note if the image is only finer.
+    image then differs from the measured one; it is a note if the image is only finer, unless the configured resolution
+    cell has more than 2.25 times the area of the possible one that is nearest to the image's.
 
     If ``radar.looks`` has been set to the number of looks after filtering, only the correlation shows the filter. If
     the image does not have more looks than configured, the sentence calls the image smoothed in two cases:
@@ -218,22 +276,25 @@ def point_spread_note(
         Arguments of :func:`is_filtered`.
     source : str
         Name of the image.
-    map_pixel_m : (float, float), optional
-        Sides of the pixels of a georeferenced image along slant range and azimuth [m]. The resampling from the map
-        widens the configured cell, so that only a width beyond the widened cell leads to an advice.
+    pixel_m : (float, float), optional
+        Sides along slant range and azimuth of the pixels of an image that was resampled by nearest neighbour, such as a
+        georeferenced image [m]. The resampling widens the configured cell, so that only a width beyond the widened cell
+        leads to an advice.
     """
     configured = (radar.range_resolution_m, radar.azimuth_resolution_m)
-    sides = map_pixel_m or (0.0, 0.0)
+    sides = pixel_m or (0.0, 0.0)
     explained = [math.hypot(one, _RESAMPLED * side) for one, side in zip(configured, sides, strict=True)]
     widths = ((found.range_m, found.range_error_m), (found.azimuth_m, found.azimuth_error_m))
     finer, wider, unexplained = (
         any(sign * (width - one) > _CERTAIN * error for (width, error), one in zip(widths, limits, strict=True))
         for sign, limits in ((-1.0, configured), (1.0, configured), (1.0, explained))
     )
+    least = ["at least " * limit for limit in found.at_least]
     said = (
-        f"by its speckle the point spread of {source} is {found.range_m:.3g} +- {found.range_error_m:.2g} m in slant "
-        f"range and {found.azimuth_m:.3g} +- {found.azimuth_error_m:.2g} m in azimuth, radar.range_resolution_m is "
-        f"{radar.range_resolution_m:g} and radar.azimuth_resolution_m {radar.azimuth_resolution_m:g}"
+        f"by its speckle the point spread of {source} is {least[0]}{found.range_m:.3g} +- {found.range_error_m:.2g} m "
+        f"in slant range and {least[1]}{found.azimuth_m:.3g} +- {found.azimuth_error_m:.2g} m in azimuth, "
+        f"radar.range_resolution_m is {radar.range_resolution_m:g} and radar.azimuth_resolution_m "
+        f"{radar.azimuth_resolution_m:g}"
     )
     area = f"its speckle is correlated over {found.smoothing:.2g} times the area that these resolutions give"
     if looks is not None and is_filtered(found, looks, radar):
@@ -244,14 +305,15 @@ def point_spread_note(
         )
     as_many = looks is not None and looks.looks > _AS_MANY_LOOKS * radar.looks
     cells = found.range_m * found.azimuth_m / math.prod(explained)
-    if cells > _COARSE or (cells > _WIDER and found.smoothing > _SMOOTHED and as_many):
+    coarse = cells > _COARSE or (cells > _WIDER and found.smoothing > _SMOOTHED and as_many)
+    if coarse and unexplained:
         guess = "speckle-filtered or smoothed in another way, unless the resolutions are wrong"
         return f"warning: {source} is {guess}: {said}; {area}."
     if not (finer or wider):
         return None
-    if map_pixel_m is not None:
+    if pixel_m is not None:
         said += (
-            f"; the widths contain the resampling from the map, with which these resolutions give up to "
+            f"; the widths contain the resampling by nearest neighbour, with which these resolutions give up to "
             f"{explained[0]:.3g} and {explained[1]:.3g} m"
         )
         if not (finer or unexplained):
@@ -266,7 +328,8 @@ def point_spread_note(
     limited = f" ({' and '.join(limits)})" * bool(limits)
     if all(abs(possible[way] / getattr(radar, f"{way}_resolution_m") - 1.0) <= _SHAPE for way in ways):
         return f"{said}: no resolutions nearer to the image's are possible{limited}."
-    return "warning: " * unexplained + (
+    far_finer = _COARSE * math.prod(possible.values()) < math.prod(configured)
+    return "warning: " * (unexplained or far_finer) + (
         f"{said}: set them to {possible['range']:g} and {possible['azimuth']:g}{limited}, unless the image "
-        f"{'was resampled' if map_pixel_m is None else 'was resampled before, too,'} or has texture of a few pixels."
+        f"{'was resampled' if pixel_m is None else 'was resampled before, too,'} or has texture of a few pixels."
     )

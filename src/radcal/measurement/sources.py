@@ -25,14 +25,14 @@ from radcal.measurement.georeference import (
     read_georeferenced,
     values_at_ground,
 )
-from radcal.measurement.looks import check_looks, estimate_looks
 from radcal.measurement.model import Measurement
 from radcal.measurement.pixels import IN_THE_NOISE, eligible_pixels, noise_limited
-from radcal.measurement.point_spread import estimate_point_spread, is_filtered, point_spread_note
 from radcal.measurement.product import open_product
 from radcal.measurement.readers import ReadImage, image_of, read_image
 from radcal.measurement.relief import check_relief, relief_slope
+from radcal.measurement.resolution import check_resolutions
 from radcal.measurement.sentinel1 import sigma0_image
+from radcal.measurement.speckle_notes import speckle_notes
 from radcal.measurement.synthetic import make_synthetic
 from radcal.measurement.tags import Tags, incidence_band, tags_of
 from radcal.radar.bands import LETTER_BANDS_GHZ, letter_band, within_band
@@ -52,6 +52,7 @@ T = TypeVar("T")
 _LARGEST_ALONE = 20_000_000  # largest number of pixels of a raster that is read for a check without the scene
 _INCIDENCE_DEG = 2.0  # largest difference from the incidences that a file gives; their definitions differ by far less
 _SAME_RELIEF = 0.3  # largest ratio of differences to the relief (rms) at which an image counts as heights
+_RESAMPLED = ", resampled to the grid of the scene's image"
 _NOISE_ABOVE_DB = 3.0  # an image contains its noise: only errors of both levels let the noise lie above the image
 
 
@@ -82,8 +83,9 @@ def make_measurement(
     ------
     MeasurementError
         The file cannot be read, has another size, scale, radiometry, polarisation or band, or leaves a
-        material without enough pixels above the noise.
+        material without enough pixels above the noise; or no area of a single material is as wide as a resolution.
     """
+    check_resolutions(geometry.material, case.radar)
     if isinstance(case.measurement, FileMeasurement):
         measurement = _from_file(case.measurement, case.radar, geometry, scene)
     else:
@@ -217,18 +219,24 @@ def _noise_above(measurement: Measurement, noise_db: NDArray[np.float64], radar:
 def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None) -> Measurement:
     path = expand_path(config.path, "measurement.path", folder=is_safe_name(config.path))
     crs, transform = (scene.crs, scene.transform) if scene is not None else (None, None)
-    sides = None
+    sides, of_file, grid = None, "", ""
     if is_safe_name(config.path):
         opened = open_product(path, config, radar)
         power, _, said = sigma0_image(opened, config, radar, geometry, scene)
         config = config.model_copy(update={"scale": "power"})
         read = replace(image_of(power, path, config, geometry.shape), notes=said, radiometry="sigma0_ref")
-        path = path.with_name(opened.name)
+        path, grid = path.with_name(opened.name), _RESAMPLED
     elif crs is not None and transform is not None and is_georeferenced(path, vrt_folders(config)):
         check_spacing(path, radar, vrt_folders(config))
         sides = map_pixel_m(path, radar, vrt_folders(config))
         places = partial(places_on_ground, crs, transform, geometry.ground)
-        values = values_at_ground(read_georeferenced(path, config, places), crs, transform, geometry.ground)
+        image = read_georeferenced(path, config, places)
+        grid = _RESAMPLED
+        of_file = (
+            f"; the part of the file around the scene has {image.values.size:,} pixels, "
+            f"{np.count_nonzero(~np.isfinite(image.values)):,} without data"
+        )
+        values = values_at_ground(image, crs, transform, geometry.ground)
         _check_no_heights(values, path, geometry, scene)
         read = image_of(values, path, config, geometry.shape)
     else:
@@ -238,23 +246,11 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
         read = _tagged(read, tags_of(path, config.band, vrt_folders(config)), config, path)
     _check_pass(read, radar, path)
     _check_radiometry(read.radiometry, config.radiometry, radar, path)
-    notes = [f"{path.name}: {read.counts}.", *read.notes]
+    notes = [f"{path.name}{grid}: {read.counts}{of_file}.", *read.notes]
     if sides is not None:
         notes.append(_angle_note(path, config, radar, geometry, scene))
-    looks = estimate_looks(read.image_db, geometry.material, radar)
-    spread = estimate_point_spread(read.image_db, geometry.material, radar)
-    if looks is not None:
-        scale = None if is_safe_name(config.path) else config.scale
-        notes.append(check_looks(looks, radar.looks, scale, path.name, is_filtered(spread, looks, radar)))
-    elif config.scale == "complex" and radar.looks != 1:
-        notes.append(f"{path.name}: complex pixels have a single look, radar.looks is {radar.looks}.")
-    else:
-        notes.append(
-            f"radar.looks and the scale of {path.name} could not be checked by the speckle: the areas of single "
-            "materials are too small."
-        )
-    if spread is not None and (note := point_spread_note(spread, looks, radar, path.name, sides)) is not None:
-        notes.append(note)
+    scale = None if is_safe_name(config.path) else config.scale
+    notes += speckle_notes(read.image_db, geometry.material, radar, path.name, scale, sides)
     slope = relief_slope(read.image_db, geometry, radar)
     if slope is not None:
         slope_error_deg = scene.slope_error_deg if scene is not None else 0.0

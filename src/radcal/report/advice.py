@@ -246,7 +246,9 @@ def of_archive(archive: Archive, folder: str | Path) -> dict[str, tuple[KeptDraw
 def advise(
     folder: str | Path, depressions: Sequence[float] = (), over_deg: tuple[float, float] | None = None
 ) -> list[str]:
-    """Lines on further passes, with a table that is also written to ``advice.csv`` in the results folder.
+    """Lines on further passes, with a table that is also written to a file in the results folder.
+
+    The file is ``advice.csv``, or, with given angles, for example ``advice_depression_30_between_20_50.csv``.
 
     Parameters
     ----------
@@ -286,14 +288,18 @@ def advise(
         raise ConfigError("--depression names only passes that the case has, expected at least one other.")
     found = of_archive(archive, folder)
     rows = advice_on(case, scene, found, Budget.of(case.uncertainty, levels), passes, over_deg)
-    write_csv(folder / "advice.csv", COLUMNS, _rows(rows))
+    # tables of other angles lie side by side
+    named = [("depression", depressions), ("between", over_deg or ())]
+    words = ["advice", *("_".join([key, *(f"{x:g}" for x in angles)]) for key, angles in named if angles)]
+    table = folder / f"{'_'.join(words)}.csv"
+    write_csv(table, COLUMNS, _rows(rows))
     orbit = [_opposite(case.radar)] if case.radar.incidence_deg is not None else []
     unfit = [
         f"{name}: the law does not fit, so that its band, now and after a pass, is that of a wrong law."
         for name in found
         if archive.materials[name].fitted.fits is False
     ]
-    return [*_table(rows), *_sentences(rows), *unfit, *orbit, f"table: {folder / 'advice.csv'}"]
+    return [*_table(rows), *_sentences(rows), *unfit, *orbit, f"table: {table}"]
 
 
 def _rows(rows: Sequence[Advised]) -> Iterator[tuple[object, ...]]:

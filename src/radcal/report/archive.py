@@ -105,7 +105,8 @@ class Check:
     class_error_db: Annotated[Doubles, About("standard error of `class_db`", "dB", "c")]
     sentences: Annotated[tuple[str, ...], Attribute(), About("warnings about the law")]
     identified: Annotated[bool | None, About("law identified by the image; absent for a law without a curve")] = None
-    recommended: Annotated[str, About("recommended predictor of other fields: law or constant")] = ""
+    recommended: Annotated[str, About("recommended predictor of other fields: law, constant, or average of both")] = ""
+    law_weight: Annotated[float, About("weight of the law in the recommended predictor; NaN if none is")] = float("nan")
     recommended_why: Annotated[str, About("reason of the recommendation")] = ""
     held: Annotated[HeldOutBlocks | None, Inline()] = None
     left_out: Annotated[LeftOutFields | None, About("predictions of whole fields from the others")] = None

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.known import degrees
 from radcal.errors import ConfigError, StoreError
 from radcal.report.archive import Archive, MaterialResult, read_archive
 from radcal.report.drawing import FOUND, START, law_panels
@@ -207,7 +208,9 @@ def _known(material: MaterialResult) -> str:
     if material.fitted.level_only:
         return "level only"
     known = posterior.known_between_deg
-    return "nowhere" if known is None else f"{known[0]:.1f}-{known[1]:.1f}"
+    if known is None:
+        return "nowhere"
+    return degrees(*known).removeprefix("between ").replace(" and ", "-").replace("degrees", "deg")
 
 
 def _draw(first: Archive, second: Archive, names: Sequence[str], path: str | Path) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from radcal.assessment.budget import NORMAL_90
 from radcal.report.archive import Archive
 from radcal.report.colours import head
 from radcal.report.drawing import FOUND, MUTED, START, TARGET, add_legend, new_canvas
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 __all__ = ["held_out"]
-
-_BAND = 1.645  # 90 % of a normal distribution lie within this many standard deviations
 
 
 def held_out(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
@@ -32,7 +31,7 @@ def held_out(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     place, edges = np.arange(mean.size) + 1, np.arange(mean.size + 1) + 0.5
     canvas = new_canvas(6.2, 4.6)
     axes = canvas.subplots()
-    low, high = predicted - _BAND * sd, predicted + _BAND * sd
+    low, high = predicted - NORMAL_90 * sd, predicted + NORMAL_90 * sd
     axes.stairs(high, edges, baseline=low, fill=True, color="#CFE3F1", label="90 % band")
     axes.axhline(check.constant_db, color=START["color"], linestyle=START["linestyle"], linewidth=2.0,
                  label="constant")  # fmt: skip

@@ -111,6 +111,8 @@ def _check(check: Check) -> dict[str, Any]:
         "validation": None if check.held is None else _numbers(check.held),
         "fields_left_out": None if check.left_out is None else dict(vars(check.left_out)),
         "recommended_predictor": check.recommended or None,
+        "law_weight": check.law_weight,
+        "constant_db": check.constant_db,
         "recommended_why": check.recommended_why or None,
         "patch_spread_db": check.between_db,
         "cell_spread_db": check.within_db,

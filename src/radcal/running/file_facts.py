@@ -81,6 +81,8 @@ def raster_facts(path: Path, key: str, numbers: bool = False) -> RasterFacts | N
     ConfigError
         The file does not exist or cannot be read.
     """
+    if path.is_dir():
+        raise ConfigError(f"{key}: {path} is a folder, expected a file.")
     if not path.is_file():
         raise ConfigError(f"{key}: the file {path} does not exist.")
     if not is_raster(path):

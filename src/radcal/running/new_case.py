@@ -19,13 +19,21 @@ from radcal.radar.bands import letter_band
 from radcal.radar.speckle import WIDTH_FACTOR
 from radcal.reading.safe import is_safe_name
 from radcal.running.file_facts import RasterFacts, check_overlap, code_counts, product_acquisition, raster_facts
-from radcal.running.new_materials import Raw, fixed_laws, material_lines, scalar
+from radcal.running.new_materials import MaterialLines, Raw, fixed_laws, material_lines, scalar
+from radcal.running.new_mistakes import Answers, mistakes_of
+from radcal.scene.crs import named_datum
 from radcal.scene.names import read_names
 from radcal.storage.files import atomic
 
 __all__ = ["NewCase", "case_path"]
 
 _DEPRESSION_DEG, _SAMPLING = 45.0, 1.4  # of the default pass: depression, and resolution over pixel spacing
+_SYNTHETIC, _NONE = "synthetic", "none"  # words in place of the path of a measured image
+_HIDDEN = (
+    " # hidden laws, which the calibration is to find: drawn by the seed of the default case, another one for each "
+    "material, about the level of its start"
+)
+_NOT_WRITTEN = ("measurement.path", "scene.materials", "materials.calibrated", "materials.fixed")  # by their name
 _FILES = ("scene.elevation", "scene.materials", "scene.labels", "measurement.path")
 
 
@@ -38,7 +46,7 @@ def case_path(case: str) -> Path:
     return folder / f"{path.name}.yaml"
 
 
-class NewCase:
+class NewCase(Answers):
     """New case file, with its content and its path.
 
     Parameters
@@ -46,7 +54,7 @@ class NewCase:
     path : path
         Case file to be written.
     answers : mapping
-        Values by key, such as ``radar.looks``; ``measurement.path`` may be ``synthetic``.
+        Values by key, such as ``radar.looks``; ``measurement.path`` may be ``synthetic`` or ``none``.
     keys : mapping
         For each configuration key, whether it is optional; the order of the keys is that of the lines in section
         ``radar``.
@@ -63,15 +71,16 @@ class NewCase:
     Raises
     ------
     ConfigError
-        The case file exists, its name is no valid case name, or an input file cannot be read.
+        The case file exists, its name is no valid case name, an input file cannot be read, or a value is wrong. The
+        message has one line for each mistake.
     """
 
     def __init__(self, path: Path, answers: Mapping[str, Any], keys: Mapping[str, bool]) -> None:
-        if path.exists():
-            raise ConfigError(f"{path}: exists, and radcal new overwrites nothing: type another name.")
         self.path, self.name, self._keys = path, path.stem, keys
-        check_case_name(self.name, str(path))
-        self._values: dict[str, Any] = {"scene.source": "raster", **answers}
+        super().__init__({"scene.source": "raster", **answers})
+        if path.exists():
+            self._mistakes.append(f"{path}: exists, and radcal new overwrites nothing: type another name.")
+        self._tried("case", check_case_name, self.name, str(path))
         self._notes: dict[str, str] = {}
         self._names: dict[int, str] = {}
         self._counts: dict[int, int] = {}
@@ -82,45 +91,63 @@ class NewCase:
         self._derive()
         self.materials = list(self._names.values())
         self._materials = self._material_lines()
-        self._sections = {name: getattr(self, f"_{name}_keys")() for name in ("scene", "measurement", "radar")}
+        sections = ("scene", "radar") if self.forward else ("scene", "measurement", "radar")
+        self._sections = {name: getattr(self, f"_{name}_keys")() for name in sections}
         for section, keys in self._sections.items():
             self.undecided += [f"{section}.{key}" for key in keys if f"{section}.{key}" not in self._values]
+        self._refuse_unused([key for key in answers if key not in _NOT_WRITTEN], self._sections)
+        wrong = mistakes_of("\n".join(self._lines({})), answers.keys())
+        if told := list(dict.fromkeys([*self._mistakes, *wrong])):
+            raise ConfigError("\nradcal: ".join(told))
+
+    @property
+    def forward(self) -> bool:
+        """Whether the case is for ``radcal simulate`` alone, without a measured image."""
+        return self._values.get("measurement.path") == _NONE
 
     @property
     def _synthetic(self) -> bool:
-        return bool(self._values["measurement.source"] == "synthetic")
+        return self._values.get("measurement.path") == _SYNTHETIC
 
     @property
     def _slant(self) -> bool:
         return bool(self._values["scene.source"] == "slant_range")
 
     def _facts(self, key: str, numbers: bool = False) -> RasterFacts | None:
-        facts = raster_facts(Path(self._values[key]).expanduser(), key, numbers) if key in self._values else None
+        if key not in self._values:
+            return None
+        facts = self._tried(key, raster_facts, Path(self._values[key]).expanduser(), key, numbers)
         if facts is not None:
             self._notes[key] = facts.sentence()
         return facts
 
     def _read_scene(self) -> None:
         heights, cover = self._facts("scene.elevation"), self._facts("scene.materials")
+        if cover is not None and cover.crs is None and heights is not None:
+            self._mistakes.append(
+                f"scene.materials: {self._values['scene.materials']} has no CRS and scene.elevation is given, "
+                "expected land cover on the map."
+            )
+            return
         if cover is not None and cover.crs is None:
-            if heights is not None:
-                raise ConfigError(
-                    f"scene.materials: {self._values['scene.materials']} has no CRS and scene.elevation is given, "
-                    "expected land cover on the map."
-                )
             self._values["scene.source"] = "slant_range"
             self._values["scene.labels"] = self._values["scene.materials"]
             self._notes["scene.labels"] = self._notes["scene.materials"]
         if heights is not None and heights.crs is not None and cover is not None:
-            check_overlap(self._values["scene.elevation"], self._values["scene.materials"])
+            self._tried("", check_overlap, self._values["scene.elevation"], self._values["scene.materials"])
+        if datum := self._values.get("scene.vertical_datum"):
+            self._tried("scene.vertical_datum", named_datum, datum)
         if heights is not None and heights.datum is not None:
             self._notes["scene.elevation"] += f", heights above {heights.datum}"
             self._values.setdefault("scene.vertical_datum", "")  # known from the file: no line is needed
+        elif self.forward:  # what the heights refer to matters only to a measured image
+            self._values.setdefault("scene.vertical_datum", "local")
         if cover is not None:
             path = Path(self._values["scene.materials"]).expanduser()
-            self._counts = {code: count for code, count in code_counts(path).items() if code != 0}
+            counts = self._tried("scene.materials", code_counts, path) or {}
+            self._counts = {code: count for code, count in counts.items() if code != 0}
             if names := self._values.get("scene.names"):
-                self._names = read_names(Path(names).expanduser(), self._counts, path)
+                self._names = self._tried("scene.names", read_names, Path(names).expanduser(), self._counts, path) or {}
             else:
                 self._names = {code: f"code_{code}" for code in self._counts}
                 self._read_preset()
@@ -133,9 +160,14 @@ class NewCase:
                 self._notes["scene.names"] = self.offered = said
             return
         if preset not in LANDCOVERS:
-            raise ConfigError(f"--landcover-preset is {preset}, expected one of {', '.join(LANDCOVERS)}.")
+            self._mistakes.append(f"--landcover-preset is {preset}, expected one of {', '.join(LANDCOVERS)}.")
+            del self._values["scene.landcover"]
+            return
         if unknown := [str(code) for code in self._counts if code not in LANDCOVERS[preset]]:
-            raise ConfigError(f"--landcover-preset is {preset}, which has no code {', '.join(unknown)}: give --names.")
+            self._mistakes.append(
+                f"--landcover-preset is {preset}, which has no code {', '.join(unknown)}: give --names."
+            )
+            return
         self._names = {code: LANDCOVERS[preset][code].name for code in self._counts}
         self._values["scene.names"] = ""  # known from the preset: no line is needed
 
@@ -158,8 +190,8 @@ class NewCase:
             self._notes[f"radar.{key}"] = "; ".join(text for text in ("of the product", remark) if text)
 
     def _read_image(self) -> None:
-        if self._values.get("measurement.path") == "synthetic":
-            self._values["measurement.source"] = "synthetic"
+        if self._synthetic or self.forward:
+            self._values["measurement.source"] = self._values["measurement.path"]
             heights = self._facts("scene.elevation")
             sensor = SENSORS.get(self._values.get("radar.sensor", ""))
             known = {} if sensor is None else sensor.values
@@ -171,7 +203,7 @@ class NewCase:
             return
         self._values["measurement.source"] = "file"
         if is_safe_name(self._values.get("measurement.path", "")):
-            self._read_product()
+            self._tried("measurement.path", self._read_product)
             return
         facts = self._facts("measurement.path", numbers=True)
         if facts is None:
@@ -179,13 +211,16 @@ class NewCase:
             return
         band = self._values.get("measurement.band")
         if len(facts.bands) == 1:
-            band = 1
-            self._values.setdefault("measurement.band", "")  # the only band: no line is needed
+            band = self._values.setdefault("measurement.band", "") or 1  # the only band: no line is needed
         elif band is None and (wanted := self._values.get("radar.polarisation")) in facts.bands:
             band = self._values["measurement.band"] = facts.bands.index(wanted) + 1
         listed = ", ".join(f"{k} {name or 'without a name'}" for k, name in enumerate(facts.bands, start=1))
         self._notes["measurement.band"] = f"bands of the file: {listed}"
-        if band is None or not 1 <= band <= len(facts.bands):
+        if band is None:
+            return
+        if not 1 <= band <= len(facts.bands):
+            path = self._values["measurement.path"]
+            self._mistakes.append(f"measurement.band is {band}, {path} has {len(facts.bands)}.")
             return
         if facts.bands[band - 1] in ("HH", "HV", "VH", "VV"):
             self._values.setdefault("radar.polarisation", facts.bands[band - 1])
@@ -256,13 +291,15 @@ class NewCase:
     def _radar_keys(self) -> list[str]:
         # a land cover in slant range has no track, and of an invented pass the defaults are as good as any
         track = {"radar.altitude_m", "radar.depression_deg", "radar.look_side", "radar.heading_deg"}
-        unseen = track if self._slant else set[str]()
+        unseen, invented = track if self._slant else set[str](), self._synthetic or self.forward
         keys, needed = {**self._keys, "radar.band": True}, set[str]()
         if "radar.incidence_deg" in self._values:
             keys["radar.depression_deg"] = True
         if (name := self._values.get("radar.sensor")) is not None:
             if name not in SENSORS:
-                raise ConfigError(f"--sensor is {name}, expected one of {', '.join(SENSORS)}.")
+                self._mistakes.append(f"--sensor is {name}, expected one of {', '.join(SENSORS)}.")
+                del self._values["radar.sensor"]
+                return self._radar_keys()
             sensor = SENSORS[name]
             # keys that the sensor gives are optional; radiometry is not given by a sensor
             keys |= {f"radar.{key}": True for key in (*sensor.values, "depression_deg", "frequency_ghz")}
@@ -273,7 +310,7 @@ class NewCase:
             key.removeprefix("radar.")
             for key, may_lack in keys.items()
             if key.startswith("radar.")
-            and (key in self._values or key in needed or not (may_lack or self._synthetic or key in unseen))
+            and (key in self._values or key in needed or not (may_lack or invented or key in unseen))
         ]
 
     def decided_by_sensors(self) -> list[str]:
@@ -286,17 +323,16 @@ class NewCase:
 
     def _material_lines(self) -> list[str]:
         """Lines of section ``materials``; a synthetic image gets hidden laws of the materials to calibrate."""
-        made = material_lines(
-            self._names,
-            self._counts,
-            self._values.get("materials.calibrated", ()),
-            fixed_laws(self._values.get("materials.fixed", ())),
-            self._values.get("scene.landcover"),
-        )
+        chosen, preset = self._values.get("materials.calibrated", ()), self._values.get("scene.landcover")
+        if chosen and self.forward:
+            self._mistakes.append("--material names a material to calibrate, and --image none gives no image for that.")
+        fixed = self._tried("", fixed_laws, self._values.get("materials.fixed", ())) or {}
+        made = self._tried("", material_lines, self._names, self._counts, chosen, fixed, preset, not self.forward)
+        made = made or MaterialLines([], {}, [])
         self.undecided += made.undecided
         if self._synthetic:
-            self._notes["measurement.synthetic"] = "hidden laws, which the calibration is to find"
-            self._values["measurement.synthetic"] = Raw(f"{{parameters: {{{made.hidden}}}}}")
+            laws = "".join(f"\n      {scalar(name)}: {x}" for name, x in made.hidden.items()) or " {}"
+            self._values["measurement.synthetic"] = Raw(f"{_HIDDEN}\n    parameters:{laws}")
         return made.lines
 
     def write(self, comments: Mapping[str, str]) -> list[str]:
@@ -337,7 +373,7 @@ class NewCase:
             f"case: {self.name}",
         ]
         for section, keys in self._sections.items():
-            lines.append(f"{section}:")
+            lines.append(f"{section}:" + " {}  # as in config/config.yaml" * (not keys))
             for key in keys:
                 name = f"{section}.{key}"
                 value = self._values.get(name, FILL_IN)
@@ -351,7 +387,7 @@ class NewCase:
                     comment = comment.partition(";")[0]
                 about = [text for text in (comment, self._notes.get(name), such) if text]
                 lines.append(f"  {key}: {scalar(value)}" + (f"  # {'; '.join(about)}" if about else ""))
-        if not self._synthetic:
+        if not (self._synthetic or self.forward):
             lines += [
                 f"uncertainty:\n  level_db: {Uncertainty().level_db:g}  # standard error of the image's absolute level "
                 "[dB], often most of a band; the default is a third of Sentinel-1's 1 dB"

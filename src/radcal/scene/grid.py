@@ -19,10 +19,11 @@ from radcal.scene.crs import METRES, crs_of, horizontal, same_place, transformer
 if TYPE_CHECKING:
     from pyproj import CRS
 
-__all__ = ["LARGEST_CELLS", "Grid", "Source", "box_in", "opened", "pixel_m", "scene_grid", "subdivision"]
+__all__ = ["LARGEST_CELLS", "Grid", "Source", "box_in", "on_pixels", "opened", "pixel_m", "scene_grid", "subdivision"]
 
 LARGEST_CELLS = LARGEST_VALUES  # largest number of cells of the grid, and of pixels read from a raster
 _SMALLEST_SIDE = 8  # smallest number of rows and of columns of the grid
+_OFF_PIXELS = 1e-3  # largest displacement of a cell from its pixel that is one of rounding [pixels]
 _SCALE_ERROR = 0.01  # largest relative error of lengths on the map
 
 Box = tuple[float, float, float, float]  # west, south, east, north
@@ -383,3 +384,11 @@ def subdivision(source: Source, grid: Grid) -> int:
     """Number of parts into which the side of a cell is divided so that no part is longer than a raster pixel's side."""
     # a cell whose size differs from the pixel's only by rounding is not divided
     return max(1, int(np.ceil(grid.cell_m / min(pixel_m(source, grid.crs, grid.box)) - 1e-3)))
+
+
+def on_pixels(source: Source, grid: Grid) -> bool:
+    """Whether the cells of a grid from :func:`scene_grid` are pixels of the raster of elevation."""
+    if not same_place(source.plane, grid.crs):
+        return False
+    sides = abs(source.raster.transform.a), abs(source.raster.transform.e)
+    return bool(max(grid.rows, grid.columns) * max(abs(grid.cell_m / side - 1.0) for side in sides) < _OFF_PIXELS)

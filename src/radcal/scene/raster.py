@@ -23,7 +23,7 @@ from radcal.scene.crs import (
     vertical_datum,
     vertical_unit,
 )
-from radcal.scene.grid import LARGEST_CELLS, Grid, Source, box_in, opened, pixel_m, scene_grid, subdivision
+from radcal.scene.grid import LARGEST_CELLS, Grid, Source, box_in, on_pixels, opened, pixel_m, scene_grid, subdivision
 from radcal.scene.model import Scene
 from radcal.scene.names import by_id, landcover_names, read_names
 from radcal.scene.rounding import height_step_m, rounding_error_m
@@ -323,7 +323,7 @@ def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArra
         heights = np.where(gaps, fillnodata(heights.copy(), mask=~gaps, max_search_distance=_NEAR_CELLS), heights)
         nearest = distance_transform_edt(np.isnan(heights), return_distances=False, return_indices=True)
         heights = heights[tuple(nearest)]
-    how = "interpolated" if parts == 1 else "averaged"
+    how = "averaged" if parts > 1 else "as in the file" if on_pixels(elevation, grid) else "interpolated"
     return np.ascontiguousarray(heights), gaps, how, height_step_m(scaled)
 
 
@@ -335,7 +335,7 @@ def _ids(materials: Source, grid: Grid) -> tuple[NDArray[np.uint8], str]:
         raise materials.error("holds no material in the scene's area, only no-data.")
     if held.dtype.kind not in "ui" or held.min() < 0 or held.max() > 255:
         raise materials.error(
-            f"holds {held.dtype} from {held.min()} to {held.max()}, expected whole material ids from 0 to 255."
+            f"holds {held.dtype} from {held.min():g} to {held.max():g}, expected whole material ids from 0 to 255."
         )
     missing = -1
     parts = subdivision(materials, grid)

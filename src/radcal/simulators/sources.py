@@ -13,7 +13,7 @@ from radcal.simulators.protocol import Simulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
 
-__all__ = ["make_runner", "make_simulator"]
+__all__ = ["make_runner", "make_simulator", "runner_of"]
 
 
 def make_simulator(case: stages.Simulator, geometry: Geometry, geometry_path: str | Path) -> Simulator:
@@ -52,13 +52,25 @@ def make_runner(
     first pass; its attribute ``further`` contains the runners of the other passes.
     """
     paths = [geometry_path] if isinstance(geometry_path, str | Path) else list(geometry_path)
+    return runner_of(case, read_scene(scene_path).identity, [read_geometry(path) for path in paths], paths, runs)
+
+
+def runner_of(
+    case: stages.Simulation,
+    identity: str,
+    geometries: Sequence[Geometry],
+    paths: Sequence[str | Path],
+    runs: str | Path,
+) -> Runner:
+    """Runner as of :func:`make_runner`, from the identity of the scene and the geometry of each pass.
+
+    The files ``paths`` need not exist before the first run.
+    """
     each = [case] if len(paths) == 1 else case.passes  # type: ignore[misc]  # a stage of all passes has this attribute
-    identity = read_scene(scene_path).identity
     further: list[Runner] = []
-    for one, path in reversed(list(zip(each, paths, strict=True))):
-        geometry = read_geometry(path)
-        simulator = make_simulator(one, geometry, path)
-        passes = further if path is paths[0] else []
-        runner = Runner(RunStore(runs), simulator, geometry, identity, one, passes, each[0].radar)
+    for number in reversed(range(len(paths))):
+        simulator = make_simulator(each[number], geometries[number], paths[number])
+        passes = [] if number else further
+        runner = Runner(RunStore(runs), simulator, geometries[number], identity, each[number], passes, each[0].radar)
         further.insert(0, runner)
     return further[0]

@@ -26,7 +26,7 @@ SCHEMAS: Mapping[str, int] = {
     "measurement": 2,
     "registered": 2,
     "target": 6,
-    "surrogate": 5,
+    "surrogate": 6,
     "posterior": 2,
     "run": 2,
     "calibration": 4,

@@ -50,12 +50,11 @@ def test_residuals_vanish_where_mean_spread_and_skewness_agree(density):
     np.testing.assert_allclose(moved, [np.exp(-at[1]), 0.1 * np.sqrt(2.0), -0.2 / np.sqrt(6.0)], rtol=1e-9)
 
 
-def test_cost_is_the_rms_of_the_densities_and_refinements_have_it_as_their_square(density):
+def test_cost_is_the_rms_of_the_densities_and_refined_residuals_have_it_as_their_square(density):
     at = from_dp(density.material.target.dp) + [0.7, 0.1, 0.3]
     rms = skewnormal.density_rms(to_dp(at), density.material.target.dp)
     assert density.cost(points(at))[0] == pytest.approx(rms, rel=5e-3)  # 200 points in place of 1,000
-    (refined,) = density.refinements()
-    differences = refined(points(at))[0]
+    differences = density.refined(points(at))[0]
     largest = skewnormal.density(np.linspace(-60.0, 10.0, 5000), density.material.target.dp).max()
     assert np.sqrt(np.mean(differences**2)) * largest == pytest.approx(density.cost(points(at))[0], rel=1e-3)
 

@@ -30,7 +30,8 @@ from radcal.errors import MeasurementError
 
 __all__ = ["Bins", "Likelihood"]
 
-_SETTLED = 0.05  # difference in cost for a law that is a third of its standard error from the minimum
+_SETTLED = 0.03  # difference in cost for a law that is a quarter of its standard error from the minimum
+_EXPLORED = 0.05  # the same for a law without a curve, whose search also asks what the surrogate's errors may hide
 
 
 class Bins(Objective):
@@ -112,7 +113,8 @@ class Bins(Objective):
 
     def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
         """Mask of the costs that are clearly below the best verified cost, and about as good as the smallest one."""
-        return costs <= min(best - _SETTLED, float(costs.min()) + _SETTLED)
+        near = _EXPLORED if self.explores else _SETTLED
+        return costs <= min(best - near, float(costs.min()) + near)
 
     def _simulated(self, score: Score) -> Forward:
         """Function from X to the cumulants of each bin: baseline plus the difference between run and baseline."""
@@ -153,9 +155,9 @@ class Bins(Objective):
             return Verdict("settled", f"{name}: stop criterion met after {run_count(progress.runs)}: {text}")
         if score.gain is None:
             return None
-        if score.floor is not None and progress.best - score.floor > _SETTLED:
+        if score.floor is not None and progress.best - score.floor > _EXPLORED:
             return None
-        if score.gain <= _SETTLED:
+        if score.gain <= (_SETTLED if score.floor is None else _EXPLORED):
             text = f"the surrogate of all runs predicts no clearly better {'X' if score.moved_db is None else 'law'}."
         elif score.moved_db is not None and score.moved_db <= stop.law_db:
             text = (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radcal import skewnormal
 from radcal.calibration.expected import LawForward
-from radcal.calibration.grounds import GroundLaw, bins_of, ground_residuals
+from radcal.calibration.grounds import GroundLaw, bins_of
 from radcal.calibration.history import History, Proposal, Score
 from radcal.calibration.law_fit import Residuals, fit_law
 from radcal.calibration.misfit import BinMisfit, Method, drawn
@@ -49,6 +49,8 @@ class Density(Objective):
     far from its minimum. The rms is 0 if the differences of the statistics are 0.
     """
 
+    refines = True
+
     def __init__(self, material: Material) -> None:
         super().__init__(material)
         target = material.target
@@ -78,13 +80,13 @@ class Density(Objective):
     @cached_property
     def of_fields(self) -> BinMisfit:
         """Misfit of one bin that contains all pixels."""
+        # the simulated pixels have their own speckle, which adds to the variance of the difference
         return BinMisfit.of(self.material.target.ground, self._classes.compared(1), self._method, _ALONE)
 
     def compared(self) -> Compared:
         """Measured pixels and the centred parameters of their density."""
-        # the simulated pixels have their own speckle, which adds to the variance of the difference
-        classes = self._classes.compared(1)
-        return Compared(self.material.target.ground, classes, self._method, self._target[None], None)
+        ground, classes = self.material.target.ground, self.of_fields.classes
+        return Compared(ground, classes, self._method, self._target[None], None)
 
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
         """Mean [dB], log sd and skewness of the density fitted to the pixels, shape (1, 3)."""
@@ -95,19 +97,15 @@ class Density(Objective):
         """Differences of mean, log sd and skewness from the target's, divided by ``scale``, shape (m, 3)."""
         return (drawn(points.statistics, self._target, points.slack) / self.scale)[:, 0]
 
-    def _differences(self, points: Points) -> Doubles:
+    def refined(self, points: Points) -> Doubles:
         """Differences of predicted densities from the target's, divided by the target's maximum, shape (m, 200)."""
         dp = to_dp(self._target + drawn(points.statistics, self._target, points.slack)[:, 0])
         found = np.stack([skewnormal.density(self._grid, row) for row in dp])
         return np.asarray((found - self._density) / self._density.max())
 
-    def refinements(self) -> Sequence[Callable[[Points], Doubles]]:
-        """Function for residuals of a second search: differences of densities, if the statistics cannot be matched."""
-        return (self._differences,)
-
     def cost(self, points: Points) -> Doubles:
         """Density rms [1/dB], shape (m,)."""
-        differences = self._differences(points) * self._density.max()
+        differences = self.refined(points) * self._density.max()
         return np.asarray(np.sqrt(np.mean(differences**2, axis=1)))
 
     def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
@@ -125,8 +123,8 @@ class Density(Objective):
     def evidence(self, score: Score) -> Residuals:
         """Function from X and looks to residuals of mean, log sd and skewness, with all pixels as one bin."""
         # the simulated pixels have their own speckle, and there may be texture, which changes looks and skewness
-        compared = self._classes.compared(1)
-        return ground_residuals(self.material.target.ground, compared, self._method, _ALONE)
+        simulate = LawForward(self.material.law, self._classes.nodes_deg, self.material.looks)
+        return lambda x, looks: self.of_fields(x, looks, simulate(x))
 
     def law(self, score: Score, residuals: Residuals | None = None) -> GroundLaw:
         """Law of a run, with the uncertainty that the density of all pixels leaves."""

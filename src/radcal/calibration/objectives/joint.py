@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,14 +39,15 @@ class Joint(Comparison):
         self.first, self.material = first, first.material
         self._parts = [part for part in passes if part is not None]
         self.part_names = [f"pass {k}" for k, part in enumerate(passes, start=1) if part is not None]
-        self.free_looks, self.explores = first.free_looks, any(part.explores for part in self._parts)
+        self.free_looks, self.refines = first.free_looks, first.refines
+        self.explores = any(part.explores for part in self._parts)
         self.looks_ahead, self.tolerance, self.improvement = first.looks_ahead, first.tolerance, first.improvement
         self.starts = [(x, self._back(part, looks)) for part in self._parts for x, looks in part.starts]
         bases = [part.baseline for part in self._parts]
         known = [base for base in bases if base is not None]
         if len(known) == len(bases):
             self.baseline = lambda x: np.concatenate([base(x) for base in known], axis=-2)
-        self._ends = np.cumsum([len(part.scale) for part in self._parts])
+        self._ends = np.cumsum([len(part.scale) for part in self._parts])[:-1]
         fields = [part.of_fields for part in self._parts]
         shown = [one for one in fields if one is not None]
         self._fields = SharedFields(shown) if len(shown) == len(fields) else None
@@ -67,8 +67,8 @@ class Joint(Comparison):
         slack = np.broadcast_to(points.slack, points.statistics.shape)
         each = zip(
             self._parts,
-            np.split(points.statistics, self._ends[:-1], axis=1),
-            np.split(slack, self._ends[:-1], axis=1),
+            np.split(points.statistics, self._ends, axis=1),
+            np.split(slack, self._ends, axis=1),
             strict=True,
         )
         return [
@@ -95,13 +95,9 @@ class Joint(Comparison):
         """Sum of squared residuals of each pass, computed from this pass alone, shape (m, passes)."""
         return np.stack([(part.residuals(at) ** 2).sum(axis=1) for part, at in self._split(points)], axis=-1)
 
-    def refinements(self) -> Sequence[Callable[[Points], Doubles]]:
-        """Functions that give further residuals of all passes, minimised one after the other."""
-
-        def of(number: int, points: Points) -> Doubles:
-            return np.concatenate([part.refinements()[number](at) for part, at in self._split(points)], axis=1)
-
-        return [partial(of, number) for number in range(len(self.first.refinements()))]
+    def refined(self, points: Points) -> Doubles:
+        """Residuals of all passes that a second search minimises, shape (m, k)."""
+        return np.concatenate([part.refined(at) for part, at in self._split(points)], axis=1)
 
     def cost(self, points: Points) -> Doubles:
         """Cost of all passes together, shape (m,)."""
@@ -115,7 +111,7 @@ class Joint(Comparison):
 
     def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
         """Looks that minimise the cost of a run in all passes, and this cost; None if the cost is the density rms."""
-        looks, cost = self.first.worth(parameters, statistics[: self._ends[0]])
+        looks, cost = self.first.worth(parameters, statistics[: len(self.first.scale)])
         return (looks, None) if cost is None else super().worth(parameters, statistics)
 
     def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
@@ -131,7 +127,7 @@ class Joint(Comparison):
             score,
             dp=score.dp if density is None else density.dp,
             rms=score.rms if density is None else density.rms,
-            statistics=np.split(np.asarray(score.statistics), self._ends[:-1])[self._parts.index(part)].tolist(),
+            statistics=np.split(np.asarray(score.statistics), self._ends)[self._parts.index(part)].tolist(),
             looks=self._there(part, score.looks),
             further=[],
         )
@@ -153,5 +149,4 @@ class Joint(Comparison):
     def moved_db(self, first: ArrayLike, second: ArrayLike) -> float | None:
         """Largest difference of two laws over the incidence of all passes [dB]; None for a law without a curve."""
         moved = [part.moved_db(first, second) for part in self._parts]
-        known = [value for value in moved if value is not None]
-        return max(known) if known else None
+        return max((value for value in moved if value is not None), default=None)

@@ -186,6 +186,8 @@ class Comparison(ABC):
         Whether the effective number of looks is searched with X.
     explores : bool
         Whether runs are proposed where the surrogate is uncertain, if no better point is predicted.
+    refines : bool
+        Whether a second search minimises the residuals :meth:`refined`.
     looks_ahead : bool
         Whether the end of the search depends on the improvement that the surrogate of all runs still predicts.
     tolerance : float
@@ -203,6 +205,7 @@ class Comparison(ABC):
     baseline: Baseline | None = None
     free_looks: bool = False
     explores: bool = True
+    refines: bool = False
     looks_ahead: bool = False
     tolerance: float = 1e-14
     improvement: float = 0.0
@@ -227,9 +230,9 @@ class Comparison(ABC):
         statistics, x = np.asarray(score.statistics)[None], np.asarray(score.parameters)[None]
         return np.asarray(self.parts(Points(statistics, x, np.array([score.looks])))[0])
 
-    def refinements(self) -> Sequence[Callable[[Points], Doubles]]:
-        """Functions that give further residuals, minimised one after the other if :meth:`residuals` are not all 0."""
-        return ()
+    def refined(self, points: Points) -> Doubles:
+        """Residuals that a second search minimises if ``refines`` and :meth:`residuals` are not all 0, shape (m, k)."""
+        return self.residuals(points)
 
     def cost(self, points: Points) -> Doubles:
         """Cost of predicted statistics, shape (m,): half the sum of squared residuals."""

@@ -1,0 +1,87 @@
+"""Case of ``radcal simulate``: all mistakes in its materials at once, and remarks on where each law comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from radcal.config import Case, expand_path, load_forward, stages
+from radcal.config.loading import read_cases
+from radcal.config.pydantic_errors import shown, wrong_keys
+from radcal.config.undecided import undecided
+from radcal.config.yaml_file import read_case_file
+from radcal.errors import ConfigError
+
+__all__ = ["forward_case"]
+
+_SECTIONS = ("scene", "radar", "simulator", "materials")  # those that a forward run reads
+
+
+def forward_case(
+    file: str | Path, overrides: Mapping[str, Any] | None = None, materials: str | Path | None = None
+) -> tuple[stages.Forward, list[str]]:
+    """Case of a forward run, in which materials of another file may replace materials of the same names.
+
+    Parameters
+    ----------
+    file : path
+        Case file.
+    overrides : mapping, optional
+        Keys that the command line changes.
+    materials : path, optional
+        File with a section ``materials``.
+
+    Returns
+    -------
+    case : stages.Forward
+        Sections that a forward run needs.
+    remarks : list of str
+        Sentences on the materials that keep the case's own law, and on those at their starting parameters.
+
+    Raises
+    ------
+    ConfigError
+        As for :func:`radcal.config.load_forward`. The message has one line for each mistake in the other file, and for
+        each value of the case that is still to be decided.
+    """
+    data = {key: value for key, value in read_cases([file], overrides).items() if key in _SECTIONS}
+    own = data.get("materials", {})
+    others = {} if materials is None else _checked_materials(materials, data.get("scene", {}))
+    if not isinstance(own, dict):  # the message of the configuration describes the mistake
+        return load_forward([file], overrides), []
+    data["materials"] = {name: law for name, law in own.items() if name not in others}
+    _refuse(f"{file}: {one.text}." for one in undecided(data, [file]))
+    case = load_forward([file], overrides, materials)
+    remarks = []
+    if kept := [name for name in case.materials if name not in others and materials is not None]:
+        remarks.append(
+            f"{materials} has the laws of {', '.join(others)}; the other materials keep the laws of {file}: "
+            f"{', '.join(kept)}."
+        )
+    if case.calibrated:
+        remarks.append(f"Simulated at the start, because of calibrate: true: {', '.join(case.calibrated)}.")
+    return case, remarks
+
+
+def _checked_materials(file: str | Path, scene: Any) -> dict[str, Any]:
+    """Section ``materials`` of a file, without mistakes; ``scene`` is the section of the case, for its land cover."""
+    path = expand_path(str(file), "--materials")
+    found = read_case_file(path).get("materials")
+    if not isinstance(found, dict) or not found:
+        raise ConfigError(f"--materials: {path} has no section materials, expected one, as calibrated.yaml has it.")
+    _refuse(f"{path}: {one.text}." for one in undecided({"materials": found}, [path]))
+    try:
+        Case.model_validate({"scene": scene, "materials": found}, context=[])
+    except ValidationError as error:
+        wrong = [key for key in wrong_keys(error, Case) if key.place[:1] == ("materials",)]
+        _refuse(f"{path}: {shown(key.text, 600)}." for key in wrong)
+    return found
+
+
+def _refuse(sentences: Any) -> None:
+    """Raise one error with all sentences, if there are any."""
+    if said := list(sentences):
+        raise ConfigError("\nradcal: ".join(said))
