@@ -30,6 +30,7 @@ SESSION = open_session(
     workflow.config_settings.config_args or (),
     remote=workflow.remote_exec,
     logger=logger,
+    main=workflow.is_main_process,
 )
 CASE, FILES, OUT = SESSION.case, SESSION.inputs, SESSION.folder
 config["stop"] = CASE.sections("stop")["stop"]  # with all defaults, for the scripts
@@ -86,7 +87,8 @@ def say_planned_runs():
         # to Snakemake the jobs of a dry run have ended
         planned = workflow.dag.needrun_jobs(exclude_finished=False)
         jobs = [(job.rule.name, job.wildcards_dict) for job in planned]
-        SESSION.say(runs_sentence(planned_runs(CASE, jobs, OUT), CASE.simulator.draws))
+        twice = sum(rule == "registration_run" for rule, _ in jobs)
+        SESSION.say(runs_sentence(planned_runs(CASE, jobs, OUT), CASE.simulator.draws, twice))
 
 
 localrules:

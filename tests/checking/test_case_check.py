@@ -99,8 +99,8 @@ def test_what_a_right_case_needs_is_told(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["check", str(path)])
     assert done.exit_code == 0
     assert (
-        "simulator runs: at most 16 (2 reference, 3 design, 9 infill, 2 final, each of 4 speckle draws); a search"
-        in done.stdout
+        "simulator runs: at most 16 (2 reference (1 of them for the registration), 3 design, at most 9 infill, at most "
+        "2 final, each of 4 speckle draws); a search" in done.stdout
     )
     assert "60 x 50 pixels" in done.stdout
     assert "memory: about 240 MB in the largest job (run); a cluster is asked for 1,100 MB" in done.stdout

@@ -154,6 +154,16 @@ def test_bins_of_different_knowledge_have_markers_of_their_own(tmp_path, monkeyp
     assert not {".", "None"} & set(markers.values())
 
 
+def test_the_legend_names_only_knowledge_that_some_material_has(tmp_path, monkeypatch) -> None:
+    legends = []
+    monkeypatch.setattr(drawing, "add_legend", lambda canvas, entries, columns: legends.append(entries))
+    first, second = one("known", -8.0)[1], replace(one("not seen", -6.9)[1], material="of the second panel")
+    draw_predictions(tmp_path / "a.png", [first, second], "a", "b")
+    ((_, labels),) = legends
+    laws = [label.rpartition(": ")[2] for label in labels if label.startswith("law of a")]
+    assert laws == ["known", "not seen"], "the legend is that of the first panel, and serves all panels"
+
+
 def test_figure(tmp_path) -> None:
     draw_predictions(tmp_path / "a.png", [row for _, row in (one("known", -8.0), one("not seen", -6.9))], "a", "b")
     assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"

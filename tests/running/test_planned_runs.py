@@ -30,9 +30,10 @@ def test_a_new_case_may_take_all_its_runs(case, tmp_path: Path) -> None:
     counts = planned_runs(case, [*START, *CHUNKS, *LOOP], tmp_path)
     assert counts == {"measurement": 1, "reference": 1, "design": 10, "infill": 20, "final": 2}
     assert runs_sentence(counts) == (
-        "at most 34 simulator runs would be made (1 measurement, 1 reference, 10 design, 20 infill, 2 final); a "
-        "search that meets its stop criterion ends earlier; stored ones are left out."
+        "at most 34 simulator runs would be made (1 measurement, 1 reference, 10 design, at most 20 infill, at "
+        "most 2 final); a search that meets its stop criterion ends earlier, and repeats no stored run."
     )
+    assert "2 reference (1 of them for the registration)" in runs_sentence({"reference": 2}, registration=1)
     counts = planned_runs(case, [*START, CHUNKS[2]], tmp_path)
     assert counts == {"measurement": 1, "reference": 1, "design": 2, "infill": 0, "final": 0}
     assert "(1 measurement, 1 reference, 2 design, each of 4 speckle draws); stored" in runs_sentence(counts, 4)
@@ -55,6 +56,12 @@ def test_stored_runs_are_left_out(case, scene, geometry, tmp_path: Path) -> None
     assert planned_runs(case, [START[3]], tmp_path)["reference"] == 0
     # the scene may become another one
     assert planned_runs(case, [*START, *CHUNKS], tmp_path)["design"] == 10
+    # beside a finished calibration it may not, until that is allowed
+    (tmp_path / "calibration.h5").touch()
+    counts = planned_runs(case, [*START, *CHUNKS], tmp_path)
+    assert (counts["reference"], counts["design"]) == (0, 7)
+    assert planned_runs(case.model_copy(update={"replace": True}), [*START, *CHUNKS], tmp_path)["design"] == 10
+    assert planned_runs(case, [*START, ("simulator", {"at": ""}), *CHUNKS], tmp_path)["design"] == 10
 
 
 def test_finished_iterations_are_left_out(case, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from radcal.errors import StoreError
+from radcal.errors import ConfigError, StoreError
 from radcal.running.jobs import CASE, FAILURE, OWNER, PROGRESS, STARTED
 from radcal.running.session import Session, is_dry_run, open_session
 from radcal.storage.provenance import provenance
@@ -59,6 +59,17 @@ def test_a_case_that_is_refused_ends_in_one_sentence(tmp_path, text, words, said
     assert str(ended.value).startswith(f"radcal: {said}")
     assert "\n" not in str(ended.value)
     assert not Path("results").exists()
+
+
+def test_only_the_process_that_plans_jobs_checks_that_finished_results_stay(tmp_path, monkeypatch):
+    def refuse(case, folder, inputs):
+        raise ConfigError(f"{folder} stays")
+
+    monkeypatch.setattr("radcal.running.session.check_replacement", refuse)
+    (tmp_path / "mine.yaml").write_text("case: mine\n")
+    open_session(["mine.yaml"], {}, [], False, logging.getLogger("of a job"), main=False)
+    with pytest.raises(SystemExit, match="^radcal: results/mine stays$"):
+        open_session(["mine.yaml"], {}, [], False, logging.getLogger("of snakemake"))
 
 
 @pytest.mark.parametrize(

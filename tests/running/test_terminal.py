@@ -98,6 +98,7 @@ def test_a_failure_in_its_own_sentence_is_not_explained_twice(text):
 def test_the_routine_between_two_lines_is_left_out():
     messages = Messages(lambda: False)
     assert shown(messages, "Select jobs to execute...") is None
+    assert shown(messages, "Assuming unrestricted shared filesystem usage.") is None
     assert shown(messages, "Nothing to be done.") == "Nothing to be done."
 
 

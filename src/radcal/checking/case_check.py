@@ -18,7 +18,7 @@ from radcal.errors import ConfigError, RadcalError
 from radcal.reading.safe import is_safe_name
 from radcal.running.expected_memory import expected_mb
 from radcal.running.memory_and_time import Stage, memory_mb, values_of
-from radcal.running.time_left import largest_runs
+from radcal.running.time_left import largest_runs, runs_in_words
 from radcal.scene.size import scene_size
 
 if TYPE_CHECKING:
@@ -80,6 +80,7 @@ class CaseCheck:
     outlook: tuple[str, ...] = ()
     unseen: tuple[str, ...] = ()
     forward: bool = False
+    registration_runs: int = 0
 
     def not_looked_at(self) -> str:
         """Sentence on what could not be checked because of the problems; empty if everything was."""
@@ -94,7 +95,7 @@ class CaseCheck:
             lines.append("  the case has no section measurement and no material with calibrate: true: radcal simulate")
             lines.append("  makes its image; radcal run needs both of them, and radcal apply --to it a measurement")
             return "\n".join([*lines, *self.remarks()])
-        kinds = ", ".join(f"{count} {kind}" for kind, count in self.runs.items() if count)
+        kinds = runs_in_words(self.runs, self.registration_runs, ("infill", "final"))
         each = f", each of {self.draws} speckle draws" if self.draws > 1 else ""
         most = sum(self.runs.values())
         earlier = "a search that meets its stop criterion ends earlier"
@@ -223,6 +224,7 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     return CaseCheck(
         listed, notes, files, shape, largest_runs(case), demands, peaks, case.simulator.draws, tuple(sections),
         (time_expected(case, results), *levels) if not problems else (), unseen,
+        registration_runs=len(case.passes) * case.registers_twice,
     )  # fmt: skip
 
 

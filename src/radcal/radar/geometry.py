@@ -23,7 +23,7 @@ from radcal.radar import simulator_version
 from radcal.storage.dataclass_groups import put, same, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
-__all__ = ["Geometry", "Points", "read_geometry", "write_geometry"]
+__all__ = ["Geometry", "Points", "is_of_pass", "read_geometry", "write_geometry"]
 
 
 @dataclass(frozen=True)
@@ -184,8 +184,7 @@ def write_geometry(
     """
     described, version = None, simulator_version("flat" if radar is None else radar.earth)
     if radar is not None:
-        ours = json.dumps(radar.described(), separators=(",", ":"), ensure_ascii=False)
-        described = _recorded_pass(Path(path), ours, set(immaterial))
+        described = _recorded_pass(Path(path), _described(radar), set(immaterial))
 
     def alike(file: h5py.File) -> bool:
         return bool(file.attrs.get("pass") == described and same(take(file, Geometry), geometry))
@@ -195,6 +194,28 @@ def write_geometry(
             file.attrs["pass"] = described
         file.attrs["simulator"] = version
         put(file, geometry)
+
+
+def is_of_pass(path: str | Path, radar: Radar, immaterial: Iterable[str] = ()) -> bool:
+    """Whether the geometry in a file is of the given pass, apart from the values of immaterial keys.
+
+    Parameters
+    ----------
+    path : path
+        File that :func:`write_geometry` wrote.
+    radar : Radar
+        Pass.
+    immaterial : iterable of str, optional
+        The same as for :func:`write_geometry`.
+    """
+    ours = _described(radar)
+    with h5py.File(path, "r", locking=False) as file:
+        return bool(file.attrs.get("pass") == _recorded_pass(Path(path), ours, set(immaterial)))
+
+
+def _described(radar: Radar) -> str:
+    """Description of a pass, as a file of its geometry stores it."""
+    return json.dumps(radar.described(), separators=(",", ":"), ensure_ascii=False)
 
 
 def _outdated(path: str | Path, described: str | None, version: int) -> bool:

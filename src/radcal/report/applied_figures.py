@@ -76,10 +76,12 @@ def draw_predictions(path: str | Path, rows: Sequence[Prediction], source: str, 
         Name of the case that gives the laws, and of the case that gives the image.
     """
     names = list(dict.fromkeys(row.material for row in rows))
+    # the legend is that of the first panel, so every panel names what any panel shows, and nothing else
+    styles = {known: style for known, style in _STYLES.items() if any(row.known == known for row in rows)}
     with law_panels(path, names, "mean of the pixels in dB [dB]") as panels:
         for axes, name in panels:
             own = [row for row in rows if row.material == name]
-            for known, style in _STYLES.items():
+            for known, style in styles.items():
                 some = [row for row in own if row.known == known]
                 middle = np.array([row.predicted_db for row in some])
                 error = np.abs(np.array([[row.p05_db, row.p95_db] for row in some]).reshape(-1, 2).T - middle)

@@ -12,7 +12,7 @@ from typing import Any
 from radcal.errors import StoreError
 from radcal.report.law_notes import at_bound
 from radcal.report.reasons import REASONS
-from radcal.running.time_left import duration
+from radcal.running.time_left import duration, runs_in_words
 from radcal.storage.lock import holder
 
 __all__ = ["results_folder", "show"]
@@ -155,12 +155,12 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
         if remark := material.get("parameters_remark"):
             lines.append(f"{name}: {remark}")
     lines += summary.get("warnings", [])  # files of earlier versions have none
-    search, again = runs["design"] + runs["infill"], runs.get("registration", 0)
-    first = f"{runs['reference'] - again} reference" + f", {again} registration" * bool(again)
+    search = runs["design"] + runs["infill"]
+    others = runs_in_words({kind: runs[kind] for kind in ("reference", "final")}, runs.get("registration", 0))
     return [
         *lines,
         f"simulator runs of the search: {search} ({runs['design']} design, {runs['infill']} infill{reused}), besides "
-        f"{first}, {runs['final']} final; end: {REASONS[summary['stop_reason']].clause}.",
+        f"{others}; end: {REASONS[summary['stop_reason']].clause}.",
     ]
 
 

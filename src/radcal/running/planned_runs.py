@@ -12,7 +12,7 @@ from radcal.calibration.history import read_runs
 from radcal.config import Case, stages
 from radcal.errors import RadcalError
 from radcal.radar import SIMULATOR_VERSION
-from radcal.running.time_left import FINAL_RUNS, reference_count
+from radcal.running.time_left import FINAL_RUNS, reference_count, runs_in_words
 from radcal.scene.model import read_scene
 from radcal.seeds import noise_seed
 from radcal.simulators.runner import Runner
@@ -57,12 +57,15 @@ def planned_runs(case: Case, jobs: Jobs, folder: str | Path) -> dict[str, int]:
     folder = Path(folder)
     planned = {rule for rule, _ in jobs}
     counts = dict.fromkeys(("measurement", "reference", "design", "infill", "final"), 0)
+    # beside a finished calibration, jobs that would write another scene are refused (radcal.running.replacement)
+    kept = not case.replace and (folder / "calibration.h5").is_file()
+    unsure = {"simulator", "reuse"} | (set() if kept else {"scene", "geometry"})
     passes = {f"passes/{number}/" if number > 1 else "": one for number, one in enumerate(case.passes, start=1)}
     for at, one in passes.items():
         of_pass = [(rule, words) for rule, words in jobs if words.get("at", "") == at]
         if ("measurement", at) in [(rule, words.get("at", "")) for rule, words in of_pass]:
             counts["measurement"] += one.measurement.source == "synthetic"
-        known = None if planned & {"scene", "geometry", "simulator", "reuse"} else _known(case, folder, at)
+        known = None if planned & unsure else _known(case, folder, at)
         if any(rule == "reference_run" for rule, _ in of_pass):
             start = stages.ReferenceRun.of(one).at_start
             stored = known is not None and known(start).is_recorded(one.start_parameters, noise_seed(start))
@@ -119,12 +122,24 @@ def _known(case: Case, folder: Path, at: str) -> Callable[[stages.Simulation], R
     return lambda one: Runner(RunStore(folder / "runs"), simulator, geometry, scene, one, first=case.radar)
 
 
-def runs_sentence(counts: Mapping[str, int], draws: int = 1) -> str:
-    """Sentence on the largest number of simulator runs, by kind, with the number of speckle draws in each run."""
-    kinds = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
+def runs_sentence(counts: Mapping[str, int], draws: int = 1, registration: int = 0) -> str:
+    """Sentence on the largest number of simulator runs.
+
+    Parameters
+    ----------
+    counts : mapping
+        Largest number of runs by kind.
+    draws : int
+        Number of speckle draws in each run.
+    registration : int
+        Number of the reference runs onto which the image is registered again.
+    """
+    kinds = runs_in_words(counts, registration, ("infill", "final"))
     if not kinds:
         return "no simulator run would be made."
     each = f", each of {draws} speckle draws" if draws > 1 else ""
-    search = "; a search that meets its stop criterion ends earlier" if counts.get("infill") else ""
+    # which infill runs a search asks for, and so which of them are stored, is not known beforehand
+    search = "a search that meets its stop criterion ends earlier, and repeats no stored run"
+    rest = search if counts.get("infill") else "stored ones are left out"
     most = sum(counts.values())
-    return f"at most {most} simulator runs would be made ({kinds}{each}){search}; stored ones are left out."
+    return f"at most {most} simulator runs would be made ({kinds}{each}); {rest}."

@@ -15,6 +15,7 @@ from radcal.config import Case, check_reuse, input_files, load
 from radcal.config.yaml_file import check_words
 from radcal.errors import RadcalError, StoreError
 from radcal.running.jobs import CASE, FAILURE, OWNER, PROGRESS, RESULTS, STARTED, Follower
+from radcal.running.replacement import check_replacement
 from radcal.running.salvage import files_of, salvage
 from radcal.running.simulator_change import simulator_change
 from radcal.running.slurm import cancel_leftovers, remember
@@ -32,7 +33,12 @@ _RESULTS = "results"
 
 
 def open_session(
-    files: Sequence[str | Path], config: Mapping[str, Any], words: Sequence[str], remote: bool, logger: logging.Logger
+    files: Sequence[str | Path],
+    config: Mapping[str, Any],
+    words: Sequence[str],
+    remote: bool,
+    logger: logging.Logger,
+    main: bool = True,
 ) -> Session:
     """Load and check the case of a Snakemake command, and return the session of this command.
 
@@ -50,6 +56,8 @@ def open_session(
         Whether this process is a job on a cluster.
     logger : logging.Logger
         Snakemake's logger, to which the session adds its filter of messages.
+    main : bool
+        Whether this process plans the jobs. Only this process checks that finished results are not replaced.
     """
     guard(logger)
     results = os.environ.get(RESULTS) or _RESULTS
@@ -59,6 +67,8 @@ def open_session(
         inputs = input_files(case)
         check_command(case)
         check_reuse(case, results)
+        if main:
+            check_replacement(case, Path(results) / case.case, inputs)
         session = Session(case, remote, results, inputs)
     except RadcalError as error:
         sys.exit(f"radcal: {error}")

@@ -102,8 +102,8 @@ def guard(logger: logging.Logger | None = None) -> None:
                 handler.setStream(streams[id(handler.stream)])
 
 
-# Snakemake's routine messages, which would appear between the lines of progress
-_ROUTINE = ("Select jobs to", "Execute ", "DAG of jobs will be", "Updating checkpoint")
+# Snakemake's routine messages, which would appear before or between the lines of progress
+_ROUTINE = ("Assuming unrestricted", "Select jobs to", "Execute ", "DAG of jobs will be", "Updating checkpoint")
 # Snakemake's messages about a failure for which the job has already printed an error message
 _AFTERMATH = (
     *("RuleException", "Shutting down", "Exiting because", "WorkflowError"),

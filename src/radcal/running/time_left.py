@@ -8,7 +8,7 @@ import itertools
 import os
 import statistics
 import time
-from collections.abc import Sequence
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 
 from radcal.config import Case, CommandSimulation, SimulatorConfig
@@ -16,7 +16,7 @@ from radcal.running.jobs import STARTED
 
 __all__ = [
     "FINAL_RUNS", "at_most", "duration", "iteration_seconds", "largest_runs", "most_need", "reference_count",
-    "stored_iteration_seconds",
+    "runs_in_words", "stored_iteration_seconds",
 ]  # fmt: skip
 
 FINAL_RUNS = 2  # of each pass: one with the noise seed of all runs, one with another noise seed
@@ -43,6 +43,26 @@ def largest_runs(case: Case) -> dict[str, int]:
         "infill": passes * (case.stop.max_runs - case.design_size),
         "final": passes * FINAL_RUNS,
     }
+
+
+def runs_in_words(counts: Mapping[str, int], registration: int = 0, most: Container[str] = ()) -> str:
+    """Text of numbers of simulator runs by kind, without the kinds that have no run.
+
+    Parameters
+    ----------
+    counts : mapping
+        Number of runs by kind, as in :func:`largest_runs`.
+    registration : int
+        Number of the reference runs onto which the image is registered again.
+    most : container of str
+        Kinds whose number is an upper limit.
+    """
+    among = f" ({registration} of them for the registration)" if registration else ""
+    return ", ".join(
+        f"{'at most ' * (kind in most)}{count} {kind}{among * (kind == 'reference')}"
+        for kind, count in counts.items()
+        if count
+    )
 
 
 def duration(seconds: float) -> str:

@@ -28,7 +28,7 @@ from radcal.storage.inspection import SCHEMAS, check_case, inspect, inspect_file
 from radcal.storage.provenance import origin
 from radcal.storage.sealing import BLOCK, Fault, header
 
-__all__ = ["REPLACE", "from_json", "read_hdf5", "read_json", "write_hdf5", "write_json"]
+__all__ = ["REPLACE", "from_json", "keep_finished", "read_hdf5", "read_json", "write_hdf5", "write_json"]
 
 T = TypeVar("T")
 
@@ -84,7 +84,7 @@ def write_hdf5(
             yield file
         content = hashlib.sha256(made.getbuffer()[BLOCK:]).hexdigest()
         if protected and REPLACE not in os.environ:
-            _protect(path, kind, content, alike)
+            keep_finished(path, kind, origin().config, lambda old: old.attrs["content"] == content or alike(old))
         if _holds(path, kind, content):
             shutil.copyfile(path, partial)
             return
@@ -104,8 +104,25 @@ def write_hdf5(
             partial.write_bytes(whole)
 
 
-def _protect(path: Path, kind: str, content: str, alike: Callable[[h5py.File], bool]) -> None:
-    """Raise a ConfigError if a finished calibration was made with an earlier file that differs from the new file."""
+def keep_finished(path: Path, kind: str, config: Mapping[str, Any] | None, alike: Callable[[h5py.File], bool]) -> None:
+    """Raise an error if a finished calibration was made with a file that another file would replace.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the file.
+    kind : str
+        Kind of the file, one of the keys of :data:`~radcal.storage.inspection.SCHEMAS`.
+    config : mapping or None
+        Sections of the configuration from which the other file is made, for the error message.
+    alike : callable
+        Function that receives the file and returns whether the other file has the same values.
+
+    Raises
+    ------
+    ConfigError
+        The folder of the file has a finished calibration, and the file is undamaged and not ``alike``.
+    """
     if not (path.parent / "calibration.h5").is_file():
         return
     try:
@@ -113,11 +130,11 @@ def _protect(path: Path, kind: str, content: str, alike: Callable[[h5py.File], b
     except (Fault, OSError, StoreError):
         return  # a missing or damaged file need not be protected
     with h5py.File(path, "r", locking=False) as file:
-        if file.attrs["content"] == content or alike(file):
+        if alike(file):
             return
         theirs = disclosed(json.loads(file["config"].asstr()[()])) if "config" in file else {}
         made_by = str(file.attrs["radcal"])
-    ours = json.loads(json.dumps(origin().config or {}, default=str))
+    ours = json.loads(json.dumps(config or {}, default=str))
     if theirs != ours:
         why = first_difference(theirs, ours)
     elif made_by != version("radcal"):

@@ -1,0 +1,93 @@
+"""Check, before Snakemake plans jobs, that a command would not replace a finished calibration of another scene or pass.
+
+A refusal by a job would be too late: Snakemake records the parameters of a failed job as those of its earlier output,
+so that the original command would make everything from this output on again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TypeVar
+
+import h5py
+from pydantic import ValidationError
+
+from radcal.config import Case
+from radcal.config.stages import STAGES, Geometry, Scene, Stage
+from radcal.errors import StoreError
+from radcal.radar.geometry import is_of_pass
+from radcal.storage.inspection import inspect_file
+from radcal.storage.provenance import provenance
+from radcal.storage.records import keep_finished
+from radcal.storage.sealing import Fault
+
+__all__ = ["check_replacement"]
+
+S = TypeVar("S", bound=Stage)
+
+_MOST_BYTES = 16 * 2**20  # of a larger file only header and size are inspected, unless its values are compared
+
+
+def check_replacement(case: Case, folder: str | Path, inputs: Mapping[str, Path]) -> None:
+    """Raise an error if a command would replace scene or geometry of a finished calibration by another.
+
+    The scene is built for a comparison only if section ``scene`` has changed or one of its files is newer.
+
+    Parameters
+    ----------
+    case : Case
+        Configuration of the case.
+    folder : path
+        Results folder of the case, ``results/<case>``.
+    inputs : mapping
+        Input files of the case by configuration key.
+
+    Raises
+    ------
+    ConfigError
+        The command would replace results, and ``replace`` is false.
+    SceneError
+        The changed scene cannot be built.
+    """
+    folder = Path(folder)
+    if case.replace or not (folder / "calibration.h5").is_file():
+        return
+    with provenance(case.case):
+        _check_geometry(case, folder / "geometry.h5")
+        _check_scene(case, folder / "scene.h5", [path for key, path in inputs.items() if key.startswith("scene.")])
+
+
+def _check_geometry(case: Case, path: Path) -> None:
+    recorded = _recorded(path, "geometry", Geometry)
+    if recorded is None or recorded.radar == case.passes[0].radar:
+        return
+    radar, immaterial = case.passes[0].radar, case.simulator.not_told
+    keep_finished(path, "geometry", STAGES["geometry"].params(case), lambda _: is_of_pass(path, radar, immaterial))
+
+
+def _check_scene(case: Case, path: Path, files: list[Path]) -> None:
+    recorded = _recorded(path, "scene", Scene)
+    # the scene itself does not depend on the materials, which are the other section that its rule reads
+    if recorded is None or (
+        recorded.scene == case.scene and all(file.stat().st_mtime <= path.stat().st_mtime for file in files)
+    ):
+        return
+    from radcal.scene.model import Scene as SceneModel
+    from radcal.scene.sources import make_scene
+    from radcal.storage.dataclass_groups import same, take
+
+    scene = make_scene(case.scene, list(case.materials), case.radar.heading_deg)
+    ours = STAGES["scene"].params(case)
+    keep_finished(path, "scene", ours, lambda file: same(take(file, SceneModel), scene))
+
+
+def _recorded(path: Path, kind: str, stage: type[S]) -> S | None:
+    """Sections from which an undamaged file was made; None if they are unknown, so that the job decides."""
+    try:
+        inspect_file(path, kind, _MOST_BYTES)
+        with h5py.File(path, "r", locking=False) as file:
+            return stage.model_validate(json.loads(file["config"].asstr()[()]))
+    except (Fault, OSError, StoreError, KeyError, ValueError, ValidationError):
+        return None
