@@ -84,7 +84,8 @@ def test_the_command_prints_a_table_and_draws_a_figure(pair, tmp_path, monkeypat
     lines = done.stdout.splitlines()
     assert lines[:2] == ["A: results/small", "B: results/other"]
     assert [cell.strip() for cell in lines[4].split("  ") if cell] == [
-        "dyke", "30.0-40.0 deg", "+3.50 dB", "+4.00 dB", "100 %", "untested | untested", "22-38 deg | nowhere", "6 | 6",
+        "dyke", "30.0-40.0 deg", "+3.50 dB", "+4.00 dB", "100 %", "not tested | not tested", "22-38 deg | nowhere",
+        "6 | 6",
     ]  # fmt: skip
     assert lines[5].startswith("stem beans")
     assert lines[-1] == "figure: results/small_and_other.png"

@@ -67,6 +67,17 @@ def test_warnings_on_the_image_are_shown(folder):
     assert show(folder)[3].startswith("simulator runs")
 
 
+def test_warnings_on_a_law_are_shown_with_it(folder):
+    data = json.loads((folder / "summary.json").read_text())
+    data["materials"]["dyke"]["law_sentences"] = ["dyke: 90 % of its pixels are masked", "dyke: and more"]
+    (folder / "summary.json").write_text(json.dumps(data))
+    lines = show(folder)
+    first = lines.index("dyke: 90 % of its pixels are masked")
+    assert lines[first - 1].startswith("dyke")
+    assert lines[first + 1] == "dyke: and more"
+    assert lines[first + 2].startswith("stem beans")
+
+
 @pytest.mark.parametrize(
     ("found", "said"),
     [

@@ -296,7 +296,7 @@ def point_spread_note(
         f"radar.range_resolution_m is {radar.range_resolution_m:g} and radar.azimuth_resolution_m "
         f"{radar.azimuth_resolution_m:g}"
     )
-    area = f"its speckle is correlated over {found.smoothing:.2g} times the area that these resolutions give"
+    area = f"the sum of its speckle's correlations is {found.smoothing:.2g} times the one that these resolutions give"
     if looks is not None and is_filtered(found, looks, radar):
         more = f"{looks.looks / radar.looks:.2g} times radar.looks"
         return (

@@ -194,10 +194,17 @@ def _row(first: Archive, second: Archive, name: str) -> tuple[str, ...]:
         seen = f"{', '.join(f'{low:.1f}-{high:.1f}' for low, high in found.seen_deg)} deg"
         cells = (seen, f"{found.mean_db:+.2f} dB", f"{found.largest_db:+.2f} dB", meet)
     pair = [(archive, archive.materials[name]) for archive in (first, second)]
-    fits = [{True: "yes", False: "no", None: "untested"}[material.fitted.fits] for _, material in pair]
+    fits = [_fits(material) for _, material in pair]
     known = [_known(material) for _, material in pair]
     runs = [str(summarise(archive)["runs"]["search"]) for archive, _ in pair]
     return (name, *cells, *(" | ".join(each) for each in (fits, known, runs)))
+
+
+def _fits(material: MaterialResult) -> str:
+    """Cell of the table on the test of the fit."""
+    if material.fitted.fits is None:
+        return "level only" if material.fitted.level_only else "not tested"
+    return "yes" if material.fitted.fits else "no"
 
 
 def _known(material: MaterialResult) -> str:

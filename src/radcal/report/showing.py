@@ -154,6 +154,7 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
         lines.append(f"{said} {law} with {parameters}{_unknown(material)}")
         if remark := material.get("parameters_remark"):
             lines.append(f"{name}: {remark}")
+        lines += material.get("law_sentences", [])
     lines += summary.get("warnings", [])  # files of earlier versions have none
     search = runs["design"] + runs["infill"]
     others = runs_in_words({kind: runs[kind] for kind in ("reference", "final")}, runs.get("registration", 0))
