@@ -503,6 +503,20 @@ def test_a_case_for_simulate_is_checked_as_such(tmp_path: Path, monkeypatch: pyt
         assert not check_case(["forward.yaml"], change).forward
 
 
+def test_a_name_that_the_scene_does_not_know_is_told_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the measurement says about the right name follows from the wrong name of the material."""
+    monkeypatch.chdir(tmp_path)
+    materials = {name: {"law": "constant_gamma", "parameters": [-12.0]} for name in ("water", "gras")}
+    hidden = {"parameters": {"dyke": [-8.0], "grass": [-11.0], "sand": [-9.0]}}
+    law = {"law": "constant_gamma", "calibrate": True, "bounds": [[-20, 0]]}
+    case = {"materials": {"dyke": law, **materials}, "measurement": {"synthetic": hidden}}
+    Path("mine.yaml").write_text(yaml.safe_dump(case))
+    first, second = check_case(["mine.yaml"]).problems
+    assert "parameters.sand: no such material (known:" in first
+    assert second.startswith("materials.gras: not in the scene, which has dyke, water, grass, ")
+    assert second.endswith(" (did you mean 'grass'?).")
+
+
 def test_what_was_not_looked_at_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     # the built-in scene has no files, and lacks the material

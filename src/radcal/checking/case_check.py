@@ -171,6 +171,10 @@ class _Problems(list[str]):
         """Add those problems that are not in the list and do not follow from a wrong key."""
         for text in found:
             if _without_numbers(text) not in map(_without_numbers, self) and not self._follows(text):
+                misspelt = re.match(r"materials\.[^:]*: not in the scene.*\(did you mean '(.*)'\?\)\.$", text)
+                if misspelt:  # other sections name the material as the scene does
+                    said = (f".{misspelt[1]}: no such material", f": no material '{misspelt[1]}'")
+                    self[:] = [one for one in self if not any(words in one for words in said)]
                 self.append(text)
 
 
