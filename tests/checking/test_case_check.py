@@ -517,6 +517,17 @@ def test_a_name_that_the_scene_does_not_know_is_told_once(tmp_path: Path, monkey
     assert second.endswith(" (did you mean 'grass'?).")
 
 
+def test_a_start_that_is_the_hidden_truth_is_told(tmp_path: Path) -> None:
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    case = yaml.safe_load(path.read_text())
+    said = "measurement.synthetic.parameters: its start is simulated, which the search already has."
+    for hidden, told in (({}, True), ({"field": [-8.0, 4.0, 3.0, 5.0]}, False), ({"filed": [-8.0] * 4}, False)):
+        path.write_text(yaml.safe_dump({**case, "measurement": {"synthetic": {"parameters": hidden}}}))
+        found = check_case([path])
+        assert [text for text in found.notes if "hidden" in text] == told * [f"field has no hidden law in {said}"]
+        assert len(found.problems) == ("filed" in hidden)
+
+
 def test_what_was_not_looked_at_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     # the built-in scene has no files, and lacks the material

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from radcal.checking.file_problems import image_problems, is_on_map, scene_problems, swapped_hint
 from radcal.checking.outlook import hidden_ground, low_track, outlook, time_expected
-from radcal.config import Case, Loaded, check_reuse, load_with_problems, missing_inputs
+from radcal.config import Case, Loaded, check_reuse, load_with_problems, missing_inputs, starts_as_truth
 from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, RadcalError
 from radcal.reading.safe import is_safe_name
@@ -223,6 +223,8 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     if not sections:
         said, sections = _of_products(case)
         notes += said
+    if not problems and "measurement" not in loaded.without:
+        notes += starts_as_truth(case.calibrated, [one.measurement for one in case.passes])
     unseen = _unseen(loaded, shape, problems.unmeasured) if problems else ()
     listed = [_elsewhere(text, paths) + swapped_hint(case.scene, text) for text in problems]
     return CaseCheck(
