@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from radcal.checking.file_problems import image_problems, is_on_map, scene_problems, swapped_hint
-from radcal.checking.outlook import hidden_ground, low_track, outlook, time_expected
+from radcal.checking.outlook import hidden_ground, high_noise, low_track, outlook, time_expected
 from radcal.config import Case, Loaded, check_reuse, load_with_problems, missing_inputs, starts_as_truth
 from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, RadcalError
@@ -223,6 +223,8 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     if not sections:
         said, sections = _of_products(case)
         notes += said
+    if not any("is a minus sign missing" in text for text in problems):
+        notes += high_noise(case.passes)
     if not problems and "measurement" not in loaded.without:
         notes += starts_as_truth(case.calibrated, [one.measurement for one in case.passes])
     unseen = _unseen(loaded, shape, problems.unmeasured) if problems else ()
