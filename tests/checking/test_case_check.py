@@ -503,6 +503,62 @@ def test_a_case_for_simulate_is_checked_as_such(tmp_path: Path, monkeypatch: pyt
         assert not check_case(["forward.yaml"], change).forward
 
 
+def test_a_name_that_the_scene_does_not_know_is_told_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the measurement says about the right name follows from the wrong name of the material."""
+    monkeypatch.chdir(tmp_path)
+    materials = {name: {"law": "constant_gamma", "parameters": [-12.0]} for name in ("water", "gras")}
+    hidden = {"parameters": {"dyke": [-8.0], "grass": [-11.0], "sand": [-9.0]}}
+    law = {"law": "constant_gamma", "calibrate": True, "bounds": [[-20, 0]]}
+    case = {"materials": {"dyke": law, **materials}, "measurement": {"synthetic": hidden}}
+    Path("mine.yaml").write_text(yaml.safe_dump(case))
+    first, second = check_case(["mine.yaml"]).problems
+    assert "parameters.sand: no such material (known:" in first
+    assert second.startswith("materials.gras: not in the scene, which has dyke, water, grass, ")
+    assert second.endswith(" (did you mean 'grass'?).")
+
+
+def test_a_start_that_is_the_hidden_truth_is_told(tmp_path: Path) -> None:
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    case = yaml.safe_load(path.read_text())
+    said = "measurement.synthetic.parameters: its start is simulated, which the search already has."
+    for hidden, told in (({}, True), ({"field": [-8.0, 4.0, 3.0, 5.0]}, False), ({"filed": [-8.0] * 4}, False)):
+        path.write_text(yaml.safe_dump({**case, "measurement": {"synthetic": {"parameters": hidden}}}))
+        found = check_case([path])
+        assert [text for text in found.notes if "hidden" in text] == told * [f"field has no hidden law in {said}"]
+        assert len(found.problems) == ("filed" in hidden)
+
+
+def test_noise_above_0_db_is_asked_about(tmp_path: Path) -> None:
+    """A missing minus sign, which else shows in its consequences alone; images of other levels may have such noise."""
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    case = yaml.safe_load(path.read_text())
+    hidden = {"parameters": {"field": [-8.0, 4.0, 3.0, 5.0]}}
+    keys: dict[str, tuple[object, dict[str, float]]] = {
+        "radar.nesz_db is 24 dB: is a minus sign missing (-24)?": (24, {}),
+        "radar.nesz_db is 3 dB: is a minus sign missing (-3)?": ([[20, -3], [40, 3]], {}),
+        "measurement.synthetic.nesz_db is 25.5 dB: is a minus sign missing (-25.5)?": (0, {"nesz_db": 25.5}),
+        "": (0, {"nesz_db": -1.0}),
+    }
+    for said, (noise, more) in keys.items():
+        changed = {"radar": {"nesz_db": noise}, "measurement": {"synthetic": {**hidden, **more}}}
+        path.write_text(yaml.safe_dump({**case, **changed}))
+        asked = [text for text in check_case([path]).warnings() if "minus" in text]
+        assert [text.partition(" Noise")[0] for text in asked] == [f"  warning: {said}"] * bool(said)
+    levels = {"field": {"law": "constant_gamma", "calibrate": True, "bounds": [[30, 50]]}}
+    levels["lake"] = {"law": "constant_gamma", "parameters": [45.0]}  # type: ignore[dict-item]
+    measured = {"measurement": {"synthetic": {"parameters": {"field": [40.0]}}}}
+    path.write_text(yaml.safe_dump({**case, **measured, "radar": {"nesz_db": 5}, "materials": levels}))
+    assert check_case([path]).problems == []
+    path.write_text(yaml.safe_dump({**case, "radar": {"nesz_db": 24}}))  # an image in a file tells it for itself
+    found = check_case([path])
+    assert [text.count("is a minus sign missing? -24") for text in found.problems] == [1]
+    assert found.warnings() == []
+    passes = {"radar": [{"nesz_db": -24}, {"nesz_db": 24}], "measurement": [{"synthetic": hidden}] * 2}
+    path.write_text(yaml.safe_dump({**case, **passes}))
+    (asked,) = (text for text in check_case([path]).notes if "minus" in text)
+    assert asked.startswith("warning: pass 2: radar.nesz_db is 24 dB: ")
+
+
 def test_what_was_not_looked_at_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     # the built-in scene has no files, and lacks the material

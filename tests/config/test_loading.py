@@ -88,6 +88,24 @@ def test_bad_files(tmp_path: Path, content: str | bytes, words: str) -> None:
         load([write(tmp_path, content)])
 
 
+def test_the_command_that_lists_all_mistakes_is_told(tmp_path: Path) -> None:
+    wrong = write(tmp_path, "seed: -1\nradar: {looks: 0}\nstop: {rms: -1}\n", "my case.yaml")
+    command = f"radcal check '{wrong}'"
+    for read in (load, load_forward):
+        with pytest.raises(ConfigError) as caught:
+            read([wrong])
+        assert f" more; {command} lists them all)" in str(caught.value)
+    with pytest.raises(ConfigError, match=r"is -1, expected .* \(and 2 more; .*' lists them all\)\.$"):
+        load([wrong])
+    with pytest.raises(ConfigError, match=r"' with the same settings lists them all\)\.$"):
+        load([wrong], {"case": "other"})
+    with pytest.raises(ConfigError, match=r" \(and 2 more\)\.$"):  # radcal check does not merge files
+        load([write(tmp_path, "case: mine\n", "a.yaml"), wrong])
+    undecided = write(tmp_path, "seed: FILL_IN\nradar: {looks: FILL_IN}\n")
+    with pytest.raises(ConfigError, match=rf" \(and 1 more; radcal check {undecided} lists them all\)\.$"):
+        load([undecided])
+
+
 def test_missing_file(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"nowhere\.yaml: cannot be read \(No such file"):
         load([tmp_path / "nowhere.yaml"])

@@ -102,3 +102,17 @@ def test_a_text_for_a_number_is_answered_with_a_number(loaded: Any, text: str, s
     assert loaded({"radar": {"looks": 3, "nesz_db": text}}).problems == [
         f"mine.yaml: radar.nesz_db is {text!r}, expected a valid number{' ' * said.startswith('(')}{said}."
     ]
+
+
+def test_a_material_with_a_wrong_law_still_is_a_known_name(loaded: Any) -> None:
+    materials = {"field": {"calibrate": True}, "water": {"calibrate": True, "law": "mangai"}}
+    hidden = [-30.0, 6.5, 22.0, 11.0]
+    synthetic = {"parameters": {"field": hidden, "water": hidden}, "fields_db": {"water": 0.5}}
+    data = {"materials": materials, "target": {"reference_materials": ["water"]}}
+    found = loaded({**data, "measurement": {"synthetic": synthetic}})
+    assert [text.partition(",")[0] for text in found.problems] == ["mine.yaml: materials.water: law is 'mangai'"]
+    synthetic["parameters"] = {"field": hidden, "watre": hidden}
+    found = loaded({**data, "measurement": {"synthetic": synthetic}})
+    assert found.problems[1:] == [
+        "mine.yaml: measurement.synthetic.parameters.watre: no such material (did you mean 'water'?)."
+    ]

@@ -61,6 +61,21 @@ def test_a_case_that_is_refused_ends_in_one_sentence(tmp_path, text, words, said
     assert not Path("results").exists()
 
 
+def test_the_process_that_plans_jobs_says_which_starts_are_the_truth(tmp_path, capsys):
+    law = "{calibrate: true, law: constant_gamma, bounds: [[-20, 0]]}"
+    hidden = "  synthetic: {parameters: {dyke: [-8]}, laws: {road: {law: constant_gamma, parameters: [-9]}}}\n"
+    (tmp_path / "mine.yaml").write_text(
+        f"materials:\n  dyke: {law}\n  grass: {law}\n  road: {law}\n  water: {law}\nmeasurement:\n{hidden}"
+    )
+    open_session(["mine.yaml"], {}, [], False, logging.getLogger("of a job"), main=False)
+    assert capsys.readouterr().err == ""
+    open_session(["mine.yaml"], {}, [], False, logging.getLogger("of snakemake"))
+    assert capsys.readouterr().err == (
+        "radcal: grass and water have no hidden laws in measurement.synthetic.parameters: their starts are simulated, "
+        "which the search already has.\n"
+    )
+
+
 def test_only_the_process_that_plans_jobs_checks_that_finished_results_stay(tmp_path, monkeypatch):
     def refuse(case, folder, inputs):
         raise ConfigError(f"{folder} stays")

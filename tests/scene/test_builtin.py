@@ -150,7 +150,8 @@ def test_hdf5_round_trip_is_exact(scene: Scene, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("materials", "words"),
     [
-        (["dyke", "grass", "gras"], "materials.gras: not in the scene, which has dyke, grass, rock"),
+        (["dyke", "grass", "gras"], r"materials.gras: not in the scene, which has dyke, grass, rock\.$"),
+        (["dyke", "gras"], r"which has dyke, grass, rock \(did you mean 'grass'\?\)\.$"),
         (["dyke", "grass", "rock"], "materials.rock: covers no cell of the scene"),
         (["dyke"], "the scene's 'grass' has no law; add materials.grass with parameters"),
     ],

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from radcal.checking.file_problems import image_problems, is_on_map, scene_problems, swapped_hint
-from radcal.checking.outlook import hidden_ground, low_track, outlook, time_expected
-from radcal.config import Case, Loaded, check_reuse, load_with_problems, missing_inputs
+from radcal.checking.outlook import hidden_ground, high_noise, low_track, outlook, time_expected
+from radcal.config import Case, Loaded, check_reuse, load_with_problems, missing_inputs, starts_as_truth
 from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, RadcalError
 from radcal.reading.safe import is_safe_name
@@ -171,6 +171,10 @@ class _Problems(list[str]):
         """Add those problems that are not in the list and do not follow from a wrong key."""
         for text in found:
             if _without_numbers(text) not in map(_without_numbers, self) and not self._follows(text):
+                misspelt = re.match(r"materials\.[^:]*: not in the scene.*\(did you mean '(.*)'\?\)\.$", text)
+                if misspelt:  # other sections name the material as the scene does
+                    said = (f".{misspelt[1]}: no such material", f": no material '{misspelt[1]}'")
+                    self[:] = [one for one in self if not any(words in one for words in said)]
                 self.append(text)
 
 
@@ -219,6 +223,10 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     if not sections:
         said, sections = _of_products(case)
         notes += said
+    if not any("is a minus sign missing" in text for text in problems):
+        notes += high_noise(case.passes)
+    if not problems and "measurement" not in loaded.without:
+        notes += starts_as_truth(case.calibrated, [one.measurement for one in case.passes])
     unseen = _unseen(loaded, shape, problems.unmeasured) if problems else ()
     listed = [_elsewhere(text, paths) + swapped_hint(case.scene, text) for text in problems]
     return CaseCheck(

@@ -151,8 +151,6 @@ def _slant_names(scene: SlantRangeScene, materials: Collection[str] | None) -> l
 
 def _unknown(names: Collection[str], materials: Collection[str] | None) -> list[str]:
     """One sentence for each material of the case that the scene lacks, worded as the error that the scene raises."""
-    return [
-        f"materials.{name}: not in the scene, which has {', '.join(names)}."
-        for name in materials or ()
-        if name not in names
-    ]
+    from radcal.scene.names import not_in_scene
+
+    return [not_in_scene(name, names, materials or ()) for name in materials or () if name not in names]

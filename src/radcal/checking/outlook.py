@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from radcal.assessment.budget import NORMAL_90
 from radcal.assessment.reach import law_range_db, level_asked_db
 from radcal.checking.file_problems import is_on_map
-from radcal.config import Case, FileMeasurement, Radar
+from radcal.config import Case, FileMeasurement, Radar, SyntheticMeasurement
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import LEAST_CONTRAST_DB, contrast_db
 from radcal.radar.geometry import Geometry
@@ -34,6 +34,7 @@ from radcal.storage.runs import median_seconds
 __all__ = [
     "fixed_levels",
     "hidden_ground",
+    "high_noise",
     "levels_against_laws",
     "low_track",
     "outlook",
@@ -116,6 +117,29 @@ def hidden_ground(scene: Scene, geometry: Geometry) -> list[str]:
         f"warning: {100 * hidden:.0f} % of the simulated image's pixels are in shadow or layover or without ground "
         f"({100 * without:.0f} % show none at all), and half of the ground is steeper than {slope_deg:.0f} degrees: "
         f"are the heights in scene.elevation in {' or in '.join(units[:2])}, or is radar.depression_deg wrong?"
+    ]
+
+
+def high_noise(passes: Sequence[Case]) -> list[str]:
+    """Warning about noise above 0 dB, which a missing minus sign can cause; one for each key, else empty.
+
+    Parameters
+    ----------
+    passes : sequence of Case
+        Passes of the case.
+    """
+    found: dict[str, float] = {}
+    for number, one in enumerate(passes, start=1):
+        which = f"pass {number}: " if len(passes) > 1 else ""
+        noise = one.radar.nesz_db
+        found[f"{which}radar.nesz_db"] = noise if isinstance(noise, float) else max(level for _, level in noise)
+        if isinstance(one.measurement, SyntheticMeasurement) and one.measurement.synthetic.nesz_db is not None:
+            found[f"{which}measurement.synthetic.nesz_db"] = one.measurement.synthetic.nesz_db
+    return [
+        f"warning: {key} is {level:g} dB: is a minus sign missing (-{level:g})? Noise above 0 dB hides nearly all "
+        "ground, unless the levels of the image itself lie far above 0 dB."
+        for key, level in found.items()
+        if level > 0
     ]
 
 

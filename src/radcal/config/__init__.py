@@ -18,7 +18,14 @@ from radcal.config.inputs import (
 )
 from radcal.config.loading import case_from, load, load_forward, load_measured
 from radcal.config.materials import Material, Start
-from radcal.config.measurement import FileMeasurement, HiddenLaw, MeasurementConfig, Synthetic, SyntheticMeasurement
+from radcal.config.measurement import (
+    FileMeasurement,
+    HiddenLaw,
+    MeasurementConfig,
+    Synthetic,
+    SyntheticMeasurement,
+    starts_as_truth,
+)
 from radcal.config.mistakes import Loaded, load_with_problems
 from radcal.config.optimiser import Optimiser
 from radcal.config.pydantic_errors import nearest
@@ -88,5 +95,6 @@ __all__ = [
     "load_with_problems",
     "missing_inputs",
     "nearest",
+    "starts_as_truth",
     "vrt_folders",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -68,9 +69,13 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     """
     data, origin = read_cases(files, overrides), origin_of(files)
     if marked := undecided(data, files):
-        more = f" (and {len(marked) - 1} more; radcal check lists them)" if len(marked) > 1 else ""
+        where = _where(files, overrides) or "; radcal check lists them"
+        more = f" (and {len(marked) - 1} more{where})" if len(marked) > 1 else ""
         raise ConfigError(f"{origin}: {marked[0].text}{more}.")
-    return case_from(data, origin)
+    try:
+        return Case.model_validate(data)
+    except ValidationError as error:
+        raise ConfigError(sentence(error, origin, Case, _where(files, overrides))) from None
 
 
 def load_forward(
@@ -107,7 +112,8 @@ def load_forward(
     try:
         case = Case.model_validate(data, context=ignored)
     except ValidationError as error:
-        raise ConfigError(sentence(error, origin, Case)) from None
+        where = _where(files, overrides) if calibrated is None else ""
+        raise ConfigError(sentence(error, origin, Case, where)) from None
     for one in case.passes:
         for text in one.laws_without_pass():
             raise ConfigError(f"{origin}: {text}.")
@@ -138,10 +144,16 @@ def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | No
     try:
         case = Case.model_validate(data, context=found)
     except ValidationError as error:
-        raise ConfigError(sentence(error, origin_of(files), Case)) from None
+        raise ConfigError(sentence(error, origin_of(files), Case, _where(files, overrides))) from None
     if found and case.calibrated:
         raise ConfigError(f"{origin_of(files)}: {shown(found[0], 600)}.")
     return case
+
+
+def _where(files: Sequence[str | Path], overrides: Mapping[str, Any] | None) -> str:
+    """Words on the command that lists all mistakes; empty for several files, which it checks one by one."""
+    settings = " with the same settings" if overrides else ""
+    return f"; radcal check {shlex.quote(str(files[0]))}{settings} lists them all" if len(files) == 1 else ""
 
 
 def origin_of(files: Sequence[str | Path]) -> str:

@@ -26,6 +26,7 @@ __all__ = [
     "Synthetic",
     "SyntheticMeasurement",
     "default_synthetic",
+    "starts_as_truth",
     "within",
 ]
 
@@ -139,6 +140,35 @@ class SyntheticMeasurement(Section):
 
     source: Literal["synthetic"] = Field("synthetic", description=_SOURCE)
     synthetic: Synthetic = Field(Synthetic(), description="hidden parameters, speckle, level and misregistration")
+
+
+def starts_as_truth(
+    calibrated: Sequence[str], measurements: Sequence[SyntheticMeasurement | FileMeasurement]
+) -> list[str]:
+    """Sentence, for each pass, on the calibrated materials that a synthetic measurement shows with their start.
+
+    Parameters
+    ----------
+    calibrated : sequence of str
+        Names of the materials to calibrate.
+    measurements : sequence of section ``measurement``
+        Measurement of each pass; only the synthetic ones have hidden laws.
+    """
+    said = []
+    for number, one in enumerate(measurements, start=1):
+        if not isinstance(one, SyntheticMeasurement):
+            continue
+        names = [name for name in calibrated if name not in {**one.synthetic.parameters, **one.synthetic.laws}]
+        which = f"pass {number}: " if len(measurements) > 1 else ""
+        if names:
+            one_law, several = ("has no hidden law", "its start is"), ("have no hidden laws", "their starts are")
+            have, their = one_law if len(names) == 1 else several
+            listed = " and ".join([", ".join(names[:-1])] * (len(names) > 1) + names[-1:])
+            said.append(
+                f"{which}{listed} {have} in measurement.synthetic.parameters: {their} simulated, which the search "
+                "already has."
+            )
+    return said
 
 
 class FileMeasurement(Section):

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from radcal.config.case import Case
 from radcal.config.inputs import expand_path
 from radcal.config.loading import origin_of, read_cases
-from radcal.config.pydantic_errors import WrongKey, shown, wrong_keys
+from radcal.config.pydantic_errors import WrongKey, nearest, shown, wrong_keys
 from radcal.config.sections import FURTHER
 from radcal.config.undecided import FILL_IN, undecided
 from radcal.errors import ConfigError
@@ -123,7 +123,7 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     forward = _is_forward(given)
     gone |= {"measurement"} if forward else set()
     loaded = Loaded(case, [], frozenset(wrong), frozenset(gone), named, forward)
-    left = [_without(text, wrong) for text in contradictions if not loaded.follows(text)]
+    left = [_without(_among(text, named or ()), wrong) for text in contradictions if not loaded.follows(text)]
     problems += [text for text in left if text and not _of_nothing(text, loaded)]
     sentences = twice + [f"{origin_of(files)}: {shown(text, 600)}." for text in dict.fromkeys(problems)]
     sentences += _missing_files(given, gone.intersection(given))
@@ -165,6 +165,22 @@ def _is_missed(key: WrongKey, wrong: Iterable[str]) -> bool:
         return False
     lost = {one.removeprefix(f"{key.key}.").partition(".")[0] for one in wrong if one.startswith(f"{key.key}.")}
     return key.key in wrong or bool(lost.intersection(re.findall(r"\w+", key.text)))
+
+
+def _among(text: str, names: Sequence[str]) -> str:
+    """Contradiction about an unknown material, compared with all names in the case file; empty if it is one of them.
+
+    Materials with mistakes were left out before the contradictions were searched for, but their names are known.
+    """
+    unknown = re.match(
+        r"(?s)(.*(?:measurement\.synthetic\.\w+\.(?P<key>.*): no such material|"
+        r"target\.reference_materials: no material '(?P<item>.*)')) \((?:did you mean|known)",
+        text,
+    )
+    if unknown is None or not names:
+        return text
+    name = unknown["key"] or unknown["item"] or ""
+    return "" if name in names else f"{unknown[1]}{nearest(name, names)}"
 
 
 def _without(text: str, wrong: Iterable[str]) -> str:

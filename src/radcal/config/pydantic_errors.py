@@ -96,7 +96,7 @@ def _of_kind(match: re.Match[str]) -> str:
     return {"dictionary": "keys and values", "tuple": "a list"}[match[1]]
 
 
-def sentence(error: ValidationError, origin: str, root: type[BaseModel]) -> str:
+def sentence(error: ValidationError, origin: str, root: type[BaseModel], where: str = "") -> str:
     """Error message of one sentence about the first problem in a validation error.
 
     Parameters
@@ -107,9 +107,11 @@ def sentence(error: ValidationError, origin: str, root: type[BaseModel]) -> str:
         Source of the data, such as the name of a case file.
     root : type of model
         Model of the data. For an unknown key, the message suggests the most similar key of the model.
+    where : str
+        Words on where the other problems are listed, for a message with their number.
     """
     first, *others = wrong_keys(error, root)
-    more = f" (and {len(others)} more)" if others else ""
+    more = f" (and {len(others)} more{where})" if others else ""
     return f"{origin}: {shown(first.text, 600)}{more}."
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from radcal.config import Case, check_reuse, input_files, load
+from radcal.config import Case, check_reuse, input_files, load, starts_as_truth
 from radcal.config.yaml_file import check_words
 from radcal.errors import RadcalError, StoreError
 from radcal.running.jobs import CASE, FAILURE, OWNER, PROGRESS, RESULTS, STARTED, Follower
@@ -72,6 +72,8 @@ def open_session(
         session = Session(case, remote, results, inputs)
     except RadcalError as error:
         sys.exit(f"radcal: {error}")
+    for sentence in starts_as_truth(case.calibrated, [one.measurement for one in case.passes]) if main else ():
+        _say(sentence)
     logger.addFilter(session.messages)
     return session
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import SceneError
+from radcal.scene.names import not_in_scene
 from radcal.scene.objects import Objects
 from radcal.storage.dataclass_groups import put, same, take
 from radcal.storage.records import read_hdf5, write_hdf5
@@ -78,7 +79,7 @@ class Scene:
         present = {self.names[k - 1] for k in np.unique(self.material) if k > 0}
         for name in materials:
             if name not in self.names:
-                raise SceneError(f"materials.{name}: not in the scene, which has {', '.join(self.names)}.")
+                raise SceneError(not_in_scene(name, self.names, materials))
             if name not in present:
                 raise SceneError(f"materials.{name}: covers no cell of the scene.")
         lawless = sorted(present - set(materials))

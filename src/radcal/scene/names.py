@@ -2,15 +2,34 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 
 from radcal.config.landcover import LANDCOVERS
 from radcal.errors import SceneError
 
-__all__ = ["by_id", "landcover_names", "read_names"]
+__all__ = ["by_id", "landcover_names", "not_in_scene", "read_names"]
+
+
+def not_in_scene(name: str, names: Iterable[str], materials: Collection[str]) -> str:
+    """Sentence on a material of the case that the scene lacks, with the name that was probably meant.
+
+    Parameters
+    ----------
+    name : str
+        Material of the case.
+    names : iterable of str
+        Names of the scene's materials.
+    materials : collection of str
+        Names of all materials of the case; none of them is suggested.
+    """
+    names = list(names)
+    near = difflib.get_close_matches(name, [one for one in names if one not in materials], n=1, cutoff=0.5)
+    hint = f" (did you mean {near[0]!r}?)" if near else ""
+    return f"materials.{name}: not in the scene, which has {', '.join(names)}{hint}."
 
 
 def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, str]:
