@@ -138,6 +138,17 @@ def test_nothing_is_overwritten_and_wrong_answers_are_told(files: list[str]) -> 
     assert not Path("mine.yaml").exists()
 
 
+def test_a_law_given_twice_is_a_mistake(files: list[str]) -> None:
+    """None of the two is taken silently."""
+    done = new("mine", *files, "--fixed", "code_2=-15", "--fixed", "code_2=-10")
+    assert done.stderr == "radcal: --fixed code_2=-10: a law of code_2 is given twice, expected once.\n"
+    done = new("mine", *files, "--fixed", "code_2=-15", "--material", "code_2", "--material", "code_7")
+    assert done.stderr == "radcal: code_2 has --material (it is calibrated) and --fixed (it is not), expected one.\n"
+    said = new("mine", *files[:4], "--image", "synthetc").stderr
+    assert "the file synthetc does not exist, expected a file, a SAFE folder, or the word synthetic or none." in said
+    assert not Path("mine.yaml").exists()
+
+
 def test_all_wrong_answers_are_told_at_once(files: list[str]) -> None:
     """With the sentences of the configuration, and without those on values that follow from a wrong one."""
     done = new(

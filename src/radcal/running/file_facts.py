@@ -84,7 +84,8 @@ def raster_facts(path: Path, key: str, numbers: bool = False) -> RasterFacts | N
     if path.is_dir():
         raise ConfigError(f"{key}: {path} is a folder, expected a file.")
     if not path.is_file():
-        raise ConfigError(f"{key}: the file {path} does not exist.")
+        words = ", expected a file, a SAFE folder, or the word synthetic or none" * (key == "measurement.path")
+        raise ConfigError(f"{key}: the file {path} does not exist{words}.")
     if not is_raster(path):
         return None
     try:

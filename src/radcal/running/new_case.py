@@ -141,7 +141,7 @@ class NewCase(Answers):
             self._notes["scene.elevation"] += f", heights above {heights.datum}"
             self._values.setdefault("scene.vertical_datum", "")  # known from the file: no line is needed
         elif self.forward:  # what the heights refer to matters only to a measured image
-            self._values.setdefault("scene.vertical_datum", "local")
+            self._values["scene.vertical_datum"] = "local"
         if cover is not None:
             path = Path(self._values["scene.materials"]).expanduser()
             counts = self._tried("scene.materials", code_counts, path) or {}

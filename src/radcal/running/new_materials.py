@@ -81,8 +81,8 @@ def fixed_laws(words: Iterable[str]) -> dict[str, Fixed]:
     Raises
     ------
     ConfigError
-        A word has another form, the law does not exist, or the law has another number or range of parameters. The
-        message has one line for each wrong word.
+        A word has another form, the law does not exist, the law has another number or range of parameters, or two laws
+        are given for a material. The message has one line for each wrong word.
     """
     found, wrong = dict[str, Fixed](), list[str]()
     for word in words:
@@ -98,6 +98,8 @@ def fixed_laws(words: Iterable[str]) -> dict[str, Fixed]:
         except ValidationError as error:
             why = error.errors()[0]["msg"].removeprefix("Value error, ").rstrip(".")
             wrong.append(f"--fixed {word}: {why}.")
+        if name.strip() in found:
+            wrong.append(f"--fixed {word}: a law of {name.strip()} is given twice, expected once.")
         found[name.strip()] = fixed
     if wrong:
         raise ConfigError("\nradcal: ".join(wrong))
@@ -130,9 +132,12 @@ def material_lines(
     Raises
     ------
     ConfigError
-        Materials are not in the land cover.
+        Materials are not in the land cover, or are both calibrated and fixed.
     """
     chosen = list(calibrated) or [name for name in names.values() if name not in fixed and calibrates]
+    if both := [name for name in fixed if name in chosen]:
+        said = (f"{name} has --material (it is calibrated) and --fixed (it is not), expected one." for name in both)
+        raise ConfigError("\nradcal: ".join(said))
     if names and (unknown := [name for name in dict.fromkeys([*chosen, *fixed]) if name not in names.values()]):
         known = ", ".join(names.values())
         said = (f"there is no material {name!r} in the land cover (known: {known})." for name in unknown)
