@@ -450,13 +450,15 @@ def test_what_a_right_case_will_meet_is_told_before_any_run(tmp_path: Path) -> N
     assert time == (
         "time: about 16 s of simulation a run (median of the case's stored runs); with a search as for most laws of "
         "docs/right_law.md, at most 16 runs (4.3 min of simulation), stop.max_runs allows at most "
-        "16 (4.3 min of simulation)"
+        "16 runs (4.3 min of simulation)"
     )
     (tmp_path / "results/mine/benchmarks").mkdir()
     for stage in ("train", "propose", "verify"):
         (tmp_path / f"results/mine/benchmarks/{stage}_0.tsv").write_text("s\th:m:s\n11\t0:00:11\n")
     time, *_ = check_case([path], results=tmp_path / "results").outlook
     assert "stored runs); an iteration with training and proposal takes about 33 s; with a search as for most" in time
+    # 7 other runs of 16 s, 9 iterations of 33 s
+    assert time.endswith("stop.max_runs allows at most 16 runs (6.8 min with training and proposals)")
 
 
 @pytest.mark.slow

@@ -320,12 +320,19 @@ def time_expected(case: Case, results: str | Path) -> str:
         return "time: not known before the first run, which radcal run CASE reference makes"
     each = seconds * case.simulator.draws
     whole = stored_iteration_seconds(Path(results) / case.case / "benchmarks")
+    largest, search = largest_runs(case), most_need(case.design_size, case.stop.max_runs)
+
+    def total(infill: int) -> str:
+        """Number of runs with so many infill runs for each pass, and their time with that of the iterations."""
+        others = sum(number for kind, number in largest.items() if kind != "infill")
+        runs = others + len(case.passes) * infill
+        if whole is None:
+            return f"{runs} runs ({duration(runs * each)} of simulation)"
+        return f"{runs} runs ({duration(others * each + infill * whole)} with training and proposals)"
+
     more = f"; an iteration with training and proposal takes about {duration(whole)}" if whole is not None else ""
-    search = most_need(case.design_size, case.stop.max_runs)
-    usual = sum(largest_runs(case)[kind] for kind in ("reference", "final")) + len(case.passes) * search
     return (
-        f"time: about {duration(each)} of simulation a run (median of the case's stored runs){more}; with a "
-        f"search as for most laws of docs/right_law.md, at most {usual} runs ({duration(usual * each)} of simulation), "
-        "stop.max_runs allows at most "
-        f"{sum(largest_runs(case).values())} ({duration(sum(largest_runs(case).values()) * each)} of simulation)"
+        f"time: about {duration(each)} of simulation a run (median of the case's stored runs){more}; with a search as "
+        f"for most laws of docs/right_law.md, at most {total(search - case.design_size)}, stop.max_runs allows at "
+        f"most {total(case.stop.max_runs - case.design_size)}"
     )
