@@ -249,10 +249,16 @@ def test_from_a_results_folder(made, tmp_path):
     assert lines[-1] == f"table: {path}"
     assert advise(tmp_path)[-1] == f"table: {tmp_path / 'advice.csv'}"
     assert not any("does not fit, so" in line for line in lines)
+    known = archive.materials["dyke"].posterior.known_between_deg is not None
+    assert known != any("known at no angle" in line for line in lines)
     fitted = replace(archive.materials["dyke"].fitted, fits=False)
     write_archive(tmp_path / "calibration.h5", changed_material(archive, "dyke", fitted=fitted))
     unfit = "dyke: the law does not fit, so that its band, now and after a pass, is that of a wrong law."
-    assert advise(tmp_path, [30.0], (30.0, 60.0))[-2] == unfit
+    assert unfit in advise(tmp_path, [30.0], (30.0, 60.0))
+    nowhere = replace(archive.materials["dyke"].posterior, known_between_deg=None)
+    one = replace(archive.materials["dyke"].fitted, level_only=True)
+    write_archive(tmp_path / "calibration.h5", changed_material(archive, "dyke", posterior=nowhere, fitted=one))
+    assert "dyke: sigma0 is called known at no angle now, seen at one incidence." in advise(tmp_path, [30.0])
     with pytest.raises(ConfigError, match="--between is 60 30, expected two increasing angles in 0 to 90"):
         advise(tmp_path, (), (60.0, 30.0))
     (tmp_path / "scene.h5").unlink()

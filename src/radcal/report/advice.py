@@ -299,6 +299,11 @@ def advise(
         for name in found
         if archive.materials[name].fitted.fits is False
     ]
+    unfit += [
+        f"{name}: sigma0 is called known at no angle now{', seen at one incidence' * one.fitted.level_only}."
+        for name in found
+        if (one := archive.materials[name]).posterior is None or one.posterior.known_between_deg is None
+    ]
     return [*_table(rows), *_sentences(rows), *unfit, *orbit, f"table: {table}"]
 
 
