@@ -88,7 +88,9 @@ def say_planned_runs():
         planned = workflow.dag.needrun_jobs(exclude_finished=False)
         jobs = [(job.rule.name, job.wildcards_dict) for job in planned]
         twice = sum(rule == "registration_run" for rule, _ in jobs)
-        SESSION.say(runs_sentence(planned_runs(CASE, jobs, OUT), CASE.simulator.draws, twice))
+        SESSION.say(
+            runs_sentence(planned_runs(CASE, jobs, OUT), CASE.simulator.draws, twice)
+        )
 
 
 localrules:
