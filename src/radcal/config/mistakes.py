@@ -140,9 +140,14 @@ def _is_forward(given: Mapping[str, Any]) -> bool:
     )
 
 
+def _first_named(key: WrongKey) -> re.Match[str] | None:
+    """Match of the key that a contradiction inside section ``radar`` names first; None for other mistakes."""
+    return re.match(rf"{re.escape(key.key)}: (\w+) [(i]", key.text) if key.key.startswith("radar") else None
+
+
 def _blamed(data: dict[str, Any], key: WrongKey) -> WrongKey:
     """Contradiction inside section ``radar`` as a mistake of the key that it names first, so that the others stay."""
-    found = re.match(rf"{re.escape(key.key)}: (\w+) [(i]", key.text) if key.key.startswith("radar") else None
+    found = _first_named(key)
     if found is None:
         return key
     section = _section(data, _placed(data, key.place))
@@ -158,7 +163,7 @@ def _wrong(key: WrongKey) -> str:
 
 def _is_missed(key: WrongKey, wrong: Iterable[str]) -> bool:
     """Whether a key is missing only because it was left out for a mistake that another problem names."""
-    blamed = re.match(rf"{re.escape(key.key)}: (\w+) [(i]", key.text) if key.key.startswith("radar") else None
+    blamed = _first_named(key)
     if blamed and f"{key.key}.{blamed[1]}" in wrong:  # about the default of a key that was left out
         return True
     if not re.search("missing|needs", key.text):

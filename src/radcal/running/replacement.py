@@ -17,7 +17,6 @@ from pydantic import ValidationError
 from radcal.config import Case
 from radcal.config.stages import STAGES, Geometry, Scene, Stage
 from radcal.errors import StoreError
-from radcal.radar.geometry import is_of_pass
 from radcal.storage.inspection import inspect_file
 from radcal.storage.provenance import provenance
 from radcal.storage.records import keep_finished
@@ -63,6 +62,8 @@ def _check_geometry(case: Case, path: Path) -> None:
     recorded = _recorded(path, "geometry", Geometry)
     if recorded is None or recorded.radar == case.passes[0].radar:
         return
+    from radcal.radar.geometry import is_of_pass  # imported here, because every job imports this module
+
     radar, immaterial = case.passes[0].radar, case.simulator.not_told
     keep_finished(path, "geometry", STAGES["geometry"].params(case), lambda _: is_of_pass(path, radar, immaterial))
 
