@@ -19,6 +19,7 @@ from typing import Any
 STANDARD = Path("/etc/slurm/slurm.conf")
 PACKAGES = "munge slurm-client slurmctld slurmd"
 DAEMONS = ("munged", "slurmctld", "slurmd")
+PREFIX = "slurm-"
 NODE = "node1"
 PARTITION = "asked"  # beside the one that jobs get which ask for none
 
@@ -72,9 +73,18 @@ def missing() -> str | None:
         return "snakemake-executor-plugin-slurm (pip install '.[slurm]')"
     if os.geteuid() != 0:
         return "root, which slurmd and slurmctld are started as"
-    if STANDARD.is_file():
+    if STANDARD.is_file() and not left_behind():
         return f"a free place for {STANDARD}: this machine is part of a cluster"
     return None
+
+
+def left_behind() -> bool:
+    """Whether the configuration in the standard place is that of a test which was killed, its daemons gone with it."""
+    folder = STANDARD.resolve().parent
+    if not (STANDARD.is_symlink() and folder.name.startswith(PREFIX)):
+        return False
+    pid = folder / "slurmctld.pid"
+    return not (pid.is_file() and Path(f"/proc/{pid.read_text().strip()}").exists())
 
 
 def free_ports(number: int) -> list[int]:
@@ -93,7 +103,7 @@ class OneNode:
 
     def __init__(self) -> None:
         # a socket's path has little room, less than a test's own folder takes
-        self.folder = Path(tempfile.mkdtemp(prefix="slurm-", dir="/tmp"))
+        self.folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir="/tmp"))
         self._daemons: list[subprocess.Popen[bytes]] = []
 
     def __enter__(self) -> OneNode:
@@ -135,7 +145,7 @@ class OneNode:
             )
         )
         STANDARD.parent.mkdir(parents=True, exist_ok=True)
-        if STANDARD.is_symlink():  # of a test that was killed: missing() has seen that it leads nowhere
+        if STANDARD.is_symlink():  # of a test that was killed, says missing()
             STANDARD.unlink()
         STANDARD.symlink_to(self.folder / "slurm.conf")
         self._daemon(
