@@ -175,8 +175,7 @@ def _fitted(
 ) -> GroundLaw:
     """Law fitted to the pixels in their bins; looks that are not free are those of ``start``, or of the sensor."""
     residuals, prior = ground_residuals(ground, classes, method, spread), curve_prior(ground, method)
-    looks = method.looks if start is None else start[1]
-    fit = fit_law(residuals, method.bounds, method.looks, method.free_looks, start, looks, prior)
+    fit = fit_law(residuals, method.bounds, method.looks, method.free_looks, start, prior)
     return GroundLaw(ground, method, classes, spread, fit)
 
 

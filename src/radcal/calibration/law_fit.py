@@ -59,7 +59,6 @@ def fit_law(
     sensor: float,
     free_looks: bool = True,
     start: tuple[ArrayLike, float] | None = None,
-    fixed_looks: float | None = None,
     prior: Residuals = lambda *_: np.empty(0),
     moves: bool = True,
 ) -> LawFit:
@@ -78,9 +77,8 @@ def fit_law(
     free_looks : bool
         Whether the effective looks are searched.
     start : (X, looks), optional
-        Start of the search, in place of the points of the sample.
-    fixed_looks : float, optional
-        Effective looks if they are not searched; the sensor's looks if missing.
+        Start of the search, in place of the points of the sample. Looks that are not searched are those of the start
+        or, without a start, those of the sensor.
     prior : callable, optional
         Function from X and looks to residuals of the priors, which are minimised with ``residuals``.
     moves : bool
@@ -91,7 +89,7 @@ def fit_law(
     LawFit
     """
     box = np.asarray(bounds, dtype=np.float64)
-    assumed = sensor if fixed_looks is None else fixed_looks
+    assumed = sensor if start is None else start[1]
     looks_box = np.log([[LOOKS[0], LOOKS[1] * sensor]]) if free_looks else np.empty((0, 2))
     low, high = np.concatenate([box, looks_box]).T
     width = high - low

@@ -138,7 +138,7 @@ class Bins(Objective):
         x, statistics = np.asarray(score.parameters, dtype=np.float64), np.asarray(score.statistics)
         classes, method, free_looks = self.bins.classes, self.method, self.method.free_looks
         found = residuals or self.evidence(score)
-        fit = fit_law(found, method.bounds, method.looks, free_looks, (x, score.looks), score.looks, self._prior, False)
+        fit = fit_law(found, method.bounds, method.looks, free_looks, (x, score.looks), self._prior, False)
         correction = statistics[:, 0] - LawForward(method.law, classes.nodes_deg, method.looks)(x)[:, 0]
         # the run's own speckle causes a part of the differences between bins, which is removed
         common = correction.mean()
