@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from radcal.config import stages
 from radcal.config.case import Case
 from radcal.config.inputs import expand_path
-from radcal.config.pydantic_errors import sentence, shown
+from radcal.config.pydantic_errors import Collected, sentence, shown
 from radcal.config.sections import MATERIALS_FROM
 from radcal.config.undecided import undecided
 from radcal.errors import ConfigError
@@ -108,9 +108,8 @@ def load_forward(
     passes = data.get("radar")
     if isinstance(passes, list):  # a case must have a measurement for each pass; a forward run reads none of them
         data["measurement"] = [{}] * len(passes)
-    ignored: list[str] = []
     try:
-        case = Case.model_validate(data, context=ignored)
+        case = Case.model_validate(data, context=Collected())
     except ValidationError as error:
         where = _where(files, overrides) if calibrated is None else ""
         raise ConfigError(sentence(error, origin, Case, where)) from None
@@ -138,7 +137,7 @@ def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | No
     ConfigError
         As for :func:`load`.
     """
-    data, found = read_cases(files, overrides), list[str]()
+    data, found = read_cases(files, overrides), Collected()
     if "measurement" not in data:
         return None
     try:
@@ -146,7 +145,7 @@ def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | No
     except ValidationError as error:
         raise ConfigError(sentence(error, origin_of(files), Case, _where(files, overrides))) from None
     if found and case.calibrated:
-        raise ConfigError(f"{origin_of(files)}: {shown(found[0], 600)}.")
+        raise ConfigError(f"{origin_of(files)}: {shown(str(found[0]), 600)}.")
     return case
 
 

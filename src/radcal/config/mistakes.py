@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from radcal.config.case import Case
 from radcal.config.inputs import expand_path
 from radcal.config.loading import origin_of, read_cases
-from radcal.config.pydantic_errors import WrongKey, nearest, shown, wrong_keys
+from radcal.config.pydantic_errors import Collected, WrongKey, shown, wrong_keys
 from radcal.config.sections import FURTHER
 from radcal.config.undecided import FILL_IN, undecided
 from radcal.errors import ConfigError
@@ -99,9 +99,9 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
         _leave_out(data, one.place)
     problems, wrong = [one.text for one in marked], {one.key for one in marked}
     case: Case | None = None
-    contradictions: list[str] = []
+    contradictions = Collected()
     while case is None:
-        contradictions = []
+        contradictions = Collected(wrong)
         try:
             case = Case.model_validate(data, context=contradictions)
         except ValidationError as error:
@@ -113,7 +113,7 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
             for key in () if mended else found:
                 _leave_out(rest, key.place)
             problems += [key.text for key in mended or found if not _is_missed(key, wrong)]
-            wrong |= {_wrong(key) for key in mended or found if key.meant is None and key.place}
+            wrong |= {key.key for key in mended or found if key.meant is None and key.place}
             if rest == data:
                 break
             data = rest
@@ -123,8 +123,12 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     forward = _is_forward(given)
     gone |= {"measurement"} if forward else set()
     loaded = Loaded(case, [], frozenset(wrong), frozenset(gone), named, forward)
-    left = [_without(_among(text, named or ()), wrong) for text in contradictions if not loaded.follows(text)]
-    problems += [text for text in left if text and not _of_nothing(text, loaded)]
+    # of a case for radcal simulate, section materials is as good as left out: none of them need be calibrated
+    told = wrong | ({"materials"} if forward else set())
+    for each in contradictions:
+        # materials with mistakes were left out before the search for contradictions, but their names are known
+        if not (each.unknown in (named or ()) or _is_told(each.lacks, told) or loaded.follows(str(each))):
+            problems.append(str(replace(each, known=named or each.known)))
     sentences = twice + [f"{origin_of(files)}: {shown(text, 600)}." for text in dict.fromkeys(problems)]
     sentences += _missing_files(given, gone.intersection(given))
     return replace(loaded, problems=sentences)
@@ -140,69 +144,22 @@ def _is_forward(given: Mapping[str, Any]) -> bool:
     )
 
 
-def _first_named(key: WrongKey) -> re.Match[str] | None:
-    """Match of the key that a contradiction inside section ``radar`` names first; None for other mistakes."""
-    return re.match(rf"{re.escape(key.key)}: (\w+) [(i]", key.text) if key.key.startswith("radar") else None
-
-
 def _blamed(data: dict[str, Any], key: WrongKey) -> WrongKey:
-    """Contradiction inside section ``radar`` as a mistake of the key that it names first, so that the others stay."""
-    found = _first_named(key)
-    if found is None:
-        return key
-    section = _section(data, _placed(data, key.place))
-    if not (isinstance(section, dict) and found[1] in section):
+    """Contradiction inside a section as a mistake of the key that it names first, so that the others stay."""
+    section = _section(data, _placed(data, key.place)) if key.first else None
+    if not (isinstance(section, dict) and key.first in section):
         return key  # a default value, in place of a wrong one, contradicts: the whole section is left out
-    return replace(key, place=(*key.place, found[1]), key=f"{key.key}.{found[1]}")
-
-
-def _wrong(key: WrongKey) -> str:
-    """Full name of a wrong key; an unknown key gives its own name, because the rest of its section is right."""
-    return f"{key.key}.{key.place[-1]}".lstrip(".") if key.text.startswith("unknown key") else key.key
+    return replace(key, place=(*key.place, key.first), key=f"{key.key}.{key.first}", first="")
 
 
 def _is_missed(key: WrongKey, wrong: Iterable[str]) -> bool:
-    """Whether a key is missing only because it was left out for a mistake that another problem names."""
-    blamed = _first_named(key)
-    if blamed and f"{key.key}.{blamed[1]}" in wrong:  # about the default of a key that was left out
-        return True
-    if not re.search("missing|needs", key.text):
-        return False
-    lost = {one.removeprefix(f"{key.key}.").partition(".")[0] for one in wrong if one.startswith(f"{key.key}.")}
-    return key.key in wrong or bool(lost.intersection(re.findall(r"\w+", key.text)))
+    """Whether a mistake is only the absence, or the default, of a key that was left out for another mistake."""
+    return _is_told((*key.lacks, *([f"{key.key}.{key.first}"] if key.first else [])), wrong)
 
 
-def _among(text: str, names: Sequence[str]) -> str:
-    """Contradiction about an unknown material, compared with all names in the case file; empty if it is one of them.
-
-    Materials with mistakes were left out before the contradictions were searched for, but their names are known.
-    """
-    unknown = re.match(
-        r"(?s)(.*(?:measurement\.synthetic\.\w+\.(?P<key>.*): no such material|"
-        r"target\.reference_materials: no material '(?P<item>.*)')) \((?:did you mean|known)",
-        text,
-    )
-    if unknown is None or not names:
-        return text
-    name = unknown["key"] or unknown["item"] or ""
-    return "" if name in names else f"{unknown[1]}{nearest(name, names)}"
-
-
-def _without(text: str, wrong: Iterable[str]) -> str:
-    """Contradiction that lists missing keys of a sensor, without the keys that other problems name; empty if none."""
-    found = re.match(r"radar: (\w+(?:, \w+)*(?: and \w+)?) (?:is|are) missing, which", text)
-    if found is None:
-        return text
-    named = {key.rpartition(".")[2] for key in wrong if key.startswith("radar.")}
-    left = [key for key in re.split(", | and ", found[1]) if key not in named]
-    several = f"{', '.join(left[:-1])} and {left[-1]} are" if len(left) > 1 else f"{''.join(left)} is"
-    return f"radar: {several} missing, which{text[found.end() :]}" if left else ""
-
-
-def _of_nothing(text: str, loaded: Loaded) -> bool:
-    """Whether a contradiction says only that no calibrated material is left, after wrong materials were left out."""
-    wrong = loaded.forward or any(key.startswith("materials") for key in loaded.wrong)
-    return text.startswith("materials: none is marked") and wrong
+def _is_told(keys: Iterable[str], wrong: Iterable[str]) -> bool:
+    """Whether one of the keys, or a key below it, is among those that other problems name."""
+    return any(one == key or one.startswith(f"{key}.") for key in keys for one in wrong)
 
 
 def _mend(data: dict[str, Any], key: WrongKey) -> bool:
