@@ -15,7 +15,7 @@ from radcal.config.measurement import FileMeasurement
 from radcal.config.pydantic_errors import shown
 from radcal.config.scene import BuiltinScene, RasterScene, SlantRangeScene
 from radcal.config.simulator import CommandSimulation
-from radcal.errors import ConfigError
+from radcal.errors import ConfigError, MissingFile
 from radcal.reading.rasters import RasterRefused, raster_files
 from radcal.reading.safe import MANIFEST, SafeRefused, chosen_image, is_safe_name, safe_folder, safe_images
 
@@ -26,6 +26,7 @@ __all__ = [
     "files_below",
     "input_files",
     "missing_inputs",
+    "simulator_files",
     "vrt_folders",
 ]
 
@@ -60,7 +61,8 @@ def expand_path(text: str, key: str, folder: bool = False) -> Path:
         raise ConfigError(f"{key}: the file {shown(str(path), 200)} cannot be read ({error.strerror}).") from None
     if not found:
         where = "" if path.is_absolute() else f" in {Path.cwd()}, the current folder"
-        raise ConfigError(f"{key}: the file {shown(str(path), 200)} does not exist{where}.")
+        text = f"{key}: the file {shown(str(path), 200)} does not exist{where}."
+        raise ConfigError(text, MissingFile(key, path))
     if not path.is_file() and not (folder and path.is_dir()):
         raise ConfigError(f"{key}: {path} is not a file.")
     if not os.access(path, os.R_OK):
@@ -122,14 +124,14 @@ def input_files(case: Case) -> dict[str, Path]:
     return files
 
 
-def missing_inputs(case: Case) -> list[str]:
-    """Sentences on input files that :func:`input_files` would refuse, one for each file."""
+def missing_inputs(case: Case) -> list[ConfigError]:
+    """Errors about input files that :func:`input_files` would refuse, one for each file."""
     problems = []
     for source in _sources(case):
         try:
             source()
         except ConfigError as error:
-            problems.append(str(error))
+            problems.append(error)
     return problems
 
 
@@ -155,7 +157,7 @@ def _sources(case: Case) -> Iterator[Callable[[], dict[str, Path]]]:
             else:
                 yield partial(_raster_inputs, one.measurement, "path", key)
     if isinstance(case.simulator, CommandSimulation):
-        yield partial(_simulator_files, case.simulator)
+        yield partial(simulator_files, case.simulator)
 
 
 def _plain(text: str, key: str) -> dict[str, Path]:
@@ -219,7 +221,8 @@ def _product_inputs(text: str, polarisation: str, key: str) -> dict[str, Path]:
     return {key: safe_folder(path) / MANIFEST} | {f"{key}.{k}": file for k, file in enumerate(image.files)}
 
 
-def _simulator_files(config: CommandSimulation) -> dict[str, Path]:
+def simulator_files(config: CommandSimulation) -> dict[str, Path]:
+    """Paths of an external program and of its files by configuration key, as :func:`input_files` gives them."""
     files = {}
     if config.command[0] != "{python}":
         files["simulator.command"] = executable_path(config.command[0], "simulator.command", config.environment)

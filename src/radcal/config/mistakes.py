@@ -15,10 +15,11 @@ from pydantic import ValidationError
 from radcal.config.case import Case
 from radcal.config.inputs import expand_path
 from radcal.config.loading import origin_of, read_cases
+from radcal.config.materials import default_materials
 from radcal.config.pydantic_errors import Collected, WrongKey, shown, wrong_keys
 from radcal.config.sections import FURTHER
 from radcal.config.undecided import FILL_IN, undecided
-from radcal.errors import ConfigError
+from radcal.errors import ConfigError, NotInScene, RadcalError, UnknownMaterial
 
 __all__ = ["Loaded", "load_with_problems"]
 
@@ -37,37 +38,45 @@ class Loaded:
     ----------
     case : Case or None
         Case without the wrong keys, for further checks; None if the remaining keys do not make a case.
-    problems : list of str
-        One sentence for each wrong key and each contradiction between settings.
+    found : list of ConfigError
+        One error for each wrong key and each contradiction between settings.
     wrong : frozenset of str
         Keys, in dotted form, whose values were replaced by others or that were left out.
     without : frozenset of str
         Sections of the case file that were left out entirely.
     materials : tuple of str or None
-        Names of all materials in the case file, including materials with mistakes; None if a name is still ``FILL_IN``.
+        Names of all materials of the case, including materials with mistakes; None if a name is still ``FILL_IN``.
     forward : bool
         Whether the case file has neither a measurement nor a material with ``calibrate: true``, so that it is for
         ``radcal simulate``; section ``measurement`` then counts as left out.
     """
 
     case: Case | None
-    problems: list[str]
+    found: list[ConfigError]
     wrong: frozenset[str] = frozenset()
     without: frozenset[str] = frozenset()
     materials: tuple[str, ...] | None = None
     forward: bool = False
 
     @property
+    def problems(self) -> list[str]:
+        """One sentence for each error."""
+        return [str(error) for error in self.found]
+
+    @property
     def has_geometry(self) -> bool:
         """Whether sections ``scene`` and ``radar``, which determine the image's size, are free of mistakes."""
         return not any(key.partition(".")[0] in _OF_GEOMETRY for key in (*self.wrong, *self.without))
 
-    def follows(self, text: str) -> bool:
-        """Whether a problem follows from a wrong key that another problem already names."""
+    def follows(self, error: RadcalError) -> bool:
+        """Whether a problem follows from a wrong key that another problem already names.
+
+        A message names the configuration keys that it is about, so that their names are looked for in it.
+        """
         sections = [f"{name}." for name in self.without]
-        if re.match(r"materials\.[^:]*: not in the scene", text):  # about the name of the material, not about its law
+        if isinstance(error.about, NotInScene):  # about the name of the material, not about its law
             return any(key.startswith(("scene.landcover", "scene.names", "scene.materials")) for key in self.wrong)
-        return any(re.search(rf"(?<![\w.]){re.escape(key)}(?!\w)", text) for key in (*self.wrong, *sections))
+        return any(re.search(rf"(?<![\w.]){re.escape(key)}(?!\w)", str(error)) for key in (*self.wrong, *sections))
 
 
 def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Loaded:
@@ -97,7 +106,8 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     data = deepcopy(given)
     for one in marked:
         _leave_out(data, one.place)
-    problems, wrong = [one.text for one in marked], {one.key for one in marked}
+    problems: dict[str, UnknownMaterial | None] = dict.fromkeys(one.text for one in marked)
+    wrong = {one.key for one in marked}
     case: Case | None = None
     contradictions = Collected()
     while case is None:
@@ -112,12 +122,12 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
             found = [_blamed(data, key) for key in found]
             for key in () if mended else found:
                 _leave_out(rest, key.place)
-            problems += [key.text for key in mended or found if not _is_missed(key, wrong)]
+            problems |= dict.fromkeys(key.text for key in mended or found if not _is_missed(key, wrong))
             wrong |= {key.key for key in mended or found if key.meant is None and key.place}
             if rest == data:
                 break
             data = rest
-    names = given.get("materials")
+    names = given.get("materials", default_materials())
     named = tuple(names) if isinstance(names, dict) and FILL_IN not in names else None
     gone = {name for name in given if name not in data and name in Case.model_fields}
     forward = _is_forward(given)
@@ -127,11 +137,12 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     told = wrong | ({"materials"} if forward else set())
     for each in contradictions:
         # materials with mistakes were left out before the search for contradictions, but their names are known
-        if not (each.unknown in (named or ()) or _is_told(each.lacks, told) or loaded.follows(str(each))):
-            problems.append(str(replace(each, known=named or each.known)))
-    sentences = twice + [f"{origin_of(files)}: {shown(text, 600)}." for text in dict.fromkeys(problems)]
-    sentences += _missing_files(given, gone.intersection(given))
-    return replace(loaded, problems=sentences)
+        if not (each.unknown in (named or ()) or _is_told(each.lacks, told) or loaded.follows(ConfigError(str(each)))):
+            about = UnknownMaterial(each.unknown) if each.unknown else None
+            problems.setdefault(str(replace(each, known=named or each.known)), about)
+    errors = [ConfigError(text) for text in twice]
+    errors += [ConfigError(f"{origin_of(files)}: {shown(text, 600)}.", about) for text, about in problems.items()]
+    return replace(loaded, found=errors + _missing_files(given, gone.intersection(given)))
 
 
 def _is_forward(given: Mapping[str, Any]) -> bool:
@@ -220,8 +231,8 @@ def _leave_out(data: dict[str, Any], place: Sequence[int | str]) -> None:
             break
 
 
-def _missing_files(data: Mapping[str, Any], sections: Iterable[str]) -> list[str]:
-    """Sentences on missing files: one for each missing file that a left-out section names."""
+def _missing_files(data: Mapping[str, Any], sections: Iterable[str]) -> list[ConfigError]:
+    """Errors about missing files: one for each missing file that a left-out section names."""
     problems = []
     for name in sections:
         several = data[name] if isinstance(data[name], list) else [data[name]]
@@ -233,5 +244,5 @@ def _missing_files(data: Mapping[str, Any], sections: Iterable[str]) -> list[str
                 try:
                     expand_path(path, f"{name}.{key}", folder=True)
                 except ConfigError as error:
-                    problems.append(str(error))
+                    problems.append(error)
     return problems
