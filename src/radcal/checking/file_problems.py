@@ -4,18 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from radcal.config import FileMeasurement, RasterScene, SceneConfig, SlantRangeScene, expand_path, vrt_folders
+from radcal.config import (
+    BuiltinScene,
+    FileMeasurement,
+    RasterScene,
+    SceneConfig,
+    SlantRangeScene,
+    expand_path,
+    load_with_problems,
+    vrt_folders,
+)
 from radcal.config.landcover import LANDCOVERS
-from radcal.errors import MissingFile, RadcalError, SceneError, WrongNumbers
+from radcal.config.loading import listed_by, origin_of
+from radcal.errors import ConfigError, MissingFile, NotInScene, RadcalError, SceneError, UnknownMaterial, WrongNumbers
 from radcal.reading.safe import is_safe_name
 from radcal.running.file_facts import code_counts
 
-__all__ = ["is_on_map", "scene_problems", "with_hints"]
+__all__ = ["is_on_map", "rightly_named", "scene_problems", "with_hints"]
 
 
 def scene_problems(scene: SceneConfig, materials: Collection[str] | None = None) -> list[RadcalError]:
@@ -106,6 +116,7 @@ def _names(scene: RasterScene, materials: Collection[str] | None) -> list[Radcal
 
     found: list[RadcalError] = []
     codes: dict[int, int] = {}
+    names: Collection[str]
     try:
         path = expand_path(scene.materials, "scene.materials")
         codes = code_counts(path)
@@ -113,18 +124,52 @@ def _names(scene: RasterScene, materials: Collection[str] | None) -> list[Radcal
         found, path = [error], Path(scene.materials)
     try:
         own = expand_path(scene.names, "scene.names") if scene.names is not None else None
-        if scene.landcover is not None:
-            known = landcover_names(scene.landcover, own, codes, path)
-            if not codes:  # the file's codes are unknown, so that any class of the land cover may occur
-                known = {code: cover.name for code, cover in LANDCOVERS[scene.landcover].items()} | (
-                    read_names(own, (), path) if own is not None else {}
-                )
+        names = _possible_names(scene)
+        if scene.landcover is not None and codes:
+            names = landcover_names(scene.landcover, own, codes, path).values()
         elif own is not None:
-            known = read_names(own, codes, path)
-        found += _unknown(known.values(), materials)
+            read_names(own, codes, path)  # refuses a code without a name
+        found += _unknown(names, materials)
     except RadcalError as error:
         found.append(error)
     return found
+
+
+def _possible_names(scene: SceneConfig) -> list[str]:
+    """Names of the materials that a scene can have, as far as they are known without its rasters."""
+    from radcal.scene.builtin import MATERIALS
+    from radcal.scene.names import read_names
+
+    if isinstance(scene, BuiltinScene):
+        return list(MATERIALS)
+    preset = LANDCOVERS[scene.landcover] if isinstance(scene, RasterScene) and scene.landcover is not None else {}
+    own = read_names(expand_path(scene.names, "scene.names"), (), Path()) if scene.names is not None else {}
+    return list(({code: cover.name for code, cover in preset.items()} | own).values())
+
+
+def rightly_named(
+    error: ConfigError, paths: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
+) -> ConfigError:
+    """Error about a misspelt name in section ``materials``, for an error about its right name in another section.
+
+    Parameters
+    ----------
+    error : ConfigError
+        Error that :func:`radcal.config.load` raised; it is returned if it is about anything else.
+    paths, overrides
+        Arguments of :func:`radcal.config.load`.
+    """
+    if isinstance(error.about, UnknownMaterial):
+        with contextlib.suppress(RadcalError):  # no file of names
+            loaded = load_with_problems(paths, overrides)
+            scene = BuiltinScene() if loaded.case is None else loaded.case.scene
+            for one in _unknown(_possible_names(scene), loaded.materials):
+                if isinstance(one.about, NotInScene) and one.about.meant == error.about.name:
+                    others = sum(other.about != error.about for other in loaded.found)
+                    more = f" (and {others} more{listed_by(paths, overrides)})" if others else ""
+                    said = f"materials.{one.about.name}: not in the scene (did you mean {one.about.meant!r}?)"
+                    return ConfigError(f"{origin_of(paths)}: {said}{more}.", one.about)
+    return error
 
 
 def _slant_names(scene: SlantRangeScene, materials: Collection[str] | None) -> list[RadcalError]:

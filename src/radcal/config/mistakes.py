@@ -138,8 +138,7 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     for each in contradictions:
         # materials with mistakes were left out before the search for contradictions, but their names are known
         if not (each.unknown in (named or ()) or _is_told(each.lacks, told) or loaded.follows(ConfigError(str(each)))):
-            about = UnknownMaterial(each.unknown) if each.unknown else None
-            problems.setdefault(str(replace(each, known=named or each.known)), about)
+            problems.setdefault(str(replace(each, known=named or each.known)), each.about)
     errors = [ConfigError(text) for text in twice]
     errors += [ConfigError(f"{origin_of(files)}: {shown(text, 600)}.", about) for text, about in problems.items()]
     return replace(loaded, found=errors + _missing_files(given, gone.intersection(given)))

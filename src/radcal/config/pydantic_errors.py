@@ -14,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from radcal.config.sections import EXAMPLES, FURTHER, MATERIALS_FROM, TAGS
+from radcal.errors import ConfigError, UnknownMaterial
 from radcal.radar.bands import letter_band
 
 __all__ = [
@@ -22,8 +23,8 @@ __all__ = [
     "Contradiction",
     "Contradictions",
     "WrongKey",
+    "first_error",
     "nearest",
-    "sentence",
     "shown",
     "wrong_keys",
 ]
@@ -54,6 +55,11 @@ class Contradiction:
     lacks: tuple[str, ...] = ()
     unknown: str = ""
     known: tuple[str, ...] = ()
+
+    @property
+    def about(self) -> UnknownMaterial | None:
+        """Unknown name, as the error of the case is about it."""
+        return UnknownMaterial(self.unknown) if self.unknown else None
 
     def __str__(self) -> str:
         return self.text + (nearest(self.unknown, self.known) if self.unknown else "")
@@ -150,8 +156,8 @@ def _of_kind(match: re.Match[str]) -> str:
     return {"dictionary": "keys and values", "tuple": "a list"}[match[1]]
 
 
-def sentence(error: ValidationError, origin: str, root: type[BaseModel], where: str = "") -> str:
-    """Error message of one sentence about the first problem in a validation error.
+def first_error(error: ValidationError, origin: str, root: type[BaseModel], where: str = "") -> ConfigError:
+    """Error with a message of one sentence about the first problem in a validation error.
 
     Parameters
     ----------
@@ -166,7 +172,7 @@ def sentence(error: ValidationError, origin: str, root: type[BaseModel], where: 
     """
     first, *others = wrong_keys(error, root)
     more = f" (and {len(others)} more{where})" if others else ""
-    return f"{origin}: {shown(first.text, 600)}{more}."
+    return ConfigError(f"{origin}: {shown(first.text, 600)}{more}.", first.about)
 
 
 @dataclass(frozen=True)
@@ -191,6 +197,8 @@ class WrongKey:
         As in :class:`Contradiction`.
     lacks : tuple of str
         Keys in dotted form whose absence is all that the sentence is about.
+    about : UnknownMaterial or None
+        As in :class:`radcal.errors.RadcalError`.
     """
 
     text: str
@@ -200,10 +208,11 @@ class WrongKey:
     choices: tuple[str, ...] = ()
     first: str = ""
     lacks: tuple[str, ...] = ()
+    about: UnknownMaterial | None = None
 
 
 def wrong_keys(error: ValidationError, root: type[BaseModel]) -> list[WrongKey]:
-    """List of the problems in a validation error, one for each key; parameters as for :func:`sentence`."""
+    """List of the problems in a validation error, one for each key; parameters as for :func:`first_error`."""
     # A misspelt required key gives two errors, an unknown key and a missing key: the unknown key comes first.
     details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
     found: dict[str, WrongKey] = {}
@@ -216,7 +225,7 @@ def wrong_keys(error: ValidationError, root: type[BaseModel]) -> list[WrongKey]:
             continue
         for one in several.found:
             text, lacks = f"{key}: {one}", tuple(f"{key}.{name}" for name in one.lacks)
-            found[text] = WrongKey(text, place, key, first=one.first, lacks=lacks)
+            found[text] = WrongKey(text, place, key, first=one.first, lacks=lacks, about=one.about)
     return list(found.values())
 
 
