@@ -326,7 +326,7 @@ class NewCase(Answers):
         chosen, preset = self._values.get("materials.calibrated", ()), self._values.get("scene.landcover")
         if chosen and self.forward:
             self._mistakes.append("--material names a material to calibrate, and --image none gives no image for that.")
-        fixed = self._tried("", fixed_laws, self._values.get("materials.fixed", ())) or {}
+        fixed = self._tried("", fixed_laws, self._values.get("materials.fixed", ()), self._names) or {}
         made = self._tried("", material_lines, self._names, self._counts, chosen, fixed, preset, not self.forward)
         made = made or MaterialLines([], {}, [])
         self.undecided += made.undecided
