@@ -427,6 +427,41 @@ def test_a_missing_file_of_a_simulator_is_one_problem(
     (problem,) = check_case([path], {"simulator": changed}).problems
     assert problem.startswith(f"simulator.{key}")
     assert f"the file gone does not exist in {tmp_path}, the current folder." in problem
+    if key == "templates":  # a wrong placeholder is told as well
+        problems = check_case([path], {"simulator": {**changed, "command": ["./sim", "{foldr}"]}}).problems
+        assert [text.partition(" ")[0] for text in problems] == [
+            "simulator.templates.0.template:",
+            "simulator.command.1:",
+        ]
+
+
+def test_a_fixed_law_without_its_minus_sign_is_asked_about(tmp_path: Path) -> None:
+    """Where no measured image tells it; a case whose calibrated material starts as bright has other units."""
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    case = yaml.safe_load(path.read_text())
+    hidden = {"measurement": {"synthetic": {"parameters": {"field": [-8.0, 4.0, 3.0, 5.0]}}}}
+
+    def asked(law: str, parameters: list[float], **more: object) -> list[str]:
+        case["materials"]["lake"] = {"law": law, "parameters": parameters}
+        path.write_text(yaml.safe_dump({**case, **hidden, **more}))
+        return [text for text in check_case([path]).warnings() if "minus" in text]
+
+    says = "  warning: materials.lake.parameters: {} gives gamma {} dB at an incidence of 45 degrees, the brightest "
+    (said,) = asked("constant_gamma", [17.0])
+    assert said == says.format("constant_gamma", 17) + (
+        "terrain of docs/landcover.md has 0 dB: is a minus sign missing?"
+    )
+    assert asked("constant_gamma", [5.9]) == []
+    assert len(asked("constant_gamma", [6.1])) == 1
+    # sigma0 of 3 + 8 cos(45 degrees) = 8.66 dB is a gamma of 10.2 dB
+    assert asked("mangia", [3.0, 8.0, 0.0, 4.0])[0].startswith(says.format("mangia", 10.2))
+    assert asked("mangia", [-3.0, 8.0, 0.0, 4.0]) == []
+    field = {"calibrate": True, "bounds": [[-40, 30], [0, 30], [0, 20], [0, 20]], "start": [3.0, 8.0, 0.0, 4.0]}
+    assert asked("constant_gamma", [17.0], materials={"field": field, "lake": case["materials"]["lake"]}) == []
+    image = {"measurement": case["measurement"]}
+    assert asked("constant_gamma", [17.0], **image) == [], "fixed_levels says it"
+    assert len(asked("constant_gamma", [17.0], **image, target={"pixels": 300, "normalisation": "offset"})) == 1
+    assert len(asked("constant_gamma", [17.0], **image, stop={"max_runs": 1})) == 1, "beside a problem"
 
 
 def test_a_land_cover_of_fractions_is_one_problem(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

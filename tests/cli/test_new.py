@@ -201,6 +201,16 @@ def test_all_wrong_answers_are_told_at_once(files: list[str]) -> None:
     assert not Path("mine_names.json").exists()
 
 
+def test_a_level_without_its_minus_sign_is_asked_about(files: list[str]) -> None:
+    done = new("mine", *files, "--fixed", "code_2=17")
+    assert done.exit_code == 0, done.output
+    assert [line for line in done.stdout.splitlines() if "warning" in line] == [
+        "warning: --fixed code_2: constant_gamma gives gamma 17 dB at an incidence of 45 degrees, the brightest "
+        "terrain of docs/landcover.md has 0 dB: is a minus sign missing?"
+    ]
+    assert yaml.safe_load(Path("mine.yaml").read_text())["materials"]["code_2"]["parameters"] == [17]
+
+
 def test_a_case_for_a_simulation_alone_needs_no_further_answer(files: list[str]) -> None:
     done = new("alone", *files[:4], "--image", "none", "--fixed", "code_2=mangia:-28,8,14,8")
     assert done.exit_code == 0, done.output

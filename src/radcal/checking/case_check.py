@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from radcal.checking.file_problems import is_on_map, scene_problems, with_hints
-from radcal.checking.outlook import hidden_ground, high_noise, low_track, outlook, time_expected
+from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, low_track, outlook, time_expected
 from radcal.config import (
     Case,
-    CommandSimulation,
     FileMeasurement,
     Loaded,
     check_reuse,
@@ -20,7 +19,7 @@ from radcal.config import (
     missing_inputs,
     starts_as_truth,
 )
-from radcal.config.inputs import input_files, simulator_files
+from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, MissingSign, NotInScene, RadcalError, UnknownMaterial
 from radcal.reading.safe import is_safe_name
 from radcal.running.expected_memory import expected_mb
@@ -192,7 +191,7 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     missing = missing_inputs(case)
     problems.add(missing)
     files = {} if missing else input_files(case)
-    if isinstance(case.simulator, CommandSimulation) and not _refused(simulator_files, case.simulator):
+    if case.simulator.kind == "command":
         from radcal.simulators.command import check_command
 
         problems.add(_refused(check_command, case))
@@ -223,6 +222,8 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
         notes += said
     if not any(isinstance(error.about, MissingSign) for error in problems):
         notes += high_noise(case.passes)
+    if not levels or case.measurement.source != "file" or case.target.normalisation != "none":
+        notes += bright_laws(case)  # else the levels are compared with those of the image
     if not problems and "measurement" not in loaded.without:
         notes += starts_as_truth(case.calibrated, [one.measurement for one in case.passes])
     unseen = _unseen(loaded, shape, problems.unmeasured) if problems else ()

@@ -26,7 +26,6 @@ __all__ = [
     "files_below",
     "input_files",
     "missing_inputs",
-    "simulator_files",
     "vrt_folders",
 ]
 
@@ -157,7 +156,7 @@ def _sources(case: Case) -> Iterator[Callable[[], dict[str, Path]]]:
             else:
                 yield partial(_raster_inputs, one.measurement, "path", key)
     if isinstance(case.simulator, CommandSimulation):
-        yield partial(simulator_files, case.simulator)
+        yield partial(_simulator_files, case.simulator)
 
 
 def _plain(text: str, key: str) -> dict[str, Path]:
@@ -221,8 +220,7 @@ def _product_inputs(text: str, polarisation: str, key: str) -> dict[str, Path]:
     return {key: safe_folder(path) / MANIFEST} | {f"{key}.{k}": file for k, file in enumerate(image.files)}
 
 
-def simulator_files(config: CommandSimulation) -> dict[str, Path]:
-    """Paths of an external program and of its files by configuration key, as :func:`input_files` gives them."""
+def _simulator_files(config: CommandSimulation) -> dict[str, Path]:
     files = {}
     if config.command[0] != "{python}":
         files["simulator.command"] = executable_path(config.command[0], "simulator.command", config.environment)

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from radcal.config import FILL_IN, Case
-from radcal.config.landcover import StartingLevel, starting_keys, starting_levels
+from radcal.config.landcover import StartingLevel, brighter_than_terrain, starting_keys, starting_levels
 from radcal.config.materials import Material
 from radcal.errors import ConfigError
 from radcal.seeds import derived_rng
@@ -55,6 +55,10 @@ class Fixed:
     law: str
     parameters: tuple[float, ...]
 
+    def material(self) -> Material:
+        """Material with this law; raises a ValidationError if the law does not exist or takes other parameters."""
+        return Material(law=self.law, parameters=list(self.parameters))
+
 
 @dataclass(frozen=True)
 class MaterialLines:
@@ -68,11 +72,14 @@ class MaterialLines:
         Parameters of the hidden law of each material to calibrate, in YAML, for a synthetic image.
     undecided : list of str
         Keys without a value; a key that lacks several values is repeated.
+    questions : list of str
+        Sentences on given laws that may lack a minus sign.
     """
 
     lines: list[str]
     hidden: dict[str, str]
     undecided: list[str]
+    questions: list[str]
 
 
 def fixed_laws(words: Iterable[str], names: Mapping[int, str]) -> dict[str, Fixed]:
@@ -102,7 +109,7 @@ def fixed_laws(words: Iterable[str], names: Mapping[int, str]) -> dict[str, Fixe
             continue
         fixed = Fixed(law.strip() if colon else _CONSTANT, tuple(map(float, values)))
         try:
-            Material(law=fixed.law, parameters=list(fixed.parameters))
+            fixed.material()
         except ValidationError as error:
             why = error.errors()[0]["msg"].removeprefix("Value error, ").rstrip(".")
             wrong.append(f"--fixed {word}: {why}.")
@@ -195,7 +202,9 @@ def material_lines(
         law = "{calibrate: true}" if calibrates else f"{{law: {_CONSTANT}, parameters: [-15]}}"
         lines += [f"  {FILL_IN}: {law}  # name of a material, and its law (docs/laws.md)"]
         undecided.append("materials")
-    return MaterialLines(lines, hidden, undecided)
+    asked = {name: brighter_than_terrain(one.material()) for name, one in fixed.items()}
+    questions = [f"warning: --fixed {name}: {text}" for name, text in asked.items() if text]
+    return MaterialLines(lines, hidden, undecided, questions)
 
 
 def _fixed_lines(fixed: Fixed | None) -> list[str]:
