@@ -107,6 +107,16 @@ def test_that_nothing_is_calibrated_is_told_unless_materials_are_wrong(loaded: A
     assert loaded({"materials": {"a": fixed}}).problems == []  # for radcal simulate
 
 
+def test_a_section_that_was_left_out_is_not_compared_with_the_others(loaded: Any) -> None:
+    """The defaults in its place contradict what the case says elsewhere."""
+    dyke = {"law": "constant_gamma", "calibrate": True, "bounds": [[-20, 0]]}
+    found = loaded({"materials": {"dyke": dyke}, "measurement": {**IMAGE, "path": [1], "scale": 3, "radiometry": 4}})
+    assert found.without == {"measurement"}
+    assert [text.split()[1] for text in found.problems] == [
+        f"measurement.{key}" for key in ("scale", "radiometry", "path")
+    ]
+
+
 def test_a_duplicate_key_hides_no_other_mistake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("mine.yaml").write_text("seed: 1\nradar: {looks: 3}\nseed: 2\nradar: {looks: 0}\nstop: {rms: low}\n")
@@ -158,6 +168,9 @@ def test_a_material_with_a_wrong_law_still_is_a_known_name(loaded: Any) -> None:
     assert [text.partition(",")[0] for text in found.problems] == ["mine.yaml: materials.water: law is 'mangai'"]
     synthetic["parameters"] = {"field": hidden, "watre": hidden}
     found = loaded({**data, "measurement": {"synthetic": synthetic}})
+    misspelt = loaded({"mateirals": {**materials, "water": {"parameters": [-30, 6, 9, 4]}}, "target": data["target"]})
+    assert misspelt.problems == ["mine.yaml: unknown key mateirals (did you mean 'materials'?)."]
+    assert misspelt.materials == ("field", "water")
     assert found.problems[1:] == [
         "mine.yaml: measurement.synthetic.parameters.watre: no such material (did you mean 'water'?)."
     ]

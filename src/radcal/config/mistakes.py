@@ -15,7 +15,6 @@ from pydantic import ValidationError
 from radcal.config.case import Case
 from radcal.config.inputs import expand_path
 from radcal.config.loading import origin_of, read_cases
-from radcal.config.materials import default_materials
 from radcal.config.pydantic_errors import Collected, WrongKey, shown, wrong_keys
 from radcal.config.sections import FURTHER
 from radcal.config.undecided import FILL_IN, undecided
@@ -73,10 +72,10 @@ class Loaded:
 
         A message names the configuration keys that it is about, so that their names are looked for in it.
         """
-        sections = [f"{name}." for name in self.without]
         if isinstance(error.about, NotInScene):  # about the name of the material, not about its law
             return any(key.startswith(("scene.landcover", "scene.names", "scene.materials")) for key in self.wrong)
-        return any(re.search(rf"(?<![\w.]){re.escape(key)}(?!\w)", str(error)) for key in (*self.wrong, *sections))
+        names = [rf"{re.escape(key)}(?!\w)" for key in self.wrong] + [rf"{section}\.\w" for section in self.without]
+        return any(re.search(rf"(?<![\w.]){name}", str(error)) for name in names)
 
 
 def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Loaded:
@@ -127,7 +126,7 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
             if rest == data:
                 break
             data = rest
-    names = given.get("materials", default_materials())
+    names = given.get("materials", {} if case is None else case.materials)
     named = tuple(names) if isinstance(names, dict) and FILL_IN not in names else None
     gone = {name for name in given if name not in data and name in Case.model_fields}
     forward = _is_forward(given)
