@@ -17,7 +17,7 @@ from radcal.config.inputs import expand_path
 from radcal.config.loading import origin_of, read_cases
 from radcal.config.pydantic_errors import Collected, WrongKey, shown, wrong_keys
 from radcal.config.sections import FURTHER
-from radcal.config.undecided import FILL_IN, undecided
+from radcal.config.undecided import FILL_IN, Undecided, undecided
 from radcal.errors import ConfigError, NotInScene, RadcalError, UnknownMaterial
 
 __all__ = ["Loaded", "load_with_problems"]
@@ -105,7 +105,7 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     data = deepcopy(given)
     for one in marked:
         _leave_out(data, one.place)
-    problems: dict[str, UnknownMaterial | None] = dict.fromkeys(one.text for one in marked)
+    problems: dict[str, Undecided | UnknownMaterial | None] = {one.text: one for one in marked}
     wrong = {one.key for one in marked}
     case: Case | None = None
     contradictions = Collected()
