@@ -181,12 +181,34 @@ def test_all_wrong_answers_are_told_at_once(files: list[str]) -> None:
     assert new("mine", "--elevation", ".").stderr == "radcal: scene.elevation: . is a folder, expected a file.\n"
     done = new("mine", *files, "--material", "grass", "--material", "lake", "--fixed", "sea=-3")
     assert done.stderr.count("radcal: there is no material '") == 3
+    # a name that the land cover lacks is told beside a wrong number, of the same material and of another one
+    done = new(
+        "mine", *files, "--fixed", "sea=low", "--fixed", "lake=-15", "--fixed", "lake=-16", "--fixed", "code_7=-9"
+    )
+    assert done.stderr.splitlines() == [
+        "radcal: --fixed sea=low: expected NAME=DB such as water=-17, or NAME=LAW:X1,X2,... of its law.",
+        "radcal: --fixed lake=-16: a law of lake is given twice, expected once.",
+        "radcal: there is no material 'sea' in the land cover (known: code_2, code_7).",
+        "radcal: there is no material 'lake' in the land cover (known: code_2, code_7).",
+    ]
+    done = new("mine", *files[:2], "--fixed", "sea=low")
+    assert done.stderr.count("radcal: ") == 1, "names are not known without a land cover"
     done = new("mine", "--elevation", "dem.tif", "--landcover", write(Path("labels.tif"), [LABELS], pixel_m=None))
     assert done.stderr == (
         "radcal: scene.materials: labels.tif has no CRS and scene.elevation is given, expected land cover on the map.\n"
     )
     assert not Path("mine.yaml").exists()
     assert not Path("mine_names.json").exists()
+
+
+def test_a_level_without_its_minus_sign_is_asked_about(files: list[str]) -> None:
+    done = new("mine", *files, "--fixed", "code_2=17")
+    assert done.exit_code == 0, done.output
+    assert [line for line in done.stdout.splitlines() if "warning" in line] == [
+        "warning: --fixed code_2: constant_gamma gives gamma 17 dB at an incidence of 45 degrees, the brightest "
+        "terrain of docs/landcover.md has 0 dB: is a minus sign missing?"
+    ]
+    assert yaml.safe_load(Path("mine.yaml").read_text())["materials"]["code_2"]["parameters"] == [17]
 
 
 def test_a_case_for_a_simulation_alone_needs_no_further_answer(files: list[str]) -> None:

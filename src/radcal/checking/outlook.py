@@ -17,6 +17,7 @@ from radcal.assessment.budget import NORMAL_90
 from radcal.assessment.reach import law_range_db, level_asked_db
 from radcal.checking.file_problems import is_on_map
 from radcal.config import Case, FileMeasurement, Radar, SyntheticMeasurement
+from radcal.config.landcover import brighter_than_terrain
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import LEAST_CONTRAST_DB, contrast_db
 from radcal.radar.geometry import Geometry
@@ -32,6 +33,7 @@ from radcal.scene.model import Scene
 from radcal.storage.runs import median_seconds
 
 __all__ = [
+    "bright_laws",
     "fixed_levels",
     "hidden_ground",
     "high_noise",
@@ -141,6 +143,20 @@ def high_noise(passes: Sequence[Case]) -> list[str]:
         for key, level in found.items()
         if level > 0
     ]
+
+
+def bright_laws(case: Case) -> list[str]:
+    """Warnings about fixed laws that are far brighter than any terrain, which a missing minus sign can cause.
+
+    Parameters
+    ----------
+    case : Case
+        The case; nothing is said if a calibrated material starts as bright, because its levels are then relative.
+    """
+    asked = {name: brighter_than_terrain(material) for name, material in case.materials.items()}
+    if any(asked[name] for name in case.calibrated):
+        return []
+    return [f"warning: materials.{name}.parameters: {text}" for name, text in asked.items() if text]
 
 
 def low_track(radar: Radar, geometry: Geometry) -> list[str]:

@@ -326,9 +326,10 @@ class NewCase(Answers):
         chosen, preset = self._values.get("materials.calibrated", ()), self._values.get("scene.landcover")
         if chosen and self.forward:
             self._mistakes.append("--material names a material to calibrate, and --image none gives no image for that.")
-        fixed = self._tried("", fixed_laws, self._values.get("materials.fixed", ())) or {}
+        fixed = self._tried("", fixed_laws, self._values.get("materials.fixed", ()), self._names) or {}
         made = self._tried("", material_lines, self._names, self._counts, chosen, fixed, preset, not self.forward)
-        made = made or MaterialLines([], {}, [])
+        made = made or MaterialLines([], {}, [], [])
+        self._questions = made.questions
         self.undecided += made.undecided
         if self._synthetic:
             laws = "".join(f"\n      {scalar(name)}: {x}" for name, x in made.hidden.items()) or " {}"
@@ -361,7 +362,7 @@ class NewCase(Answers):
             said.append(f"{names}: names of {len(self._names)} codes, made up: change them there and in the case.")
         with atomic(self.path) as partial:
             partial.write_text("\n".join(self._lines(comments)) + "\n", "utf-8")
-        return [*said, f"{self.path}: written."]
+        return [*said, *self._questions, f"{self.path}: written."]
 
     def _lines(self, comments: Mapping[str, str]) -> list[str]:
         lines = [

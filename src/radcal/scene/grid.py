@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,9 +60,9 @@ class Source:
         left, bottom, right, top = self.raster.bounds
         return min(left, right), min(bottom, top), max(left, right), max(bottom, top)
 
-    def error(self, text: str) -> SceneError:
+    def error(self, text: str, about: Hashable = None) -> SceneError:
         """Error whose message is the raster's configuration key and path, followed by ``text``."""
-        return SceneError(f"{self.key}: {self.path} {text}")
+        return SceneError(f"{self.key}: {self.path} {text}", about)
 
 
 @dataclass(frozen=True)
