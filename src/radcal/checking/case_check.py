@@ -272,8 +272,10 @@ def _made(
     from radcal.radar.projection import make_geometry
     from radcal.scene.sources import make_scene
 
-    # a material with a wrong law still is a material of the case
-    materials = None if loaded.materials is None else list(loaded.materials)
+    # a material with a wrong law still is a material of the case, and one that is still to be decided may have any name
+    of_file = any(key.startswith("materials") for key in loaded.wrong)
+    known = loaded.materials or (None if of_file else case.materials)
+    materials = None if known is None else list(known)
     scene = None
     say("scene ...")
     try:

@@ -44,7 +44,8 @@ class Loaded:
     without : frozenset of str
         Sections of the case file that were left out entirely.
     materials : tuple of str or None
-        Names of all materials of the case, including materials with mistakes; None if a name is still ``FILL_IN``.
+        Names of all materials in the case file, including materials with mistakes; None if the file has no section
+        ``materials``, or a name is still ``FILL_IN``.
     forward : bool
         Whether the case file has neither a measurement nor a material with ``calibrate: true``, so that it is for
         ``radcal simulate``; section ``measurement`` then counts as left out.
@@ -126,7 +127,7 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
             if rest == data:
                 break
             data = rest
-    names = given.get("materials", {} if case is None else case.materials)
+    names = given.get("materials")
     named = tuple(names) if isinstance(names, dict) and FILL_IN not in names else None
     gone = {name for name in given if name not in data and name in Case.model_fields}
     forward = _is_forward(given)
