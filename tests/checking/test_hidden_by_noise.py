@@ -21,9 +21,9 @@ NOISE = 0.01  # -20 dB
 @pytest.mark.parametrize(
     ("dark", "snr_db", "share", "meaning"),
     [
-        (0.3, 0.0, 27.0, "sigma0 may be found too high where the ground is darkest."),
+        (0.2, 0.0, 16.0, "sigma0 may be found too high where the ground is darkest."),
         (0.9, 0.0, 88.0, "set it fixed (materials.dyke: calibrate: false, with parameters), or use a pass with lower"),
-        (0.3, 3.0, 31.0, "sigma0 may be found too high"),  # asks for 3 times the noise, where 0 dB ask for twice
+        (0.2, 3.0, 20.4, "set it fixed"),  # asks for 3 times the noise, where 0 dB ask for twice
         (0.07, 0.0, None, ""),  # 4 %
     ],
 )
