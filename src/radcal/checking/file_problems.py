@@ -12,6 +12,7 @@ from radcal.config import FileMeasurement, Radar, RasterScene, SceneConfig, Slan
 from radcal.config.landcover import LANDCOVERS
 from radcal.errors import RadcalError
 from radcal.reading.safe import is_safe_name
+from radcal.running import file_facts
 from radcal.running.file_facts import code_counts
 
 __all__ = ["image_problems", "is_on_map", "scene_problems", "swapped_hint"]
@@ -40,21 +41,18 @@ def scene_problems(scene: SceneConfig, materials: Collection[str] | None = None)
 
 
 def swapped_hint(scene: SceneConfig, text: str) -> str:
-    """Question whether heights and land cover are swapped, for a problem of a land cover that holds no codes.
+    """Question whether heights and land cover are swapped, for a problem of the land cover; otherwise empty.
 
     Parameters
     ----------
     scene : SceneConfig
         Section ``scene``.
     text : str
-        Problem; the hint is empty for a problem of another file, and if the raster of heights holds no bytes.
+        Problem.
     """
-    if not (isinstance(scene, RasterScene) and text.startswith("scene.materials: ") and " holds float" in text):
-        return ""
-    with contextlib.suppress(RadcalError):
-        path = expand_path(scene.elevation, "scene.elevation")
-        code_counts(path)  # refuses a raster of fractions
-        return f" scene.elevation: {path} holds whole numbers: are the two files swapped?"
+    if isinstance(scene, RasterScene):
+        with contextlib.suppress(RadcalError):
+            return file_facts.swapped_hint(expand_path(scene.elevation, "scene.elevation"), text)
     return ""
 
 
