@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from radcal.checking.file_problems import image_problems, is_on_map, scene_problems, swapped_hint
 from radcal.checking.outlook import hidden_ground, high_noise, low_track, outlook, time_expected
+from radcal.checking.places import images_elsewhere
 from radcal.config import Case, Loaded, check_reuse, load_with_problems, missing_inputs, starts_as_truth
 from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, RadcalError
@@ -156,7 +157,8 @@ def check_case(
     if loaded.forward:
         found = _checked(paths, loaded.case, loaded, results, say)
         return replace(found, runs={}, outlook=(), forward=True)
-    return _checked(paths, loaded.case, loaded, results, say)
+    found = _checked(paths, loaded.case, loaded, results, say)
+    return replace(found, problems=found.problems + images_elsewhere(found.problems, paths, overrides))
 
 
 class _Problems(list[str]):
