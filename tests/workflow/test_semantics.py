@@ -185,8 +185,9 @@ def test_whatever_is_missing_comes_back_and_no_run_is_repeated(finished):
     shutil.rmtree(out / "figures")
     said = ended(finished, *CASE)
     assert (
-        f"radcal: results/tiny/target.h5: was written with schema {SCHEMAS['target'] - 1}, this radcal reads "
-        f"{SCHEMAS['target']}; set aside as target.damaged; it is made again where needed (finished runs are kept)."
+        "radcal: results/tiny/target.h5: is of an earlier version of radcal: it was written with schema "
+        f"{SCHEMAS['target'] - 1}, this radcal reads {SCHEMAS['target']}; set aside as target.earlier; it is made "
+        "again where needed (finished runs are kept)."
     ) in said
     assert {name: content(out / name) for name in before} == before
     assert finished.records() == records
