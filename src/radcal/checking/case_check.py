@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from radcal.checking.file_problems import image_problems, is_on_map, scene_problems, swapped_hint
+from radcal.checking.finished import kept_results
 from radcal.checking.outlook import hidden_ground, high_noise, low_track, outlook, time_expected
 from radcal.checking.places import images_elsewhere
-from radcal.config import Case, Loaded, check_reuse, load_with_problems, missing_inputs, starts_as_truth
-from radcal.config.inputs import input_files
+from radcal.config import Case, Loaded, check_reuse, input_files, load_with_problems, missing_inputs, starts_as_truth
 from radcal.errors import ConfigError, RadcalError
 from radcal.reading.safe import is_safe_name
 from radcal.running.expected_memory import expected_mb
@@ -158,7 +158,9 @@ def check_case(
         found = _checked(paths, loaded.case, loaded, results, say)
         return replace(found, runs={}, outlook=(), forward=True)
     found = _checked(paths, loaded.case, loaded, results, say)
-    return replace(found, problems=found.problems + images_elsewhere(found.problems, paths, overrides))
+    problems = found.problems + images_elsewhere(found.problems, paths, overrides)
+    kept = kept_results(problems, found.shape, loaded.case, results, found.files)
+    return replace(found, problems=problems, notes=found.notes + kept)
 
 
 class _Problems(list[str]):
@@ -204,8 +206,7 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     notes: list[str] = []
     sections: list[str] = []
     levels: list[str] = []
-    shape, demands, peaks = None, dict[Stage, int](), dict[str, float]()
-    small = False
+    shape, demands, peaks, small = None, dict[Stage, int](), dict[str, float](), False
     if "scene" not in loaded.without:
         try:
             values = values_of(case)
