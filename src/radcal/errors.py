@@ -18,6 +18,7 @@ __all__ = [
     "MeasurementError",
     "MissingFile",
     "MissingSign",
+    "NoCommonPlace",
     "NotInScene",
     "RadcalError",
     "SceneError",
@@ -42,6 +43,11 @@ class MissingSign:
     """Level above 0 dB [dB] at a key, with the question whether a minus sign is missing."""
 
     key: str
+
+
+@dataclass(frozen=True)
+class NoCommonPlace:
+    """Two rasters, or a raster and the scene, that have no place in common."""
 
 
 @dataclass(frozen=True)

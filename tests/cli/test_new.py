@@ -113,6 +113,41 @@ def test_what_the_files_say_is_read_and_the_rest_is_marked(files: list[str]) -> 
     assert "mine.yaml: scene.vertical_datum is FILL_IN (line 9), expected its value, for exam" in run.stderr
 
 
+@pytest.mark.parametrize(
+    ("names", "lowest", "band", "polarisation", "scale"),
+    [
+        (("", "sigma0_HV"), (0.1, 0.1), 2, "HV", "FILL_IN"),
+        (("sigma0_HH", "sigma0_HV"), (-20.0, -30.0), 1, "HH", "db"),
+        (("", ""), (-20.0, 0.1), 1, "VV", "FILL_IN"),
+    ],
+)
+def test_examples_fit_a_file_of_two_bands(
+    files: list[str],
+    tmp_path: Path,
+    names: tuple[str, str],
+    lowest: tuple[float, float],
+    band: int,
+    polarisation: str,
+    scale: str,
+) -> None:
+    bands = [np.linspace(low, low + 1.0, 1200, dtype=np.float32).reshape(30, 40) for low in lowest]
+    write(tmp_path / "two.tif", bands, names)
+    assert new("mine", *files[:4], "--image", str(tmp_path / "two.tif")).exit_code == 0
+    text = Path("mine.yaml").read_text()
+    assert f"; for example band: {band}\n" in text
+    assert f"; for example polarisation: {polarisation}\n" in text
+    data = yaml.safe_load(text)["measurement"]
+    assert (data["band"], data["scale"]) == ("FILL_IN", scale)
+
+
+def test_swapped_rasters_are_asked_about(files: list[str]) -> None:
+    done = new("mine", "--elevation", files[3], "--landcover", files[1])
+    assert done.stderr == (
+        "radcal: scene.materials: dem.tif holds float32, expected whole material ids. scene.elevation: cover.tif "
+        "holds whole numbers: are the two files swapped?\n"
+    )
+
+
 def test_nothing_is_overwritten_and_wrong_answers_are_told(files: list[str]) -> None:
     Path("old.yaml").write_text("case: old\n")
     Path("mine_names.json").write_text("{}")

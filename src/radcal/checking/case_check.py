@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from radcal.checking.file_problems import is_on_map, scene_problems, with_hints
+from radcal.checking.finished import kept_results
 from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, low_track, outlook, time_expected
+from radcal.checking.places import images_elsewhere
 from radcal.config import (
     Case,
     FileMeasurement,
@@ -159,10 +161,11 @@ def check_case(
     if loaded.case is None:
         nothing = ("contradictions between keys", "files, scene and measured image")
         return CaseCheck(loaded.problems, [], {}, None, {}, {}, unseen=nothing)
+    found = _checked(paths, loaded.case, loaded, results, say)
     if loaded.forward:
-        found = _checked(paths, loaded.case, loaded, results, say)
         return replace(found, runs={}, outlook=(), forward=True)
-    return _checked(paths, loaded.case, loaded, results, say)
+    kept = kept_results(found.problems, found.shape, loaded.case, results, found.files)
+    return replace(found, notes=found.notes + kept)
 
 
 class _Problems(list[RadcalError]):
@@ -199,8 +202,7 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     notes: list[str] = []
     sections: list[str] = []
     levels: list[str] = []
-    shape, demands, peaks = None, dict[Stage, int](), dict[str, float]()
-    small = False
+    shape, demands, peaks, small = None, dict[Stage, int](), dict[str, float](), False
     if "scene" not in loaded.without:
         try:
             values = values_of(case)
@@ -226,6 +228,7 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
         notes += bright_laws(case)  # else the levels are compared with those of the image
     if not problems and "measurement" not in loaded.without:
         notes += starts_as_truth(case.calibrated, [one.measurement for one in case.passes])
+    problems += images_elsewhere(problems, loaded.given)
     unseen = _unseen(loaded, shape, problems.unmeasured) if problems else ()
     listed = [with_hints(error, case.scene, paths) for error in problems]
     return CaseCheck(

@@ -21,9 +21,9 @@ from radcal.config import (
 )
 from radcal.config.landcover import LANDCOVERS
 from radcal.config.loading import listed_by, origin_of
-from radcal.errors import ConfigError, MissingFile, NotInScene, RadcalError, SceneError, UnknownMaterial, WrongNumbers
+from radcal.errors import ConfigError, MissingFile, NotInScene, RadcalError, SceneError, UnknownMaterial
 from radcal.reading.safe import is_safe_name
-from radcal.running.file_facts import code_counts
+from radcal.running.file_facts import code_counts, swapped_hint
 
 __all__ = ["is_on_map", "rightly_named", "scene_problems", "with_hints"]
 
@@ -70,11 +70,9 @@ def with_hints(error: RadcalError, scene: SceneConfig, paths: Iterable[str | Pat
                     f"{str(error)[:-1]}; it is in {folder}, the folder of the case file, but paths are relative to the "
                     f"current folder: write {os.path.relpath(folder / about.path)}."
                 )
-    elif isinstance(about, WrongNumbers) and about.key == "scene.materials" and about.what.startswith("float"):
+    elif isinstance(scene, RasterScene):
         with contextlib.suppress(RadcalError):
-            path = expand_path(getattr(scene, "elevation", ""), "scene.elevation")
-            code_counts(path)  # refuses a raster of fractions
-            return f"{error} scene.elevation: {path} holds whole numbers: are the two files swapped?"
+            return f"{error}{swapped_hint(expand_path(scene.elevation, 'scene.elevation'), error)}"
     return str(error)
 
 

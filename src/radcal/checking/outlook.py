@@ -1,4 +1,4 @@
-"""Outlook on a calibration: contrast of the start image, measured levels against the laws' bounds, expected time.
+"""Outlook on a calibration: contrast of the start image, measured levels against noise and bounds, expected time.
 
 It needs no simulator run. Rough values are called rough.
 """
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from radcal.assessment.budget import NORMAL_90
 from radcal.assessment.reach import law_range_db, level_asked_db
 from radcal.checking.file_problems import is_on_map
+from radcal.checking.hidden_by_noise import hidden_by_noise
 from radcal.config import Case, FileMeasurement, Radar, SyntheticMeasurement
 from radcal.config.landcover import brighter_than_terrain
 from radcal.measurement.model import Measurement
@@ -81,6 +82,7 @@ def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> lis
             )
     if measured is not None and isinstance(image, FileMeasurement):
         lines += fixed_levels(case, geometry, measured.image_db)
+    lines += [] if measured is None else hidden_by_noise(case, geometry, measured)
     levels = [] if measured is None else levels_against_laws(case, geometry, measured.image_db)
     rough = "levels, rough (the image is not registered, no target is drawn; noise and slopes are left out):"
     return [*lines, rough, *(f"  {line}" for line in levels)] if levels else lines

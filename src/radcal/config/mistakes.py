@@ -6,7 +6,7 @@ import itertools
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +49,8 @@ class Loaded:
     forward : bool
         Whether the case file has neither a measurement nor a material with ``calibrate: true``, so that it is for
         ``radcal simulate``; section ``measurement`` then counts as left out.
+    given : mapping
+        Contents of the case files, with all mistakes.
     """
 
     case: Case | None
@@ -57,6 +59,7 @@ class Loaded:
     without: frozenset[str] = frozenset()
     materials: tuple[str, ...] | None = None
     forward: bool = False
+    given: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def problems(self) -> list[str]:
@@ -132,7 +135,7 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     gone = {name for name in given if name not in data and name in Case.model_fields}
     forward = _is_forward(given)
     gone |= {"measurement"} if forward else set()
-    loaded = Loaded(case, [], frozenset(wrong), frozenset(gone), named, forward)
+    loaded = Loaded(case, [], frozenset(wrong), frozenset(gone), named, forward, given)
     # of a case for radcal simulate, section materials is as good as left out: none of them need be calibrated
     told = wrong | ({"materials"} if forward else set())
     for each in contradictions:
