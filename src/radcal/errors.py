@@ -6,22 +6,88 @@ exception of any other class is a bug in radcal.
 
 from __future__ import annotations
 
+from collections.abc import Hashable
+from dataclasses import dataclass
+from pathlib import Path
+
 __all__ = [
     "ClusterError",
     "ConfigError",
     "DamagedError",
     "FitError",
     "MeasurementError",
+    "MissingFile",
+    "MissingSign",
+    "NoCommonPlace",
+    "NotInScene",
     "RadcalError",
     "SceneError",
     "SimulatorError",
     "StoreError",
     "SurrogateError",
+    "UnknownMaterial",
+    "WrongNumbers",
 ]
 
 
+@dataclass(frozen=True)
+class MissingFile:
+    """File that a key names and that does not exist."""
+
+    key: str
+    path: Path
+
+
+@dataclass(frozen=True)
+class MissingSign:
+    """Level above 0 dB [dB] at a key, with the question whether a minus sign is missing."""
+
+    key: str
+
+
+@dataclass(frozen=True)
+class NoCommonPlace:
+    """Two rasters, or a raster and the scene, that have no place in common."""
+
+
+@dataclass(frozen=True)
+class NotInScene:
+    """Material of the case that the scene lacks, and the name that was probably meant, if one is similar."""
+
+    name: str
+    meant: str | None
+
+
+@dataclass(frozen=True)
+class UnknownMaterial:
+    """Name that a section other than ``materials`` gives to a material, and that no material of the case has."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class WrongNumbers:
+    """Numbers in a file that cannot be what the case says, and what they are; the same for a part of the file."""
+
+    key: str
+    path: Path
+    what: str
+
+
 class RadcalError(Exception):
-    """Base class of all exceptions whose message is written for the user."""
+    """Base class of all exceptions whose message is written for the user.
+
+    Parameters
+    ----------
+    text : str
+        Message.
+    about : hashable, optional
+        What the message is about, for code that decides by it: one of the classes of this module.
+    """
+
+    def __init__(self, text: str = "", about: Hashable = None) -> None:
+        super().__init__(text)
+        self.about = about
 
 
 class ConfigError(RadcalError):

@@ -16,9 +16,8 @@ from rasterio.transform import from_origin
 from safe_product import LINES, NAME, PIXELS, place_of, write_product
 from typer.testing import CliRunner
 
-from radcal.checking.case_check import _Problems, check_case
+from radcal.checking.case_check import check_case
 from radcal.cli import app
-from radcal.config.mistakes import Loaded
 from radcal.storage.records import write_hdf5
 
 TEN_MISTAKES = """
@@ -368,17 +367,110 @@ def test_an_image_without_a_crs_is_told_so(tmp_path: Path, monkeypatch: pytest.M
         assert f" and the file {lacks}, expected a georeferenced image, as the scene in WGS 84 / UTM zone" in said
 
 
-def test_a_mistake_is_listed_once_though_its_numbers_differ() -> None:
-    """The whole file and its part in the scene; several files and materials stay apart."""
-    problems = _Problems(Loaded(None, []))
-    of = "measurement.path: the values of {} run from {} to 5.12 with median {}, which looks like power."
-    problems.add([of.format("a_1.tif", "0.00032", "0.0332"), of.format("a_1.tif", "3.2e-05", "0.0389")])
-    problems.add(
-        [of.format("a_2.tif", "0.00032", "0.0332"), of.format("2.tif", "1", "2"), of.format("3.tif", "1", "2")]
+@pytest.mark.parametrize(
+    ("scale", "values", "outside", "said"),
+    [
+        ("power", -12.0, -9.0, "are negative, which power cannot be"),
+        ("power", 0.0, 0.0, "image.tif holds no power: "),
+        ("db", 0.04, 7.0, "none negative, which looks like power"),
+        ("db", -300.0, -9.0, "image.tif holds -300 dB and "),
+    ],
+)
+def test_a_mistake_is_listed_once_though_its_numbers_differ(
+    scale: str, values: float, outside: float, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The whole file and its part in the scene; two files stay apart."""
+    monkeypatch.chdir(tmp_path)
+    on_the_map(tmp_path)
+    image = np.full((90, 120), outside, "float32")
+    image[20:60, 30:80] = values
+    settings = {"height": 90, "width": 120, "count": 1, "crs": "EPSG:32631", "driver": "GTiff", "dtype": "float32"}
+    for name in ("image.tif", "other.tif"):
+        with rasterio.open(name, "w", transform=from_origin(6e5 - 800, 5.8e6 + 600, 20.0, 20.0), **settings) as raster:
+            raster.write(image, 1)
+    Path("mine.yaml").write_text(ON_THE_MAP.replace("scale: db", f"scale: {scale}"))
+    (problem,) = check_case(["mine.yaml"]).problems
+    assert said in problem
+    one = yaml.safe_load(ON_THE_MAP)
+    images = [{**one["measurement"], "scale": scale, "path": f"{name}.tif"} for name in ("image", "other")]
+    problems = check_case(["mine.yaml"], {"radar": [one["radar"]] * 2, "measurement": images}).problems
+    assert len(problems) == 2
+    assert all(sum(f"{name}.tif" in text for text in problems) == 1 for name in ("image", "other"))
+
+
+def test_a_case_without_materials_has_those_of_the_default_case(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    on_the_map(tmp_path)
+    Path("mine.yaml").write_text(ON_THE_MAP[: ON_THE_MAP.index("materials: {cropland")])
+    (problem,) = check_case(["mine.yaml"]).problems  # not one for each of the seven
+    assert problem == "materials.dyke: not in the scene, which has tree_cover, cropland."
+    Path("mine.yaml").write_text(ON_THE_MAP.replace("cropland: {", "FILL_IN: {"))
+    (problem,) = check_case(["mine.yaml"]).problems  # whose name the scene may have
+    assert "materials.FILL_IN is FILL_IN" in problem
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("command", ["./gone"]), ("files", ["gone"]), ("templates", [{"template": "gone", "file": "a"}])]
+)
+def test_a_missing_file_of_a_simulator_is_one_problem(
+    key: str, value: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    (tmp_path / "sim").write_text("#!/bin/sh\n")
+    (tmp_path / "sim").chmod(0o755)
+    simulator = {"kind": "command", "command": ["./sim", "{folder}"], "output": {"file": "a.npy", "scale": "db"}}
+    assert check_case([path], {"simulator": {**simulator, "input": {"format": "json"}}}).problems == []
+    changed = {**simulator, key: value} | ({} if key == "templates" else {"input": {"format": "json"}})
+    (problem,) = check_case([path], {"simulator": changed}).problems
+    assert problem.startswith(f"simulator.{key}")
+    assert f"the file gone does not exist in {tmp_path}, the current folder." in problem
+    if key == "templates":  # a wrong placeholder is told as well
+        problems = check_case([path], {"simulator": {**changed, "command": ["./sim", "{foldr}"]}}).problems
+        assert [text.partition(" ")[0] for text in problems] == [
+            "simulator.templates.0.template:",
+            "simulator.command.1:",
+        ]
+
+
+def test_a_fixed_law_without_its_minus_sign_is_asked_about(tmp_path: Path) -> None:
+    """Where no measured image tells it; a case whose calibrated material starts as bright has other units."""
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    case = yaml.safe_load(path.read_text())
+    hidden = {"measurement": {"synthetic": {"parameters": {"field": [-8.0, 4.0, 3.0, 5.0]}}}}
+
+    def asked(law: str, parameters: list[float], **more: object) -> list[str]:
+        case["materials"]["lake"] = {"law": law, "parameters": parameters}
+        path.write_text(yaml.safe_dump({**case, **hidden, **more}))
+        return [text for text in check_case([path]).warnings() if "minus" in text]
+
+    says = "  warning: materials.lake.parameters: {} gives gamma {} dB at an incidence of 45 degrees, the brightest "
+    (said,) = asked("constant_gamma", [17.0])
+    assert said == says.format("constant_gamma", 17) + (
+        "terrain of docs/landcover.md has 0 dB: is a minus sign missing?"
     )
-    problems.add([f"materials.c: bounds of X{k} are [3, 3]" for k in (1, 2, 2)])
-    assert [text.split()[4] for text in problems[:4]] == ["a_1.tif", "a_2.tif", "2.tif", "3.tif"]
-    assert [text.split()[3] for text in problems[4:]] == ["X1", "X2"]
+    assert asked("constant_gamma", [5.9]) == []
+    assert len(asked("constant_gamma", [6.1])) == 1
+    # sigma0 of 3 + 8 cos(45 degrees) = 8.66 dB is a gamma of 10.2 dB
+    assert asked("mangia", [3.0, 8.0, 0.0, 4.0])[0].startswith(says.format("mangia", 10.2))
+    assert asked("mangia", [-3.0, 8.0, 0.0, 4.0]) == []
+    field = {"calibrate": True, "bounds": [[-40, 30], [0, 30], [0, 20], [0, 20]], "start": [3.0, 8.0, 0.0, 4.0]}
+    assert asked("constant_gamma", [17.0], materials={"field": field, "lake": case["materials"]["lake"]}) == []
+    image = {"measurement": case["measurement"]}
+    assert asked("constant_gamma", [17.0], **image) == [], "fixed_levels says it"
+    assert len(asked("constant_gamma", [17.0], **image, target={"pixels": 300, "normalisation": "offset"})) == 1
+    assert len(asked("constant_gamma", [17.0], **image, stop={"max_runs": 1})) == 1, "beside a problem"
+
+
+def test_a_land_cover_of_fractions_is_one_problem(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    on_the_map(tmp_path)
+    Path("mine.yaml").write_text(ON_THE_MAP.replace("cover.tif", "dem.tif").replace("dem.tif", "cover.tif", 1))
+    (problem,) = check_case(["mine.yaml"]).problems
+    assert problem.startswith("scene.materials: dem.tif holds float32 from ")
+    assert problem.endswith(" scene.elevation: cover.tif holds whole numbers: are the two files swapped?")
 
 
 @pytest.mark.parametrize(("changes", "said"), MIXES)

@@ -113,6 +113,41 @@ def test_what_the_files_say_is_read_and_the_rest_is_marked(files: list[str]) -> 
     assert "mine.yaml: scene.vertical_datum is FILL_IN (line 9), expected its value, for exam" in run.stderr
 
 
+@pytest.mark.parametrize(
+    ("names", "lowest", "band", "polarisation", "scale"),
+    [
+        (("", "sigma0_HV"), (0.1, 0.1), 2, "HV", "FILL_IN"),
+        (("sigma0_HH", "sigma0_HV"), (-20.0, -30.0), 1, "HH", "db"),
+        (("", ""), (-20.0, 0.1), 1, "VV", "FILL_IN"),
+    ],
+)
+def test_examples_fit_a_file_of_two_bands(
+    files: list[str],
+    tmp_path: Path,
+    names: tuple[str, str],
+    lowest: tuple[float, float],
+    band: int,
+    polarisation: str,
+    scale: str,
+) -> None:
+    bands = [np.linspace(low, low + 1.0, 1200, dtype=np.float32).reshape(30, 40) for low in lowest]
+    write(tmp_path / "two.tif", bands, names)
+    assert new("mine", *files[:4], "--image", str(tmp_path / "two.tif")).exit_code == 0
+    text = Path("mine.yaml").read_text()
+    assert f"; for example band: {band}\n" in text
+    assert f"; for example polarisation: {polarisation}\n" in text
+    data = yaml.safe_load(text)["measurement"]
+    assert (data["band"], data["scale"]) == ("FILL_IN", scale)
+
+
+def test_swapped_rasters_are_asked_about(files: list[str]) -> None:
+    done = new("mine", "--elevation", files[3], "--landcover", files[1])
+    assert done.stderr == (
+        "radcal: scene.materials: dem.tif holds float32, expected whole material ids. scene.elevation: cover.tif "
+        "holds whole numbers: are the two files swapped?\n"
+    )
+
+
 def test_nothing_is_overwritten_and_wrong_answers_are_told(files: list[str]) -> None:
     Path("old.yaml").write_text("case: old\n")
     Path("mine_names.json").write_text("{}")
@@ -181,12 +216,34 @@ def test_all_wrong_answers_are_told_at_once(files: list[str]) -> None:
     assert new("mine", "--elevation", ".").stderr == "radcal: scene.elevation: . is a folder, expected a file.\n"
     done = new("mine", *files, "--material", "grass", "--material", "lake", "--fixed", "sea=-3")
     assert done.stderr.count("radcal: there is no material '") == 3
+    # a name that the land cover lacks is told beside a wrong number, of the same material and of another one
+    done = new(
+        "mine", *files, "--fixed", "sea=low", "--fixed", "lake=-15", "--fixed", "lake=-16", "--fixed", "code_7=-9"
+    )
+    assert done.stderr.splitlines() == [
+        "radcal: --fixed sea=low: expected NAME=DB such as water=-17, or NAME=LAW:X1,X2,... of its law.",
+        "radcal: --fixed lake=-16: a law of lake is given twice, expected once.",
+        "radcal: there is no material 'sea' in the land cover (known: code_2, code_7).",
+        "radcal: there is no material 'lake' in the land cover (known: code_2, code_7).",
+    ]
+    done = new("mine", *files[:2], "--fixed", "sea=low")
+    assert done.stderr.count("radcal: ") == 1, "names are not known without a land cover"
     done = new("mine", "--elevation", "dem.tif", "--landcover", write(Path("labels.tif"), [LABELS], pixel_m=None))
     assert done.stderr == (
         "radcal: scene.materials: labels.tif has no CRS and scene.elevation is given, expected land cover on the map.\n"
     )
     assert not Path("mine.yaml").exists()
     assert not Path("mine_names.json").exists()
+
+
+def test_a_level_without_its_minus_sign_is_asked_about(files: list[str]) -> None:
+    done = new("mine", *files, "--fixed", "code_2=17")
+    assert done.exit_code == 0, done.output
+    assert [line for line in done.stdout.splitlines() if "warning" in line] == [
+        "warning: --fixed code_2: constant_gamma gives gamma 17 dB at an incidence of 45 degrees, the brightest "
+        "terrain of docs/landcover.md has 0 dB: is a minus sign missing?"
+    ]
+    assert yaml.safe_load(Path("mine.yaml").read_text())["materials"]["code_2"]["parameters"] == [17]
 
 
 def test_a_case_for_a_simulation_alone_needs_no_further_answer(files: list[str]) -> None:

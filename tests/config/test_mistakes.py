@@ -62,6 +62,61 @@ def test_a_required_key_that_was_left_out_is_not_called_missing(loaded: Any) -> 
     assert "measurement.path is missing" in missing.problems[0]
 
 
+@pytest.mark.parametrize(
+    ("material", "wrong"),
+    [
+        ({"law": "tabulated", "parameters": [-9, -10], "angles_deg": "low"}, "angles_deg is 'low'"),
+        ({"law": "formula", "parameters": [-9], "names": ["a"], "formula": [1]}, "formula is [1]"),
+        ({"law": "constant_gamma", "parameters": "low"}, "parameters is 'low'"),
+        ({"law": "external", "calibrate": True, "names": ["p"], "bounds": "low"}, "bounds is 'low'"),
+        ({"law": "external", "calibrate": True, "names": [3], "bounds": [[0, 1]]}, "names.0 is 3"),
+        ({"calibrate": True, "start": {"law": "constant_gamma", "parameters": ["low"]}}, "start.parameters.0 is 'low'"),
+    ],
+)
+def test_a_key_of_a_material_that_was_left_out_is_not_called_missing(
+    loaded: Any, material: dict[str, Any], wrong: str
+) -> None:
+    command = {"kind": "command", "command": ["./sim"], "output": {"file": "image.npy", "scale": "power"}}
+    case = {"simulator": command} if material.get("law") == "external" else {}
+    (problem,) = loaded({**case, "materials": {**FIELD, "other": material}}).problems
+    assert problem.startswith(f"mine.yaml: materials.other.{wrong}, expected")
+
+
+def test_one_mistake_of_two_materials_is_told_of_both(loaded: Any) -> None:
+    """The same words about two materials, of which none may stand for the other."""
+    found = loaded({"materials": {name: {"calibrate": True, "bounds": [[0, -40] for _ in range(4)]} for name in "ab"}})
+    assert sum("a: bounds of X1 are [0, -40]" in text for text in found.problems) == 1
+    assert sum("b: bounds of X1 are [0, -40]" in text for text in found.problems) == 1
+
+
+def test_keys_of_a_sensor_that_were_left_out_are_not_called_missing(loaded: Any) -> None:
+    radar = {"sensor": "sentinel1_iw_grdh", "incidence_deg": "steep", "polarisation": "VV"}
+    first, second = loaded({"radar": radar, "materials": FIELD}).problems
+    assert "radar.incidence_deg is 'steep'" in first
+    assert second.endswith("radar: nesz_db is missing, which sensor sentinel1_iw_grdh does not give (docs/sensors.md).")
+    (alone,) = loaded({"radar": {**radar, "nesz_db": -22}, "materials": FIELD}).problems
+    assert alone == first
+
+
+def test_that_nothing_is_calibrated_is_told_unless_materials_are_wrong(loaded: Any) -> None:
+    said = "mine.yaml: materials: none is marked calibrate: true, expected at least one."
+    fixed = {"law": "constant_gamma", "parameters": [-12]}
+    assert loaded({"materials": {"a": fixed}, "measurement": IMAGE}).problems == [said]
+    (problem,) = loaded({"materials": {"a": fixed, "b": {"calibrate": True, "law": 3}}, "measurement": IMAGE}).problems
+    assert problem.startswith("mine.yaml: materials.b.law is 3")
+    assert loaded({"materials": {"a": fixed}}).problems == []  # for radcal simulate
+
+
+def test_a_section_that_was_left_out_is_not_compared_with_the_others(loaded: Any) -> None:
+    """The defaults in its place contradict what the case says elsewhere."""
+    dyke = {"law": "constant_gamma", "calibrate": True, "bounds": [[-20, 0]]}
+    found = loaded({"materials": {"dyke": dyke}, "measurement": {**IMAGE, "path": [1], "scale": 3, "radiometry": 4}})
+    assert found.without == {"measurement"}
+    assert [text.split()[1] for text in found.problems] == [
+        f"measurement.{key}" for key in ("scale", "radiometry", "path")
+    ]
+
+
 def test_a_duplicate_key_hides_no_other_mistake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("mine.yaml").write_text("seed: 1\nradar: {looks: 3}\nseed: 2\nradar: {looks: 0}\nstop: {rms: low}\n")
@@ -113,6 +168,8 @@ def test_a_material_with_a_wrong_law_still_is_a_known_name(loaded: Any) -> None:
     assert [text.partition(",")[0] for text in found.problems] == ["mine.yaml: materials.water: law is 'mangai'"]
     synthetic["parameters"] = {"field": hidden, "watre": hidden}
     found = loaded({**data, "measurement": {"synthetic": synthetic}})
+    misspelt = loaded({"mateirals": {**materials, "water": {"parameters": [-30, 6, 9, 4]}}, "target": data["target"]})
+    assert misspelt.problems == ["mine.yaml: unknown key mateirals (did you mean 'materials'?)."]
     assert found.problems[1:] == [
         "mine.yaml: measurement.synthetic.parameters.watre: no such material (did you mean 'water'?)."
     ]

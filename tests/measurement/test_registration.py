@@ -205,6 +205,17 @@ def test_contrast_is_that_under_speckle_and_beside_a_trend():
     assert np.isnan(contrast_db(patches[:30, :30]))
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("squares", [1, 2, 3, 4, 5])
+def test_contrast_of_few_rows_is_that_beside_the_mean_of_each_row(squares):
+    """Squares of 16 pixels with levels of their own; up to four rows of squares, the trend takes each row's mean."""
+    levels = np.random.default_rng(7).normal(-12.0, 2.0, (squares, 20))
+    levels += np.arange(squares)[:, None] ** 2
+    image = np.kron(levels, np.ones((16, 16))).astype(np.float32)
+    beside = np.sqrt(np.mean((levels - levels.mean(axis=1, keepdims=True)) ** 2))
+    assert contrast_db(image) == pytest.approx(beside, rel=1e-5) if squares < 5 else contrast_db(image) > beside
+
+
 def test_a_start_without_contrast_is_blamed_and_not_the_image():
     blank = speckled(np.full((192, 208), -12.0, dtype=np.float32), seed=8)
     image = speckled(ground(), seed=4)[:192, :208]

@@ -197,6 +197,25 @@ def test_passes_that_do_not_differ_are_called_so():
     )
 
 
+def test_a_pass_that_is_best_for_each_material_is_named_once():
+    left, right = row("left", 1.5), row("right", 1.0)
+    third = replace(row("left", 1.04), radar=case().radar.model_copy(update={"depression_deg": 30.0}))
+    narrow = [replace(one, material="flat", now_db=0.4, after_db=x) for one, x in ((left, 0.3), (right, 0.1))]
+    rows = [right, narrow[1], third, replace(third, material="flat", now_db=0.4, after_db=0.2), left, narrow[0]]
+    assert list(_sentences(rows))[:-1] == [
+        "slope: as good within 5 %: 30 deg right.",
+        "all materials: a pass of 45 deg right is expected to narrow the band of each material most, and all bands to "
+        "0.35 times their half-widths (geometric mean over the materials).",
+    ]
+    # no pass narrows the band of the second material, or another pass narrows it most
+    for to_right, to_left in ((0.38, 0.39), (0.3, 0.25)):
+        flat = [replace(one, after_db=x) for one, x in zip(narrow, (to_left, to_right), strict=True)]
+        said = list(_sentences([right, flat[1], left, flat[0]]))
+        assert said[0].startswith("slope: a pass of 45 deg right is expected to narrow the band most, from +-2.00 dB")
+        assert said[1].startswith("flat: no pass" if to_left == 0.39 else "flat: a pass of 45 deg left")
+        assert "a pass of 45 deg right is expected to narrow the bands most, to" in said[2]
+
+
 def test_the_pass_that_is_best_for_all_materials_is_named():
     """Factors of 0.75 and 0.25 are worth more than of 0.5 and 1, although the bands are wider in the mean."""
     left, right = row("left", 2.0, 4.0), row("right", 3.0, 4.0)

@@ -57,7 +57,7 @@ def test_a_law_is_identified_where_it_is_known_somewhere(made):
 
 def test_the_words_tell_width_and_angles():
     assert posterior().sentence(1.5) == (
-        "sigma0 is known to +-1.5 dB (90 %) between 22.25 and 39.5 degrees; outside that it is not called known."
+        "sigma0 is known to +-1.5 dB (90 %) between 23 and 39 degrees; outside that it is not called known."
     )
     narrow = posterior(known_between_deg=(12.0, 20.0), known_half_width_db=1.2)
     assert "known to +-1.2 dB (90 %) between 12 and 20" in narrow.sentence(1.5)

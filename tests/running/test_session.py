@@ -164,6 +164,9 @@ def test_the_end_says_how_to_go_on(build_case, capsys):
     Path("results/dyke/runs").mkdir()
     for name in ("a.h5", "b.h5", ".partial-c.h5"):
         (Path("results/dyke/runs") / name).touch()
+    session.messages.terminated = True
+    session.end(failed=True)
+    assert "stopped by SIGTERM. 2 finished runs are kept in results/dyke/runs; the same" in capsys.readouterr().err
     session.messages.interrupted = True
     session.end(failed=True)
     assert "stopped by Ctrl-C. 2 finished runs are kept in results/dyke/runs; " in capsys.readouterr().err

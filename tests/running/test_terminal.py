@@ -110,6 +110,21 @@ def test_ctrl_c_is_remembered_and_explains_what_follows():
     assert shown(messages, AFTERMATH[3]) is None
 
 
+def test_sigterm_is_told_once_and_explains_the_end():
+    messages = Messages(lambda: False)
+    killed = "RuleException:\nCalledProcessError in file scene.smk:\nCommand 'x' died with <Signals.SIGTERM: 15>."
+    assert shown(messages, killed) == killed
+    will_exit = "Will exit after finishing currently running jobs (scheduler)."
+    assert str(shown(messages, will_exit)).startswith("radcal: SIGTERM: the command ends as soon as the jobs that")
+    assert shown(messages, will_exit) is None
+    assert messages.terminated
+    assert not messages.interrupted
+    for text in ("Shutting down, this might take some time.", killed, *AFTERMATH[:3], AFTERMATH[4]):
+        assert shown(messages, text) is None
+    failed = killed.replace("died with <Signals.SIGTERM: 15>", "returned non-zero exit status 1")
+    assert shown(messages, failed) == failed  # as a job may fail while Snakemake waits
+
+
 @pytest.mark.parametrize("path", ["results/tiny/summary.json", "/data/my results/tiny/summary.json"])
 def test_write_protected_outputs_become_a_sentence(path):
     text = (

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sealed import changed
+from sealed import changed, flip
 
 from radcal.errors import ConfigError, DamagedError, StoreError
 from radcal.storage.inspection import SCHEMAS, inspect, set_aside
@@ -189,6 +189,23 @@ def test_another_kind_version_or_case_is_named_and_set_aside(tmp_path: Path) -> 
     with pytest.raises(DamagedError, match="written with schema 99, this radcal reads 2"):
         inspect(path, "scene")
     assert left_in(tmp_path) == ["a.damaged", "b.damaged", "c.damaged"]
+
+
+def test_a_file_of_an_earlier_schema_is_not_called_damaged(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.h5", "scene")
+    with changed(path) as file:
+        file.attrs["schema"] = SCHEMAS["scene"] - 1
+    said = f"is of an earlier version of radcal: it was written with schema 1, this radcal reads {SCHEMAS['scene']};"
+    with pytest.raises(DamagedError, match=re.escape(said)) as caught:
+        inspect(path, "scene")
+    assert "damaged" not in str(caught.value)
+    assert left_in(tmp_path) == ["a.earlier"]
+    with changed(write(tmp_path / "b.h5", "scene")) as file:
+        file.attrs["schema"] = SCHEMAS["scene"] - 1
+    flip(tmp_path / "b.h5", np.random.default_rng(3))
+    with pytest.raises(DamagedError, match="is damaged"):
+        inspect(tmp_path / "b.h5", "scene")
+    assert left_in(tmp_path) == ["a.earlier", "b.damaged"]
 
 
 def test_a_file_without_checksum_is_of_an_earlier_version(tmp_path: Path) -> None:

@@ -185,8 +185,9 @@ def test_whatever_is_missing_comes_back_and_no_run_is_repeated(finished):
     shutil.rmtree(out / "figures")
     said = ended(finished, *CASE)
     assert (
-        f"radcal: results/tiny/target.h5: was written with schema {SCHEMAS['target'] - 1}, this radcal reads "
-        f"{SCHEMAS['target']}; set aside as target.damaged; it is made again where needed (finished runs are kept)."
+        "radcal: results/tiny/target.h5: is of an earlier version of radcal: it was written with schema "
+        f"{SCHEMAS['target'] - 1}, this radcal reads {SCHEMAS['target']}; set aside as target.earlier; it is made "
+        "again where needed (finished runs are kept)."
     ) in said
     assert {name: content(out / name) for name in before} == before
     assert finished.records() == records
@@ -310,7 +311,8 @@ def test_copied_touched_and_commented_it_simulates_nothing(finished, tmp_path):
     assert copy.summary()["runs"] == summary["runs"]
 
 
-def test_ctrl_c_says_what_is_kept_and_how_to_go_on(project):
+@pytest.mark.parametrize(("number", "by"), [(signal.SIGINT, "Ctrl-C"), (signal.SIGTERM, "SIGTERM")])
+def test_a_stopped_command_says_what_is_kept_and_how_to_go_on(project, number, by):
     log = project.folder / "said.txt"
     with log.open("w") as file:
         process = subprocess.Popen(
@@ -327,12 +329,14 @@ def test_ctrl_c_says_what_is_kept_and_how_to_go_on(project):
         assert process.poll() is None, log.read_text()
         assert time.time() < deadline
         time.sleep(0.02)
-    # what a terminal does: to the whole group
-    os.killpg(process.pid, signal.SIGINT)
+    # what a terminal and a service manager do: to the whole group
+    os.killpg(process.pid, number)
     assert process.wait(120) != 0
     (said,) = re.findall(
-        r"radcal: stopped by Ctrl-C\. (\d+) finished runs are kept in results/tiny/runs; (.*)", log.read_text()
+        rf"radcal: stopped by {by}\. (\d+) finished runs are kept in results/tiny/runs; (.*)", log.read_text()
     )
+    assert "WorkflowError" not in log.read_text()
+    assert "RuleException" not in log.read_text()
     assert int(said[0]) == len(project.records()) >= 5
     assert said[1] == "the same command goes on from there."
     before = contents(project)

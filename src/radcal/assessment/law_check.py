@@ -23,7 +23,7 @@ from radcal.config.objectives import DEFAULT
 from radcal.measurement.classes import FEWEST
 from radcal.measurement.ground import Blocks, Ground
 from radcal.measurement.patches import spreads
-from radcal.measurement.pixels import IN_THE_NOISE
+from radcal.measurement.pixels import MANY_IN_NOISE, share_in_noise
 from radcal.measurement.target import Target, Targets
 from radcal.radar.texture import log_speckle_cumulants
 
@@ -31,7 +31,6 @@ __all__ = ["LawCheck", "check_laws", "texture_note"]
 
 _IDENTIFIED = 2.0  # see GroundLaw.identified
 _FOLDS = 5  # number of folds into which fields are divided
-_MANY_IN_NOISE = 0.05  # share of pixels masked as noise that a sentence states
 
 
 @dataclass(frozen=True)
@@ -283,9 +282,8 @@ def _doubts(name: str, identified: bool, binned: bool) -> list[str]:
 
 def _noise_sentences(name: str, target: Target) -> list[str]:
     """Sentence on a material of which the noise hides a part, which selects the brighter pixels near the noise."""
-    masked = target.left_out.get(IN_THE_NOISE, 0)
-    share = masked / max(masked + target.eligible, 1)
-    if share < _MANY_IN_NOISE:
+    share = share_in_noise(target.left_out, target.eligible)
+    if share < MANY_IN_NOISE:
         return []
     return [
         f"{name}: {100.0 * share:.0f} % of its pixels are masked, because they are in the noise (target.snr_db). The "

@@ -18,6 +18,7 @@ from radcal.assessment.known import (
     Level,
     Modes,
     band_of,
+    degrees,
     directions,
     known_between,
     level_words,
@@ -166,9 +167,8 @@ class Posterior:
             half = 0.5 * (curve.p95_db - curve.p05_db)
             why = why_unknown(curve.incidence_deg, half, curve.prior_half_width_db, self.seen_deg, known_db, withheld)
             return f"sigma0 is called known nowhere over the incidence seen: {why}."
-        low, high = self.known_between_deg
         return (
-            f"sigma0 is known to +-{self.known_half_width_db:.1f} dB (90 %) between {low:.4g} and {high:.4g} degrees; "
+            f"sigma0 is known to +-{self.known_half_width_db:.1f} dB (90 %) {degrees(*self.known_between_deg)}; "
             "outside that it is not called known."
         )
 

@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radcal.checking.file_problems import image_problems, is_on_map, scene_problems, swapped_hint
-from radcal.checking.outlook import hidden_ground, high_noise, low_track, outlook, time_expected
-from radcal.config import Case, Loaded, check_reuse, load_with_problems, missing_inputs, starts_as_truth
+from radcal.checking.file_problems import is_on_map, scene_problems, with_hints
+from radcal.checking.finished import kept_results
+from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, low_track, outlook, time_expected
+from radcal.checking.places import images_elsewhere
+from radcal.config import (
+    Case,
+    FileMeasurement,
+    Loaded,
+    check_reuse,
+    load_with_problems,
+    missing_inputs,
+    starts_as_truth,
+)
 from radcal.config.inputs import input_files
-from radcal.errors import ConfigError, RadcalError
+from radcal.errors import ConfigError, MissingSign, NotInScene, RadcalError, UnknownMaterial
 from radcal.reading.safe import is_safe_name
 from radcal.running.expected_memory import expected_mb
 from radcal.running.memory_and_time import Stage, memory_mb, values_of
@@ -153,39 +161,31 @@ def check_case(
     if loaded.case is None:
         nothing = ("contradictions between keys", "files, scene and measured image")
         return CaseCheck(loaded.problems, [], {}, None, {}, {}, unseen=nothing)
+    found = _checked(paths, loaded.case, loaded, results, say)
     if loaded.forward:
-        found = _checked(paths, loaded.case, loaded, results, say)
         return replace(found, runs={}, outlook=(), forward=True)
-    return _checked(paths, loaded.case, loaded, results, say)
+    kept = kept_results(found.problems, found.shape, loaded.case, results, found.files)
+    return replace(found, notes=found.notes + kept)
 
 
-class _Problems(list[str]):
+class _Problems(list[RadcalError]):
     """List of a case's problems, without duplicates and without problems that only follow from a wrong key."""
 
     def __init__(self, loaded: Loaded) -> None:
-        super().__init__(loaded.problems)
+        super().__init__(loaded.found)
         self._follows = loaded.follows
         self.unmeasured = False  # whether the measured image of a pass could not be made
 
-    def add(self, found: Iterable[str]) -> None:
+    def add(self, found: Iterable[RadcalError]) -> None:
         """Add those problems that are not in the list and do not follow from a wrong key."""
-        for text in found:
-            if _without_numbers(text) not in map(_without_numbers, self) and not self._follows(text):
-                misspelt = re.match(r"materials\.[^:]*: not in the scene.*\(did you mean '(.*)'\?\)\.$", text)
-                if misspelt:  # other sections name the material as the scene does
-                    said = (f".{misspelt[1]}: no such material", f": no material '{misspelt[1]}'")
-                    self[:] = [one for one in self if not any(words in one for words in said)]
-                self.append(text)
-
-
-def _without_numbers(text: str) -> str:
-    """Problem of a raster without its numbers, which differ between the whole file and its part in the scene."""
-    text = re.sub(r"(?<= holds )(\w+)(?: from \S+ to \S+)?, expected whole material ids.*", r"\1", text)
-    return (
-        re.sub(r"(?<![\w./])\d[\d.,]*(?:e[+-]?\d+)?(?![\w/]|\.\w)", "", text)
-        if text.startswith("measurement.")
-        else text
-    )
+        for error in found:
+            if any(str(one) == str(error) or one.about == error.about is not None for one in self):
+                continue
+            if not self._follows(error):
+                if isinstance(error.about, NotInScene) and error.about.meant is not None:
+                    other = UnknownMaterial(error.about.meant)  # other sections name the material as the scene does
+                    self[:] = [one for one in self if one.about != other]
+                self.append(error)
 
 
 def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: str | Path, say: Say) -> CaseCheck:
@@ -194,7 +194,7 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     missing = missing_inputs(case)
     problems.add(missing)
     files = {} if missing else input_files(case)
-    if case.simulator.kind == "command" and not any(text.startswith("simulator.") for text in missing):
+    if case.simulator.kind == "command":
         from radcal.simulators.command import check_command
 
         problems.add(_refused(check_command, case))
@@ -202,8 +202,7 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     notes: list[str] = []
     sections: list[str] = []
     levels: list[str] = []
-    shape, demands, peaks = None, dict[Stage, int](), dict[str, float]()
-    small = False
+    shape, demands, peaks, small = None, dict[Stage, int](), dict[str, float](), False
     if "scene" not in loaded.without:
         try:
             values = values_of(case)
@@ -213,7 +212,7 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
             if not small:
                 notes.append("the scene is large: it is read when the calibration starts, not in this check.")
         except RadcalError as error:
-            problems.add([str(error)])
+            problems.add([error])
             # a scene can be made even if, for example, the heading or a pixel spacing is wrong
             small = bool(_refused(scene_size, case.scene)) or scene_size(case.scene).resampled <= _LARGEST
     if small:
@@ -223,12 +222,15 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     if not sections:
         said, sections = _of_products(case)
         notes += said
-    if not any("is a minus sign missing" in text for text in problems):
+    if not any(isinstance(error.about, MissingSign) for error in problems):
         notes += high_noise(case.passes)
+    if not levels or case.measurement.source != "file" or case.target.normalisation != "none":
+        notes += bright_laws(case)  # else the levels are compared with those of the image
     if not problems and "measurement" not in loaded.without:
         notes += starts_as_truth(case.calibrated, [one.measurement for one in case.passes])
+    problems += images_elsewhere(problems, loaded.given)
     unseen = _unseen(loaded, shape, problems.unmeasured) if problems else ()
-    listed = [_elsewhere(text, paths) + swapped_hint(case.scene, text) for text in problems]
+    listed = [with_hints(error, case.scene, paths) for error in problems]
     return CaseCheck(
         listed, notes, files, shape, largest_runs(case), demands, peaks, case.simulator.draws, tuple(sections),
         (time_expected(case, results), *levels) if not problems else (), unseen,
@@ -246,35 +248,23 @@ def _unseen(loaded: Loaded, shape: tuple[int, int] | None, unmeasured: bool) -> 
     return (*parts, "contrast of the start image, and levels against the ranges of the laws")
 
 
-def _elsewhere(text: str, paths: Sequence[str | Path]) -> str:
-    """Problem of a missing file, with a hint if the file lies where the case file is."""
-    found = re.search(r": the file (.+) does not exist in .*, the current folder\.$", text)
-    if found is None:
-        return text
-    for folder in {Path(path).parent.absolute() for path in paths}:
-        if folder != Path.cwd() and (folder / found[1]).exists():
-            return (
-                f"{text[:-1]}; it is in {folder}, the folder of the case file, but paths are relative to the current "
-                f"folder: write {os.path.relpath(folder / found[1])}."
-            )
-    return text
-
-
 def _images_alone(case: Case, loaded: Loaded, problems: _Problems) -> None:
     """Add the problems of measured images that can be found without the scene."""
+    from radcal.measurement.sources import check_image
+
     for one in case.passes if "measurement" not in loaded.without else ():
-        if one.measurement.source == "file":
-            problems.add(image_problems(one.measurement, one.radar, one.scene.source == "raster"))
+        if isinstance(one.measurement, FileMeasurement):
+            problems.add(check_image(one.measurement, one.radar, one.scene.source == "raster"))
 
 
 _STAGES: tuple[Stage, ...] = ("scene", "geometry", "measurement", "run", "registration", "target", "report")
 
 
-def _refused(check: Any, *arguments: Any) -> list[str]:
+def _refused(check: Any, *arguments: Any) -> list[RadcalError]:
     try:
         check(*arguments)
     except RadcalError as error:
-        return [str(error)]
+        return [error]
     return []
 
 
@@ -285,15 +275,16 @@ def _made(
     from radcal.radar.projection import make_geometry
     from radcal.scene.sources import make_scene
 
-    # a material with a wrong law still is a material of the case
-    materials = list(case.materials) if loaded.materials is None else list(loaded.materials)
+    # a material with a wrong law still is a material of the case, and one that is still to be decided may have any name
+    of_file = any(key.startswith("materials") for key in loaded.wrong)
+    known = loaded.materials or (None if of_file else case.materials)
+    materials = None if known is None else list(known)
     scene = None
     say("scene ...")
     try:
         scene = make_scene(case.scene, materials, case.radar.heading_deg)
     except RadcalError as error:
-        if loaded.materials is not None or not str(error).startswith("materials"):
-            problems.add([str(error)])
+        problems.add([error])
         problems.add(scene_problems(case.scene, loaded.materials))
         with contextlib.suppress(RadcalError):  # this time without a check of the names
             scene = make_scene(case.scene, None, case.radar.heading_deg)
@@ -312,7 +303,7 @@ def _made(
             geometry = make_geometry(scene, one.radar)
             shape = shape or (int(geometry.shape[0]), int(geometry.shape[1]))
         except RadcalError as error:
-            problems.add([str(error)])
+            problems.add([error])
             notes += said
             _images_alone(one, loaded, problems)
             continue
@@ -332,7 +323,7 @@ def _measured(
     one: Case, loaded: Loaded, geometry: Geometry, scene: Scene, problems: _Problems, number: int
 ) -> Measurement | None:
     """Measured image of a pass, made in memory; None if it cannot be made or if that would take too long."""
-    from radcal.config import FileMeasurement, stages
+    from radcal.config import stages
     from radcal.measurement.sources import make_measurement
     from radcal.measurement.synthetic import check_synthetic
     from radcal.simulators.protocol import Simulator
@@ -345,7 +336,7 @@ def _measured(
     try:
         if isinstance(one.measurement, FileMeasurement):
             if not (loaded.has_geometry or is_on_map(one.measurement)):
-                problems.add(image_problems(one.measurement, one.radar, one.scene.source == "raster"))
+                _images_alone(one, loaded, problems)
                 return None
             nothing: Simulator = None  # type: ignore[assignment]  # a file needs no simulator
             return make_measurement(stage, geometry, nothing, scene, partly=number > 0)
@@ -354,7 +345,7 @@ def _measured(
             return make_measurement(stage, geometry, simulator, scene, partly=number > 0)
         check_synthetic(one.radar, one.measurement.synthetic, (geometry.shape[0], geometry.shape[1]))
     except RadcalError as error:
-        problems.add([str(error)])
+        problems.add([error])
         _images_alone(one, loaded, problems)
     return None
 
@@ -385,7 +376,7 @@ def _by_annotation(one: Case, scene: Scene) -> tuple[list[str], list[str]]:
     scene : Scene
         Scene of the case.
     """
-    from radcal.config import FileMeasurement, expand_path
+    from radcal.config import expand_path
     from radcal.measurement.acquisition import differences, radar_section
     from radcal.measurement.overpass import told
 

@@ -3,22 +3,33 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Collection
+import os
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from radcal.config import FileMeasurement, Radar, RasterScene, SceneConfig, SlantRangeScene, expand_path, vrt_folders
+from radcal.config import (
+    BuiltinScene,
+    FileMeasurement,
+    RasterScene,
+    SceneConfig,
+    SlantRangeScene,
+    expand_path,
+    load_with_problems,
+    vrt_folders,
+)
 from radcal.config.landcover import LANDCOVERS
-from radcal.errors import RadcalError
+from radcal.config.loading import listed_by, origin_of
+from radcal.errors import ConfigError, MissingFile, NotInScene, RadcalError, SceneError, UnknownMaterial
 from radcal.reading.safe import is_safe_name
-from radcal.running.file_facts import code_counts
+from radcal.running.file_facts import code_counts, swapped_hint
 
-__all__ = ["image_problems", "is_on_map", "scene_problems", "swapped_hint"]
+__all__ = ["is_on_map", "rightly_named", "scene_problems", "with_hints"]
 
 
-def scene_problems(scene: SceneConfig, materials: Collection[str] | None = None) -> list[str]:
-    """One sentence for each problem that a single file or key of section ``scene`` has.
+def scene_problems(scene: SceneConfig, materials: Collection[str] | None = None) -> list[RadcalError]:
+    """One error for each problem that a single file or key of section ``scene`` has.
 
     Parameters
     ----------
@@ -36,39 +47,33 @@ def scene_problems(scene: SceneConfig, materials: Collection[str] | None = None)
         ]
     elif isinstance(scene, SlantRangeScene):
         checks = [partial(_slant_names, scene, materials)]
-    return [text for check in checks for text in _said(check)]
+    return [error for check in checks for error in _said(check)]
 
 
-def swapped_hint(scene: SceneConfig, text: str) -> str:
-    """Question whether heights and land cover are swapped, for a problem of a land cover that holds no codes.
+def with_hints(error: RadcalError, scene: SceneConfig, paths: Iterable[str | Path]) -> str:
+    """Message of a problem, with a hint on a file that lies where the case file is, or on two files that are swapped.
 
     Parameters
     ----------
+    error : RadcalError
+        Problem.
     scene : SceneConfig
         Section ``scene``.
-    text : str
-        Problem; the hint is empty for a problem of another file, and if the raster of heights holds no bytes.
+    paths : iterable of path
+        Case files.
     """
-    if not (isinstance(scene, RasterScene) and text.startswith("scene.materials: ") and " holds float" in text):
-        return ""
-    with contextlib.suppress(RadcalError):
-        path = expand_path(scene.elevation, "scene.elevation")
-        code_counts(path)  # refuses a raster of fractions
-        return f" scene.elevation: {path} holds whole numbers: are the two files swapped?"
-    return ""
-
-
-def image_problems(config: FileMeasurement, radar: Radar, on_map: bool = True) -> list[str]:
-    """One sentence for each problem of a measured image that can be found without the scene.
-
-    Parameters
-    ----------
-    config, radar, on_map
-        Arguments of :func:`radcal.measurement.sources.check_image`.
-    """
-    from radcal.measurement.sources import check_image
-
-    return [str(error) for error in check_image(config, radar, on_map)]
+    about = error.about
+    if isinstance(about, MissingFile) and not about.path.is_absolute():
+        for folder in {Path(path).parent.absolute() for path in paths} - {Path.cwd()}:
+            if (folder / about.path).exists():
+                return (
+                    f"{str(error)[:-1]}; it is in {folder}, the folder of the case file, but paths are relative to the "
+                    f"current folder: write {os.path.relpath(folder / about.path)}."
+                )
+    elif isinstance(scene, RasterScene):
+        with contextlib.suppress(RadcalError):
+            return f"{error}{swapped_hint(expand_path(scene.elevation, 'scene.elevation'), error)}"
+    return str(error)
 
 
 def is_on_map(config: FileMeasurement) -> bool:
@@ -82,12 +87,12 @@ def is_on_map(config: FileMeasurement) -> bool:
     return False
 
 
-def _said(check: Callable[[], Any]) -> list[str]:
-    """Sentences that a check returns, or the message of the error that the check raises."""
+def _said(check: Callable[[], Any]) -> list[RadcalError]:
+    """Errors that a check returns, or the error that the check raises."""
     try:
         return list(check() or ())
     except RadcalError as error:
-        return [str(error)]
+        return [error]
 
 
 def _datum(scene: RasterScene) -> None:
@@ -103,54 +108,89 @@ def _heights(scene: RasterScene) -> None:
     check_elevation(scene)
 
 
-def _names(scene: RasterScene, materials: Collection[str] | None) -> list[str]:
+def _names(scene: RasterScene, materials: Collection[str] | None) -> list[RadcalError]:
     """Problems of the raster of materials and of the names of its codes."""
     from radcal.scene.names import landcover_names, read_names
 
-    found: list[str] = []
+    found: list[RadcalError] = []
     codes: dict[int, int] = {}
+    names: Collection[str]
     try:
         path = expand_path(scene.materials, "scene.materials")
         codes = code_counts(path)
     except RadcalError as error:
-        found, path = [str(error)], Path(scene.materials)
+        found, path = [error], Path(scene.materials)
     try:
         own = expand_path(scene.names, "scene.names") if scene.names is not None else None
-        if scene.landcover is not None:
-            known = landcover_names(scene.landcover, own, codes, path)
-            if not codes:  # the file's codes are unknown, so that any class of the land cover may occur
-                known = {code: cover.name for code, cover in LANDCOVERS[scene.landcover].items()} | (
-                    read_names(own, (), path) if own is not None else {}
-                )
+        names = _possible_names(scene)
+        if scene.landcover is not None and codes:
+            names = landcover_names(scene.landcover, own, codes, path).values()
         elif own is not None:
-            known = read_names(own, codes, path)
-        found += _unknown(known.values(), materials)
+            read_names(own, codes, path)  # refuses a code without a name
+        found += _unknown(names, materials)
     except RadcalError as error:
-        found.append(str(error))
+        found.append(error)
     return found
 
 
-def _slant_names(scene: SlantRangeScene, materials: Collection[str] | None) -> list[str]:
+def _possible_names(scene: SceneConfig) -> list[str]:
+    """Names of the materials that a scene can have, as far as they are known without its rasters."""
+    from radcal.scene.builtin import MATERIALS
+    from radcal.scene.names import read_names
+
+    if isinstance(scene, BuiltinScene):
+        return list(MATERIALS)
+    preset = LANDCOVERS[scene.landcover] if isinstance(scene, RasterScene) and scene.landcover is not None else {}
+    own = read_names(expand_path(scene.names, "scene.names"), (), Path()) if scene.names is not None else {}
+    return list(({code: cover.name for code, cover in preset.items()} | own).values())
+
+
+def rightly_named(
+    error: ConfigError, paths: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
+) -> ConfigError:
+    """Error about a misspelt name in section ``materials``, for an error about its right name in another section.
+
+    Parameters
+    ----------
+    error : ConfigError
+        Error that :func:`radcal.config.load` raised; it is returned if it is about anything else.
+    paths, overrides
+        Arguments of :func:`radcal.config.load`.
+    """
+    if isinstance(error.about, UnknownMaterial):
+        with contextlib.suppress(RadcalError):  # no file of names
+            loaded = load_with_problems(paths, overrides)
+            scene = BuiltinScene() if loaded.case is None else loaded.case.scene
+            for one in _unknown(_possible_names(scene), loaded.materials):
+                if isinstance(one.about, NotInScene) and one.about.meant == error.about.name:
+                    others = sum(other.about != error.about for other in loaded.found)
+                    more = f" (and {others} more{listed_by(paths, overrides)})" if others else ""
+                    said = f"materials.{one.about.name}: not in the scene (did you mean {one.about.meant!r}?)"
+                    return ConfigError(f"{origin_of(paths)}: {said}{more}.", one.about)
+    return error
+
+
+def _slant_names(scene: SlantRangeScene, materials: Collection[str] | None) -> list[RadcalError]:
     """Problems of the raster of labels and of their names."""
     from radcal.scene.names import read_names
     from radcal.scene.slant_range import read_labels
 
-    found: list[str] = []
+    found: list[RadcalError] = []
     present: Collection[int] = ()
     try:
         present = read_labels(scene)[1]
     except RadcalError as error:
-        found.append(str(error))
+        found.append(error)
     try:
         names = read_names(expand_path(scene.names, "scene.names"), present, Path(scene.labels))
         found += _unknown(names.values(), materials)
     except RadcalError as error:
-        found.append(str(error))
+        found.append(error)
     return found
 
 
-def _unknown(names: Collection[str], materials: Collection[str] | None) -> list[str]:
-    """One sentence for each material of the case that the scene lacks, worded as the error that the scene raises."""
+def _unknown(names: Collection[str], materials: Collection[str] | None) -> list[SceneError]:
+    """One error for each material of the case that the scene lacks, as the scene raises it."""
     from radcal.scene.names import not_in_scene
 
     return [not_in_scene(name, names, materials or ()) for name in materials or () if name not in names]

@@ -1,4 +1,4 @@
-"""Outlook on a calibration: contrast of the start image, measured levels against the laws' bounds, expected time.
+"""Outlook on a calibration: contrast of the start image, measured levels against noise and bounds, expected time.
 
 It needs no simulator run. Rough values are called rough.
 """
@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from radcal.assessment.budget import NORMAL_90
 from radcal.assessment.reach import law_range_db, level_asked_db
 from radcal.checking.file_problems import is_on_map
+from radcal.checking.hidden_by_noise import hidden_by_noise
 from radcal.config import Case, FileMeasurement, Radar, SyntheticMeasurement
+from radcal.config.landcover import brighter_than_terrain
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import LEAST_CONTRAST_DB, contrast_db
 from radcal.radar.geometry import Geometry
@@ -32,6 +34,7 @@ from radcal.scene.model import Scene
 from radcal.storage.runs import median_seconds
 
 __all__ = [
+    "bright_laws",
     "fixed_levels",
     "hidden_ground",
     "high_noise",
@@ -79,6 +82,7 @@ def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> lis
             )
     if measured is not None and isinstance(image, FileMeasurement):
         lines += fixed_levels(case, geometry, measured.image_db)
+    lines += [] if measured is None else hidden_by_noise(case, geometry, measured)
     levels = [] if measured is None else levels_against_laws(case, geometry, measured.image_db)
     rough = "levels, rough (the image is not registered, no target is drawn; noise and slopes are left out):"
     return [*lines, rough, *(f"  {line}" for line in levels)] if levels else lines
@@ -141,6 +145,20 @@ def high_noise(passes: Sequence[Case]) -> list[str]:
         for key, level in found.items()
         if level > 0
     ]
+
+
+def bright_laws(case: Case) -> list[str]:
+    """Warnings about fixed laws that are far brighter than any terrain, which a missing minus sign can cause.
+
+    Parameters
+    ----------
+    case : Case
+        The case; nothing is said if a calibrated material starts as bright, because its levels are then relative.
+    """
+    asked = {name: brighter_than_terrain(material) for name, material in case.materials.items()}
+    if any(asked[name] for name in case.calibrated):
+        return []
+    return [f"warning: materials.{name}.parameters: {text}" for name, text in asked.items() if text]
 
 
 def low_track(radar: Radar, geometry: Geometry) -> list[str]:

@@ -15,7 +15,7 @@ from radcal.config.measurement import FileMeasurement
 from radcal.config.pydantic_errors import shown
 from radcal.config.scene import BuiltinScene, RasterScene, SlantRangeScene
 from radcal.config.simulator import CommandSimulation
-from radcal.errors import ConfigError
+from radcal.errors import ConfigError, MissingFile
 from radcal.reading.rasters import RasterRefused, raster_files
 from radcal.reading.safe import MANIFEST, SafeRefused, chosen_image, is_safe_name, safe_folder, safe_images
 
@@ -60,7 +60,8 @@ def expand_path(text: str, key: str, folder: bool = False) -> Path:
         raise ConfigError(f"{key}: the file {shown(str(path), 200)} cannot be read ({error.strerror}).") from None
     if not found:
         where = "" if path.is_absolute() else f" in {Path.cwd()}, the current folder"
-        raise ConfigError(f"{key}: the file {shown(str(path), 200)} does not exist{where}.")
+        text = f"{key}: the file {shown(str(path), 200)} does not exist{where}."
+        raise ConfigError(text, MissingFile(key, path))
     if not path.is_file() and not (folder and path.is_dir()):
         raise ConfigError(f"{key}: {path} is not a file.")
     if not os.access(path, os.R_OK):
@@ -122,14 +123,14 @@ def input_files(case: Case) -> dict[str, Path]:
     return files
 
 
-def missing_inputs(case: Case) -> list[str]:
-    """Sentences on input files that :func:`input_files` would refuse, one for each file."""
+def missing_inputs(case: Case) -> list[ConfigError]:
+    """Errors about input files that :func:`input_files` would refuse, one for each file."""
     problems = []
     for source in _sources(case):
         try:
             source()
         except ConfigError as error:
-            problems.append(str(error))
+            problems.append(error)
     return problems
 
 

@@ -8,18 +8,22 @@ parameters keeps the starting law, so that its level may be wrong by many dB.
 from __future__ import annotations
 
 import itertools
+import math
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from radcal.config.materials import DEFAULT_LAW
+import numpy as np
+
+from radcal.config.materials import DEFAULT_LAW, Material
 
 __all__ = [
     "LANDCOVERS",
     "Cover",
     "LandCover",
     "StartingLevel",
+    "brighter_than_terrain",
     "landcover_remark",
     "landcover_table",
     "starting_keys",
@@ -48,6 +52,8 @@ _WORDS = {
 }
 _APART_DB = 3.0  # smallest difference of two starting levels, so that the start image shows where the materials meet
 _FEW = 5  # number of codes; any map may have so few
+_MIDDLE_DEG = 45.0  # incidence at which the gamma of a law is compared with those of terrain
+_BRIGHTER_DB = 6.0  # the source adds 5 log10(f / 10 GHz) to gamma, at most 5 dB below 100 GHz
 _UNKNOWN_DB = -15.0  # gamma if neither the name nor the map shows the terrain
 
 
@@ -277,6 +283,27 @@ def starting_levels(names: Sequence[str], taken_db: Iterable[float] = ()) -> dic
         used.append(level + away)
         found[name] = StartingLevel(level + away, terrain, away != 0.0)
     return found
+
+
+def brighter_than_terrain(material: Material) -> str:
+    """Question about a law far brighter than any terrain, which a missing minus sign can cause; empty for other laws.
+
+    Parameters
+    ----------
+    material : Material
+        Material, whose law is taken at the start; nothing is asked if only a pass or a simulator gives its curve.
+    """
+    law, brightest = material.at_start.unbound_law, max(_GAMMA_DB.values())
+    if law.needs or not law.has_curve:
+        return ""
+    phi = math.radians(_MIDDLE_DEG)
+    gamma = float(law(np.array([phi]), material.start_parameters)[0]) - 10.0 * math.log10(math.cos(phi))
+    return (
+        f"{material.at_start.law} gives gamma {gamma:.3g} dB at an incidence of {_MIDDLE_DEG:g} degrees, the brightest "
+        f"terrain of docs/landcover.md has {brightest:g} dB: is a minus sign missing?"
+        if gamma > brightest + _BRIGHTER_DB
+        else ""
+    )
 
 
 def _terrain(name: str) -> str | None:

@@ -12,12 +12,12 @@ from pydantic import ValidationError
 from radcal.config import stages
 from radcal.config.case import Case
 from radcal.config.inputs import expand_path
-from radcal.config.pydantic_errors import sentence, shown
+from radcal.config.pydantic_errors import Collected, first_error, shown
 from radcal.config.sections import MATERIALS_FROM
 from radcal.config.undecided import undecided
 from radcal.errors import ConfigError
 
-__all__ = ["case_from", "load", "load_forward", "load_measured", "origin_of", "read_cases"]
+__all__ = ["case_from", "listed_by", "load", "load_forward", "load_measured", "origin_of", "read_cases"]
 
 # sections that a forward run does not read
 _OF_CALIBRATION = (
@@ -48,7 +48,7 @@ def case_from(data: Mapping[str, Any], origin: str = "configuration") -> Case:
     try:
         return Case.model_validate(dict(data))
     except ValidationError as error:
-        raise ConfigError(sentence(error, origin, Case)) from None
+        raise first_error(error, origin, Case) from None
 
 
 def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Case:
@@ -69,13 +69,13 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     """
     data, origin = read_cases(files, overrides), origin_of(files)
     if marked := undecided(data, files):
-        where = _where(files, overrides) or "; radcal check lists them"
+        where = listed_by(files, overrides) or "; radcal check lists them"
         more = f" (and {len(marked) - 1} more{where})" if len(marked) > 1 else ""
         raise ConfigError(f"{origin}: {marked[0].text}{more}.")
     try:
         return Case.model_validate(data)
     except ValidationError as error:
-        raise ConfigError(sentence(error, origin, Case, _where(files, overrides))) from None
+        raise first_error(error, origin, Case, listed_by(files, overrides)) from None
 
 
 def load_forward(
@@ -108,12 +108,11 @@ def load_forward(
     passes = data.get("radar")
     if isinstance(passes, list):  # a case must have a measurement for each pass; a forward run reads none of them
         data["measurement"] = [{}] * len(passes)
-    ignored: list[str] = []
     try:
-        case = Case.model_validate(data, context=ignored)
+        case = Case.model_validate(data, context=Collected())
     except ValidationError as error:
-        where = _where(files, overrides) if calibrated is None else ""
-        raise ConfigError(sentence(error, origin, Case, where)) from None
+        where = listed_by(files, overrides) if calibrated is None else ""
+        raise first_error(error, origin, Case, where) from None
     for one in case.passes:
         for text in one.laws_without_pass():
             raise ConfigError(f"{origin}: {text}.")
@@ -138,19 +137,19 @@ def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | No
     ConfigError
         As for :func:`load`.
     """
-    data, found = read_cases(files, overrides), list[str]()
+    data, found = read_cases(files, overrides), Collected()
     if "measurement" not in data:
         return None
     try:
         case = Case.model_validate(data, context=found)
     except ValidationError as error:
-        raise ConfigError(sentence(error, origin_of(files), Case, _where(files, overrides))) from None
+        raise first_error(error, origin_of(files), Case, listed_by(files, overrides)) from None
     if found and case.calibrated:
-        raise ConfigError(f"{origin_of(files)}: {shown(found[0], 600)}.")
+        raise ConfigError(f"{origin_of(files)}: {shown(str(found[0]), 600)}.")
     return case
 
 
-def _where(files: Sequence[str | Path], overrides: Mapping[str, Any] | None) -> str:
+def listed_by(files: Sequence[str | Path], overrides: Mapping[str, Any] | None) -> str:
     """Words on the command that lists all mistakes; empty for several files, which it checks one by one."""
     settings = " with the same settings" if overrides else ""
     return f"; radcal check {shlex.quote(str(files[0]))}{settings} lists them all" if len(files) == 1 else ""

@@ -6,7 +6,7 @@ import itertools
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +15,10 @@ from pydantic import ValidationError
 from radcal.config.case import Case
 from radcal.config.inputs import expand_path
 from radcal.config.loading import origin_of, read_cases
-from radcal.config.pydantic_errors import WrongKey, nearest, shown, wrong_keys
+from radcal.config.pydantic_errors import Collected, WrongKey, shown, wrong_keys
 from radcal.config.sections import FURTHER
-from radcal.config.undecided import FILL_IN, undecided
-from radcal.errors import ConfigError
+from radcal.config.undecided import FILL_IN, Undecided, undecided
+from radcal.errors import ConfigError, NotInScene, RadcalError, UnknownMaterial
 
 __all__ = ["Loaded", "load_with_problems"]
 
@@ -37,37 +37,49 @@ class Loaded:
     ----------
     case : Case or None
         Case without the wrong keys, for further checks; None if the remaining keys do not make a case.
-    problems : list of str
-        One sentence for each wrong key and each contradiction between settings.
+    found : list of ConfigError
+        One error for each wrong key and each contradiction between settings.
     wrong : frozenset of str
         Keys, in dotted form, whose values were replaced by others or that were left out.
     without : frozenset of str
         Sections of the case file that were left out entirely.
     materials : tuple of str or None
-        Names of all materials in the case file, including materials with mistakes; None if a name is still ``FILL_IN``.
+        Names of all materials in the case file, including materials with mistakes; None if the file has no section
+        ``materials``, or a name is still ``FILL_IN``.
     forward : bool
         Whether the case file has neither a measurement nor a material with ``calibrate: true``, so that it is for
         ``radcal simulate``; section ``measurement`` then counts as left out.
+    given : mapping
+        Contents of the case files, with all mistakes.
     """
 
     case: Case | None
-    problems: list[str]
+    found: list[ConfigError]
     wrong: frozenset[str] = frozenset()
     without: frozenset[str] = frozenset()
     materials: tuple[str, ...] | None = None
     forward: bool = False
+    given: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def problems(self) -> list[str]:
+        """One sentence for each error."""
+        return [str(error) for error in self.found]
 
     @property
     def has_geometry(self) -> bool:
         """Whether sections ``scene`` and ``radar``, which determine the image's size, are free of mistakes."""
         return not any(key.partition(".")[0] in _OF_GEOMETRY for key in (*self.wrong, *self.without))
 
-    def follows(self, text: str) -> bool:
-        """Whether a problem follows from a wrong key that another problem already names."""
-        sections = [f"{name}." for name in self.without]
-        if re.match(r"materials\.[^:]*: not in the scene", text):  # about the name of the material, not about its law
+    def follows(self, error: RadcalError) -> bool:
+        """Whether a problem follows from a wrong key that another problem already names.
+
+        A message names the configuration keys that it is about, so that their names are looked for in it.
+        """
+        if isinstance(error.about, NotInScene):  # about the name of the material, not about its law
             return any(key.startswith(("scene.landcover", "scene.names", "scene.materials")) for key in self.wrong)
-        return any(re.search(rf"(?<![\w.]){re.escape(key)}(?!\w)", text) for key in (*self.wrong, *sections))
+        names = [rf"{re.escape(key)}(?!\w)" for key in self.wrong] + [rf"{section}\.\w" for section in self.without]
+        return any(re.search(rf"(?<![\w.]){name}", str(error)) for name in names)
 
 
 def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Loaded:
@@ -97,11 +109,12 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     data = deepcopy(given)
     for one in marked:
         _leave_out(data, one.place)
-    problems, wrong = [one.text for one in marked], {one.key for one in marked}
+    problems: dict[str, Undecided | UnknownMaterial | None] = {one.text: one for one in marked}
+    wrong = {one.key for one in marked}
     case: Case | None = None
-    contradictions: list[str] = []
+    contradictions = Collected()
     while case is None:
-        contradictions = []
+        contradictions = Collected(wrong)
         try:
             case = Case.model_validate(data, context=contradictions)
         except ValidationError as error:
@@ -112,8 +125,8 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
             found = [_blamed(data, key) for key in found]
             for key in () if mended else found:
                 _leave_out(rest, key.place)
-            problems += [key.text for key in mended or found if not _is_missed(key, wrong)]
-            wrong |= {_wrong(key) for key in mended or found if key.meant is None and key.place}
+            problems |= dict.fromkeys(key.text for key in mended or found if not _is_missed(key, wrong))
+            wrong |= {key.key for key in mended or found if key.meant is None and key.place}
             if rest == data:
                 break
             data = rest
@@ -122,12 +135,16 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     gone = {name for name in given if name not in data and name in Case.model_fields}
     forward = _is_forward(given)
     gone |= {"measurement"} if forward else set()
-    loaded = Loaded(case, [], frozenset(wrong), frozenset(gone), named, forward)
-    left = [_without(_among(text, named or ()), wrong) for text in contradictions if not loaded.follows(text)]
-    problems += [text for text in left if text and not _of_nothing(text, loaded)]
-    sentences = twice + [f"{origin_of(files)}: {shown(text, 600)}." for text in dict.fromkeys(problems)]
-    sentences += _missing_files(given, gone.intersection(given))
-    return replace(loaded, problems=sentences)
+    loaded = Loaded(case, [], frozenset(wrong), frozenset(gone), named, forward, given)
+    # of a case for radcal simulate, section materials is as good as left out: none of them need be calibrated
+    told = wrong | ({"materials"} if forward else set())
+    for each in contradictions:
+        # materials with mistakes were left out before the search for contradictions, but their names are known
+        if not (each.unknown in (named or ()) or _is_told(each.lacks, told) or loaded.follows(ConfigError(str(each)))):
+            problems.setdefault(str(replace(each, known=named or each.known)), each.about)
+    errors = [ConfigError(text) for text in twice]
+    errors += [ConfigError(f"{origin_of(files)}: {shown(text, 600)}.", about) for text, about in problems.items()]
+    return replace(loaded, found=errors + _missing_files(given, gone.intersection(given)))
 
 
 def _is_forward(given: Mapping[str, Any]) -> bool:
@@ -140,69 +157,22 @@ def _is_forward(given: Mapping[str, Any]) -> bool:
     )
 
 
-def _first_named(key: WrongKey) -> re.Match[str] | None:
-    """Match of the key that a contradiction inside section ``radar`` names first; None for other mistakes."""
-    return re.match(rf"{re.escape(key.key)}: (\w+) [(i]", key.text) if key.key.startswith("radar") else None
-
-
 def _blamed(data: dict[str, Any], key: WrongKey) -> WrongKey:
-    """Contradiction inside section ``radar`` as a mistake of the key that it names first, so that the others stay."""
-    found = _first_named(key)
-    if found is None:
-        return key
-    section = _section(data, _placed(data, key.place))
-    if not (isinstance(section, dict) and found[1] in section):
+    """Contradiction inside a section as a mistake of the key that it names first, so that the others stay."""
+    section = _section(data, _placed(data, key.place)) if key.first else None
+    if not (isinstance(section, dict) and key.first in section):
         return key  # a default value, in place of a wrong one, contradicts: the whole section is left out
-    return replace(key, place=(*key.place, found[1]), key=f"{key.key}.{found[1]}")
-
-
-def _wrong(key: WrongKey) -> str:
-    """Full name of a wrong key; an unknown key gives its own name, because the rest of its section is right."""
-    return f"{key.key}.{key.place[-1]}".lstrip(".") if key.text.startswith("unknown key") else key.key
+    return replace(key, place=(*key.place, key.first), key=f"{key.key}.{key.first}", first="")
 
 
 def _is_missed(key: WrongKey, wrong: Iterable[str]) -> bool:
-    """Whether a key is missing only because it was left out for a mistake that another problem names."""
-    blamed = _first_named(key)
-    if blamed and f"{key.key}.{blamed[1]}" in wrong:  # about the default of a key that was left out
-        return True
-    if not re.search("missing|needs", key.text):
-        return False
-    lost = {one.removeprefix(f"{key.key}.").partition(".")[0] for one in wrong if one.startswith(f"{key.key}.")}
-    return key.key in wrong or bool(lost.intersection(re.findall(r"\w+", key.text)))
+    """Whether a mistake is only the absence, or the default, of a key that was left out for another mistake."""
+    return _is_told((*key.lacks, *([f"{key.key}.{key.first}"] if key.first else [])), wrong)
 
 
-def _among(text: str, names: Sequence[str]) -> str:
-    """Contradiction about an unknown material, compared with all names in the case file; empty if it is one of them.
-
-    Materials with mistakes were left out before the contradictions were searched for, but their names are known.
-    """
-    unknown = re.match(
-        r"(?s)(.*(?:measurement\.synthetic\.\w+\.(?P<key>.*): no such material|"
-        r"target\.reference_materials: no material '(?P<item>.*)')) \((?:did you mean|known)",
-        text,
-    )
-    if unknown is None or not names:
-        return text
-    name = unknown["key"] or unknown["item"] or ""
-    return "" if name in names else f"{unknown[1]}{nearest(name, names)}"
-
-
-def _without(text: str, wrong: Iterable[str]) -> str:
-    """Contradiction that lists missing keys of a sensor, without the keys that other problems name; empty if none."""
-    found = re.match(r"radar: (\w+(?:, \w+)*(?: and \w+)?) (?:is|are) missing, which", text)
-    if found is None:
-        return text
-    named = {key.rpartition(".")[2] for key in wrong if key.startswith("radar.")}
-    left = [key for key in re.split(", | and ", found[1]) if key not in named]
-    several = f"{', '.join(left[:-1])} and {left[-1]} are" if len(left) > 1 else f"{''.join(left)} is"
-    return f"radar: {several} missing, which{text[found.end() :]}" if left else ""
-
-
-def _of_nothing(text: str, loaded: Loaded) -> bool:
-    """Whether a contradiction says only that no calibrated material is left, after wrong materials were left out."""
-    wrong = loaded.forward or any(key.startswith("materials") for key in loaded.wrong)
-    return text.startswith("materials: none is marked") and wrong
+def _is_told(keys: Iterable[str], wrong: Iterable[str]) -> bool:
+    """Whether one of the keys, or a key below it, is among those that other problems name."""
+    return any(one == key or one.startswith(f"{key}.") for key in keys for one in wrong)
 
 
 def _mend(data: dict[str, Any], key: WrongKey) -> bool:
@@ -263,8 +233,8 @@ def _leave_out(data: dict[str, Any], place: Sequence[int | str]) -> None:
             break
 
 
-def _missing_files(data: Mapping[str, Any], sections: Iterable[str]) -> list[str]:
-    """Sentences on missing files: one for each missing file that a left-out section names."""
+def _missing_files(data: Mapping[str, Any], sections: Iterable[str]) -> list[ConfigError]:
+    """Errors about missing files: one for each missing file that a left-out section names."""
     problems = []
     for name in sections:
         several = data[name] if isinstance(data[name], list) else [data[name]]
@@ -276,5 +246,5 @@ def _missing_files(data: Mapping[str, Any], sections: Iterable[str]) -> list[str
                 try:
                     expand_path(path, f"{name}.{key}", folder=True)
                 except ConfigError as error:
-                    problems.append(str(error))
+                    problems.append(error)
     return problems

@@ -14,25 +14,85 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from radcal.config.sections import EXAMPLES, FURTHER, MATERIALS_FROM, TAGS
+from radcal.errors import ConfigError, UnknownMaterial
 from radcal.radar.bands import letter_band
 
-__all__ = ["MISSING", "Contradictions", "WrongKey", "nearest", "sentence", "shown", "wrong_keys"]
+__all__ = [
+    "MISSING",
+    "Collected",
+    "Contradiction",
+    "Contradictions",
+    "WrongKey",
+    "first_error",
+    "nearest",
+    "shown",
+    "wrong_keys",
+]
 
 MISSING = "missing_because"  # type of the error for a missing key, with a reason in the message
 
 
+@dataclass(frozen=True)
+class Contradiction:
+    """Contradiction between settings of a case, with what it is about; as text, a sentence without a full stop.
+
+    Attributes
+    ----------
+    text : str
+        Sentence, to which a hint is added if a name is unknown.
+    first : str
+        Key of the section that the sentence names first, and that counts as the wrong one; may be empty.
+    lacks : tuple of str
+        Keys of the section whose absence is all that the sentence is about.
+    unknown : str
+        Name that no material has; empty if the sentence is about something else.
+    known : tuple of str
+        Names of the materials, for the hint.
+    """
+
+    text: str
+    first: str = ""
+    lacks: tuple[str, ...] = ()
+    unknown: str = ""
+    known: tuple[str, ...] = ()
+
+    @property
+    def about(self) -> UnknownMaterial | None:
+        """Unknown name, as the error of the case is about it."""
+        return UnknownMaterial(self.unknown) if self.unknown else None
+
+    def __str__(self) -> str:
+        return self.text + (nearest(self.unknown, self.known) if self.unknown else "")
+
+
 class Contradictions(ValueError):
-    """Contradictions between settings of a case.
+    """Error of one or several contradictions between settings of a case.
 
     Parameters
     ----------
-    sentences : list of str
-        One sentence for each contradiction, without a full stop.
+    *found : Contradiction or str
+        Contradictions; a text is about nothing that other code asks for, apart from the next parameters.
+    first, lacks
+        As for :class:`Contradiction`, of each text in ``found``.
     """
 
-    def __init__(self, sentences: list[str]) -> None:
-        super().__init__(sentences[0])
-        self.sentences = sentences
+    def __init__(self, *found: Contradiction | str, first: str = "", lacks: tuple[str, ...] = ()) -> None:
+        self.found = [one if isinstance(one, Contradiction) else Contradiction(one, first, lacks) for one in found]
+        super().__init__(str(self.found[0]))
+
+
+class Collected(list[Contradiction]):
+    """Contradictions that a validation puts into its context instead of failing, so that the caller gets the case.
+
+    Parameters
+    ----------
+    told : collection of str
+        Keys, in dotted form, that were left out because of other mistakes: they are not called missing.
+    """
+
+    def __init__(self, told: Iterable[str] = ()) -> None:
+        super().__init__()
+        self.told = frozenset(told)
 
 
 def shown(text: str, most: int = 60) -> str:
@@ -96,8 +156,8 @@ def _of_kind(match: re.Match[str]) -> str:
     return {"dictionary": "keys and values", "tuple": "a list"}[match[1]]
 
 
-def sentence(error: ValidationError, origin: str, root: type[BaseModel], where: str = "") -> str:
-    """Error message of one sentence about the first problem in a validation error.
+def first_error(error: ValidationError, origin: str, root: type[BaseModel], where: str = "") -> ConfigError:
+    """Error with a message of one sentence about the first problem in a validation error.
 
     Parameters
     ----------
@@ -112,7 +172,7 @@ def sentence(error: ValidationError, origin: str, root: type[BaseModel], where: 
     """
     first, *others = wrong_keys(error, root)
     more = f" (and {len(others)} more{where})" if others else ""
-    return f"{origin}: {shown(first.text, 600)}{more}."
+    return ConfigError(f"{origin}: {shown(first.text, 600)}{more}.", first.about)
 
 
 @dataclass(frozen=True)
@@ -127,12 +187,18 @@ class WrongKey:
         Location as pydantic gives it: the sections that contain the key, from outside to inside, and the key; empty for
         a contradiction between settings.
     key : str
-        Key in dotted form, or the section around an unknown key.
+        Key in dotted form.
     meant : str or None
         Known key that is most similar to an unknown key.
     choices : tuple of str
         Allowed values of the key, beginning with the one most similar to the value found; empty if they cannot be
         listed.
+    first : str
+        As in :class:`Contradiction`.
+    lacks : tuple of str
+        Keys in dotted form whose absence is all that the sentence is about.
+    about : UnknownMaterial or None
+        As in :class:`radcal.errors.RadcalError`.
     """
 
     text: str
@@ -140,21 +206,26 @@ class WrongKey:
     key: str = ""
     meant: str | None = None
     choices: tuple[str, ...] = ()
+    first: str = ""
+    lacks: tuple[str, ...] = ()
+    about: UnknownMaterial | None = None
 
 
 def wrong_keys(error: ValidationError, root: type[BaseModel]) -> list[WrongKey]:
-    """List of the problems in a validation error, one for each key; parameters as for :func:`sentence`."""
+    """List of the problems in a validation error, one for each key; parameters as for :func:`first_error`."""
     # A misspelt required key gives two errors, an unknown key and a missing key: the unknown key comes first.
     details = sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden")
     found: dict[str, WrongKey] = {}
     for detail in map(_whole_list, details):
-        several = getattr(detail.get("ctx", {}).get("error"), "sentences", None)
-        key = _key(detail["loc"])
-        if several is None:
+        several = detail.get("ctx", {}).get("error")
+        place, key = detail["loc"], _key(detail["loc"])
+        if not isinstance(several, Contradictions):
             # the errors of all alternatives of one key count as one problem
             found.setdefault(key, _wrong_key(detail, root))
-        else:
-            found |= {text: WrongKey(f"{key}: {text}", detail["loc"], key) for text in several}
+            continue
+        for one in several.found:
+            text, lacks = f"{key}: {one}", tuple(f"{key}.{name}" for name in one.lacks)
+            found[text] = WrongKey(text, place, key, first=one.first, lacks=lacks, about=one.about)
     return list(found.values())
 
 
@@ -171,7 +242,7 @@ def _wrong_key(detail: ErrorDetails, root: type[BaseModel]) -> WrongKey:
     place, text, value = detail["loc"], _text(detail, root), detail["input"]
     last = str(place[-1]) if place else ""
     if detail["type"] == "extra_forbidden":
-        return WrongKey(text, place, _key(place[:-1]), meant=_meant(detail, root))
+        return WrongKey(text, place, f"{_key(place[:-1])}.{last}", meant=_meant(detail, root))
     key = _key(place)
     if detail["type"] in ("union_tag_invalid", "union_tag_not_found"):
         tag = TAGS[key.partition(".")[0]]
@@ -186,7 +257,8 @@ def _wrong_key(detail: ErrorDetails, root: type[BaseModel]) -> WrongKey:
     else:
         choices = []
     near = difflib.get_close_matches(str(value), choices, n=1, cutoff=0.0)
-    return WrongKey(text, place, key, choices=(*near, *(one for one in choices if one not in near)))
+    lacks = (key,) if detail["type"] in ("missing", MISSING) else ()
+    return WrongKey(text, place, key, choices=(*near, *(one for one in choices if one not in near)), lacks=lacks)
 
 
 def _meant(detail: ErrorDetails, root: type[BaseModel]) -> str | None:

@@ -20,6 +20,7 @@ from pydantic import (
 
 from radcal.config.angles import depression_deg, incidence_deg
 from radcal.config.limits import Altitude, Decibels, Frequency, Length, Looks, Real
+from radcal.config.pydantic_errors import Collected, Contradiction, Contradictions
 from radcal.config.sections import Section
 from radcal.config.sensors import SENSORS, SensorName
 from radcal.radar.bands import within_band
@@ -130,13 +131,15 @@ class Radar(Section):
         sensor = SENSORS.get(name) if isinstance(name, str) else None
         if sensor is None:
             return data
-        if missing := sensor.missing(data):
+        collected = info.context if isinstance(info.context, Collected) else Collected()
+        told = {key.rpartition(".")[2] for key in collected.told if key.startswith("radar.")}
+        if missing := [key for key in sensor.missing(data) if key not in told]:
             *others, last = missing
             several = f"{', '.join(others)} and {last} are" if others else f"{last} is"
             text = f"{several} missing, which sensor {name} does not give (docs/sensors.md)"
-            if not isinstance(info.context, list):
+            if collected is not info.context:
                 raise ValueError(text)
-            info.context.append(f"radar: {text}")  # the caller collects contradictions and wants the case
+            collected.append(Contradiction(f"radar: {text}"))
         return {**sensor.values_at(_centre_incidence_deg({**sensor.values_at(90.0), **data})), **data}
 
     @model_validator(mode="after")
@@ -144,25 +147,29 @@ class Radar(Section):
         given = self.model_fields_set
         if self.incidence_deg is not None:
             if "depression_deg" in given:
-                raise ValueError(
+                raise Contradictions(
                     f"depression_deg ({self.depression_deg:g}) and incidence_deg ({self.incidence_deg:g}) are both "
-                    "given, expected one of them"
+                    "given, expected one of them",
+                    first="depression_deg",
                 )
             if self.earth == "flat":
-                raise ValueError(
+                raise Contradictions(
                     f"incidence_deg is {self.incidence_deg:g} and earth is flat, expected earth: curved, or "
-                    f"depression_deg: {90.0 - self.incidence_deg:g} instead of incidence_deg"
+                    f"depression_deg: {90.0 - self.incidence_deg:g} instead of incidence_deg",
+                    first="incidence_deg",
                 )
             if self.maybe_in_km:
-                raise ValueError(
+                raise Contradictions(
                     f"altitude_m is {self.altitude_m:g} beside incidence_deg {self.incidence_deg:g}, expected metres: "
                     f"{1000.0 * self.altitude_m:g} if the track is {self.altitude_m:g} km high, or for an aircraft "
-                    f"depression_deg: {90.0 - self.incidence_deg:g} instead of incidence_deg"
+                    f"depression_deg: {90.0 - self.incidence_deg:g} instead of incidence_deg",
+                    first="altitude_m",
                 )
         elif self.earth == "curved" and not self.centre_incidence_deg < _STEEPEST:
-            raise ValueError(
+            raise Contradictions(
                 f"depression_deg is {self.depression_deg:g}, at which a track at altitude_m {self.altitude_m:g} sees "
-                f"the curved earth at an incidence of {_STEEPEST:g} degrees or not at all, expected a larger one"
+                f"the curved earth at an incidence of {_STEEPEST:g} degrees or not at all, expected a larger one",
+                first="depression_deg",
             )
         return self
 
@@ -242,9 +249,10 @@ class Radar(Section):
         for way in ("range", "azimuth"):
             resolution, spacing = getattr(self, f"{way}_resolution_m"), getattr(self, f"{way}_spacing_m")
             if resolution > _COARSEST * spacing:
-                raise ValueError(
+                raise Contradictions(
                     f"{way}_resolution_m is {resolution:g}, expected at most {_COARSEST:g} times {way}_spacing_m "
-                    f"({spacing:g})"
+                    f"({spacing:g})",
+                    first=f"{way}_resolution_m",
                 )
         return self
 
@@ -252,8 +260,9 @@ class Radar(Section):
     def _one_band(self) -> Self:
         if self.frequency_ghz is not None and within_band(self.band, self.frequency_ghz * 1e9) is False:
             in_mhz = within_band(self.band, self.frequency_ghz * 1e6)
-            raise ValueError(
+            raise Contradictions(
                 f"frequency_ghz is {self.frequency_ghz:g}, which is not in band {self.band!r}: correct one of them"
-                + f" (in MHz? {self.frequency_ghz / 1000.0:g} GHz)" * bool(in_mhz)
+                + f" (in MHz? {self.frequency_ghz / 1000.0:g} GHz)" * bool(in_mhz),
+                first="frequency_ghz",
             )
         return self

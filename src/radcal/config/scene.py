@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from radcal.config.landcover import LandCover
 from radcal.config.limits import Coordinate, Decibels, Integer, Length, Real, Seed
+from radcal.config.pydantic_errors import Contradictions
 from radcal.config.sections import Section
 from radcal.scene.objects import check_curve
 
@@ -155,7 +156,9 @@ class RasterScene(Section):
                 f"elevation and materials are the same file {self.elevation}, expected heights and material ids"
             )
         if self.names is None and self.landcover is None:
-            raise ValueError("names is missing, expected a file of names, or landcover")
+            raise Contradictions(
+                "names is missing, expected a file of names, or landcover", lacks=("names", "landcover")
+            )
         return self
 
     @model_validator(mode="after")

@@ -68,7 +68,7 @@ EXAMPLES: Mapping[str, str] = {
     "scene.near_incidence_deg": "22.5",
     "scene.far_incidence_deg": "41",
     "measurement.path": "data/image.tif",
-    "measurement.band": "2",
+    "measurement.band": "1",
     "measurement.scale": "power",
     "measurement.radiometry": "gamma0",
     "radar.radiometry": "gamma0",

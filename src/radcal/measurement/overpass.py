@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement, Radar
-from radcal.errors import MeasurementError
+from radcal.errors import MeasurementError, NoCommonPlace
 from radcal.measurement.acquisition import Acquisition
 from radcal.measurement.annotation import Swath
 from radcal.measurement.georeference import places_on_ground
@@ -82,7 +82,8 @@ def seen_from(product: Product, scene: Scene, ground: NDArray[np.float32]) -> Se
         raise MeasurementError(
             f"measurement.path: {product.path} covers no place of the scene's image, which lies around "
             f"{np.median(latitude):.4f} degrees north, {np.median(longitude):.4f} degrees east: expected an image of "
-            "the same area."
+            "the same area.",
+            NoCommonPlace(),
         )
     line, pixel = np.full(shown.shape, np.nan), np.full(shown.shape, np.nan)
     line[shown], pixel[shown] = at_line, at_pixel

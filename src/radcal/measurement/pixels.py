@@ -18,10 +18,20 @@ from radcal.measurement.model import Measurement
 if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
 
-__all__ = ["IN_THE_NOISE", "MINIMUM_PIXELS", "Eligible", "eligible_pixels", "noise_limited", "point_targets"]
+__all__ = [
+    "IN_THE_NOISE",
+    "MANY_IN_NOISE",
+    "MINIMUM_PIXELS",
+    "Eligible",
+    "eligible_pixels",
+    "noise_limited",
+    "point_targets",
+    "share_in_noise",
+]
 
 MINIMUM_PIXELS = 50
 IN_THE_NOISE = "in the noise"  # reason for masking
+MANY_IN_NOISE = 0.05  # share of pixels masked as noise that a sentence states
 _LEVEL_PX = 9  # window of the local level
 _GUARD_PX, _REACH_PX = 3, 10  # half-widths of the area next to a point target, and of the area compared with it
 _FALSE_ALARMS = 1e-8
@@ -74,6 +84,20 @@ def noise_limited(image_db: NDArray[np.float32], noise_db: NDArray[np.float64], 
     """
     level = _local_power(10.0 ** (image_db.astype(np.float64) / 10.0), (_LEVEL_PX, _LEVEL_PX))
     return np.asarray(level < 10.0 ** (noise_db[:, None] / 10.0) * (1.0 + 10.0 ** (snr_db / 10.0)))
+
+
+def share_in_noise(masked: Mapping[str, int], eligible: int) -> float:
+    """Share of a material's pixels that are masked as noise, among these and the pixels from which a target is drawn.
+
+    Parameters
+    ----------
+    masked : mapping
+        Number of masked pixels by reason.
+    eligible : int
+        Number of pixels from which the target's pixels are drawn.
+    """
+    hidden = masked.get(IN_THE_NOISE, 0)
+    return hidden / max(hidden + eligible, 1)
 
 
 def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> NDArray[np.bool_]:

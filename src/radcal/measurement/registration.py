@@ -102,7 +102,8 @@ def contrast_db(image_db: NDArray[np.float32]) -> float:
     if np.count_nonzero(whole) <= 2 * (_TREND + 1):
         return float("nan")
     row = np.nonzero(whole)[0] / max(rows - 1, 1)
-    left, right = (half[whole] - np.polynomial.Polynomial.fit(row, half[whole], _TREND)(row) for half in halves)
+    degree = min(_TREND, len(np.unique(row)) - 1)  # a polynomial of a higher degree is not determined
+    left, right = (half[whole] - np.polynomial.Polynomial.fit(row, half[whole], degree)(row) for half in halves)
     return float(np.sqrt(max(0.0, float(np.mean(left * right)))))
 
 

@@ -15,7 +15,7 @@ from scipy.ndimage import map_coordinates
 from radcal import skewnormal
 from radcal.config import FileMeasurement, Radar, TargetConfig, expand_path, stages, vrt_folders
 from radcal.config.measurement import RADIOMETRY_EXPECTED
-from radcal.errors import FitError, MeasurementError, RadcalError
+from radcal.errors import FitError, MeasurementError, MissingSign, RadcalError
 from radcal.measurement.georeference import (
     check_spacing,
     is_georeferenced,
@@ -212,7 +212,8 @@ def _noise_above(measurement: Measurement, noise_db: NDArray[np.float64], radar:
     return MeasurementError(
         f"radar.nesz_db{given}: this noise of {noise:.3g} dB lies above the mean level of {measurement.source}, "
         f"{level:.3g} dB, which contains the noise, expected a smaller radar.nesz_db{sign}, for an image without noise "
-        "far below this level, or another measurement.scale."
+        "far below this level, or another measurement.scale.",
+        MissingSign("radar.nesz_db") if sign else None,
     )
 
 

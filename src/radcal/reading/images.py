@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.errors import RadcalError
+from radcal.errors import RadcalError, WrongNumbers
 from radcal.reading.intake import LARGEST_VALUES, bounded_memory, unchanged
 
 __all__ = [
@@ -90,9 +90,13 @@ class ImageFile:
     impossible_share: float = 0.0
     folders: tuple[Path, ...] = ()
 
-    def refused(self, text: str) -> RadcalError:
-        """Exception about the content of the file; the message consists of the configuration key and ``text``."""
-        return self.error(f"{self.section}.{self.key}: {text}")
+    def refused(self, text: str, what: str = "") -> RadcalError:
+        """Exception about the content of the file; the message consists of the configuration key and ``text``.
+
+        ``what`` says in a word what the numbers are, if the message has numbers that differ in parts of the file.
+        """
+        key = f"{self.section}.{self.key}"
+        return self.error(f"{key}: {text}", WrongNumbers(key, self.path, what) if what else None)
 
     def asked(self, key: str, text: str) -> RadcalError:
         """Exception about an option ``key`` that does not match the file; ``text`` starts with the option's value."""
@@ -170,7 +174,8 @@ def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]
         if negative > (_NEGATIVE_SHARE * np.count_nonzero(finite) if scale == "power" else 0):
             raise file.refused(
                 f"{negative} of {np.count_nonzero(finite)} values of {path} are negative, which {scale} cannot be: if "
-                f"the file is in dB, set {file.section}.scale: db."
+                f"the file is in dB, set {file.section}.scale: db.",
+                "negative",
             )
         zero = size == 0
         factor = 10.0 if scale == "power" else 20.0
@@ -186,7 +191,7 @@ def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]
         impossible=impossible,
     )
     if not np.isfinite(image).any():
-        raise file.refused(f"{path} holds no power: {counts.zero:,} of its pixels are 0.")
+        raise file.refused(f"{path} holds no power: {counts.zero:,} of its pixels are 0.", "zero")
     return image, counts
 
 
@@ -199,7 +204,8 @@ def _without_impossible(image: NDArray[np.float32], file: ImageFile) -> int:
         raise file.refused(
             f"{file.path} holds {extreme:.4g} dB and {count:,} of {known:,} values like it, expected within "
             f"+-{LARGEST_DB:g} dB: most likely {file.section}.scale is not {file.options.scale}, or no-data is not "
-            "declared as such."
+            "declared as such.",
+            "impossible",
         )
     image[wrong] = np.nan
     return count

@@ -336,33 +336,41 @@ def _table(rows: Sequence[Advised]) -> Iterator[str]:
 
 
 def _sentences(rows: Sequence[Advised]) -> Iterator[str]:
-    """Sentences that name the best further pass for each material."""
-    for name in dict.fromkeys(row.material for row in rows):
-        own = sorted((row for row in rows if row.material == name), key=lambda row: row.after_db)
-        best, *others = own
-        over = f"between {best.over_deg[0]:.1f} and {best.over_deg[1]:.1f} degrees"
-        equal = [row.name for row in others if row.after_db <= EQUAL * best.after_db]
-        if best.after_db > LITTLE * best.now_db:
-            yield f"{name}: no pass of the table is expected to narrow the band by a tenth {over}."
-        elif others and len(equal) == len(others):
-            yield (
-                f"{name}: {_ALIKE}: each is expected to narrow the band from +-{best.now_db:.2f} dB to "
-                f"{_range('+-{:.2f} dB', best.after_db, own[-1].after_db)} (mean half-width {over})."
-            )
-        else:
-            yield (
-                f"{name}: a pass of {best.name} is expected to narrow the band most, from +-{best.now_db:.2f} dB to "
-                f"+-{best.after_db:.2f} dB (mean half-width {over})."
-            )
-            if equal:
-                yield f"{name}: as good within 5 %: {', '.join(equal)}."
+    """Sentences that name the best further pass: for each material, and once if it is the same for all materials."""
     passes = list(_passes(rows))
-    if len(passes[0]) > 1:
-        yield _sentence_on_all(passes)
+    by_material = {name: list(_on_material(name, rows)) for name in dict.fromkeys(row.material for row in rows)}
+    on_all = [_sentence_on_all(passes)] * (len(by_material) > 1)
+    most = f": a pass of {passes[0][0].name} is expected to narrow the band"
+    if on_all and all(most in said[0] for said in (*by_material.values(), on_all)):
+        on_all = [on_all[0].replace(" the bands most,", " the band of each material most, and all bands")]
+        by_material = {name: said[1:] for name, said in by_material.items()}
+    yield from itertools.chain(*by_material.values(), on_all)
     yield (
         "Expected of a linear-Gaussian model with the draws of the posterior: a law that does not fit, an image that "
         "cannot be registered or a wrong level are not part of it."
     )
+
+
+def _on_material(name: str, rows: Sequence[Advised]) -> Iterator[str]:
+    """Sentences that name the best further pass for one material."""
+    own = sorted((row for row in rows if row.material == name), key=lambda row: row.after_db)
+    best, *others = own
+    over = f"between {best.over_deg[0]:.1f} and {best.over_deg[1]:.1f} degrees"
+    equal = [row.name for row in others if row.after_db <= EQUAL * best.after_db]
+    if best.after_db > LITTLE * best.now_db:
+        yield f"{name}: no pass of the table is expected to narrow the band by a tenth {over}."
+    elif others and len(equal) == len(others):
+        yield (
+            f"{name}: {_ALIKE}: each is expected to narrow the band from +-{best.now_db:.2f} dB to "
+            f"{_range('+-{:.2f} dB', best.after_db, own[-1].after_db)} (mean half-width {over})."
+        )
+    else:
+        yield (
+            f"{name}: a pass of {best.name} is expected to narrow the band most, from +-{best.now_db:.2f} dB to "
+            f"+-{best.after_db:.2f} dB (mean half-width {over})."
+        )
+        if equal:
+            yield f"{name}: as good within 5 %: {', '.join(equal)}."
 
 
 def _sentence_on_all(passes: Sequence[Sequence[Advised]]) -> str:

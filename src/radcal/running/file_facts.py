@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from radcal.errors import ConfigError
+from radcal.errors import ConfigError, RadcalError, WrongNumbers
 from radcal.reading.arrays import is_raster
 from radcal.reading.rasters import check_blocks, open_raster
 from radcal.scene.crs import crs_of, horizontal, label, pixel_size_m, vertical_datum
@@ -18,7 +18,15 @@ from radcal.scene.crs import crs_of, horizontal, label, pixel_size_m, vertical_d
 if TYPE_CHECKING:
     from radcal.measurement.acquisition import Acquisition
 
-__all__ = ["RasterFacts", "check_overlap", "code_counts", "product_acquisition", "raster_facts"]
+__all__ = [
+    "RasterFacts",
+    "check_overlap",
+    "code_counts",
+    "landcover_codes",
+    "product_acquisition",
+    "raster_facts",
+    "swapped_hint",
+]
 
 _POLARISATIONS = ("HH", "HV", "VH", "VV")
 _SAMPLE_PX = 1024  # side of the sample from which the range of an image's numbers is read
@@ -61,6 +69,24 @@ class RasterFacts:
         ground = "" if self.pixel_m is None else f", pixels of {self.pixel_m[0]:.4g} x {self.pixel_m[1]:.4g} m"
         several = f", {len(self.bands)} bands" if len(self.bands) > 1 else ""
         return f"{self.rows} x {self.columns} pixels{several}, {where}{ground}"
+
+    @property
+    def polarised(self) -> int | None:
+        """Number of the first band, from 1, whose name is a polarisation; None if there is none."""
+        return next((k for k, name in enumerate(self.bands, start=1) if name in _POLARISATIONS), None)
+
+    def scale(self, band: int | None) -> str | None:
+        """Scale that the numbers of a band show, or those of all bands; None if they do not show it.
+
+        Parameters
+        ----------
+        band : int or None
+            Number of the band, from 1; None for all bands.
+        """
+        numbers = [self.numbers.get(k) for k in ((band,) if band is not None else range(1, len(self.bands) + 1))]
+        if all(isinstance(one, tuple) and one[0] < 0 for one in numbers):
+            return "db"
+        return "complex" if all(one == "complex" for one in numbers) else None
 
 
 @cache
@@ -187,7 +213,8 @@ def code_counts(path: Path) -> dict[int, int]:
         with open_raster(path) as raster:
             check_blocks(raster)
             if np.dtype(raster.dtypes[0]).kind not in "ui":
-                raise ConfigError(f"scene.materials: {path} holds {raster.dtypes[0]}, expected whole material ids.")
+                text = f"scene.materials: {path} holds {raster.dtypes[0]}, expected whole material ids."
+                raise ConfigError(text, WrongNumbers("scene.materials", path, raster.dtypes[0]))
             rows = max(1, _STRIP_VALUES // raster.width)
             for first in range(0, raster.height, rows):
                 strip = Window(0, first, raster.width, min(rows, raster.height - first))
@@ -199,6 +226,49 @@ def code_counts(path: Path) -> dict[int, int]:
     except Exception as error:  # as above
         raise ConfigError(f"scene.materials: {path} cannot be read as a raster ({error}).") from None
     return dict(sorted(counts.items()))
+
+
+def landcover_codes(path: Path, elevation: str | None) -> dict[int, int]:
+    """Number of pixels of each code in a land cover, without code 0.
+
+    Parameters
+    ----------
+    path : path
+        Raster of land cover.
+    elevation : str or None
+        Path of the raster of heights, which the user may have exchanged with the land cover.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, or its numbers are of no integer type.
+    """
+    try:
+        counts = code_counts(path)
+    except ConfigError as error:
+        hint = "" if elevation is None else swapped_hint(Path(elevation).expanduser(), error)
+        raise ConfigError(f"{error}{hint}", error.about) from None
+    return {code: count for code, count in counts.items() if code != 0}
+
+
+def swapped_hint(elevation: Path, error: RadcalError) -> str:
+    """Question whether heights and land cover are swapped, for a problem of a land cover that holds no codes.
+
+    Parameters
+    ----------
+    elevation : path
+        Raster of heights.
+    error : RadcalError
+        Problem; the hint is empty for a problem of another file, and if the raster of heights holds no whole numbers.
+    """
+    about = error.about
+    if not (isinstance(about, WrongNumbers) and about.key == "scene.materials" and about.what.startswith("float")):
+        return ""
+    try:
+        code_counts(elevation)  # refuses a raster of fractions
+    except ConfigError:
+        return ""
+    return f" scene.elevation: {elevation} holds whole numbers: are the two files swapped?"
 
 
 def _name(description: str | None) -> str:

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from radcal.config import Case, expand_path, load_forward, stages
 from radcal.config.loading import read_cases
-from radcal.config.pydantic_errors import shown, wrong_keys
+from radcal.config.pydantic_errors import Collected, shown, wrong_keys
 from radcal.config.undecided import undecided
 from radcal.config.yaml_file import read_case_file
 from radcal.errors import ConfigError
@@ -74,7 +74,7 @@ def _checked_materials(file: str | Path, scene: Any) -> dict[str, Any]:
         raise ConfigError(f"--materials: {path} has no section materials, expected one, as calibrated.yaml has it.")
     _refuse(f"{path}: {one.text}." for one in undecided({"materials": found}, [path]))
     try:
-        Case.model_validate({"scene": scene, "materials": found}, context=[])
+        Case.model_validate({"scene": scene, "materials": found}, context=Collected())
     except ValidationError as error:
         wrong = [key for key in wrong_keys(error, Case) if key.place[:1] == ("materials",)]
         _refuse(f"{path}: {shown(key.text, 600)}." for key in wrong)

@@ -18,7 +18,7 @@ from radcal.measurement.acquisition import radar_keys
 from radcal.radar.bands import letter_band
 from radcal.radar.speckle import WIDTH_FACTOR
 from radcal.reading.safe import is_safe_name
-from radcal.running.file_facts import RasterFacts, check_overlap, code_counts, product_acquisition, raster_facts
+from radcal.running.file_facts import RasterFacts, check_overlap, landcover_codes, product_acquisition, raster_facts
 from radcal.running.new_materials import MaterialLines, Raw, fixed_laws, material_lines, scalar
 from radcal.running.new_mistakes import Answers, mistakes_of
 from radcal.scene.crs import named_datum
@@ -82,6 +82,7 @@ class NewCase(Answers):
             self._mistakes.append(f"{path}: exists, and radcal new overwrites nothing: type another name.")
         self._tried("case", check_case_name, self.name, str(path))
         self._notes: dict[str, str] = {}
+        self._examples = dict(EXAMPLES)
         self._names: dict[int, str] = {}
         self._counts: dict[int, int] = {}
         self.undecided: list[str] = []
@@ -144,8 +145,8 @@ class NewCase(Answers):
             self._values["scene.vertical_datum"] = "local"
         if cover is not None:
             path = Path(self._values["scene.materials"]).expanduser()
-            counts = self._tried("scene.materials", code_counts, path) or {}
-            self._counts = {code: count for code, count in counts.items() if code != 0}
+            heights_of = self._values.get("scene.elevation")
+            self._counts = self._tried("scene.materials", landcover_codes, path, heights_of) or {}
             if names := self._values.get("scene.names"):
                 self._names = self._tried("scene.names", read_names, Path(names).expanduser(), self._counts, path) or {}
             else:
@@ -216,7 +217,11 @@ class NewCase(Answers):
             band = self._values["measurement.band"] = facts.bands.index(wanted) + 1
         listed = ", ".join(f"{k} {name or 'without a name'}" for k, name in enumerate(facts.bands, start=1))
         self._notes["measurement.band"] = f"bands of the file: {listed}"
+        if (scale := facts.scale(band)) is not None:
+            self._values.setdefault("measurement.scale", scale)
         if band is None:
+            if (polarised := facts.polarised) is not None:  # examples that fit together and to the file
+                self._examples |= {"measurement.band": f"{polarised}", "radar.polarisation": facts.bands[polarised - 1]}
             return
         if not 1 <= band <= len(facts.bands):
             path = self._values["measurement.path"]
@@ -228,11 +233,7 @@ class NewCase(Answers):
         if isinstance(numbers, tuple):
             low, middle, high = numbers
             self._notes["measurement.scale"] = f"the numbers run from {low:.3g} to {high:.3g}, median {middle:.3g}"
-            if low < 0:
-                self._values.setdefault("measurement.scale", "db")
-                self._notes["measurement.scale"] += ": negative ones are in dB"
-        elif numbers == "complex":
-            self._values.setdefault("measurement.scale", "complex")
+            self._notes["measurement.scale"] += ": negative ones are in dB" * (low < 0)
         depression = self._values.get("radar.depression_deg")
         if (incidence := self._values.get("radar.incidence_deg")) is not None:
             depression = 90.0 - incidence  # used here as the angle between slant range and level ground
@@ -326,9 +327,10 @@ class NewCase(Answers):
         chosen, preset = self._values.get("materials.calibrated", ()), self._values.get("scene.landcover")
         if chosen and self.forward:
             self._mistakes.append("--material names a material to calibrate, and --image none gives no image for that.")
-        fixed = self._tried("", fixed_laws, self._values.get("materials.fixed", ())) or {}
+        fixed = self._tried("", fixed_laws, self._values.get("materials.fixed", ()), self._names) or {}
         made = self._tried("", material_lines, self._names, self._counts, chosen, fixed, preset, not self.forward)
-        made = made or MaterialLines([], {}, [])
+        made = made or MaterialLines([], {}, [], [])
+        self._questions = made.questions
         self.undecided += made.undecided
         if self._synthetic:
             laws = "".join(f"\n      {scalar(name)}: {x}" for name, x in made.hidden.items()) or " {}"
@@ -361,7 +363,7 @@ class NewCase(Answers):
             said.append(f"{names}: names of {len(self._names)} codes, made up: change them there and in the case.")
         with atomic(self.path) as partial:
             partial.write_text("\n".join(self._lines(comments)) + "\n", "utf-8")
-        return [*said, f"{self.path}: written."]
+        return [*said, *self._questions, f"{self.path}: written."]
 
     def _lines(self, comments: Mapping[str, str]) -> list[str]:
         lines = [
@@ -381,7 +383,8 @@ class NewCase(Answers):
                     continue
                 # the remark on a given file describes the file's content instead of the key
                 told = name in self._notes and name in (*_FILES, "measurement.band", "measurement.scale")
-                such = f"for example {key}: {EXAMPLES[name]}" if value == FILL_IN and name in EXAMPLES else ""
+                example = self._examples.get(name) if value == FILL_IN else None
+                such = "" if example is None else f"for example {key}: {example}"
                 comment = "" if told else comments.get(name, "")
                 if name == "scene.names":  # what follows is about the option, not about the key
                     comment = comment.partition(";")[0]

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from radcal.config import FILL_IN, Case
-from radcal.config.landcover import StartingLevel, starting_keys, starting_levels
+from radcal.config.landcover import StartingLevel, brighter_than_terrain, starting_keys, starting_levels
 from radcal.config.materials import Material
 from radcal.errors import ConfigError
 from radcal.seeds import derived_rng
@@ -55,6 +55,10 @@ class Fixed:
     law: str
     parameters: tuple[float, ...]
 
+    def material(self) -> Material:
+        """Material with this law; raises a ValidationError if the law does not exist or takes other parameters."""
+        return Material(law=self.law, parameters=list(self.parameters))
+
 
 @dataclass(frozen=True)
 class MaterialLines:
@@ -68,22 +72,33 @@ class MaterialLines:
         Parameters of the hidden law of each material to calibrate, in YAML, for a synthetic image.
     undecided : list of str
         Keys without a value; a key that lacks several values is repeated.
+    questions : list of str
+        Sentences on given laws that may lack a minus sign.
     """
 
     lines: list[str]
     hidden: dict[str, str]
     undecided: list[str]
+    questions: list[str]
 
 
-def fixed_laws(words: Iterable[str]) -> dict[str, Fixed]:
+def fixed_laws(words: Iterable[str], names: Mapping[int, str]) -> dict[str, Fixed]:
     """Laws of materials by name, from words such as ``water=-17`` (gamma in dB) or ``road=mangia:-28,8,14,8``.
+
+    Parameters
+    ----------
+    words : iterable of str
+        Name and law of each material.
+    names : mapping
+        Names of the codes of the land cover; empty if they are not known.
 
     Raises
     ------
     ConfigError
-        A word has another form, the law does not exist, the law has another number or range of parameters, or two laws
-        are given for a material. The message has one line for each wrong word.
+        A word has another form, the material is not in the land cover, the law does not exist, the law has another
+        number or range of parameters, or two laws are given for a material. The message has one line for each mistake.
     """
+    words = list(words)
     found, wrong = dict[str, Fixed](), list[str]()
     for word in words:
         name, equals, said = word.partition("=")
@@ -94,16 +109,24 @@ def fixed_laws(words: Iterable[str]) -> dict[str, Fixed]:
             continue
         fixed = Fixed(law.strip() if colon else _CONSTANT, tuple(map(float, values)))
         try:
-            Material(law=fixed.law, parameters=list(fixed.parameters))
+            fixed.material()
         except ValidationError as error:
             why = error.errors()[0]["msg"].removeprefix("Value error, ").rstrip(".")
             wrong.append(f"--fixed {word}: {why}.")
         if name.strip() in found:
             wrong.append(f"--fixed {word}: a law of {name.strip()} is given twice, expected once.")
         found[name.strip()] = fixed
+    wrong += _unknown([name.strip() for name, equals, _ in (word.partition("=") for word in words) if equals], names)
     if wrong:
         raise ConfigError("\nradcal: ".join(wrong))
     return found
+
+
+def _unknown(wanted: Iterable[str], names: Mapping[int, str]) -> list[str]:
+    """Sentences on names that the land cover lacks; none if its names are not known."""
+    known = names.values()
+    missing = [name for name in dict.fromkeys(wanted) if names and name not in known]
+    return [f"there is no material {name!r} in the land cover (known: {', '.join(known)})." for name in missing]
 
 
 def material_lines(
@@ -138,10 +161,8 @@ def material_lines(
     if both := [name for name in fixed if name in chosen]:
         said = (f"{name} has --material (it is calibrated) and --fixed (it is not), expected one." for name in both)
         raise ConfigError("\nradcal: ".join(said))
-    if names and (unknown := [name for name in dict.fromkeys([*chosen, *fixed]) if name not in names.values()]):
-        known = ", ".join(names.values())
-        said = (f"there is no material {name!r} in the land cover (known: {known})." for name in unknown)
-        raise ConfigError("\nradcal: ".join(said))
+    if unknown := _unknown(chosen, names):
+        raise ConfigError("\nradcal: ".join(unknown))
     others = [name for name in names.values() if name not in chosen and name not in fixed]
     guessed = [] if calibrates or landcover else others
     presets = [starting_keys(landcover, name, {}) for name in others] if landcover else []
@@ -181,7 +202,9 @@ def material_lines(
         law = "{calibrate: true}" if calibrates else f"{{law: {_CONSTANT}, parameters: [-15]}}"
         lines += [f"  {FILL_IN}: {law}  # name of a material, and its law (docs/laws.md)"]
         undecided.append("materials")
-    return MaterialLines(lines, hidden, undecided)
+    asked = {name: brighter_than_terrain(one.material()) for name, one in fixed.items()}
+    questions = [f"warning: --fixed {name}: {text}" for name, text in asked.items() if text]
+    return MaterialLines(lines, hidden, undecided, questions)
 
 
 def _fixed_lines(fixed: Fixed | None) -> list[str]:

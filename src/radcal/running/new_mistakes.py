@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any, TypeVar
 
 from radcal.config import load_with_problems
-from radcal.config.undecided import undecided
+from radcal.config.undecided import Undecided
 from radcal.config.yaml_file import read_value
 from radcal.errors import RadcalError
 
@@ -63,8 +63,7 @@ def mistakes_of(text: str, typed: Collection[str]) -> list[str]:
     """
     # the name of the case is checked with its path; a mistake that was found leaves section materials empty
     data = {key: value for key, value in read_value(text, "radcal new").items() if key != "case" and value is not None}
-    marked = {f"{one.text}." for one in undecided(data)}
-    problems = [one.removeprefix(_ORIGIN) for one in load_with_problems([], data).problems]
-    found = [one for one in problems if one not in marked]
+    errors = [one for one in load_with_problems([], data).found if not isinstance(one.about, Undecided)]
+    found = [str(one).removeprefix(_ORIGIN) for one in errors]
     written = {f"{section}.{key}" for section, keys in data.items() if isinstance(keys, dict) for key in keys}
     return [one for one in found if one.partition(" ")[0] not in written - {*typed}] or found

@@ -217,16 +217,17 @@ class Session:
             remember(self._slurm, cluster)
 
     def end(self, failed: bool = False) -> None:
-        """Release the lock after the last job; after a failure or Ctrl-C, also print how to continue."""
+        """Release the lock after the last job; after a failure, Ctrl-C or SIGTERM, also print how to continue."""
         if self._follower is not None:
             self._follower.stop()
             self._follower = None
         self._slurm.unlink(missing_ok=True)
         self._lock.release()
         runs = self.folder / "runs"
-        if self.messages.interrupted:
+        by = "Ctrl-C" if self.messages.interrupted else "SIGTERM" if self.messages.terminated else None
+        if by is not None:
             kept = len(list(runs.glob("[!.]*.h5")))
-            _say(f"stopped by Ctrl-C. {kept} finished runs are kept in {runs}; the same command goes on from there.")
+            _say(f"stopped by {by}. {kept} finished runs are kept in {runs}; the same command goes on from there.")
         elif failed:
             _say(
                 f"stopped. Finished runs are kept in {runs}, logs in {self.folder / 'logs'}; once the cause is "

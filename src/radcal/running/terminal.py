@@ -110,6 +110,10 @@ _AFTERMATH = (
     *("Cannot restore", "Restored previous version", "Removing output files of failed job"),
 )
 _INTERRUPTED = "Terminating processes on user request"
+_TERMINATED = "Will exit after finishing currently running jobs"  # after SIGTERM
+# messages at the end after SIGTERM, and about jobs that have received SIGTERM, too
+_ENDING = ("Shutting down", "WorkflowError:\nAt least one job did not complete", *_AFTERMATH[-3:])
+_KILLED = "died with <Signals.SIGTERM"
 _PROTECTED = "ProtectedOutputException"
 _WILDCARDS = "Target rules may not contain wildcards"
 
@@ -126,22 +130,28 @@ class Messages:
     ----------
     interrupted : bool
         Whether the user has stopped Snakemake with Ctrl-C.
+    terminated : bool
+        Whether SIGTERM has stopped Snakemake, which then waits for the jobs that are running.
     """
 
     def __init__(self, explained: Callable[[], bool]) -> None:
         self._explained = explained
-        self.interrupted = False
+        self.interrupted = self.terminated = False
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Whether a log record is printed.
 
-        One sentence replaces Snakemake's text about write-protected outputs, and one its text about a target that is a
-        rule with a file for each pass or iteration.
+        One sentence replaces Snakemake's text about write-protected outputs, one its text about a target that is a rule
+        with a file for each pass or iteration, and one its text about SIGTERM.
         """
         text = str(record.msg)
         if text.startswith(_INTERRUPTED):
             self.interrupted = True
             return False
+        if text.startswith(_TERMINATED):
+            record.msg = "radcal: SIGTERM: the command ends as soon as the jobs that are running have ended."
+            told, self.terminated = self.terminated, True
+            return not told
         if text.startswith(_PROTECTED):
             record.msg = f"radcal: {_protected(text)}"
             return True
@@ -152,6 +162,8 @@ class Messages:
             )
             return True
         explained = text.startswith(_AFTERMATH) and (self.interrupted or self._explained())
+        # a job that fails for another reason is not explained by SIGTERM
+        explained |= self.terminated and (text.startswith(_ENDING) or _KILLED in text)
         return not (text.startswith(_ROUTINE) or explained)
 
 

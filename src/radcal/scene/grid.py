@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from radcal.config import RasterScene, expand_path, vrt_folders
-from radcal.errors import SceneError
+from radcal.errors import NoCommonPlace, SceneError
 from radcal.reading.intake import LARGEST_VALUES
 from radcal.reading.rasters import open_raster
 from radcal.scene.crs import METRES, crs_of, horizontal, same_place, transformer, turned, utm
@@ -60,9 +60,9 @@ class Source:
         left, bottom, right, top = self.raster.bounds
         return min(left, right), min(bottom, top), max(left, right), max(bottom, top)
 
-    def error(self, text: str) -> SceneError:
+    def error(self, text: str, about: Hashable = None) -> SceneError:
         """Error whose message is the raster's configuration key and path, followed by ``text``."""
-        return SceneError(f"{self.key}: {self.path} {text}")
+        return SceneError(f"{self.key}: {self.path} {text}", about)
 
 
 @dataclass(frozen=True)
@@ -202,7 +202,8 @@ def overlap(elevation: Source, materials: Source) -> tuple[Box, Box]:
     if _empty(of_large) or _empty(of_small):
         raise SceneError(
             f"scene.materials: {materials.path} ({_degrees(materials)}) and scene.elevation: {elevation.path} "
-            f"({_degrees(elevation)}) do not overlap."
+            f"({_degrees(elevation)}) do not overlap.",
+            NoCommonPlace(),
         )
     return (of_small, of_large) if small is elevation else (of_large, of_small)
 

@@ -79,7 +79,7 @@ class Scene:
         present = {self.names[k - 1] for k in np.unique(self.material) if k > 0}
         for name in materials:
             if name not in self.names:
-                raise SceneError(not_in_scene(name, self.names, materials))
+                raise not_in_scene(name, self.names, materials)
             if name not in present:
                 raise SceneError(f"materials.{name}: covers no cell of the scene.")
         lawless = sorted(present - set(materials))

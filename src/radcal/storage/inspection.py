@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import h5py
 from radcal.errors import DamagedError, StoreError
 from radcal.reading.intake import elsewhere
 from radcal.storage.provenance import origin
-from radcal.storage.sealing import Fault, check_hdf5, check_json
+from radcal.storage.sealing import EarlierVersion, Fault, check_hdf5, check_json
 
 __all__ = ["SCHEMAS", "check_case", "inspect", "inspect_file", "kind_of", "set_aside", "unreachable"]
 
@@ -36,6 +37,8 @@ SCHEMAS: Mapping[str, int] = {
 
 def inspect(path: str | Path, kind: str | None, most_bytes: int | None = None) -> None:
     """Inspect a file; rename the file to ``*.damaged`` if it is damaged, or of another kind, version or case.
+
+    An undamaged file of an earlier version is renamed to ``*.earlier``.
 
     Parameters
     ----------
@@ -60,7 +63,7 @@ def inspect(path: str | Path, kind: str | None, most_bytes: int | None = None) -
         try:
             inspect_file(path, kind, most_bytes)
         except Fault as fault:
-            raise set_aside(path, str(fault), number) from None
+            raise set_aside(path, str(fault), number, path.with_suffix(fault.suffix)) from None
     except OSError as error:
         raise unreachable(path, error) from error
 
@@ -74,7 +77,7 @@ def unreachable(path: Path, error: OSError) -> StoreError:
 
 
 def set_aside(path: Path, reason: str, number: int | None = None, aside: Path | None = None) -> DamagedError:
-    """Rename a file to ``*.damaged`` and return an error that states the reason and the new name.
+    """Rename a faulty file and return an error that states the reason and the new name.
 
     Parameters
     ----------
@@ -149,7 +152,10 @@ def inspect_file(path: Path, kind: str | None, most_bytes: int | None = None) ->
             "wrote it, or another case name."
         )
     if found["schema"] != SCHEMAS[kind]:
-        raise Fault(f"was written with schema {found['schema']}, this radcal reads {SCHEMAS[kind]}")
+        text = f"was written with schema {found['schema']}, this radcal reads {SCHEMAS[kind]}"
+        if isinstance(found["schema"], Integral) and int(found["schema"]) < SCHEMAS[kind]:
+            raise EarlierVersion(f"is of an earlier version of radcal: it {text}")
+        raise Fault(text)
     # the key alone identifies a run, so that every case may use its record
     if kind != "run":
         check_case(found["case"])

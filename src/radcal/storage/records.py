@@ -171,7 +171,7 @@ def read_hdf5(path: str | Path, kind: str) -> Iterator[h5py.File]:
     Raises
     ------
     DamagedError
-        The file is damaged, or of another kind, version or case; it was renamed to ``*.damaged``.
+        The file is damaged, or of another kind, version or case; it was renamed to ``*.damaged`` or ``*.earlier``.
     StoreError
         The file is missing or cannot be read; it was not renamed.
     """

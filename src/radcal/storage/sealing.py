@@ -12,7 +12,7 @@ import re
 from pathlib import Path
 from typing import IO
 
-__all__ = ["BLOCK", "Fault", "check_hdf5", "check_json", "header", "is_sealed", "seal"]
+__all__ = ["BLOCK", "EarlierVersion", "Fault", "check_hdf5", "check_json", "header", "is_sealed", "seal"]
 
 BLOCK = 512
 """Length of the user block [bytes]; HDF5 allows no smaller user block."""
@@ -25,7 +25,21 @@ _CHUNK = 1 << 20
 
 
 class Fault(Exception):
-    """Fault found in a file; its text is the predicate of a sentence about the file, such as "is damaged"."""
+    """Fault found in a file; its text is the predicate of a sentence about the file, such as "is damaged".
+
+    Attributes
+    ----------
+    suffix : str
+        Suffix of the name under which the file is set aside.
+    """
+
+    suffix = ".damaged"
+
+
+class EarlierVersion(Fault):
+    """Layout of an undamaged file that an earlier version of radcal wrote."""
+
+    suffix = ".earlier"
 
 
 def header(total: str, size: int) -> bytes:
@@ -52,7 +66,7 @@ def check_hdf5(handle: IO[bytes], size: int, whole: bool) -> None:
     """
     first = handle.read(BLOCK)
     if first.startswith(_SIGNATURE):
-        raise Fault("has no checksum (an earlier version wrote it)")
+        raise EarlierVersion("has no checksum: an earlier version of radcal wrote it")
     match = _HEADER.match(first) if len(first) == BLOCK else None
     if match is None:
         raise Fault("is damaged (its first 512 bytes are no header)")

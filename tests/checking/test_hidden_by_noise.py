@@ -1,0 +1,73 @@
+"""Materials that lie in the noise, on a scene of 40 x 40 cells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.ndimage import binary_dilation
+
+from radcal.checking.hidden_by_noise import hidden_by_noise
+from radcal.checking.outlook import outlook
+from radcal.config import Case
+from radcal.measurement.model import Measurement
+from radcal.radar.projection import make_geometry
+from radcal.scene.model import Scene
+
+NOISE = 0.01  # -20 dB
+
+
+@pytest.mark.parametrize(
+    ("dark", "snr_db", "share", "meaning"),
+    [
+        (0.2, 0.0, 16.0, "sigma0 may be found too high where the ground is darkest."),
+        (0.9, 0.0, 88.0, "set it fixed (materials.dyke: calibrate: false, with parameters), or use a pass with lower"),
+        (0.2, 3.0, 20.4, "set it fixed"),  # asks for 3 times the noise, where 0 dB ask for twice
+        (0.07, 0.0, None, ""),  # 4 %
+    ],
+)
+def test_a_material_in_the_noise_is_told(
+    build_scene: Callable[..., Scene],
+    build_case: Callable[..., Case],
+    dark: float,
+    snr_db: float,
+    share: float | None,
+    meaning: str,
+) -> None:
+    """Part of a dyke at 1.5 times the noise, the rest at 4 times; other ground that is calibrated, at 10 times."""
+    material = np.where(np.arange(40) < 22, 1, 2).astype(np.uint8) * np.ones((40, 1), dtype=np.uint8)
+    scene = build_scene(lambda east, north: 0 * east, names=("dyke", "grass"), material=material)
+    law = {"calibrate": True, "start": [10.0, 14.0, 6.0, 4.0]}
+    case = build_case(
+        materials={"dyke": law, "grass": law},
+        radar={"nesz_db": -20.0, "radiometry": "sigma0_ref", "azimuth_spacing_m": 2.0, "azimuth_resolution_m": 2.8},
+        target={"snr_db": snr_db, "leave_out_point_targets": False},  # an image without speckle is one step
+    )
+    geometry = make_geometry(scene, case.radar)
+    columns = geometry.shape[1]
+    assert columns == 100
+    along = np.where(np.arange(columns) < dark * columns, 1.5, 4.0) * NOISE
+    power = np.where(geometry.material == 1, along, 10.0 * NOISE)
+    power[binary_dilation(geometry.material == 1, iterations=9) & (geometry.material != 1)] = np.nan
+    measured = Measurement((10.0 * np.log10(power)).astype(np.float32), "a.tif")
+    said = hidden_by_noise(case, geometry, measured)
+    if share is None:
+        assert said == []
+        return
+    # the mean of 9 columns exceeds twice the noise with 2 columns at 4 times the noise, three times with 6; the first
+    # and the last of 100 columns border on other ground
+    level = 10.0 * np.log10((1.5 * dark + 4.0 * (1.0 - dark)) * NOISE)
+    (line,) = said
+    assert line.startswith(
+        f"warning: materials.dyke: {share:.0f} % of its pixels in the measured image (a.tif) are in the noise and will "
+        f"be masked (less than target.snr_db, {snr_db:g} dB, above the noise): the mean level of the material is "
+        f"{level:.1f} dB with noise, the noise alone (radar.nesz_db) -20.0 dB."
+    )
+    assert meaning in line
+    assert line in outlook(case, geometry, measured)
+    assert hidden_by_noise(case.model_copy(update={"target": _offset(case)}), geometry, measured) == []
+
+
+def _offset(case: Case) -> object:
+    return case.target.model_copy(update={"normalisation": "offset"})
