@@ -125,6 +125,14 @@ def test_a_floor_less_than_a_tenth_below_the_best_is_not_explored(edge):
     assert proposal.mode == "exploit"
 
 
+def test_a_floor_that_keeps_the_stop_criterion_from_being_met_is_explored(edge):
+    """The same floor, where the objective's stop asks for less: another run at the best X would tell nothing."""
+    unit, rms = edge
+    found = search(BEYOND, Exact((unit,), error=0.012))
+    found.objective.leaves_open = lambda floor, best: floor < 0.995 * best
+    assert found.propose(QUICK, 1, scored(unit, rms)).mode == "explore"
+
+
 def test_standard_errors_count_in_the_scale_of_the_objective():
     """Of mean, log sd and skewness: sd, 1 / sqrt(2) and sqrt(6)."""
     found = search(REACHABLE, Exact(error=0.2)).uncertainty(np.array([0.3, 0.4, 0.3]))

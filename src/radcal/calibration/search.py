@@ -26,7 +26,6 @@ _SCREENED = 1024
 _BRANCHES = 4  # roundings of whole-number parameters from which the search continues
 _CERTAIN = 1e-14  # sum of squares that counts as zero
 _NO_COST = 1e-9
-_CLEARLY = 0.9  # share of the best verified cost; a floor above this share is not worth a run
 
 
 class Search:
@@ -318,8 +317,8 @@ class Search:
             return told(point, "exploit")  # no floor: a surrogate of (xi, omega, alpha) has no standard errors
         hopeful, floor = self.minimum([first, there, point], seed, _FAVOUR)
         floor = min(floor, cost)
-        better = _CLEARLY * best.cost
-        if floor < better and not (cost < better and self._fresh(point)):
+        leaves_open = partial(self.objective.leaves_open, best=best.cost)
+        if leaves_open(floor) and not (leaves_open(cost) and self._fresh(point)):
             return told(hopeful, "explore", floor=floor)
         return told(point, "exploit", floor=floor)
 
@@ -353,7 +352,7 @@ class Search:
     ) -> Proposal:
         """Proposal of a point, or of another point if rounding leads to an X that has been simulated already."""
         if self.surrogate.integer.any() and not self._fresh(point):
-            if floor is not None and floor >= _CLEARLY * best.cost:
+            if floor is not None and not self.objective.leaves_open(floor, best.cost):
                 # no X is clearly better than that of the best run, which is proposed again and needs no new run
                 return Proposal(list(best.parameters), "exploit", best.looks, best.cost, floor, nsga2_cost)
             others = elsewhere(self.surrogate, seed)

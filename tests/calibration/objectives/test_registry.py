@@ -116,6 +116,9 @@ class Quartiles(Objective):
     def promising(self, costs, best):
         return costs < 0.5 * best
 
+    def leaves_open(self, floor, best):
+        return floor < 0.9 * best
+
     def evidence(self, score):
         return Density(self.material).evidence(score)
 

@@ -116,6 +116,11 @@ class Bins(Objective):
         near = _EXPLORED if self.explores else _SETTLED
         return costs <= min(best - near, float(costs.min()) + near)
 
+    @staticmethod
+    def leaves_open(floor: float, best: float) -> bool:
+        """Whether the floor is more than 0.05 below the best verified cost."""
+        return best - floor > _EXPLORED
+
     def _simulated(self, score: Score) -> Forward:
         """Function from X to the cumulants of each bin: baseline plus the difference between run and baseline."""
         x, statistics, baseline = np.asarray(score.parameters), np.asarray(score.statistics), self.baseline
@@ -155,7 +160,7 @@ class Bins(Objective):
             return Verdict("settled", f"{name}: stop criterion met after {run_count(progress.runs)}: {text}")
         if score.gain is None:
             return None
-        if score.floor is not None and progress.best - score.floor > _EXPLORED:
+        if score.floor is not None and cls.leaves_open(score.floor, progress.best):
             return None
         if score.gain <= (_SETTLED if score.floor is None else _EXPLORED):
             text = f"the surrogate of all runs predicts no clearly better {'X' if score.moved_db is None else 'law'}."

@@ -116,6 +116,11 @@ class Density(Objective):
         """Mask of the costs that are below half of the best verified cost."""
         return costs < _PROMISING_SHARE * best
 
+    @staticmethod
+    def leaves_open(floor: float, best: float) -> bool:
+        """Whether the floor is below nine tenths of the best verified rms."""
+        return floor < UNREACHABLE_SHARE * best
+
     def together(self, costs: Doubles) -> Doubles:
         """Root mean square of the costs of several passes."""
         return np.asarray(np.sqrt(np.mean(costs**2, axis=0)))
@@ -157,7 +162,7 @@ class Density(Objective):
             sentence = f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} after {run_count(progress.runs)}."
             return Verdict("rms", sentence)
         known = len(progress.score.parameters) + 2 <= progress.runs and _kept(proposal, progress.score.cost)
-        if proposal.floor is not None and proposal.floor >= UNREACHABLE_SHARE * best and known:
+        if proposal.floor is not None and not cls.leaves_open(proposal.floor, best) and known:
             return Verdict(
                 "unreachable",
                 f"{name}: rms {best:.2g} after {run_count(progress.runs)}, above the tolerance {stop.rms:.2g}; a "

@@ -118,6 +118,10 @@ class Joint(Comparison):
         """Mask of the costs that are worth a run, by the rule of the first pass's objective."""
         return self.first.promising(costs, best)
 
+    def leaves_open(self, floor: float, best: float) -> bool:
+        """Whether the floor is clearly below the best verified cost, by the rule of the first pass's objective."""
+        return self.first.leaves_open(floor, best)
+
     def in_pass(self, number: int, score: Score) -> Score:
         """Score of one pass alone: statistics, density, and effective number of looks in this pass."""
         part = self.passes[number]

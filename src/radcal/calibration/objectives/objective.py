@@ -265,6 +265,10 @@ class Comparison(ABC):
         """Mask of the predicted costs that are worth a run and about equally good, shape (m,)."""
 
     @abstractmethod
+    def leaves_open(self, floor: float, best: float) -> bool:
+        """Whether the search goes on because its floor is clearly below the best verified cost."""
+
+    @abstractmethod
     def moved_db(self, first: ArrayLike, second: ArrayLike) -> float | None:
         """Largest difference of the laws of two X over the incidence seen [dB]; None for a law without a curve."""
 
