@@ -13,6 +13,7 @@ from radcal.config import Case, CommandSimulation, Material, executable_path, ex
 from radcal.errors import ConfigError
 from radcal.simulators.placeholders import SEED, Marked, Marker, argument, template
 from radcal.simulators.seed_width import check_seeds
+from radcal.simulators.written_numbers import check_numbers
 
 __all__ = ["CommandPlan", "check_command"]
 
@@ -62,7 +63,7 @@ class CommandPlan:
             marked = template(text, item.delimiter, f"simulator.templates.{k}.template: {path}").checked(known)
             self.templates.append((marked, item.file))
         if config.input is None:
-            used = {name for marked in self._texts for name in marked.names}
+            used = {name for marked in self.texts for name in marked.names}
             unused = [name for name in parameters if name not in used]
             if unused:
                 raise ConfigError(
@@ -78,14 +79,14 @@ class CommandPlan:
                 )
 
     @property
-    def _texts(self) -> list[Marked]:
+    def texts(self) -> list[Marked]:
         """All texts with placeholders: arguments of the command, and templates."""
         return [*self.arguments, *(marked for marked, _ in self.templates)]
 
     @property
     def seed_places(self) -> list[tuple[str, Marker]]:
         """Placeholders of the seed in the arguments of the command and in the templates."""
-        return [(marked.where, place) for marked in self._texts for place in marked.places(SEED)]
+        return [(marked.where, place) for marked in self.texts for place in marked.places(SEED)]
 
     def stage(self, folder: Path) -> None:
         """Copy the configured files into a run's folder, and make the configured symbolic links in this folder."""
@@ -116,10 +117,12 @@ def check_command(case: Case) -> None:
     Raises
     ------
     ConfigError, SimulatorError
-        :class:`CommandPlan` or :func:`radcal.simulators.seed_width.check_seeds` found an error.
+        :class:`CommandPlan`, :func:`radcal.simulators.written_numbers.check_numbers` or
+        :func:`radcal.simulators.seed_width.check_seeds` found an error.
     """
     if isinstance(case.simulator, CommandSimulation):
         plan = CommandPlan(case.simulator, case.materials)
+        check_numbers(case.materials, plan.texts)
         if case.simulator.input is None:
             check_seeds(case, plan.seed_places)
 
