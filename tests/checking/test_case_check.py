@@ -435,6 +435,29 @@ def test_a_missing_file_of_a_simulator_is_one_problem(
         ]
 
 
+@pytest.mark.parametrize(
+    ("output", "said"),
+    [
+        ({"shape": [50, 60]}, "write simulator.output.transpose: true if the rows of the file run the other way, else "
+                              "shape: [60, 50]."),
+        ({"shape": [60, 50], "transpose": True}, "write simulator.output.transpose: false if the rows of the file"),
+        ({"shape": [60, 51]}, "60 rows (slant range) and 50 columns (azimuth): write shape: [60, 50]."),
+        ({"shape": [60, 50]}, ""),
+        ({"shape": [50, 60], "transpose": True}, ""),
+    ],
+)  # fmt: skip
+def test_a_raw_file_of_another_size_is_found_before_a_run(tmp_path: Path, output: dict[str, object], said: str) -> None:
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    raw = {"file": "image.raw", "format": "raw", "dtype": "float32", "scale": "db"}
+    simulator = {"kind": "command", "command": ["sh"], "input": {}, "output": raw | output}
+    found = check_case([path], {"simulator": simulator})
+    assert [said in problem for problem in found.problems] == [True] * bool(said)
+    assert found.shape == (60, 50)
+    # of a scene whose size is not known, nothing is said about it
+    names = {"scene": {**yaml.safe_load(path.read_text())["scene"], "near_incidence_deg": "steep"}}
+    assert all("output.shape" not in text for text in check_case([path], {"simulator": simulator, **names}).problems)
+
+
 def test_a_fixed_law_without_its_minus_sign_is_asked_about(tmp_path: Path) -> None:
     """Where no measured image tells it; a case whose calibrated material starts as bright has other units."""
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')

@@ -282,6 +282,16 @@ def test_names_beyond_ascii(make: Make, tmp_path: Path) -> None:
     np.testing.assert_array_equal(simulator.run(X, 1), make().run(X, 1))
 
 
+def test_a_raw_file_of_another_size_is_refused_before_any_run(make: Make, geometry: Geometry, tmp_path: Path) -> None:
+    rows, columns = geometry.shape
+    raw = {"file": "image.raw", "format": "raw", "dtype": "float32", "scale": "db", "shape": [columns, rows]}
+    with pytest.raises(
+        ConfigError, match=rf"^simulator\.output\.shape is \[{columns}, {rows}\], the scene's image has"
+    ):
+        make(output=raw)
+    assert not (tmp_path / "work").exists()
+
+
 def test_an_image_of_another_shape_is_told_how_to_turn(make: Make, geometry: Geometry, tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.zeros(geometry.shape[::-1]))
     copy = "import shutil, sys; shutil.copy(*sys.argv[1:])"

@@ -26,6 +26,7 @@ from radcal.running.expected_memory import expected_mb
 from radcal.running.memory_and_time import Stage, memory_mb, values_of
 from radcal.running.time_left import largest_runs, runs_in_words
 from radcal.scene.size import scene_size
+from radcal.simulators.command_plan import check_command, check_image_shape
 
 if TYPE_CHECKING:
     from radcal.measurement.model import Measurement
@@ -191,10 +192,7 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     missing = missing_inputs(case)
     problems.add(missing)
     files = {} if missing else input_files(case)
-    if case.simulator.kind == "command":
-        from radcal.simulators.command import check_command
-
-        problems.add(_refused(check_command, case))
+    problems.add(_refused(check_command, case))
     problems.add(_refused(check_reuse, case, results))
     notes: list[str] = []
     sections: list[str] = []
@@ -304,6 +302,7 @@ def _made(
             notes += said
             _images_alone(one, loaded, problems)
             continue
+        problems.add(_refused(check_image_shape, one.simulator, geometry.shape) if loaded.has_geometry else ())
         notes += hidden_ground(scene, geometry)
         notes += low_track(one.radar, geometry) if scene.elevation_m is not None else []
         if "measurement" not in loaded.without:

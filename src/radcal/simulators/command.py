@@ -26,7 +26,7 @@ from radcal.config import (
 from radcal.errors import ConfigError, SimulatorError, StoreError
 from radcal.reading.arrays import read_array
 from radcal.reading.images import ImageFile, reading, to_db
-from radcal.simulators.command_plan import CommandPlan, check_command
+from radcal.simulators.command_plan import CommandPlan, check_command, check_image_shape
 from radcal.simulators.placeholders import SEED, argument
 from radcal.simulators.process import output_tail, run_program
 from radcal.simulators.raw import read_raw
@@ -63,6 +63,11 @@ class CommandSimulator:
         Path of the geometry file, which the program may read.
     work : path
         Folder in which a subfolder is created for each run.
+
+    Raises
+    ------
+    ConfigError
+        The configured size of a raw file is not that of the image.
     """
 
     def __init__(
@@ -74,6 +79,7 @@ class CommandSimulator:
         geometry_path: str | Path,
         work: str | Path,
     ) -> None:
+        check_image_shape(plan.config, geometry.shape)
         self._plan = plan
         self._config = plan.config
         self._materials = materials

@@ -9,13 +9,21 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from radcal.config import Case, CommandSimulation, Material, executable_path, expand_path, files_below
+from radcal.config import (
+    Case,
+    CommandSimulation,
+    Material,
+    SimulatorConfig,
+    executable_path,
+    expand_path,
+    files_below,
+)
 from radcal.errors import ConfigError
 from radcal.simulators.placeholders import SEED, Marked, Marker, argument, template
 from radcal.simulators.seed_width import check_seeds
 from radcal.simulators.written_numbers import check_numbers
 
-__all__ = ["CommandPlan", "check_command"]
+__all__ = ["CommandPlan", "check_command", "check_image_shape"]
 
 _HASH_CHUNK = 1 << 20
 
@@ -125,6 +133,29 @@ def check_command(case: Case) -> None:
         check_numbers(case.materials, plan.texts)
         if case.simulator.input is None:
             check_seeds(case, plan.seed_places)
+
+
+def check_image_shape(simulator: SimulatorConfig, shape: tuple[int, ...]) -> None:
+    """Raise a ConfigError if a program's raw file is configured with a size other than that of the simulated image.
+
+    Parameters
+    ----------
+    simulator : SimulatorConfig
+        Section ``simulator``; only an external program with ``output.shape`` is checked.
+    shape : (int, int)
+        Rows (slant range) and columns (azimuth) of the simulated image.
+    """
+    if not isinstance(simulator, CommandSimulation) or simulator.output.shape is None:
+        return
+    (rows, columns), given = shape, simulator.output.shape
+    stored = (columns, rows) if simulator.output.transpose else (rows, columns)
+    if given != stored:
+        turned = "false" if simulator.output.transpose else "true"
+        other = f"simulator.output.transpose: {turned} if the rows of the file run the other way, else "
+        raise ConfigError(
+            f"simulator.output.shape is [{given[0]}, {given[1]}], the scene's image has {rows} rows (slant range) and "
+            f"{columns} columns (azimuth): write {other * (given == stored[::-1])}shape: [{stored[0]}, {stored[1]}]."
+        )
 
 
 def _sha256(path: Path) -> str:
