@@ -436,6 +436,27 @@ def test_a_missing_file_of_a_simulator_is_one_problem(
 
 
 @pytest.mark.parametrize(
+    ("pole", "said"),
+    [
+        ("30", "materials.field: formula '1/(theta-30) + a' is -2.81475e+14 at an incidence of 30 degrees and a = "),
+        # only the image of the start comes near this one
+        ("30.5", "materials.field: a = -20 give a sigma0 of "),
+    ],
+)
+def test_a_formula_with_a_pole_keeps_no_other_case_from_its_check(tmp_path: Path, pole: str, said: str) -> None:
+    right = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    data = yaml.safe_load(right.read_text())
+    law = {"law": "formula", "formula": f"1/(theta-{pole}) + a", "names": ["a"], "bounds": [[-40, 0]]}
+    data["materials"]["field"] = {"calibrate": True, **law}
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text(yaml.safe_dump(data))
+    done = CliRunner().invoke(app, ["check", str(wrong), str(right)])
+    assert f"radcal: {wrong} cannot be run; 1 problem found:\n  - {said}" in done.stderr
+    assert f"degrees{': ' * (pole == '30.5')}" in done.stderr
+    assert f"{right}: no mistake found" in done.stdout
+
+
+@pytest.mark.parametrize(
     ("output", "said"),
     [
         ({"shape": [50, 60]}, "write simulator.output.transpose: true if the rows of the file run the other way, else "

@@ -160,10 +160,8 @@ def check_case(
     if loaded.case is None:
         nothing = ("contradictions between keys", "files, scene and measured image")
         return CaseCheck(loaded.problems, [], {}, None, {}, {}, unseen=nothing)
-    if loaded.forward:
-        found = _checked(paths, loaded.case, loaded, results, say)
-        return replace(found, runs={}, outlook=(), forward=True)
-    return _checked(paths, loaded.case, loaded, results, say)
+    found = _checked(paths, loaded.case, loaded, results, say)
+    return replace(found, runs={}, outlook=(), forward=True) if loaded.forward else found
 
 
 class _Problems(list[RadcalError]):
@@ -310,8 +308,10 @@ def _made(
             measured = _measured(one, loaded, geometry, scene, problems, number)
             notes += said if measured is None else measured.notes
             problems.unmeasured |= measured is None
-            if not problems:
-                levels += outlook(one, geometry, measured)
+            try:
+                levels += () if problems else outlook(one, geometry, measured)
+            except RadcalError as error:  # about a formula
+                problems.add([error])
     return notes, shape
 
 
