@@ -486,6 +486,49 @@ def test_numbers_in_the_environment_are_text(make: Make) -> None:
     make(checks + WORKING, environment={"THREADS": 4, "SCALE": 0.5}).run(X, 1)
 
 
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, ""),
+        (
+            {"files": []},
+            "simulator.command.1 is 'sim.py', but the program runs in a folder of its own, in which it is missing: add "
+            "sim.py to simulator.files.",
+        ),
+        (
+            {"files": [], "command": ["{python}", "tools/sim.py", "{input}"]},
+            "add tools/sim.py to simulator.files, and write sim.py in its place.",
+        ),
+        (
+            {"command": ["{python}", "bad/sim.py", "{input}"]},
+            "simulator.command.1 is 'bad/sim.py', but the program runs in a folder of its own, into which "
+            "simulator.files is copied without folders: write sim.py.",
+        ),
+        ({"version_command": ["sh", "version.sh"]}, "simulator.version_command.1 is 'version.sh', but"),
+        ({"files": [], "links": ["tools"], "command": ["{python}", "tools/sim.py", "{input}"]}, ""),
+        ({"command": ["{python}", "{folder}/sim.py", "{input}"]}, ""),
+        # files that the program may make itself
+        ({"command": ["{python}", "./sim.py", "{input}", "run.log", "gone.py", "--own=tools/sim.py"]}, ""),
+        ({"command": ["sh", "sub/sim.py"], "templates": [{"template": "t.tpl", "file": "sub/sim.py"}]}, ""),
+    ],
+)
+def test_a_script_that_the_run_will_not_find_is_told_before_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("tools").mkdir()
+    for name in ("sim.py", "tools/sim.py", "version.sh", "run.log"):
+        Path(name).touch()
+    Path("t.tpl").write_text("@dyke.mv@")
+    output = {"file": "image.npy", "scale": "db"}
+    right = {"kind": "command", "command": ["{python}", "sim.py", "{input}"], "files": ["sim.py"], "input": {}}
+    data = {"simulator": right | {"output": output} | changes, "materials": MATERIALS, "measurement": SYNTHETIC}
+    with pytest.raises(ConfigError) if said else contextlib.nullcontext() as refused:
+        check_command(case_from(data))
+    if said:
+        assert said in str(refused.value)
+
+
 def test_the_default_case_has_no_command_to_check() -> None:
     check_command(case_from({}))
 

@@ -26,6 +26,7 @@ from radcal.simulators.written_numbers import check_numbers
 __all__ = ["CommandPlan", "check_command", "check_image_shape"]
 
 _HASH_CHUNK = 1 << 20
+_SCRIPTS = (".bash", ".jar", ".jl", ".js", ".lua", ".m", ".pl", ".pro", ".py", ".r", ".rb", ".sh", ".tcl")
 
 
 class CommandPlan:
@@ -125,14 +126,34 @@ def check_command(case: Case) -> None:
     Raises
     ------
     ConfigError, SimulatorError
-        :class:`CommandPlan`, :func:`radcal.simulators.written_numbers.check_numbers` or
+        A script is not listed, or :class:`CommandPlan`, :func:`radcal.simulators.written_numbers.check_numbers` or
         :func:`radcal.simulators.seed_width.check_seeds` found an error.
     """
     if isinstance(case.simulator, CommandSimulation):
         plan = CommandPlan(case.simulator, case.materials)
+        _check_scripts(case.simulator)
         check_numbers(case.materials, plan.texts)
         if case.simulator.input is None:
             check_seeds(case, plan.seed_places)
+
+
+def _check_scripts(config: CommandSimulation) -> None:
+    """Raise a ConfigError if a command names a script that the run's folder will not have under this name."""
+    listed = {Path(text).name for text in config.files}
+    made = {Path(item.file) for item in (config.output, *config.templates, *filter(None, (config.input,)))}
+    made |= {Path(name) for name in listed} | {Path(Path(text).name) for text in config.links}
+    for key, words in (("command", config.command), ("version_command", config.version_command or ())):
+        for k, word in enumerate(words[1:], start=1):
+            path = Path(word)
+            if path.is_absolute() or "{" in word or word.startswith("-") or not made.isdisjoint((path, *path.parents)):
+                continue
+            where = f"simulator.{key}.{k} is {word!r}, but the program runs in a folder of its own"
+            if path.name in listed and len(path.parts) > 1:
+                raise ConfigError(f"{where}, into which simulator.files is copied without folders: write {path.name}.")
+            script = path.suffix.lower() in _SCRIPTS or (k == 1 and words[0] == "{python}")
+            if script and path.is_file():
+                shorter = f", and write {path.name} in its place" if len(path.parts) > 1 else ""
+                raise ConfigError(f"{where}, in which it is missing: add {word} to simulator.files{shorter}.")
 
 
 def check_image_shape(simulator: SimulatorConfig, shape: tuple[int, ...]) -> None:
