@@ -292,6 +292,15 @@ def test_a_raw_file_of_another_size_is_refused_before_any_run(make: Make, geomet
     assert not (tmp_path / "work").exists()
 
 
+def test_an_image_without_a_value_is_told_with_the_parameters_of_its_run(make: Make) -> None:
+    holes = make(WORKING.replace("level +", "(level if _ % 2 else float('nan')) +"))
+    with pytest.raises(SimulatorError) as refused:
+        holes.run({**X, "dyke": [0.123456789, 4.5]}, 1)
+    said = str(refused.value)
+    assert "mend the program (and its simulator.version, if none of its files changes), or set bounds in which" in said
+    assert ", in the run with dyke.mv = 0.123457, dyke.s = 4.5; its folder is kept as" in said
+
+
 def test_an_image_of_another_shape_is_told_how_to_turn(make: Make, geometry: Geometry, tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.zeros(geometry.shape[::-1]))
     copy = "import shutil, sys; shutil.copy(*sys.argv[1:])"

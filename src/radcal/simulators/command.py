@@ -237,7 +237,13 @@ class CommandSimulator:
             raise _Failed(
                 f"{program} {ended} but left {left} {config.output.file} (simulator.output.file), {output_tail(folder)}"
             )
-        return self._image(output)
+        try:
+            return self._image(output)
+        except SimulatorError as error:
+            own = {f"{name}.{key}": x for name in self._calibrated
+                   for key, x in self._materials[name].handed(parameters[name]).items()}  # fmt: skip
+            at = ", ".join(f"{key} = {x:.6g}" for key, x in own.items())
+            raise SimulatorError(f"{str(error).removesuffix('.')}, in the run with {at}", error.about) from None
 
     def _image(self, path: Path) -> NDArray[np.float32]:
         """Read the program's image, check its size, scale and levels, and orient it as the simulated image."""
@@ -260,7 +266,8 @@ class CommandSimulator:
             if missing:
                 raise file.refused(
                     f"{missing} of the {pixels.size} pixels of {name} in {path} are NaN, infinite or without power, "
-                    "expected a value in each"
+                    "expected a value in each: mend the program (and its simulator.version, if none of its files "
+                    "changes), or set bounds in which it computes all pixels"
                 )
         return np.ascontiguousarray(image)
 
