@@ -43,6 +43,13 @@ def test_the_error_of_the_level_is_told_where_no_level_is_removed(build_case: Ca
         # without registration and image, the geometry is not used
         said = outlook(case, None, None)  # type: ignore[arg-type]
         assert any("from this pass alone is narrower than +-0.54 dB" in line for line in said) == told
+    # an external law has no sigma0 of which a band could be known
+    command = {"kind": "command", "command": ["sim"], "input": {}, "output": {"file": "i.npy", "scale": "db"}}
+    law = {"calibrate": True, "law": "external", "names": ["mv"], "bounds": [[0, 1]]}
+    external = build_case(**keys | {"materials": {"dyke": law}, "simulator": command})
+    assert not any("band of sigma0" in line for line in outlook(external, None, None))  # type: ignore[arg-type]
+    both = build_case(**keys | {"materials": {"dyke": law, "grass": materials["dyke"]}, "simulator": command})
+    assert any("band of sigma0" in line for line in outlook(both, None, None))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -72,8 +72,10 @@ def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> lis
     if isinstance(image, FileMeasurement):
         if "heading_deg" not in case.radar.model_fields_set and is_on_map(image):
             lines.append("warning: radar.heading_deg is not given, so that the track heads to the grid's north.")
-        # an offset that is removed has an error of its own; the levels of several passes have independent errors
-        if case.target.normalisation == "none":
+        # an offset that is removed has an error of its own; the levels of several passes have independent errors; an
+        # external law has no band of sigma0
+        curves = any(case.laws[name].has_curve for name in case.calibrated)
+        if case.target.normalisation == "none" and curves:
             error = case.uncertainty.level_db
             lines.append(
                 f"the image's level counts as right to {error:g} dB (uncertainty.level_db, one standard error): no "

@@ -140,9 +140,10 @@ def check_command(case: Case) -> None:
 def _check_scripts(config: CommandSimulation) -> None:
     """Raise a ConfigError if a command names a script that the run's folder will not have under this name."""
     listed = {Path(text).name for text in config.files}
-    made = {Path(item.file) for item in (config.output, *config.templates, *filter(None, (config.input,)))}
+    made = {Path(config.output.file), *(Path(item.file) for item in config.templates)}
+    made |= set() if config.input is None else {Path(config.input.file)}
     made |= {Path(name) for name in listed} | {Path(Path(text).name) for text in config.links}
-    for key, words in (("command", config.command), ("version_command", config.version_command or ())):
+    for key, words in (("command", config.command), ("version_command", config.version_command or [])):
         for k, word in enumerate(words[1:], start=1):
             path = Path(word)
             if path.is_absolute() or "{" in word or word.startswith("-") or not made.isdisjoint((path, *path.parents)):
