@@ -655,6 +655,18 @@ def test_a_name_that_the_scene_does_not_know_is_told_once(tmp_path: Path, monkey
     assert second.endswith(" (did you mean 'grass'?).")
 
 
+def test_notes_on_one_of_several_images_name_their_pass(tmp_path: Path) -> None:
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    case = yaml.safe_load(path.read_text())
+    alone = [text for text in check_case([path]).notes if text.startswith("image.npy: 3,000 pixels")]
+    path.write_text(yaml.safe_dump({**case, **{key: [case[key]] * 2 for key in ("radar", "measurement")}}))
+    found = check_case([path])
+    assert [text for text in found.notes if "image.npy: 3,000 pixels" in text] == [
+        f"pass {number}: {text}" for number in (1, 2) for text in alone
+    ]
+    assert sum(text.startswith(f"pass {number}: levels, rough") for text in found.outlook for number in (1, 2)) == 2
+
+
 def test_a_start_that_is_the_hidden_truth_is_told(tmp_path: Path) -> None:
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     case = yaml.safe_load(path.read_text())

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from radcal.checking.outlook import fixed_levels, hidden_ground, low_track, outlook, start_contrast
+from radcal.checking.outlook import fixed_levels, hidden_ground, low_track, of_pass, outlook, start_contrast
 from radcal.config import Case
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
@@ -32,6 +32,12 @@ def test_pixels_without_ground_are_no_contrast(
         said = start_contrast(case, replace(geometry, incidence_deg=angle))
         assert (said is not None) == told
         assert not told or "no contrast between materials" in str(said)
+
+
+def test_lines_of_several_passes_name_their_pass() -> None:
+    lines = ["warning: no relief.", "levels, rough:", "  soil: about -10 dB"]
+    assert of_pass(lines, 2, 3) == ["warning: pass 2: no relief.", "pass 2: levels, rough:", "  soil: about -10 dB"]
+    assert of_pass(lines, 1, 1) == lines
 
 
 def test_the_error_of_the_level_is_told_where_no_level_is_removed(build_case: Callable[..., Case]) -> None:

@@ -9,7 +9,7 @@ from radcal.running.time_left import FINAL_RUNS, at_most, most_need
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import IndexedRun, read_index, write_index
 
-with logged(snakemake.log[0], snakemake.params.case):
+with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     case = stages.DesignChunk.model_validate(snakemake.params.case)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     targets = read_targets(snakemake.input.target)

@@ -7,7 +7,7 @@ from radcal.simulators.sources import make_runner
 from radcal.storage.records import read_json
 from radcal.storage.run_index import IndexedRun, write_index
 
-with logged(snakemake.log[0], snakemake.params.case):
+with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     case = stages.RegistrationRun.model_validate(snakemake.params.case)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     parameters = all_parameters(case.materials, read_json(snakemake.input.laws))

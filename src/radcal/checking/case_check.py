@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from radcal.checking.file_problems import is_on_map, scene_problems, with_hints
-from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, low_track, outlook, time_expected
+from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, low_track, of_pass, outlook, time_expected
 from radcal.config import (
     Case,
     FileMeasurement,
@@ -284,8 +284,8 @@ def _made(
     if scene is None:
         _images_alone(case, loaded, problems)
         return [], None
-    notes, shape = list(scene.notes), None
-    for number, one in enumerate(case.passes):
+    each, shape = [list[str]() for _ in case.passes], None
+    for number, (one, notes) in enumerate(zip(case.passes, each, strict=True)):
         said: list[str] = []
         which = f" of pass {number + 1}" * (len(case.passes) > 1)
         say(f"geometry{which}: scene of {' x '.join(map(str, scene.material.shape))} cells ...")
@@ -309,10 +309,10 @@ def _made(
             notes += said if measured is None else measured.notes
             problems.unmeasured |= measured is None
             try:
-                levels += () if problems else outlook(one, geometry, measured)
+                levels += () if problems else of_pass(outlook(one, geometry, measured), number + 1, len(each))
             except RadcalError as error:  # about a formula
                 problems.add([error])
-    return notes, shape
+    return [*scene.notes, *(line for k, notes in enumerate(each, 1) for line in of_pass(notes, k, len(each)))], shape
 
 
 def _measured(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -39,6 +40,7 @@ __all__ = [
     "high_noise",
     "levels_against_laws",
     "low_track",
+    "of_pass",
     "outlook",
     "start_contrast",
     "time_expected",
@@ -86,6 +88,16 @@ def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> lis
     levels = [] if measured is None else levels_against_laws(case, geometry, measured.image_db)
     rough = "levels, rough (the image is not registered, no target is drawn; noise and slopes are left out):"
     return [*lines, rough, *(f"  {line}" for line in levels)] if levels else lines
+
+
+def of_pass(lines: Sequence[str], number: int, passes: int) -> list[str]:
+    """Lines with the number of their pass, from 1, if a case has several passes; indented lines continue the last.
+
+    The word warning stays at the beginning of a line.
+    """
+    if passes == 1:
+        return list(lines)
+    return [line if line[:1] == " " else re.sub("^(warning: )?", rf"\g<1>pass {number}: ", line) for line in lines]
 
 
 def hidden_ground(scene: Scene, geometry: Geometry) -> list[str]:
