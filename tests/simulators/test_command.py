@@ -293,12 +293,16 @@ def test_a_raw_file_of_another_size_is_refused_before_any_run(make: Make, geomet
 
 
 def test_an_image_without_a_value_is_told_with_the_parameters_of_its_run(make: Make) -> None:
-    holes = make(WORKING.replace("level +", "(level if _ % 2 else float('nan')) +"))
-    with pytest.raises(SimulatorError) as refused:
-        holes.run({**X, "dyke": [0.123456789, 4.5]}, 1)
-    said = str(refused.value)
-    assert "mend the program (and its simulator.version, if none of its files changes), or set bounds in which" in said
-    assert ", in the run with dyke.mv = 0.123457, dyke.s = 4.5; its folder is kept as" in said
+    way_on = (
+        ", in the run with dyke.mv = 0.123457, dyke.s = 4.5: mend the program (and its simulator.version, if none of "
+        "its files changes), or set bounds in which it computes all pixels; its folder is kept as"
+    )
+    for level in ("(level if _ % 2 else float('nan')) +", "float('nan') +"):
+        with pytest.raises(SimulatorError) as refused:
+            make(WORKING.replace("level +", level)).run({**X, "dyke": [0.123456789, 4.5]}, 1)
+        assert way_on in str(refused.value)
+    with pytest.raises(SimulatorError, match="in the run with dyke.mv = 0.1, dyke.s = 1e-17; its folder"):
+        make(WORKING, output={"file": "image.raw", "format": "npy", "scale": "db"}).run(X, 1)
 
 
 def test_an_image_of_another_shape_is_told_how_to_turn(make: Make, geometry: Geometry, tmp_path: Path) -> None:
