@@ -14,6 +14,7 @@ from radcal.calibration.objectives import make_objectives
 from radcal.calibration.scoring import score, score_reference, with_texture
 from radcal.calibration.steps import (
     _noisy,
+    called,
     noise_seed,
     propose_all,
     reference_runs,
@@ -24,6 +25,7 @@ from radcal.calibration.steps import (
 )
 from radcal.calibration.surrogate import read_trainings, write_trainings
 from radcal.config import Stop, stages
+from radcal.errors import MissingSign, SimulatorError
 from radcal.measurement.target import Targets, read_targets, write_targets
 from radcal.radar.texture import log_speckle_cumulants
 from radcal.storage.dataclass_groups import same
@@ -233,3 +235,11 @@ def test_a_repeated_reference_run_tells_the_noise(parts, runner, made):
     equal = score_reference(stages.Scores.of(case), [first, first], targets)
     assert History(equal).noise_variance("field") is None
     assert equal[1].repeat_db == 0.0
+
+
+def test_a_failure_names_its_run() -> None:
+    about = MissingSign("any")
+    said = r"^design run 3 of 12: simulator\.output\.file: no image\.$"
+    with pytest.raises(SimulatorError, match=said) as refused, called("design run 3 of 12"):
+        raise SimulatorError("simulator.output.file: no image.", about)
+    assert refused.value.about == about

@@ -435,6 +435,50 @@ def test_a_missing_file_of_a_simulator_is_one_problem(
         ]
 
 
+@pytest.mark.parametrize(
+    ("pole", "said"),
+    [
+        ("30", "materials.field: formula '1/(theta-30) + a' is -2.81475e+14 at an incidence of 30 degrees and a = "),
+        # only the image of the start comes near this one
+        ("30.5", "materials.field: a = -20 give a sigma0 of "),
+    ],
+)
+def test_a_formula_with_a_pole_keeps_no_other_case_from_its_check(tmp_path: Path, pole: str, said: str) -> None:
+    right = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    data = yaml.safe_load(right.read_text())
+    law = {"law": "formula", "formula": f"1/(theta-{pole}) + a", "names": ["a"], "bounds": [[-40, 0]]}
+    data["materials"]["field"] = {"calibrate": True, **law}
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text(yaml.safe_dump(data))
+    done = CliRunner().invoke(app, ["check", str(wrong), str(right)])
+    assert f"radcal: {wrong} cannot be run; 1 problem found:\n  - {said}" in done.stderr
+    assert f"degrees{': ' * (pole == '30.5')}" in done.stderr
+    assert f"{right}: no mistake found" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("output", "said"),
+    [
+        ({"shape": [50, 60]}, "write simulator.output.transpose: true if the rows of the file run the other way, else "
+                              "shape: [60, 50]."),
+        ({"shape": [60, 50], "transpose": True}, "write simulator.output.transpose: false if the rows of the file"),
+        ({"shape": [60, 51]}, "60 rows (slant range) and 50 columns (azimuth): write shape: [60, 50]."),
+        ({"shape": [60, 50]}, ""),
+        ({"shape": [50, 60], "transpose": True}, ""),
+    ],
+)  # fmt: skip
+def test_a_raw_file_of_another_size_is_found_before_a_run(tmp_path: Path, output: dict[str, object], said: str) -> None:
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    raw = {"file": "image.raw", "format": "raw", "dtype": "float32", "scale": "db"}
+    simulator = {"kind": "command", "command": ["sh"], "input": {}, "output": raw | output}
+    found = check_case([path], {"simulator": simulator})
+    assert [said in problem for problem in found.problems] == [True] * bool(said)
+    assert found.shape == (60, 50)
+    # of a scene whose size is not known, nothing is said about it
+    names = {"scene": {**yaml.safe_load(path.read_text())["scene"], "near_incidence_deg": "steep"}}
+    assert all("output.shape" not in text for text in check_case([path], {"simulator": simulator, **names}).problems)
+
+
 def test_a_fixed_law_without_its_minus_sign_is_asked_about(tmp_path: Path) -> None:
     """Where no measured image tells it; a case whose calibrated material starts as bright has other units."""
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
@@ -609,6 +653,18 @@ def test_a_name_that_the_scene_does_not_know_is_told_once(tmp_path: Path, monkey
     assert "parameters.sand: no such material (known:" in first
     assert second.startswith("materials.gras: not in the scene, which has dyke, water, grass, ")
     assert second.endswith(" (did you mean 'grass'?).")
+
+
+def test_notes_on_one_of_several_images_name_their_pass(tmp_path: Path) -> None:
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    case = yaml.safe_load(path.read_text())
+    alone = [text for text in check_case([path]).notes if text.startswith("image.npy: 3,000 pixels")]
+    path.write_text(yaml.safe_dump({**case, **{key: [case[key]] * 2 for key in ("radar", "measurement")}}))
+    found = check_case([path])
+    assert [text for text in found.notes if "image.npy: 3,000 pixels" in text] == [
+        f"pass {number}: {text}" for number in (1, 2) for text in alone
+    ]
+    assert sum(text.startswith(f"pass {number}: levels, rough") for text in found.outlook for number in (1, 2)) == 2
 
 
 def test_a_start_that_is_the_hidden_truth_is_told(tmp_path: Path) -> None:

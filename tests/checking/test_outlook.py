@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from radcal.checking.outlook import fixed_levels, hidden_ground, low_track, outlook, start_contrast
+from radcal.checking.outlook import fixed_levels, hidden_ground, low_track, of_pass, outlook, start_contrast
 from radcal.config import Case
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
@@ -34,6 +34,12 @@ def test_pixels_without_ground_are_no_contrast(
         assert not told or "no contrast between materials" in str(said)
 
 
+def test_lines_of_several_passes_name_their_pass() -> None:
+    lines = ["warning: no relief.", "levels, rough:", "  soil: about -10 dB"]
+    assert of_pass(lines, 2, 3) == ["warning: pass 2: no relief.", "pass 2: levels, rough:", "  soil: about -10 dB"]
+    assert of_pass(lines, 1, 1) == lines
+
+
 def test_the_error_of_the_level_is_told_where_no_level_is_removed(build_case: Callable[..., Case]) -> None:
     file = {"source": "file", "path": "a.tif", "scale": "db", "radiometry": "sigma0_local"}
     materials = {"dyke": {"calibrate": True, "start": LEVEL}, "grass": {"parameters": LEVEL}}
@@ -43,6 +49,13 @@ def test_the_error_of_the_level_is_told_where_no_level_is_removed(build_case: Ca
         # without registration and image, the geometry is not used
         said = outlook(case, None, None)  # type: ignore[arg-type]
         assert any("from this pass alone is narrower than +-0.54 dB" in line for line in said) == told
+    # an external law has no sigma0 of which a band could be known
+    command = {"kind": "command", "command": ["sim"], "input": {}, "output": {"file": "i.npy", "scale": "db"}}
+    law = {"calibrate": True, "law": "external", "names": ["mv"], "bounds": [[0, 1]]}
+    external = build_case(**keys | {"materials": {"dyke": law}, "simulator": command})
+    assert not any("band of sigma0" in line for line in outlook(external, None, None))  # type: ignore[arg-type]
+    both = build_case(**keys | {"materials": {"dyke": law, "grass": materials["dyke"]}, "simulator": command})
+    assert any("band of sigma0" in line for line in outlook(both, None, None))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -63,6 +63,23 @@ def test_a_required_key_that_was_left_out_is_not_called_missing(loaded: Any) -> 
 
 
 @pytest.mark.parametrize(
+    ("keys", "wrong"),
+    [
+        ({"output": {"file": "image.npy", "scale": "dB"}}, "output.scale is 'dB'"),
+        ({"output": {"scale": "db"}}, "output.file is missing"),
+        ({"output": {"file": "image.npy", "scale": "db", "dtype": "float32"}}, "output: dtype is for files"),
+        ({"timeout_s": "60s"}, "timeout_s is '60s'"),
+        ({"files": ["a/s.json", "b/s.json"]}, "files.1 and files.0 are both"),
+    ],
+)
+def test_a_wrong_key_of_a_program_leaves_its_command(loaded: Any, keys: dict[str, Any], wrong: str) -> None:
+    """The kind of simulator, command, is the name of a key, too."""
+    command = {"kind": "command", "command": ["./sim"], "output": {"file": "image.npy", "scale": "power"}}
+    (problem,) = loaded({"simulator": command | keys}).problems
+    assert problem.removeprefix("mine.yaml: simulator").lstrip(".: ").startswith(wrong)
+
+
+@pytest.mark.parametrize(
     ("material", "wrong"),
     [
         ({"law": "tabulated", "parameters": [-9, -10], "angles_deg": "low"}, "angles_deg is 'low'"),

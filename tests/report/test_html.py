@@ -10,7 +10,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from archives import changed_check, changed_material, held_out_blocks, left_out_fields
+from archives import changed_check, changed_material, held_out_blocks, left_out_fields, posterior
 
 from radcal.report.archive import PassLaw, PassSummary
 from radcal.report.figures import Figure
@@ -234,6 +234,14 @@ def test_tables(page):
         assert words in text
     assert "sampler: sobol" in text  # the configuration
     assert "numpy" in text
+
+
+def test_the_table_of_parameters_has_their_intervals(page, made, tmp_path):
+    assert "<th>5 to 95 %</th>" not in page[0]
+    text, _ = render(tmp_path / "report.html", changed_material(made.archive, "dyke", posterior=posterior()))
+    assert "<th>found</th><th>5 to 95 %</th><th>start</th>" in text
+    x = summarise(made.archive)["materials"]["dyke"]["parameters"]["X4"]
+    assert f"{x:.4g}</td><td>4.00 to 5.90</td><td>" in text
 
 
 def test_the_registration_run_has_a_line_of_its_own(made, tmp_path):

@@ -13,7 +13,7 @@ from radcal.assessment.law_check import check_laws
 from radcal.config import stages
 from radcal.report.archive import read_archive, write_archive
 from radcal.report.law_figures import law
-from radcal.report.law_notes import outside_interval
+from radcal.report.law_notes import found_words, outside_interval
 from radcal.report.showing import show
 from radcal.report.summary import sentences, summarise
 from radcal.storage.records import write_json
@@ -169,3 +169,24 @@ def test_x_outside_of_its_own_interval_is_remarked(made, tmp_path):
         (tmp_path / name).touch()
     (tmp_path / "report.json").touch()
     assert f"dyke: {said}" in show(tmp_path)
+
+
+def test_parameters_are_told_with_their_intervals(made, build_archive, tmp_path):
+    """At the end of the terminal those of laws without a curve, of which nothing else is known."""
+    archive = changed_material(made.archive, "dyke", posterior=posterior())
+    assert not any("5 to 95 %" in said for said in sentences(archive))
+    external = build_archive(tmp_path / "made", external=("dyke", "unused")).archive
+    assert not any(said.startswith("dyke: mv ") for said in sentences(external))
+    external = changed_material(external, "dyke", posterior=posterior(curve=None, known_between_deg=None))
+    x = external.materials["dyke"].parameters.values[external.materials["dyke"].best]
+    each = zip(("mv", "s", "l", "t"), x, ("1 to 2.9", "2 to 3.9", "3 to 4.9", "4 to 5.9"), strict=True)
+    words = ", ".join(f"{name} {value:.4g} (5 to 95 %: {ends})" for name, value, ends in each)
+    words = words.replace("mv 50 (5", "mv 50 (at its upper bound; 5")
+    assert f"dyke: {words}." in sentences(external)
+    write_json(tmp_path / "summary.json", summarise(external), flat=True)
+    for name in ("scene.h5", "reference.json", "scores.json", "final.json", "calibration.h5", "export.json"):
+        (tmp_path / name).touch()
+    (tmp_path / "report.json").touch()
+    assert any(f"external with {words}; nothing is known of a curve" in line for line in show(tmp_path))
+    at_bound = found_words({"a": 1.0, "b": 0.0}, [[0, 1], [0, 4]], {"a": 0.8, "b": 0.1}, {"a": 0.99, "b": 2.0})
+    assert at_bound == "a 1 (at its upper bound; 5 to 95 %: 0.8 to 0.99), b 0 (at its lower bound; 5 to 95 %: 0.1 to 2)"

@@ -11,7 +11,7 @@ import time
 import pytest
 
 from radcal.errors import MeasurementError
-from radcal.running.jobs import FAILURE, OWNER, PROGRESS, STARTED, Follower, elapsed, logged, progress
+from radcal.running.jobs import FAILURE, OWNER, PASSES, PROGRESS, STARTED, Follower, elapsed, logged, progress
 from radcal.storage.files import alive
 from radcal.storage.lock import CaseLock, claimed
 
@@ -52,6 +52,18 @@ def test_progress_goes_to_the_terminal_and_the_log(tmp_path, monkeypatch, capsys
         progress("run 17: best rms 1e-4")
     assert capsys.readouterr().err == "[  1:15] run 17: best rms 1e-4\n"
     assert "run 17: best rms 1e-4" in (tmp_path / "job.log").read_text()
+
+
+def test_lines_of_one_of_several_passes_name_it(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv(STARTED, str(time.time()))
+    for passes, at, name in (("2", "", "pass 1: "), ("2", "passes/2/", "pass 2: "), ("2", None, ""), ("1", "", "")):
+        monkeypatch.setenv(PASSES, passes)
+        with pytest.raises(SystemExit) as stopped, logged(tmp_path / "job.log", at=at):
+            progress("reference run: 3.0 s")
+            raise MeasurementError("no image.")
+        assert capsys.readouterr().err == f"[  0:00] {name}reference run: 3.0 s\n"
+        assert f" {name}reference run" in (tmp_path / "job.log").read_text()
+        assert stopped.value.code == f"radcal: {name}no image."
 
 
 def test_elapsed_without_a_start_is_zero(monkeypatch):

@@ -282,6 +282,29 @@ def test_names_beyond_ascii(make: Make, tmp_path: Path) -> None:
     np.testing.assert_array_equal(simulator.run(X, 1), make().run(X, 1))
 
 
+def test_a_raw_file_of_another_size_is_refused_before_any_run(make: Make, geometry: Geometry, tmp_path: Path) -> None:
+    rows, columns = geometry.shape
+    raw = {"file": "image.raw", "format": "raw", "dtype": "float32", "scale": "db", "shape": [columns, rows]}
+    with pytest.raises(
+        ConfigError, match=rf"^simulator\.output\.shape is \[{columns}, {rows}\], the scene's image has"
+    ):
+        make(output=raw)
+    assert not (tmp_path / "work").exists()
+
+
+def test_an_image_without_a_value_is_told_with_the_parameters_of_its_run(make: Make) -> None:
+    way_on = (
+        ", in the run with dyke.mv = 0.123457, dyke.s = 4.5: mend the program (and its simulator.version, if none of "
+        "its files changes), or set bounds in which it computes all pixels; its folder is kept as"
+    )
+    for level in ("(level if _ % 2 else float('nan')) +", "float('nan') +"):
+        with pytest.raises(SimulatorError) as refused:
+            make(WORKING.replace("level +", level)).run({**X, "dyke": [0.123456789, 4.5]}, 1)
+        assert way_on in str(refused.value)
+    with pytest.raises(SimulatorError, match="in the run with dyke.mv = 0.1, dyke.s = 1e-17; its folder"):
+        make(WORKING, output={"file": "image.raw", "format": "npy", "scale": "db"}).run(X, 1)
+
+
 def test_an_image_of_another_shape_is_told_how_to_turn(make: Make, geometry: Geometry, tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.zeros(geometry.shape[::-1]))
     copy = "import shutil, sys; shutil.copy(*sys.argv[1:])"
@@ -474,6 +497,49 @@ def test_refused_before_any_run(make: Make, tmp_path: Path, changes: dict[str, A
 def test_numbers_in_the_environment_are_text(make: Make) -> None:
     checks = "import os; assert (os.environ['THREADS'], os.environ['SCALE']) == ('4', '0.5')\n"
     make(checks + WORKING, environment={"THREADS": 4, "SCALE": 0.5}).run(X, 1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, ""),
+        (
+            {"files": []},
+            "simulator.command.1 is 'sim.py', but the program runs in a folder of its own, in which it is missing: add "
+            "sim.py to simulator.files.",
+        ),
+        (
+            {"files": [], "command": ["{python}", "tools/sim.py", "{input}"]},
+            "add tools/sim.py to simulator.files, and write sim.py in its place.",
+        ),
+        (
+            {"command": ["{python}", "bad/sim.py", "{input}"]},
+            "simulator.command.1 is 'bad/sim.py', but the program runs in a folder of its own, into which "
+            "simulator.files is copied without folders: write sim.py.",
+        ),
+        ({"version_command": ["sh", "version.sh"]}, "simulator.version_command.1 is 'version.sh', but"),
+        ({"files": [], "links": ["tools"], "command": ["{python}", "tools/sim.py", "{input}"]}, ""),
+        ({"command": ["{python}", "{folder}/sim.py", "{input}"]}, ""),
+        # files that the program may make itself
+        ({"command": ["{python}", "./sim.py", "{input}", "run.log", "gone.py", "--own=tools/sim.py"]}, ""),
+        ({"command": ["sh", "sub/sim.py"], "templates": [{"template": "t.tpl", "file": "sub/sim.py"}]}, ""),
+    ],
+)
+def test_a_script_that_the_run_will_not_find_is_told_before_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("tools").mkdir()
+    for name in ("sim.py", "tools/sim.py", "version.sh", "run.log"):
+        Path(name).touch()
+    Path("t.tpl").write_text("@dyke.mv@")
+    output = {"file": "image.npy", "scale": "db"}
+    right = {"kind": "command", "command": ["{python}", "sim.py", "{input}"], "files": ["sim.py"], "input": {}}
+    data = {"simulator": right | {"output": output} | changes, "materials": MATERIALS, "measurement": SYNTHETIC}
+    with pytest.raises(ConfigError) if said else contextlib.nullcontext() as refused:
+        check_command(case_from(data))
+    if said:
+        assert said in str(refused.value)
 
 
 def test_the_default_case_has_no_command_to_check() -> None:

@@ -58,6 +58,7 @@ def test_a_pass_added_later_reuses_all_runs_and_a_kill_loses_none(project, monke
 
     done = project.run("--configfile", "tiny.yaml")
     assert done.returncode == 0, done.stdout
+    assert "pass 2: target of field: " in (project.out() / "logs/passes/2/target.log").read_text()
     records, summary = project.records(), project.summary()
     assert {name: records[name] for name in killed} == killed
     assert {name: records[name] for name in first} == first

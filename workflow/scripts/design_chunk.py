@@ -1,7 +1,7 @@
 """Simulate one chunk of the design."""
 
 from radcal.calibration.design import design_points
-from radcal.calibration.steps import design_line, noise_seed, run_all_draws
+from radcal.calibration.steps import called, design_line, noise_seed, run_all_draws
 from radcal.config import stages
 from radcal.measurement.target import read_targets
 from radcal.running.jobs import logged, progress
@@ -9,7 +9,7 @@ from radcal.running.time_left import FINAL_RUNS, at_most, most_need
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import IndexedRun, read_index, write_index
 
-with logged(snakemake.log[0], snakemake.params.case):
+with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     case = stages.DesignChunk.model_validate(snakemake.params.case)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     targets = read_targets(snakemake.input.target)
@@ -18,7 +18,8 @@ with logged(snakemake.log[0], snakemake.params.case):
     first = int(snakemake.wildcards.chunk) * case.design.chunk
     index = []
     for k, parameters in list(enumerate(points))[first : first + case.design.chunk]:
-        record = run_all_draws(case, runner, parameters)
+        with called(f"design run {k + 1} of {len(points)}"):
+            record = run_all_draws(case, runner, parameters)
         index.append(IndexedRun.of(record, parameters))
         missing = sum(not runner.is_recorded(x, noise_seed(case)) for x in points)
         most, size = snakemake.config["stop"]["max_runs"], snakemake.params.size

@@ -1,7 +1,7 @@
 """Simulate the best parameters of all materials in one run, and in a second run with another noise seed."""
 
 from radcal.calibration.history import read_runs
-from radcal.calibration.steps import all_parameters, noise_seed, not_fresh
+from radcal.calibration.steps import all_parameters, called, noise_seed, not_fresh
 from radcal.config import stages
 from radcal.running.jobs import logged, progress
 from radcal.simulators.sources import make_runner
@@ -15,11 +15,12 @@ with logged(snakemake.log[0], snakemake.params.case):
         case.materials, {name: history.best(name).scores[name].parameters for name in case.calibrated}
     )
     # with one calibrated material the first of these runs is in the run store already; its whole image is not needed
-    records = [
-        one.run(parameters, noise_seed(case, fresh), image=fresh)
-        for one in (runner, *runner.further)
-        for fresh in (False, True)
-    ]
+    with called("final runs"):
+        records = [
+            one.run(parameters, noise_seed(case, fresh), image=fresh)
+            for one in (runner, *runner.further)
+            for fresh in (False, True)
+        ]
     write_index(snakemake.output.final, [IndexedRun(record.key, parameters) for record in records])
     progress("final runs: the calibrated laws together, and once more with another seed")
     if sentence := not_fresh(case.simulator, records[:2]):

@@ -6,7 +6,7 @@ from radcal.radar.projection import make_geometry
 from radcal.running.jobs import logged, progress
 from radcal.scene.model import read_scene
 
-with logged(snakemake.log[0], snakemake.params.case):
+with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     case = stages.Geometry.model_validate(snakemake.params.case)
     geometry = make_geometry(read_scene(snakemake.input.scene), case.radar)
     write_geometry(snakemake.output.geometry, geometry, case.radar, snakemake.params.immaterial)

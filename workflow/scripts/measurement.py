@@ -8,7 +8,7 @@ from radcal.running.jobs import logged, progress
 from radcal.scene.model import read_scene
 from radcal.simulators.sources import make_simulator
 
-with logged(snakemake.log[0], snakemake.params.case):
+with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     case = stages.Measurement.model_validate(snakemake.params.case)
     scene = read_scene(snakemake.input.scene)
     geometry = read_geometry(snakemake.input.geometry)

@@ -7,7 +7,7 @@ from radcal.running.time_left import FINAL_RUNS, at_most, most_need
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import IndexedRun, write_index
 
-with logged(snakemake.log[0], snakemake.params.case):
+with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     case = stages.ReferenceRun.model_validate(snakemake.params.case)
     runner = make_runner(case.at_start, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     first, *again = reference_runs(case, runner)

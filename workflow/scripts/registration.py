@@ -7,7 +7,7 @@ from radcal.measurement.second_registration import register_again
 from radcal.running.jobs import logged, progress
 from radcal.storage.run_index import indexed
 
-with logged(snakemake.log[0], snakemake.params.case):
+with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     case = stages.Registration.model_validate(snakemake.params.case)
     run, _ = next(indexed([snakemake.input.onto], snakemake.params.runs, case.calibrated, image=True))
     rows, columns = run.image_db.shape

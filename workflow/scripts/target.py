@@ -12,7 +12,7 @@ from radcal.running.jobs import logged, progress
 from radcal.scene.model import read_scene
 from radcal.storage.run_index import indexed
 
-with logged(snakemake.log[0], snakemake.params.case):
+with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     case = stages.Target.model_validate(snakemake.params.case)
     reference, _ = next(indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True))
     registered = read_registered(snakemake.input.registered)

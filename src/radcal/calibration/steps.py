@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ from radcal.calibration.search import Search
 from radcal.calibration.stopping import decide
 from radcal.calibration.surrogate import Surrogate, Training, train_surrogate
 from radcal.config import CommandSimulation, Material, SimulatorConfig, Stop, stages
+from radcal.errors import SimulatorError
 from radcal.processes import each
 from radcal.seeds import derived_seed, draw_seeds, noise_seed
 from radcal.simulators.runner import Runner
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "all_parameters",
+    "called",
     "design_line",
     "noise_seed",
     "not_fresh",
@@ -39,6 +42,15 @@ __all__ = [
 ]
 
 logger = logging.getLogger(__name__)
+
+
+@contextmanager
+def called(run: str) -> Iterator[None]:
+    """Context in which a failure of the simulator begins with the name of the run, such as design run 3 of 12."""
+    try:
+        yield
+    except SimulatorError as error:
+        raise SimulatorError(f"{run}: {error}", error.about) from None
 
 
 def reference_runs(case: stages.ReferenceRun, runner: Runner) -> list[Record]:
@@ -58,9 +70,11 @@ def reference_runs(case: stages.ReferenceRun, runner: Runner) -> list[Record]:
         repetition if the configuration declares whether the simulator is deterministic.
     """
     parameters, seed = case.start_parameters, noise_seed(case)
-    records = [run_all_draws(case, runner, parameters, image=True)]
+    with called("reference run"):
+        records = [run_all_draws(case, runner, parameters, image=True)]
     if isinstance(case.simulator, CommandSimulation) and case.simulator.deterministic is None:
-        again = [one.run(parameters, seed, repeat=True) for one in (runner, *runner.further)]
+        with called("second reference run"):
+            again = [one.run(parameters, seed, repeat=True) for one in (runner, *runner.further)]
         records.append(replace(again[0], further=tuple(again[1:])))
     return records
 
@@ -261,7 +275,8 @@ def verify(
     """
     objectives = make_objectives(case, targets)
     parameters = all_parameters(case.materials, {name: proposal.parameters for name, proposal in proposals.items()})
-    record = run_all_draws(case, runner, parameters)
+    with called(f"infill run {history.count('infill') + 1}"):
+        record = run_all_draws(case, runner, parameters)
     run = score("infill", iteration, record, parameters, targets, objectives, case.seed)
     run = replace(run, proposals=dict(proposals))
     ahead = [name for name, objective in objectives.items() if objective.looks_ahead]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from radcal.checking.file_problems import is_on_map, scene_problems, with_hints
 from radcal.checking.finished import kept_results
-from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, low_track, outlook, time_expected
+from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, low_track, of_pass, outlook, time_expected
 from radcal.checking.places import images_elsewhere
 from radcal.config import (
     Case,
@@ -28,6 +28,7 @@ from radcal.running.expected_memory import expected_mb
 from radcal.running.memory_and_time import Stage, memory_mb, values_of
 from radcal.running.time_left import largest_runs, runs_in_words
 from radcal.scene.size import scene_size
+from radcal.simulators.command_plan import check_command, check_image_shape
 
 if TYPE_CHECKING:
     from radcal.measurement.model import Measurement
@@ -194,10 +195,7 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     missing = missing_inputs(case)
     problems.add(missing)
     files = {} if missing else input_files(case)
-    if case.simulator.kind == "command":
-        from radcal.simulators.command import check_command
-
-        problems.add(_refused(check_command, case))
+    problems.add(_refused(check_command, case))
     problems.add(_refused(check_reuse, case, results))
     notes: list[str] = []
     sections: list[str] = []
@@ -291,8 +289,8 @@ def _made(
     if scene is None:
         _images_alone(case, loaded, problems)
         return [], None
-    notes, shape = list(scene.notes), None
-    for number, one in enumerate(case.passes):
+    each, shape = [list[str]() for _ in case.passes], None
+    for number, (one, notes) in enumerate(zip(case.passes, each, strict=True)):
         said: list[str] = []
         which = f" of pass {number + 1}" * (len(case.passes) > 1)
         say(f"geometry{which}: scene of {' x '.join(map(str, scene.material.shape))} cells ...")
@@ -307,6 +305,7 @@ def _made(
             notes += said
             _images_alone(one, loaded, problems)
             continue
+        problems.add(_refused(check_image_shape, one.simulator, geometry.shape) if loaded.has_geometry else ())
         notes += hidden_ground(scene, geometry)
         notes += low_track(one.radar, geometry) if scene.elevation_m is not None else []
         if "measurement" not in loaded.without:
@@ -314,9 +313,11 @@ def _made(
             measured = _measured(one, loaded, geometry, scene, problems, number)
             notes += said if measured is None else measured.notes
             problems.unmeasured |= measured is None
-            if not problems:
-                levels += outlook(one, geometry, measured)
-    return notes, shape
+            try:
+                levels += () if problems else of_pass(outlook(one, geometry, measured), number + 1, len(each))
+            except RadcalError as error:  # about a formula
+                problems.add([error])
+    return [*scene.notes, *(line for k, notes in enumerate(each, 1) for line in of_pass(notes, k, len(each)))], shape
 
 
 def _measured(

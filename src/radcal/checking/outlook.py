@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -40,6 +41,7 @@ __all__ = [
     "high_noise",
     "levels_against_laws",
     "low_track",
+    "of_pass",
     "outlook",
     "start_contrast",
     "time_expected",
@@ -73,8 +75,10 @@ def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> lis
     if isinstance(image, FileMeasurement):
         if "heading_deg" not in case.radar.model_fields_set and is_on_map(image):
             lines.append("warning: radar.heading_deg is not given, so that the track heads to the grid's north.")
-        # an offset that is removed has an error of its own; the levels of several passes have independent errors
-        if case.target.normalisation == "none":
+        # an offset that is removed has an error of its own; the levels of several passes have independent errors; an
+        # external law has no band of sigma0
+        curves = any(case.laws[name].has_curve for name in case.calibrated)
+        if case.target.normalisation == "none" and curves:
             error = case.uncertainty.level_db
             lines.append(
                 f"the image's level counts as right to {error:g} dB (uncertainty.level_db, one standard error): no "
@@ -86,6 +90,16 @@ def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> lis
     levels = [] if measured is None else levels_against_laws(case, geometry, measured.image_db)
     rough = "levels, rough (the image is not registered, no target is drawn; noise and slopes are left out):"
     return [*lines, rough, *(f"  {line}" for line in levels)] if levels else lines
+
+
+def of_pass(lines: Sequence[str], number: int, passes: int) -> list[str]:
+    """Lines with the number of their pass, from 1, if a case has several passes; indented lines continue the last.
+
+    The word warning stays at the beginning of a line.
+    """
+    if passes == 1:
+        return list(lines)
+    return [line if line[:1] == " " else re.sub("^(warning: )?", rf"\g<1>pass {number}: ", line) for line in lines]
 
 
 def hidden_ground(scene: Scene, geometry: Geometry) -> list[str]:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import typer
 
 from radcal.cli.arguments import CaseFiles, Results, Settings, overrides, sentences
+from radcal.errors import RadcalError
 
 __all__ = ["HELP", "main"]
 
@@ -34,7 +36,9 @@ found, else 0.
 
 def main(cases: CaseFiles, settings: Settings = None, results: Results = Path("results")) -> None:
     """Check cases without running them."""
-    wrong = [case for case in cases if not _is_right(case, settings, results)]
+    with sentences():
+        changed = overrides(settings)
+    wrong = [case for case in cases if not _is_right(case, changed, results)]
     if wrong and len(cases) > 1:
         names = ", ".join(str(case) for case in wrong)
         typer.echo(f"radcal: {len(wrong)} of {len(cases)} cases cannot be run: {names}", err=True)
@@ -42,7 +46,7 @@ def main(cases: CaseFiles, settings: Settings = None, results: Results = Path("r
         raise typer.Exit(1)
 
 
-def _is_right(case: Path, settings: list[str] | None, results: Path) -> bool:
+def _is_right(case: Path, changed: dict[str, Any], results: Path) -> bool:
     """Whether a case can be run; the result of its check is printed."""
     from radcal.checking.case_check import check_case
     from radcal.running.jobs import clock
@@ -54,8 +58,11 @@ def _is_right(case: Path, settings: list[str] | None, results: Path) -> bool:
         if sys.stderr.isatty():
             typer.echo(f"[{clock(time.monotonic() - began):>6}] {line}", err=True)
 
-    with sentences():
-        found = check_case([carried_case(case)], overrides(settings), results, say)
+    try:
+        found = check_case([carried_case(case)], changed, results, say)
+    except RadcalError as error:  # the other cases are checked as well
+        typer.echo(f"radcal: {case}: {str(error).removeprefix(f'{case}: ')}", err=True)
+        return False
     if found.problems:
         count = len(found.problems)
         typer.echo(f"radcal: {case} cannot be run; {count} problem{'s' if count > 1 else ''} found:", err=True)

@@ -184,8 +184,8 @@ class WrongKey:
     text : str
         Sentence that says what is wrong, without a full stop.
     place : tuple
-        Location as pydantic gives it: the sections that contain the key, from outside to inside, and the key; empty for
-        a contradiction between settings.
+        Location as pydantic gives it, without the tag of a section's kind: the sections that contain the key, from
+        outside to inside, and the key; empty for a contradiction between settings.
     key : str
         Key in dotted form.
     meant : str or None
@@ -225,7 +225,7 @@ def wrong_keys(error: ValidationError, root: type[BaseModel]) -> list[WrongKey]:
             continue
         for one in several.found:
             text, lacks = f"{key}: {one}", tuple(f"{key}.{name}" for name in one.lacks)
-            found[text] = WrongKey(text, place, key, first=one.first, lacks=lacks, about=one.about)
+            found[text] = WrongKey(text, _untagged(place), key, first=one.first, lacks=lacks, about=one.about)
     return list(found.values())
 
 
@@ -242,7 +242,7 @@ def _wrong_key(detail: ErrorDetails, root: type[BaseModel]) -> WrongKey:
     place, text, value = detail["loc"], _text(detail, root), detail["input"]
     last = str(place[-1]) if place else ""
     if detail["type"] == "extra_forbidden":
-        return WrongKey(text, place, f"{_key(place[:-1])}.{last}", meant=_meant(detail, root))
+        return WrongKey(text, _untagged(place), f"{_key(place[:-1])}.{last}", meant=_meant(detail, root))
     key = _key(place)
     if detail["type"] in ("union_tag_invalid", "union_tag_not_found"):
         tag = TAGS[key.partition(".")[0]]
@@ -258,6 +258,8 @@ def _wrong_key(detail: ErrorDetails, root: type[BaseModel]) -> WrongKey:
         choices = []
     near = difflib.get_close_matches(str(value), choices, n=1, cutoff=0.0)
     lacks = (key,) if detail["type"] in ("missing", MISSING) else ()
+    # the location of an error about the kind itself has no tag
+    place = (*_untagged(detail["loc"]), *place[len(detail["loc"]) :])
     return WrongKey(text, place, key, choices=(*near, *(one for one in choices if one not in near)), lacks=lacks)
 
 
@@ -363,16 +365,21 @@ def _other_unit(key: str, found: object) -> str:
     return ""
 
 
+def _untagged(place: Sequence[int | str]) -> tuple[int | str, ...]:
+    """Location of an error without the tag of a section's kind, which may be the name of one of its keys, too."""
+    for section in TAGS:
+        for name, tagged in ((section, 1), (FURTHER.get(section), 2)):
+            if place and place[0] == name:
+                return (*place[:tagged], *place[tagged + 1 :])
+    return tuple(place)
+
+
 def _key(place: Sequence[int | str]) -> str:
     """Key of an error in dotted form, without the tags and alternatives that pydantic inserts."""
-    location = list(place)
-    tagged = 1
+    location = list(_untagged(place))
     for section, further in FURTHER.items():
         if location and location[0] == further:  # passes are counted from 1
             location[:2] = [section, *(int(part) + 2 for part in location[1:2])]
-            tagged = 2
-    if location and location[0] in TAGS and len(location) > tagged:
-        location.pop(tagged)
     location = [part for part in location if part not in _ALTERNATIVES and "[" not in str(part)]
     return ".".join(str(part) for part in location) or "the configuration"
 

@@ -94,11 +94,13 @@ def law_tables(
         if name in laws:
             sigma0_db = laws[name](phi, parameters[name])
             # a few laws grow without limit towards 90 degrees, which no facet reaches
-            brightest = float(np.max(sigma0_db[:_GRAZING]))
-            if brightest > _BRIGHTEST_DB:
+            brightest = int(np.argmax(sigma0_db[:_GRAZING]))
+            if sigma0_db[brightest] > _BRIGHTEST_DB:
+                each = zip(laws[name].names, np.asarray(parameters[name]), strict=True)
                 raise ConfigError(
-                    f"materials.{name}: parameters {np.asarray(parameters[name]).tolist()} give a sigma0 of "
-                    f"{brightest:.4g} dB, expected at most {_BRIGHTEST_DB:g} dB."
+                    f"materials.{name}: {', '.join(f'{key} = {x:.6g}' for key, x in each)} give a sigma0 of "
+                    f"{sigma0_db[brightest]:.4g} dB, expected at most {_BRIGHTEST_DB:g} dB, at an incidence of "
+                    f"{np.degrees(phi[brightest]):.4g} degrees: {laws[name].formula}."
                 )
             tables[k] = 10.0 ** (sigma0_db / 10.0)
     return tables

@@ -20,6 +20,7 @@ from radcal.reading.intake import LARGEST_VALUES, bounded_memory, unchanged
 
 __all__ = [
     "LARGEST_DB",
+    "NOT_FINITE",
     "Counts",
     "ImageFile",
     "Options",
@@ -33,6 +34,8 @@ Values = NDArray[Any]
 _NEGATIVE_SHARE = 0.01  # largest share of negative pixels in a power image; noise subtraction can leave a few
 LARGEST_DB = 200.0
 """Largest absolute value of plausible backscatter [dB]; a larger value indicates a wrong scale or a damaged file."""
+
+NOT_FINITE = "not finite"  # what the numbers of a refused file are, if they should be finite
 
 
 class Options(Protocol):
@@ -163,7 +166,7 @@ def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]
     check_header(file, values.shape, values.dtype)
     finite = np.isfinite(values)
     if not finite.any():
-        raise file.refused(f"{path} holds no finite number.")
+        raise file.refused(f"{path} holds no finite number.", NOT_FINITE)
     if scale == "db":
         zero, negative = values == -np.inf, 0  # the logarithm of zero power
         image = np.where(finite, values, np.nan).astype(np.float32)

@@ -93,6 +93,8 @@ def _material(
             "value": {"lower": bounds[0], "upper": bounds[1]}.get(at_bound(value, *bounds), value),
             "start": begun,
             "hidden": hidden.get(key),
+            "p05": summary.get("parameters_p05", {}).get(key),
+            "p95": summary.get("parameters_p95", {}).get(key),
             "low": bounds[0],
             "high": bounds[1],
             "at": at_bound(value, *bounds),

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from radcal.config import stages
 from radcal.radar.geometry import Geometry
 
-__all__ = ["MANY_X", "at_bound", "law_notes", "outside_interval"]
+__all__ = ["MANY_X", "at_bound", "found_words", "law_notes", "outside_interval"]
 
 MANY_X = "many X give nearly this law, so that sigma0 and its band say more than X."
 
@@ -55,6 +55,35 @@ def at_bound(value: float, low: float, high: float) -> str:
     """Bound that a value has reached, ``lower`` or ``upper``; empty if it has reached neither."""
     margin = _AT_BOUND * (high - low)
     return "lower" if value - low <= margin else "upper" if high - value <= margin else ""
+
+
+def found_words(
+    values: Mapping[str, float],
+    bounds: Sequence[Sequence[float]],
+    low: Mapping[str, float] | None = None,
+    high: Mapping[str, float] | None = None,
+) -> str:
+    """Text of the calibrated parameters with their 90 % intervals, such as ``mv 0.21 (5 to 95 %: 0.17 to 0.26)``.
+
+    Parameters
+    ----------
+    values : mapping
+        Calibrated value by name of the parameter.
+    bounds : sequence, shape (d, 2)
+        Bounds of each parameter; of a value at a bound, the bound itself is written, because further digits have no
+        meaning.
+    low, high : mapping, optional
+        5 % and 95 % quantile by name of the parameter; None without a posterior.
+    """
+    said = []
+    for (name, value), ends in zip(values.items(), bounds, strict=True):
+        side = at_bound(value, *ends)
+        remarks = [f"at its {side} bound"] if side else []
+        if low is not None and high is not None:
+            remarks.append(f"5 to 95 %: {low[name]:.3g} to {high[name]:.3g}")
+        text = f"{ends[0] if side == 'lower' else ends[1]:g}" if side else f"{value:.4g}"
+        said.append(f"{name} {text}" + (f" ({'; '.join(remarks)})" if remarks else ""))
+    return ", ".join(said)
 
 
 def outside_interval(

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from radcal.errors import StoreError
-from radcal.report.law_notes import at_bound
+from radcal.report.law_notes import found_words
 from radcal.report.reasons import REASONS
 from radcal.running.time_left import duration, runs_in_words
 from radcal.storage.lock import holder
@@ -146,8 +146,8 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
     reused = f"; {runs['reused']} reused" if runs.get("reused") else ""
     lines = [str(summary["verdict"])]
     for name, material in materials.items():
-        each = zip(material["parameters"].items(), material["bounds"], strict=True)
-        parameters = ", ".join(f"{key} {_value(value, *bounds)}" for (key, value), bounds in each)
+        interval = (material.get(f"parameters_{end}") for end in ("p05", "p95"))
+        parameters = found_words(material["parameters"], material["bounds"], *interval)
         # in a case of one material, the first line is its verdict
         said = f"{material['verdict']}" if len(materials) > 1 else f"{name}:"
         law = material.get("formula", material["law"])
@@ -163,12 +163,6 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
         f"simulator runs of the search: {search} ({runs['design']} design, {runs['infill']} infill{reused}), besides "
         f"{others}; end: {REASONS[summary['stop_reason']].clause}.",
     ]
-
-
-def _value(value: float, low: float, high: float) -> str:
-    """Text of a parameter; at a bound, the bound itself, because further digits have no meaning."""
-    side = at_bound(value, low, high)
-    return f"{low if side == 'lower' else high:g} (at its {side} bound)" if side else f"{value:.4g}"
 
 
 def _unknown(material: Mapping[str, Any]) -> str:

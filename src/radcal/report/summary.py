@@ -21,7 +21,7 @@ from radcal.config import stages
 from radcal.report.archive import Archive, Check, MaterialResult, PassSummary, RegistrationSummary
 from radcal.report.fitted import misfit, overall
 from radcal.report.held_out_blocks import HeldOutBlocks
-from radcal.report.law_notes import outside_interval
+from radcal.report.law_notes import found_words, outside_interval
 
 __all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
@@ -81,13 +81,26 @@ def sentences(archive: Archive) -> list[str]:
     """Sentences on a calibration: verdicts, reasons why the search ended, and warnings about each law.
 
     The first sentence is the verdict on all materials; in a case of several materials, a verdict on each follows.
-    Warnings on the measured image are next.
+    Warnings on the measured image are next. The parameters of a law without a curve are told with their intervals.
     """
     each = [material.fitted.verdict for material in archive.materials.values()]
     verdicts = [_overall(archive)["verdict"], *(each if len(each) > 1 else [])]
     warnings = [said for material in archive.materials.values() for said in material.check.sentences]
     warnings += [f"{name}: {said}" for name, material in archive.materials.items() if (said := _outside(material))]
-    return [*verdicts, *_image_warnings(archive), *archive.sentences, *warnings]
+    found = [said for name, material in archive.materials.items() if (said := _without_curve(name, material))]
+    return [*verdicts, *_image_warnings(archive), *archive.sentences, *found, *warnings]
+
+
+def _without_curve(name: str, material: MaterialResult) -> str:
+    """Sentence on the parameters of a law without a curve and their 90 % intervals; empty without a posterior."""
+    if material.posterior is None or material.parameters.curve().has_curve:
+        return ""
+    found = dict(zip(material.parameter_names, map(float, material.parameters.values[material.best]), strict=True))
+    interval = [
+        dict(zip(material.parameter_names, map(float, ends), strict=True))
+        for ends in (material.posterior.parameters_p05, material.posterior.parameters_p95)
+    ]
+    return f"{name}: {found_words(found, material.bounds.tolist(), *interval)}."
 
 
 def _image_warnings(archive: Archive) -> list[str]:

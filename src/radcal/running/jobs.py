@@ -23,6 +23,7 @@ __all__ = [
     "CASE",
     "FAILURE",
     "OWNER",
+    "PASSES",
     "PROGRESS",
     "RESULTS",
     "STARTED",
@@ -38,6 +39,7 @@ __all__ = [
 CASE = "RADCAL_CASE"  # name of the case
 STARTED = "RADCAL_STARTED"  # time when this invocation began [s since 1970]
 OWNER = "RADCAL_OWNER"  # process number of the Snakemake process that starts the jobs on this machine
+PASSES = "RADCAL_PASSES"  # number of passes of the case
 FAILURE = "RADCAL_FAILURE"  # file to which a failed job writes its error message
 PROGRESS = "RADCAL_PROGRESS"  # file for the progress lines of jobs on other machines, which have no terminal
 
@@ -45,8 +47,11 @@ PROGRESS = "RADCAL_PROGRESS"  # file for the progress lines of jobs on other mac
 RESULTS = "RADCAL_RESULTS"  # folder that contains the results folders of all cases; results if missing
 
 
+_pass = [""]  # name of the pass that this job works on, with which its lines begin; empty for a job of all passes
+
+
 @contextmanager
-def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterator[None]:
+def logged(path: str | Path, config: Mapping[str, Any] | None = None, at: str | None = None) -> Iterator[None]:
     """Context that logs to a file; after an exception it prints a one-line error message and exits.
 
     The message of a :class:`RadcalError` is printed unchanged. After a lack of memory, the printed message names ways
@@ -59,8 +64,13 @@ def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterato
         Log file of the job.
     config : mapping, optional
         Sections of the configuration that the job reads; every file that the job writes records these sections.
+    at : str, optional
+        Wildcard "at" of a job of a single pass: empty for the first pass, ``passes/2/`` for the second. If the case has
+        several passes, the lines and the error message of the job begin with the name of the pass.
     """
     guard()
+    several = at is not None and int(os.environ.get(PASSES, "1")) > 1
+    _pass[0] = f"pass {(at or 'passes/1/').split('/')[1]}: " if several else ""
     gc.freeze()  # the garbage collector need not search the imported objects, which exist until the job ends
     if OWNER in os.environ:
         die_with_parent()
@@ -84,7 +94,7 @@ def logged(path: str | Path, config: Mapping[str, Any] | None = None) -> Iterato
         with provenance(os.environ.get(CASE), config):
             yield
     except RadcalError as error:
-        _fail(f"radcal: {error}")
+        _fail(f"radcal: {_pass[0]}{error}")
     except MemoryError as error:
         _fail(
             f"radcal: not enough memory ({str(error) or 'no more was given'}): use fewer --cores, larger pixels or a "
@@ -119,7 +129,11 @@ def clock(seconds: float) -> str:
 
 
 def progress(line: str) -> None:
-    """Print one line with the elapsed time on the terminal, and write the line to the job's log file."""
+    """Print one line with the elapsed time on the terminal, and write the line to the job's log file.
+
+    In a case of several passes, the line of a job of a single pass begins with the name of the pass.
+    """
+    line = f"{_pass[0]}{line}"
     logging.getLogger("radcal").info(line)
     _say(f"[{elapsed():>6}] {line}")
 

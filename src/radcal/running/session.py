@@ -14,7 +14,7 @@ from typing import Any
 from radcal.config import Case, check_reuse, input_files, load, starts_as_truth
 from radcal.config.yaml_file import check_words
 from radcal.errors import RadcalError, StoreError
-from radcal.running.jobs import CASE, FAILURE, OWNER, PROGRESS, RESULTS, STARTED, Follower
+from radcal.running.jobs import CASE, FAILURE, OWNER, PASSES, PROGRESS, RESULTS, STARTED, Follower
 from radcal.running.replacement import check_replacement
 from radcal.running.salvage import files_of, salvage
 from radcal.running.simulator_change import simulator_change
@@ -150,6 +150,7 @@ class Session:
         # before the first job starts, an existing file of failures belongs to an earlier command
         self.messages = Messages(lambda: self._started and self._failure.exists())
         os.environ[CASE] = case.case
+        os.environ[PASSES] = str(len(case.passes))
         os.environ[OWNER] = str(os.getpid())
         os.environ[FAILURE] = str(self._failure)
         for name, value in (

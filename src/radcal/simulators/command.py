@@ -23,10 +23,10 @@ from radcal.config import (
     Radar,
     executable_path,
 )
-from radcal.errors import ConfigError, SimulatorError, StoreError
+from radcal.errors import ConfigError, SimulatorError, StoreError, WrongNumbers
 from radcal.reading.arrays import read_array
-from radcal.reading.images import ImageFile, reading, to_db
-from radcal.simulators.command_plan import CommandPlan, check_command
+from radcal.reading.images import NOT_FINITE, ImageFile, reading, to_db
+from radcal.simulators.command_plan import CommandPlan, check_command, check_image_shape
 from radcal.simulators.placeholders import SEED, argument
 from radcal.simulators.process import output_tail, run_program
 from radcal.simulators.raw import read_raw
@@ -38,6 +38,10 @@ if TYPE_CHECKING:
 __all__ = ["CommandPlan", "CommandSimulator", "check_command", "toml_text"]
 
 _VERSION_SECONDS = 60.0
+_MEND = (
+    ": mend the program (and its simulator.version, if none of its files changes), or set bounds in which it computes "
+    "all pixels"
+)
 
 logger = logging.getLogger(__name__)
 
@@ -63,6 +67,11 @@ class CommandSimulator:
         Path of the geometry file, which the program may read.
     work : path
         Folder in which a subfolder is created for each run.
+
+    Raises
+    ------
+    ConfigError
+        The configured size of a raw file is not that of the image.
     """
 
     def __init__(
@@ -74,6 +83,7 @@ class CommandSimulator:
         geometry_path: str | Path,
         work: str | Path,
     ) -> None:
+        check_image_shape(plan.config, geometry.shape)
         self._plan = plan
         self._config = plan.config
         self._materials = materials
@@ -231,7 +241,16 @@ class CommandSimulator:
             raise _Failed(
                 f"{program} {ended} but left {left} {config.output.file} (simulator.output.file), {output_tail(folder)}"
             )
-        return self._image(output)
+        try:
+            return self._image(output)
+        except SimulatorError as error:
+            own = {f"{name}.{key}": x for name in self._calibrated
+                   for key, x in self._materials[name].handed(parameters[name]).items()}  # fmt: skip
+            at = ", ".join(f"{key} = {x:.6g}" for key, x in own.items())
+            missing = isinstance(error.about, WrongNumbers) and error.about.what == NOT_FINITE
+            raise SimulatorError(
+                f"{str(error).removesuffix('.')}, in the run with {at}{_MEND * missing}", error.about
+            ) from None
 
     def _image(self, path: Path) -> NDArray[np.float32]:
         """Read the program's image, check its size, scale and levels, and orient it as the simulated image."""
@@ -254,7 +273,8 @@ class CommandSimulator:
             if missing:
                 raise file.refused(
                     f"{missing} of the {pixels.size} pixels of {name} in {path} are NaN, infinite or without power, "
-                    "expected a value in each"
+                    "expected a value in each",
+                    NOT_FINITE,
                 )
         return np.ascontiguousarray(image)
 

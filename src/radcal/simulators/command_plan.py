@@ -9,14 +9,24 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from radcal.config import Case, CommandSimulation, Material, executable_path, expand_path, files_below
+from radcal.config import (
+    Case,
+    CommandSimulation,
+    Material,
+    SimulatorConfig,
+    executable_path,
+    expand_path,
+    files_below,
+)
 from radcal.errors import ConfigError
 from radcal.simulators.placeholders import SEED, Marked, Marker, argument, template
 from radcal.simulators.seed_width import check_seeds
+from radcal.simulators.written_numbers import check_numbers
 
-__all__ = ["CommandPlan", "check_command"]
+__all__ = ["CommandPlan", "check_command", "check_image_shape"]
 
 _HASH_CHUNK = 1 << 20
+_SCRIPTS = (".bash", ".jar", ".jl", ".js", ".lua", ".m", ".pl", ".pro", ".py", ".r", ".rb", ".sh", ".tcl")
 
 
 class CommandPlan:
@@ -62,7 +72,7 @@ class CommandPlan:
             marked = template(text, item.delimiter, f"simulator.templates.{k}.template: {path}").checked(known)
             self.templates.append((marked, item.file))
         if config.input is None:
-            used = {name for marked in self._texts for name in marked.names}
+            used = {name for marked in self.texts for name in marked.names}
             unused = [name for name in parameters if name not in used]
             if unused:
                 raise ConfigError(
@@ -78,14 +88,14 @@ class CommandPlan:
                 )
 
     @property
-    def _texts(self) -> list[Marked]:
+    def texts(self) -> list[Marked]:
         """All texts with placeholders: arguments of the command, and templates."""
         return [*self.arguments, *(marked for marked, _ in self.templates)]
 
     @property
     def seed_places(self) -> list[tuple[str, Marker]]:
         """Placeholders of the seed in the arguments of the command and in the templates."""
-        return [(marked.where, place) for marked in self._texts for place in marked.places(SEED)]
+        return [(marked.where, place) for marked in self.texts for place in marked.places(SEED)]
 
     def stage(self, folder: Path) -> None:
         """Copy the configured files into a run's folder, and make the configured symbolic links in this folder."""
@@ -116,12 +126,58 @@ def check_command(case: Case) -> None:
     Raises
     ------
     ConfigError, SimulatorError
-        :class:`CommandPlan` or :func:`radcal.simulators.seed_width.check_seeds` found an error.
+        A script is not listed, or :class:`CommandPlan`, :func:`radcal.simulators.written_numbers.check_numbers` or
+        :func:`radcal.simulators.seed_width.check_seeds` found an error.
     """
     if isinstance(case.simulator, CommandSimulation):
         plan = CommandPlan(case.simulator, case.materials)
+        _check_scripts(case.simulator)
+        check_numbers(case.materials, plan.texts)
         if case.simulator.input is None:
             check_seeds(case, plan.seed_places)
+
+
+def _check_scripts(config: CommandSimulation) -> None:
+    """Raise a ConfigError if a command names a script that the run's folder will not have under this name."""
+    listed = {Path(text).name for text in config.files}
+    made = {Path(config.output.file), *(Path(item.file) for item in config.templates)}
+    made |= set() if config.input is None else {Path(config.input.file)}
+    made |= {Path(name) for name in listed} | {Path(Path(text).name) for text in config.links}
+    for key, words in (("command", config.command), ("version_command", config.version_command or [])):
+        for k, word in enumerate(words[1:], start=1):
+            path = Path(word)
+            if path.is_absolute() or "{" in word or word.startswith("-") or not made.isdisjoint((path, *path.parents)):
+                continue
+            where = f"simulator.{key}.{k} is {word!r}, but the program runs in a folder of its own"
+            if path.name in listed and len(path.parts) > 1:
+                raise ConfigError(f"{where}, into which simulator.files is copied without folders: write {path.name}.")
+            script = path.suffix.lower() in _SCRIPTS or (k == 1 and words[0] == "{python}")
+            if script and path.is_file():
+                shorter = f", and write {path.name} in its place" if len(path.parts) > 1 else ""
+                raise ConfigError(f"{where}, in which it is missing: add {word} to simulator.files{shorter}.")
+
+
+def check_image_shape(simulator: SimulatorConfig, shape: tuple[int, ...]) -> None:
+    """Raise a ConfigError if a program's raw file is configured with a size other than that of the simulated image.
+
+    Parameters
+    ----------
+    simulator : SimulatorConfig
+        Section ``simulator``; only an external program with ``output.shape`` is checked.
+    shape : (int, int)
+        Rows (slant range) and columns (azimuth) of the simulated image.
+    """
+    if not isinstance(simulator, CommandSimulation) or simulator.output.shape is None:
+        return
+    (rows, columns), given = shape, simulator.output.shape
+    stored = (columns, rows) if simulator.output.transpose else (rows, columns)
+    if given != stored:
+        turned = "false" if simulator.output.transpose else "true"
+        other = f"simulator.output.transpose: {turned} if the rows of the file run the other way, else "
+        raise ConfigError(
+            f"simulator.output.shape is [{given[0]}, {given[1]}], the scene's image has {rows} rows (slant range) and "
+            f"{columns} columns (azimuth): write {other * (given == stored[::-1])}shape: [{stored[0]}, {stored[1]}]."
+        )
 
 
 def _sha256(path: Path) -> str:

@@ -66,6 +66,7 @@ _OPERATORS: Mapping[type[ast.AST], Callable[..., Any]] = {
 _LONGEST, _DEEPEST, _MOST_PARAMETERS = 500, 30, 20
 _LARGEST, _LARGEST_EXPONENT = 1e30, 20.0
 _ANY_GHZ = 10.0  # carrier frequency [GHz] for the check of a formula before the pass is known
+_POLE_DB = 1e10  # no backscatter [dB]: the value of a pole whose angle is rounded
 _GRID_DEG = np.linspace(0.0, 90.0, 91)
 _TRIED = 256  # number of random points within the bounds at which a formula is tried
 _MOST_CORNERS = 8  # largest number of parameters for which a formula is tried at all corners of the bounds
@@ -219,13 +220,15 @@ class Formula:
         """
         found = self.values(phi_rad, parameters, frequency_ghz)
         if not np.isfinite(found).all():
-            raise ConfigError(f"{self._not_finite(phi_rad, parameters, found)}.")
+            raise ConfigError(f"{self._not_finite(phi_rad, parameters, found, ~np.isfinite(found))}.")
         return found
 
-    def _not_finite(self, phi_rad: ArrayLike, parameters: ArrayLike, found: NDArray[np.float64]) -> str:
-        """Sentence that names the first value that is not finite, its angle and its parameters; it has no full stop."""
+    def _not_finite(
+        self, phi_rad: ArrayLike, parameters: ArrayLike, found: NDArray[np.float64], refused: NDArray[np.bool_]
+    ) -> str:
+        """Sentence that names the first value that is refused, its angle and its parameters; it has no full stop."""
         x = np.asarray(parameters, dtype=np.float64)
-        place = tuple(np.argwhere(~np.isfinite(found))[0])
+        place = tuple(np.argwhere(refused)[0])
         angle = np.broadcast_to(np.degrees(np.asarray(phi_rad, dtype=np.float64)), found.shape)[place]
         each = [np.broadcast_to(one, found.shape)[place] for one in x]
         said = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.names, each, strict=True))
@@ -235,11 +238,16 @@ class Formula:
         )
 
     def check(self, points: NDArray[np.float64]) -> None:
-        """Raise a ValueError if sigma0 is not finite at a whole degree for one of m parameter sets, shape (m, d)."""
+        """Raise a ValueError if sigma0 is not finite at a whole degree for one of m parameter sets, shape (m, d).
+
+        A value beyond 1e10 dB below 90 degrees is refused, too: rounding of the angle makes the value of a pole finite.
+        """
         phi = np.radians(_GRID_DEG)[:, None]
         found = self.values(phi, points.T, _ANY_GHZ)
-        if not np.isfinite(found).all():
-            raise ValueError(self._not_finite(phi, points.T, found))
+        refused = ~np.isfinite(found)
+        refused[:-1] |= ~(np.abs(found[:-1]) < _POLE_DB)
+        if refused.any():
+            raise ValueError(self._not_finite(phi, points.T, found, refused))
 
 
 def _number(node: ast.AST) -> float | None:

@@ -1,0 +1,88 @@
+"""Check that the number formats of placeholders write the bounds of a parameter, and resolve the interval between them.
+
+A format with few digits makes the image change in steps, which no surrogate can represent, or gives the program values
+outside of the bounds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from radcal.config import Material
+from radcal.errors import ConfigError, SimulatorError
+from radcal.simulators.placeholders import Marked, Marker
+
+__all__ = ["check_numbers"]
+
+_TRIED = 102  # values of a parameter that are written for the check: the bounds, and 100 between them
+_FEWEST = 50  # different numbers that the bounds must be resolved by
+_ROUNDING = 0.5 / _FEWEST  # largest share of the interval by which rounding may move a bound outwards
+
+
+def check_numbers(materials: Mapping[str, Material], texts: Iterable[Marked]) -> None:
+    """Raise an error if a placeholder's format cannot write the bounds, or resolves them by too few numbers.
+
+    Parameters
+    ----------
+    materials : mapping
+        Materials by name, with the bounds of the calibrated parameters.
+    texts : iterable of Marked
+        Arguments and templates.
+
+    Raises
+    ------
+    ConfigError
+        The number written for a bound lies outside of the bounds by more than 1 % of their interval, the values
+        between the bounds are written as fewer than 50 different numbers, a bound of an integer parameter is
+        written as another number, or a number is wider than the field of its placeholder.
+    """
+    boxes: dict[str, tuple[float, float, bool]] = {}
+    for name, one in materials.items():
+        values = one.box if one.calibrate else [(x, x) for x in one.parameters or ()]
+        for key, (low, high), whole in zip(one.parameter_names, values, one.integers, strict=True):
+            boxes[f"{name}.{key}"] = (low, high, whole)
+    for marked in texts:
+        for part in marked.parts:
+            if isinstance(part, Marker) and part.spec and part.name in boxes:
+                _check(part, *boxes[part.name], marked.where)
+
+
+def _check(marker: Marker, low: float, high: float, whole: bool, where: str) -> None:
+    """Raise an error if one placeholder cannot write the values of one parameter; fixed ones must fit the field."""
+    values = (low, high) if low == high or whole else tuple(map(float, np.linspace(low, high, _TRIED)))
+    try:
+        texts = [marker.text(int(x) if whole else x, where) for x in values]
+    except SimulatorError as error:
+        raise ConfigError(str(error)) from None
+    try:
+        written = [float(text) for text in texts]
+    except ValueError:  # a notation such as 30 %, which only the program can read
+        return
+    if low == high:
+        return
+    ends = f"{marker.name}:{marker.spec} writes the bounds [{low:g}, {high:g}] of {marker.name} as {texts[0].strip()}"
+    ends = f"{where}: {ends} and {texts[-1].strip()}"
+    if whole:
+        if written != [low, high]:
+            raise ConfigError(
+                f"{ends}, expected the same whole numbers: write {marker.name}:d, or {marker.name} alone."
+            )
+        return
+    rounding, different = _ROUNDING * (high - low), len(set(written))
+    if different < _FEWEST or min(written) < low - rounding or max(written) > high + rounding:
+        raise ConfigError(
+            f"{ends}, and {_TRIED} values from bound to bound as {different} different numbers, expected at least "
+            f"{_FEWEST}, all inside of the bounds: write {marker.name}:{_finer(marker.spec, low, high)}, or "
+            f"{marker.name} alone for all digits."
+        )
+
+
+def _finer(spec: str, low: float, high: float) -> str:
+    """Format that resolves the interval by at least a hundred numbers, in a field as wide as needed if there is one."""
+    decimals = max(0, math.ceil(2 - math.log10(high - low)))
+    kind = f".{decimals}f" if decimals < 10 and max(abs(low), abs(high)) < 1e9 else ".9e"
+    field = any(map(str.isdigit, spec.partition(".")[0]))
+    return f"{max(len(format(x, kind)) for x in (low, high))}{kind}" if field else kind
