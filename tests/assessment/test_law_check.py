@@ -361,3 +361,21 @@ def test_folds_of_a_few_pixels_predict_nothing():
     check = check_laws(case, Targets({"area": replace(target, block=block)}), history)["area"]
     assert check.held is None
     assert any("validation checks nothing" in said for said in check.sentences)
+
+
+@pytest.mark.slow
+def test_looks_that_a_level_pressed_down_are_not_said_of_the_pixels():
+    """Looks of 0.3, the fewest that the search allows, for pixels of 4 looks, and looks of pixels that do spread so."""
+    case, targets, history = made()
+    target = targets["area"]
+
+    def said(values: np.ndarray, looks: float) -> str:
+        run = history.runs[0]
+        pressed = replace(run, scores={"area": replace(run.scores["area"], looks=looks)})
+        classes = replace(target.classes, classes=make_classes(values, target.incidence_deg, 5))
+        other = replace(target, values_db=values, classes=classes)
+        return "".join(check_laws(case, Targets({"area": other}), History([pressed]))["area"].sentences)
+
+    assert "its pixels spread as those of" not in said(target.values_db, 0.3)
+    rough = target.values_db + 10.0 * np.log10(np.random.default_rng(3).gamma(1.5, 1.0 / 1.5, target.values_db.size))
+    assert "its pixels spread as those of 1.1 looks" in said(rough, 1.1)

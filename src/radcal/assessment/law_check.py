@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.constant import Constant, constants
+from radcal.assessment.fit_test import SPREAD
 from radcal.assessment.incidence_check import incidence_warnings
 from radcal.assessment.posterior import Posterior
 from radcal.assessment.recommendation import FieldCheck, fold_of_fields, leave_fields_out, recommend
@@ -243,7 +244,7 @@ def _check(
         sentences.append(sentence if binned else f"{sentence} objective: {DEFAULT} can tell more.")
     centre = shown = error = nothing
     if binned:
-        if law.method.free_looks:
+        if law.method.free_looks and _spread_as_found(law):
             local = target.looks if np.isfinite(target.looks) else nominal
             marginal = marginal_law(law, min(local, nominal))
             incidence_deg = law.ground.incidence_deg
@@ -268,6 +269,15 @@ def _check(
         class_error_db=error,
         sentences=sentences,
     )
+
+
+def _spread_as_found(law: GroundLaw) -> bool:
+    """Whether the pixels of the bins spread at least nearly as the speckle of the looks found.
+
+    A level that is off can press the looks far below those of the pixels; then they say nothing about the pixels.
+    """
+    pixels = np.average(law.classes.cumulants[:, 1], weights=law.classes.count)
+    return bool(log_speckle_cumulants(law.fit.looks)[1] < (1.0 + SPREAD) ** 2 * pixels)
 
 
 def _doubts(name: str, identified: bool, binned: bool) -> list[str]:
