@@ -341,17 +341,6 @@ def test_the_start_is_expected_with_the_speckle_of_the_sensor():
     assert speckle < -0.5
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("local", "looks"), [(2.5, 2.5), (9.0, 4.0), (float("nan"), 4.0)])
-def test_the_marginal_law_has_the_looks_of_neighbours_up_to_the_sensors(monkeypatch, local, looks):
-    asked = []
-    whole = law_check.marginal_law
-    monkeypatch.setattr(law_check, "marginal_law", lambda law, n: asked.append(n) or whole(law, n))
-    case, targets, history = made()
-    check_laws(case, Targets({"area": replace(targets["area"], looks=local)}), history)
-    assert asked == [looks]
-
-
 def test_folds_of_a_few_pixels_predict_nothing():
     """Ten pixels in the odd blocks: neither half can be left out."""
     case, targets, history = made(kept=(0, 1, 4, 5), validation={"rows": 20, "means": 10, "keep": "both"})

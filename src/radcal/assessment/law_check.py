@@ -15,7 +15,7 @@ from radcal.assessment.posterior import Posterior
 from radcal.assessment.recommendation import FieldCheck, fold_of_fields, leave_fields_out, recommend
 from radcal.assessment.validation import HeldOut, cross_validate, held_out
 from radcal.calibration.expected import law_cumulants
-from radcal.calibration.grounds import GroundLaw, fit_grounds, marginal_law
+from radcal.calibration.grounds import GroundLaw, fit_grounds
 from radcal.calibration.history import History, Score
 from radcal.calibration.misfit import true_angles
 from radcal.calibration.objectives import make_objectives
@@ -245,10 +245,7 @@ def _check(
     centre = shown = error = nothing
     if binned:
         if law.method.free_looks and _spread_as_found(law):
-            local = target.looks if np.isfinite(target.looks) else nominal
-            marginal = marginal_law(law, min(local, nominal))
-            incidence_deg = law.ground.incidence_deg
-            sentences += incidence_warnings(name, law.method.law, law.fit, marginal, incidence_deg, law.method.looks)
+            sentences += incidence_warnings(name, law.method.law, law.fit, law.ground.incidence_deg, law.method.looks)
         centre, shown, error = _levels_asked(law, score, nominal)
     estimated = binned or case.validation is not None
     return LawCheck(
