@@ -29,7 +29,7 @@ from threadpoolctl import threadpool_limits
 from radcal.assessment.constant import constants
 from radcal.assessment.incidence_check import incidence_warnings
 from radcal.assessment.validation import cross_validate, held_out
-from radcal.calibration.grounds import GroundLaw, fit_grounds, marginal_law
+from radcal.calibration.grounds import GroundLaw, fit_grounds
 from radcal.calibration.misfit import LikelihoodMisfit, Method
 from radcal.measurement.correlation import estimate_correlation
 from radcal.measurement.ground import Blocks, Ground
@@ -96,8 +96,7 @@ def mapped_with_errors(bounds: list[list[int]], seeds: int) -> dict[str, Any]:
         for seed in range(seeds):
             error, found = hidden(seed, 6.0, LOOKS, method, error_deg=4.0)
             errors.append(error)
-            marginal = marginal_law(found, LOOKS)
-            said = bool(incidence_warnings("area", LAW, found.fit, marginal, found.ground.incidence_deg, LOOKS))
+            said = bool(incidence_warnings("area", LAW, found.fit, found.ground.incidence_deg, LOOKS))
             warned += said
             safe += said or error <= 0.5
         results["told" if told else "untold"] = {

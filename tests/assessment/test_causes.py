@@ -128,6 +128,15 @@ def test_looks_of_the_image_tell_a_filter(right):
     upper, lower = (cause_of(right, misfit_of(looks_limit=end)) for end in ("upper", "lower"))
     assert upper == "the pixels spread less than the speckle of radar.looks 4: speckle-filtered?"
     assert lower == "the pixels spread more than any speckle: mixed ground?"
+    # looks pressed to a limit by a level that is off: the spread that is wrong is the simulated one
+    upper, lower = (
+        cause_of(right, misfit_of(looks_limit=end, sd_db=sd)) for end, sd in (("upper", 1.7), ("lower", 2.4))
+    )
+    most, fewest = (f"the looks found are the {word} that the search allows, and" for word in ("most", "fewest"))
+    assert upper == f"{most} narrow the simulated pixels alone"
+    assert lower == f"{fewest} spread the simulated pixels alone"
+    for end, sd in (("upper", 1.8), ("lower", 2.2)):
+        assert cause_of(right, misfit_of(looks_limit=end, sd_db=sd)).startswith("the pixels spread ")
 
 
 def test_several_passes_name_what_the_test_alone_shows():

@@ -341,17 +341,6 @@ def test_the_start_is_expected_with_the_speckle_of_the_sensor():
     assert speckle < -0.5
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("local", "looks"), [(2.5, 2.5), (9.0, 4.0), (float("nan"), 4.0)])
-def test_the_marginal_law_has_the_looks_of_neighbours_up_to_the_sensors(monkeypatch, local, looks):
-    asked = []
-    whole = law_check.marginal_law
-    monkeypatch.setattr(law_check, "marginal_law", lambda law, n: asked.append(n) or whole(law, n))
-    case, targets, history = made()
-    check_laws(case, Targets({"area": replace(targets["area"], looks=local)}), history)
-    assert asked == [looks]
-
-
 def test_folds_of_a_few_pixels_predict_nothing():
     """Ten pixels in the odd blocks: neither half can be left out."""
     case, targets, history = made(kept=(0, 1, 4, 5), validation={"rows": 20, "means": 10, "keep": "both"})
@@ -361,3 +350,21 @@ def test_folds_of_a_few_pixels_predict_nothing():
     check = check_laws(case, Targets({"area": replace(target, block=block)}), history)["area"]
     assert check.held is None
     assert any("validation checks nothing" in said for said in check.sentences)
+
+
+@pytest.mark.slow
+def test_looks_that_a_level_pressed_down_are_not_said_of_the_pixels():
+    """Looks of 0.3, the fewest that the search allows, for pixels of 4 looks, and looks of pixels that do spread so."""
+    case, targets, history = made()
+    target = targets["area"]
+
+    def said(values: np.ndarray, looks: float) -> str:
+        run = history.runs[0]
+        pressed = replace(run, scores={"area": replace(run.scores["area"], looks=looks)})
+        classes = replace(target.classes, classes=make_classes(values, target.incidence_deg, 5))
+        other = replace(target, values_db=values, classes=classes)
+        return "".join(check_laws(case, Targets({"area": other}), History([pressed]))["area"].sentences)
+
+    assert "its pixels spread as those of" not in said(target.values_db, 0.3)
+    rough = target.values_db + 10.0 * np.log10(np.random.default_rng(3).gamma(1.5, 1.0 / 1.5, target.values_db.size))
+    assert "its pixels spread as those of 1.1 looks" in said(rough, 1.1)

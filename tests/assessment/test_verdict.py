@@ -77,6 +77,14 @@ def test_the_largest_misfit_is_said_and_an_unknown_cause(changes, said):
     assert verdict("crops", fit_of(False, **changes)) == f"crops: does not fit: {said}; cause unknown."
 
 
+def test_a_cause_that_is_a_question_ends_with_one_mark():
+    asked = "the image has 9.0 looks, radar.looks is 4: speckle-filtered?"
+    assert verdict("a", fit_of(False), asked).endswith(" speckle-filtered?")
+    assert verdict("a", fit_of(False), asked, doubt="a doubt").endswith(" speckle-filtered?; a doubt.")
+    off = without_angles(fit_of(False, mean_db=-3.0))
+    assert verdict("a", off, asked, level_only=True).endswith(" speckle-filtered?")
+
+
 def test_one_incidence_is_a_level_only():
     assert verdict("water", fit_of(), level_only=True) == "water: level only, seen at one incidence."
     level = Known(None, None, levels=(Level(38.9, -18.24, -19.34, -17.08),), level_error_db=0.54)

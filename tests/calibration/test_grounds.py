@@ -11,7 +11,7 @@ from scipy.special import polygamma
 from radcal.assessment.constant import constants
 from radcal.assessment.validation import CrossValidation, cross_validate, held_out
 from radcal.calibration.expected import LawForward
-from radcal.calibration.grounds import GroundLaw, fit_grounds, ground_residuals, marginal_law
+from radcal.calibration.grounds import GroundLaw, fit_grounds, ground_residuals
 from radcal.calibration.law_fit import LawFit, fit_law
 from radcal.calibration.misfit import BinMisfit, LikelihoodMisfit, Method
 from radcal.measurement.classes import make_classes
@@ -205,18 +205,6 @@ def test_derivatives_and_corrections_of_the_levels():
     # what a run holds besides the law is added in its bin
     corrected = replace(law, correction_db=np.array([0.7, -0.2, 1.5]))
     np.testing.assert_allclose(corrected.levels_db(angle) - law.levels_db(angle), [0.7, -0.2, 1.5])
-
-
-def test_the_marginal_law_takes_what_the_looks_leave_of_the_variance():
-    """At the looks of the pixels it falls as the true law; at more, all that speckle lacks is put down to the fall."""
-    law = known_law(fields(np.random.default_rng(8), rows=60, columns=48))
-    phi = np.radians(np.linspace(26.0, 49.0, 50))
-    found = {looks: marginal_law(law, looks) for looks in (2.8, 4.0)}
-    assert [fit.looks for fit in found.values()] == [2.8, 4.0]
-    true, right, steep = (np.std(LAW(phi, x)) for x in (TRUTH, *(fit.parameters for fit in found.values())))
-    assert right == pytest.approx(true, rel=0.1)
-    missing = (10.0 / np.log(10.0)) ** 2 * (polygamma(1, 2.8) - polygamma(1, 4.0))
-    assert steep == pytest.approx(np.sqrt(true**2 + missing), rel=0.1)
 
 
 def test_the_speckle_of_a_run_is_no_change_of_the_law():

@@ -173,3 +173,8 @@ def test_a_product_whose_scale_is_known_is_refused_for_its_speckle(found: float)
 )  # fmt: skip
 def test_other_looks_give_the_simulated_speckle_another_spread(found: float, end: str) -> None:
     assert check_looks(Looks(found, 0.9 * found, 1.1 * found, 50), 4, "power", "image.tif").endswith(end)
+
+
+@pytest.mark.parametrize(("found", "low", "high"), [(5.25, 3.23, 5.65), (2.2, 1.9, 4.1)])
+def test_looks_inside_the_interval_claim_no_other_spread(found: float, low: float, high: float) -> None:
+    assert check_looks(Looks(found, low, high, 50), 4, "power", "image.tif").endswith("radar.looks is 4.")

@@ -225,3 +225,14 @@ def test_a_start_without_contrast_is_blamed_and_not_the_image():
         register(blank, Measurement(image, "a.tif"), RegistrationConfig())
     assert "give the materials starts that differ (materials.*.start, as radcal new writes them), or" in str(e.value)
     assert "is it the same area" not in str(e.value)
+
+
+def test_a_significant_correlation_is_not_called_nothing(monkeypatch):
+    monkeypatch.setattr(module, "_mirrored", lambda *_: {"turned by 180 degrees.": 0.9})
+    monkeypatch.setattr(module, "_FITS", 9.0)
+    with pytest.raises(
+        MeasurementError, match=r"^registration: image\.tif agrees with the simulated image \(corr"
+    ) as e:
+        register(FIXED, measured(field(4.0)), GEFOLKI)
+    assert "nothing in common" not in str(e.value)
+    assert "mirrored 0.900, expected at least 1.5 times as much): are starting or fixed laws wrong" in str(e.value)

@@ -9,9 +9,10 @@ import sys
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
 import yaml
-from workflow_project import COLUMNS, ROOT, ROWS, Project
+from workflow_project import COLUMNS, ROOT, ROWS, Project, write_raster
 
 from radcal.calibration.design import design_points
 from radcal.config import input_files, load
@@ -129,6 +130,8 @@ if "{mode}" == "random":
     open(seen, "w").close()
 draw = random.Random(seed)
 values = [a + draw.gauss(0, 2) for _ in range(rows * columns)]
+if "{mode}" == "power":
+    values = [10 ** (value / 10) for value in values]
 if fault == "shape":
     values = values[columns:]
 if fault == "nan":
@@ -220,6 +223,22 @@ def test_every_failure_in_the_middle_ends_in_its_sentence_and_keeps_all_finished
     made = (project.folder / "fault.done").read_text().splitlines()
     assert len(made) == summary["runs"]["total"] + 1 + len(["shape", "nan"])
     assert sum(line.startswith(f"({bad!r}, ") for line in made) == 1 + len(["shape", "nan"])
+
+
+def test_power_declared_as_db_costs_the_reference_run_and_no_other(project):
+    flawed(project, "power", deterministic=True)
+    write_raster(
+        project.folder / "image.tif", np.random.default_rng(1).normal(-12, 2, (ROWS, COLUMNS)).astype(np.float32)
+    )
+    data = yaml.safe_load((project.folder / "tiny.yaml").read_text())
+    data["measurement"] = {"source": "file", "path": "image.tif", "scale": "db", "radiometry": "sigma0_ref"}
+    (project.folder / "tiny.yaml").write_text(yaml.safe_dump(data))
+    done = project.run("--configfile", "tiny.yaml")
+    assert done.returncode != 0
+    (said,) = sentences(done.stdout)
+    assert said.startswith("radcal: simulator.output.scale is db, but the values of the reference run's image run from")
+    assert said.endswith("set simulator.output.scale: power?")
+    assert len(contents(project)) == 1
 
 
 def contents(project: Project) -> dict[str, bytes]:

@@ -2,8 +2,10 @@
 
 from radcal.calibration.steps import reference_runs, repeatability
 from radcal.config import stages
+from radcal.measurement.model import read_measurement
 from radcal.running.jobs import logged, progress
 from radcal.running.time_left import FINAL_RUNS, at_most, most_need
+from radcal.simulators.declared_scale import check_scale
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import IndexedRun, write_index
 
@@ -11,6 +13,7 @@ with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     case = stages.ReferenceRun.model_validate(snakemake.params.case)
     runner = make_runner(case.at_start, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     first, *again = reference_runs(case, runner)
+    check_scale(first.image_db, read_measurement(snakemake.input.measurement).image_db, case)
     differences = [first.largest_difference_db(record) for record in again]
     start = case.start_parameters
     repeated = [IndexedRun.of(record, start, db) for record, db in zip(again, differences, strict=True)]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.fit_test import MEAN_DB, FitTest
+from radcal.assessment.fit_test import MEAN_DB, SPREAD, FitTest
 from radcal.assessment.incidence_check import error_behind
 from radcal.assessment.reach import law_range_db
 from radcal.calibration.grounds import GroundLaw
@@ -106,10 +106,19 @@ def _looks(law: GroundLaw, test: FitTest, image_looks: float) -> str:
 
 
 def _at_limit(test: FitTest, looks: str = "") -> str:
-    """Text on effective looks that end at a limit of the search, with the value of radar.looks; else empty."""
+    """Text on effective looks that end at a limit of the search, with the value of radar.looks; else empty.
+
+    A level that is off can press the looks to a limit, too, because the mean of log speckle depends on them. The
+    simulated pixels then spread more at the lower limit, or less at the upper limit, than the measured ones.
+    """
+    ratio = test.sd_db / max(test.measured_sd_db, 1e-12)
     if test.looks_limit == "upper":
+        if ratio < 1.0 / (1.0 + SPREAD):
+            return "the looks found are the most that the search allows, and narrow the simulated pixels alone"
         return f"the pixels spread less than the speckle of radar.looks{looks}: speckle-filtered?"
     if test.looks_limit == "lower":
+        if ratio > 1.0 + SPREAD:
+            return "the looks found are the fewest that the search allows, and spread the simulated pixels alone"
         return "the pixels spread more than any speckle: mixed ground?"
     return ""
 

@@ -9,34 +9,12 @@ from radcal.calibration.law_fit import LawFit
 from radcal.radar.laws import Law, seen_rad
 from radcal.radar.texture import log_speckle_cumulants
 
-__all__ = ["error_behind", "incidence_warnings", "law_gap_db"]
+__all__ = ["error_behind", "incidence_warnings"]
 
-_GAP_DB = 0.7
-_GAP_ERRORS = 2.0  # standard errors; 1,000 pixels of a right law show up to 1 dB by chance (benchmarks/right_law.py)
 _FEW_LOOKS = 0.5  # in multiples of the sensor's looks
 _BENT_DB = 0.5  # change of a law that is worth a warning
 _LIKELY_DEG = 6.0  # largest likely error of a map of incidence; texture causes larger apparent errors
 _MOST_OF_SPREAD = 0.75  # largest error, as a share of the standard deviation of the mapped incidence
-
-
-def law_gap_db(law: Law, first: LawFit, second: LawFit, incidence_deg: ArrayLike) -> tuple[float, float]:
-    """Largest difference in shape between two laws, from the 5 % to the 95 % quantile of the incidence.
-
-    The mean difference is subtracted, because it depends on looks and level; errors of the incidence change the shape.
-
-    Returns
-    -------
-    gap_db : float
-        Largest difference [dB].
-    standard_errors : float
-        Largest difference, divided by its own standard error.
-    """
-    phi = seen_rad(incidence_deg)
-    difference = law(phi, first.parameters) - law(phi, second.parameters)
-    difference = np.abs(difference - difference.mean())
-    variance = _shape_variance(law, first, phi) + _shape_variance(law, second, phi)
-    k = int(difference.argmax())
-    return float(difference[k]), float(difference[k] / np.sqrt(max(variance[k], 1e-12)))
 
 
 def _shape_variance(law: Law, fit: LawFit, phi: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -86,10 +64,8 @@ def error_behind(law: Law, fit: LawFit, incidence_deg: ArrayLike, sensor: float)
     return float(error), float(ratio * np.abs(level - level.mean()).max())
 
 
-def incidence_warnings(
-    name: str, law: Law, conditional: LawFit, marginal: LawFit, incidence_deg: ArrayLike, sensor: float
-) -> list[str]:
-    """Warnings if the law fitted in incidence-angle bins contradicts the distribution of all pixels of a material.
+def incidence_warnings(name: str, law: Law, fit: LawFit, incidence_deg: ArrayLike, sensor: float) -> list[str]:
+    """Warning if the pixels of a material have fewer effective looks than the sensor; else empty.
 
     Parameters
     ----------
@@ -97,11 +73,8 @@ def incidence_warnings(
         Name of the material.
     law : Law
         Backscatter law with a curve.
-    conditional : LawFit
-        Law fitted in bins of mapped incidence.
-    marginal : LawFit
-        Law fitted to all pixels as one bin, with the looks of neighbouring pixels. An error of the incidence that is
-        not configured flattens ``conditional`` more than ``marginal``.
+    fit : LawFit
+        Law and looks fitted in bins of mapped incidence.
     incidence_deg : array_like
         Mapped incidence of the pixels [deg].
     sensor : float
@@ -110,34 +83,22 @@ def incidence_warnings(
     Returns
     -------
     list of str
-
-    References
-    ----------
-    Hausman, "Specification tests in econometrics", Econometrica 46 (1978): comparison of two estimates, of which an
-    error of the regressor biases one more than the other.
     """
     lines = []
-    gap, errors = law_gap_db(law, conditional, marginal, incidence_deg)
-    if gap > _GAP_DB and errors > _GAP_ERRORS:
-        lines.append(
-            f"{name}: the law in incidence-angle bins and the one from the spread of all pixels differ by "
-            f"{gap:.1f} dB over the incidence seen: texture, mixed ground, or an error of the local incidence "
-            "(see incidence_error_deg), which flattens a law."
-        )
-    error, bent = error_behind(law, conditional, incidence_deg, sensor)
+    error, bent = error_behind(law, fit, incidence_deg, sensor)
     spread = float(np.std(np.asarray(incidence_deg, dtype=np.float64)))
-    few = np.log(sensor / conditional.looks) > np.sqrt(conditional.covariance[-1, -1])
-    few = few and _shape_variance(law, conditional, seen_rad(incidence_deg)).max() > 0.0  # a constant law has no shape
+    few = np.log(sensor / fit.looks) > np.sqrt(fit.covariance[-1, -1])
+    few = few and _shape_variance(law, fit, seen_rad(incidence_deg)).max() > 0.0  # a constant law has no shape
     if few and bent > _BENT_DB and error <= min(_LIKELY_DEG, _MOST_OF_SPREAD * spread):
         lines.append(
-            f"{name}: its pixels spread as those of {conditional.looks:.1f} looks, the sensor has {sensor:.3g}. "
+            f"{name}: its pixels spread as those of {fit.looks:.1f} looks, the sensor has {sensor:.3g}. "
             f"Texture does that; so does an error of the local incidence of {error:.1f} deg, which would have "
             f"flattened the law by up to {bent:.1f} dB over the incidence seen. If the map may be off that much, say "
             "so in target.incidence_error_deg."
         )
-    elif conditional.looks < _FEW_LOOKS * sensor:
+    elif fit.looks < _FEW_LOOKS * sensor:
         lines.append(
-            f"{name}: its pixels spread as those of {conditional.looks:.1f} looks, the sensor has {sensor:.3g}: "
+            f"{name}: its pixels spread as those of {fit.looks:.1f} looks, the sensor has {sensor:.3g}: "
             "texture, mixed ground, or an error of the local incidence (see incidence_error_deg)."
         )
     return lines

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.constant import Constant, constants
+from radcal.assessment.fit_test import SPREAD
 from radcal.assessment.incidence_check import incidence_warnings
 from radcal.assessment.posterior import Posterior
 from radcal.assessment.recommendation import FieldCheck, fold_of_fields, leave_fields_out, recommend
 from radcal.assessment.validation import HeldOut, cross_validate, held_out
 from radcal.calibration.expected import law_cumulants
-from radcal.calibration.grounds import GroundLaw, fit_grounds, marginal_law
+from radcal.calibration.grounds import GroundLaw, fit_grounds
 from radcal.calibration.history import History, Score
 from radcal.calibration.misfit import true_angles
 from radcal.calibration.objectives import make_objectives
@@ -242,11 +243,8 @@ def _check(
         sentences.append(sentence if binned else f"{sentence} objective: {DEFAULT} can tell more.")
     centre = shown = error = nothing
     if binned:
-        if law.method.free_looks:
-            local = target.looks if np.isfinite(target.looks) else nominal
-            marginal = marginal_law(law, min(local, nominal))
-            incidence_deg = law.ground.incidence_deg
-            sentences += incidence_warnings(name, law.method.law, law.fit, marginal, incidence_deg, law.method.looks)
+        if law.method.free_looks and _spread_as_found(law):
+            sentences += incidence_warnings(name, law.method.law, law.fit, law.ground.incidence_deg, law.method.looks)
         centre, shown, error = _levels_asked(law, score, nominal)
     estimated = binned or case.validation is not None
     return LawCheck(
@@ -267,6 +265,15 @@ def _check(
         class_error_db=error,
         sentences=sentences,
     )
+
+
+def _spread_as_found(law: GroundLaw) -> bool:
+    """Whether the pixels of the bins spread at least nearly as the speckle of the looks found.
+
+    A level that is off can press the looks far below those of the pixels; then they say nothing about the pixels.
+    """
+    pixels = np.average(law.classes.cumulants[:, 1], weights=law.classes.count)
+    return bool(log_speckle_cumulants(law.fit.looks)[1] < (1.0 + SPREAD) ** 2 * pixels)
 
 
 def _doubts(name: str, identified: bool, binned: bool) -> list[str]:

@@ -101,7 +101,7 @@ def verdict(
         off = f"its simulated mean {_off(test.mean_db)} the measured{first}"
         if test.fits is False:
             found = level_found(known.levels) if known is not None else ""
-            return f"{name}: {at}, and does not fit: {off}; {cause or UNKNOWN}{found and f'; {found}'}."
+            return _ended(f"{name}: {at}, and does not fit: {off}; {cause or UNKNOWN}{found and f'; {found}'}")
         said = [off] * (abs(test.mean_db) > OFF_DB) + [_spread(test, first)] * bool(_spread(test, first))
         level = (
             f": {', '.join([level_words(known.levels), *known.remarks])}" if known is not None and known.levels else ""
@@ -111,7 +111,12 @@ def verdict(
         return f"{name}: {_untested(test, passes)}{_known(known) * (not test.unmatched)}{wide}."
     if test.fits:
         return f"{name} fits (residuals {test.residual_sum:.0f} of {test.expected:.0f}){_known(known)}{wide}."
-    return f"{name}: does not fit: {_misfit(test, first)}; {cause or UNKNOWN}{f'; {doubt}' * bool(doubt)}."
+    return _ended(f"{name}: does not fit: {_misfit(test, first)}; {cause or UNKNOWN}{f'; {doubt}' * bool(doubt)}")
+
+
+def _ended(text: str) -> str:
+    """Sentence of a text, which has its own mark if it ends with a question."""
+    return text if text.endswith("?") else f"{text}."
 
 
 def _untested(test: FitTest, passes: int) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.expected import Forward, LawForward
 from radcal.calibration.law_fit import LawFit, Residuals, fit_law
-from radcal.calibration.misfit import BinMisfit, Method, true_angles
+from radcal.calibration.misfit import Method, true_angles
 from radcal.calibration.priors import CurvePrior, looks_residuals
 from radcal.measurement.classes import Classes, class_of, incidence_edges, make_classes, winsorised
 from radcal.measurement.ground import Ground
@@ -28,7 +28,6 @@ __all__ = [
     "ground_residuals",
     "law_prior",
     "limited",
-    "marginal_law",
     "refit",
 ]
 
@@ -183,29 +182,6 @@ def refit(found: GroundLaw, ground: Ground) -> GroundLaw:
     """Law fitted to other pixels, starting at the X and looks of ``found`` and with its spread."""
     classes, start = bins_of(ground, found.method.classes), (found.fit.parameters, found.fit.looks)
     return _fitted(ground, found.method, classes, found.spread, start)
-
-
-def marginal_law(found: GroundLaw, looks: float) -> LawFit:
-    """Law fitted to the distribution of all pixels as one bin, with a known number of looks.
-
-    The fit uses the distribution of the incidence, but not the incidence of each pixel. An error of the mapped
-    incidence that ``found.method`` leaves out flattens the law in incidence-angle bins more than the law in one bin;
-    :func:`radcal.assessment.incidence_check.incidence_warnings` compares both laws.
-
-    Parameters
-    ----------
-    found : GroundLaw
-        Law fitted in incidence-angle bins.
-    looks : float
-        Number of looks from neighbouring pixels (:func:`radcal.measurement.looks.local_looks`), or of the sensor.
-
-    Returns
-    -------
-    LawFit
-    """
-    method = replace(found.method, misfit=BinMisfit, classes=1, free_looks=False)
-    classes, start = bins_of(found.ground, 1), (found.fit.parameters, looks)
-    return _fitted(found.ground, method, classes, found.spread, start).fit
 
 
 def fit_grounds(

@@ -33,6 +33,7 @@ from radcal.measurement.target import Targets
 from radcal.measurement.target_fit import make_targets
 from radcal.radar.geometry import Geometry
 from radcal.scene.model import Scene
+from radcal.simulators.declared_scale import check_scale
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import Parameters, Record
 
@@ -68,7 +69,9 @@ def register_rounds(
     run : (Record, Parameters) or None
         Registration run and its X by material, for :func:`calibrate`; None if the image is registered once.
     """
-    start = _image_db(reference_runs(stages.ReferenceRun.of(case), runner)[0])
+    reference = stages.ReferenceRun.of(case)
+    start = _image_db(reference_runs(reference, runner)[0])
+    check_scale(start, measurement.image_db, reference)
     first = register(start, measurement, case.registration)
     if not case.registers_twice:
         return first, None

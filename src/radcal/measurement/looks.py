@@ -298,9 +298,9 @@ def check_looks(found: Looks, looks: float, scale: str | None, source: str, filt
             guess += "power: set measurement.scale: power" if scale == "amplitude" else "20 log10 of power"
             guess += ", or "
         raise MeasurementError(f"measurement.scale is {scale}, but {said}; {guess}set radar.looks to what it has.")
-    if found.looks > _ALIKE[1] * looks:
+    if found.looks > _ALIKE[1] * looks and not found.low <= looks <= found.high:
         return f"{said}: the simulated speckle varies more than that."
-    if found.looks < _ALIKE[0] * looks:
+    if found.looks < _ALIKE[0] * looks and not found.low <= looks <= found.high:
         return (
             f"{said}: the simulated speckle varies less than that; a search by incidence-angle bins with target.looks: "
             "free makes up for it as texture."

@@ -214,6 +214,14 @@ def _check_agreement(
                 "the simulated image's pixels already, set registration.method: none."
             )
         fits = mirrored[best] > _FITS * common
+        if _z(correlation) >= _SIGNIFICANT and not fits:
+            raise MeasurementError(
+                f"registration: {source} agrees with the simulated image ({found}), but not clearly better than its "
+                f"mirrored versions, which agree by chance (mean local correlation {common:.3f}, mirrored "
+                f"{mirrored[best]:.3f}, expected at least {_MIRRORED:g} times as much): are starting or fixed laws "
+                "wrong (materials.*.start, materials.*.parameters), or is it another area, turned or mirrored? If it "
+                "lies on the simulated image's pixels already, set registration.method: none."
+            )
         hint = f"it fits {best}" if fits else "is it the same area, seen from the same side, not turned or mirrored?"
         raise MeasurementError(
             f"registration: {source} has nothing in common with the simulated image ({found}): {hint} If it lies on "
