@@ -66,6 +66,11 @@ def test_a_law_that_does_not_fit_is_not_called_known():
             "residuals 60 of 21, at 34 degrees the simulated spread is 1.30 times the measured",
         ),
         ({"sd_db": 1.7}, "the simulated spread is 1.7 dB, the measured 2.1"),
+        (
+            {"sd_db": 1.7, "mean_db": -8.5, "residual_sum": 6026.0},
+            "residuals 6026 of 21, the simulated mean is 8.5 dB below the measured, and the simulated spread is 1.7 "
+            "dB, the measured 2.1",
+        ),
         ({"looks_limit": "upper"}, "residuals 14 of 21, and the pixels ask for more looks than the search allows"),
         (
             {"looks_limit": "lower", "worst_spread": 0.8},

@@ -167,6 +167,10 @@ def test_note_gives_both_numbers() -> None:
         "and radar.azimuth_spacing_m of 2.3 allows 2.74 at the finest)."
     )
     assert point_spread_note(PointSpread(2.2, 3.4, 0.13, 0.17, 1.1, 100), None, RADAR, "b.tif") is None
+    # as an impulse response without weighting, which is estimated at 0.66 to 0.76 of its width
+    for range_m, told in ((1.48, True), (1.0, False)):
+        narrow = str(point_spread_note(PointSpread(range_m, 2.6, 0.09, 0.16, 0.8, 100), None, RADAR, "b.tif"))
+        assert narrow.endswith("than it is: then no key need be changed.") == told
 
 
 def test_resampling_from_a_map_explains_a_wider_spread() -> None:

@@ -145,12 +145,13 @@ def _known(known: Known | None) -> str:
 
 
 def _misfit(test: FitTest, first: str) -> str:
-    """Part of a verdict on the main misfit: standard deviation or mean of all pixels, a bin, or the looks."""
-    if spread := _spread(test, first):
-        return spread
-    residuals = f"residuals {test.residual_sum:.0f} of {test.expected:.0f}"
+    """Part of a verdict on the main misfit: mean and standard deviation of all pixels, a bin, or the looks."""
+    residuals, spread = f"residuals {test.residual_sum:.0f} of {test.expected:.0f}", _spread(test, first)
     if abs(test.mean_db) > OFF_DB:
-        return f"{residuals}, the simulated mean {_off(test.mean_db)} the measured{first}"
+        also = f", and {_spread(test, '')}" if spread else ""
+        return f"{residuals}, the simulated mean {_off(test.mean_db)} the measured{first}{also}"
+    if spread:
+        return spread
     there = f"{residuals}, at {test.worst_deg:.0f} degrees the simulated"
     if abs(test.worst_mean_db) > OFF_DB:
         return f"{there} mean {_off(test.worst_mean_db)} the measured"
