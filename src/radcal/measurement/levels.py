@@ -68,10 +68,7 @@ class Levels:
             return f"{text}."
         if not self.references:
             return "the measured image is taken at its own level; no material of a fixed law checks it."
-        found = (
-            f"the measured image lies {self.offset_db:+.2f} +- {self.offset_error_db:.2f} dB from the reference run on "
-            f"{', '.join(self.references)}"
-        )
+        found = f"the measured image {self.lies}"
         if self.normalisation == "offset":
             return f"{found}; this offset is subtracted, and is right only if the laws of these materials are."
         if self.doubtful:
@@ -81,6 +78,14 @@ class Levels:
                 "wrong?"
             )
         return f"the measured image is taken at its own level; {found}."
+
+    @property
+    def lies(self) -> str:
+        """Predicate on the offset of the measured image, its standard error, and the materials that show it."""
+        return (
+            f"lies {self.offset_db:+.2f} +- {self.offset_error_db:.2f} dB from the reference run on "
+            f"{', '.join(self.references)}"
+        )
 
     @property
     def doubtful(self) -> bool:
