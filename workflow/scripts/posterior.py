@@ -15,5 +15,5 @@ with logged(snakemake.log[0], snakemake.params.case):
     write_posterior(snakemake.output.posterior, posterior)
     said = posterior.sentence(case.uncertainty.known_db, targets.level_only(name))
     if posterior.known_between_deg is not None:
-        said = f"if its law fits{' and the level of the image is right' * targets.levels.doubtful}, {said}"
+        said = f"if its law fits{' and the level of the image is right' * targets.levels.significant}, {said}"
     progress(f"{name}: {said}")

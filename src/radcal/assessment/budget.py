@@ -88,13 +88,13 @@ class Budget:
 def level_contradicted(config: Uncertainty, passes: Sequence[Levels]) -> str:
     """Clause on the measured images whose level the materials of fixed laws contradict; empty if there are none.
 
-    A level is contradicted if its offset is doubtful (:attr:`.Levels.doubtful`) and larger than the 90 % interval of
-    the budget's error of the level. The band of sigma0 then does not contain an error that radcal has measured.
+    A level is contradicted if its offset is significant (:attr:`.Levels.significant`) and larger than the 90 % interval
+    of the budget's error of the level. The band of sigma0 then does not contain an error that radcal has measured.
     """
     several = len(passes) > 1
     found = [
         f"the measured image {f'of pass {number} ' * several}{levels.lies}"
         for number, levels in enumerate(passes, start=1)
-        if levels.doubtful and abs(levels.offset_db) > NORMAL_90 * Budget.of(config, levels).level_db
+        if levels.significant and abs(levels.offset_db) > NORMAL_90 * Budget.of(config, levels).level_db
     ]
     return f"{' and '.join(found)}: set target.normalisation: offset, or mend level or laws" if found else ""
