@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from calibration_samples import make_run, make_target
 from two_materials import X, geometry
 
 from radcal.assessment import conclusion
+from radcal.assessment.budget import level_contradicted
 from radcal.assessment.conclusion import _known, _unknown, conclude, not_to_be_used
 from radcal.assessment.fit_test import FitTest
 from radcal.assessment.registration_check import Moved
@@ -119,6 +121,47 @@ def test_a_doubtful_level_is_a_warning_among_the_notes(parts, found):
     )
 
 
+def test_a_level_that_the_budget_does_not_cover_leaves_nothing_known(parts):
+    """Offset and posterior of a measured image 2.93 dB above the run of right fixed laws."""
+    case, stop, history, targets, *rest = parts[0]
+    high = Levels("none", offset_db=2.93, offset_error_db=0.12, references=("wood", "water"))
+    known = {"area": posterior(known_between_deg=(20.0, 40.0), known_half_width_db=0.8)}
+    found = conclude(case, stop, history, Targets(targets, high), *rest, posteriors=known)
+    assert found.posteriors["area"].known_between_deg is None
+    assert found.checks["area"].identified is False
+    why = (
+        "the measured image lies +2.93 +- 0.12 dB from the reference run on wood, water: set target.normalisation: "
+        "offset, or mend level or laws"
+    )
+    assert found.verdicts["area"].endswith(f", but sigma0 is called known at no angle: {why}.")
+    assert f"area: sigma0 is called known nowhere over the incidence seen: {why}." in found.checks["area"].sentences
+    # the law may be used all the same: a level is common to all fields
+    before = conclude(*parts[0], posteriors=known)
+    assert before.posteriors["area"].known_between_deg == (20.0, 40.0)
+    assert found.checks["area"].recommended_why == before.checks["area"].recommended_why
+
+
+@pytest.mark.parametrize(
+    ("levels", "level_db", "contradicted"),
+    [
+        (Levels("none", 2.93, 0.12, references=("a",)), 0.33, True),
+        (Levels("none", 2.93, 0.12, references=("a",)), 2.0, False),  # in the budget
+        (Levels("none", -0.56, 0.1, references=("a",)), 0.33, True),
+        (Levels("none", -0.53, 0.1, references=("a",)), 0.33, False),
+        (Levels("none", 0.42, 0.19, references=("a",)), 0.0, False),  # not doubtful: the default case
+        (Levels("none", -12.8, 4.4, references=("a", "b")), 0.33, False),  # the fixed laws contradict each other
+        (Levels("offset", 2.93, 0.12, references=("a",)), 0.33, False),
+        (Levels(), 0.33, False),
+    ],
+)
+def test_a_level_is_contradicted_beyond_doubt_and_budget(levels, level_db, contradicted):
+    config = Uncertainty(level_db=level_db)
+    assert bool(level_contradicted(config, [levels])) is contradicted
+    assert (
+        level_contradicted(config, [Levels(), levels]).startswith("the measured image of pass 2 lies") is contradicted
+    )
+
+
 def test_the_distance_is_the_rms_over_that_of_sampling(found):
     assert found.fits["area"].distance == pytest.approx(0.01 / 0.004)
     assert "its rms is 2.5 times the sampling error" in found.verdicts["area"]
@@ -153,16 +196,21 @@ def test_a_law_that_does_not_fit_is_known_nowhere(fits, known):
     after = _unknown(before) if withheld else before
     assert after.known_between_deg == known
     assert (after.known_half_width_db is None) is (known is None)
-    said = _known(after, Levels(), Uncertainty())
+
+    def known_of(one, levels=None, level_only=False, further=()):
+        targets = SimpleNamespace(levels=levels or Levels(), level_only=lambda _: level_only, further=further)
+        return _known(one, targets, Uncertainty(), "area")
+
+    said = known_of(after)
     assert said is not None
     assert (said.between_deg, said.linear) == (known, False)
     assert (said.levels, said.level_error_db) == ((), pytest.approx(1.645 * 0.33, rel=1e-3))
-    assert _known(replace(after, sampled=False), Levels(), Uncertainty()).linear
-    assert _known(replace(after, curve=None), Levels(), Uncertainty()) is None
-    removed = _known(after, Levels("offset", 0.4, 0.7), Uncertainty(), level_only=True)
+    assert known_of(replace(after, sampled=False)).linear
+    assert known_of(replace(after, curve=None)) is None
+    removed = known_of(after, Levels("offset", 0.4, 0.7), level_only=True)
     assert (removed.level_key, removed.level_error_db) == ("the removed offset", pytest.approx(1.645 * 0.7, rel=1e-3))
     assert removed.levels == after.levels()
-    assert _known(after, Levels(), Uncertainty(), passes=2).level_error_db == 0.0
+    assert known_of(after, further=("pass 2",)).level_error_db == 0.0
     # a density that is not matched tells nothing of the law
     nan = float("nan")
     assert not_to_be_used(replace(test, fits=None, residual_sum=nan, distance=3.5)) == "the density is not matched"

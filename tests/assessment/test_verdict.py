@@ -171,6 +171,18 @@ def test_a_registration_in_doubt_ends_every_verdict_and_is_counted():
     assert line == "Of 2 materials 2 fit; sigma0 is known at some angles for none; the registration is in doubt for 1."
 
 
+def test_a_contradicted_level_takes_the_place_of_what_is_known():
+    why = "the measured image lies +2.9 +- 0.1 dB from the reference run on wood: mend level or laws"
+    known = Known(None, None, linear=True, levels=(Level(38.9, -18.24, -19.34, -17.08),), withheld=why)
+    said = verdict("dyke", fit_of(), known=known, between_db=3.2)
+    assert said.startswith(f"dyke fits (residuals 14 of 21), but sigma0 is called known at no angle: {why}; fields dif")
+    assert verdict("water", fit_of(), known=known, level_only=True).endswith(f"; {why}.")
+    assert why not in verdict("road", fit_of(False), known=known)
+    both = {"dyke": said, "road": verdict("road", fit_of(), known=known)}
+    line = first_line(both, {"dyke": True, "road": True}, True)
+    assert line == f"Of 2 materials 2 fit; sigma0 is known at some angles for none; {why}."
+
+
 def test_all_fit():
     assert all_fit([True, True]) is True
     assert all_fit([True, None]) is None

@@ -75,6 +75,36 @@ def test_an_offset_is_doubtful_beyond_half_a_db_and_three_errors(offset_db, erro
     assert not offset_levels("offset", {"grass": (offset_db, error_db)}).doubtful
 
 
+@pytest.mark.parametrize(
+    ("differences", "at_odds", "doubtful"),
+    [
+        ({"wood": (-8.4, 0.1), "water": (-17.2, 0.2)}, True, True),  # mean -12.8 +- 4.4 dB, which is not significant
+        ({"wood": (2.0, 0.1), "water": (-2.0, 0.1)}, True, True),
+        ({"wood": (0.2, 0.1), "water": (-2.7, 0.1), "grass": (0.3, 0.1)}, False, False),  # 3.0 dB
+        ({"wood": (2.5, 1.0), "water": (-1.5, 1.0)}, False, False),  # 4 dB, but less than three errors
+        ({"wood": (-6.2, 2.5)}, False, True),  # far, though uncertain
+        ({"wood": (-5.8, 2.5)}, False, False),
+    ],
+)
+def test_materials_at_odds_and_a_far_offset_are_doubtful(differences, at_odds, doubtful) -> None:
+    """A mean that is not significant, because the materials disagree, is said with the offset on each of them."""
+    levels = offset_levels("none", differences)
+    assert (levels.at_odds, levels.doubtful) == (at_odds, doubtful)
+    named = ", ".join(f"{name} {db:+.2f} +- {error:.2f}" for name, (db, error) in differences.items())
+    assert (f"({named} dB), which contradict each other: are the names or" in levels.sentence) is at_odds
+    removed = offset_levels("offset", differences)
+    assert (removed.at_odds, removed.doubtful) == (at_odds, at_odds)
+    assert (f"({named} dB), which contradict each other: are the names or" in removed.sentence) is at_odds
+
+
+def test_a_far_offset_on_materials_that_agree_names_each() -> None:
+    levels = offset_levels("none", {"wood": (-8.4, 0.1), "water": (-9.2, 0.2)})
+    assert not levels.at_odds
+    assert "on wood, water (wood -8.40 +- 0.10, water -9.20 +- 0.20 dB): are its calibration" in levels.sentence
+    near = offset_levels("none", {"wood": (-2.4, 0.1), "water": (-3.2, 0.2)})
+    assert "on wood, water: are its calibration" in near.sentence
+
+
 @pytest.fixture
 def images() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(1)

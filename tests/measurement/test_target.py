@@ -156,7 +156,15 @@ def test_a_material_seen_at_one_incidence_is_level_only(geometry: Geometry, meas
 
 def test_round_trip_is_exact(geometry: Geometry, measurement: Measurement, tmp_path: Path) -> None:
     penalised = CONFIG.model_copy(update={"fit": "penalised"})
-    levels = Levels("offset", 1.5, 0.25, references=("grass",), measured=(1.5, 1.0))
+    levels = Levels(
+        "offset",
+        1.5,
+        0.25,
+        references=("grass",),
+        differences_db=(1.5,),
+        difference_errors_db=(0.25,),
+        measured=(1.5, 1.0),
+    )
     targets = Targets(
         {
             "grass": make_target("grass", geometry, measurement, penalised, 1),

@@ -14,4 +14,6 @@ with logged(snakemake.log[0], snakemake.params.case):
     posterior = posterior_of(case, targets, history, name)
     write_posterior(snakemake.output.posterior, posterior)
     said = posterior.sentence(case.uncertainty.known_db, targets.level_only(name))
-    progress(f"{name}: {'if its law fits, ' * (posterior.known_between_deg is not None)}{said}")
+    if posterior.known_between_deg is not None:
+        said = f"if its law fits{' and the level of the image is right' * targets.levels.significant}, {said}"
+    progress(f"{name}: {said}")

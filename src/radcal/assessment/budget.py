@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from radcal.config import Uncertainty
 from radcal.measurement.levels import Levels
 
-__all__ = ["FIELD_FREEDOM", "FLATTENING", "NORMAL_90", "Budget"]
+__all__ = ["FIELD_FREEDOM", "FLATTENING", "NORMAL_90", "Budget", "level_contradicted"]
 
 FIELD_FREEDOM = 2.0
 """Degrees of freedom of the half-t priors of the standard deviations between and within fields (Gelman, "Prior
@@ -82,3 +83,18 @@ class Budget:
     def steepening(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Factor (0.1 or more) on the slope of a law if the resolutions are off by z standard errors, shape (m,)."""
         return np.maximum(1.0 - FLATTENING * self.point_spread * z, 0.1)
+
+
+def level_contradicted(config: Uncertainty, passes: Sequence[Levels]) -> str:
+    """Clause on the measured images whose level the materials of fixed laws contradict; empty if there are none.
+
+    A level is contradicted if its offset is significant (:attr:`.Levels.significant`) and larger than the 90 % interval
+    of the budget's error of the level. The band of sigma0 then does not contain an error that radcal has measured.
+    """
+    several = len(passes) > 1
+    found = [
+        f"the measured image {f'of pass {number} ' * several}{levels.lies}"
+        for number, levels in enumerate(passes, start=1)
+        if levels.significant and abs(levels.offset_db) > NORMAL_90 * Budget.of(config, levels).level_db
+    ]
+    return f"{' and '.join(found)}: set target.normalisation: offset, or mend level or laws" if found else ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.budget import NORMAL_90, Budget
+from radcal.assessment.budget import NORMAL_90, Budget, level_contradicted
 from radcal.assessment.causes import joint_cause, likely_cause
 from radcal.assessment.fit_test import FitTest, check_fit
 from radcal.assessment.law_check import LawCheck, check_laws, texture_note
@@ -25,7 +25,6 @@ from radcal.calibration.steps import not_fresh, repeatability
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Stop, Uncertainty, stages
 from radcal.errors import StoreError
-from radcal.measurement.levels import Levels
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
@@ -84,7 +83,8 @@ class Conclusion:
     fits : mapping
         Test of the fit of each calibrated material's law.
     posteriors : mapping
-        Posterior of each law; if the law does not fit, its posterior calls sigma0 known at no angle.
+        Posterior of each law; if the law does not fit, or if the level of an image is contradicted, its posterior calls
+        sigma0 known at no angle.
     verdicts : mapping
         Verdict on each calibrated material, as a sentence.
     """
@@ -160,9 +160,9 @@ def conclude(
     moved = _moved(case, history, targets, geometry, registered, final[1])
     doubts = {name: one.sentence(name) for name, one in moved.items() if one.doubtful}
     withheld = {name: why for name, test in fits.items() if (why := not_to_be_used(test))}
-    believed = {name: _unknown(one) if name in withheld else one for name, one in (posteriors or {}).items()}
-    checks = check_laws(case, targets, history, posteriors=believed, withheld=withheld)
-    passes = 1 + len(targets.further)
+    unknown = _contradicted(case, targets)
+    believed = _believed(posteriors or {}, {*withheld, *unknown})
+    checks = check_laws(case, targets, history, posteriors=believed, withheld=withheld, doubts=unknown)
     return Conclusion(
         decision=decide(history, list(targets), stop, case.objective),
         checks=checks,
@@ -179,10 +179,10 @@ def conclude(
                 name,
                 fits[name],
                 _cause(case, name, targets, objectives[name], history, geometry, fits[name]),
-                _known(believed.get(name), targets.levels, case.uncertainty, targets.level_only(name), passes),
+                _known(believed.get(name), targets, case.uncertainty, name, unknown.get(name, "")),
                 level_only=targets.level_only(name),
                 between_db=checks[name].between_db,
-                passes=passes,
+                passes=len(targets.passes),
                 doubt=doubts.get(name, ""),
             )
             for name in targets
@@ -197,26 +197,39 @@ def not_to_be_used(test: FitTest) -> str:
     return "the density is not matched" if test.unmatched else ""
 
 
+def _believed(posteriors: Mapping[str, Posterior], nowhere: Collection[str]) -> dict[str, Posterior]:
+    """Posteriors of all materials; those of the materials in ``nowhere`` call sigma0 known at no angle."""
+    return {name: _unknown(one) if name in nowhere else one for name, one in posteriors.items()}
+
+
 def _unknown(posterior: Posterior) -> Posterior:
     """Posterior that calls sigma0 known at no angle."""
     return replace(posterior, known_between_deg=None, known_half_width_db=None)
 
 
+def _contradicted(case: stages.Archive, targets: Targets) -> dict[str, str]:
+    """Reason by material why sigma0 must not be called known although its law may fit; materials without one absent."""
+    level = level_contradicted(case.uncertainty, [one.levels for one in targets.passes])
+    return dict.fromkeys(targets, level) if level else {}
+
+
 def _known(
-    posterior: Posterior | None, levels: Levels, config: Uncertainty, level_only: bool = False, passes: int = 1
+    posterior: Posterior | None, targets: Targets, config: Uncertainty, name: str, withheld: str = ""
 ) -> Known | None:
     """Interval of incidence in which sigma0 is known; None without a posterior, or for a law without a curve."""
     if posterior is None or posterior.curve is None:
         return None
+    levels = targets.levels
     removed = levels.normalisation == "offset" and np.isfinite(levels.offset_error_db)
     return Known(
         posterior.known_between_deg,
         posterior.known_half_width_db,
         linear=not posterior.sampled,
-        levels=posterior.levels() if level_only else (),
+        levels=posterior.levels() if targets.level_only(name) else (),
         # each pass has a level of its own, so that several passes lower the error of their common law
-        level_error_db=0.0 if passes > 1 else NORMAL_90 * Budget.of(config, levels).level_db,
+        level_error_db=0.0 if targets.further else NORMAL_90 * Budget.of(config, levels).level_db,
         level_key="the removed offset" if removed else "uncertainty.level_db",
+        withheld=withheld,
     )
 
 

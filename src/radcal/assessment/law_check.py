@@ -95,6 +95,7 @@ def check_laws(
     history: History,
     posteriors: Mapping[str, Posterior] | None = None,
     withheld: Mapping[str, str] | None = None,
+    doubts: Mapping[str, str] | None = None,
 ) -> dict[str, LawCheck]:
     """Check the best run's law of every material on the ground of the first pass.
 
@@ -110,6 +111,8 @@ def check_laws(
         Posterior of each material's law; with it, a law counts as identified if sigma0 is known at some angles.
     withheld : mapping, optional
         For each material whose law must not be used, the reason, such as a law that does not fit.
+    doubts : mapping, optional
+        For each material whose law may be used, but whose sigma0 must not be called known, the reason.
 
     Returns
     -------
@@ -140,14 +143,26 @@ def check_laws(
     }
     return {
         name: _with_posterior(
-            case, name, check, (posteriors or {}).get(name), name in one_angle, (withheld or {}).get(name, "")
+            case,
+            name,
+            check,
+            (posteriors or {}).get(name),
+            name in one_angle,
+            (withheld or {}).get(name, ""),
+            (doubts or {}).get(name, ""),
         )
         for name, check in found.items()
     }
 
 
 def _with_posterior(
-    case: stages.Archive, name: str, check: LawCheck, posterior: Posterior | None, level_only: bool, withheld: str
+    case: stages.Archive,
+    name: str,
+    check: LawCheck,
+    posterior: Posterior | None,
+    level_only: bool,
+    withheld: str,
+    doubt: str,
 ) -> LawCheck:
     """Check of a law in which the posterior decides whether the law is identified; a law not to be used is not."""
     if withheld and check.recommended:
@@ -157,11 +172,10 @@ def _with_posterior(
     known = posterior.known_between_deg is not None
     others = [said for said in check.sentences if f"{name}: the law is not identified" not in said]
     # the verdict already gives the level of a material that is seen at one incidence
-    doubt = (
-        [] if known or level_only else [f"{name}: {posterior.sentence(case.uncertainty.known_db, withheld=withheld)}"]
-    )
+    why = posterior.sentence(case.uncertainty.known_db, withheld=withheld or doubt)
+    nowhere = [] if known or level_only else [f"{name}: {why}"]
     linear = [] if posterior.sampled else [f"{name}: {posterior.sentences[0]}"]
-    return replace(check, identified=known, sentences=[*doubt, *linear, *others])
+    return replace(check, identified=known, sentences=[*nowhere, *linear, *others])
 
 
 def texture_note(checks: Mapping[str, LawCheck]) -> str:

@@ -17,6 +17,7 @@ _COUNTS = ((True, "fits", "fit"), (False, "does not fit", "do not fit"), (None, 
 _NAMED = 4  # largest number of materials that the first line names
 _SMALL_DB = 0.1  # smallest half-width of a band [dB] that is given with one decimal
 _KNOWN = ": sigma0 known to +-"
+_WITHHELD = ", but sigma0 is called known at no angle: "
 DOUBT = "the registration is in doubt"
 _LOOKS = {"upper": "more", "lower": "fewer"}
 OFF_DB = 0.5  # least difference of the means [dB] that a verdict names
@@ -40,6 +41,8 @@ class Known:
         Half-width of a 90 % band that contains only the error of the measured image's level [dB].
     level_key : str
         Configuration key, or cause, of the error of the level.
+    withheld : str
+        Clause on an error outside of the budget, for which sigma0 is not called known whatever its band; or empty.
     """
 
     between_deg: tuple[float, ...] | None
@@ -48,6 +51,7 @@ class Known:
     levels: tuple[Level, ...] = ()
     level_error_db: float = 0.0
     level_key: str = "uncertainty.level_db"
+    withheld: str = ""
 
     @property
     def remarks(self) -> list[str]:
@@ -103,6 +107,7 @@ def verdict(
             found = level_found(known.levels) if known is not None else ""
             return _ended(f"{name}: {at}, and does not fit: {off}; {cause or UNKNOWN}{found and f'; {found}'}")
         said = [off] * (abs(test.mean_db) > OFF_DB) + [_spread(test, first)] * bool(_spread(test, first))
+        said += [known.withheld] if known is not None and known.withheld else []
         level = (
             f": {', '.join([level_words(known.levels), *known.remarks])}" if known is not None and known.levels else ""
         )
@@ -136,6 +141,8 @@ def _known(known: Known | None) -> str:
     """Part of a verdict that says at which incidence sigma0 is known, and how well."""
     if known is None:
         return ""
+    if known.withheld:
+        return f"{_WITHHELD}{known.withheld}"
     remark = f" ({'; '.join(known.remarks)})" * bool(known.remarks)
     if known.between_deg is None or known.half_width_db is None:
         return f", but sigma0 is known well enough at no angle{remark}"
@@ -205,6 +212,8 @@ def first_line(verdicts: Mapping[str, str], fits: Mapping[str, bool | None], con
     known = [name for name, text in verdicts.items() if _KNOWN in text]
     who = f" ({', '.join(known)})" if 0 < len(known) <= _NAMED and len(known) < len(fits) else ""
     where = f"; sigma0 is known at some angles for {len(known) or 'none'}{who}"
+    for why in dict.fromkeys(text.partition(_WITHHELD)[2].partition(";")[0].rstrip(".") for text in verdicts.values()):
+        where += f"; {why}" * bool(why)
     doubts = sum(DOUBT in text for text in verdicts.values())
     doubt = f"; {DOUBT} for {doubts}" * bool(doubts)
     return f"Of {len(fits)} materials {', '.join(said)}{where}{doubt}.{going}"
