@@ -162,6 +162,29 @@ def test_a_level_is_contradicted_beyond_doubt_and_budget(levels, level_db, contr
     )
 
 
+def test_a_program_of_another_law_leaves_nothing_known(parts, monkeypatch):
+    """Also of a law that does not fit, whose verdict says it beside the misfit."""
+    case, *rest = parts[0]
+    why = "the program's backscatter differs from law mangia"
+    asked = []
+    monkeypatch.setattr(conclusion, "another_law", lambda *given: asked.append(given[:2]) or why)
+    known = {"area": posterior(known_between_deg=(20.0, 40.0), known_half_width_db=0.8)}
+    assert conclude(case, *rest, posteriors=known).posteriors["area"].known_between_deg == (20.0, 40.0)
+    assert not asked
+    program = case.model_copy(update={"simulator": case.simulator.model_copy(update={"kind": "command"})})
+    found = conclude(program, *rest, posteriors=known)
+    assert asked == [("area", "mangia")]
+    assert found.posteriors["area"].known_between_deg is None
+    assert found.verdicts["area"].endswith(f", but sigma0 is called known at no angle: {why}.")
+    assert (found.checks["area"].recommended, found.checks["area"].recommended_why) == ("constant", why)
+    wrong = FitTest(False, 90.0, 20.0, 0.001, 30.0, 2.0, 1.0, 0.0, 2.0, 2.0, "", (), 1.0)
+    monkeypatch.setattr(conclusion, "check_fit", lambda *_: wrong)
+    misfit = conclude(program, *rest, posteriors=known)
+    assert misfit.verdicts["area"].startswith("area: does not fit: ")
+    assert misfit.verdicts["area"].endswith(f"; {why}.")
+    assert misfit.checks["area"].recommended_why == "the law does not fit"
+
+
 def test_the_distance_is_the_rms_over_that_of_sampling(found):
     assert found.fits["area"].distance == pytest.approx(0.01 / 0.004)
     assert "its rms is 2.5 times the sampling error" in found.verdicts["area"]

@@ -15,6 +15,7 @@ from radcal.assessment.causes import joint_cause, likely_cause
 from radcal.assessment.fit_test import FitTest, check_fit
 from radcal.assessment.law_check import LawCheck, check_laws, texture_note
 from radcal.assessment.posterior import Posterior
+from radcal.assessment.program_check import another_law
 from radcal.assessment.registration_check import Moved, check_registration
 from radcal.assessment.verdict import OFF_DB, Known, verdict
 from radcal.calibration.history import History
@@ -158,9 +159,9 @@ def conclude(
     materials = _materials(targets, each_db, final)
     fits = {name: _fit(case, name, targets, objectives[name], history, materials[name]) for name in targets}
     moved = _moved(case, history, targets, geometry, registered, final[1])
-    doubts = {name: one.sentence(name) for name, one in moved.items() if one.doubtful}
-    withheld = {name: why for name, test in fits.items() if (why := not_to_be_used(test))}
-    unknown = _contradicted(case, targets)
+    others = _other_laws(case, targets, objectives, history, geometry)
+    withheld = {**others, **{name: why for name, test in fits.items() if (why := not_to_be_used(test))}}
+    unknown = {**_contradicted(case, targets), **others}
     believed = _believed(posteriors or {}, {*withheld, *unknown})
     checks = check_laws(case, targets, history, posteriors=believed, withheld=withheld, doubts=unknown)
     return Conclusion(
@@ -183,7 +184,7 @@ def conclude(
                 level_only=targets.level_only(name),
                 between_db=checks[name].between_db,
                 passes=len(targets.passes),
-                doubt=doubts.get(name, ""),
+                doubt=_doubt(name, moved, others if fits[name].fits is False else {}),
             )
             for name in targets
         },
@@ -211,6 +212,29 @@ def _contradicted(case: stages.Archive, targets: Targets) -> dict[str, str]:
     """Reason by material why sigma0 must not be called known although its law may fit; materials without one absent."""
     level = level_contradicted(case.uncertainty, [one.levels for one in targets.passes])
     return dict.fromkeys(targets, level) if level else {}
+
+
+def _other_laws(
+    case: stages.Archive,
+    targets: Targets,
+    objectives: Mapping[str, Comparison],
+    history: History,
+    geometry: Geometry,
+) -> dict[str, str]:
+    """Clause on each material of which an external program computes another law than the configured one."""
+    if case.simulator.kind != "command":
+        return {}
+    each = {
+        name: another_law(name, case.materials[name].law, objectives[name], target, history, geometry)
+        for name, target in targets.items()
+    }
+    return {name: why for name, why in each.items() if why}
+
+
+def _doubt(name: str, moved: Mapping[str, Moved], others: Mapping[str, str]) -> str:
+    """Clauses on a law in doubt, by the registration and by a program that computes another law; empty if none."""
+    said = [moved[name].sentence(name)] if name in moved and moved[name].doubtful else []
+    return "; ".join([*said, *([others[name]] if name in others else [])])
 
 
 def _known(
