@@ -329,14 +329,17 @@ def point_spread_note(
     limited = f" ({' and '.join(limits)})" * bool(limits)
     if all(abs(possible[way] / getattr(radar, f"{way}_resolution_m") - 1.0) <= _SHAPE for way in ways):
         return f"{said}: no resolutions nearer to the image's are possible{limited}."
-    ratios = [(width + _CERTAIN * error) / one for (width, error), one in zip(widths, configured, strict=True)]
-    bias = (
-        ""
-        if unexplained or min(ratios) < _UNWEIGHTED
-        else " An impulse response without weighting seems 24 to 34 % finer than it is: then no key need be changed."
-    )
     far_finer = _COARSE * math.prod(possible.values()) < math.prod(configured)
     return "warning: " * (unexplained or far_finer) + (
         f"{said}: set them to {possible['range']:g} and {possible['azimuth']:g}{limited}, unless the image "
-        f"{'was resampled' if pixel_m is None else 'was resampled before, too,'} or has texture of a few pixels.{bias}"
+        f"{'was resampled' if pixel_m is None else 'was resampled before, too,'} or has texture of a few pixels."
+        f"{'' if unexplained else _bias(widths, configured)}"
     )
+
+
+def _bias(widths: Sequence[tuple[float, float]], configured: Sequence[float]) -> str:
+    """Sentence on the bias of an estimate that an impulse response without weighting explains; else empty."""
+    ratios = [(width + _CERTAIN * error) / one for (width, error), one in zip(widths, configured, strict=True)]
+    if min(ratios) < _UNWEIGHTED:
+        return ""
+    return " An impulse response without weighting seems 24 to 34 % finer than it is: then no key need be changed."
