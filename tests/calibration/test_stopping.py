@@ -183,6 +183,14 @@ def test_the_sentence_says_how_the_law_settled():
     assert f"after 2 runs: {promised} differs from that of the best run by 0.04 dB" in moved
 
 
+@pytest.mark.parametrize(("predicted", "infill", "settles"), [(2.0, 1, True), (1.6, 1, False), (1.6, 3, True)])
+def test_a_surrogate_that_its_verification_refutes_settles_nothing_before_d_and_2_runs(predicted, infill, settles):
+    """A verified cost of 5, more than three times the predicted one; d = 2, and one run is of the design."""
+    first, *runs = of_law([5.0] * infill, gain=0.01).runs
+    runs = [replace(one, proposals={"dyke": Proposal(X, "exploit", cost=predicted)}) for one in runs]
+    assert (reason(History([first, *runs]), "classes") == "settled") == settles
+
+
 def test_before_any_outlook_a_law_goes_on():
     """Costs are no rms: a small one ends nothing."""
     assert reason(of_law([1e-9], gain=None), "classes") is None

@@ -31,6 +31,7 @@ from radcal.errors import MeasurementError
 __all__ = ["Bins", "Likelihood"]
 
 _SETTLED = 0.03  # difference in cost for a law that is a quarter of its standard error from the minimum
+_REFUTED = 3.0  # ratio of a verified to the predicted cost, above which the surrogate does not predict the simulator
 _EXPLORED = 0.05  # the same for a law without a curve, whose search also asks what the surrogate's errors may hide
 
 
@@ -160,6 +161,9 @@ class Bins(Objective):
             return Verdict("settled", f"{name}: stop criterion met after {run_count(progress.runs)}: {text}")
         if score.gain is None:
             return None
+        predicted, fewest = progress.proposal.cost, len(score.parameters) + 2
+        if predicted is not None and score.cost > _REFUTED * predicted and progress.runs < fewest:
+            return None  # what such a surrogate promises, few runs cannot tell
         if score.floor is not None and cls.leaves_open(score.floor, progress.best):
             return None
         if score.gain <= (_SETTLED if score.floor is None else _EXPLORED):
