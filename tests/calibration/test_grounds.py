@@ -293,3 +293,10 @@ def test_law_and_spread_of_fields_agree_with_each_other():
     (again,) = spreads([law.cell_residuals()])
     assert (law.spread.between, law.spread.within) == pytest.approx((again.between, again.within), rel=1e-4)
     assert law.spread.between > 2.0
+
+
+def test_looks_that_are_not_searched_are_those_of_the_start():
+    """Without a start, they are those of the sensor."""
+    box = [[-5.0, 5.0]]
+    for start, looks in (((np.array([1.0]), 2.5), 2.5), (None, 4.0)):
+        assert fit_law(lambda x, n: np.array([x[0] - n]), box, 4.0, False, start).parameters == pytest.approx([looks])
