@@ -113,7 +113,7 @@ class Levels:
     @property
     def significant(self) -> bool:
         """Whether an offset that is significant and larger than 0.5 dB is found but not subtracted."""
-        return self.normalisation == "none" and abs(self.offset_db) > max(3.0 * self.offset_error_db, _NOTABLE_DB)
+        return self.normalisation == "none" and abs(self.offset_db) > max(_CERTAIN * self.offset_error_db, _NOTABLE_DB)
 
     @property
     def _far(self) -> bool:
