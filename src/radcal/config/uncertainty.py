@@ -31,11 +31,28 @@ class Uncertainty(Section):
         description="standard error of radar.nesz_db [dB], which matters for ground near the noise floor; data sheets "
         "state worst cases, often some dB above the noise floor of an image",
     )
-    field_db: Error = Field(
-        0.4,
-        description="scale of the half-t priors on the standard deviations between and within fields [dB]; it matters "
-        "if the pixels hardly determine them, as with a single field; the fields of other materials narrow or widen "
-        "these priors",
+    field_db: Annotated[Real, Field(gt=0, le=20)] = Field(
+        0.5,
+        description="median of the prior on the standard deviation between the fields of a material [dB], which is "
+        "log-normal with log sd 1; fields of all materials narrow it",
+    )
+    fixed_law_db: Error = Field(
+        1.0,
+        description="scale of the half-normal prior on the standard deviation of the errors of fixed laws [dB]; their "
+        "agreement is the evidence for a level of the image",
+    )
+    fixed_slope: Annotated[Real, Field(ge=0, le=10)] = Field(
+        0.2, description="slope of the error of a fixed law, per 10 degrees, as a share of the error"
+    )
+    form_db: Annotated[Real, Field(gt=0, le=20)] = Field(
+        0.5,
+        description="scale of the half-normal prior on the standard deviation of the error of a law's form [dB], which "
+        "is smooth over 8 degrees of incidence",
+    )
+    area: Share = Field(
+        0.1,
+        description="standard error of the exponent with which the area of the ground in a pixel enters the image, "
+        "once its radiometry is known",
     )
     point_spread: Share = Field(
         0.1, description="relative standard error of the resolutions in radar; a wrong resolution changes a law's slope"

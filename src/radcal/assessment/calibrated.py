@@ -1,0 +1,237 @@
+"""Posterior of one calibrated law, given what the fixed materials say of the effects that all materials share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
+
+from radcal.assessment.fixed_laws import (
+    CELL_DB,
+    FIELD_SPREAD,
+    Common,
+    Observed,
+    common_columns,
+    form_basis,
+    half_normal,
+    normal_draws,
+)
+from radcal.assessment.marginal import Marginal, integrated
+from radcal.assessment.sampling import Sample, sample
+from radcal.config import Uncertainty
+
+__all__ = ["Draws", "LawModel", "Parameters"]
+
+Doubles = NDArray[np.float64]
+
+FORMS = 8
+"""Number of components of the error of a law's form."""
+_CHUNK = 128  # points evaluated at a time
+_INCREASE = 1e-9
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Parameters of a law and its levels at the knots.
+
+    Attributes
+    ----------
+    box : ndarray, shape (d, 2)
+        Bounds.
+    integer : ndarray of bool, shape (d,)
+        Whether a parameter is a whole number.
+    levels : callable
+        Function from X, shape (m, d), to levels with noise at the knots of all passes [dB], shape (m, k).
+    log_prior : callable
+        Function from X, shape (m, d), to the log density of priors other than the bounds, shape (m,).
+    error : callable or None
+        Function from X to the standard error of the levels [dB], shape (m,); None for a law with a curve.
+    """
+
+    box: Doubles
+    integer: NDArray[np.bool_]
+    levels: Callable[[Doubles], Doubles]
+    log_prior: Callable[[Doubles], Doubles]
+    error: Callable[[Doubles], Doubles] | None = None
+
+    def scaled(self, deviates: Doubles) -> Doubles:
+        """X at standard normal deviates, whose prior is uniform inside the bounds, shape (m, d)."""
+        x = self.box[:, 0] + ndtr(deviates) * (self.box[:, 1] - self.box[:, 0])
+        return np.where(self.integer, np.round(x), x)
+
+    def deviates(self, x: Doubles) -> Doubles:
+        """Deviates of X, shape (d,)."""
+        width = np.maximum(self.box[:, 1] - self.box[:, 0], 1e-12)
+        return np.asarray(ndtri(np.clip((x - self.box[:, 0]) / width, 1e-6, 1.0 - 1e-6)))
+
+
+@dataclass(frozen=True)
+class Draws:
+    """Draws from the posterior of a law, each with its linear effects.
+
+    Attributes
+    ----------
+    parameters : ndarray, shape (m, d)
+        X.
+    field_db, cell_db, form_sd_db : ndarray, shape (m,)
+        Standard deviations of the effects of fields and cells, and of the error of the form [dB].
+    form : ndarray, shape (m, 8)
+        Coefficients of the error of the form.
+    common : ndarray, shape (m, 4 p + 1)
+        Effects that all materials share.
+    fields_db : ndarray, shape (m,)
+        Mean effect of the calibrated fields, weighted by their pixels [dB].
+    sample : Sample
+        Result of the sampler.
+    """
+
+    parameters: Doubles
+    field_db: Doubles
+    cell_db: Doubles
+    form_sd_db: Doubles
+    form: Doubles
+    common: Doubles
+    fields_db: Doubles
+    sample: Sample
+
+
+class LawModel:
+    """Log density of X and of the scales of the effects of one calibrated material.
+
+    A point holds a standard normal deviate for each parameter, and the logarithms of the standard deviations of fields,
+    cells and form error. All linear effects are integrated out.
+
+    Parameters
+    ----------
+    observed : Observed
+        Cells in all passes.
+    weights : ndarray, shape (n, k)
+        Weights of the knots' levels in the level of each cell.
+    parameters : Parameters
+        Parameters and levels of the law.
+    forms : ndarray, shape (n, 8)
+        Columns of the error of the form, zero without one.
+    flattening : ndarray, shape (n,)
+        Change of each cell if the standard error of the incidence is one standard deviation larger [dB].
+    common : Common
+        Effects that all materials share.
+    areas : sequence of float
+        Mean area of the ground in each pass [dB].
+    config : Uncertainty
+        Scales of the priors.
+    """
+
+    def __init__(
+        self,
+        observed: Observed,
+        weights: Doubles,
+        parameters: Parameters,
+        forms: Doubles,
+        flattening: Doubles,
+        common: Common,
+        areas: list[float],
+        config: Uncertainty,
+    ) -> None:
+        self.law, self.config, self.d = parameters, config, len(parameters.box)
+        self.observed, self.weights, self.forms = observed, weights, forms
+        self.common = common
+        self._root = np.linalg.cholesky(common.covariance + _INCREASE * np.eye(len(common.mean)))
+        shared = common_columns(observed, areas, config)
+        values = observed.together("measured_db") - observed.together("beside_db") - shared @ common.mean
+        self.middle = float(values.mean())
+        own = [forms, flattening[:, None], shared @ self._root]
+        if parameters.error is not None:
+            own = [np.ones((len(values), 1)), *own]
+        self.linear = np.concatenate(own, axis=1)
+        self.values = values - self.middle
+        patch, variance = observed.together("patch"), observed.together("variance")
+        self.table = Marginal(np.column_stack([self.linear, self.values, weights]), variance, patch)
+        self.dimension = self.d + 3
+
+    def log_prior(self, at: Doubles) -> Doubles:
+        """Log density of the priors, shape (m, dimension) to (m,)."""
+        field, cell, form = at[:, self.d :].T
+        middle, sd = self.common.field
+        found = -0.5 * (at[:, : self.d] ** 2).sum(axis=1)
+        found -= 0.5 * (field - middle) ** 2 / (sd**2 + FIELD_SPREAD**2)
+        found += half_normal(cell, CELL_DB) + half_normal(form, self.config.form_db)
+        return np.where((np.abs(at) < 9.0).all(axis=1), found, -np.inf)
+
+    def _prior_variance(self, at: Doubles) -> Doubles:
+        found = np.ones((len(at), self.linear.shape[1]))
+        first = 0
+        if self.law.error is not None:
+            found[:, 0], first = np.maximum(self.law.error(self.law.scaled(at[:, : self.d])) ** 2, 1e-12), 1
+        found[:, first : first + FORMS] = np.exp(2.0 * at[:, -1:])
+        return found
+
+    def _gram(self, at: Doubles) -> tuple[Doubles, Doubles]:
+        """Gram matrices of the linear columns and of the values less the law, and log determinants."""
+        gram, log_det = self.table.at(at[:, -2], at[:, -3])
+        level = self.law.levels(self.law.scaled(at[:, : self.d])) - self.middle
+        p = self.linear.shape[1]
+        of_law = np.einsum("mik,mk->mi", gram[:, :, p + 1 :], level)
+        found = gram[:, : p + 1, : p + 1].copy()
+        found[:, :p, p] -= of_law[:, :p]
+        found[:, p, :p] = found[:, :p, p]
+        found[:, p, p] += -2.0 * of_law[:, p] + (of_law[:, p + 1 :] * level).sum(axis=1)
+        return found, log_det
+
+    def log_likelihood(self, at: Doubles) -> Doubles:
+        """Log likelihood of the cells and of the priors on the curve, shape (m, dimension) to (m,)."""
+        parts = [at[k : k + _CHUNK] for k in range(0, len(at), _CHUNK)]
+        return np.concatenate([self._log_likelihood(part) for part in parts])
+
+    def _log_likelihood(self, at: Doubles) -> Doubles:
+        gram, log_det = self._gram(at)
+        left, half = integrated(gram, self._prior_variance(at), self.linear.shape[1])
+        return np.asarray(
+            -0.5 * left[:, 0, 0] - half - 0.5 * log_det + self.law.log_prior(self.law.scaled(at[:, : self.d]))
+        )
+
+    def start(self, walkers: int, rng: np.random.Generator, best: Doubles | None = None) -> Doubles:
+        """Points dispersed about the priors; one of them has the X of the best run."""
+        found = rng.normal(0.0, 1.0, (walkers, self.dimension))
+        found[:, self.d :] *= 0.5
+        found[:, self.d :] += [self.common.field[0], np.log(0.5 * CELL_DB), np.log(self.config.form_db)]
+        if best is not None:
+            found[0, : self.d] = self.law.deviates(best)
+        return found
+
+    def drawn(self, seed: int, best: Doubles | None = None) -> Draws:
+        """Draws from the posterior."""
+        rng = np.random.default_rng(seed)
+        found = sample(
+            self.log_prior, self.log_likelihood, self.start(self.config.walkers, rng, best), self.config.steps, seed
+        )
+        at = found.draws
+        parts = [at[k : k + _CHUNK] for k in range(0, len(at), _CHUNK)]
+        grams = np.concatenate([self._gram(part)[0] for part in parts])
+        linear = normal_draws(grams, self._prior_variance(at), self.linear.shape[1], rng)
+        first = int(self.law.error is not None)
+        x, (field, cell, form) = self.law.scaled(at[:, : self.d]), np.exp(at[:, self.d :].T)
+        common = self.common.mean + linear[:, first + FORMS + 1 :] @ self._root.T
+        fields = self._field_effects(x, linear, field, cell, rng)
+        return Draws(x, field, cell, form, linear[:, first : first + FORMS], common, fields, found)
+
+    def _field_effects(
+        self, x: Doubles, linear: Doubles, field: Doubles, cell: Doubles, rng: np.random.Generator
+    ) -> Doubles:
+        """Draws of the mean effect of the fields, weighted by their pixels, shape (m,)."""
+        labels, of = np.unique(self.observed.together("patch"), return_inverse=True)
+        pixels = np.bincount(of, self.observed.together("pixels"), labels.size)
+        variance, found = self.observed.together("variance"), np.empty(len(x))
+        for k in range(0, len(x), _CHUNK):
+            part = slice(k, k + _CHUNK)
+            left = self.values - linear[part] @ self.linear.T
+            left -= (self.law.levels(x[part]) - self.middle) @ self.weights.T
+            weight = 1.0 / (variance + cell[part, None] ** 2)
+            precision = np.stack([weight[:, of == j].sum(axis=1) for j in range(labels.size)], axis=1)
+            pulled = np.stack([(weight * left)[:, of == j].sum(axis=1) for j in range(labels.size)], axis=1)
+            precision += 1.0 / field[part, None] ** 2
+            effect = pulled / precision + rng.standard_normal(precision.shape) / np.sqrt(precision)
+            found[part] = effect @ pixels / pixels.sum()
+        return found

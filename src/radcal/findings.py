@@ -1,0 +1,48 @@
+"""Findings: what a check or an assessment has found, as data; ``radcal.report.words`` turns them into sentences."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+__all__ = ["Finding", "Severity", "from_json", "to_json"]
+
+Severity = Literal["note", "warning", "refusal"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that was found about an image, a case or a law.
+
+    Attributes
+    ----------
+    code : str
+        Name of the kind of finding, such as ``radiometry``.
+    severity : {'note', 'warning', 'refusal'}
+        ``refusal``: sigma0 is not determined whatever its band.
+    about : str
+        Material, pass (``pass 1``), key or file.
+    numbers : mapping
+        Numbers and names, whose keys end with their unit (``offset_db``, ``implied_deg``).
+    do : str
+        Line to set in the case file, such as ``radar.radiometry: sigma0_ref``; empty if there is none.
+    """
+
+    code: str
+    severity: Severity
+    about: str
+    numbers: Mapping[str, float | str] = field(default_factory=dict)
+    do: str = ""
+
+
+def to_json(findings: Iterable[Finding]) -> str:
+    """Findings as JSON."""
+    return json.dumps([asdict(one) for one in findings])
+
+
+def from_json(text: str) -> list[Finding]:
+    """Findings from JSON that :func:`to_json` wrote."""
+    each: list[dict[str, Any]] = json.loads(text)
+    return [Finding(**one) for one in each]
