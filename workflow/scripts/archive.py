@@ -1,7 +1,7 @@
 """Write every run and iteration to one file, ``calibration.h5``, and all runs to one table, ``runs.csv``."""
 
 from radcal.assessment.conclusion import conclude
-from radcal.assessment.posterior import read_posterior
+from radcal.assessment.posterior import read_image, read_posterior
 from radcal.calibration.history import read_runs
 from radcal.config import Stop, stages
 from radcal.measurement.height_shift import with_height_warning
@@ -26,10 +26,10 @@ with logged(snakemake.log[0], snakemake.params.case):
     final = [record for record, _ in indexed([snakemake.input.final], runs, case.calibrated)]
     images = [read_registered(path) for path in snakemake.input.registered]
     posteriors = dict(zip(case.calibrated, map(read_posterior, snakemake.input.posterior), strict=True))
+    image = read_image(snakemake.input.image)
     scene = read_scene(snakemake.input.scene)
     images[0] = with_height_warning(images[0], geometry, scene, case.radar)
-    progress("archive: the laws found are tested against the pixels ...")
-    found = conclude(case, stop, history, targets, geometry, runs, final[:2], posteriors, images[0])
+    found = conclude(case, stop, history, targets, geometry, runs, final[:2], posteriors, image, images[0])
     archive = gather(
         case=case, stop=stop, history=history, scene=scene, geometry=geometry, registered=images[0], targets=targets,
         conclusion=found, passes=images, final=final,

@@ -1,19 +1,33 @@
-"""Sample the posterior distribution of one material's law."""
+"""Sample the posterior of the laws of all calibrated materials, given what the fixed materials say."""
 
-from radcal.assessment.posterior import posterior_of, write_posterior
+from radcal.assessment.model import image_of, posterior_of
+from radcal.assessment.observation import observe, simulated_of
+from radcal.assessment.posterior import write_image, write_posterior
 from radcal.calibration.history import read_runs
 from radcal.config import stages
+from radcal.measurement.registration import read_registered
 from radcal.measurement.target import read_targets
+from radcal.radar.geometry import read_geometry
 from radcal.running.jobs import logged, progress
+from radcal.scene.model import read_scene
+from radcal.storage.run_index import indexed
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Posterior.model_validate(snakemake.params.case)
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
-    name = snakemake.wildcards.material
-    targets = read_targets(*snakemake.input.target)
-    posterior = posterior_of(case, targets, history, name)
-    write_posterior(snakemake.output.posterior, posterior)
-    said = posterior.sentence(case.uncertainty.known_db, targets.level_only(name))
-    if posterior.known_between_deg is not None:
-        said = f"if its law fits{' and the level of the image is right' * targets.levels.significant}, {said}"
-    progress(f"{name}: {said}")
+    targets, scene = read_targets(*snakemake.input.target), read_scene(snakemake.input.scene)
+    geometries = [read_geometry(path) for path in snakemake.input.geometry]
+    final = [(run, run_x) for run, run_x in indexed([snakemake.input.final], snakemake.params.runs, case.calibrated)]
+    simulated = simulated_of(case, scene, geometries, snakemake.input.geometry, final, snakemake.params.draws)
+    cells = [
+        observe(one, geometry, read_registered(path), images, found.levels, scene)
+        for one, geometry, path, images, found in zip(
+            case.passes, geometries, snakemake.input.registered, simulated, targets.passes, strict=True
+        )
+    ]
+    progress("posterior: fixed laws against the image ...")
+    image, common = image_of(case, cells)
+    for name, path in zip(case.calibrated, snakemake.output.posterior, strict=True):
+        progress(f"posterior: law of {name} ...")
+        write_posterior(path, posterior_of(case, targets, history, name, cells, image, common))
+    write_image(snakemake.output.image, image)

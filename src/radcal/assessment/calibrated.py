@@ -84,6 +84,8 @@ class Draws:
         Effects that all materials share.
     fields_db : ndarray, shape (m,)
         Mean effect of the calibrated fields, weighted by their pixels [dB].
+    middle : ndarray, shape (dimension,)
+        Median of the points of the sampler.
     sample : Sample
         Result of the sampler.
     """
@@ -95,6 +97,7 @@ class Draws:
     form: Doubles
     common: Doubles
     fields_db: Doubles
+    middle: Doubles
     sample: Sample
 
 
@@ -150,6 +153,7 @@ class LawModel:
         patch, variance = observed.together("patch"), observed.together("variance")
         self.table = Marginal(np.column_stack([self.linear, self.values, weights]), variance, patch)
         self.dimension = self.d + 3
+        self.first_form = int(parameters.error is not None)  # column
 
     def log_prior(self, at: Doubles) -> Doubles:
         """Log density of the priors, shape (m, dimension) to (m,)."""
@@ -162,9 +166,9 @@ class LawModel:
 
     def _prior_variance(self, at: Doubles) -> Doubles:
         found = np.ones((len(at), self.linear.shape[1]))
-        first = 0
+        first = self.first_form
         if self.law.error is not None:
-            found[:, 0], first = np.maximum(self.law.error(self.law.scaled(at[:, : self.d])) ** 2, 1e-12), 1
+            found[:, 0] = np.maximum(self.law.error(self.law.scaled(at[:, : self.d])) ** 2, 1e-12)
         found[:, first : first + FORMS] = np.exp(2.0 * at[:, -1:])
         return found
 
@@ -211,11 +215,12 @@ class LawModel:
         parts = [at[k : k + _CHUNK] for k in range(0, len(at), _CHUNK)]
         grams = np.concatenate([self._gram(part)[0] for part in parts])
         linear = normal_draws(grams, self._prior_variance(at), self.linear.shape[1], rng)
-        first = int(self.law.error is not None)
+        first = self.first_form
         x, (field, cell, form) = self.law.scaled(at[:, : self.d]), np.exp(at[:, self.d :].T)
         common = self.common.mean + linear[:, first + FORMS + 1 :] @ self._root.T
         fields = self._field_effects(x, linear, field, cell, rng)
-        return Draws(x, field, cell, form, linear[:, first : first + FORMS], common, fields, found)
+        middle = np.median(at, axis=0)
+        return Draws(x, field, cell, form, linear[:, first : first + FORMS], common, fields, middle, found)
 
     def _field_effects(
         self, x: Doubles, linear: Doubles, field: Doubles, cell: Doubles, rng: np.random.Generator

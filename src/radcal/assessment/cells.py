@@ -91,6 +91,12 @@ class CellMeans:
     pixels: NDArray[np.int64]
     looks: float
 
+    @classmethod
+    def none(cls) -> CellMeans:
+        """No cells."""
+        whole, real = np.empty(0, dtype=np.int64), np.empty(0)
+        return cls(whole, real, real, real, real, real, real, real, whole, 1.0)
+
     @property
     def size(self) -> int:
         """Number of cells."""

@@ -1,8 +1,8 @@
-"""Conclusion of a calibration: decision on its end, checks of the laws, densities of the final runs, remarks."""
+"""Conclusion of a calibration: decision on its end, findings, densities of the final runs, remarks."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,26 +10,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.budget import NORMAL_90, Budget, level_contradicted
-from radcal.assessment.causes import joint_cause, likely_cause
-from radcal.assessment.fit_test import FitTest, check_fit
+from radcal.assessment.known import image_findings, law_findings, material_findings
 from radcal.assessment.law_check import LawCheck, check_laws, texture_note
-from radcal.assessment.posterior import Posterior
+from radcal.assessment.posterior import Image, Posterior
 from radcal.assessment.program_check import another_law
-from radcal.assessment.registration_check import Moved, check_registration
-from radcal.assessment.verdict import OFF_DB, Known, verdict
+from radcal.assessment.registration_check import check_registration
 from radcal.calibration.history import History
 from radcal.calibration.noise import noise_sentence
-from radcal.calibration.objectives import Comparison, make_objectives
+from radcal.calibration.objectives import make_objectives
 from radcal.calibration.scoring import with_texture
 from radcal.calibration.steps import not_fresh, repeatability
 from radcal.calibration.stopping import Decision, decide
-from radcal.config import Stop, Uncertainty, stages
+from radcal.config import Stop, stages
 from radcal.errors import StoreError
+from radcal.findings import Finding
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
-from radcal.seeds import derived_rng
 from radcal.storage.runs import Record, RunStore
 
 __all__ = ["Conclusion", "MaterialPixels", "conclude"]
@@ -63,14 +60,14 @@ class MaterialPixels:
 
 @dataclass(frozen=True)
 class Conclusion:
-    """Results of a calibration: decision on its end, laws, pixels of the final runs, remarks and verdicts.
+    """Results of a calibration: decision on its end, laws, pixels of the final runs, findings and remarks.
 
     Attributes
     ----------
     decision : Decision
         Whether the search has ended, and why.
     checks : mapping
-        Check of each calibrated material's law.
+        Looks and bins of each calibrated material's law.
     materials : mapping
         Pixels and densities of each calibrated material.
     reference_db, calibrated_db : ndarray of float32, shape (rows, columns), or None
@@ -80,14 +77,13 @@ class Conclusion:
     new_runs : int
         Number of final runs that the search had not simulated already.
     notes : list of str
-        Remarks on the simulator's random numbers, on texture, on the image's level and on the registration.
-    fits : mapping
-        Test of the fit of each calibrated material's law.
+        Remarks on the simulator's random numbers and on texture.
     posteriors : mapping
-        Posterior of each law; if the law does not fit, or if the level of an image is contradicted, its posterior calls
-        sigma0 known at no angle.
-    verdicts : mapping
-        Verdict on each calibrated material, as a sentence.
+        Posterior of each law; after a refusal, sigma0 is determined at no angle.
+    image : Image
+        What the fixed materials say.
+    findings : list of Finding
+        Findings on the images in the order in which to act on them, then on each material.
     """
 
     decision: Decision
@@ -98,9 +94,9 @@ class Conclusion:
     simulator: Mapping[str, Any]
     new_runs: int
     notes: list[str]
-    fits: Mapping[str, FitTest]
     posteriors: Mapping[str, Posterior]
-    verdicts: Mapping[str, str]
+    image: Image
+    findings: list[Finding]
 
 
 def conclude(
@@ -111,10 +107,11 @@ def conclude(
     geometry: Geometry,
     runs: str | Path,
     final: Sequence[Record],
-    posteriors: Mapping[str, Posterior] | None = None,
+    posteriors: Mapping[str, Posterior],
+    image: Image,
     registered: Registered | None = None,
 ) -> Conclusion:
-    """Conclude a calibration: decide if the search has ended, check the laws, and score the final runs.
+    """Conclude a calibration: decide if the search has ended, collect the findings, and score the final runs.
 
     Parameters
     ----------
@@ -130,8 +127,10 @@ def conclude(
         Folder of the run store.
     final : sequence of two Record
         Final runs of the calibrated laws: with the common random numbers, and with fresh ones.
-    posteriors : mapping, optional
+    posteriors : mapping
         Posterior of each material's law.
+    image : Image
+        What the fixed materials say.
     registered : Registered, optional
         Registered measured image of the first pass, to be registered again onto the image of the calibrated laws.
 
@@ -156,146 +155,31 @@ def conclude(
         with_texture(final[0].pixels_db, objectives, looks, case.seed),
         fresh_db,
     ]
-    materials = _materials(targets, each_db, final)
-    fits = {name: _fit(case, name, targets, objectives[name], history, materials[name]) for name in targets}
-    moved = _moved(case, history, targets, geometry, registered, final[1])
-    others = _other_laws(case, targets, objectives, history, geometry)
-    withheld = {**others, **{name: why for name, test in fits.items() if (why := not_to_be_used(test))}}
-    unknown = {**_contradicted(case, targets), **others}
-    believed = _believed(posteriors or {}, {*withheld, *unknown})
-    checks = check_laws(case, targets, history, posteriors=believed, withheld=withheld, doubts=unknown)
+    checks = check_laws(case, targets, history, objectives)
+    findings = list(image_findings(case, image))
+    refused = any(one.severity == "refusal" for one in findings)
+    causes = {one.code: f"{one.code} of {one.about}" for one in findings if one.severity != "note"}
+    for name in targets:
+        found, x = posteriors[name], np.asarray(history.best(name).scores[name].parameters)
+        findings += material_findings(case, name, found, targets, refused)
+        findings += law_findings(name, found, case.laws[name], x, causes)
+        if case.simulator.kind == "command":
+            law = case.materials[name].law
+            findings += another_law(name, law, objectives[name], targets[name], history, geometry)
+    findings += _moved(case, history, targets, geometry, registered, final[1])
     return Conclusion(
         decision=decide(history, list(targets), stop, case.objective),
         checks=checks,
-        materials=materials,
+        materials=_materials(targets, each_db, final),
         reference_db=reference.image_db,
         calibrated_db=_picture(final[1], {name: fresh_db[name] for name in targets}, geometry),
         simulator=store.description(key).get("simulator", {}),
         new_runs=len({record.key for record in final} - {run.key for run in history.runs}),
-        notes=[*_notes(case, history, checks, final), *targets.level_warnings(), *_moves(moved)],
-        fits=fits,
-        posteriors=believed,
-        verdicts={
-            name: verdict(
-                name,
-                fits[name],
-                _cause(case, name, targets, objectives[name], history, geometry, fits[name]),
-                _known(believed.get(name), targets, case.uncertainty, name, unknown.get(name, "")),
-                level_only=targets.level_only(name),
-                between_db=checks[name].between_db,
-                passes=len(targets.passes),
-                doubt=_doubt(name, moved, others if fits[name].fits is False else {}),
-            )
-            for name in targets
-        },
+        notes=_notes(case, history, checks, final),
+        posteriors={name: replace(one, known_between_deg=None, known_half_width_db=None) if refused else one for name, one in posteriors.items()},
+        image=image,
+        findings=findings,
     )
-
-
-def not_to_be_used(test: FitTest) -> str:
-    """Reason why a law must not be used, because the budget of its posterior does not cover it; otherwise empty."""
-    if test.fits is False:
-        return "the law does not fit"
-    return "the density is not matched" if test.unmatched else ""
-
-
-def _believed(posteriors: Mapping[str, Posterior], nowhere: Collection[str]) -> dict[str, Posterior]:
-    """Posteriors of all materials; those of the materials in ``nowhere`` call sigma0 known at no angle."""
-    return {name: _unknown(one) if name in nowhere else one for name, one in posteriors.items()}
-
-
-def _unknown(posterior: Posterior) -> Posterior:
-    """Posterior that calls sigma0 known at no angle."""
-    return replace(posterior, known_between_deg=None, known_half_width_db=None)
-
-
-def _contradicted(case: stages.Archive, targets: Targets) -> dict[str, str]:
-    """Reason by material why sigma0 must not be called known although its law may fit; materials without one absent."""
-    level = level_contradicted(case.uncertainty, [one.levels for one in targets.passes])
-    return dict.fromkeys(targets, level) if level else {}
-
-
-def _other_laws(
-    case: stages.Archive,
-    targets: Targets,
-    objectives: Mapping[str, Comparison],
-    history: History,
-    geometry: Geometry,
-) -> dict[str, str]:
-    """Clause on each material of which an external program computes another law than the configured one."""
-    if case.simulator.kind != "command":
-        return {}
-    each = {
-        name: another_law(name, case.materials[name].law, objectives[name], target, history, geometry)
-        for name, target in targets.items()
-    }
-    return {name: why for name, why in each.items() if why}
-
-
-def _doubt(name: str, moved: Mapping[str, Moved], others: Mapping[str, str]) -> str:
-    """Clauses on a law in doubt, by the registration and by a program that computes another law; empty if none."""
-    said = [moved[name].sentence(name)] if name in moved and moved[name].doubtful else []
-    return "; ".join([*said, *([others[name]] if name in others else [])])
-
-
-def _known(
-    posterior: Posterior | None, targets: Targets, config: Uncertainty, name: str, withheld: str = ""
-) -> Known | None:
-    """Interval of incidence in which sigma0 is known; None without a posterior, or for a law without a curve."""
-    if posterior is None or posterior.curve is None:
-        return None
-    levels = targets.levels
-    removed = levels.normalisation == "offset" and np.isfinite(levels.offset_error_db)
-    return Known(
-        posterior.known_between_deg,
-        posterior.known_half_width_db,
-        linear=not posterior.sampled,
-        levels=posterior.levels() if targets.level_only(name) else (),
-        # each pass has a level of its own, so that several passes lower the error of their common law
-        level_error_db=0.0 if targets.further else NORMAL_90 * Budget.of(config, levels).level_db,
-        level_key="the removed offset" if removed else "uncertainty.level_db",
-        withheld=withheld,
-    )
-
-
-def _fit(
-    case: stages.Archive, name: str, targets: Targets, objective: Comparison, history: History, pixels: MaterialPixels
-) -> FitTest:
-    """Test whether the law of one material's best run fits the target."""
-    score, target = history.best(name).scores[name], targets[name]
-    found = check_fit(
-        objective,
-        score,
-        (pixels.calibrated, target.values_db),
-        score.rms / target.rms_sampling,
-        derived_rng(case.seed, "fit", name),
-    )
-    return without_angles(found) if targets.level_only(name) else found
-
-
-def without_angles(test: FitTest) -> FitTest:
-    """Test of a material seen at one incidence: a failed test counts only if the mean is off by more than 0.5 dB."""
-    return replace(test, fits=False if test.fits is False and abs(test.mean_db) > OFF_DB else None)
-
-
-def _cause(
-    case: stages.Archive,
-    name: str,
-    targets: Targets,
-    objective: Comparison,
-    history: History,
-    geometry: Geometry,
-    fit: FitTest,
-) -> str:
-    """Likely cause of a misfit; empty for a law that fits."""
-    if fit.fits is not False:
-        return ""
-    if not case.laws[name].has_curve:
-        return joint_cause(fit, "the law has no curve to examine")
-    # the misfit may lie in another pass than the first, whose law and pixels are examined below
-    if targets.further:
-        return joint_cause(fit, "causes are examined in cases of one pass")
-    law = objective.law_in(0, history.best(name).scores[name])
-    return likely_cause(case.materials[name].law, law, fit, targets[name], geometry, targets.looks)
 
 
 def _moved(
@@ -305,27 +189,17 @@ def _moved(
     geometry: Geometry,
     registered: Registered | None,
     final: Record,
-) -> dict[str, Moved]:
+) -> list[Finding]:
     """Change of the first pass's registration by the calibrated laws, of materials whose law the pixels can show."""
     if registered is None:
-        return {}
+        return []
     laws = {
         name: (case.laws[name], history.best(name).scores[name].parameters)
         for name in targets
         if not targets.level_only(name)
     }
-    return check_registration(laws, targets, geometry, registered, final.image_db)
-
-
-def _moves(moved: Mapping[str, Moved]) -> list[str]:
-    """Remark on the registration onto the image of the calibrated laws; empty if it was not made."""
-    each = ", ".join(
-        f"{name} {one.moved_px:.2f} (stated error {one.stated_px:.2f}, sigma0 by {one.moved_db:.2f} dB)"
-        for name, one in moved.items()
-    )
-    return (
-        [f"Check of the registration: onto the calibrated image, pixels move by (pixels, rms) {each}."] if each else []
-    )
+    moved = check_registration(laws, targets, geometry, registered, final.image_db)
+    return [one.finding(name) for name, one in moved.items()]
 
 
 def _picture(record: Record, pixels_db: Pixels, geometry: Geometry) -> NDArray[np.float32] | None:

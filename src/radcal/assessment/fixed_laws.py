@@ -84,6 +84,8 @@ class Common:
         Mean and standard deviation of the logarithm of the common standard deviation of fields [log dB].
     laws_db : mapping
         5, 50 and 95 % quantile of the error of each fixed law: image minus law, less the level [dB].
+    apart_db : mapping
+        5, 50 and 95 % quantile of image minus law of each fixed material: error and level of the first pass [dB].
     levels_db : ndarray, shape (p, 3)
         5, 50 and 95 % quantile of the level of each pass [dB].
     sampled : bool
@@ -94,6 +96,7 @@ class Common:
     covariance: Doubles
     field: tuple[float, float]
     laws_db: Mapping[str, Doubles]
+    apart_db: Mapping[str, Doubles]
     levels_db: Doubles
     sampled: bool
 
@@ -280,19 +283,18 @@ def common_of(
         level = _UNKNOWN_DB if offset else config.level_db * np.sqrt(_FREEDOM / (_FREEDOM - 2.0))
         variance[0:-1:4], variance[1:-1:4] = level**2, config.area**2
         levels = level * np.array([[-1.645, 0.0, 1.645]] * p)
-        return Common(np.zeros(4 * p + 1), np.diag(variance), (np.log(config.field_db), _FIELD_LOG_SD), {}, levels, True)
+        return Common(np.zeros(4 * p + 1), np.diag(variance), (np.log(config.field_db), _FIELD_LOG_SD), {}, {}, levels, True)
     scales = _Scales(fixed, areas, config, offset)
     found = sample(scales.log_prior, scales.log_likelihood, scales.start(config.walkers, rng), config.steps, seed)
     at = found.draws
     effects = scales.effects(at, rng)
-    errors = {
-        name: np.quantile(scales.law_errors(at, effects, k, rng), _QUANTILES) for k, name in enumerate(fixed)
-    }
+    errors = {name: scales.law_errors(at, effects, k, rng) for k, name in enumerate(fixed)}
     return Common(
         mean=effects.mean(axis=0),
         covariance=np.cov(effects, rowvar=False),
         field=(float(at[:, 0].mean()), float(at[:, 0].std())),
-        laws_db=errors,
+        laws_db={name: np.quantile(error, _QUANTILES) for name, error in errors.items()},
+        apart_db={name: np.quantile(error + effects[:, 0], _QUANTILES) for name, error in errors.items()},
         levels_db=np.quantile(effects[:, 0:-1:4], _QUANTILES, axis=0).T,
         sampled=found.converged,
     )

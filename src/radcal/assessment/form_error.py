@@ -1,116 +1,97 @@
-"""Error of a law of the wrong form that the test of its fit would miss.
-
-A fit absorbs a part of the deviation between a true law and the calibrated form of law; the rest stays as an error of
-the law. The deviations tried are Gaussian bumps, which lie at five angles over the incidence seen, with standard
-deviations of an eighth and a quarter of its range. Each bump is enlarged until the test finds it in nine of ten images.
-The errors of the law by these bumps, after the linearised refit, are the errors of form that the test finds reliably.
-"""
+"""Error of the form of a law: its size, whether it is noticed, and the smallest one that would be noticed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import ndtr
 
-from radcal.assessment.linear_fit import STEP, Linearised
-from radcal.calibration.misfit import BinMisfit
-from radcal.radar.laws import Law
+from radcal.assessment.posterior import FormError
 
-__all__ = ["POWER", "missed_error_db"]
+if TYPE_CHECKING:
+    from radcal.assessment.calibrated import LawModel
 
-POWER = 0.9
-"""Share of images in which the test of the fit finds a deviation."""
+__all__ = ["form_error", "noticed_db"]
 
 Doubles = NDArray[np.float64]
 
-_PLACES = 5  # angles of the bumps
-_WIDTHS = (0.125, 0.25)  # standard deviations of the bumps, as shares of the range of incidence seen
-_ANGLES = 41  # angles at which the error of the law is computed
-_LARGEST_DB = 64.0  # largest bump; the test finds smaller bumps unless the fit absorbs them
-_PRECISION = 0.01
+_REFUTED_DB = 1.0
+_NORMAL_90 = 1.6448536269514722
+_POWER = 0.9  # share of images in which a bump is noticed
+_PLACES, _WIDTHS = 5, (0.125, 0.25)  # angles of the bumps, and standard deviations in shares of the incidence seen
+_ANGLES = 41
+_SIZES_DB = (0.05, 32.0)
+_RMS = 0.5  # of a bump of 1 dB over the incidence seen, about which the scale of the form error is
+_STEP = 1e-3
 
 
-def missed_error_db(
-    found: Linearised,
-    moments: BinMisfit,
-    left: Doubles,
-    rejected: Callable[[Doubles], NDArray[np.bool_]],
-    law: Law,
-    parameters: Doubles,
-    box: Doubles,
-    seen_deg: tuple[float, float],
+def form_error(forms_db: Doubles, smallest_db: float) -> FormError:
+    """Error of the form of a law, from draws over the incidence seen less their means, shape (m, k) [dB]."""
+    rms = np.sqrt((forms_db**2).mean(axis=1))
+    quantiles = np.quantile(rms, [0.05, 0.5, 0.95])
+    low, high = np.quantile(forms_db, [0.05, 0.95], axis=0)
+    return FormError(quantiles, bool(((low > 0.0) | (high < 0.0)).any()), bool(quantiles[0] > _REFUTED_DB), smallest_db)
+
+
+def noticed_db(
+    model: LawModel, at: Doubles, forms: Doubles, knots_deg: Doubles, seen_deg: tuple[float, float]
 ) -> float:
-    """Largest error of a law by a wrong form that the test of the fit finds in fewer than nine of ten images.
+    """Smallest bump in the law that would be noticed in nine of ten images [dB], by the linearised model.
+
+    Bumps are Gaussian, lie at five angles over the incidence seen, and have standard deviations of an eighth and a
+    quarter of its range. The largest size over these bumps is returned.
 
     Parameters
     ----------
-    found : Linearised
-        Linearised fit of the law.
-    moments : BinMisfit
-        Bins of all passes, with the covariance of their statistics.
-    left : ndarray, shape (count, m)
-        Residuals of parametric replicates of a right law after their refit.
-    rejected : callable
-        Function from residuals after a refit, shape (count, m), to whether the test rejects the law, shape (count,).
-    law : Law
-        Calibrated law, with a curve.
-    parameters : ndarray, shape (d,)
-        X of the law found.
-    box : ndarray, shape (d, 2)
-        Bounds of X.
+    model : LawModel
+        Model of the material.
+    at : ndarray, shape (dimension,)
+        Point of the posterior about which the model is linear.
+    forms : ndarray, shape (41, 8)
+        Columns of the error of the form at 41 angles over the incidence seen.
+    knots_deg : ndarray, shape (k,)
+        Angles of the knots [deg].
     seen_deg : (float, float)
-        5 and 95 % quantiles of the local incidence [deg].
-
-    Returns
-    -------
-    float
-        Largest absolute error of the law over the incidence seen, among the bumps tried, each as large as the test
-        finds it in nine of ten images [dB].
+        5 and 95 % quantiles of the incidence [deg].
 
     References
     ----------
-    Kennedy and O'Hagan, "Bayesian calibration of computer models", J. R. Statist. Soc. B 63 (2001): discrepancy
-    between the best law of a form and the truth. Lehmann and Romano, "Testing Statistical Hypotheses", 3rd edition
-    (2005), section 3.1: power of a test.
+    Kennedy and O'Hagan, "Bayesian calibration of computer models", J. R. Statist. Soc. B 63 (2001): discrepancy between
+    the best law of a form and the truth. Lehmann and Romano, "Testing Statistical Hypotheses", 3rd edition (2005),
+    section 3.1: power of a test.
     """
-    angle = np.linspace(*seen_deg, _ANGLES)
-    width = box[:, 1] - box[:, 0]
-    steps = STEP * np.diag(width)
-    slopes = np.stack(
-        [law(np.radians(angle), parameters + one) - law(np.radians(angle), parameters - one) for one in steps], axis=-1
-    ) / (2.0 * STEP)
-    nodes = moments.classes.nodes_deg
+    p, d = model.linear.shape[1], model.d
+    gram, _ = model.table.at(at[None, -2], at[None, -3])
+    steps = np.repeat(at[None, :d], 2 * d, axis=0) + np.concatenate([np.eye(d), -np.eye(d)]) * _STEP
+    levels = model.law.levels(model.law.scaled(steps))
+    slopes = ((levels[:d] - levels[d:]) / (2.0 * _STEP)).T
+    # linear columns, and the law by its deviates
+    full = np.zeros((gram.shape[1], p + d))
+    full[:p, :p], full[p + 1 :, p:] = np.eye(p), slopes
+    information = full.T @ gram[0] @ full
+    centred = forms - forms.mean(axis=0)
+    shapes = np.zeros((len(forms), p + d))
+    first = model.first_form
+    shapes[:, first : first + forms.shape[1]] = centred
+
+    def power(size: float, bump: Doubles) -> float:
+        prior = np.ones(p + d)
+        prior[first : first + forms.shape[1]] = max(np.exp(2.0 * at[-1]), (_RMS * size) ** 2)
+        covariance = np.linalg.inv(information + np.diag(1.0 / prior))
+        found = shapes @ covariance @ (full.T @ gram[0][:, p + 1 :] @ bump) * size
+        sd = np.sqrt(np.einsum("ij,jk,ik->i", shapes, covariance, shapes))
+        noise = np.sqrt(np.einsum("ij,jk,ik->i", shapes, covariance @ information @ covariance, shapes))
+        return float(ndtr((np.abs(found) - _NORMAL_90 * sd) / np.maximum(noise, 1e-12)).max())
+
     worst = 0.0
-    for bump in _bumps(*seen_deg):
-        means = np.zeros((len(nodes), 3))
-        means[:, 0] = bump(nodes).mean(axis=1)
-        whitened = moments.whitened(means)
-        # change of X that follows the bump, in shares of the intervals
-        change = (found.covariance @ found.jacobian.T @ whitened)[: width.size]
-        error = float(np.abs(bump(angle) - slopes @ change).max())
-        worst = max(worst, error * _found_size(whitened - found.hat @ whitened, left, rejected))
-    return worst
-
-
-def _bumps(low: float, high: float) -> Iterator[Callable[[Doubles], Doubles]]:
-    """Bumps of 1 dB, as functions of the local incidence [deg]."""
     for share in _WIDTHS:
-        for middle in np.linspace(low, high, _PLACES):
-            yield partial(_bump, middle=float(middle), sd=share * (high - low))
-
-
-def _bump(deg: Doubles, middle: float, sd: float) -> Doubles:
-    return np.asarray(np.exp(-0.5 * ((deg - middle) / sd) ** 2))
-
-
-def _found_size(shift: Doubles, left: Doubles, rejected: Callable[[Doubles], NDArray[np.bool_]]) -> float:
-    """Factor on a shift of all residuals, shape (m,), at which the test rejects nine of ten replicates."""
-    low, high = 0.0, 1.0
-    while high < _LARGEST_DB and rejected(left + high * shift).mean() < POWER:
-        low, high = high, 2.0 * high
-    while high - low > _PRECISION * high:
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if rejected(left + middle * shift).mean() >= POWER else (middle, high)
-    return high
+        for middle in np.linspace(*seen_deg, _PLACES):
+            bump = np.exp(-0.5 * ((knots_deg - middle) / (share * (seen_deg[1] - seen_deg[0]))) ** 2)
+            low, high = (power(size, bump) - _POWER for size in _SIZES_DB)
+            if high < 0.0:
+                return float("inf")
+            worst = max(worst, _SIZES_DB[0] if low > 0.0 else brentq(lambda x, b=bump: power(x, b) - _POWER, *_SIZES_DB, xtol=0.01))
+    return worst

@@ -1,283 +1,147 @@
-"""Summary of a sample of laws: band of sigma0, incidence at which it is known, combinations of X, modes."""
+"""Findings of the assessment: what the model says of the image, of each law, and of what to do next."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.curves import GRID_DEG
+from radcal.assessment.posterior import Curve, Image, Posterior
+from radcal.config import stages
+from radcal.findings import Finding
+from radcal.measurement.pixels import MANY_IN_NOISE, share_in_noise
+from radcal.measurement.target import Targets
+from radcal.radar.laws import Law
 
-__all__ = [
-    "Band",
-    "Directions",
-    "Level",
-    "Modes",
-    "band_of",
-    "degrees",
-    "directions",
-    "known_between",
-    "level_found",
-    "level_words",
-    "modes_of",
-    "why_unknown",
-]
+__all__ = ["image_findings", "law_findings", "material_findings"]
 
 Doubles = NDArray[np.float64]
 
-_LEVELS = (0.05, 0.5, 0.95)
-_OF_PRIOR = 0.5
-_APART_DB = 1.0  # least rms difference, over the incidence seen, of the nearest curves of two modes
-_LEAST_SHARE = 0.05
-_COMPARED = 400  # curves
-_LAST_DEG = 85.0
+_WRONG_LAW_DB = 1.0  # error of a fixed law that is named
+_LEVEL_DB = 0.2  # level that is named
+_MEANT = {1: {"sigma0_local": "sigma0_ref", "gamma0_rtc": "gamma0"}}
+_MEANT[-1] = {"sigma0_ref": "sigma0_local", "beta0": "sigma0_local", "gamma0": "gamma0_rtc"}
 
 
-@dataclass(frozen=True)
-class Band:
-    """Pointwise 90 % band of curves of sigma0 at k angles.
-
-    Attributes
-    ----------
-    incidence_deg, median_db, p05_db, p95_db : ndarray, shape (k,)
-        Local incidence [deg]; median, 5 % and 95 % quantile of sigma0 [dB].
-    """
-
-    incidence_deg: Doubles
-    median_db: Doubles
-    p05_db: Doubles
-    p95_db: Doubles
-
-    @property
-    def half_width_db(self) -> Doubles:
-        """Half of the width of the 90 % band [dB], shape (k,)."""
-        return np.asarray(0.5 * (self.p95_db - self.p05_db))
-
-
-@dataclass(frozen=True)
-class Level:
-    """Sigma0 of a material at the middle of the incidence of one pass, with its 90 % interval.
-
-    Attributes
-    ----------
-    incidence_deg : float
-        Middle between the 5 and 95 % quantiles of the local incidence [deg].
-    median_db, p05_db, p95_db : float
-        Median, 5 % and 95 % quantile of sigma0 at ``incidence_deg`` [dB].
-    """
-
-    incidence_deg: float
-    median_db: float
-    p05_db: float
-    p95_db: float
-
-    def __str__(self) -> str:
-        return f"{self.median_db:.1f} dB (90 %: {self.p05_db:.1f} to {self.p95_db:.1f})"
-
-
-def degrees(low: float, high: float) -> str:
-    """Text "between a and b degrees", rounded into the interval [deg]; the ends of a narrow one have two decimals."""
-    inner = math.ceil(low), math.floor(high)
-    if inner[0] < inner[1]:
-        return f"between {inner[0]} and {inner[1]} degrees"
-    return f"between {low:.2f} and {high:.2f} degrees"
+def image_findings(case: stages.Archive, image: Image) -> Iterator[Finding]:
+    """Findings on radiometry, fixed laws and level of the measured images, in the order in which to act on them."""
+    if case.target.normalisation == "image":
+        return
+    for number, one in enumerate(case.passes, start=1):
+        about, shown = f"pass {number}", image.radiometry[str(number)]
+        numbers = {"exponent": shown.exponent, "error": shown.error} if shown.materials else {}
+        if shown.found:
+            declared = one.radar.radiometry
+            meant = _MEANT[shown.found][declared]
+            yield Finding(
+                "radiometry",
+                "refusal",
+                about,
+                {**numbers, "declared": declared, "found": meant},
+                f"radar.radiometry: {meant}",
+            )
+        elif not shown.checked:
+            yield Finding("radiometry_unchecked", "note", about, numbers)
+    wrong = {
+        name: error
+        for name, error in image.laws_db.items()
+        if abs(error[1]) > _WRONG_LAW_DB and (error[0] > 0.0 or error[2] < 0.0)
+    }
+    if len(image.laws_db) > 1:
+        for name, error in wrong.items():
+            numbers = {"error_db": float(error[1]), "p05_db": float(error[0]), "p95_db": float(error[2])}
+            yield Finding("fixed_law", "warning", name, numbers, f"materials.{name}.parameters")
+    for number, (low, middle, high) in enumerate(image.levels_db, start=1):
+        numbers = {"level_db": float(middle), "p05_db": float(low), "p95_db": float(high)}
+        if len(image.laws_db) == 1:
+            name, apart = next(iter(image.apart_db.items()))
+            numbers = dict(zip(("p05_db", "apart_db", "p95_db"), map(float, apart), strict=True))
+            differ = abs(apart[1]) > _LEVEL_DB and (apart[0] > 0.0 or apart[2] < 0.0)
+            yield Finding("fixed_law_and_image", "warning" if differ else "note", name, numbers)
+        elif image.laws_db:
+            shown = abs(middle) > _LEVEL_DB and (low > 0.0 or high < 0.0)
+            yield Finding("level", "warning" if shown else "note", f"pass {number}", numbers)
+        else:
+            yield Finding("level_unchecked", "note", f"pass {number}", {"level_db": case.uncertainty.level_db})
+    if not image.sampled:
+        yield Finding("not_sampled", "warning", "fixed laws", {})
 
 
-def level_words(levels: Sequence[Level]) -> str:
-    """Text with the levels, and with their incidences if there are several levels; empty if there is no level."""
-    several = len(levels) > 1
-    return ", ".join(f"{level}{f' at {level.incidence_deg:.1f} degrees' * several}" for level in levels)
+def material_findings(
+    case: stages.Archive, name: str, posterior: Posterior, targets: Targets, refused: bool
+) -> Iterator[Finding]:
+    """Findings on one material: first where its sigma0 is determined, then the form of its law, then remarks."""
+    yield _state(case, name, posterior, targets, refused)
+    if (form := posterior.form) is not None:
+        numbers = dict(zip(("p05_db", "rms_db", "p95_db"), map(float, form.rms_db), strict=True))
+        if np.isfinite(form.noticed_db):
+            numbers["noticed_db"] = form.noticed_db
+        code = "refuted" if form.refuted else "form_noticed" if form.noticed else "not_refuted"
+        yield Finding(code, "note" if code == "not_refuted" else "warning", name, numbers)
+    if not posterior.sampled:
+        yield Finding("not_sampled", "warning", name, {"r_hat": posterior.r_hat, "ess": posterior.ess})
+    share = share_in_noise(targets[name].left_out, targets[name].eligible)
+    if share >= MANY_IN_NOISE:
+        yield Finding("in_the_noise", "warning", name, {"share": share})
 
 
-def level_found(levels: Sequence[Level]) -> str:
-    """Text with the levels of a material that does not fit; empty if there is no level."""
-    return f"level found {level_words(levels)} (not to be used: does not fit)" if levels else ""
+def _state(case: stages.Archive, name: str, posterior: Posterior, targets: Targets, refused: bool) -> Finding:
+    """Finding that says at which incidence sigma0 of a material is determined, and how well."""
+    curve = posterior.curve
+    if curve is None:
+        return Finding("parameters_only", "note", name)
+    if targets.level_only(name):
+        level = posterior.levels()[0]
+        numbers = {"incidence_deg": level.incidence_deg, "median_db": level.median_db}
+        return Finding("level_only", "note", name, {**numbers, "p05_db": level.p05_db, "p95_db": level.p95_db})
+    low, high = float(posterior.seen_deg[:, 0].min()), float(posterior.seen_deg[:, 1].max())
+    half = np.interp(np.linspace(low, high, 91), curve.incidence_deg, curve.half_width_db)
+    if refused:
+        return Finding("withheld", "refusal", name, {"half_width_db": float(half.max())})
+    if posterior.known_between_deg is None or posterior.known_half_width_db is None:
+        numbers = {"narrowest_db": float(half.min()), "known_db": case.uncertainty.known_db}
+        return Finding("undetermined", "warning", name, numbers)
+    first, last = posterior.known_between_deg
+    inside = (curve.incidence_deg >= first) & (curve.incidence_deg <= last)
+    field = 0.5 * (curve.field_p95_db - curve.field_p05_db)
+    numbers = {"half_width_db": posterior.known_half_width_db, "from_deg": first, "to_deg": last}
+    if inside.any():
+        numbers["field_half_width_db"] = float(field[inside].max())
+        numbers["systematic_db"] = float(curve.systematic_db[inside].max())
+    return Finding("determined", "note", name, numbers)
 
 
-@dataclass(frozen=True)
-class Directions:
-    """Linear combinations of X; those that the data fix best come first.
-
-    Attributes
-    ----------
-    weights : ndarray, shape (d, d)
-        Weights of the combinations, one row of unit length for each; X is in standard deviations of its prior.
-    ratio : ndarray, shape (d,)
-        Ratio of the posterior to the prior standard deviation of each combination.
-    """
-
-    weights: Doubles
-    ratio: Doubles
-
-    def sentence(self, names: Sequence[str]) -> str:
-        """Sentence that lists the combinations of X that the pixels fix, and those that they do not fix."""
-
-        def said(row: Doubles) -> str:
-            # a sign that makes the largest weight positive
-            row = row * np.sign(row[np.argmax(np.abs(row))])
-            large = [k for k in np.argsort(-np.abs(row)) if abs(row[k]) > _SAID * np.abs(row).max()]
-            return " ".join(f"{'+' if row[k] > 0 else '-'}{abs(row[k]):.2g} {names[k]}" for k in large)
-
-        fixed = [f"{said(w)} ({r:.2g})" for w, r in zip(self.weights, self.ratio, strict=True) if r <= _FIXED]
-        loose = [f"{said(w)} ({r:.2g})" for w, r in zip(self.weights, self.ratio, strict=True) if r > _FIXED]
-        parts = [("fixed by the pixels", fixed), ("not fixed", loose)]
-        each = "; ".join(f"{text}: {', '.join(which)}" for text, which in parts if which)
-        return f"{each} (each in standard deviations of the prior; in brackets, the standard deviation left)."
-
-
-_SAID = 0.25  # least weight of a parameter that is named, as a share of the largest weight
-_FIXED = 0.3
-
-
-@dataclass(frozen=True)
-class Modes:
-    """Modes of a sample of laws: distinct groups of curves, the largest first.
-
-    Attributes
-    ----------
-    share : ndarray, shape (g,)
-        Share of the sample that is in each group.
-    parameters : ndarray, shape (g, d)
-        X of the curve in each group that is nearest to the median curve of the group.
-    """
-
-    share: Doubles
-    parameters: Doubles
-
-
-def band_of(curves_db: Doubles, step_deg: float = 1.0) -> Band:
-    """90 % band of curves on the grid, shape (m, 361), at angles from 0 to 85 degrees in steps of ``step_deg``."""
-    every = round(step_deg / (GRID_DEG[1] - GRID_DEG[0]))
-    which = np.flatnonzero(GRID_DEG <= _LAST_DEG)[::every]
-    low, middle, high = np.quantile(curves_db[:, which], _LEVELS, axis=0)
-    return Band(GRID_DEG[which], middle, low, high)
-
-
-def known_between(
-    band: Band, prior: Band, seen_deg: Sequence[tuple[float, float]], known_db: float
-) -> tuple[float, float] | None:
-    """Largest interval of the incidence seen in which sigma0 is known.
+def law_findings(
+    name: str, posterior: Posterior, law: Law, x: Doubles, causes: Mapping[str, str]
+) -> Iterator[Finding]:
+    """Warning if the law of the search leaves the band over the incidence seen.
 
     Parameters
     ----------
-    band, prior : Band
-        Bands of sigma0 by the posterior and by the prior, at the same angles.
-    seen_deg : sequence of (float, float)
-        5 and 95 % quantiles of the incidence in each pass [deg].
-    known_db : float
-        Largest half-width of the posterior's band [dB]; the prior's band must also be more than twice as wide.
-
-    Returns
-    -------
-    (float, float) or None
-        First and last angle of the interval [deg]; None if it holds fewer than two angles of the band.
+    name : str
+        Material.
+    posterior : Posterior
+        Posterior of the law.
+    law : Law
+        Law of the material.
+    x : ndarray, shape (d,)
+        X of the search.
+    causes : mapping
+        What the image's findings name as cause, by code.
     """
-    angle, half = band.incidence_deg, band.half_width_db
-    seen = np.any([(angle >= low) & (angle <= high) for low, high in seen_deg], axis=0)
-    known = seen & (half <= known_db) & (half < _OF_PRIOR * prior.half_width_db)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(np.int8)))
-    runs = edges.reshape(-1, 2)
-    if not runs.size:
-        return None
-    first, after = runs[np.argmax(runs[:, 1] - runs[:, 0])]
-    return (float(angle[first]), float(angle[after - 1])) if after - first > 1 else None
+    curve = posterior.curve
+    if curve is None or not law.has_curve:
+        return
+    beyond = _beyond_db(curve, law, x, posterior.seen_deg)
+    if beyond > 0.0:
+        numbers: dict[str, float | str] = {"beyond_db": beyond, "cause": ", ".join(causes.values()) or "cause unknown"}
+        yield Finding("law_outside_band", "warning", name, numbers)
 
 
-def why_unknown(
-    incidence_deg: Doubles,
-    half_width_db: Doubles,
-    prior_half_width_db: Doubles,
-    seen_deg: Sequence[Sequence[float]] | Doubles,
-    known_db: float,
-    withheld: str = "",
-) -> str:
-    """Reason why sigma0 is called known at no angle of the incidence seen.
-
-    Parameters
-    ----------
-    incidence_deg, half_width_db, prior_half_width_db : ndarray, shape (k,)
-        Local incidence [deg], and half-widths of the 90 % bands of posterior and prior there [dB].
-    seen_deg : sequence of (float, float)
-        5 and 95 % quantiles of the incidence in each pass [deg].
-    known_db : float
-        Largest half-width at which sigma0 is called known [dB].
-    withheld : str
-        Reason why sigma0 is not called known whatever its band, such as a law that does not fit; otherwise empty.
-
-    Returns
-    -------
-    str
-        Text with the reason: ``withheld``, or the band of the posterior is too wide, or at least half as wide as the
-        band of the prior, or both. If neither is true at some angle, such angles span less than half a degree.
-    """
-    if withheld:
-        return withheld
-    inside = [np.linspace(low, high, 21) for low, high in seen_deg]
-    angle = np.concatenate(inside)
-    half = np.interp(angle, incidence_deg, half_width_db)
-    prior = np.interp(angle, incidence_deg, prior_half_width_db)
-    wide, near = half > known_db, half >= _OF_PRIOR * prior
-    if not np.all(wide | near):
-        return "its 90 % band is narrow enough only over less than half a degree"
-    narrowest = int(np.argmin(half))
-    said = [
-        f"its 90 % band is nowhere narrower than +-{half[narrowest]:.3g} dB, wider than uncertainty.known_db "
-        f"(+-{known_db:.3g} dB)"
-    ] * bool(wide.all())
-    prior_alone = f"the priors alone leave +-{prior[narrowest]:.2g} dB, so that the pixels do not even halve it"
-    return " and ".join([*said, *[prior_alone] * bool(near[narrowest] or not said)])
-
-
-def directions(posterior: Doubles, prior: Doubles) -> Directions:
-    """Combinations of X, ordered by how well the data fix them, from draws of posterior, (m, d), and prior, (k, d).
-
-    References
-    ----------
-    Spantini et al., "Optimal low-rank approximations of Bayesian linear inverse problems", SIAM J. Sci. Comput. 37
-    (2015): the generalised eigenvalue problem of the covariances of posterior and prior.
-    """
-    from scipy.linalg import eigh
-
-    scale = np.maximum(prior.std(axis=0), 1e-12)
-    before, after = (np.atleast_2d(np.cov(one / scale, rowvar=False)) for one in (prior, posterior))
-    before = before + 1e-9 * np.eye(len(before))
-    values, vectors = eigh(after, before)
-    # an eigenvector holds the weights of a combination, whose variance relative to the prior is the eigenvalue
-    weights = (vectors / np.linalg.norm(vectors, axis=0)).T
-    return Directions(np.asarray(weights), np.sqrt(np.maximum(values, 0.0)))
-
-
-def modes_of(curves_db: Doubles, parameters: Doubles, seen_deg: Sequence[tuple[float, float]]) -> Modes:
-    """Groups of curves that differ by 1 dB (rms over the incidence seen) or more, each with at least 5 % of the sample.
-
-    Parameters
-    ----------
-    curves_db : ndarray, shape (m, 361)
-        Curves [dB] on the grid.
-    parameters : ndarray, shape (m, d)
-        X of each curve.
-    seen_deg : sequence of (float, float)
-        5 and 95 % quantiles of the incidence in each pass [deg].
-
-    References
-    ----------
-    Gower and Ross, "Minimum spanning trees and single linkage cluster analysis", Applied Statistics 18 (1969).
-    """
-    from scipy.cluster.hierarchy import fclusterdata
-
-    every = max(1, len(curves_db) // _COMPARED)
-    seen = np.any([(low <= GRID_DEG) & (high >= GRID_DEG) for low, high in seen_deg], axis=0)
-    seen = seen if seen.any() else np.ones(GRID_DEG.size, dtype=np.bool_)
-    curves, x = curves_db[::every][:, seen], parameters[::every]
-    group = fclusterdata(curves / np.sqrt(curves.shape[1]), _APART_DB, criterion="distance", method="single")
-    share = np.array([np.mean(group == k) for k in np.unique(group)])
-    order = [k for k in np.argsort(-share, kind="stable") if share[k] >= _LEAST_SHARE]
-    found = []
-    for k in order:
-        members = group == np.unique(group)[k]
-        away = ((curves[members] - np.median(curves[members], axis=0)) ** 2).sum(axis=1)
-        found.append(x[members][int(np.argmin(away))])
-    return Modes(share[order], np.array(found).reshape(len(order), -1))
+def _beyond_db(curve: Curve, law: Law, x: Doubles, seen_deg: Doubles) -> float:
+    """Largest distance of a law from the 90 % band over the incidence seen [dB]."""
+    angle = np.concatenate([np.linspace(low, high, 21) for low, high in seen_deg])
+    low, high = (np.interp(angle, curve.incidence_deg, edge) for edge in (curve.p05_db, curve.p95_db))
+    at = np.asarray(law(np.radians(angle), x))
+    return float(np.maximum(np.maximum(low - at, at - high), 0.0).max())

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.calibration.expected import LawForward
 from radcal.calibration.history import History
 from radcal.calibration.objectives import Comparison
+from radcal.findings import Finding
 from radcal.measurement.classes import class_of
 from radcal.measurement.target import Target
 from radcal.radar.geometry import Geometry
@@ -23,8 +26,8 @@ _ERRORS = 3.0  # sampling errors of a bin's mean in a run
 
 def another_law(
     name: str, law: str, objective: Comparison, target: Target, history: History, geometry: Geometry
-) -> str:
-    """Clause which says that the program computes another law than the material's; empty if the runs do not show it.
+) -> Iterator[Finding]:
+    """Warning if the program computes another law than the material's; none if the runs do not show it.
 
     Parameters
     ----------
@@ -40,16 +43,13 @@ def another_law(
         Geometry of the first pass.
     """
     if not objective.material.law.has_curve or not objective.material.decibels:
-        return ""
+        return
     difference, beyond = beyond_law_db(name, objective, target, history, geometry)
     # only a scene in slant range has no places in a grid of the ground
     left_db = _LEFT_DB if np.isnan(geometry.ground).all() else _LEFT_ON_TERRAIN_DB
-    if np.all(beyond <= left_db):
-        return ""
-    return (
-        f"the program's backscatter differs from law {law} by up to {np.abs(difference).max():.1f} dB at the same X: "
-        "curve and band are the formula's, not the program's"
-    )
+    if not np.all(beyond <= left_db):
+        numbers: dict[str, float | str] = {"difference_db": float(np.abs(difference).max()), "law": law}
+        yield Finding("another_law", "warning", name, numbers, f"materials.{name}.law")
 
 
 def beyond_law_db(

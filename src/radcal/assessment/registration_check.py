@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.verdict import DOUBT
+from radcal.findings import Finding
 from radcal.measurement.gefolki import find_flow, pyramid
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Target
@@ -50,13 +50,10 @@ class Moved:
             and self.moved_db > _LEAST_DB
         )
 
-    def sentence(self, name: str) -> str:
-        """Clause of a verdict on a registration in doubt, with the key to change."""
-        return (
-            f"{DOUBT}: onto the calibrated image, it moves these pixels by {self.moved_px:.1f} "
-            f"pixels (stated error {self.stated_px:.1f}) and sigma0 there by {self.moved_db:.1f} dB (rms), which no "
-            f"band contains; set materials.{name}.start to the X found and run again"
-        )
+    def finding(self, name: str) -> Finding:
+        """Finding on the registration of one material's pixels; a warning if it is in doubt."""
+        severity = "warning" if self.doubtful else "note"
+        return Finding("registration_moved", severity, name, vars(self), f"materials.{name}.start" * self.doubtful)
 
 
 def moved_again(registered: Registered, calibrated_db: NDArray[np.float32]) -> NDArray[np.float64]:

@@ -181,9 +181,11 @@ class Verify(Simulation, Train):
     """Sections that rule ``verify`` reads to run and score proposals, and to predict a possible further improvement."""
 
 
-class Posterior(Train):
-    """Sections that rule ``posterior`` reads to sample the posterior distribution of each law."""
+class Posterior(Simulation, Train):
+    """Sections that rule ``posterior`` reads: for the posterior of all laws, and for draws of the built-in simulator."""
 
+    target: TargetConfig
+    validation: Validation | None
     uncertainty: Uncertainty
 
 

@@ -13,17 +13,16 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.posterior import Posterior
+from radcal.assessment.law_check import LawCheck
+from radcal.assessment.posterior import Image, Posterior
+from radcal.findings import Finding, from_json
 from radcal.radar.laws import Law, law_for
-from radcal.report.fitted import Fitted
-from radcal.report.held_out_blocks import HeldOutBlocks, LeftOutFields
 from radcal.report.search_front import SearchFront
-from radcal.storage.dataclass_groups import About, Attribute, Inline, Main, put, table, take
+from radcal.storage.dataclass_groups import About, Attribute, Main, put, table, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = [
     "Archive",
-    "Check",
     "Images",
     "LawParameters",
     "LevelSummary",
@@ -91,28 +90,6 @@ class LawParameters:
 
 
 @dataclass(frozen=True)
-class Check:
-    """Reliability of a calibrated law (:class:`radcal.assessment.law_check.LawCheck`)."""
-
-    looks: Annotated[float, About("effective number of looks of the material")]
-    looks_nominal: Annotated[float, About("number of looks of the simulated speckle")]
-    constant_db: Annotated[float, About("mean of the calibrated ground", "dB")]
-    between_db: Annotated[float, About("standard deviation between fields; NaN if not estimated", "dB")]
-    within_db: Annotated[float, About("standard deviation within fields; NaN if not estimated", "dB")]
-    incidence_error_deg: Annotated[float, About("standard error assumed for the local incidence", "deg")]
-    class_deg: Annotated[Doubles, About("mean incidence of each incidence-angle bin", "deg", "c", scale=True)]
-    class_db: Annotated[Doubles, About("sigma0 of the law that would match the measured pixels of the bin", "dB", "c")]
-    class_error_db: Annotated[Doubles, About("standard error of `class_db`", "dB", "c")]
-    sentences: Annotated[tuple[str, ...], Attribute(), About("warnings about the law")]
-    identified: Annotated[bool | None, About("law identified by the image; absent for a law without a curve")] = None
-    recommended: Annotated[str, About("recommended predictor of other fields: law, constant, or average of both")] = ""
-    law_weight: Annotated[float, About("weight of the law in the recommended predictor; NaN if none is")] = float("nan")
-    recommended_why: Annotated[str, About("reason of the recommendation")] = ""
-    held: Annotated[HeldOutBlocks | None, Inline()] = None
-    left_out: Annotated[LeftOutFields | None, About("predictions of whole fields from the others")] = None
-
-
-@dataclass(frozen=True)
 class Fidelity:
     """Predictions of the surrogate for each infill run, and results of the run; NaN without a prediction."""
 
@@ -169,8 +146,8 @@ class MaterialResult:
     start_db: Annotated[Doubles, About("target's pixels in the reference run", _UNIT, "p")]
     calibrated_db: Annotated[Doubles, About("target's pixels in the calibrated run", _UNIT, "p")]
     fresh_db: Annotated[Doubles, About("target's pixels in the calibrated run with another seed", _UNIT, "p")]
-    check: Annotated[Check, About("reliability of the calibrated law")]
-    fitted: Annotated[Fitted, About("test of the fit of the calibrated law")]
+    level_only: Annotated[bool, About("material is seen at one incidence: only its level can be determined")]
+    check: Annotated[LawCheck, About("looks of the calibrated law, and levels of the bins")]
     final_dp: Annotated[Doubles, About("xi, omega and alpha (no unit) of the calibrated run", _UNIT, "3")]
     fresh_dp: Annotated[
         Doubles, About("xi, omega and alpha (no unit) of the calibrated run with another seed", _UNIT, "3")
@@ -193,6 +170,13 @@ class MaterialResult:
     fidelity: Annotated[Fidelity | None, About("predictions of the surrogate and the runs that verified them")] = None
     front: Annotated[SearchFront | None, About("front of the last search, if it had several objectives")] = None
     posterior: Annotated[Posterior | None, About("posterior of the law")] = None
+
+    @property
+    def fits(self) -> bool | None:
+        """Whether the form of the law is not refuted; None where it cannot be told."""
+        if self.posterior is None or self.posterior.form is None:
+            return None
+        return not self.posterior.form.refuted
 
 
 @dataclass(frozen=True)
@@ -327,6 +311,8 @@ class Archive:
     runs: Annotated[Runs, About("all n runs in their order: reference, registration, reused, design, infill")]
     registration: Annotated[RegistrationSummary, About("registration of the measured image")]
     levels: Annotated[LevelSummary, About("level of the measured image relative to the simulated")]
+    image: Annotated[Image, About("what the fixed materials say of the images")]
+    findings: Annotated[str, About("findings on images and materials (JSON)")]
     scene: Annotated[SceneView, About("scene at the resolution of the figures; row 0 is in the south")]
     laws: Annotated[Mapping[str, LawParameters], About("X of every material's law in the final runs", shape="d")]
     materials: Annotated[
@@ -339,6 +325,11 @@ class Archive:
     images: Annotated[Images, About("whole images; rows: slant range, columns: azimuth")] = field(
         default_factory=Images
     )
+
+    @property
+    def found(self) -> list[Finding]:
+        """Findings on images and materials."""
+        return from_json(self.findings)
 
 
 def write_archive(path: str | Path, archive: Archive) -> None:

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.conclusion import Conclusion
-from radcal.assessment.law_check import LawCheck
 from radcal.assessment.passes import pass_laws
 from radcal.calibration.history import History, Run
 from radcal.calibration.objectives import OBJECTIVES
 from radcal.config import Material, Radar, Stop, stages
 from radcal.config.sections import FURTHER
+from radcal.findings import to_json
 from radcal.measurement.levels import Levels, without_level
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
@@ -26,7 +26,6 @@ from radcal.radar.geometry import Geometry
 from radcal.radar.laws import EXTERNAL, FORMULA, Law
 from radcal.report.archive import (
     Archive,
-    Check,
     Fidelity,
     Images,
     LawParameters,
@@ -39,8 +38,6 @@ from radcal.report.archive import (
     Runs,
     SceneView,
 )
-from radcal.report.fitted import Fitted
-from radcal.report.held_out_blocks import HeldOutBlocks, LeftOutFields
 from radcal.report.law_notes import law_notes
 from radcal.report.search_front import search_fronts
 from radcal.scene.model import Scene
@@ -119,6 +116,8 @@ def gather(
         runs=_runs(history),
         registration=_registration(registered),
         levels=_levels(targets.levels),
+        image=conclusion.image,
+        findings=to_json(conclusion.findings),
         scene=_scene(scene),
         laws={name: _law(parameters[name], item, case.radar) for name, item in case.materials.items()},
         materials={
@@ -337,8 +336,8 @@ def _material(
         start_db=found.start,
         calibrated_db=found.calibrated,
         fresh_db=found.fresh,
-        check=_check(check),
-        fitted=_fitted(name, targets, conclusion),
+        level_only=targets.level_only(name),
+        check=check,
         final_dp=found.calibrated_dp,
         fresh_dp=found.fresh_dp,
         predicted_rms=_numbers(None if of_classes else proposal.cost for proposal in proposals),
@@ -371,27 +370,6 @@ def _fidelity(infill: Sequence[Run], name: str) -> Fidelity | None:
 def _numbers(values: Iterable[float | None]) -> NDArray[np.float64]:
     """Numbers as an array, with NaN in place of None."""
     return np.array(list(values), dtype=np.float64)
-
-
-def _fitted(name: str, targets: Targets, conclusion: Conclusion) -> Fitted:
-    return Fitted(conclusion.verdicts[name], **vars(conclusion.fits[name]), level_only=targets.level_only(name))
-
-
-def _check(check: LawCheck) -> Check:
-    """Check of a law, converted to the class of the archive."""
-    known = {key: value for key, value in vars(check).items() if key not in ("sentences", "held", "left_out")}
-    held = None if check.held is None else HeldOutBlocks(**asdict(check.held))
-    left_out = None
-    if (fields := check.left_out) is not None:
-        left_out = LeftOutFields(
-            rmse_law_db=fields.rmse_law_db,
-            rmse_constant_db=fields.rmse_constant_db,
-            gain=fields.gain.mean,
-            gain_error=fields.gain.error,
-            n_fields=fields.gain.fields,
-            power=fields.power,
-        )
-    return Check(**known, sentences=tuple(check.sentences), held=held, left_out=left_out)
 
 
 def _versions() -> dict[str, str]:

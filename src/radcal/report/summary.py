@@ -15,13 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
-from radcal.assessment.curves import GRID_DEG
-from radcal.assessment.posterior import KeptDraws, Posterior
 from radcal.config import stages
-from radcal.report.archive import Archive, Check, MaterialResult, PassSummary, RegistrationSummary
-from radcal.report.fitted import misfit, overall
-from radcal.report.held_out_blocks import HeldOutBlocks
-from radcal.report.law_notes import found_words, outside_interval
+from radcal.findings import Finding
+from radcal.report.archive import Archive, MaterialResult, PassSummary, RegistrationSummary
+from radcal.report.law_notes import found_words
+from radcal.words import headline, next_steps, sentence, verdict
 
 __all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
@@ -78,17 +76,19 @@ def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> d
 
 
 def sentences(archive: Archive) -> list[str]:
-    """Sentences on a calibration: verdicts, reasons why the search ended, and warnings about each law.
+    """Sentences on a calibration: verdicts, what to do next, warnings, and reasons why the search ended.
 
     The first sentence is the verdict on all materials; in a case of several materials, a verdict on each follows.
-    Warnings on the measured image are next. The parameters of a law without a curve are told with their intervals.
+    The parameters of a law without a curve are told with their intervals.
     """
-    each = [material.fitted.verdict for material in archive.materials.values()]
-    verdicts = [_overall(archive)["verdict"], *(each if len(each) > 1 else [])]
-    warnings = [said for material in archive.materials.values() for said in material.check.sentences]
-    warnings += [f"{name}: {said}" for name, material in archive.materials.items() if (said := _outside(material))]
+    findings = archive.found
+    each = [verdict(name, findings) for name in archive.materials]
+    lines = [_verdict(archive), *(each if len(each) > 1 else [])]
+    lines += [f"next: {step}." for step in next_steps(findings)[:1]]
     found = [said for name, material in archive.materials.items() if (said := _without_curve(name, material))]
-    return [*verdicts, *_image_warnings(archive), *archive.sentences, *found, *warnings]
+    told = lines[0]
+    warnings = [said for said in _warnings(archive) if said.partition(": ")[2] not in told]
+    return [*lines, *warnings, *archive.sentences, *found]
 
 
 def _without_curve(name: str, material: MaterialResult) -> str:
@@ -103,96 +103,66 @@ def _without_curve(name: str, material: MaterialResult) -> str:
     return f"{name}: {found_words(found, material.bounds.tolist(), *interval)}."
 
 
-def _image_warnings(archive: Archive) -> list[str]:
-    """Notes on the measured images of all passes that are warnings."""
+def _warnings(archive: Archive) -> list[str]:
+    """Warnings and refusals: notes on the measured images of all passes, and findings that no verdict tells."""
     further = [note for one in (archive.passes or {}).values() for note in one.notes]
-    return [note for note in dict.fromkeys([*archive.notes, *further]) if note.startswith(_WARNING)]
+    notes = [note for note in dict.fromkeys([*archive.notes, *further]) if note.startswith(_WARNING)]
+    told = ("undetermined", "withheld", "refuted", "form_noticed")
+    return [*notes, *(sentence(one) for one in archive.found if one.severity != "note" and one.code not in told)]
+
+
+def _verdict(archive: Archive) -> str:
+    return headline(list(archive.materials), archive.found, archive.converged)
 
 
 def _overall(archive: Archive) -> dict[str, Any]:
     """Whether all laws fit, and the verdict on all materials."""
-    fitted = {name: material.fitted for name, material in archive.materials.items()}
-    return overall(fitted, archive.converged, len(_image_warnings(archive)))
-
-
-def _check(check: Check) -> dict[str, Any]:
-    """Looks, identifiability and held-out errors of a law."""
-    return {
-        "looks": check.looks,
-        "looks_nominal": check.looks_nominal,
-        "identified": check.identified,
-        "validation": None if check.held is None else _numbers(check.held),
-        "fields_left_out": None if check.left_out is None else dict(vars(check.left_out)),
-        "recommended_predictor": check.recommended or None,
-        "law_weight": check.law_weight,
-        "constant_db": check.constant_db,
-        "recommended_why": check.recommended_why or None,
-        "patch_spread_db": check.between_db,
-        "cell_spread_db": check.within_db,
-        "incidence_error_deg": check.incidence_error_deg,
-        "law_sentences": list(check.sentences),
-    }
+    fits = [material.fits for material in archive.materials.values()]
+    return {"fits": False if False in fits else None if None in fits else True, "verdict": _verdict(archive)}
 
 
 def _posterior(material: MaterialResult) -> dict[str, Any]:
-    """Posterior of a law: incidence at which sigma0 is known, curve of sigma0, and 90 % intervals of the parameters."""
+    """Posterior of a law: incidence at which sigma0 is determined, curve, parameters, and error of the form."""
     known = material.posterior
     if known is None:
         return {}
-    curve, names = known.curve, material.parameter_names
+    curve, names, form = known.curve, material.parameter_names, known.form
+
+    def named(values: NDArray[np.float64]) -> dict[str, float]:
+        return dict(zip(names, map(float, values), strict=True))
+
     return {
+        "identified": known.known_between_deg is not None,
         "known_between_deg": None if known.known_between_deg is None else list(known.known_between_deg),
-        "sigma0_curve": None
-        if curve is None
-        else {key: getattr(curve, key).tolist() for key in ("incidence_deg", "median_db", "p05_db", "p95_db")},
-        "levels": [dict(vars(level)) for level in known.levels()] if material.fitted.level_only else None,
-        "parameters_p05": dict(zip(names, map(float, known.parameters_p05), strict=True)),
-        "parameters_p95": dict(zip(names, map(float, known.parameters_p95), strict=True)),
-        "parameters_remark": _outside(material) or None,
+        "sigma0_curve": None if curve is None else {key: values.tolist() for key, values in vars(curve).items()},
+        "levels": [dict(vars(level)) for level in known.levels()] if material.level_only else None,
+        "parameters_p05": named(known.parameters_p05),
+        "parameters_p95": named(known.parameters_p95),
+        "parameters_model": None if known.parameters_model is None else named(known.parameters_model),
+        "misfit": None
+        if form is None
+        else {
+            "form_rms_db": form.rms_db.tolist(),
+            "noticed": form.noticed,
+            "refuted": form.refuted,
+            "noticed_db": form.noticed_db,
+        },
         "posterior": {
             "known_half_width_db": known.known_half_width_db,
             "sampled": known.sampled,
             "effective_sample_size": known.ess,
             "r_hat": known.r_hat,
-            "looks": known.looks.tolist(),
+            "cells": known.cells,
+            "fields": known.fields,
+            "looks": known.looks,
             "field_sd_db": known.between_db.tolist(),
-            "mode_shares": known.mode_share.tolist(),
-            "sentences": list(known.sentences),
+            "cell_sd_db": known.within_db.tolist(),
         },
     }
 
 
-def _outside(material: MaterialResult) -> str:
-    """Sentence on parameters outside their own 90 % intervals; empty if all lie inside, or without a posterior."""
-    if material.posterior is None:
-        return ""
-    interval = list(zip(material.posterior.parameters_p05, material.posterior.parameters_p95, strict=True))
-    best = material.parameters.values[material.best]
-    beyond_db = _beyond_db(material, material.posterior)
-    held = material.fitted.bounds if material.fitted.fits is False else ()
-    return outside_interval(material.parameter_names, best, material.bounds.tolist(), interval, beyond_db, held)
-
-
-def _beyond_db(material: MaterialResult, posterior: Posterior) -> float | None:
-    """Largest distance of the best run's sigma0 from its 90 % band over the incidence seen [dB]; None without a band.
-
-    The band is that of the mean power of the ground, to which the standard deviations of fields add.
-    """
-    curve = posterior.curve
-    if curve is None:
-        return None
-    fields_db = np.array([[posterior.between_db[1], posterior.within_db[1]]])
-    best = KeptDraws(material.parameters.values[[material.best]], posterior.looks[[1]], fields_db)
-    level_db = best.curves_db(material.parameters.curve())[0]
-    angle = np.concatenate([np.linspace(low, high, 21) for low, high in posterior.seen_deg])
-    low, high = (np.interp(angle, curve.incidence_deg, edge) for edge in (curve.p05_db, curve.p95_db))
-    at = np.interp(angle, GRID_DEG, level_db)
-    return float(np.maximum(np.maximum(low - at, at - high), 0.0).max())
-
-
-def _numbers(held: HeldOutBlocks) -> dict[str, Any]:
-    """Errors of the predictions for held-out blocks, without the values of the individual blocks."""
-    return {key: value for key, value in vars(held).items() if not isinstance(value, np.ndarray)}
+def _finding(finding: Finding) -> dict[str, Any]:
+    return {**vars(finding), "numbers": dict(finding.numbers), "text": sentence(finding, prefix=False)}
 
 
 def _theta(dp: NDArray[np.float64]) -> dict[str, float]:
@@ -212,12 +182,12 @@ def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: f
         "start_law": material.start.law,
         "stop_reason": material.reason,
         "sentence": material.sentence,
-        **_check(material.check),
+        "looks": material.check.looks,
+        "looks_nominal": material.check.looks_nominal,
+        "incidence_error_deg": material.check.incidence_error_deg,
         **_posterior(material),
-        "fits": material.fitted.fits,
-        "level_only": material.fitted.level_only,
-        "verdict": material.fitted.verdict,
-        "misfit": misfit(material.fitted),
+        "fits": material.fits,
+        "level_only": material.level_only,
         "target": _theta(target),
         "calibrated": _theta(dp),
         "rms": float(rms[best]),
@@ -329,14 +299,26 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         },
         "simulator": json.loads(archive.simulator),
         "notes": list(archive.notes),
-        "warnings": _image_warnings(archive),
+        "warnings": _warnings(archive),
+        "findings": [_finding(one) for one in archive.found],
         "law_notes": list(archive.law_notes),
         "registration": _registration(archive.registration),
         "levels": dict(vars(archive.levels)),
+        "fixed_laws": {
+            "levels_db": archive.image.levels_db.tolist(),
+            "errors_db": {name: error.tolist() for name, error in archive.image.laws_db.items()},
+            "radiometry": [
+                {"exponent": one.exponent, "error": one.error, "found": one.found, "materials": list(one.materials)}
+                for one in archive.image.radiometry.values()
+            ],
+        },
         "wall_seconds": dict(seconds or {}),
         "versions": json.loads(archive.versions),
         "materials": {
-            name: _material(material, np.isin(kinds, ("design", "infill")), archive.tolerance)
+            name: {
+                **_material(material, np.isin(kinds, ("design", "infill")), archive.tolerance),
+                "verdict": verdict(name, archive.found),
+            }
             for name, material in archive.materials.items()
         },
     }

@@ -28,9 +28,10 @@ SCHEMAS: Mapping[str, int] = {
     "registered": 2,
     "target": 6,
     "surrogate": 6,
-    "posterior": 2,
+    "posterior": 3,
+    "image": 1,
     "run": 2,
-    "calibration": 4,
+    "calibration": 5,
 }
 """Schema version of the layout of each kind of HDF5 file, by the name of the kind."""
 
@@ -187,7 +188,7 @@ def kind_of(path: str | Path) -> str | None:
     path = Path(path)
     if path.suffix == ".json":
         return None
-    kind = {"runs": "run", "posterior": "posterior"}.get(path.parent.name, path.stem)
+    kind = {"runs": "run", "draws": "run", "posterior": "posterior"}.get(path.parent.name, path.stem)
     if kind not in SCHEMAS:
         raise KeyError(kind)
     return kind

@@ -1,0 +1,150 @@
+"""Cells of all materials in one pass, from the registered image and from simulated images of the calibrated laws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.assessment.cells import WITHOUT_AREA, CellMeans, Simulated, area_db, cell_means
+from radcal.config import BuiltinSimulation, stages
+from radcal.errors import MeasurementError
+from radcal.measurement.correlation import estimate_correlation
+from radcal.measurement.ground import Blocks
+from radcal.measurement.levels import Levels, median_and_range
+from radcal.measurement.patches import label_patches, patches_seen
+from radcal.measurement.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, point_targets
+from radcal.radar.radiometry import noise_floor_db
+from radcal.seeds import derived_seed
+from radcal.simulators.sources import runner_of
+
+if TYPE_CHECKING:
+    from radcal.measurement.registration import Registered
+    from radcal.radar.geometry import Geometry
+    from radcal.scene.model import Scene
+    from radcal.storage.runs import Record
+
+__all__ = ["fields_of", "observe", "simulated_of"]
+
+_LOOKS, _SEED_BITS = 32, 31
+_FEWEST = 3  # cells of a material
+
+
+def simulated_of(
+    case: stages.Posterior,
+    scene: Scene,
+    geometries: Sequence[Geometry],
+    paths: Sequence[str],
+    final: Sequence[tuple[Record, Mapping[str, Sequence[float]]]],
+    folder: str,
+) -> list[list[Simulated]]:
+    """Simulated images of each pass: the final runs' and, of the built-in simulator, one of 32 looks at the same X.
+
+    Parameters
+    ----------
+    case : stages.Posterior
+        Configuration.
+    scene : Scene
+        Scene.
+    geometries, paths : sequence
+        Geometry of each pass, and its file.
+    final : sequence of (Record, mapping)
+        Final runs with their X, two for each pass.
+    folder : path
+        Store of the images of 32 looks, which are no runs of the calibration.
+    """
+    found: list[list[Simulated]] = []
+    for k, (one, geometry, path) in enumerate(zip(case.passes, geometries, paths, strict=True)):
+        own = [Simulated(run.image_db, x) for run, x in final[2 * k : 2 * k + 2] if run.image_db is not None]
+        if isinstance(case.simulator, BuiltinSimulation):
+            many = one.model_copy(update={"radar": one.radar.model_copy(update={"looks": float(_LOOKS)})})
+            parameters, seed = final[2 * k][1], derived_seed(case.seed, "posterior", "draw", bits=_SEED_BITS)
+            record = runner_of(many, scene.identity, [geometry], [path], folder).run(parameters, seed, image=True)
+            assert record.image_db is not None  # noqa: S101 - asked for
+            own = [Simulated(record.image_db, parameters)]
+        found.append(own)
+    return found
+
+
+def fields_of(name: str, geometry: Geometry, scene: Scene | None) -> NDArray[np.int64]:
+    """Number of the field of each pixel of the image, shape (pixels,); 0 where the pixel is of another material."""
+    number = geometry.names.index(name) + 1
+    shown = geometry.material == number
+    fields = label_patches(shown) if scene is None else patches_seen(shown, scene.material == number, geometry.ground)
+    return fields.ravel()
+
+
+def observe(
+    case: stages.Posterior,
+    geometry: Geometry,
+    registered: Registered,
+    simulated: Sequence[Simulated],
+    levels: Levels,
+    scene: Scene | None,
+) -> dict[str, CellMeans]:
+    """Cells of all materials in one pass; materials with too few usable pixels are absent.
+
+    Pixels whose simulated level is near the noise, and point targets, are masked; cells of fixed materials into which
+    other ground leaks are left out.
+
+    Parameters
+    ----------
+    case : stages.Posterior
+        Configuration of the pass.
+    geometry : Geometry
+        Geometry of the pass.
+    registered : Registered
+        Registered measured image.
+    simulated : sequence of Simulated
+        Simulated images of the pass.
+    levels : Levels
+        Level normalisation of the measured image.
+    scene : Scene or None
+        Scene, whose connected areas are the fields; None for those of the image.
+    """
+    image, laws = registered.measurement.image_db, case.laws
+    mean = np.mean([10.0 ** (one.image_db.astype(np.float64) / 10.0) for one in simulated], axis=0)
+    mean_db = (10.0 * np.log10(mean)).astype(np.float32)
+    if levels.normalisation == "image":
+        middle, spread = median_and_range(mean_db[(geometry.material > 0) & np.isfinite(image)])
+        image = (Levels.apply(image, levels.measured) * spread + middle).astype(np.float32)
+    noisy = isinstance(case.simulator, BuiltinSimulation)
+    floor = noise_floor_db(case.radar, geometry.flat_incidence_deg)
+    flags = {IN_THE_NOISE: noise_limited(mean_db, floor, case.target.snr_db)} if noisy else {}
+    if case.target.leave_out_point_targets:
+        flags["point targets"] = point_targets(image, geometry.material, case.radar)
+    if case.validation is not None and case.validation.holds_out:
+        blocks = Blocks.of(case.validation)
+        part = blocks.parts_of(np.arange(image.size), geometry.shape[1])
+        flags["held out"] = ~blocks.kept(part, case.validation.keep).reshape(geometry.shape)
+    measurement, area, found = replace(registered.measurement, image_db=image), area_db(geometry, case.radar), {}
+    for name in geometry.names:
+        if name not in case.materials or (not case.materials[name].calibrate and not laws[name].has_curve):
+            continue
+        try:
+            pixels = eligible_pixels(
+                name, geometry, measurement, case.target, registered.uncertainty_px, flags
+            ).pixels
+        except MeasurementError:
+            continue
+        cells = cell_means(
+            pixels,
+            fields_of(name, geometry, scene)[pixels],
+            image,
+            simulated,
+            name,
+            laws[name],
+            geometry,
+            case.radar,
+            estimate_correlation(image, pixels, geometry.incidence_deg),
+            noisy,
+            area,
+        )
+        if not case.materials[name].calibrate:
+            cells = cells.without_leaks(case.radar.radiometry not in WITHOUT_AREA)
+        if cells.size >= _FEWEST:
+            found[name] = cells
+    return found

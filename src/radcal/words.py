@@ -1,0 +1,147 @@
+"""Sentences of findings: the one place where findings become words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+from radcal.findings import Finding
+
+__all__ = ["headline", "next_steps", "sentence", "verdict"]
+
+IF = "if scene, geometry and pixels are what the case says"
+_LEVEL = "{level_db:+.2f} dB (90 %: {p05_db:+.2f} to {p95_db:+.2f})"
+
+_TEXTS: Mapping[str, str] = {
+    "radiometry": "{about}: the fixed materials show that the image is {found}, and the case says {declared} (exponent "
+    "{exponent:+.2f} on the area of the ground, standard error {error:.2f}); the bands are given for {found}",
+    "radiometry_unchecked": "{about}: radiometry unchecked, because the fixed materials show too little of it",
+    "fixed_law": "{about}: its fixed law and the image differ by {error_db:+.2f} dB (90 %: {p05_db:+.2f} to "
+    "{p95_db:+.2f}), more than those of the other fixed materials",
+    "fixed_law_and_image": "{about}: the fixed law and the image differ by {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "
+    "{p95_db:+.2f}); one fixed law cannot tell an error of the law from a level of the image",
+    "level": "{about}: the fixed laws and the image differ by a level of " + _LEVEL,
+    "level_unchecked": "{about}: level and radiometry unchecked, because no material has a fixed law; the bands contain "
+    "the level's standard error of {level_db:.2g} dB (uncertainty.level_db)",
+    "determined": "{about}: sigma0 is determined to +-{half_width_db:.1f} dB (90 %) between {from_deg:.0f} and "
+    "{to_deg:.0f} degrees, " + IF,
+    "undetermined": "{about}: sigma0 is determined at no angle: the half-width of its 90 % band is nowhere below "
+    "{narrowest_db:.1f} dB, and uncertainty.known_db asks for {known_db:.1f} dB",
+    "withheld": "{about}: sigma0 is determined at no angle, because the image is refused",
+    "level_only": "{about}: seen at one incidence, {incidence_deg:.1f} degrees, from which no law can be determined; "
+    "sigma0 there is {median_db:.1f} dB (90 %: {p05_db:.1f} to {p95_db:.1f})",
+    "parameters_only": "{about}: its law has no curve in dB, so that only its parameters have intervals",
+    "refuted": "{about}: the form of the law is refuted: it is wrong by {rms_db:.1f} dB (rms; 90 %: {p05_db:.1f} to "
+    "{p95_db:.1f}), which the band contains",
+    "form_noticed": "{about}: an error of the law's form is noticed, {rms_db:.1f} dB (rms; 90 %: {p05_db:.1f} to "
+    "{p95_db:.1f}), which the band contains; the law is not refuted",
+    "not_refuted": "{about}: the law is not refuted",
+    "not_sampled": "{about}: the sampler has not converged (uncertainty.steps), so that the band is less certain",
+    "in_the_noise": "{about}: {share:.0%} of its pixels are masked, because they are in the noise (target.snr_db); the "
+    "pixels that remain near the noise are the brighter ones",
+    "law_outside_band": "{about}: the law of the search (parameters) leaves the band by up to {beyond_db:.1f} dB "
+    "({cause}); parameters_model gives the law nearest to the band",
+    "another_law": "{about}: the program's backscatter differs from law {law} by up to {difference_db:.1f} dB at the "
+    "same X, so that curve and band are the formula's, not the program's",
+    "registration_moved": "{about}: onto the calibrated image, the registration moves these pixels by {moved_px:.1f} "
+    "pixels (rms; stated standard error {stated_px:.1f}) and sigma0 by {moved_db:.1f} dB",
+}
+_NOTICED = " (a bump of {noticed_db:.1f} dB would be noticed in 9 of 10 images)"
+_STATES = ("determined", "undetermined", "withheld", "level_only", "parameters_only")
+_COUNTED = {
+    "determined": "determined at some angles",
+    "undetermined": "determined at no angle",
+    "withheld": "determined at no angle, because an image is refused",
+    "level_only": "level only",
+    "parameters_only": "parameters only",
+}
+_NAMED = 4  # most materials named in a headline
+_STEPS = ("depression", "relief", "place", "radiometry", "fixed_law", "fixed_law_and_image", "level")
+_DO = {
+    "fixed_law": "check {do}",
+    "fixed_law_and_image": "check materials.{about}.parameters and the calibration of the image",
+    "level": "check the absolute calibration of the image",
+}
+
+
+def sentence(finding: Finding, prefix: bool = True) -> str:
+    """Sentence of a finding.
+
+    Parameters
+    ----------
+    finding : Finding
+        Finding.
+    prefix : bool
+        Whether the sentence of a warning or refusal begins with this word.
+    """
+    text = _TEXTS[finding.code].format(about=finding.about, do=finding.do, **finding.numbers)
+    if finding.code == "not_refuted" and "noticed_db" in finding.numbers:
+        text += _NOTICED.format(**finding.numbers)
+    do = f": {_do(finding)}" if finding.severity != "note" and _do(finding) else ""
+    start = f"{finding.severity}: " if prefix and finding.severity != "note" else ""
+    return f"{start}{text}{do}."
+
+
+def _do(finding: Finding) -> str:
+    """What to do about a finding, without an end mark; empty if there is nothing."""
+    asked = _DO.get(finding.code, "set {do}" if finding.do else "")
+    return asked.format(about=finding.about, do=finding.do)
+
+
+def verdict(name: str, findings: Sequence[Finding]) -> str:
+    """Verdict on one material: where sigma0 is determined, and whether the law is refuted."""
+    own = [one for one in findings if one.about == name and one.code in (*_STATES, "refuted", "form_noticed", "not_refuted")]
+    texts = [sentence(one, prefix=False).removesuffix(".") for one in own]
+    return "; ".join([*texts[:1], *(text.removeprefix(f"{name}: ") for text in texts[1:])]) + "."
+
+
+def next_steps(findings: Iterable[Finding]) -> list[str]:
+    """What to do next, the most important first."""
+    asked = [one for one in findings if one.code in _STEPS and one.severity != "note" and _do(one)]
+    return [_do(one) for one in sorted(asked, key=lambda one: _STEPS.index(one.code))]
+
+
+def headline(names: Sequence[str], findings: Sequence[Finding], finished: bool) -> str:
+    """First line of terminal output, summary and report.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Calibrated materials.
+    findings : sequence of Finding
+        All findings.
+    finished : bool
+        Whether the search has met its stop criterion.
+    """
+    first = [sentence(one, prefix=False) for one in findings if one.severity == "refusal" and one.code != "withheld"]
+    if len(names) == 1:
+        said = verdict(names[0], findings)
+    else:
+        said = f"Of {len(names)} materials {', '.join(_counts(findings))}."
+    unchecked = [one.code for one in findings if one.code.endswith("_unchecked")]
+    if unchecked and not first:
+        said += f" Unchecked: {', '.join(dict.fromkeys(code.removesuffix('_unchecked') for code in unchecked))}."
+    warned = [one for one in findings if one.severity == "warning" and one.code in _STEPS]
+    said += "".join(f" {sentence(one, prefix=False)}" for one in warned[:1]) if not first else ""
+    return " ".join([*first, said]) + ("" if finished else " The search is not finished.")
+
+
+def _counts(findings: Sequence[Finding]) -> list[str]:
+    found = []
+    for code, words in _COUNTED.items():
+        names = [one.about for one in findings if one.code == code]
+        if names:
+            who = f" ({', '.join(names)})" if len(names) <= _NAMED else ""
+            found.append(f"{len(names)} {'is' if len(names) == 1 else 'are'} {words}{who}")
+    refuted = [one.about for one in findings if one.code == "refuted"]
+    if refuted:
+        found.append(f"the law of {', '.join(refuted)} is refuted")
+    return found
+
+
+def degrees(low: float, high: float) -> str:
+    """Text "between a and b degrees", rounded into the interval [deg]; the ends of a narrow one have two decimals."""
+    inner = math.ceil(low), math.floor(high)
+    if inner[0] < inner[1]:
+        return f"between {inner[0]} and {inner[1]} degrees"
+    return f"between {low:.2f} and {high:.2f} degrees"
