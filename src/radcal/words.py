@@ -90,7 +90,11 @@ def _do(finding: Finding) -> str:
 
 def verdict(name: str, findings: Sequence[Finding]) -> str:
     """Verdict on one material: where sigma0 is determined, and whether the law is refuted."""
-    own = [one for one in findings if one.about == name and one.code in (*_STATES, "refuted", "form_noticed", "not_refuted")]
+    own = [
+        one
+        for one in findings
+        if one.about == name and one.code in (*_STATES, "refuted", "form_noticed", "not_refuted")
+    ]
     texts = [sentence(one, prefix=False).removesuffix(".") for one in own]
     return "; ".join([*texts[:1], *(text.removeprefix(f"{name}: ") for text in texts[1:])]) + "."
 

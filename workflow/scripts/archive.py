@@ -11,7 +11,7 @@ from radcal.radar.geometry import read_geometry
 from radcal.report.archive import write_archive
 from radcal.report.results import gather
 from radcal.report.run_table import write_table
-from radcal.running.jobs import logged, progress
+from radcal.running.jobs import logged
 from radcal.scene.model import read_scene
 from radcal.storage.listing import write_listing
 from radcal.storage.records import read_json

@@ -15,7 +15,6 @@ from radcal.assessment.fixed_laws import (
     Common,
     Observed,
     common_columns,
-    form_basis,
     half_normal,
     normal_draws,
 )

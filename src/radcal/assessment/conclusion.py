@@ -176,7 +176,10 @@ def conclude(
         simulator=store.description(key).get("simulator", {}),
         new_runs=len({record.key for record in final} - {run.key for run in history.runs}),
         notes=_notes(case, history, checks, final),
-        posteriors={name: replace(one, known_between_deg=None, known_half_width_db=None) if refused else one for name, one in posteriors.items()},
+        posteriors={
+            name: replace(one, known_between_deg=None, known_half_width_db=None) if refused else one
+            for name, one in posteriors.items()
+        },
         image=image,
         findings=findings,
     )

@@ -17,7 +17,17 @@ from radcal.assessment.marginal import Marginal, integrated
 from radcal.assessment.sampling import sample
 from radcal.config import Uncertainty
 
-__all__ = ["CELL_DB", "FIELD_SPREAD", "Common", "Observed", "common_columns", "common_of", "form_basis", "half_normal", "normal_draws"]
+__all__ = [
+    "CELL_DB",
+    "FIELD_SPREAD",
+    "Common",
+    "Observed",
+    "common_columns",
+    "common_of",
+    "form_basis",
+    "half_normal",
+    "normal_draws",
+]
 
 Doubles = NDArray[np.float64]
 
@@ -199,7 +209,11 @@ class _Scales:
     def prior_variance(self, at: Doubles) -> Doubles:
         """Prior variances of the common effects, shape (m, dimension) to (m, 4 p + 1)."""
         found = np.ones((len(at), self.common))
-        factor = np.full((len(at), self.passes), (_UNKNOWN_DB / self.config.level_db) ** 2) if self.offset else np.exp(at[:, self.level])
+        factor = (
+            np.full((len(at), self.passes), (_UNKNOWN_DB / self.config.level_db) ** 2)
+            if self.offset
+            else np.exp(at[:, self.level])
+        )
         found[:, 0:-1:4] = self.config.level_db**2 * factor
         found[:, 1:-1:4] = self.config.area**2
         return np.maximum(found, 1e-12)
@@ -283,7 +297,9 @@ def common_of(
         level = _UNKNOWN_DB if offset else config.level_db * np.sqrt(_FREEDOM / (_FREEDOM - 2.0))
         variance[0:-1:4], variance[1:-1:4] = level**2, config.area**2
         levels = level * np.array([[-1.645, 0.0, 1.645]] * p)
-        return Common(np.zeros(4 * p + 1), np.diag(variance), (np.log(config.field_db), _FIELD_LOG_SD), {}, {}, levels, True)
+        return Common(
+            np.zeros(4 * p + 1), np.diag(variance), (np.log(config.field_db), _FIELD_LOG_SD), {}, {}, levels, True
+        )
     scales = _Scales(fixed, areas, config, offset)
     found = sample(scales.log_prior, scales.log_likelihood, scales.start(config.walkers, rng), config.steps, seed)
     at = found.draws

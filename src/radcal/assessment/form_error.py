@@ -93,5 +93,8 @@ def noticed_db(
             low, high = (power(size, bump) - _POWER for size in _SIZES_DB)
             if high < 0.0:
                 return float("inf")
-            worst = max(worst, _SIZES_DB[0] if low > 0.0 else brentq(lambda x, b=bump: power(x, b) - _POWER, *_SIZES_DB, xtol=0.01))
+            worst = max(
+                worst,
+                _SIZES_DB[0] if low > 0.0 else brentq(lambda x, b=bump: power(x, b) - _POWER, *_SIZES_DB, xtol=0.01),
+            )
     return worst

@@ -112,9 +112,7 @@ def _state(case: stages.Archive, name: str, posterior: Posterior, targets: Targe
     return Finding("determined", "note", name, numbers)
 
 
-def law_findings(
-    name: str, posterior: Posterior, law: Law, x: Doubles, causes: Mapping[str, str]
-) -> Iterator[Finding]:
+def law_findings(name: str, posterior: Posterior, law: Law, x: Doubles, causes: Mapping[str, str]) -> Iterator[Finding]:
     """Warning if the law of the search leaves the band over the incidence seen.
 
     Parameters

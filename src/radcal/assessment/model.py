@@ -159,7 +159,18 @@ def posterior_of(
         basis = lambda deg: _wide(form_basis(np.clip(deg, form_knots[0], form_knots[-1]), form_knots, FORMS))  # noqa: E731
         if of_form:
             form = _form_error(model, draws, basis, knots, seen)
-    return _summary(case, observed, laws[0], draws, seen, basis if of_form else None, form, targets.level_only(name), decibels, parameters)
+    return _summary(
+        case,
+        observed,
+        laws[0],
+        draws,
+        seen,
+        basis if of_form else None,
+        form,
+        targets.level_only(name),
+        decibels,
+        parameters,
+    )
 
 
 def _wide(columns: Doubles) -> Doubles:
@@ -179,7 +190,9 @@ def _with_curve(
             continue
         at = np.arange(np.floor(own.incidence_deg.min()), np.ceil(own.incidence_deg.max()) + _KNOT_DEG, _KNOT_DEG)
         order = np.argsort(own.incidence_deg)
-        noise = np.interp(at, own.incidence_deg[order], own.noise_db[order]) if np.isfinite(own.noise_db).all() else -np.inf
+        noise = (
+            np.interp(at, own.incidence_deg[order], own.noise_db[order]) if np.isfinite(own.noise_db).all() else -np.inf
+        )
         curves = Curves(law, np.stack([best, box.mean(axis=1)]))
         rad = np.radians(np.clip(middle + share * (at - middle), 0.0, 90.0))
         evaluate.append(lambda x, curves=curves, rad=rad, noise=noise: with_noise_db(curves(x, rad), noise))
@@ -274,9 +287,7 @@ def _form_error(model: LawModel, draws: Draws, basis, knots: Doubles, seen: Sequ
     span = min(low for low, _ in seen), max(high for _, high in seen)
     columns = basis(np.linspace(*span, _ANGLES))
     forms = draws.form @ columns.T
-    return form_error(
-        forms - forms.mean(axis=1, keepdims=True), noticed_db(model, draws.middle, columns, knots, span)
-    )
+    return form_error(forms - forms.mean(axis=1, keepdims=True), noticed_db(model, draws.middle, columns, knots, span))
 
 
 def _summary(case, observed, law, draws, seen, basis, form, level_only, decibels, parameters) -> Posterior:
@@ -293,7 +304,7 @@ def _summary(case, observed, law, draws, seen, basis, form, level_only, decibels
         if not level_only:
             known = known_between(GRID_DEG, width, seen, case.uncertainty.known_db)
         if known is not None:
-            half = float(width[(GRID_DEG >= known[0]) & (GRID_DEG <= known[1])].max())
+            half = float(width[(known[0] <= GRID_DEG) & (known[1] >= GRID_DEG)].max())
         of_field = np.quantile(every.field_curves_db(law), _QUANTILES, axis=0)
         every_deg = slice(None, 86 * 4, 4)
         curve = Curve(
@@ -317,7 +328,12 @@ def _summary(case, observed, law, draws, seen, basis, form, level_only, decibels
         parameters_p05=low,
         parameters_p50=middle,
         parameters_p95=high,
-        looks=float(np.average([one.looks for one in observed.cells if one.size], weights=[one.size for one in observed.cells if one.size])),
+        looks=float(
+            np.average(
+                [one.looks for one in observed.cells if one.size],
+                weights=[one.size for one in observed.cells if one.size],
+            )
+        ),
         between_db=np.quantile(draws.field_db, _QUANTILES),
         within_db=np.quantile(draws.cell_db, _QUANTILES),
         seen_deg=np.array(seen),
@@ -341,7 +357,7 @@ def _nearest(law: Law, parameters: Parameters, x: Doubles, curves: Doubles, medi
     """X in the bounds whose law is nearest to the median of sigma0 over the incidence seen (least squares)."""
     from scipy.optimize import least_squares
 
-    inside = np.any([(GRID_DEG >= low) & (GRID_DEG <= high) for low, high in seen], axis=0)
+    inside = np.any([(low <= GRID_DEG) & (high >= GRID_DEG) for low, high in seen], axis=0)
     inside = inside if inside.any() else np.abs(GRID_DEG - np.mean(seen)).argmin() == np.arange(GRID_DEG.size)
     rad, wanted = np.radians(GRID_DEG[inside]), median[inside]
     low, high = parameters.box.T
@@ -352,7 +368,9 @@ def _nearest(law: Law, parameters: Parameters, x: Doubles, curves: Doubles, medi
             return start
         scale = np.maximum(high - low, 1e-12)
         fit = least_squares(
-            lambda u: np.asarray(law(rad, low + u * scale)) - wanted, np.clip((start - low) / scale, 1e-6, 1 - 1e-6), bounds=(0.0, 1.0)
+            lambda u: np.asarray(law(rad, low + u * scale)) - wanted,
+            np.clip((start - low) / scale, 1e-6, 1 - 1e-6),
+            bounds=(0.0, 1.0),
         )
         return np.asarray(low + fit.x * scale)
 

@@ -125,9 +125,7 @@ def observe(
         if name not in case.materials or (not case.materials[name].calibrate and not laws[name].has_curve):
             continue
         try:
-            pixels = eligible_pixels(
-                name, geometry, measurement, case.target, registered.uncertainty_px, flags
-            ).pixels
+            pixels = eligible_pixels(name, geometry, measurement, case.target, registered.uncertainty_px, flags).pixels
         except MeasurementError:
             continue
         cells = cell_means(
