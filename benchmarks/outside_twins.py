@@ -147,10 +147,27 @@ class Bench:
         ]
 
 
+def sections(declared: str, feet: bool) -> dict[str, Any]:
+    """Sections of the case of a twin.
+
+    With elevations in feet, all of the dyke is in layover. Bare soil is then calibrated in its place, and the dyke has
+    the law that is hidden in the default case.
+    """
+    radar = {"radiometry": declared}
+    if not feet:
+        return {"radar": radar}
+    materials: dict[str, Any] = {
+        name: {"parameters": list(material.start_parameters)} for name, material in case_from({}).materials.items()
+    }
+    materials["bare_soil"] = {"calibrate": True, "bounds": case_from({}).materials["dyke"].box}
+    materials["dyke"] = {"parameters": [-24.0, 10.0, 14.0, 5.0]}
+    return {"radar": radar, "materials": materials}
+
+
 @cache
 def bench(declared: str = "sigma0_ref", feet: bool = False) -> Bench:
     """Case of a radiometry, scene and geometry; once in each process."""
-    case = case_from({"radar": {"radiometry": declared}})
+    case = case_from(sections(declared, feet))
     whole = make_scene(case.scene, list(case.materials))
     assert whole.elevation_m is not None
     scene = replace(
@@ -287,7 +304,8 @@ GROUPS = {  # names that --kinds also takes
 def hidden(kind: str, seed: int) -> tuple[Twin, tuple[float, ...], Curve]:
     """Twin of a kind and a seed, X of its hidden law, and the curve [dB] (another one for a law of another form)."""
     made = KINDS[kind](derived_rng(seed, "outside", kind), Twin(seed))
-    low, high = np.array(bench().case.materials[bench().material].box).T
+    b = bench(made.declared, made.feet)
+    low, high = np.array(b.case.materials[b.material].box).T
     x = tuple((low + derived_rng(seed, "outside", kind, "truth").random(len(low)) * (high - low)).tolist())
     curve: Curve = partial(mangia, x)
     if made.oh1992 is not None:
@@ -345,14 +363,8 @@ def twin(kind: str, seed: int, save: Path | None = None) -> dict[str, Any]:
         path = (folder / "image.tif").resolve()
         write_tif(path, 10.0 * np.log10(power).astype(np.float32))
         measured = {"source": "file", "path": str(path), "scale": "power", "radiometry": made.declared}
-        case = case_from(
-            {
-                "measurement": measured,
-                "radar": {"radiometry": made.declared},
-                "uncertainty": {"walkers": WALKERS},
-                "simulator": {"keep_images": True},
-            }
-        )
+        settings = {"uncertainty": {"walkers": WALKERS}, "simulator": {"keep_images": True}}
+        case = case_from({"measurement": measured, **settings, **sections(made.declared, made.feet)})
         try:
             row |= calibrated(case, b, folder, phi, row if save is not None else None)
         except RadcalError as error:
