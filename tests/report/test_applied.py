@@ -22,6 +22,7 @@ from radcal.radar.texture import log_speckle_cumulants
 from radcal.report import drawing
 from radcal.report.applied import _conclusion, _table, _unfit, apply, predictions, where_seen, with_laws
 from radcal.report.applied_figures import Prediction, draw_predictions
+from radcal.report.archive import write_archive
 
 LAW = law_for("tabulated", angles_deg=(20.0, 60.0))
 X = np.array([-6.0, -16.0])
@@ -183,6 +184,15 @@ def test_calibrated_materials_replace_those_of_the_other_case(made, tmp_path) ->
     assert load_measured([path]) is None
     with pytest.raises(StoreError, match=r"the calibration is not finished, expected calibration.h5"):
         apply(tmp_path, load_forward([path]), None, tmp_path / "out", tmp_path / "runs")
+
+
+@pytest.mark.parametrize("config", ["no JSON", "[1]", "{}", '{"materials": {"dyke": {"law": "none"}}}'])
+def test_other_contents_under_a_right_checksum_are_one_sentence(made, tmp_path, config) -> None:
+    write_archive(tmp_path / "calibration.h5", replace(made.archive, config=config))
+    other = tmp_path / "other.yaml"
+    other.write_text("case: other\nmaterials: {dyke: {parameters: [1, 2, 3, 4]}}\n")
+    with pytest.raises(StoreError, match=r"calibration\.h5: holds other contents than radcal writes"):
+        apply(tmp_path, load_forward([other]), None, tmp_path / "out", tmp_path / "runs")
 
 
 def test_the_law_at_each_angle_is_taken_over_the_bin() -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from archives import changed_material
+from sealed import changed
 from typer.testing import CliRunner
 
 from radcal.assessment.posterior import Curve, Posterior
@@ -99,6 +100,24 @@ def test_an_unfinished_case_says_what_to_type(pair, tmp_path):
     write_archive(tmp_path / "a/calibration.h5", pair[0])
     (tmp_path / "b").mkdir()
     with pytest.raises(StoreError, match="b: the calibration is not finished, so that .*: radcal show b says what is"):
+        compare([tmp_path / "a", tmp_path / "b"], tmp_path / "figure.png")
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        ("materials/dyke/posterior/curve/median_db", [1.0, 2.0]),
+        ("materials/dyke/posterior/seen_deg", ["a", "b"]),
+        ("laws/dyke", 7.0),
+    ],
+)
+def test_other_contents_under_a_right_checksum_are_one_sentence(pair, tmp_path, place, value):
+    for name, archive in zip("ab", pair, strict=True):
+        write_archive(tmp_path / f"{name}/calibration.h5", archive)
+    with changed(tmp_path / "b/calibration.h5") as file:
+        del file[place]
+        file[place] = value
+    with pytest.raises(StoreError, match=r"b/calibration\.h5: holds other contents than radcal writes"):
         compare([tmp_path / "a", tmp_path / "b"], tmp_path / "figure.png")
 
 

@@ -14,12 +14,13 @@ from radcal.report.run_table import write_table
 from radcal.running.jobs import logged
 from radcal.scene.model import read_scene
 from radcal.storage.listing import write_listing
-from radcal.storage.records import read_json
+from radcal.storage.records import read_json, understood
 from radcal.storage.run_index import indexed
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Archive.model_validate(snakemake.params.case)
-    stop = Stop.model_validate(read_json(snakemake.input.stop))
+    with understood(snakemake.input.stop):
+        stop = Stop.model_validate(read_json(snakemake.input.stop))
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     targets, geometry = read_targets(*snakemake.input.target), read_geometry(snakemake.input.geometry[0])
     runs = snakemake.params.runs

@@ -33,6 +33,7 @@ from radcal.report.tables import calibrated_materials, write_csv
 from radcal.scene.model import Scene
 from radcal.seeds import derived_rng
 from radcal.simulators.sources import make_simulator
+from radcal.storage.records import understood
 
 __all__ = ["COLUMNS", "apply", "predictions", "where_seen", "with_laws"]
 
@@ -210,8 +211,9 @@ def apply(
     if not (folder / "calibration.h5").is_file():
         raise StoreError(f"{folder}: the calibration is not finished, expected calibration.h5; radcal show says more.")
     archive = read_archive(folder / "calibration.h5", images=False)
-    config = json.loads(archive.config)
-    changed = with_laws(archive, config["materials"], other)
+    with understood(folder / "calibration.h5"):
+        config = json.loads(archive.config)
+        changed = with_laws(archive, config["materials"], other)
     scene, passes = forward(changed, out, runs)
     rows: list[tuple[int, Prediction]] = []
     lines: list[str] = []
@@ -220,7 +222,8 @@ def apply(
         one = _measured(measured, number, made, scene, out, Path(runs).parent)
         lines += one.said
         files += _images(out, number, other.passes[number - 1], scene, one)
-        rows += [(number, row) for row in _of_pass(archive, config, changed, number, one)]
+        with understood(folder / "calibration.h5"):
+            rows += [(number, row) for row in _of_pass(archive, config, changed, number, one)]
     rows, left_out = where_seen(archive, rows)
     lines += left_out
     if not rows and left_out:

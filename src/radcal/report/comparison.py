@@ -15,6 +15,7 @@ from radcal.errors import ConfigError, StoreError
 from radcal.report.archive import Archive, MaterialResult, read_archive
 from radcal.report.drawing import FOUND, START, law_panels
 from radcal.report.summary import summarise
+from radcal.storage.records import understood
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -174,6 +175,9 @@ def compare(folders: Sequence[str | Path], figure: str | Path) -> list[str]:
             raise ConfigError(
                 f"{folder}: levels are in {archive.levels.unit}, expected dB, in which laws are compared."
             )
+        with understood(Path(folder) / "calibration.h5"):
+            for name in shared:
+                _row(archive, archive, name)
     rows = [_HEADINGS, *(_row(first, second, name) for name in shared)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [f"A: {folders[0]}", f"B: {folders[1]}", ""]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -62,6 +62,13 @@ STYLE: Any = {
     "pdf.compression": 6,
     "image.interpolation": "auto",
 }
+
+
+def styled() -> AbstractContextManager[None]:
+    """Context in which figures are drawn: matplotlib's defaults and :data:`STYLE`, without the user's matplotlibrc."""
+    from matplotlib import style
+
+    return style.context(["default", STYLE])
 
 
 def shortened(name: str, width: int) -> str:
@@ -127,9 +134,7 @@ def new_canvas(width: float, height: float, layout: Literal["constrained", "comp
 @contextmanager
 def law_panels(path: str | Path, names: Sequence[str], y_label: str) -> Iterator[Iterator[tuple[Axes, str]]]:
     """Yield one panel over the incidence for each material, and write the figure as PNG after the ``with`` block."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(STYLE):
+    with styled():
         columns = min(len(names), 3)
         rows = -(-len(names) // columns)
         canvas = new_canvas(0.8 + 4.4 * columns, 0.8 + 3.2 * rows)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from radcal.report.archive import Archive
 from radcal.report.density_figures import densities, histogram, overview, quality
-from radcal.report.drawing import STYLE, slugs
+from radcal.report.drawing import slugs, styled
 from radcal.report.fidelity_figures import fidelity
 from radcal.report.front_figures import front
 from radcal.report.held_out_figures import held_out
@@ -66,12 +66,10 @@ def write_figures(archive: Archive, folder: str | Path) -> list[Figure]:
     list of Figure
         Figures of the whole case, followed by the figures of each material.
     """
-    import matplotlib as mpl
-
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     figures: list[Figure] = []
-    with mpl.rc_context(STYLE):
+    with styled():
 
         def add(name: str, title: str, drawn: tuple[Canvas, str, str] | None, material: str | None = None) -> None:
             if drawn is None:

@@ -14,6 +14,7 @@ from radcal.report.law_notes import found_words
 from radcal.report.reasons import REASONS
 from radcal.running.time_left import duration, runs_in_words
 from radcal.storage.lock import holder
+from radcal.storage.records import understood
 
 __all__ = ["results_folder", "show"]
 
@@ -91,7 +92,8 @@ def show(folder: str | Path) -> list[str]:
     there = [f"{title}: {folder / file}" for file, title in _FILES.items() if (folder / file).exists()]
     failed, running = _failure(folder), _running(folder)
     if not missing:
-        return [*_finished(_read(folder / "summary.json")), *there, *failed, *running]
+        with understood(folder / "summary.json"):
+            return [*_finished(_read(folder / "summary.json")), *there, *failed, *running]
     kept = len(list((folder / "runs").glob("[!.]*.h5")))
     iterations = len(list((folder / "iterations").glob("*/verified.json")))
     lines = [f"{folder.name}: not finished; missing: {', '.join(missing)}."]
