@@ -19,6 +19,7 @@ from radcal.calibration.history import History, Run
 from radcal.calibration.objectives import OBJECTIVES
 from radcal.config import Material, Radar, Stop, stages
 from radcal.config.sections import FURTHER
+from radcal.measurement.geometry_check import image_notes
 from radcal.measurement.levels import Levels, without_level
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
@@ -109,7 +110,7 @@ def gather(
         looks=case.radar.looks,
         measured_looks=targets.looks,
         measurement=measurement.source,
-        notes=(*measurement.notes, *conclusion.notes, *_pass_note(targets, case.objective)),
+        notes=(*image_notes(registered), *conclusion.notes, *_pass_note(targets, case.objective)),
         law_notes=tuple(law_notes(case, geometry, parameters)),
         sentences=tuple(decision.materials[name].sentence for name in targets),
         simulator=json.dumps(conclusion.simulator),
@@ -190,7 +191,7 @@ def _passes(
             measurement=registered.measurement.source,
             registration=registered.verdict,
             levels=target.levels.sentence,
-            notes=(*registered.measurement.notes, *notes),
+            notes=(*image_notes(registered), *notes),
             keys=np.array(keys),
             final_runs=len(new),
             materials={
