@@ -13,6 +13,17 @@ IF = "if scene, geometry and pixels are what the case says"
 _LEVEL = "{level_db:+.2f} dB (90 %: {p05_db:+.2f} to {p95_db:+.2f})"
 
 _TEXTS: Mapping[str, str] = {
+    "depression": "{about} is displaced along slant range by {px_per_100_rows:+.1f} pixels per 100 rows (a straight "
+    "line explains {share_percent:.0f} % of the variance of the displacement), as with {key} {implied_deg:.1f} in "
+    "place of {declared_deg:g}, or with radar.range_spacing_m or the cell size of the scene off by {off_percent:.1f} %",
+    "geometry_unchecked": "{about} was not registered, so that {key} {declared_deg:g}, the spacing in slant range and "
+    "the place of the image are unchecked",
+    "relief": "{about} changes by {db_per_deg:+.3f} dB per degree of local incidence on the relief (standard error "
+    "{error_db_per_deg:.3f}), {of_simulated:.2f} times as much as the simulated image (standard error "
+    "{of_simulated_error:.2f})",
+    "place": "{about} does not show the place of the scene: the mean levels of its squares of {square_px:.0f} pixels "
+    "have a correlation of {correlation:.2f} with those of the simulated image, and of up to {shifted:.2f} if it is "
+    "shifted by two squares or more",
     "radiometry": "{about}: the fixed materials show that the image is {found}, and the case says {declared} (exponent "
     "{exponent:+.2f} on the area of the ground, standard error {error:.2f}); the bands are given for {found}",
     "radiometry_unchecked": "{about}: radiometry unchecked, because the fixed materials show too little of it",
@@ -58,6 +69,8 @@ _COUNTED = {
 _NAMED = 4  # most materials named in a headline
 _STEPS = ("depression", "relief", "place", "radiometry", "fixed_law", "fixed_law_and_image", "level")
 _DO = {
+    "relief": "check {do}, whose heights must be in metres (not feet), of the same place, and not flipped",
+    "place": "check {do}, or set the materials and the elevation of the place that it shows",
     "fixed_law": "check {do}",
     "fixed_law_and_image": "check materials.{about}.parameters and the calibration of the image",
     "level": "check the absolute calibration of the image",

@@ -30,7 +30,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     image = read_image(snakemake.input.image)
     scene = read_scene(snakemake.input.scene)
     images[0] = with_height_warning(images[0], geometry, scene, case.radar)
-    found = conclude(case, stop, history, targets, geometry, runs, final[:2], posteriors, image, images[0])
+    found = conclude(case, stop, history, targets, geometry, runs, final[:2], posteriors, image, images)
     archive = gather(
         case=case, stop=stop, history=history, scene=scene, geometry=geometry, registered=images[0], targets=targets,
         conclusion=found, passes=images, final=final,

@@ -128,8 +128,9 @@ class ReferenceRun(Simulation):
 
 
 class Registration(Stage):
-    """Sections that rule ``registration`` reads: its settings, and the materials that a run's record must contain."""
+    """Sections that rule ``registration`` reads: its settings, the pass, and the materials of a run's record."""
 
+    radar: Radar
     materials: dict[str, Material]
     registration: RegistrationConfig
 
