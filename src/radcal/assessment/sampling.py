@@ -152,9 +152,17 @@ def _mixture_move(points: Doubles, seed: int) -> Any:
 
         def get_proposal(self, sample: Doubles, complement: Any, random: Any) -> tuple[Doubles, Doubles]:  # noqa: ARG002
             place = random.choice(len(roots), size=len(sample), p=fitted.weights_)
-            steps = np.einsum("kde,ke->kd", roots[place], random.standard_normal(sample.shape))
+            steps = (roots[place] @ random.standard_normal(sample.shape)[..., None])[..., 0]
             proposed = fitted.means_[place] + steps
-            return proposed, fitted.score_samples(sample) - fitted.score_samples(proposed)
+            before, after = density(np.concatenate([sample, proposed])).reshape(2, -1)
+            return proposed, before - after
+
+    def density(at: Doubles) -> Doubles:
+        """Log density of the mixture up to a constant; one product of matrices in place of one for each component."""
+        away = (at @ across - shifts).reshape(len(at), *fitted.means_.shape)
+        each = levels - 0.5 * (away**2).sum(axis=2)
+        most = each.max(axis=1)
+        return np.asarray(most + np.log(np.exp(each - most[:, None]).sum(axis=1)))
 
     # k-means++ takes some of the points as first centres; unlike k-means, it has no sums over threads
     fitted = GaussianMixture(
@@ -166,6 +174,10 @@ def _mixture_move(points: Doubles, seed: int) -> Any:
     fitted.covariances_ *= _WIDENED
     fitted.precisions_cholesky_ /= np.sqrt(_WIDENED)
     roots = np.linalg.cholesky(fitted.covariances_)
+    precise = fitted.precisions_cholesky_
+    levels = np.log(fitted.weights_) + np.log(np.diagonal(precise, axis1=1, axis2=2)).sum(axis=1)
+    across = np.concatenate(list(precise), axis=1)
+    shifts = np.einsum("kd,kde->ke", fitted.means_, precise).ravel()
     return MixtureMove()
 
 
