@@ -21,10 +21,10 @@ _LEAST_TIMES = 15.0  # least length of a chain in autocorrelation times, which a
 _GROUPS = 8  # groups of walkers that R-hat compares
 _POWERS = (0.003, 0.01, 0.03, 0.1, 0.3)  # exponents of the likelihood in the stages from prior to posterior
 _WARM_UP = 40  # steps of each stage
-_FITTED = (100, 200, 300)  # steps before each fit of the mixture, of which the first half is dropped
+_FITTED = (100, 200)  # steps before each fit of the mixture, of which the first half is dropped
 _COMPONENTS, _WIDENED = 12, 2.0  # number of components of the mixture, and factor on their covariances
 _DROPPED = 0.125  # share of the steps after the last fit that is dropped at the start
-_CHUNK = 500  # steps between two tests of convergence
+_CHUNK = 250  # steps between two tests of convergence
 _DRAWS = 4000  # kept
 
 
@@ -81,7 +81,7 @@ def sample(log_prior: LogDensity, log_likelihood: LogDensity | None, start: Doub
 
     The walkers start dispersed over the prior. The exponent of the likelihood grows to 1 in stages, so that walkers
     reach all modes of notable probability. A walker moves by the difference of two other walkers (ter Braak 2006), by a
-    stretch, or to a point of a normal mixture, which is fitted three times to earlier steps. The normal mixture is
+    stretch, or to a point of a normal mixture, which is fitted twice to earlier steps. The normal mixture is
     needed because the parameters of a law often lie in a thin bent region, in which differences of distant walkers are
     seldom accepted. The sample is taken from the steps after the last fit, without their first eighth. No stage before
     the last fit is longer than a fifth of ``steps``.
