@@ -115,6 +115,7 @@ def form_basis(angles_deg: Doubles, knots_deg: Doubles, count: int) -> Doubles:
     """Columns of a smooth error of a law's form at angles [deg], shape (n, count), of variance 1 at each angle.
 
     The leading components of a Gaussian process with a squared exponential correlation, interpolated between knots.
+    Columns beyond the number of knots are zero.
 
     References
     ----------
@@ -123,7 +124,8 @@ def form_basis(angles_deg: Doubles, knots_deg: Doubles, count: int) -> Doubles:
     away = (knots_deg[:, None] - knots_deg) / FORM_DEG
     values, vectors = np.linalg.eigh(np.exp(-0.5 * away**2))
     basis = (vectors * np.sqrt(np.maximum(values, 0.0)))[:, ::-1][:, :count]
-    return np.stack([np.interp(angles_deg, knots_deg, column) for column in basis.T], axis=-1)
+    columns = [np.interp(angles_deg, knots_deg, column) for column in basis.T]
+    return np.stack(columns + [np.zeros(len(angles_deg))] * (count - len(columns)), axis=-1)
 
 
 def common_columns(of: Observed, areas: Sequence[float], config: Uncertainty) -> Doubles:
@@ -185,7 +187,6 @@ class _Scales:
         knots = np.arange(angle.min() - 0.5, angle.max() + 2.0 * _KNOT_DEG, _KNOT_DEG)
         forms = form_basis(angle, knots, _FORMS)
         own = np.column_stack([np.ones(angle.size), (angle - angle.mean()) / 10.0, forms])
-        own = np.pad(own, ((0, 0), (0, 2 + _FORMS - own.shape[1])))
         columns = np.column_stack([own, common_columns(one, areas, self.config), one.above_db])
         return Marginal(columns, one.together("variance"), one.together("patch"))
 
