@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from archives import posterior
+from assessment_samples import made_curve, made_image, made_posterior
 from calibration_samples import make_run, make_target
 from two_materials import X, geometry
 
 from radcal.assessment import conclusion
-from radcal.assessment.budget import level_contradicted
-from radcal.assessment.conclusion import _known, _unknown, conclude, not_to_be_used
-from radcal.assessment.fit_test import FitTest
+from radcal.assessment.conclusion import conclude
+from radcal.assessment.radiometry import Radiometry
 from radcal.assessment.registration_check import Moved
 from radcal.calibration.history import History
-from radcal.config import Stop, Uncertainty, case_from
-from radcal.measurement.levels import Levels
+from radcal.config import Stop, case_from
+from radcal.findings import Finding
 from radcal.measurement.target import Targets
+from radcal.radar.laws import LAWS
 from radcal.radar.texture import log_speckle_cumulants
 from radcal.skewnormal import centred
 from radcal.storage.runs import Record, RunStore
+
+AROUND = made_curve(1.0, LAWS["mangia"](np.radians(np.arange(86.0)), X))
+KNOWN = {"area": made_posterior(known_between_deg=(27.0, 40.0), known_half_width_db=0.8, curve=AROUND)}
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +60,7 @@ def parts(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
     RunStore(folder).put(reference, {"simulator": {"kind": "made up"}})
     arguments = (case, Stop(rms=1e-3), History(runs), Targets({"area": target}), seen, folder, tuple(final))
-    return arguments, reference
+    return (*arguments, KNOWN, made_image()), reference
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +70,7 @@ def found(parts):
 
 def test_pixels_are_those_of_reference_and_final_runs_with_the_texture_of_each(parts, found):
     """Of 4 looks, as the reference run suits best, there is none; the best run suits 2.5."""
-    (*_, final), reference = parts
+    (*_, final, _, _), reference = parts
     shown, order = found.materials["area"], parts[0][3]["area"].order
     np.testing.assert_array_equal(shown.start, reference.pixels_db["area"][order])
     wanted = log_speckle_cumulants(2.5)[1] - log_speckle_cumulants(4.0)[1]
@@ -91,7 +93,7 @@ def test_densities_are_those_of_all_pixels_of_the_final_runs(found):
 
 
 def test_the_picture_is_the_fresh_run_with_the_texture_of_the_calibrated_material(parts, found):
-    (*_, seen, _, final), reference = parts
+    (*_, seen, _, final, _, _), reference = parts
     np.testing.assert_array_equal(found.reference_db, reference.image_db)
     same = found.calibrated_db == final[1].image_db
     assert same[:, 50:].all()
@@ -104,136 +106,81 @@ def test_a_final_run_that_the_search_has_made_is_no_new_one(parts, found):
     assert found.new_runs == 1
     assert found.simulator == {"kind": "made up"}
     assert found.materials["area"].differ
-    *rest, final = parts[0]
-    again = conclude(*rest, (final[0], replace(final[0], key="fresh")))
+    *rest, final, posteriors, image = parts[0]
+    again = conclude(*rest, (final[0], replace(final[0], key="fresh")), posteriors, image)
     assert not again.materials["area"].differ
     assert any("another seed gives the same pixels" in note for note in again.notes)
 
 
-def test_a_doubtful_level_is_a_warning_among_the_notes(parts, found):
-    assert not any(note.startswith("warning: ") for note in found.notes)
-    case, stop, history, targets, *rest = parts[0]
-    doubtful = Targets(targets, Levels("none", offset_db=1.4, offset_error_db=0.2, references=("rest",)))
-    notes = conclude(case, stop, history, doubtful, *rest).notes
-    assert [note for note in notes if note.startswith("warning: ")] == doubtful.level_warnings()
-    assert doubtful.level_warnings()[0].startswith(
-        "warning: the measured image is taken at its own level, but the meas"
-    )
+def codes(found):
+    return [(one.code, one.severity, one.about) for one in found.findings]
 
 
-def test_a_level_that_the_budget_does_not_cover_leaves_nothing_known(parts):
-    """Offset and posterior of a measured image 2.93 dB above the run of right fixed laws."""
-    case, stop, history, targets, *rest = parts[0]
-    high = Levels("none", offset_db=2.93, offset_error_db=0.12, references=("wood", "water"))
-    known = {"area": posterior(known_between_deg=(20.0, 40.0), known_half_width_db=0.8)}
-    found = conclude(case, stop, history, Targets(targets, high), *rest, posteriors=known)
-    assert found.posteriors["area"].known_between_deg is None
-    assert found.checks["area"].identified is False
-    why = (
-        "the measured image lies +2.93 +- 0.12 dB from the reference run on wood, water: set target.normalisation: "
-        "offset, or mend level or laws"
-    )
-    assert found.verdicts["area"].endswith(f", but sigma0 is called known at no angle: {why}.")
-    assert f"area: sigma0 is called known nowhere over the incidence seen: {why}." in found.checks["area"].sentences
-    # the law may be used all the same: a level is common to all fields
-    before = conclude(*parts[0], posteriors=known)
-    assert before.posteriors["area"].known_between_deg == (20.0, 40.0)
-    assert found.checks["area"].recommended_why == before.checks["area"].recommended_why
+def test_findings_on_the_image_come_before_those_on_each_material(parts, found):
+    assert codes(found) == [
+        ("level", "note", "pass 1"),
+        ("determined", "note", "area"),
+        ("not_refuted", "note", "area"),
+    ]
+    assert found.posteriors["area"].known_between_deg == (27.0, 40.0)
+    assert found.image is parts[0][-1]
+    assert list(found.checks) == ["area"]
 
 
-@pytest.mark.parametrize(
-    ("levels", "level_db", "contradicted"),
-    [
-        (Levels("none", 2.93, 0.12, references=("a",)), 0.33, True),
-        (Levels("none", 2.93, 0.12, references=("a",)), 2.0, False),  # in the budget
-        (Levels("none", -0.56, 0.1, references=("a",)), 0.33, True),
-        (Levels("none", -0.53, 0.1, references=("a",)), 0.33, False),
-        (Levels("none", 0.42, 0.19, references=("a",)), 0.0, False),  # not doubtful: the default case
-        (Levels("none", -12.8, 4.4, references=("a", "b")), 0.33, False),  # the fixed laws contradict each other
-        (Levels("offset", 2.93, 0.12, references=("a",)), 0.33, False),
-        (Levels(), 0.33, False),
-    ],
-)
-def test_a_level_is_contradicted_beyond_doubt_and_budget(levels, level_db, contradicted):
-    config = Uncertainty(level_db=level_db)
-    assert bool(level_contradicted(config, [levels])) is contradicted
-    assert (
-        level_contradicted(config, [Levels(), levels]).startswith("the measured image of pass 2 lies") is contradicted
-    )
+def test_a_refused_image_leaves_sigma0_determined_nowhere(parts):
+    """The band stays; the radiometry that is declared is the default's."""
+    *rest, image = parts[0]
+    wrong = replace(image, radiometry={"1": Radiometry(-0.9, 0.1, -1, ("water", "wood"))})
+    found = conclude(*rest, wrong)
+    assert codes(found)[0] == ("radiometry", "refusal", "pass 1")
+    assert ("withheld", "refusal", "area") in codes(found)
+    known = found.posteriors["area"]
+    assert (known.known_between_deg, known.known_half_width_db) == (None, None)
+    assert known.curve is KNOWN["area"].curve
 
 
-def test_a_program_of_another_law_leaves_nothing_known(parts, monkeypatch):
-    """Also of a law that does not fit, whose verdict says it beside the misfit."""
+def test_a_wrong_fixed_law_withholds_nothing(parts):
+    *rest, image = parts[0]
+    wrong = replace(image, laws_db={**image.laws_db, "water": np.array([1.4, 2.0, 2.6])})
+    found = conclude(*rest, wrong)
+    assert codes(found)[0] == ("fixed_law", "warning", "water")
+    assert found.posteriors["area"].known_between_deg == (27.0, 40.0)
+
+
+def test_a_law_outside_of_its_band_is_put_down_to_what_the_image_shows(parts):
+    *rest, _, image = parts[0]
+    away = {"area": replace(KNOWN["area"], curve=made_curve(1.0, AROUND.median_db + 3.0))}
+    level = replace(image, levels_db=np.array([[2.2, 2.9, 3.6]]))
+    last = conclude(*rest, away, level).findings[-1]
+    assert (last.code, last.numbers["cause"]) == ("law_outside_band", "level of pass 1")
+    assert last.numbers["beyond_db"] == pytest.approx(2.0, abs=0.01)
+    assert conclude(*rest, away, image).findings[-1].numbers["cause"] == "cause unknown"
+
+
+def test_another_law_is_asked_for_of_programs_only(parts, monkeypatch):
     case, *rest = parts[0]
-    why = "the program's backscatter differs from law mangia"
-    asked = []
-    monkeypatch.setattr(conclusion, "another_law", lambda *given: asked.append(given[:2]) or why)
-    known = {"area": posterior(known_between_deg=(20.0, 40.0), known_half_width_db=0.8)}
-    assert conclude(case, *rest, posteriors=known).posteriors["area"].known_between_deg == (20.0, 40.0)
+    asked, told = [], Finding("another_law", "warning", "area")
+    monkeypatch.setattr(conclusion, "another_law", lambda *given: asked.append(given[:2]) or [told])
+    assert told not in conclude(case, *rest).findings
     assert not asked
     program = case.model_copy(update={"simulator": case.simulator.model_copy(update={"kind": "command"})})
-    found = conclude(program, *rest, posteriors=known)
+    found = conclude(program, *rest)
     assert asked == [("area", "mangia")]
-    assert found.posteriors["area"].known_between_deg is None
-    assert found.verdicts["area"].endswith(f", but sigma0 is called known at no angle: {why}.")
-    assert (found.checks["area"].recommended, found.checks["area"].recommended_why) == ("constant", why)
-    wrong = FitTest(False, 90.0, 20.0, 0.001, 30.0, 2.0, 1.0, 0.0, 2.0, 2.0, "", (), 1.0)
-    monkeypatch.setattr(conclusion, "check_fit", lambda *_: wrong)
-    misfit = conclude(program, *rest, posteriors=known)
-    assert misfit.verdicts["area"].startswith("area: does not fit: ")
-    assert misfit.verdicts["area"].endswith(f"; {why}.")
-    assert misfit.checks["area"].recommended_why == "the law does not fit"
+    assert found.findings[-1] is told
+    assert found.posteriors["area"].known_between_deg == (27.0, 40.0)
 
 
-def test_the_distance_is_the_rms_over_that_of_sampling(found):
-    assert found.fits["area"].distance == pytest.approx(0.01 / 0.004)
-    assert "its rms is 2.5 times the sampling error" in found.verdicts["area"]
-
-
-def test_a_registration_in_doubt_is_said_in_the_verdict(parts, found, monkeypatch):
-    """The image of the final run with fresh random numbers is the one that is registered onto."""
-    *arguments, final = parts[0]
+def test_the_image_is_registered_again_onto_the_final_run(parts, monkeypatch):
+    """Of the fresh random numbers; of the materials whose law the pixels can show."""
+    *rest, final, posteriors, image = parts[0]
     asked = []
 
     def check(laws, targets, seen, registered, image):
         asked.append((list(laws), registered, image))
-        return {"area": Moved(*moves)}
+        return {"area": moved}
 
     monkeypatch.setattr(conclusion, "check_registration", check)
-    for moves, doubtful in (((0.8, 0.3, 1.4, 0.7), True), ((0.2, 0.3, 0.4, 0.7), False)):
-        said = conclude(*arguments, final, registered="registered")
-        assert ("the registration is in doubt" in said.verdicts["area"]) is doubtful
-        assert f"area {moves[0]:.2f} (stated error 0.30" in said.notes[-1]
+    for moved in (Moved(0.8, 0.3, 1.4, 0.7), Moved(0.2, 0.3, 0.4, 0.7)):
+        found = conclude(*rest, final, posteriors, image, "registered")
+        assert found.findings[-1] == moved.finding("area")
     assert asked[0] == (["area"], "registered", final[1].image_db)
-    assert said.notes[-1].startswith("Check of the registration")
-    assert not any("Check of the registration" in note for note in found.notes)
-
-
-@pytest.mark.parametrize(("fits", "known"), [(True, (20.0, 40.0)), (None, (20.0, 40.0)), (False, None)])
-def test_a_law_that_does_not_fit_is_known_nowhere(fits, known):
-    """One that cannot be tested keeps what is known of it."""
-    before = posterior(known_between_deg=(20.0, 40.0), known_half_width_db=0.8)
-    test = FitTest(fits, 20.0, 20.0, 0.5, 30.0, 0.1, 1.0, 0.0, 2.0, 2.0, "", (), 1.0)
-    withheld = not_to_be_used(test)
-    assert withheld == ("the law does not fit" if fits is False else "")
-    after = _unknown(before) if withheld else before
-    assert after.known_between_deg == known
-    assert (after.known_half_width_db is None) is (known is None)
-
-    def known_of(one, levels=None, level_only=False, further=()):
-        targets = SimpleNamespace(levels=levels or Levels(), level_only=lambda _: level_only, further=further)
-        return _known(one, targets, Uncertainty(), "area")
-
-    said = known_of(after)
-    assert said is not None
-    assert (said.between_deg, said.linear) == (known, False)
-    assert (said.levels, said.level_error_db) == ((), pytest.approx(1.645 * 0.33, rel=1e-3))
-    assert known_of(replace(after, sampled=False)).linear
-    assert known_of(replace(after, curve=None)) is None
-    removed = known_of(after, Levels("offset", 0.4, 0.7), level_only=True)
-    assert (removed.level_key, removed.level_error_db) == ("the removed offset", pytest.approx(1.645 * 0.7, rel=1e-3))
-    assert removed.levels == after.levels()
-    assert known_of(after, further=("pass 2",)).level_error_db == 0.0
-    # a density that is not matched tells nothing of the law
-    nan = float("nan")
-    assert not_to_be_used(replace(test, fits=None, residual_sum=nan, distance=3.5)) == "the density is not matched"

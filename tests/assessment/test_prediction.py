@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from radcal.assessment.constant import Constant
+
 from radcal.assessment.prediction import Prediction, predict
 from radcal.calibration.grounds import GroundLaw
 from radcal.calibration.law_fit import LawFit

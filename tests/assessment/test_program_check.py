@@ -13,6 +13,7 @@ from two_materials import X, geometry
 from radcal.assessment.program_check import another_law, beyond_law_db
 from radcal.calibration.expected import law_cumulants
 from radcal.calibration.history import History
+from radcal.findings import Finding
 from radcal.measurement.classes import make_classes
 from radcal.radar.laws import LAWS, external_law
 from radcal.radar.texture import log_speckle_cumulants
@@ -50,21 +51,20 @@ def made(added_db=0.0, power_db=-np.inf, weight=1.0, terrain=False, runs=(DARK, 
 
 def said(parts):
     name, *rest = parts
-    return another_law(name, "mangia", *rest)
+    return list(another_law(name, "mangia", *rest))
 
 
 @pytest.mark.parametrize("added_db", [-12.0, -1.5, 2.0])
 def test_a_program_of_another_law_is_told(added_db):
-    assert said(made(added_db)) == (
-        f"the program's backscatter differs from law mangia by up to {abs(added_db):.1f} dB at the same X: curve and "
-        "band are the formula's, not the program's"
-    )
+    (found,) = said(made(added_db))
+    assert found == Finding("another_law", "warning", "area", found.numbers, "materials.area.law")
+    assert found.numbers == {"difference_db": pytest.approx(abs(added_db)), "law": "mangia"}
 
 
 @pytest.mark.parametrize("added_db", [-1.0, 0.0, 1.0])
 def test_a_program_of_the_law_is_not(added_db):
     """Differences within 1 dB and three sampling errors."""
-    assert said(made(added_db)) == ""
+    assert said(made(added_db)) == []
     difference, beyond = beyond_law_db(*made(0.0))
     np.testing.assert_allclose(difference, 0.0, atol=1e-9)
     assert (beyond < 0.0).all()
@@ -75,18 +75,18 @@ def test_power_that_the_darkest_run_contains_is_explained():
     noise_db = float(np.mean(law_cumulants(LAW, X, np.array([[30.0, 45.0]]))[:, 0])) + 2.0
     parts = made(power_db=noise_db)
     assert beyond_law_db(*parts)[0].max() > 4.0
-    assert said(parts) == ""
+    assert said(parts) == []
     # a run that is as much brighter, and not by the power in the darkest run, is of another law
-    assert said(made(4.0)) != ""
+    assert said(made(4.0)) != []
 
 
 def test_the_area_of_the_ground_is_explained():
     for weight in (0.4, 2.5):
         assert abs(beyond_law_db(*made(weight=weight))[0]).max() == pytest.approx(3.98, abs=0.01)
-        assert said(made(weight=weight)) == ""
+        assert said(made(weight=weight)) == []
     # ... and a program without this area
     name, objective, target, history, _ = made()
-    assert said((name, objective, target, history, made(weight=2.5)[-1])) == ""
+    assert said((name, objective, target, history, made(weight=2.5)[-1])) == []
 
 
 @pytest.mark.parametrize(("added_db", "told"), [(-2.0, False), (-3.5, True)])
@@ -98,4 +98,4 @@ def test_what_has_no_law_in_db_is_not_compared():
     name, objective, *rest = made(-12.0)
     for changed in ({"law": external_law(["mv"])}, {"decibels": False}):
         material = SimpleNamespace(**{**vars(objective.material), **changed})
-        assert said((name, SimpleNamespace(**{**vars(objective), "material": material}), *rest)) == ""
+        assert said((name, SimpleNamespace(**{**vars(objective), "material": material}), *rest)) == []

@@ -12,6 +12,7 @@ from two_materials import X, geometry
 
 from radcal.assessment import registration_check
 from radcal.assessment.registration_check import Moved, check_registration, moved_again
+from radcal.findings import Finding
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import Registered
 from radcal.radar.laws import LAWS, law_for
@@ -44,11 +45,12 @@ def test_a_doubt_needs_a_change_beyond_its_errors_that_matters(values, doubtful)
 
 
 def test_a_doubt_names_the_change_and_the_key_that_repairs_it():
-    assert Moved(0.81, 0.34, 1.42, 0.7).sentence("dyke") == (
-        "the registration is in doubt: onto the calibrated image, it moves these pixels by 0.8 pixels (stated error "
-        "0.3) and sigma0 there by 1.4 dB (rms), which no band contains; set materials.dyke.start to the X found and "
-        "run again"
+    numbers = {"moved_px": 0.81, "stated_px": 0.34, "moved_db": 1.42, "stated_db": 0.7}
+    assert Moved(**numbers).finding("dyke") == Finding(
+        "registration_moved", "warning", "dyke", numbers, "materials.dyke.start"
     )
+    small = numbers | {"moved_px": 0.3}
+    assert Moved(**small).finding("dyke") == Finding("registration_moved", "note", "dyke", small)
 
 
 @pytest.mark.slow

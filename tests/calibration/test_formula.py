@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from calibration_samples import BOUNDS, TRUTH
-from posterior_samples import BRIEF
 
-from radcal.assessment.posterior import posterior_of
 from radcal.calibration.bin_target import bin_targets
-from radcal.calibration.history import History
 from radcal.calibration.loop import calibrate
 from radcal.config import case_from, stages
 from radcal.measurement.registration import register
@@ -78,30 +74,13 @@ def test_the_same_density_gives_the_same_x(calibrated):
 
 
 @pytest.mark.slow
-def test_in_bins_the_law_and_its_band_are_found(calibrated):
-    case, _, targets, history, decision = calibrated(MANGIA, objective="classes", stop={"max_runs": 12})
+def test_in_bins_the_law_is_found(calibrated):
+    _, _, _, history, decision = calibrated(MANGIA, objective="classes", stop={"max_runs": 12})
     assert decision.converged
     seen = np.linspace(21.0, 44.0, 24)
     x = history.best("field").scores["field"].parameters
     error = LAWS["mangia"](np.radians(seen), x) - LAWS["mangia"](np.radians(seen), TRUTH["field"])
     assert np.abs(error).max() < 1.0
-    found = posterior_of(stages.Posterior.of(case.model_copy(update={"uncertainty": BRIEF})), targets, history, "field")
-    assert found.curve is not None
-    assert found.draws is not None
-    curves = found.draws.curves_db(case.laws["field"])[:, 4 * 21 : 4 * 44]
-    assert np.median(curves.std(axis=0)) < 1.5
-    assert found.draws.looks.shape == curves.shape[:1] == (400,)
-    # had the surrogate stated a millionth of its errors for what it predicted, the verified ones would widen the band
-    bold = [
-        replace(run, proposals={name: replace(one, errors=(1e-6 * np.array(one.errors)).tolist())})
-        for run in history.infill
-        for name, one in run.proposals.items()
-    ]
-    doubted = History([*(run for run in history.runs if run.kind != "infill"), *bold])
-    wide = posterior_of(stages.Posterior.of(case.model_copy(update={"uncertainty": BRIEF})), targets, doubted, "field")
-    middle = slice(25, 41)
-    widths = [(one.curve.p95_db - one.curve.p05_db)[middle].mean() for one in (found, wide)]
-    assert widths[1] > 1.4 * widths[0]
 
 
 def test_a_changed_formula_or_order_of_names_is_another_run(parts, tmp_path):

@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 from scipy.special import polygamma
 
-from radcal.assessment.constant import constants
-from radcal.assessment.validation import CrossValidation, cross_validate, held_out
 from radcal.calibration.expected import LawForward
 from radcal.calibration.grounds import GroundLaw, fit_grounds, ground_residuals
 from radcal.calibration.law_fit import LawFit, fit_law
 from radcal.calibration.misfit import BinMisfit, LikelihoodMisfit, Method
 from radcal.measurement.classes import make_classes
-from radcal.measurement.ground import Blocks, Ground
+from radcal.measurement.ground import Ground
 from radcal.measurement.patches import Spread, spreads
 from radcal.radar.laws import LAWS
 from radcal.radar.texture import log_speckle_cumulants
@@ -37,10 +35,6 @@ def fields(rng, x=TRUTH, looks=2.8, between=0.0, within=0.0, rows=120, columns=9
     values = LAW(np.radians(incidence), x) + effect[patch] + cell[patch, block]
     values = values + 10.0 * np.log10(rng.gamma(looks, 1.0 / looks, row.size))
     return Ground(values, incidence, patch, block)
-
-
-def constant(found):
-    return constants({"field": found.ground})["field"]
 
 
 def law_error(found, x=TRUTH):
@@ -111,50 +105,12 @@ def test_an_error_of_the_incidence_is_undone_where_it_is_known():
 
 
 @pytest.mark.slow
-def test_bands_hold_and_patches_help():
-    held = []
-    for seed in range(4):
-        ground = fields(np.random.default_rng(seed), between=1.0, within=0.3, rows=160, width=32, height=40)
-        kept = Blocks(20, 10).kept(ground.block, "even")
-        found = fit_grounds({"field": ground.part(kept)}, {"field": METHOD})["field"]
-        held.append(held_out(found, constant(found), ground.part(~kept)))
-    inside = np.average([h.coverage_90 for h in held], weights=[h.n_blocks for h in held])
-    assert 0.80 <= inside <= 0.97
-    assert all(h.rmse_law_patch_db < 0.6 * h.rmse_constant_db for h in held)
-    # like against like: a constant with the effects of the same fields comes near to the law with them
-    assert all(h.rmse_constant_patch_db < 0.7 * h.rmse_constant_db for h in held)
-    assert np.mean([h.rmse_law_patch_db for h in held]) < 0.8 * np.mean([h.rmse_law_db for h in held])
-    assert all(h.rmse_best_db <= h.rmse_law_db for h in held)
-
-
-def test_an_unseen_patch_widens_the_band():
-    ground = fields(np.random.default_rng(9), between=1.5, rows=60)
-    seen = ground.patch != 4
-    found = fit_grounds({"field": ground.part(seen)}, {"field": METHOD})["field"]
-    known, unknown = (held_out(found, constant(found), ground.part(mask)) for mask in (ground.patch == 5, ~seen))
-    assert unknown.sd_db.mean() > 1.0 > known.sd_db.mean()
-    np.testing.assert_allclose(unknown.predicted_db, unknown.law_db)
-
-
-@pytest.mark.slow
 def test_ground_without_slope_is_announced():
     flat = np.array([-18.0, 0.0, 0.0, 5.0])
     ground = fields(np.random.default_rng(4), x=flat, between=0.3, rows=60, columns=48)
     steep = fields(np.random.default_rng(4), rows=60, columns=48)
     found = fit_grounds({"flat": ground, "steep": steep}, {"flat": METHOD, "steep": METHOD})
     assert found["flat"].identified < 2.0 < found["steep"].identified
-    crossed = cross_validate(found["steep"], constant(found["steep"]), steep.block // 2)
-    assert crossed.sentence("steep") == ""
-    assert crossed.power > 10.0
-    assert "0.40 dB by a constant with field effects" in CrossValidation(0.5, 0.4).sentence("flat")
-
-
-def test_too_few_blocks_say_nothing_and_are_announced():
-    ground = fields(np.random.default_rng(5), rows=30, columns=40)
-    found = fit_grounds({"field": ground}, {"field": METHOD})["field"]
-    crossed = cross_validate(found, constant(found), np.zeros(ground.block.size, dtype=int))
-    assert np.isnan(crossed.rmse_constant_patch_db)
-    assert crossed.sentence("field") == ""
 
 
 @pytest.mark.parametrize("classes", ["auto", 1])
@@ -165,9 +121,6 @@ def test_blocks_of_a_pixel_or_two_do_not_end_in_an_error(classes):
     ground = replace(ground, block=block)
     found = fit_grounds({"field": ground}, {"field": replace(METHOD, classes=classes)})["field"]
     assert np.isfinite(found.fit.parameters).all()
-    assert cross_validate(found, constant(found), block).sentence("field") == ""
-    nothing = ground.part(np.zeros(block.size, dtype=bool))
-    assert held_out(found, constant(found), nothing) is None
 
 
 def test_cells_of_one_pixel_each():
@@ -213,31 +166,6 @@ def test_the_speckle_of_a_run_is_no_change_of_the_law():
     found = fit_grounds({"flat": ground}, {"flat": METHOD})["flat"]
     noisy = replace(found, correction_db=np.random.default_rng(1).normal(0.0, 1.0, found.classes.size))
     assert noisy.identified == found.identified
-
-
-@pytest.mark.slow
-def test_the_density_predicted_is_that_of_the_pixels():
-    """Of the right law, on ground that it has not seen; a law 3 dB off, or a constant, is farther."""
-    ground = fields(np.random.default_rng(12))
-    kept = Blocks(4, 2).kept(ground.block, "even")
-    found = fit_grounds({"field": ground.part(kept)}, {"field": METHOD})["field"]
-    far = ground.part(~kept & (ground.incidence_deg > 40.0))
-    level = LAW(np.radians(far.incidence_deg), TRUTH) + log_speckle_cumulants(2.8)[0]
-    held = held_out(found, constant(found), far, level + 3.0)
-    assert far.values_db.size > 2000
-    # a sample's distance from its own law is below 1.63 over the square root of its size in 99 of 100 cases
-    assert held.ks_law < 1.63 / np.sqrt(far.values_db.size) + 0.02
-    assert held.ks_start > 0.3
-    assert held.ks_constant > 0.1
-    # the start is 3 dB off, and has the sensor's 4 looks where these are 2.8
-    assert 2.0 < held.tail_start_db < 3.0
-    assert abs(held.tail_law_db) < 0.4
-    assert held.tail_constant_db > 0.5
-    assert held.rmse_start_db == pytest.approx(3.0, abs=0.2)
-    assert np.isnan(held_out(found, constant(found), far).ks_start)
-    # cells that scatter by 4 dB: a half of the pixels is expected 4 dB higher
-    wide = held_out(replace(found, spread=Spread(found.spread.between, 4.0)), constant(found), far)
-    assert wide.tail_law_db - held.tail_law_db == pytest.approx(3.5, abs=0.6)
 
 
 def test_the_covariance_is_that_of_repeated_fits():

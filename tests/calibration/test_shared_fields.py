@@ -5,16 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radcal.assessment import posterior
-from radcal.calibration.grounds import limited
 from radcal.calibration.misfit import BinMisfit, Method
 from radcal.calibration.shared_fields import SharedFields, together
-from radcal.config import stages
 from radcal.measurement.classes import make_classes
 from radcal.measurement.field_spread import spread_table
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import GRID_DB, Spread
-from radcal.measurement.target import Targets
 from radcal.radar.laws import law_for
 
 LAW = law_for("tabulated", angles_deg=(20.0, 60.0))
@@ -132,17 +128,3 @@ def test_fields_seen_twice_say_their_spread_once():
 
     assert sd_db(look) == pytest.approx(sd_db(look[:1]), rel=0.1)
     assert sd_db([look[0], other]) < 0.8 * sd_db(look[:1])
-
-
-def test_a_posterior_is_told_the_fields_of_all_other_materials(parts, calibrated, monkeypatch):
-    """Of the calibrated materials by their pixels, of the others by the tables of the targets."""
-    case, _, _, _, targets = parts
-    road = Targets(targets, targets.levels, targets.looks, other_fields={"road": np.full((41, 41), 7.0)})
-    told = []
-    monkeypatch.setattr(posterior, "posterior_on", lambda *arguments: told.append(arguments[-1]))
-    posterior.posterior_of(stages.Posterior.of(case), road, calibrated[0], "field")
-    ((of_lake, of_road),) = told
-    np.testing.assert_array_equal(of_road, 7.0)
-    lake = targets["lake"]
-    np.testing.assert_allclose(of_lake, spread_table([limited(lake.ground, lake.classes.classes.member)]))
-    assert np.ptp(of_lake) > 1.0

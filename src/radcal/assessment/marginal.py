@@ -2,7 +2,8 @@
 
 The cell means y of a material are y = Z b + u[field] + c[cell] + e, with normal effects u of the fields (standard
 deviation tau) and c of the cells (standard deviation s), and speckle e of known variance. The normal equations of all
-columns are tabulated over s and tau, so that a step of the sampler costs the same whatever the number of cells.
+columns are tabulated over s and tau, so that a step of the sampler costs the same whatever the number of cells. What is
+interpolated is relative to cells of one common variance, which changes little from one s to the next.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ class Marginal:
     def __init__(self, columns: Doubles, variance: Doubles, patch: NDArray[np.int64]) -> None:
         labels, field = np.unique(patch, return_inverse=True)
         k = columns.shape[1]
+        self._cells, self._speckle = variance.size, float(np.exp(np.log(variance).mean()))
         self._gram = np.empty((_CELL.size, _FIELD.size, k, k))
         self._log_det = np.empty((_CELL.size, _FIELD.size))
         for i, cell in enumerate(np.exp(2.0 * _CELL)):
@@ -53,6 +55,8 @@ class Marginal:
                 pulled = of_field * np.sqrt(between / (1.0 + between * total))[:, None]
                 self._gram[i, j] = own - pulled.T @ pulled
                 self._log_det[i, j] = np.log1p(between * total).sum() - np.log(weight).sum()
+            self._gram[i] *= self._speckle + cell
+            self._log_det[i] -= self._cells * np.log(self._speckle + cell)
 
     def at(self, log_cell: Doubles, log_field: Doubles) -> tuple[Doubles, Doubles]:
         """Gram matrices of the columns, (m, k, k), and log determinants, (m,), at logarithms of s and tau, (m,)."""
@@ -60,8 +64,10 @@ class Marginal:
         corners = (i * _FIELD.size + j)[:, None] + np.array([0, 1, _FIELD.size, _FIELD.size + 1])
         shares = np.stack([(1 - u) * (1 - v), (1 - u) * v, u * (1 - v), u * v], axis=1)
         k = self._gram.shape[-1]
-        gram = shares[:, None] @ self._gram.reshape(-1, k * k)[corners]
-        return gram.reshape(-1, k, k), (shares * self._log_det.ravel()[corners]).sum(axis=1)
+        gram = (shares[:, None] @ self._gram.reshape(-1, k * k)[corners]).reshape(-1, k, k)
+        log_det = (shares * self._log_det.ravel()[corners]).sum(axis=1)
+        common = self._speckle + np.exp(2.0 * np.clip(log_cell, _CELL[0], _CELL[-1]))
+        return np.asarray(gram / common[:, None, None]), np.asarray(log_det + self._cells * np.log(common))
 
 
 def _place(values: Doubles, grid: Doubles) -> tuple[NDArray[np.intp], Doubles]:

@@ -1,0 +1,32 @@
+"""Curves of many parameters at once, and their interpolation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from radcal.assessment.curves import GRID_DEG, Curves
+from radcal.radar.laws import LAWS, law_for
+
+
+@pytest.mark.parametrize(
+    ("law", "parameters"),
+    [
+        (LAWS["mangia"], [[-20.0, 14.0, 6.0, 3.0], [-25.0, 10.0, 12.0, 8.0]]),
+        (law_for("tabulated", angles_deg=(10.0, 25.0, 60.0)), [[3.0, -4.0, -11.0], [1.0, -9.0, -10.0]]),
+        (law_for("oh1992", frequency_ghz=5.4, polarisation="VV"), [[8.0, 1.0, 0.6], [15.0, 3.0, 1.8]]),
+    ],
+)
+def test_curves_of_many_parameters_are_those_of_each(law, parameters):
+    x = np.array(parameters)
+    curves = Curves(law, x)
+    angles = np.array([[13.3, 41.17, 58.0]])
+    found = Curves.at(curves(x), angles)
+    assert found == pytest.approx(np.stack([law(np.radians(angles[0]), one) for one in x]), abs=0.01)
+    # between two angles of the grid a curve is straight
+    straight = Curves.at(np.stack([GRID_DEG, -2.0 * GRID_DEG]), np.array([[0.0, 13.3, 41.17, 90.0]]))
+    assert straight == pytest.approx(np.outer([1.0, -2.0], [0.0, 13.3, 41.17, 90.0]))
+    each = Curves.at(curves(x), np.array([[20.0], [50.0]]))
+    assert each[:, 0] == pytest.approx(
+        [float(law(np.radians(a), one)) for a, one in zip((20.0, 50.0), x, strict=True)], abs=0.01
+    )

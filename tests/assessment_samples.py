@@ -1,0 +1,123 @@
+"""Cells, posteriors and images made from arrays, for tests of the assessment."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from radcal.assessment.cells import CellMeans
+from radcal.assessment.fixed_laws import Observed
+from radcal.assessment.posterior import Curve, FormError, Image, Posterior
+from radcal.assessment.radiometry import Radiometry
+from radcal.radar.laws import Law, law_for
+
+LINE = law_for("tabulated", angles_deg=(20.0, 60.0))
+LINE_BOX = np.array([[-30.0, 10.0], [-40.0, 0.0]])
+LINE_X = np.array([-6.0, -16.0])
+"""Law that falls by a quarter of a decibel per degree."""
+
+
+def made_cells(measured_db: ArrayLike, incidence_deg: ArrayLike, **changes: Any) -> CellMeans:
+    """Cells without noise, relief and neighbours, of 60 pixels and 4 looks, each of a speckle of 0.28 dB."""
+    measured = np.asarray(measured_db, dtype=np.float64)
+    n, zeros = measured.size, np.zeros(measured.size)
+    keys: dict[str, Any] = {
+        "patch": np.ones(n, dtype=np.int64),
+        "incidence_deg": np.asarray(incidence_deg, dtype=np.float64),
+        "measured_db": measured,
+        "beside_db": zeros,
+        "area_db": zeros,
+        "noise_db": np.full(n, -np.inf),
+        "share": zeros,
+        "variance": np.full(n, 0.08),
+        "pixels": np.full(n, 60),
+        "looks": 4.0,
+        **changes,
+    }
+    return CellMeans(**keys)
+
+
+def seen_cells(
+    rng: np.random.Generator,
+    n: int = 240,
+    *,
+    law: Law = LINE,
+    x: ArrayLike = LINE_X,
+    added_db: Any = 0.0,
+    seen_deg: tuple[float, float] = (26.0, 48.0),
+    fields: int = 10,
+    field_db: float = 0.5,
+    cell_db: float = 0.2,
+    area: float = 0.0,
+    relief_db: float = 1.5,
+) -> CellMeans:
+    """Cells of a law with effects of fields, of cells, of relief and of speckle; ``area`` is the image's exponent."""
+    incidence = np.sort(rng.uniform(*seen_deg, n))
+    patch = rng.integers(1, fields + 1, n)
+    variance, relief = rng.uniform(0.03, 0.12, n), rng.normal(0.0, relief_db, n)
+    level = np.asarray(law(np.radians(incidence), x)) + added_db + area * relief
+    level = level + rng.normal(0.0, field_db, fields + 1)[patch] + rng.normal(0.0, cell_db, n)
+    measured = level + np.sqrt(variance) * rng.normal(size=n)
+    return made_cells(measured, incidence, patch=patch, variance=variance, area_db=relief)
+
+
+def observed(cells: CellMeans, law: Law = LINE, x: ArrayLike = LINE_X) -> Observed:
+    """Cells of one pass with the law at which the image was simulated."""
+    above, below = (np.asarray(law(np.radians(cells.incidence_deg + step), x)) for step in (0.5, -0.5))
+    return Observed([cells], [np.asarray(law(np.radians(cells.incidence_deg), x))], [above - below])
+
+
+def made_curve(half_db: ArrayLike = 1.0, median_db: ArrayLike | None = None) -> Curve:
+    """Curve of :data:`LINE` at :data:`LINE_X`, with a band of some half-width; that of the fields is half as wide."""
+    angle = np.arange(86.0)
+    median = LINE(np.radians(angle), LINE_X) if median_db is None else np.broadcast_to(median_db, angle.shape)
+    half: NDArray[np.float64] = np.broadcast_to(np.asarray(half_db, dtype=np.float64), angle.shape)
+    return Curve(angle, median, median - half, median + half, 0.3 * half, median, median - half / 2, median + half / 2)
+
+
+def made_posterior(**changes: Any) -> Posterior:
+    """Posterior of a law with two parameters, known between two angles."""
+    three = np.array([0.3, 0.5, 0.9])
+    keys: dict[str, Any] = {
+        "sampled": True,
+        "ess": 812.0,
+        "r_hat": 1.01,
+        "steps": 1500,
+        "cells": 240,
+        "fields": 10,
+        "parameters_p05": LINE_X - 1.0,
+        "parameters_p50": LINE_X,
+        "parameters_p95": LINE_X + 1.0,
+        "looks": 3.8,
+        "between_db": three,
+        "within_db": 0.5 * three,
+        "seen_deg": np.array([[21.0, 44.0]]),
+        "parameters_model": LINE_X,
+        "curve": made_curve(),
+        "known_between_deg": (22.25, 39.5),
+        "known_half_width_db": 1.2,
+        "form": made_form(),
+        **changes,
+    }
+    return Posterior(**keys)
+
+
+def made_form(**changes: Any) -> FormError:
+    """Error of a law's form that is not noticed."""
+    keys: dict[str, Any] = {"rms_db": np.array([0.1, 0.3, 0.7]), "noticed": False, "refuted": False, "noticed_db": 1.4}
+    return FormError(**{**keys, **changes})
+
+
+def made_image(**changes: Any) -> Image:
+    """Image of one pass, of which two fixed materials say that all is right."""
+    keys: dict[str, Any] = {
+        "levels_db": np.array([[-0.4, 0.1, 0.5]]),
+        "laws_db": {"water": np.array([-0.6, 0.1, 0.7]), "wood": np.array([-0.5, -0.1, 0.4])},
+        "apart_db": {"water": np.array([-0.3, 0.2, 0.7]), "wood": np.array([-0.4, 0.0, 0.4])},
+        "radiometry": {"1": Radiometry(0.1, 0.2, 0, ("water", "wood"))},
+        "sampled": True,
+        **changes,
+    }
+    return Image(**keys)
