@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from radcal.findings import Finding
 
-__all__ = ["headline", "next_steps", "sentence", "verdict"]
+__all__ = ["doubts", "headline", "next_steps", "sentence", "verdict"]
 
 IF = "if scene, geometry and pixels are what the case says"
 _LEVEL = "{level_db:+.2f} dB (90 %: {p05_db:+.2f} to {p95_db:+.2f})"
@@ -110,6 +110,12 @@ def verdict(name: str, findings: Sequence[Finding]) -> str:
     ]
     texts = [sentence(one, prefix=False).removesuffix(".") for one in own]
     return "; ".join([*texts[:1], *(text.removeprefix(f"{name}: ") for text in texts[1:])]) + "."
+
+
+def doubts(names: Collection[str], findings: Iterable[Finding]) -> list[str]:
+    """Sentences on materials whose sigma0 is determined at no angle or at one, or whose law is refuted."""
+    codes = ("undetermined", "withheld", "level_only", "refuted")
+    return [sentence(one) for one in findings if one.about in names and one.code in codes]
 
 
 def next_steps(findings: Iterable[Finding]) -> list[str]:

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from radcal.assessment.calibrated import FORMS, Draws, LawModel, Parameters
 from radcal.assessment.cells import CellMeans, with_noise_db
-from radcal.assessment.curves import GRID_DEG, Curves
+from radcal.assessment.curves import GRID_DEG, NORMAL_90, Curves
 from radcal.assessment.fixed_laws import Common, Observed, common_of, form_basis
 from radcal.assessment.form_error import form_error, noticed_db
 from radcal.assessment.posterior import WHOLE_DEG, Curve, FormError, Image, KeptDraws, Posterior, known_between
@@ -30,7 +30,6 @@ Doubles = NDArray[np.float64]
 Cells = Sequence[Mapping[str, CellMeans]]
 """Cells of each material, one mapping for each pass."""
 
-_NORMAL_90 = 1.6448536269514722
 _KNOT_DEG = 1.0
 _FORM_KNOT_DEG = 2.0
 _KEPT = 400
@@ -312,7 +311,7 @@ def _summary(case, observed, law, draws, seen, basis, form, level_only, decibels
             median_db=fine[1][every_deg],
             p05_db=fine[0][every_deg],
             p95_db=fine[2][every_deg],
-            systematic_db=_NORMAL_90 * _explained(curves[:, every_deg], draws.common),
+            systematic_db=NORMAL_90 * _explained(curves[:, every_deg], draws.common),
             field_median_db=of_field[1][every_deg],
             field_p05_db=of_field[0][every_deg],
             field_p95_db=of_field[2][every_deg],
