@@ -6,10 +6,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from radcal.report.held_out_blocks import HeldOutBlocks, LeftOutFields
 
 from radcal.assessment.posterior import Curve, Posterior
 from radcal.report.archive import Archive
-from radcal.report.held_out_blocks import HeldOutBlocks, LeftOutFields
 
 
 def changed_material(archive: Archive, name: str, **changes: Any) -> Archive:

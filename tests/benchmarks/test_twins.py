@@ -1,10 +1,10 @@
-"""The figures of ``benchmarks/outside_twins.py``."""
+"""The figures of ``benchmarks/twins.py``."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from outside_twins import ANGLES, figures, longest
+from twins import ANGLES, figures, longest
 
 ANGLES_DEG = np.linspace(15.0, 42.0, ANGLES)  # steps of 1.5 degrees
 
