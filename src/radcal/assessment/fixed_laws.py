@@ -42,7 +42,7 @@ _KNOT_DEG = 4.0
 _QUANTILES = (0.05, 0.5, 0.95)
 _FREEDOM = 4.0  # of the t distributions of the level and of the errors of fixed laws
 _UNKNOWN_DB = 20.0  # standard deviation of a level that is removed
-_FIELD_LOG_SD = 0.5
+_FIELD_LOG_SD = 0.42
 FIELD_SPREAD = 1.0
 """Standard deviation of the logarithm of a material's field effects about that of all materials."""
 _FORMS = 4
