@@ -114,9 +114,10 @@ def test_shares_of_fields_that_two_passes_have_in_common() -> None:
     one, other = sight(), sight()
     two = np.array([[0.2, 0.8], [0.7, 0.3]])
     one = replace(one, weights=np.ones((2, 361)), fields=np.array([4, 9]), shares=two)
-    other = replace(other, fields=np.array([2, 9]), shares=np.array([[0.4, 0.6]]))
+    other = replace(other, fields=np.array([9, 12]), shares=np.array([[0.6, 0.4]]))
     np.testing.assert_allclose(one.in_common(other), [[0.8 * 0.6], [0.3 * 0.6]])
     np.testing.assert_allclose(other.in_common(one), [[0.8 * 0.6, 0.3 * 0.6]])
+    np.testing.assert_allclose(one.in_common(one), [[0.68, 0.38], [0.38, 0.58]])
 
 
 def test_one_draw_far_away_changes_neither_scores_nor_the_standard_deviation_of_fields() -> None:
