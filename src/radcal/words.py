@@ -32,8 +32,8 @@ _TEXTS: Mapping[str, str] = {
     "fixed_law_and_image": "{about}: the fixed law and the image differ by {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "
     "{p95_db:+.2f}); one fixed law cannot tell an error of the law from a level of the image",
     "level": "{about}: the fixed laws and the image differ by a level of " + _LEVEL,
-    "level_unchecked": "{about}: level and radiometry unchecked, because no material has a fixed law; the bands contain "
-    "the level's standard error of {level_db:.2g} dB (uncertainty.level_db)",
+    "level_unchecked": "{about}: level and radiometry unchecked, because no material has a fixed law; the bands "
+    "contain the level's standard error of {level_db:.2g} dB (uncertainty.level_db)",
     "determined": "{about}: sigma0 is determined to +-{half_width_db:.1f} dB (90 %) between {from_deg:.0f} and "
     "{to_deg:.0f} degrees, " + IF,
     "undetermined": "{about}: sigma0 is determined at no angle: the half-width of its 90 % band is nowhere below "

@@ -59,7 +59,7 @@ class Parameters:
     def scaled(self, deviates: Doubles) -> Doubles:
         """X at standard normal deviates, whose prior is uniform inside the bounds, shape (m, d)."""
         x = self.box[:, 0] + ndtr(deviates) * (self.box[:, 1] - self.box[:, 0])
-        return np.where(self.integer, np.round(x), x)
+        return np.asarray(np.where(self.integer, np.round(x), x))
 
     def deviates(self, x: Doubles) -> Doubles:
         """Deviates of X, shape (d,)."""

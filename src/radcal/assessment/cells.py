@@ -135,7 +135,7 @@ def area_db(geometry: Geometry, radar: Radar) -> Doubles:
     ----------
     Ulander, "Radiometric slope correction of synthetic-aperture radar images", IEEE TGRS 34 (1996).
     """
-    rows, columns = geometry.shape
+    columns = geometry.shape[1]
     flat = np.repeat(geometry.flat_incidence_deg, columns)
     if radar.radiometry in WITHOUT_AREA:
         local = np.sin(np.radians(geometry.incidence_deg.ravel().astype(np.float64)))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +70,7 @@ class Observed:
         """Number of cells in all passes."""
         return sum(one.size for one in self.cells)
 
-    def together(self, name: str) -> NDArray[np.float64]:
+    def together(self, name: str) -> NDArray[Any]:
         """Attribute of the cells of all passes, one after the other."""
         return np.concatenate([getattr(one, name) for one in self.cells])
 
@@ -222,7 +223,7 @@ class _Scales:
     def _own_variance(self, at: Doubles, number: int) -> Doubles:
         error = np.exp(2.0 * at[:, 2] + at[:, self.law][:, number])
         columns = [error, self.config.fixed_slope**2 * error, *[np.exp(2.0 * at[:, 3])] * _FORMS]
-        return np.maximum(np.stack(columns, axis=1), 1e-12)
+        return np.asarray(np.maximum(np.stack(columns, axis=1), 1e-12))
 
     def gram(self, at: Doubles) -> tuple[Doubles, Doubles]:
         """Gram matrix of common effects and values, all else integrated out, and half the log determinant."""

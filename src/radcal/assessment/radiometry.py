@@ -89,8 +89,8 @@ def area_exponent(cells: Mapping[str, tuple[CellMeans, Doubles]], config: Uncert
 def radiometry_of(cells: Mapping[str, tuple[CellMeans, Doubles]], declared: str, config: Uncertainty) -> Radiometry:
     """Radiometry of one pass, from cells and law [dB] of its fixed materials, and the radiometry that is declared.
 
-    A material counts if its simulated level is 10 dB above the noise and it has 30 cells. Another radiometry is found if
-    the exponent has the sign that it permits, and exceeds 0.6 and 2.5 standard errors.
+    A material counts if its simulated level is 10 dB above the noise and it has 30 cells. Another radiometry is found
+    if the exponent has the sign that it permits, and exceeds 0.6 and 2.5 standard errors.
     """
     counted = {
         name: (one, law)

@@ -183,7 +183,7 @@ class Verify(Simulation, Train):
 
 
 class Posterior(Simulation, Train):
-    """Sections that rule ``posterior`` reads: for the posterior of all laws, and for draws of the built-in simulator."""
+    """Sections that rule ``posterior`` reads, also for an image of many looks of the built-in simulator."""
 
     target: TargetConfig
     validation: Validation | None
