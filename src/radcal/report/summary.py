@@ -129,7 +129,7 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
         return dict(zip(names, map(float, values), strict=True))
 
     return {
-        "identified": known.known_between_deg is not None,
+        "identified": None if curve is None else known.known_between_deg is not None,
         "known_between_deg": None if known.known_between_deg is None else list(known.known_between_deg),
         "sigma0_curve": None if curve is None else {key: values.tolist() for key, values in vars(curve).items()},
         "levels": [dict(vars(level)) for level in known.levels()] if material.level_only else None,
