@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from radcal.findings import Finding
 
-__all__ = ["doubts", "headline", "next_steps", "sentence", "verdict"]
+__all__ = [
+    "degrees",
+    "doubts",
+    "headline",
+    "next_steps",
+    "remarks",
+    "sentence",
+    "state",
+    "untold",
+    "verdict",
+    "widths",
+]
 
 IF = "if scene, geometry and pixels are what the case says"
 _LEVEL = "{level_db:+.2f} dB (90 %: {p05_db:+.2f} to {p95_db:+.2f})"
@@ -34,8 +45,7 @@ _TEXTS: Mapping[str, str] = {
     "level": "{about}: the fixed laws and the image differ by a level of " + _LEVEL,
     "level_unchecked": "{about}: level and radiometry unchecked, because no material has a fixed law; the bands "
     "contain the level's standard error of {level_db:.2g} dB (uncertainty.level_db)",
-    "determined": "{about}: sigma0 is determined to +-{half_width_db:.1f} dB (90 %) between {from_deg:.0f} and "
-    "{to_deg:.0f} degrees, " + IF,
+    "determined": "{about}: sigma0 is determined to +-{half_width_db:.1f} dB (90 %) {between}, " + IF,
     "undetermined": "{about}: sigma0 is determined at no angle: the half-width of its 90 % band is nowhere below "
     "{narrowest_db:.1f} dB, and uncertainty.known_db asks for {known_db:.1f} dB",
     "withheld": "{about}: sigma0 is determined at no angle, because the image is refused",
@@ -59,6 +69,7 @@ _TEXTS: Mapping[str, str] = {
 }
 _NOTICED = " (a bump of {noticed_db:.1f} dB would be noticed in 9 of 10 images)"
 _STATES = ("determined", "undetermined", "withheld", "level_only", "parameters_only")
+_OF_VERDICT = (*_STATES, "refuted", "form_noticed", "not_refuted")
 _COUNTED = {
     "determined": "determined at some angles",
     "undetermined": "determined at no angle",
@@ -66,6 +77,11 @@ _COUNTED = {
     "level_only": "level only",
     "parameters_only": "parameters only",
 }
+_DETERMINED = "determined to +-{half_width_db:.1f} dB {between}"
+_WIDTHS = (
+    "+-{half_width_db:.1f} dB for the material, +-{field_half_width_db:.1f} dB for its fields in this image; level, "
+    "radiometry, noise, incidence and point spread (systematic) alone give +-{systematic_db:.1f} dB"
+)
 _NAMED = 4  # most materials named in a headline
 _STEPS = ("depression", "relief", "place", "radiometry", "fixed_law", "fixed_law_and_image", "level")
 _DO = {
@@ -87,12 +103,20 @@ def sentence(finding: Finding, prefix: bool = True) -> str:
     prefix : bool
         Whether the sentence of a warning or refusal begins with this word.
     """
-    text = _TEXTS[finding.code].format(about=finding.about, do=finding.do, **finding.numbers)
+    text = _TEXTS[finding.code].format(about=finding.about, do=finding.do, **_numbers(finding))
     if finding.code == "not_refuted" and "noticed_db" in finding.numbers:
         text += _NOTICED.format(**finding.numbers)
     do = f": {_do(finding)}" if finding.severity != "note" and _do(finding) else ""
     start = f"{finding.severity}: " if prefix and finding.severity != "note" else ""
     return f"{start}{text}{do}."
+
+
+def _numbers(finding: Finding) -> dict[str, float | str]:
+    """Numbers of a finding, with the text of an interval of incidence."""
+    numbers = dict(finding.numbers)
+    if "from_deg" in numbers:
+        numbers["between"] = degrees(float(numbers["from_deg"]), float(numbers["to_deg"]))
+    return numbers
 
 
 def _do(finding: Finding) -> str:
@@ -103,19 +127,33 @@ def _do(finding: Finding) -> str:
 
 def verdict(name: str, findings: Sequence[Finding]) -> str:
     """Verdict on one material: where sigma0 is determined, and whether the law is refuted."""
-    own = [
-        one
-        for one in findings
-        if one.about == name and one.code in (*_STATES, "refuted", "form_noticed", "not_refuted")
-    ]
+    own = [one for one in findings if one.about == name and one.code in _OF_VERDICT]
     texts = [sentence(one, prefix=False).removesuffix(".") for one in own]
     return "; ".join([*texts[:1], *(text.removeprefix(f"{name}: ") for text in texts[1:])]) + "."
 
 
-def doubts(names: Collection[str], findings: Iterable[Finding]) -> list[str]:
-    """Sentences on materials whose sigma0 is determined at no angle or at one, or whose law is refuted."""
-    codes = ("undetermined", "withheld", "level_only", "refuted")
-    return [sentence(one) for one in findings if one.about in names and one.code in codes]
+def state(name: str, findings: Iterable[Finding]) -> str:
+    """Few words, for a title, on where sigma0 of a material is determined; empty without such a finding."""
+    own = next((one for one in findings if one.about == name and one.code in _STATES), None)
+    if own is None:
+        return ""
+    return (_DETERMINED if own.code == "determined" else _COUNTED[own.code]).format(**_numbers(own))
+
+
+def widths(name: str, findings: Iterable[Finding]) -> str:
+    """Half-widths of the bands of a material, of its fields and of the systematic part; empty if not determined."""
+    own = next((one for one in findings if one.about == name and one.code == "determined"), None)
+    return "" if own is None or "systematic_db" not in own.numbers else _WIDTHS.format(**own.numbers)
+
+
+def remarks(findings: Iterable[Finding]) -> list[Finding]:
+    """Findings that no verdict tells, warnings and refusals first."""
+    return sorted((one for one in findings if one.code not in _OF_VERDICT), key=lambda one: one.severity == "note")
+
+
+def untold(said: Iterable[str], told: str) -> list[str]:
+    """Sentences that are not part of a text, which has them without the words warning and refusal."""
+    return [one for one in said if one.removeprefix("warning: ").removeprefix("refusal: ") not in told]
 
 
 def next_steps(findings: Iterable[Finding]) -> list[str]:
