@@ -132,6 +132,12 @@ def verdict(name: str, findings: Sequence[Finding]) -> str:
     return "; ".join([*texts[:1], *(text.removeprefix(f"{name}: ") for text in texts[1:])]) + "."
 
 
+def doubts(names: Collection[str], findings: Iterable[Finding]) -> list[str]:
+    """Sentences on materials whose sigma0 is determined at no angle or at one, or whose law is refuted."""
+    codes = ("undetermined", "withheld", "level_only", "refuted")
+    return [sentence(one) for one in findings if one.about in names and one.code in codes]
+
+
 def state(name: str, findings: Iterable[Finding]) -> str:
     """Few words, for a title, on where sigma0 of a material is determined; empty without such a finding."""
     own = next((one for one in findings if one.about == name and one.code in _STATES), None)
