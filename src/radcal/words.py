@@ -21,10 +21,9 @@ _TEXTS: Mapping[str, str] = {
     "fixed_law_and_image": "{about}: the fixed law and the image differ by {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "
     "{p95_db:+.2f}); one fixed law cannot tell an error of the law from a level of the image",
     "level": "{about}: the fixed laws and the image differ by a level of " + _LEVEL,
-    "level_unchecked": "{about}: level and radiometry unchecked, because no material has a fixed law; the bands contain "
-    "the level's standard error of {level_db:.2g} dB (uncertainty.level_db)",
-    "determined": "{about}: sigma0 is determined to +-{half_width_db:.1f} dB (90 %) between {from_deg:.0f} and "
-    "{to_deg:.0f} degrees, " + IF,
+    "level_unchecked": "{about}: level and radiometry unchecked, because no material has a fixed law; the bands "
+    "contain the level's standard error of {level_db:.2g} dB (uncertainty.level_db)",
+    "determined": "{about}: sigma0 is determined to +-{half_width_db:.1f} dB (90 %) {between}, " + IF,
     "undetermined": "{about}: sigma0 is determined at no angle: the half-width of its 90 % band is nowhere below "
     "{narrowest_db:.1f} dB, and uncertainty.known_db asks for {known_db:.1f} dB",
     "withheld": "{about}: sigma0 is determined at no angle, because the image is refused",
@@ -74,12 +73,20 @@ def sentence(finding: Finding, prefix: bool = True) -> str:
     prefix : bool
         Whether the sentence of a warning or refusal begins with this word.
     """
-    text = _TEXTS[finding.code].format(about=finding.about, do=finding.do, **finding.numbers)
+    text = _TEXTS[finding.code].format(about=finding.about, do=finding.do, **_numbers(finding))
     if finding.code == "not_refuted" and "noticed_db" in finding.numbers:
         text += _NOTICED.format(**finding.numbers)
     do = f": {_do(finding)}" if finding.severity != "note" and _do(finding) else ""
     start = f"{finding.severity}: " if prefix and finding.severity != "note" else ""
     return f"{start}{text}{do}."
+
+
+def _numbers(finding: Finding) -> dict[str, float | str]:
+    """Numbers of a finding, with the text of an interval of incidence."""
+    numbers = dict(finding.numbers)
+    if "from_deg" in numbers:
+        numbers["between"] = degrees(float(numbers["from_deg"]), float(numbers["to_deg"]))
+    return numbers
 
 
 def _do(finding: Finding) -> str:
