@@ -47,10 +47,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from passes import calibrated_passes
+from radcal.assessment.budget import Budget
 from threadpoolctl import threadpool_limits
 from twins import finished
 
-from radcal.assessment.budget import Budget
 from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.posterior import KeptDraws, Posterior, posterior_of
 from radcal.assessment.preposterior import Sight, half_widths_after, half_widths_now, sight_of

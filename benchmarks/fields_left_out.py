@@ -36,12 +36,12 @@ from typing import Any
 import numpy as np
 from fit_power import tested, truth
 from numpy.typing import NDArray
+from radcal.assessment.constant import Constant, constants
+from radcal.assessment.recommendation import Recommendation, leave_fields_out, recommend
 from right_law import FLEVOLAND_BOUNDS, LAW, LOOKS, flevoland_grounds, geometric
 from threadpoolctl import threadpool_limits
 
-from radcal.assessment.constant import Constant, constants
 from radcal.assessment.prediction import Prediction, predict
-from radcal.assessment.recommendation import Recommendation, leave_fields_out, recommend
 from radcal.calibration.grounds import GroundLaw, fit_grounds
 from radcal.calibration.misfit import Method
 from radcal.measurement.ground import Ground

@@ -7,12 +7,34 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from radcal.findings import Finding
 
-__all__ = ["headline", "next_steps", "sentence", "verdict"]
+__all__ = [
+    "degrees",
+    "doubts",
+    "headline",
+    "next_steps",
+    "remarks",
+    "sentence",
+    "state",
+    "untold",
+    "verdict",
+    "widths",
+]
 
 IF = "if scene, geometry and pixels are what the case says"
 _LEVEL = "{level_db:+.2f} dB (90 %: {p05_db:+.2f} to {p95_db:+.2f})"
 
 _TEXTS: Mapping[str, str] = {
+    "depression": "{about} is displaced along slant range by {px_per_100_rows:+.1f} pixels per 100 rows (a straight "
+    "line explains {share_percent:.0f} % of the variance of the displacement), as with {key} {implied_deg:.1f} in "
+    "place of {declared_deg:g}, or with radar.range_spacing_m or the cell size of the scene off by {off_percent:.1f} %",
+    "geometry_unchecked": "{about} was not registered, so that {key} {declared_deg:g}, the spacing in slant range and "
+    "the place of the image are unchecked",
+    "relief": "{about} changes by {db_per_deg:+.3f} dB per degree of local incidence on the relief (standard error "
+    "{error_db_per_deg:.3f}), {of_simulated:.2f} times as much as the simulated image (standard error "
+    "{of_simulated_error:.2f})",
+    "place": "{about} does not show the place of the scene: the mean levels of its squares of {square_px:.0f} pixels "
+    "have a correlation of {correlation:.2f} with those of the simulated image, and of up to {shifted:.2f} if it is "
+    "shifted by two squares or more",
     "radiometry": "{about}: the fixed materials show that the image is {found}, and the case says {declared} (exponent "
     "{exponent:+.2f} on the area of the ground, standard error {error:.2f}); the bands are given for {found}",
     "radiometry_unchecked": "{about}: radiometry unchecked, because the fixed materials show too little of it",
@@ -47,6 +69,7 @@ _TEXTS: Mapping[str, str] = {
 }
 _NOTICED = " (a bump of {noticed_db:.1f} dB would be noticed in 9 of 10 images)"
 _STATES = ("determined", "undetermined", "withheld", "level_only", "parameters_only")
+_OF_VERDICT = (*_STATES, "refuted", "form_noticed", "not_refuted")
 _COUNTED = {
     "determined": "determined at some angles",
     "undetermined": "determined at no angle",
@@ -54,9 +77,16 @@ _COUNTED = {
     "level_only": "level only",
     "parameters_only": "parameters only",
 }
+_DETERMINED = "determined to +-{half_width_db:.1f} dB {between}"
+_WIDTHS = (
+    "+-{half_width_db:.1f} dB for the material, +-{field_half_width_db:.1f} dB for its fields in this image; level, "
+    "radiometry, noise, incidence and point spread (systematic) alone give +-{systematic_db:.1f} dB"
+)
 _NAMED = 4  # most materials named in a headline
 _STEPS = ("depression", "relief", "place", "radiometry", "fixed_law", "fixed_law_and_image", "level")
 _DO = {
+    "relief": "check {do}, whose heights must be in metres (not feet), of the same place, and not flipped",
+    "place": "check {do}, or set the materials and the elevation of the place that it shows",
     "fixed_law": "check {do}",
     "fixed_law_and_image": "check materials.{about}.parameters and the calibration of the image",
     "level": "check the absolute calibration of the image",
@@ -97,13 +127,39 @@ def _do(finding: Finding) -> str:
 
 def verdict(name: str, findings: Sequence[Finding]) -> str:
     """Verdict on one material: where sigma0 is determined, and whether the law is refuted."""
-    own = [
-        one
-        for one in findings
-        if one.about == name and one.code in (*_STATES, "refuted", "form_noticed", "not_refuted")
-    ]
+    own = [one for one in findings if one.about == name and one.code in _OF_VERDICT]
     texts = [sentence(one, prefix=False).removesuffix(".") for one in own]
     return "; ".join([*texts[:1], *(text.removeprefix(f"{name}: ") for text in texts[1:])]) + "."
+
+
+def doubts(names: Collection[str], findings: Iterable[Finding]) -> list[str]:
+    """Sentences on materials whose sigma0 is determined at no angle or at one, or whose law is refuted."""
+    codes = ("undetermined", "withheld", "level_only", "refuted")
+    return [sentence(one) for one in findings if one.about in names and one.code in codes]
+
+
+def state(name: str, findings: Iterable[Finding]) -> str:
+    """Few words, for a title, on where sigma0 of a material is determined; empty without such a finding."""
+    own = next((one for one in findings if one.about == name and one.code in _STATES), None)
+    if own is None:
+        return ""
+    return (_DETERMINED if own.code == "determined" else _COUNTED[own.code]).format(**_numbers(own))
+
+
+def widths(name: str, findings: Iterable[Finding]) -> str:
+    """Half-widths of the bands of a material, of its fields and of the systematic part; empty if not determined."""
+    own = next((one for one in findings if one.about == name and one.code == "determined"), None)
+    return "" if own is None or "systematic_db" not in own.numbers else _WIDTHS.format(**own.numbers)
+
+
+def remarks(findings: Iterable[Finding]) -> list[Finding]:
+    """Findings that no verdict tells, warnings and refusals first."""
+    return sorted((one for one in findings if one.code not in _OF_VERDICT), key=lambda one: one.severity == "note")
+
+
+def untold(said: Iterable[str], told: str) -> list[str]:
+    """Sentences that are not part of a text, which has them without the words warning and refusal."""
+    return [one for one in said if one.removeprefix("warning: ").removeprefix("refusal: ") not in told]
 
 
 def next_steps(findings: Iterable[Finding]) -> list[str]:

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.special import polygamma
 
-from radcal.assessment.budget import Budget
 from radcal.assessment.curves import GRID_DEG
-from radcal.assessment.posterior import KeptDraws
+from radcal.assessment.posterior import WHOLE_DEG, KeptDraws
 from radcal.assessment.preposterior import (
     Sight,
     equivalent_sd,
@@ -19,37 +19,38 @@ from radcal.assessment.preposterior import (
     normal_scores,
     sight_of,
 )
-from radcal.config import Radar, TargetConfig
-from radcal.radar.laws import LAWS
-from radcal.radar.texture import log_speckle_cumulants
+from radcal.config import Radar, Uncertainty
+from radcal.radar.laws import LAWS, law_for
 
-EXACT = Budget(0.0, 0.5, 0.0, 0.0, 0.0)
-NO_FIELDS = np.zeros(2)
+EXACT = Uncertainty(level_db=0.0, noise_db=0.0)
+FLAT = law_for("tabulated", angles_deg=(20.0, 60.0))
 AT_30, AT_50 = np.array([120]), np.array([200])  # places of 30 and 50 degrees in the grid
+LOOKS = 4.0
+MANY = 10**9  # independent pixels
 
 
-def sight(
-    angle: int = 120, independent: float = 100.0, noise_db: float = -300.0, fields: float = 0.25, number: int = 0
-) -> Sight:
-    """One bin, whose pixels all have the incidence of one place of the grid; with a number, all lie in this field."""
+def speckle_db2(independent: float) -> float:
+    """Variance of the mean power of independent pixels of 4 looks [dB^2]: (10 / ln 10)^2 trigamma(4 n)."""
+    return float(18.861169701161387 * polygamma(1, LOOKS * independent))
+
+
+def sight(angle: int = 120, independent: float = MANY, noise_db: float = -300.0, number: int = 1) -> Sight:
+    """One bin of one field and of two cells, whose pixels all have the incidence of one place of the grid."""
     weights = np.zeros((1, GRID_DEG.size))
     weights[0, angle] = 1.0
     one = np.ones((1, 1))
-    incidence, edges = np.full(9, GRID_DEG[angle]), GRID_DEG[[angle, angle]]
-    count, noise = np.array([independent]), np.array([noise_db])
-    known = (np.array([number]), one) if number else (np.empty(0, dtype=np.int64), one[:, :0])
-    return Sight(np.arange(9), incidence, edges, weights, fields * one, 0.5 * one, count, noise, *known)
+    incidence, edges, cell = np.full(9, GRID_DEG[angle]), GRID_DEG[[angle, angle]], np.zeros(9, dtype=np.intp)
+    count, noise = np.array([float(independent)]), np.array([noise_db])
+    return Sight(np.arange(9), incidence, edges, cell, weights, 0.5 * one, count, noise, np.array([number]), one)
 
 
-def lines(count: int = 4000, level_sd: float = 0.8, slope_sd: float = 0.06) -> np.ndarray:
-    """Curves -10 + a + b (phi - 30 deg), a and b normal and independent [dB]."""
+def lines(count: int = 4000, level_sd: float = 0.8, slope_sd: float = 0.06, **more: Any) -> KeptDraws:
+    """Draws of curves -10 + a + b (phi - 30 deg), a and b normal and independent [dB]."""
     rng = np.random.default_rng(4)
     a, b = rng.normal(0.0, level_sd, (count, 1)), rng.normal(0.0, slope_sd, (count, 1))
-    return -10.0 + a + b * (GRID_DEG - 30.0)
-
-
-def kept(count: int, fields_db: Any = (0.0, 0.0), looks: Any = 4.0) -> KeptDraws:
-    return KeptDraws(np.zeros((count, 4)), np.full(count, looks), np.full((count, 2), fields_db))
+    nothing = np.zeros(count)
+    curves = -10.0 + a + b * (WHOLE_DEG - 30.0)
+    return replace(KeptDraws(np.zeros((count, 2)), nothing, nothing, curves, nothing), **more)
 
 
 def sd(values: np.ndarray) -> float:
@@ -57,48 +58,66 @@ def sd(values: np.ndarray) -> float:
     return float(half_widths_now(values[:, None])[0] / 1.6448536269514722)
 
 
-def sd_left(curves: np.ndarray, seen: list[Sight], at: np.ndarray, budget: Budget = EXACT, **more: Any) -> float:
-    draws = kept(len(curves), more.get("fields", NO_FIELDS))
-    half_width = half_widths_after(curves, draws, more.get("own", []), seen, budget, at)
-    return float(half_width[0] / 1.6448536269514722)
+def sd_left(
+    draws: KeptDraws, seen: list[Sight], at: np.ndarray, config: Uncertainty = EXACT, own: Any = (), same: bool = False
+) -> float:
+    return float(half_widths_after(draws, FLAT, own, seen, LOOKS, config, at, same)[0] / 1.6448536269514722)
+
+
+def at_30(draws: KeptDraws) -> float:
+    """Variance of the curve at 30 degrees [dB^2]."""
+    return sd(draws.form_db[:, 30]) ** 2
 
 
 def test_a_known_variance_shrinks_as_two_normal_measurements_do() -> None:
-    curves = lines()
-    prior, speckle = sd(curves[:, 120]) ** 2, float(log_speckle_cumulants(4.0)[1]) / 7.0
+    draws = lines()
+    prior, speckle = at_30(draws), speckle_db2(7.0)
     expected = np.sqrt(prior * speckle / (prior + speckle))
-    assert sd_left(curves, [sight(independent=7.0)], AT_30) == pytest.approx(expected, rel=1e-6)
+    assert sd_left(draws, [sight(independent=7.0)], AT_30) == pytest.approx(expected, rel=1e-6)
     twice = np.sqrt(1.0 / (1.0 / prior + 2.0 / speckle))
-    assert sd_left(curves, [sight(independent=7.0)] * 2, AT_30) == pytest.approx(twice, rel=1e-6)
+    assert sd_left(draws, [sight(independent=7.0)] * 2, AT_30) == pytest.approx(twice, rel=1e-6)
 
 
-@pytest.mark.parametrize(("number", "common"), [(3, 0.36), (5, 0.0)])
-def test_a_pass_over_the_same_field_does_not_measure_its_effect_again(number: int, common: float) -> None:
-    """Level a, known from one pass: a further pass has an error of its own, and the effect of field 3 in common.
+def narrowed(prior: float, own: float, further: float, common: float) -> float:
+    """Standard deviation of a level after a further pass, by hand.
 
-    By hand: the draws have the variance p; the errors of the passes have the variances c + s and c + t, and the
-    covariance c if the field is the same.
+    The draws have the variance ``prior``; the errors of both passes have the variances ``common + own`` and
+    ``common + further``, and the covariance ``common``.
     """
-    curves = lines(slope_sd=0.0)
-    p, speckle = sd(curves[:, 120]) ** 2, float(log_speckle_cumulants(4.0)[1])
-    s, t, c = speckle / 40.0, speckle / 90.0, 0.36
-    own, further = sight(independent=40.0, fields=1.0, number=3), sight(independent=90.0, fields=1.0, number=number)
-    gain = common / (c + s)
-    error = c + t - gain * common
-    expected = np.sqrt(p - p**2 * (1.0 - gain) ** 2 / (p * (1.0 - gain) ** 2 + error))
-    found = sd_left(curves, [further], AT_30, fields=np.array([0.6, 0.0]), own=[own])
-    assert found == pytest.approx(expected, rel=1e-6)
+    gain = common / (common + own)
+    error = common + further - gain * common
+    return float(np.sqrt(prior - prior**2 * (1.0 - gain) ** 2 / (prior * (1.0 - gain) ** 2 + error)))
+
+
+@pytest.mark.parametrize("number", [3, 5])
+def test_a_pass_over_the_same_field_does_not_measure_its_effect_again(number: int) -> None:
+    draws = lines(slope_sd=0.0, field_db=np.full(4000, 0.6))
+    s, t, field = speckle_db2(40.0), speckle_db2(90.0), 0.36
+    own, further = sight(independent=40.0, number=3), sight(independent=90.0, number=number)
+    shared = number == 3
+    expected = narrowed(at_30(draws), s + field * (not shared), t + field * (not shared), field * shared)
+    assert sd_left(draws, [further], AT_30, own=[own]) == pytest.approx(expected, rel=1e-6)
     # by far more is left of the level if its error is that of the field
-    assert (found > 0.8 * np.sqrt(p)) == (number == 3)
+    assert (expected > 0.8 * np.sqrt(at_30(draws))) == shared
+
+
+def test_a_level_that_the_same_fixed_laws_give_is_not_measured_again() -> None:
+    draws, config = lines(slope_sd=0.0), Uncertainty(level_db=0.6, noise_db=0.0)
+    own, further, s, t = sight(independent=2.0), sight(independent=5.0, number=2), speckle_db2(2.0), speckle_db2(5.0)
+    same = sd_left(draws, [further], AT_30, config, [own], same=True)
+    assert same == pytest.approx(narrowed(at_30(draws), s, t, 0.36), rel=1e-6)
+    apart = sd_left(draws, [further], AT_30, config, [own])
+    assert apart == pytest.approx(narrowed(at_30(draws), s + 0.36, t + 0.36, 0.0), rel=1e-6)
 
 
 def test_shares_of_fields_that_two_passes_have_in_common() -> None:
-    one, other = (sight(number=1) for _ in range(2))
+    one, other = sight(), sight()
     two = np.array([[0.2, 0.8], [0.7, 0.3]])
     one = replace(one, weights=np.ones((2, 361)), fields=np.array([4, 9]), shares=two)
-    other = replace(other, fields=np.array([2, 9]), shares=np.array([[0.4, 0.6]]))
+    other = replace(other, fields=np.array([9, 12]), shares=np.array([[0.6, 0.4]]))
     np.testing.assert_allclose(one.in_common(other), [[0.8 * 0.6], [0.3 * 0.6]])
     np.testing.assert_allclose(other.in_common(one), [[0.8 * 0.6, 0.3 * 0.6]])
+    np.testing.assert_allclose(one.in_common(one), [[0.68, 0.38], [0.38, 0.58]])
 
 
 def test_one_draw_far_away_changes_neither_scores_nor_the_standard_deviation_of_fields() -> None:
@@ -111,82 +130,70 @@ def test_one_draw_far_away_changes_neither_scores_nor_the_standard_deviation_of_
     far[values.argmax(axis=0), [0, 1]] = 1e3
     np.testing.assert_allclose(normal_scores(far), scores)
     # half of the draws without an effect, half with 2 dB: 1.2816 and 1.6449 are the normal quantiles of 90 and 95 %
-    half = np.repeat([[0.0, 0.3], [2.0, 0.3]], 500, axis=0)
-    assert equivalent_sd(half) == pytest.approx([2.0 * 1.281552 / 1.644854, 0.3], rel=1e-5)
-    assert equivalent_sd(np.zeros((9, 1))) == pytest.approx([0.0])
+    half = np.repeat([0.0, 2.0], 500)
+    assert equivalent_sd(half) == pytest.approx(2.0 * 1.281552 / 1.644854, rel=0.01)
+    assert equivalent_sd(np.full(9, 0.3)) == pytest.approx(0.3, rel=1e-12)
+    assert equivalent_sd(np.zeros(9)) == 0.0
     half[-1] = 1e3
-    assert equivalent_sd(half) == pytest.approx([2.0 * 1.281552 / 1.644854, 0.3], rel=0.01)
-
-
-def test_looks_that_differ_between_draws_shift_the_means() -> None:
-    """The mean of log speckle depends on the looks: a pass then says less of the level."""
-    curves = lines(slope_sd=0.0)
-    looks = np.exp(np.random.default_rng(8).normal(np.log(3.0), 0.4, len(curves)))
-    left = half_widths_after(
-        curves, replace(kept(len(curves)), looks=looks), [], [sight(independent=1e9)], EXACT, AT_30
-    )
-    shift = np.array([float(log_speckle_cumulants(x)[0]) for x in looks])
-    p, q = curves[:, 120].var(), shift.var()
-    assert float(left[0] / 1.6448536) == pytest.approx(np.sqrt(p * q / (p + q)), rel=0.05)
+    assert equivalent_sd(half) == pytest.approx(2.0 * 1.281552 / 1.644854, rel=0.02)
 
 
 def test_without_a_pass_nothing_changes() -> None:
-    curves = lines(500)
+    draws = lines(500, field_db=np.random.default_rng(2).exponential(0.5, 500))
     some = np.arange(80, 240, 40)
-    left = half_widths_after(curves, kept(500), [sight()], [], EXACT, some)
-    assert left == pytest.approx(half_widths_now(curves[:, some]))
+    left = half_widths_after(draws, FLAT, [sight()], [], LOOKS, EXACT, some)
+    assert left == pytest.approx(half_widths_now(draws.curves_db(FLAT)[:, some]))
 
 
 def test_a_pass_says_of_other_angles_what_the_draws_correlate() -> None:
-    curves = lines()
+    draws = lines()
     # at 30 degrees the slope is not seen: the level's part of the variance at 50 degrees goes
-    assert sd_left(curves, [sight(independent=1e9)], AT_50) == pytest.approx(20.0 * 0.06, rel=0.05)
+    assert sd_left(draws, [sight()], AT_50) == pytest.approx(20.0 * 0.06, rel=0.05)
     # at 50 degrees level and slope are seen together
     total, level = 0.8**2 + (20.0 * 0.06) ** 2, 0.8**2
     left = np.sqrt(level * (1.0 - level / total))
-    assert sd_left(curves, [sight(200, independent=1e9)], AT_30) == pytest.approx(left, rel=0.05)
+    assert sd_left(draws, [sight(200)], AT_30) == pytest.approx(left, rel=0.05)
 
 
 @pytest.mark.parametrize(
-    ("budget", "fields", "variance"),
+    ("level_db", "effects", "variance"),
     [
-        (Budget(0.4, 0.5, 0.0, 0.0, 0.0), NO_FIELDS, 0.16),
-        (EXACT, np.array([0.6, 0.0]), 0.36 * 0.25),
-        (EXACT, np.array([0.0, 0.6]), 0.36 * 0.5),
+        (0.4, {}, 0.16),
+        (0.0, {"field_db": np.full(4000, 0.6)}, 0.36),
+        (0.0, {"cell_db": np.full(4000, 0.6)}, 0.36 * 0.5),
     ],
 )
-def test_level_and_fields_limit_what_a_pass_says(budget: Budget, fields: np.ndarray, variance: float) -> None:
-    curves = lines()
-    prior = sd(curves[:, 120]) ** 2
+def test_level_and_fields_limit_what_a_pass_says(level_db: float, effects: dict[str, Any], variance: float) -> None:
+    draws, config = lines(**effects), Uncertainty(level_db=level_db, noise_db=0.0)
+    prior = at_30(draws)
     expected = np.sqrt(prior * variance / (prior + variance))
-    assert sd_left(curves, [sight(independent=1e9)], AT_30, budget, fields=fields) == pytest.approx(expected, rel=1e-5)
+    assert sd_left(draws, [sight()], AT_30, config) == pytest.approx(expected, rel=1e-5)
 
 
 def test_an_error_of_the_noise_floor_counts_by_the_noise_in_the_mean_level() -> None:
     """Noise 10 dB below the mean of curves that differ much is a tenth of the power."""
-    curves = lines(level_sd=3.0, slope_sd=0.0)
-    seen = sight(independent=1e12, noise_db=-20.0)
-    floor = 10.0 ** ((-20.0 - float(seen.means_db(curves).mean())) / 10.0)
-    prior, variance = sd(seen.means_db(curves)[:, 0]) ** 2, (2.0 * floor) ** 2
-    found = half_widths_after(curves, kept(len(curves)), [], [seen], Budget(0.0, 0.5, 0.0, 0.0, 0.0, 2.0), AT_30)
-    ratio = float((found / half_widths_now(curves[:, AT_30]))[0])
-    assert ratio == pytest.approx(np.sqrt(variance / (prior + variance)), rel=1e-3)
+    draws, seen = lines(level_sd=3.0, slope_sd=0.0), sight(noise_db=-20.0)
+    means = seen.means_db(draws.laws_db(FLAT))
+    floor = 10.0 ** ((-20.0 - float(means.mean())) / 10.0)
+    prior, variance = sd(means[:, 0]) ** 2, (2.0 * floor) ** 2
+    found = sd_left(draws, [seen], AT_30, Uncertainty(level_db=0.0, noise_db=2.0)) / np.sqrt(at_30(draws))
+    assert found == pytest.approx(np.sqrt(variance / (prior + variance)), rel=1e-3)
 
 
 def test_ground_in_the_noise_says_little() -> None:
-    curves = lines(level_sd=0.1, slope_sd=0.0)
-    clear, equal, deep = (sd_left(curves, [sight(independent=2000.0, noise_db=n)], AT_30) for n in (-60.0, -10.0, 10.0))
+    draws = lines(level_sd=0.1, slope_sd=0.0)
+    clear, equal, deep = (sd_left(draws, [sight(independent=2000.0, noise_db=n)], AT_30) for n in (-60.0, -10.0, 10.0))
     assert clear < 0.5 * 0.1
     # at a noise as strong as the signal, half of a change of the signal is seen
-    speckle, prior = float(log_speckle_cumulants(4.0)[1]) / 2000.0, sd(curves[:, 120]) ** 2
+    speckle, prior = speckle_db2(2000.0), at_30(draws)
     assert equal == pytest.approx(np.sqrt(prior * (1.0 - 0.25 * prior / (0.25 * prior + speckle))), rel=1e-3)
     assert deep > 0.95 * 0.1
 
 
 def test_what_a_pass_sees_of_a_material(geometry_of_slopes) -> None:
     geometry = geometry_of_slopes
-    radar, target = Radar(nesz_db=-25.0), TargetConfig(margin_px=0, pixels=300)
-    found = sight_of("slope", geometry, radar, target)
+    radar = Radar(nesz_db=-25.0)
+    found = sight_of("slope", geometry, radar, 0)
     assert found is not None
     usable = geometry.pixels("slope")[~geometry.layover.ravel()[geometry.pixels("slope")]]
     assert found.pixels.tolist() == usable.tolist()
@@ -197,13 +204,18 @@ def test_what_a_pass_sees_of_a_material(geometry_of_slopes) -> None:
     assert (np.diff(means) > 0).all()
     # 480 pixels, of 1.5 m by 2.5 m, in resolution cells of 2 m by 3.5 m
     assert found.independent.sum() == pytest.approx(480.0 * 3.75 / 7.0)
-    fewer = sight_of("slope", geometry, radar, TargetConfig(margin_px=0, pixels=100))
-    assert fewer is not None
-    assert fewer.independent.sum() == pytest.approx(100.0)
     assert found.noise_db == pytest.approx(-25.0)
     # two fields of unequal size: a bin with shares s and 1 - s has the correlation s^2 + (1 - s)^2
-    assert found.patches.diagonal() == pytest.approx(0.6**2 + 0.4**2, abs=0.03)
-    assert sight_of("patch", geometry, radar, target) is None  # 40 pixels
+    assert found.in_common(found).diagonal() == pytest.approx(0.6**2 + 0.4**2, abs=0.03)
+    # cells: fields in squares of 24 pixels and in 3 degrees
+    row, column = np.divmod(usable, 24)
+    keys = np.stack([column >= 12, row // 24, found.incidence_deg // 3])
+    assert np.unique(np.vstack([keys, found.cell]), axis=1).shape[1] == np.unique(keys, axis=1).shape[1]
+    member = np.searchsorted(found.edges_deg, found.incidence_deg, side="right") - 1
+    first = [np.bincount(found.cell[member == 0], minlength=99), np.bincount(found.cell[member == 1], minlength=99)]
+    shared = float(first[0] @ first[1]) / (first[0].sum() * first[1].sum())
+    assert found.cells[0, 1] == pytest.approx(shared)
+    assert sight_of("patch", geometry, radar, 0) is None  # 40 pixels
 
 
 @pytest.fixture
@@ -229,8 +241,13 @@ def geometry_of_slopes():
 
 def test_curves_of_kept_draws_are_mean_power() -> None:
     x = np.array([[-24.0, 12.0, 9.0, 4.0], [-20.0, 9.0, 12.0, 2.0], [-22.0, 8.0, 5.0, 1.0]])
-    kept = KeptDraws(x, np.array([4.0, 3.0, 2.0]), np.array([[1.0, 0.5], [0.0, 0.0], [2.0, 0.0]]))
-    law = np.array([float(LAWS["mangia"](np.radians(35.0), one)) for one in x])
-    # ln(10)/20 dB for each dB^2 of the fields' variance
-    more = kept.curves_db(LAWS["mangia"])[:, 140] - law
+    form = np.outer([0.0, 1.0, -1.0], WHOLE_DEG)
+    field, cell, mean = np.array([1.0, 0.0, 2.0]), np.array([0.5, 0.0, 0.0]), np.array([0.3, -0.2, 0.0])
+    kept = KeptDraws(x, field, cell, form, mean)
+    law = np.array([float(LAWS["mangia"](np.radians(35.25), one)) for one in x]) + [0.0, 35.25, -35.25]
+    assert kept.laws_db(LAWS["mangia"])[:, 141] == pytest.approx(law)
+    # ln(10)/20 dB for each dB^2 of the variance of fields and cells
+    more = kept.curves_db(LAWS["mangia"])[:, 141] - law
     assert more == pytest.approx([0.115129 * 1.25, 0.0, 0.115129 * 4.0], abs=1e-5)
+    own = kept.field_curves_db(LAWS["mangia"])[:, 141] - law
+    assert own == pytest.approx([0.3 + 0.115129 * 0.25, -0.2, 0.0], abs=1e-5)

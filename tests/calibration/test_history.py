@@ -163,3 +163,34 @@ def test_a_run_of_another_version_is_named_by_the_key(tmp_path):
     write_json(file, [data])
     with pytest.raises(StoreError, match=r"scores\.json: a Run lacks the key 'scores', which radcal \d\S* needs: "):
         read_runs([file])
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "said"),
+    [
+        ((), "nothing", "AttributeError|TypeError"),
+        ((), 7, "TypeError"),
+        ((0,), ["kind"], "AttributeError|TypeError"),
+        ((0, "kind"), "guess", "ValueError: kind of a Run is 'guess': Input should be 'reference'"),
+        ((0, "seconds"), "2", "ValueError: seconds of a Run is '2': Input should be a valid number"),
+        ((0, "scores"), [], "AttributeError"),
+        ((0, "scores", "dyke", "cost"), None, "ValueError: cost of a Score is None: Input should be a valid number"),
+        (
+            (0, "scores", "dyke", "parameters"),
+            [1.0, "x"],
+            "ValueError: parameters.1 of a Score is 'x': Input should be",
+        ),
+        ((0, "scores", "dyke", "parameters"), "12", "ValueError: parameters of a Score is '12': Input should be a"),
+    ],
+)
+def test_other_contents_under_a_right_checksum_are_one_sentence(tmp_path, place, value, said):
+    file = tmp_path / "scores.json"
+    write_runs(file, RUNS[:1])
+    held = {"data": read_json(file)}
+    inside, keys = held, ("data", *place)
+    for key in keys[:-1]:
+        inside = inside[key]
+    inside[keys[-1]] = value
+    write_json(file, held["data"])
+    with pytest.raises(StoreError, match=rf"scores\.json: holds other contents .* \(({said}).*delete"):
+        read_runs([file])

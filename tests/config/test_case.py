@@ -178,6 +178,11 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"materials": None}, ["materials is empty"]),
     ({"materials": {"dyke": None}}, ["materials.dyke is empty"]),
     ({"materials": {"a/b": {"calibrate": True}}}, ["materials", "'a/b'"]),
+    ({"materials": {"ploughed" * 8: {"calibrate": True}}}, ["materials", "has 64 letters, expected at most 60"]),
+    (
+        {"materials": {"fen" + "ab" * 20: {"calibrate": True}}},
+        ["materials", "ends with 20 times 'ab', expected"],
+    ),
     ({"materials": {"grass": {"parameters": X}}}, ["materials", "calibrate: true"]),
     ({"materials": {"grass": {}}}, ["materials.grass", "needs parameters", "X1"]),
     ({"materials": {"grass": {"parameters": [1, 2]}}}, ["materials.grass", "2 numbers", "takes 4"]),
@@ -627,3 +632,8 @@ def test_fixed_materials_give_the_level_unless_some_are_named() -> None:
 )
 def test_bins_average_four_draws_of_speckle_unless_told(sections: dict[str, Any], draws: int) -> None:
     assert case_from(sections).simulator.draws == draws
+
+
+@pytest.mark.parametrize("name", ["ploughed_" * 6 + "dyke-1", "fen " + "ab" * 19])
+def test_long_names_of_materials(name: str) -> None:
+    assert case_from({"materials": {name: {"calibrate": True}, "dyke": {"calibrate": True}}}).calibrated[0] == name

@@ -100,6 +100,7 @@ FIRST: dict[str, Any] = {
         "known_db": 1.2,
         "noise_db": 1.5, "level_db": 0.4,
         "field_db": 0.6,
+        "fixed_law_db": 0.9, "fixed_slope": 0.3, "form_db": 0.4, "area": 0.15,
         "point_spread": 0.2,
         "incidence_error": 0.4,
         "incidence_floor_deg": 0.3,

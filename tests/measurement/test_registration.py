@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -126,6 +127,7 @@ def test_none_takes_the_image_as_it_lies():
     assert found.measurement is measurement
     assert not found.displacement_px.any()
     assert not found.uncertainty_px.any()
+    assert found.found_px is None
 
 
 @pytest.mark.slow
@@ -151,6 +153,9 @@ def test_a_registration_that_moves_too_far_is_not_used():
     assert not found.applied
     assert "max_displacement_px = 2" in found.verdict
     np.testing.assert_array_equal(found.measurement.image_db, measured(field(6.0)).image_db)
+    assert not found.displacement_px.any()
+    assert found.found_px is not None
+    assert np.hypot(*(found.found_px - field(6.0)))[15:-15, 15:-15].mean() < 0.6
 
 
 def other_images():
@@ -184,6 +189,10 @@ def test_file_round_trip(tmp_path, registered):
     write_registered(tmp_path / "r.h5", registered)
     back = read_registered(tmp_path / "r.h5")
     assert same(back, registered)
+    assert back.found_px is back.displacement_px
+    refused = replace(registered, applied=False, refused_px=2 * registered.displacement_px, findings='[{"code": "a"}]')
+    write_registered(tmp_path / "r.h5", refused)
+    assert same(read_registered(tmp_path / "r.h5"), refused)
     assert back.applied
 
 

@@ -209,13 +209,17 @@ def test_folder_is_the_users_the_packages_or_below_home(
     assert cache_folder(package) is None
 
 
-def test_another_processor_or_numba_has_another_folder(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_processor_numba_or_bounds_check_has_another_folder(
+    package: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folders = {cache_folder(package)}
     monkeypatch.setattr(compiled.numba, "__version__", "0.0")
     folders.add(cache_folder(package))
     monkeypatch.setattr(compiled.binding, "get_host_cpu_name", lambda: "z80")
     folders.add(cache_folder(package))
-    assert len(folders) == 3
+    monkeypatch.setattr(compiled._config, "BOUNDSCHECK", 1 - (compiled._config.BOUNDSCHECK or 0))
+    folders.add(cache_folder(package))
+    assert len(folders) == 4
 
 
 @pytest.mark.parametrize(("future", "kept"), [(4.5, 8), (9.5, 11)])

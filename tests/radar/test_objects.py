@@ -20,7 +20,7 @@ from radcal.radar.image import ImageFormation
 from radcal.radar.laws import LAWS
 from radcal.radar.points import phased
 from radcal.radar.projection import make_geometry
-from radcal.radar.reflectivity import law_tables, reflectivity, uniform
+from radcal.radar.reflectivity import Reflectivity, law_tables, reflectivity, uniform
 from radcal.radar.speckle import WIDTH_FACTOR, impulse_response
 from radcal.scene.model import Scene
 from radcal.scene.objects import Objects
@@ -312,6 +312,27 @@ def test_a_run_with_one_new_law_is_a_run_from_nothing(scene: Scene, radar: Radar
     np.testing.assert_array_equal(after, sims[1].run({"dyke": dyke, "grass": [1.0, 2.0, 3.0, 4.0]}, 5))
     bare = BuiltinSimulator(make_geometry(scene, radar), radar, {"dyke": "mangia", "grass": "mangia"})
     assert not np.array_equal(after, bare.run({"dyke": dyke, "grass": [1.0, 2.0, 3.0, 4.0]}, 5))
+
+
+def test_an_unchanged_law_makes_no_tile_anew_with_objects(
+    scene: Scene, radar: Radar, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Objects have an id after those of the materials, which the mask of changed laws contains, too."""
+    made: list[tuple[int, int]] = []
+    touched = ImageFormation.touched
+
+    def seen(self: ImageFormation, cells: Reflectivity, changed: np.ndarray) -> np.ndarray:
+        made.append((changed.size - int(cells.material.max()), len(touched(self, cells, changed))))
+        return touched(self, cells, changed)
+
+    monkeypatch.setattr(ImageFormation, "touched", seen)
+    tower = objects(x_m=100.0, y_m=60.0, length_m=20.0, width_m=15.0, height_m=8.0, rcs_dbsm=30.0)
+    geometry = make_geometry(replace(scene, objects=tower), radar)
+    simulator = BuiltinSimulator(geometry, radar, {"dyke": "mangia", "grass": "mangia"})
+    for level in (10.0, 10.0, 11.0):
+        simulator.run({"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [level, 14.0, 6.0, 4.0]}, 5)
+    assert made[0] == (1, 0)
+    assert made[1][1] > 0
 
 
 def test_objects_without_an_echo_leave_the_ground_as_it_is(scene: Scene, radar: Radar) -> None:

@@ -200,6 +200,14 @@ def test_headers_and_world_files_are_inputs(tmp_path: Path) -> None:
     assert raster_files(write(tmp_path / "a.tif")) == [tmp_path / "a.tfw"]
 
 
+@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+def test_formats_with_numbers_in_other_files_are_refused(tmp_path: Path) -> None:
+    """An HFA raster (Erdas Imagine) names the file of its numbers, which may be any."""
+    path = write(tmp_path / "image.img", driver="HFA", USE_SPILL="YES")
+    with pytest.raises(RasterioError, match="not recognized as being in a supported file format"):
+        read(path)
+
+
 def test_only_the_allowed_drivers_are_there_while_a_raster_is_open(place: Path) -> None:
     """What GDAL opens on a raster's behalf, such as a mask, is bound to the list, too."""
     (place / "a.vrt").write_text(vrt("tile.tif"))

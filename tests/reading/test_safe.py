@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -43,6 +44,27 @@ def test_only_whole_images_are_offered(tmp_path: Path) -> None:
 def test_other_manifests_are_refused(tmp_path: Path, text: str, words: str) -> None:
     (tmp_path / "manifest.safe").write_text(text)
     with pytest.raises(SafeRefused, match=words):
+        safe_images(tmp_path)
+
+
+def test_a_manifest_elsewhere_is_not_read(tmp_path: Path) -> None:
+    safe = write_product(tmp_path)
+    (safe / "manifest.safe").rename(tmp_path / "other.xml")
+    (safe / "manifest.safe").symlink_to("../other.xml")
+    with pytest.raises(
+        SafeRefused, match=r"^manifest\.safe is a link to .*/other\.xml, expected a file of the folder$"
+    ):
+        safe_images(safe)
+    (safe / "manifest.safe").unlink()
+    os.mkfifo(safe / "manifest.safe")  # a program that reads it waits for ever
+    with pytest.raises(SafeRefused, match=r"^manifest\.safe: it is a folder or a device, expected a file$"):
+        safe_images(safe)
+
+
+def test_a_manifest_of_gigabytes_is_not_read(tmp_path: Path) -> None:
+    with (tmp_path / "manifest.safe").open("wb") as file:
+        file.truncate(2**40)
+    with pytest.raises(SafeRefused, match=r"^manifest\.safe: it has 1099511627776 bytes, expected at most 100000000$"):
         safe_images(tmp_path)
 
 

@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from archives import image, posterior, without_curve
 
 from radcal import skewnormal
 from radcal.assessment.conclusion import conclude
 from radcal.calibration.history import History, Proposal, Run, Score
 from radcal.calibration.moments import from_dp
-from radcal.config import Case, RegistrationConfig, Stop, case_from
+from radcal.config import Case, RegistrationConfig, Stop, case_from, stages
 from radcal.measurement.goodness import Goodness
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import Registered, register
@@ -56,6 +57,8 @@ class Made:
     def gathered(self, path: Path, **changes: Any) -> Archive:
         """Results of the same calibration but for some arguments, written and read back."""
         at = SimpleNamespace(**{**vars(self), "runs": self.path.parent / "runs", **changes})
+        laws = stages.Archive.of(at.case).laws
+        posteriors = {name: posterior() if laws[name].has_curve else without_curve() for name in at.targets}
         archive = gather(
             case=at.case,
             stop=at.stop,
@@ -64,7 +67,9 @@ class Made:
             geometry=at.geometry,
             registered=at.registered,
             targets=at.targets,
-            conclusion=conclude(at.case, at.stop, at.history, at.targets, at.geometry, at.runs, at.final),
+            conclusion=conclude(
+                at.case, at.stop, at.history, at.targets, at.geometry, at.runs, at.final, posteriors, image()
+            ),
         )
         write_archive(path, archive)
         return read_archive(path)
@@ -136,11 +141,11 @@ def make_archive(
         ground=np.full((2, *shape), np.nan, dtype=np.float32),
     )
 
-    def image() -> Any:
+    def simulated() -> Any:
         u = np.abs(rng.standard_normal(shape))
         return (-12.0 + material + omega * (-0.8 * u + 0.6 * rng.standard_normal(shape))).astype(np.float32)
 
-    measured = image()
+    measured = simulated()
     if nan:
         np.moveaxis(measured, axis, 0)[:, : min(shape) // 5] = np.nan
         measured[rng.random(shape) < 0.02] = np.nan
@@ -172,7 +177,7 @@ def make_archive(
         )
 
     def record(key: str) -> Record:
-        values = image()
+        values = simulated()
         return Record(key, {name: values.ravel()[geometry.pixels(name)] for name in shifts}, values, 0.5)
 
     runs = []

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from archives import changed_material
 
-from radcal.assessment.budget import Budget
-from radcal.assessment.curves import GRID_DEG
-from radcal.assessment.posterior import Curve, KeptDraws, Posterior
+from radcal.assessment.posterior import WHOLE_DEG, KeptDraws
 from radcal.config import case_from
 from radcal.errors import ConfigError, StoreError
+from radcal.findings import Finding
+from radcal.radar.laws import law_for
+from radcal.report import advice
 from radcal.report.advice import (
+    ALIKE,
+    NONE,
     Advised,
     _opposite,
     _rows,
@@ -25,22 +29,25 @@ from radcal.report.advice import (
     advise,
     candidates,
     common_ratio,
+    judged,
 )
-from radcal.report.archive import write_archive
 from radcal.scene.model import Scene, write_scene
 
-BUDGET = Budget(0.2, 0.5, 0.0, 0.0, 0.0)
+FLAT = law_for("tabulated", angles_deg=(20.0, 60.0))
 
 
 def case(**radar: object):
-    return case_from(
-        {
-            "radar": {"depression_deg": 45, "nesz_db": -60, **radar},
-            "materials": {"slope": {"calibrate": True}, "rest": {"parameters": [1, 2, 3, 4]}},
-            "measurement": {"synthetic": {"parameters": {"slope": [1, 2, 3, 4]}}},
-            "target": {"margin_px": 0},
-        }
-    )
+    return case_from(sections(**radar))
+
+
+def sections(**radar: object) -> dict[str, Any]:
+    return {
+        "radar": {"depression_deg": 45, "nesz_db": -60, **radar},
+        "materials": {"slope": {"calibrate": True}, "rest": {"parameters": [1, 2, 3, 4]}},
+        "measurement": {"synthetic": {"parameters": {"slope": [1, 2, 3, 4]}}},
+        "target": {"margin_px": 0},
+        "uncertainty": {"level_db": 0.2, "noise_db": 0.0},
+    }
 
 
 def scene() -> Scene:
@@ -51,11 +58,16 @@ def scene() -> Scene:
     return Scene("made up", ("slope", "rest"), material, relief, 5.0)
 
 
-def draws() -> tuple[KeptDraws, np.ndarray]:
-    """Lines known at 35 degrees, the less the further away."""
+def found(**more: Any) -> dict[str, tuple[Any, Any]]:
+    """Posterior and law of lines known at 35 degrees, the less the further away."""
     slope = np.random.default_rng(2).normal(0.0, 0.08, (400, 1))
-    curves = -10.0 + slope * (GRID_DEG - 35.0) + np.random.default_rng(3).normal(0.0, 0.2, (400, 1))
-    return KeptDraws(np.zeros((400, 4)), np.full(400, 4.0), np.zeros((400, 2))), curves
+    lines = -10.0 + slope * (WHOLE_DEG - 35.0) + np.random.default_rng(3).normal(0.0, 0.2, (400, 1))
+    nothing = np.zeros(400)
+    draws = KeptDraws(**{
+        "parameters": np.zeros((400, 2)), "field_db": nothing, "cell_db": nothing, "form_db": lines,
+        "fields_db": nothing, **more,
+    })  # fmt: skip
+    return {"slope": (SimpleNamespace(draws=draws, looks=4.0), FLAT)}
 
 
 def test_passes_to_compare():
@@ -94,9 +106,9 @@ def test_passes_of_an_orbit_are_offered_by_incidence():
 
 @pytest.mark.slow
 def test_passes_far_from_the_known_angle_narrow_a_slope_most():
-    one, (kept, curves) = case(), draws()
+    one, known = case(), found()
     passes = candidates(one, [30.0, 45.0])
-    rows = advice_on(one, scene(), {"slope": (kept, curves)}, BUDGET, passes)
+    rows = advice_on(one, scene(), known, passes)
     assert [row.after_db for row in rows] == sorted(row.after_db for row in rows)
     assert len(rows) == 3
     # the slope faces a radar that looks right: looked at from the other side it is seen at larger angles
@@ -109,43 +121,41 @@ def test_passes_far_from_the_known_angle_narrow_a_slope_most():
     assert best.over_deg[0] <= lowest
     assert best.over_deg[1] == highest
     # at the known angle alone, the pass that sees it says most
-    near = advice_on(one, scene(), {"slope": (kept, curves)}, BUDGET, passes, (34.0, 36.0))
+    near = advice_on(one, scene(), known, passes, (34.0, 36.0))
     assert near[0].now_db < 0.5 * best.now_db
     assert near[0].over_deg == (34.0, 36.0)
 
 
 def test_each_pass_has_its_own_noise_and_fields_count_by_their_interval():
-    one, (kept, curves) = case(), draws()
+    one = case()
     loud = candidates(one, [45.0])[0]
     passes = [loud, loud.model_copy(update={"nesz_db": 5.0})]
 
-    def after(fields_db):
-        found = {"slope": (replace(kept, fields_db=fields_db), curves)}
-        rows = advice_on(one, scene(), found, BUDGET, passes, (30.0, 60.0))
-        return {row.radar.nesz_db: row.after_db for row in rows}
+    def after(field_db):
+        rows = advice_on(one, scene(), found(field_db=field_db), passes, (30.0, 60.0))
+        return {row.radar.nesz_db: row.after_db / row.now_db for row in rows}
 
-    clear = after(np.zeros((400, 2)))
+    clear = after(np.zeros(400))
     # 15 dB below the noise a change of the ground is hardly seen
     assert clear[-60] < 0.7 * clear[5.0]
     # standard deviations of 0 and of 2 dB are worth as much as a normal distribution with the same 90 % interval
-    half = np.repeat([[0.0, 0.5], [2.0, 0.5]], 200, axis=0)
-    assert after(half)[-60] > 1.05 * clear[-60]
-    few = np.repeat([[0.0, 0.5], [2.0, 0.5]], [398, 2], axis=0)
-    assert after(few)[-60] == pytest.approx(after(np.full((400, 2), [0.0, 0.5]))[-60], rel=0.02)
+    assert after(np.repeat([0.0, 2.0], 200))[-60] > 1.05 * clear[-60]
+    assert after(np.repeat([0.0, 2.0], [398, 2]))[-60] == pytest.approx(clear[-60], rel=0.02)
 
 
 @pytest.mark.slow
 def test_what_a_pass_shares_with_the_passes_of_the_case_is_not_measured_again():
     """A level that is uncertain because of the one field's effect, which is the same in a further pass."""
-    one, (kept, _) = case(), draws()
-    levels = np.random.default_rng(5).normal(-10.0, 1.0, (400, 1)) + np.zeros((1, 361))
-    rows = advice_on(
-        one, scene(), {"slope": (replace(kept, fields_db=np.full((400, 2), [1.0, 0.0])), levels)}, BUDGET,
-        candidates(one, [30.0, 45.0]), (30.0, 60.0),
-    )  # fmt: skip
+    levels = np.random.default_rng(5).normal(-10.0, 1.0, (400, 1)) + np.zeros((1, 91))
+    known = found(form_db=levels, field_db=np.ones(400))
+    rows = advice_on(case(), scene(), known, candidates(case(), [30.0, 45.0]), (30.0, 60.0))
     # two independent effects would leave 0.7 of the half-width
     assert len(rows) == 3
     assert all(0.93 < row.after_db / row.now_db <= 1.0 for row in rows)
+    # nor is the error of a level that the same fixed laws give in all passes
+    for removed, least, most in ((1.0, 0.93, 1.0), (None, 0.0, 0.5)):
+        rows = advice_on(case(), scene(), found(form_db=levels), candidates(case(), [30.0]), (30.0, 60.0), removed)
+        assert all(least < row.after_db / row.now_db <= most for row in rows)
 
 
 def row(side: str, after: float, now: float = 2.0) -> Advised:
@@ -169,7 +179,19 @@ def test_lines():
     third = replace(row("right", 1.5), radar=case().radar.model_copy(update={"depression_deg": 30.0}))
     said = list(_sentences([row("left", 1.25), row("right", 1.31), third]))
     assert said[1] == "slope: as good within 5 %: 45 deg right."
-    assert next(_sentences([row("left", 1.85)])).startswith("slope: no pass of the table is expected to narrow")
+    assert next(_sentences([row("left", 1.85)])) == (
+        "slope: no pass of the table is expected to narrow the band by a tenth (mean half-width between 20.0 and 60.0 "
+        "degrees)."
+    )
+
+
+def test_a_pass_is_judged_by_how_far_it_narrows_a_band() -> None:
+    assert judged([0.8, 0.5, 0.52]) == (1, [2])
+    assert judged([0.53, 0.5]) == (1, [])
+    assert judged([0.5]) == (0, [])
+    assert judged([0.525, 0.5]) == (ALIKE, [0])
+    assert judged([0.91, 0.95]) == (NONE, [1])
+    assert judged([0.9, 1.0]) == (0, [])
 
 
 def test_passes_that_do_not_differ_are_called_so():
@@ -241,24 +263,21 @@ def test_the_pass_that_is_best_for_all_materials_is_named():
 
 
 @pytest.mark.slow
-def test_from_a_results_folder(made, tmp_path):
+def test_from_a_results_folder(tmp_path, monkeypatch):
     with pytest.raises(StoreError, match="is not finished, expected calibration.h5"):
         advise(tmp_path)
-    kept, _ = draws()
-    x = np.array([-20.0, 8.0, 10.0, 4.0]) + np.random.default_rng(1).normal(0.0, 1.0, (400, 4))
-    four, three, degrees = np.arange(4.0), np.arange(3.0), np.arange(6.0)
-    curve = Curve(degrees, degrees, degrees, degrees, degrees)
-    posterior = Posterior(
-        True, 400.0, 1.01, 500, four, four, four, three, three, three, np.array([[20.0, 25.0]]), np.eye(4), four,
-        np.array([1.0]), four[None], (), curve, draws=replace(kept, parameters=x),
+    (tmp_path / "calibration.h5").touch()
+    law = SimpleNamespace(curve=lambda: FLAT)
+    result = SimpleNamespace(posterior=None)
+    archive = SimpleNamespace(
+        config=json.dumps(sections()), laws={"slope": law}, materials={"slope": result}, found=[],
+        image=SimpleNamespace(levels_db=np.array([[-1.6449, 0.1, 1.6449]])),
     )  # fmt: skip
-    write_scene(tmp_path / "scene.h5", replace(scene(), names=("dyke", "unused")))
-    write_archive(tmp_path / "calibration.h5", made.archive)
+    monkeypatch.setattr(advice, "read_archive", lambda path, images: archive)
+    write_scene(tmp_path / "scene.h5", scene())
     with pytest.raises(ConfigError, match="no calibrated material has a band of sigma0 in dB"):
         advise(tmp_path)
-    config = json.loads(made.archive.config)
-    archive = replace(changed_material(made.archive, "dyke", posterior=posterior), config=json.dumps(config))
-    write_archive(tmp_path / "calibration.h5", archive)
+    result.posterior = SimpleNamespace(curve="one", **vars(found()["slope"][0]))
     lines = advise(tmp_path, [30.0], (30.0, 60.0))
     path = tmp_path / "advice_depression_30_between_30_60.csv"
     table = pd.read_csv(path)
@@ -267,20 +286,24 @@ def test_from_a_results_folder(made, tmp_path):
     assert table["over_from_deg"].unique().tolist() == [30.0]
     assert lines[-1] == f"table: {path}"
     assert advise(tmp_path)[-1] == f"table: {tmp_path / 'advice.csv'}"
-    assert not any("does not fit, so" in line for line in lines)
-    known = archive.materials["dyke"].posterior.known_between_deg is not None
-    assert known != any("known at no angle" in line for line in lines)
-    fitted = replace(archive.materials["dyke"].fitted, fits=False)
-    write_archive(tmp_path / "calibration.h5", changed_material(archive, "dyke", fitted=fitted))
-    unfit = "dyke: the law does not fit, so that its band, now and after a pass, is that of a wrong law."
-    assert unfit in advise(tmp_path, [30.0], (30.0, 60.0))
-    nowhere = replace(archive.materials["dyke"].posterior, known_between_deg=None)
-    one = replace(archive.materials["dyke"].fitted, level_only=True)
-    write_archive(tmp_path / "calibration.h5", changed_material(archive, "dyke", posterior=nowhere, fitted=one))
-    assert "dyke: sigma0 is called known at no angle now, seen at one incidence." in advise(tmp_path, [30.0])
+    # an offset that the fixed laws give to 1 dB in all passes
+    given = []
+    monkeypatch.setattr(advice, "advice_on", lambda *arguments: given.append(arguments) or advice_on(*arguments))
+    archive.config = json.dumps({**sections(), "target": {"margin_px": 0, "normalisation": "offset"}})
+    advise(tmp_path, [30.0])
+    assert given[0][-1] == pytest.approx(1.0, rel=1e-4)
+    archive.found = [
+        Finding("refuted", "warning", "slope", {"p05_db": 1.2, "rms_db": 1.9, "p95_db": 3.0}),
+        Finding("withheld", "refusal", "slope", {"half_width_db": 0.7}),
+        Finding("withheld", "refusal", "other", {"half_width_db": 0.7}),
+    ]
+    said = [line for line in advise(tmp_path, [30.0]) if line.startswith(("warning", "refusal"))]
+    assert len(said) == 2
+    assert said[0].startswith("warning: slope: the form of the law is refuted: it is wrong by 1.9 dB")
+    assert said[1] == "refusal: slope: sigma0 is determined at no angle, because the image is refused."
     with pytest.raises(ConfigError, match="--between is 60 30, expected two increasing angles in 0 to 90"):
         advise(tmp_path, (), (60.0, 30.0))
     (tmp_path / "scene.h5").unlink()
-    write_scene(tmp_path / "scene.h5", replace(made.scene, elevation_m=None, incidence_deg=np.full(40, 30.0)))
+    write_scene(tmp_path / "scene.h5", replace(scene(), elevation_m=None, incidence_deg=np.full(60, 30.0)))
     with pytest.raises(ConfigError, match="the scene is in slant range, whose incidence is the same in every pass"):
         advise(tmp_path)

@@ -6,26 +6,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from archives import changed_material
+from archives import changed_material, posterior
+from sealed import changed
 from typer.testing import CliRunner
 
-from radcal.assessment.posterior import Curve, Posterior
+from radcal.assessment.posterior import Curve
 from radcal.cli import app
 from radcal.errors import ConfigError, StoreError
 from radcal.report.archive import write_archive
-from radcal.report.comparison import _known, compare, law_difference
+from radcal.report.comparison import _fits, _known, compare, law_difference
 
 
 def known(slope, level, seen, half=1.0, between=None):
     """Posterior of a straight curve of sigma0 [dB], with a band of twice the half-width downwards."""
     degrees = np.arange(10.0, 61.0)
     middle = level + slope * degrees
-    curve = Curve(degrees, middle, middle - 2 * half, middle + half, np.full(51, 9.0))
-    four, three = np.arange(4.0), np.arange(3.0)
-    return Posterior(
-        True, 400.0, 1.01, 500, four, four, four, three, three, three, np.array([seen]), np.eye(4), four,
-        np.array([1.0]), four[None], (), curve, between,
-    )  # fmt: skip
+    low, high = middle - 2 * half, middle + half
+    curve = Curve(degrees, middle, low, high, np.full(51, 0.3), middle, low + 0.1, high - 0.1)
+    return posterior(curve=curve, known_between_deg=between, seen_deg=np.array([seen]))
 
 
 @pytest.fixture
@@ -69,9 +67,17 @@ def test_what_is_known_is_told_only_of_a_law_with_a_band(pair):
     assert _known(dyke) == "22-38 deg"  # rounded into the interval, as the verdict rounds
     narrow = replace(dyke.posterior, known_between_deg=(31.25, 31.75))
     assert _known(replace(dyke, posterior=narrow)) == "31.25-31.75 deg"
-    assert _known(replace(dyke, fitted=replace(dyke.fitted, level_only=True))) == "level only"
+    assert _known(replace(dyke, level_only=True)) == "level only"
     assert _known(replace(dyke, posterior=replace(dyke.posterior, curve=None))) == "-"
     assert _known(replace(dyke, posterior=None)) == "-"
+
+
+def test_a_refuted_law_is_told_from_one_that_cannot_be_tested(pair):
+    dyke = pair[0].materials["dyke"]
+    refuted = replace(dyke.posterior, form=replace(dyke.posterior.form, refuted=True))
+    unknown = replace(dyke, posterior=replace(dyke.posterior, form=None))
+    assert _fits(replace(dyke, posterior=refuted)) == "refuted"
+    assert (_fits(unknown), _fits(replace(unknown, level_only=True))) == ("unknown", "level only")
 
 
 @pytest.mark.slow
@@ -84,7 +90,7 @@ def test_the_command_prints_a_table_and_draws_a_figure(pair, tmp_path, monkeypat
     lines = done.stdout.splitlines()
     assert lines[:2] == ["A: results/small", "B: results/other"]
     assert [cell.strip() for cell in lines[4].split("  ") if cell] == [
-        "dyke", "30.0-40.0 deg", "+3.50 dB", "+4.00 dB", "100 %", "not tested | not tested", "22-38 deg | nowhere",
+        "dyke", "30.0-40.0 deg", "+3.50 dB", "+4.00 dB", "100 %", "not refuted | not refuted", "22-38 deg | nowhere",
         "6 | 6",
     ]  # fmt: skip
     assert lines[5].startswith("stem beans")
@@ -99,6 +105,24 @@ def test_an_unfinished_case_says_what_to_type(pair, tmp_path):
     write_archive(tmp_path / "a/calibration.h5", pair[0])
     (tmp_path / "b").mkdir()
     with pytest.raises(StoreError, match="b: the calibration is not finished, so that .*: radcal show b says what is"):
+        compare([tmp_path / "a", tmp_path / "b"], tmp_path / "figure.png")
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        ("materials/dyke/posterior/curve/median_db", [1.0, 2.0]),
+        ("materials/dyke/posterior/seen_deg", ["a", "b"]),
+        ("laws/dyke", 7.0),
+    ],
+)
+def test_other_contents_under_a_right_checksum_are_one_sentence(pair, tmp_path, place, value):
+    for name, archive in zip("ab", pair, strict=True):
+        write_archive(tmp_path / f"{name}/calibration.h5", archive)
+    with changed(tmp_path / "b/calibration.h5") as file:
+        del file[place]
+        file[place] = value
+    with pytest.raises(StoreError, match=r"b/calibration\.h5: holds other contents than radcal writes"):
         compare([tmp_path / "a", tmp_path / "b"], tmp_path / "figure.png")
 
 

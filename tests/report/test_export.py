@@ -135,9 +135,8 @@ def test_a_scene_without_a_map_says_so(made, tmp_path):
 
 
 def test_the_level_of_a_material_seen_at_one_incidence_is_a_row_of_the_laws(made, tmp_path):
-    fitted = replace(made.archive.materials["dyke"].fitted, level_only=True)
     seen = np.array([[38.7, 38.9], [44.0, 44.0]])  # the first angle lies between two rows of whole degrees
-    archive = changed_material(made.archive, "dyke", fitted=fitted, posterior=posterior(seen_deg=seen))
+    archive = changed_material(made.archive, "dyke", level_only=True, posterior=posterior(seen_deg=seen))
     export(made, tmp_path, archive)
     laws = pd.read_csv(tmp_path / "laws.csv").set_index(["material", "incidence_deg"]).loc["dyke"]
     assert laws.index[laws["level"]].tolist() == [38.8, 44.0]
@@ -150,47 +149,45 @@ def test_the_level_of_a_material_seen_at_one_incidence_is_a_row_of_the_laws(made
     )
     x, phi = archive.laws["dyke"].values, np.radians(38.8)  # noqa: PD011
     assert row["calibrated_db"] == pytest.approx(x[0] + x[1] * np.cos(phi) + x[2] * np.exp(-x[3] * phi**2))
-    whole = changed_material(archive, "dyke", fitted=replace(fitted, level_only=False))
+    whole = changed_material(archive, "dyke", level_only=False)
     export(made, tmp_path, whole)
     assert not pd.read_csv(tmp_path / "laws.csv")["level"].any()
 
 
 def test_tables(made, tmp_path):
-    export(made, tmp_path, changed_check(made.archive, "dyke", looks=2.75))
+    export(made, tmp_path, changed_material(changed_check(made.archive, "dyke", looks=2.75), "dyke", posterior=None))
     table = pd.read_csv(tmp_path / "parameters.csv").set_index(["material", "parameter"])
     assert table["calibrated"].loc["dyke"].tolist() == made.archive.laws["dyke"].values.tolist()  # noqa: PD011
     row = table.loc[("dyke", "X4")]
     assert (row["law"], row["lower"], row["upper"], row["looks"]) == ("mangia", 0, 50, 2.75)
     assert np.isnan(row["p05"])
+    assert np.isnan(row["parameters_model"])
     assert np.isnan(row["fits"])
     laws = pd.read_csv(tmp_path / "laws.csv").set_index(["material", "incidence_deg"])
     x = made.archive.laws["dyke"].values  # noqa: PD011
     phi = np.radians(35.0)
     expected = x[0] + x[1] * np.cos(phi) + x[2] * np.exp(-x[3] * phi**2)
     assert laws.loc[("dyke", 35.0), "calibrated_db"] == pytest.approx(expected, rel=1e-12)
-    assert not laws["known"].any()
+    assert not laws.loc["dyke", "known"].any()
+    assert laws.loc["dyke", ["median_db", "parameters_model_db"]].isna().all(axis=None)
+    # of the other material, which has a posterior
+    assert table["parameters_model"].loc["stem beans"].tolist() == [1.8, 2.8, 3.8, 4.8]
+    assert table["fits"].loc["stem beans"].tolist() == [True] * 4
+    nearest = 1.8 + 2.8 * np.cos(phi) + 3.8 * np.exp(-4.8 * phi**2)
+    assert laws.loc[("stem beans", 35.0), "parameters_model_db"] == pytest.approx(nearest, rel=1e-12)
 
 
 def test_bands_are_known_inside_of_their_interval(made, tmp_path):
     degrees = np.arange(20.0, 26.0)
-    curve = Curve(degrees, -10.0 - degrees, -11.0 - degrees, -8.0 - degrees, np.full(6, 9.0))
-    known = _posterior(curve, (21.5, 24.0))
+    middle, low, high = -10.0 - degrees, -11.0 - degrees, -8.0 - degrees
+    curve = Curve(degrees, middle, low, high, np.full(6, 0.3), middle, low + 0.1, high - 0.1)
+    known = posterior(curve=curve, known_between_deg=(21.5, 24.0))
     export(made, tmp_path, changed_material(made.archive, "dyke", posterior=known))
     laws = pd.read_csv(tmp_path / "laws.csv").query("material == 'dyke'")
     assert laws["known"].tolist() == [False, False, True, True, True, False]
     assert laws[["median_db", "p05_db", "p95_db"]].iloc[2].tolist() == [-32.0, -33.0, -30.0]
     row = pd.read_csv(tmp_path / "parameters.csv").query("material == 'dyke'").iloc[1]
-    assert row[["p05", "p95", "known_from_deg", "known_to_deg"]].tolist() == [2.0, 4.0, 21.5, 24.0]
-
-
-def _posterior(curve, known):
-    from radcal.assessment.posterior import Posterior
-
-    four, three = np.arange(4.0), np.arange(3.0)
-    return Posterior(
-        True, 400.0, 1.01, 500, four + 1, four + 2, four + 3, three, three, three, np.array([[20.0, 25.0]]),
-        np.eye(4), four, np.array([1.0]), four[None], (), curve, known,
-    )  # fmt: skip
+    assert row[["p05", "p95", "known_from_deg", "known_to_deg"]].tolist() == [2.0, 3.9, 21.5, 24.0]
 
 
 def test_calibrated_materials(made, tmp_path):

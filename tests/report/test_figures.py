@@ -29,7 +29,7 @@ from radcal.report.search_front import SearchFront
 from radcal.scene.objects import Objects
 
 HIDDEN = [6.1, 14.2, 21.5, 3.3]
-MANY = [f"material {n}" for n in range(13)] + ["a_name_" * 12, "two words", "two_words"]
+MANY = [f"material {n}" for n in range(13)] + ["a_name_" * 8, "two words", "two_words"]
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -48,7 +48,9 @@ def figures(made, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(drawing.STYLE, "pdf.fonttype", 3)
         patch.setattr(module, "_DPI", 50)
-        yield write_figures(made.archive, tmp_path_factory.mktemp("case") / "figures")
+        with mpl.rc_context({"text.usetex": True}):  # a user's matplotlibrc has no effect
+            figures = write_figures(made.archive, tmp_path_factory.mktemp("case") / "figures")
+        yield figures
 
 
 def drawn(canvas):
@@ -139,6 +141,19 @@ def test_global_settings_are_left_alone(figures):
     assert mpl.rcParams["axes.spines.top"] == mpl.rcParamsDefault["axes.spines.top"]
 
 
+def test_the_users_matplotlibrc_has_no_effect(tmp_path):
+    """A user may typeset texts by LaTeX, which need not be installed here and fails on names such as a_b."""
+
+    def panels(path, users):
+        with mpl.rc_context(users), drawing.law_panels(path, ["a_b"], "sigma0 [dB]") as each:
+            for axes, _ in each:
+                axes.plot([20.0, 40.0], [-7.0, -12.0], label="law")
+        return path.read_bytes()
+
+    users = {"text.usetex": True, "lines.linewidth": 7.0, "savefig.bbox": "tight", "figure.facecolor": "red"}
+    assert panels(tmp_path / "a.png", users) == panels(tmp_path / "b.png", {})
+
+
 @pytest.mark.slow
 def test_edges_of_one_material(build_archive, tmp_path):
     made = build_archive(
@@ -150,7 +165,7 @@ def test_edges_of_one_material(build_archive, tmp_path):
         omega=0.02,
     )
     case = made.archive
-    with mpl.rc_context(module.STYLE):
+    with mpl.rc_context(drawing.STYLE):
         figures = {
             "images": module.images(case),
             "residual": module.residual(case),
@@ -172,7 +187,7 @@ def test_edges_of_one_material(build_archive, tmp_path):
 @pytest.mark.slow
 def test_only_laws_with_a_curve_are_drawn(build_archive, tmp_path):
     case = build_archive(tmp_path, external=("dyke", "unused")).archive
-    with mpl.rc_context(module.STYLE):
+    with mpl.rc_context(drawing.STYLE):
         assert module.law(case, "dyke") is None
         assert module.law(case, "stem beans") is not None
         _, caption, _ = module.incidence(case)
@@ -188,7 +203,7 @@ def test_the_best_run_is_never_one_of_another_law(build_archive, tmp_path, other
     made = build_archive(tmp_path, shifts={"dyke": numbers, "stem beans": numbers}, floors={}, other_start=others)
     case = made.archive
     for name, material in case.materials.items():
-        with mpl.rc_context(module.STYLE):
+        with mpl.rc_context(drawing.STYLE):
             canvas, _, _ = module.cost(case, name)
         (best,) = [line for line in canvas.axes[0].lines if line.get_label() == "best so far"]
         start = references if name in others else 0
@@ -201,7 +216,7 @@ def test_the_best_run_is_never_one_of_another_law(build_archive, tmp_path, other
 @pytest.mark.slow
 def test_same_archive_gives_same_bytes(made, figures, tmp_path):
     case = made.archive
-    with mpl.rc_context(module.STYLE):
+    with mpl.rc_context(drawing.STYLE):
         canvas, _, _ = module.cost(case, "dyke")
         draws = []
         canvas.canvas.mpl_connect("draw_event", draws.append)
@@ -228,7 +243,7 @@ def test_many_materials(build_archive, tmp_path):
     assert len({slug.lower() for slug in slugs}) == len(MANY)
     assert {"two_words", "two_words_2"} <= set(slugs)
     longest = next(name for name in case.materials if name == MANY[13])
-    with mpl.rc_context(module.STYLE):
+    with mpl.rc_context(drawing.STYLE):
         for canvas, caption, alt in (
             module.overview(case),
             module.images(case),
@@ -250,7 +265,7 @@ def test_images_without_a_value_or_missing(made):
     images = made.archive.images
     blank = np.full_like(images.measured_db, np.nan)
     case = replace(made.archive, images=replace(images, measured_db=blank, reference_db=None))
-    with mpl.rc_context(module.STYLE):
+    with mpl.rc_context(drawing.STYLE):
         for canvas, _, _ in (module.images(case), module.residual(case)):
             assert drawn(canvas) == []
     case = replace(made.archive, images=Images())
@@ -263,7 +278,7 @@ def test_a_start_far_from_the_measured_level_has_a_gray_scale_of_its_own(made, s
     measured = np.random.default_rng(5).normal(-12.0, 3.0, (60, 50))
     images = replace(made.archive.images, measured_db=measured, reference_db=measured + shift_db)
     case = replace(made.archive, images=replace(images, calibrated_db=measured[::-1]))
-    with mpl.rc_context(module.STYLE):
+    with mpl.rc_context(drawing.STYLE):
         canvas, caption, alt = module.images(case)
         assert drawn(canvas) == []
     limits = [axes.images[0].get_clim() for axes in canvas.axes[:3]]
@@ -293,7 +308,7 @@ def test_every_panel_of_the_overview_names_its_axis(made):
     """The panels have limits of their own, so that one below does not explain another."""
     case = made.archive
     materials = {**case.materials, "third": case.materials["dyke"]}
-    with mpl.rc_context(module.STYLE):
+    with mpl.rc_context(drawing.STYLE):
         canvas, _, _ = module.overview(replace(case, materials=materials, names=(*case.names, "third")))
     assert [axes.get_xlabel() for axes in canvas.axes if axes.axison] == ["backscatter [dB]"] * 3
 
@@ -319,7 +334,7 @@ def test_objects_are_dots_in_the_scene(made, tmp_path):
     with h5py.File(path) as file:
         assert file["scene/objects"].attrs["count"] == n
         np.testing.assert_allclose(file["scene/objects"], places.T[::3], rtol=1e-6)
-    with mpl.rc_context(module.STYLE):
+    with mpl.rc_context(drawing.STYLE):
         canvas, caption, _ = module.scene(case)
         assert not drawn(canvas)
     dots = [line for axes in canvas.axes for line in axes.lines if line.get_marker() == ","]
@@ -338,7 +353,7 @@ def test_axes_of_a_turned_scene_are_those_of_the_track(made):
     hilly = (100.0 + 4.0 * rows * np.sin(columns / 4.0)).astype(np.float32)
     view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=hilly, cell_m=15.0)
     case = replace(made.archive, scene=view)
-    with mpl.rc_context(module.STYLE):
+    with mpl.rc_context(drawing.STYLE):
         turned, _, _ = module.scene(replace(case, config=json.dumps(config)))
         plain, caption, _ = module.scene(case)
         assert drawn(turned) == []

@@ -14,6 +14,7 @@ import pytest
 from radcal.calibration.history import History
 from radcal.config import case_from, stages
 from radcal.errors import StoreError
+from radcal.findings import Finding, to_json
 from radcal.measurement.levels import Levels
 from radcal.measurement.target import Targets
 from radcal.radar.laws import LAWS
@@ -56,6 +57,14 @@ def test_pixels_are_those_of_the_images(made):
             np.testing.assert_array_equal(group["start_db"], file["images/reference_db"][()].ravel()[pixels])
             np.testing.assert_array_equal(group["calibrated_db"], made.final[0].pixels_db[name][target.order])
             assert (file["images/material"][()].ravel()[pixels] == list(file["names"].asstr()).index(name) + 1).all()
+
+
+def test_findings_on_the_geometry_are_among_the_notes(made, tmp_path):
+    numbers = {"key": "radar.depression_deg", "declared_deg": 45.0}
+    kept = to_json([Finding("geometry_unchecked", "warning", "a.tif", numbers)])
+    archive = made.gathered(tmp_path / "c.h5", registered=replace(made.registered, findings=kept))
+    assert [note for note in archive.notes if note.startswith("warning: a.tif was not registered")]
+    assert any(note.startswith("warning: a.tif") for note in summarise(archive)["warnings"])
 
 
 def test_how_it_ended(made):
@@ -150,9 +159,8 @@ def test_a_proposal_that_was_simulated_before_is_no_further_run(made, tmp_path):
 
 def test_a_law_without_a_curve_is_neither_identified_nor_not(made, build_archive, tmp_path):
     archive = build_archive(tmp_path, external=("dyke", "unused")).archive
-    assert archive.materials["dyke"].check.identified is None
-    assert isinstance(made.archive.materials["dyke"].check.identified, bool)
     assert summarise(archive)["materials"]["dyke"]["identified"] is None
+    assert summarise(made.archive)["materials"]["dyke"]["identified"] is True
 
 
 def test_laws_beyond_their_angles_are_noted(made):

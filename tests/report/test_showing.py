@@ -162,6 +162,14 @@ def test_a_case_is_found_by_name_folder_or_file(folder, tmp_path):
     assert failed.stderr.startswith("radcal: gone: there is no folder")
 
 
+def test_a_summary_without_runs_is_one_sentence(folder):
+    summary = json.loads((folder / "summary.json").read_text())
+    del summary["runs"]
+    (folder / "summary.json").write_text(json.dumps(summary))
+    with pytest.raises(StoreError, match=r"summary\.json: holds other contents .* \(KeyError: 'runs'\)"):
+        show(folder)
+
+
 def test_a_damaged_summary_is_one_sentence(folder):
     (folder / "summary.json").write_text("[1")
     with pytest.raises(StoreError, match=r"summary.json: cannot be read"):

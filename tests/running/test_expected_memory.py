@@ -37,14 +37,14 @@ def test_a_cases_own_settings_count() -> None:
     scene, image = DYKE
     assert expected_mb(Case()) == peaks_mb(scene, [image], registered=True, on_map=False, simulated=True)
     alone = expected_mb(case_from({"registration": {"method": "none"}}))
-    assert alone["registration"] < 0.6 * expected_mb(Case())["registration"]
+    assert alone["registration"] < 0.7 * expected_mb(Case())["registration"]
 
 
 def test_fields_in_slant_range_take_less_in_small_jobs() -> None:
     """Flevoland: in the largest jobs as predicted, in the others up to 60 % less."""
     scene, image = SceneSize(768_000, None, 768_000), ImageSize(768_000, 768_000)
     predicted = peaks_mb(scene, [image], registered=False, on_map=False, simulated=False)
-    for job, taken in {"measurement": 257, "run": 287, "registration": 149, "target": 229}.items():
+    for job, taken in {"measurement": 257, "run": 287, "registration": 168, "target": 229}.items():
         assert predicted[job] == pytest.approx(taken, rel=0.3), job
     for job, taken in {"scene": 117, "geometry": 173}.items():
         assert taken < predicted[job] < 1.7 * taken

@@ -155,6 +155,20 @@ def test_changed_pages_are_set_aside_and_made_again(out, name, listing):
     assert not (out / listing).exists()
 
 
+@pytest.mark.parametrize("name", ["../notes.txt", "{out}/../notes.txt", "linked/notes.txt", "", "..", "a\0b"])
+def test_a_list_that_names_files_elsewhere_leaves_them_alone(out, name):
+    (out.parent / "notes.txt").write_text("mine\n")
+    (out / "linked").symlink_to(out.parent)
+    name = name.format(out=out)
+    with provenance("tiny"):
+        write_json(out / "report.json", {"checksums": {"report.html": "0" * 64, name: "0" * 64}})
+    (sentence,) = salvage(out, "tiny", PATTERNS)
+    assert sentence.startswith(f"{out / 'report.json'}: names {name!r}, expected a file below {out}; set aside as ")
+    assert sorted(path.name for path in out.parent.iterdir()) == ["notes.txt", "tiny"]
+    assert (out / "report.damaged").is_file()
+    assert (out / "report.html").is_file()
+
+
 def test_missing_pages_are_one_sentence(out):
     for name in ("report.html", "figures/law.png", "figures/law.pdf"):
         (out / name).unlink()

@@ -23,6 +23,10 @@ def test_ids_without_a_name_keep_their_place() -> None:
         ({"0": "nothing"}, "names no material"),
         ({"one": "grass"}, "is not a JSON object of id and name"),
         (["grass"], "is not a JSON object of id and name"),
+        ({"1": "grass", "256": "dyke"}, "names the material id 256, expected 1 to 255"),
+        ({"1000000000000": "dyke"}, "names the material id 1000000000000, expected 1 to 255"),
+        ({"-1": "dyke"}, "names the material id -1, expected 1 to 255"),
+        ({"1": "grass" * 200_000}, "has 1000009 bytes, expected at most 1000000"),
     ],
 )
 def test_wrong_names(tmp_path: Path, names: object, said: str) -> None:
@@ -30,6 +34,19 @@ def test_wrong_names(tmp_path: Path, names: object, said: str) -> None:
     path.write_text(json.dumps(names))
     with pytest.raises(SceneError, match=rf"^scene\.names: .*names\.json {said}"):
         read_names(path, [0, 1, 3, 9], Path("ids.tif"))
+
+
+def test_a_file_of_names_nested_too_deeply_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "names.json"
+    path.write_text('{"1": ' + "[" * 100_000 + "]" * 100_000 + "}")
+    with pytest.raises(SceneError, match=r"^scene\.names: .*names\.json is not a JSON object of id and name"):
+        read_names(path, [1], Path("ids.tif"))
+
+
+def test_the_largest_id_may_have_a_name(tmp_path: Path) -> None:
+    path = tmp_path / "names.json"
+    path.write_text('{"255": "dyke"}')
+    assert read_names(path, [255], Path("ids.tif")) == {255: "dyke"}
 
 
 def test_names_of_more_ids_than_there_are(tmp_path: Path) -> None:

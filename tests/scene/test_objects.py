@@ -276,6 +276,51 @@ def test_wrong_files(tmp_path: Path) -> None:
         read_objects(hdf5(tmp_path, curves={"car": CURVE}), LOCAL, curves={"car": CURVE})
 
 
+@pytest.mark.parametrize(
+    ("rows", "says"),
+    [
+        (["x_m,y_m,height_m,rcs_dbsm, x_m", "1,2,3,4,5"], "has the column 'x_m' twice, expected once"),
+        (["x_m,note,y_m ,height_m,rcs_dbsm,note", "1,a,3,4,5,b"], "has the column 'note' twice, expected once"),
+        (["x_m,y_m,height_m,rcs_dbsm", "1,2,3,4,5", "1,2,3,4"], "row 1 has more fields than the 4 columns of the"),
+        (
+            ["x_m,y_m,height_m,rcs_dbsm", "1,2,3,4", "1,2,3,4,5"],
+            "cannot be read as CSV (Error tokenizing data. C error",
+        ),
+    ],
+)
+def test_columns_twice_and_fields_too_many(tmp_path: Path, rows: list[str], says: str) -> None:
+    (tmp_path / "a.csv").write_text("\n".join(rows) + "\n")
+    assert says in refused(tmp_path / "a.csv")
+
+
+def test_columns_without_a_name_are_left_out(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("\ufeffx_m,y_m,height_m,rcs_dbsm,,\n7,2,3,4,,x\n", encoding="utf-8")
+    assert read_objects(tmp_path / "a.csv", LOCAL).x_m == [7.0]
+
+
+@pytest.mark.parametrize(
+    ("name", "statement", "says"),
+    [
+        ("layer 0", "CREATE VIEW '{name}' AS SELECT * FROM moved", "is a view, expected a table"),
+        ("gpkg_contents", "CREATE VIEW '{name}' AS {endless}", "'gpkg_contents' is a view, expected a table"),
+        ("gpkg_geometry_columns", "CREATE VIEW Gpkg_Geometry_Columns AS {endless}", "columns' is a view, expected a"),
+        ("gpkg_spatial_ref_sys", "CREATE VIEW '{name}' AS {endless}", "'gpkg_spatial_ref_sys' is a view, expected a"),
+        ("layer 0", "CREATE VIRTUAL TABLE '{name}' USING rtree(id, a, b)", "is a virtual table, expected a table"),
+        ("layer 0", "CREATE TABLE '{name}' (geom, x AS (zeroblob(900000000)))", "computes its column 'x', expected"),
+        ("layer 0", "CREATE TABLE '{name}' (geom, x AS (1) STORED)", "computes its column 'x', expected stored values"),
+    ],
+)
+def test_computed_tables_of_a_geopackage_are_refused(tmp_path: Path, name: str, statement: str, says: str) -> None:
+    """A few bytes of SQL may compute without end."""
+    file = geopackage(tmp_path, [shapely.Point(600_010.0, 5_780_020.0)], {"height_m": [2.0], "rcs_dbsm": [10.0]})
+    endless = "WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) SELECT x AS table_name FROM c"
+    with sqlite3.connect(file) as db:
+        db.execute(f"ALTER TABLE '{name}' RENAME TO moved")
+        db.execute(statement.format(name=name, endless=endless))
+    db.close()
+    assert says in refused(file, MAP)
+
+
 def test_wrong_crs_and_layers(tmp_path: Path) -> None:
     attributes = {"height_m": [2.0], "rcs_dbsm": [10.0]}
     here = [shapely.Point(600_010.0, 5_780_020.0)]

@@ -22,7 +22,7 @@ from radcal.errors import ConfigError, SceneError
 from radcal.measurement.georeference import GeoreferencedImage, values_at_ground
 from radcal.radar.projection import make_geometry
 from radcal.report.geotiff import Layer, map_grid, write_geotiff
-from radcal.scene.crs import named_datum, same_datum, transformation_note, transformer, vertical_datum
+from radcal.scene.crs import crs_from, named_datum, same_datum, transformation_note, transformer, vertical_datum
 from radcal.scene.model import Scene, read_scene, write_scene
 from radcal.scene.raster import raster_scene
 from radcal.scene.sources import make_scene
@@ -336,6 +336,41 @@ def test_web_mercator_is_no_grid_in_metres(build: Build) -> None:
 def test_crs_that_give_no_grid_in_metres(build: Build, crs: str, words: str) -> None:
     with pytest.raises(SceneError, match=rf"^scene\.crs is '{crs.replace('+', '.')}'.*{words}"):
         raster_scene(build().model_copy(update={"crs": crs}))
+
+
+GRID = "+proj=utm +zone=31 +ellps=bessel +nadgrids=/tmp/shift.gsb +type=crs"
+
+
+@pytest.mark.parametrize("crs", [GRID, "+proj=utm +zone=31 +ellps=GRS80 +nadgrids=@null,/tmp/shift.gsb +type=crs"])
+def test_crs_with_files_of_grids_are_refused(build: Build, tmp_path: Path, crs: str) -> None:
+    """PROJ would read the files."""
+    with pytest.raises(SceneError, match=r"^scene\.crs is '.*', expected a projected CRS .* without files of grids"):
+        raster_scene(build().model_copy(update={"crs": crs}))
+    config = build(vertical_datum="EGM96")
+    srs = CRS.from_user_input(crs).to_wkt().replace('"', "&quot;")
+    mosaic = tmp_path / "heights.vrt"
+    with rasterio.open(config.elevation) as raster:
+        mosaic.write_text(
+            f'<VRTDataset rasterXSize="{raster.width}" rasterYSize="{raster.height}"><SRS>{srs}</SRS>'
+            f"<GeoTransform>{', '.join(map(str, raster.transform.to_gdal()))}</GeoTransform>"
+            '<VRTRasterBand dataType="Float64" band="1"><SimpleSource>'
+            '<SourceFilename relativeToVRT="1">heights.tif</SourceFilename></SimpleSource></VRTRasterBand></VRTDataset>'
+        )
+    named = r"cannot be read as a raster \(.*its CRS '.*' names the grid '.*/tmp/shift\.gsb', expected a CRS without"
+    with pytest.raises(SceneError, match=rf"^scene\.elevation: .*heights\.vrt {named}"):
+        raster_scene(config.model_copy(update={"elevation": str(mosaic)}))
+
+
+def test_a_projection_that_names_no_file_is_read() -> None:
+    """Files of Web Mercator often have +nadgrids=@null."""
+    mercator = "+proj=merc +a=6378137 +b=6378137 +nadgrids=@null +wktext +type=crs"
+    assert crs_from(mercator) == CRS.from_user_input(mercator)
+
+
+def test_a_crs_of_another_planet_is_refused(build: Build) -> None:
+    said = r"^scene: coordinates in Moon .* cannot be converted to WGS 84 .*, expected CRSs of the earth"
+    with pytest.raises(SceneError, match=said):
+        raster_scene(build(np.zeros(SHAPE), crs="IAU_2015:30100", vertical_datum="local"))
 
 
 def test_another_crs_may_be_asked_for(build: Build) -> None:

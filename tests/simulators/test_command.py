@@ -23,11 +23,12 @@ import rasterio
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radcal.config import Material, Radar, case_from
+from radcal.config import Case, Material, Radar, case_from
 from radcal.errors import ConfigError, SimulatorError
 from radcal.radar.geometry import Geometry
 from radcal.simulators import command as module
 from radcal.simulators.command import CommandPlan, CommandSimulator, check_command, toml_text
+from radcal.simulators.command_plan import changed_links
 
 MATERIALS = {
     "dyke": {"calibrate": True, "law": "external", "names": ["mv", "s"], "bounds": [[0, 1], [0, 9]]},
@@ -72,6 +73,35 @@ SYNTHETIC = {"source": "synthetic", "synthetic": {"parameters": {}}}
 
 def folders(tmp_path: Path) -> list[str]:
     return sorted(path.name for path in (tmp_path / "work").iterdir())
+
+
+@pytest.mark.parametrize(
+    ("write", "said"),
+    [
+        ("pathlib.Path('data/cache').write_text('new')", "simulator.links: data/cache changed while the program ran"),
+        ("pathlib.Path('data/table').write_text('2')", "simulator.links: data/table changed while the program ran"),
+        ("[pathlib.Path(f'data/{x}').touch() for x in 'ab']", "simulator.links: data/a and 1 more changed while"),
+        ("pathlib.Path('data/table').write_text('1')", ""),
+    ],
+)
+def test_a_program_that_changes_its_links_is_told(make: Make, tmp_path: Path, write: str, said: str) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data/table").write_text("1")
+    simulator = make(WORKING + f"\nimport pathlib\n{write}\n", links=[str(tmp_path / "data")])
+    identity = simulator.identity
+    simulator.run(X, 7)
+    sentence = changed_links(SimpleNamespace(simulator=simulator._config, materials=simulator._materials), identity)
+    assert sentence.startswith(said)
+    assert bool(sentence) == bool(said)
+
+
+def test_a_builtin_simulator_has_no_links(case: Case) -> None:
+    assert changed_links(case, {"kind": "builtin", "version": 7}) == ""
+
+
+def test_only_the_beginning_of_a_version_is_read(make: Make) -> None:
+    simulator = make(version_command=["{python}", "-c", "print('v 2', 4000 * 'x' + 4000 * ' y')"])
+    assert simulator.identity["version"] == "v 2 " + 196 * "x"
 
 
 def test_parameters_go_in_and_the_image_comes_back(make: Make, geometry: Geometry, tmp_path: Path) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 
-from radcal.simulators.process import STDERR, STDOUT, Ended, output_tail
+from radcal.errors import SimulatorError
+from radcal.simulators import process
+from radcal.simulators.process import STDERR, STDOUT, Ended, output_tail, run_program
 
 
 @pytest.mark.parametrize(
@@ -21,6 +24,32 @@ from radcal.simulators.process import STDERR, STDOUT, Ended, output_tail
 )
 def test_how_a_program_ended(code: int | None, said: str) -> None:
     assert str(Ended(code, 12.3456)) == said
+
+
+@pytest.mark.parametrize("name", ["stdout", "stderr"])
+@pytest.mark.parametrize("then", ["time.sleep(60)", "pass"])
+def test_a_program_that_prints_without_end_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, then: str
+) -> None:
+    monkeypatch.setattr(process, "_MOST_BYTES", 50_000)
+    text = f"import sys, time; sys.{name}.write(7000 * 'mangia! '); sys.{name}.flush(); {then}"
+    said = rf"^python.* was killed, because radcal\.{name} has 56000 bytes, expected at most 50000, its last output on"
+    with pytest.raises(SimulatorError, match=said):
+        run_program([sys.executable, "-c", text], tmp_path, {}, 30.0)
+    assert (tmp_path / f"radcal.{name}").stat().st_size == 50_000
+
+
+def test_a_program_may_print_up_to_the_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(process, "_MOST_BYTES", 56_000)
+    ended = run_program([sys.executable, "-c", "print(7000 * 'mangia! ', end='')"], tmp_path, {}, 30.0)
+    assert ended.code == 0
+    assert (tmp_path / STDOUT).stat().st_size == 56_000
+
+
+def test_a_time_limit_is_kept(tmp_path: Path) -> None:
+    ended = run_program([sys.executable, "-c", "import time; time.sleep(60)"], tmp_path, {}, 0.7)
+    assert ended.code is None
+    assert 0.7 <= ended.seconds < 5.0
 
 
 def test_the_last_three_lines_are_quoted(tmp_path: Path) -> None:

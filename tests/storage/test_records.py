@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import shutil
@@ -337,3 +338,11 @@ def test_damaged_json_is_set_aside(tmp_path: Path, content: bytes) -> None:
     assert left_in(tmp_path) == ["a.damaged"]
     with pytest.raises(StoreError, match=r"a\.json: is missing"):
         read_json(tmp_path / "a.json")
+
+
+@pytest.mark.parametrize("rest", [' "data": nothing}', f' "data": {"[" * 100_000}{"]" * 100_000}' + "}"])
+def test_a_right_checksum_of_no_json_is_one_sentence(tmp_path, rest):
+    total = hashlib.sha256(rest.encode()).hexdigest()
+    (tmp_path / "stop.json").write_text(f'{{\n "sha256": "{total}",\n{rest}')
+    with pytest.raises(StoreError, match=r"stop\.json: holds other contents than radcal writes \((JSON|Recursion)"):
+        read_json(tmp_path / "stop.json")

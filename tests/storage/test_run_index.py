@@ -42,3 +42,12 @@ def test_listed_runs_come_in_order_and_one_that_is_gone_is_named(tmp_path: Path)
     assert found[0][0].pixels_db["dyke"].tolist() == [7.0] * 3
     with pytest.raises(StoreError, match=r"def\.h5: missing or without dyke, the whole image, though .*; delete "):
         list(indexed([file], store.folder, ["dyke"], image=True))
+
+
+@pytest.mark.parametrize(
+    "held", [7, {"key": "a"}, ["a"], [{"key": 7, "parameters": X}], [{"key": "a", "parameters": {"dyke": [None]}}]]
+)
+def test_other_contents_under_a_right_checksum_are_one_sentence(tmp_path: Path, held: object) -> None:
+    write_json(tmp_path / "index.json", held)
+    with pytest.raises(StoreError, match=r"index\.json: holds other contents than radcal writes"):
+        read_index(tmp_path / "index.json")

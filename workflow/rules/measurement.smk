@@ -45,6 +45,8 @@ rule registration:
         ),
         first=[f"{OUT}/{{at}}first/registered.h5"] if TWICE else [],
         measurement=rules.measurement.output.measurement,
+        scene=rules.scene.output.scene,
+        geometry=rules.geometry.output.geometry,
     output:
         registered=update(f"{OUT}/{{at}}registered.h5"),
     log:
@@ -70,6 +72,8 @@ use rule registration as first_registration with:
         onto=f"{OUT}/{{at}}reference.json",
         first=[],
         measurement=rules.measurement.output.measurement,
+        scene=rules.scene.output.scene,
+        geometry=rules.geometry.output.geometry,
     output:
         registered=update(f"{OUT}/{{at}}first/registered.h5"),
     log:

@@ -14,12 +14,13 @@ from radcal.report.run_table import write_table
 from radcal.running.jobs import logged
 from radcal.scene.model import read_scene
 from radcal.storage.listing import write_listing
-from radcal.storage.records import read_json
+from radcal.storage.records import read_json, understood
 from radcal.storage.run_index import indexed
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Archive.model_validate(snakemake.params.case)
-    stop = Stop.model_validate(read_json(snakemake.input.stop))
+    with understood(snakemake.input.stop):
+        stop = Stop.model_validate(read_json(snakemake.input.stop))
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     targets, geometry = read_targets(*snakemake.input.target), read_geometry(snakemake.input.geometry[0])
     runs = snakemake.params.runs
@@ -29,7 +30,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     image = read_image(snakemake.input.image)
     scene = read_scene(snakemake.input.scene)
     images[0] = with_height_warning(images[0], geometry, scene, case.radar)
-    found = conclude(case, stop, history, targets, geometry, runs, final[:2], posteriors, image, images[0])
+    found = conclude(case, stop, history, targets, geometry, runs, final[:2], posteriors, image, images)
     archive = gather(
         case=case, stop=stop, history=history, scene=scene, geometry=geometry, registered=images[0], targets=targets,
         conclusion=found, passes=images, final=final,

@@ -5,6 +5,7 @@ from radcal.config import stages
 from radcal.measurement.model import read_measurement
 from radcal.running.jobs import logged, progress
 from radcal.running.time_left import FINAL_RUNS, at_most, most_need
+from radcal.simulators.command_plan import changed_links
 from radcal.simulators.declared_scale import check_scale
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import IndexedRun, write_index
@@ -22,5 +23,6 @@ with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     usual = most_need(snakemake.config["design_size"], most) + FINAL_RUNS
     left = at_most(most + FINAL_RUNS, first.all_seconds, usual, " of simulation in this pass")
     progress(f"reference run: {first.seconds:.1f} s for {first.image_db.shape} pixels{left}")
-    if sentence := repeatability(case.simulator, differences):
-        progress(sentence)
+    for sentence in (repeatability(case.simulator, differences), changed_links(case, runner.identity)):
+        if sentence:
+            progress(sentence)

@@ -1,11 +1,16 @@
 """Register the measured image onto the image of the reference run or, the second time, onto the registration run."""
 
 from radcal.config import stages
+from radcal.findings import from_json
+from radcal.measurement.geometry_check import checked
 from radcal.measurement.model import read_measurement
 from radcal.measurement.registration import read_registered, register, write_registered
 from radcal.measurement.second_registration import register_again
+from radcal.radar.geometry import read_geometry
 from radcal.running.jobs import logged, progress
+from radcal.scene.model import read_scene
 from radcal.storage.run_index import indexed
+from radcal.words import sentence
 
 with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     case = stages.Registration.model_validate(snakemake.params.case)
@@ -18,6 +23,11 @@ with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
         registered = register_again(run.image_db, read_registered(snakemake.input.first[0]), case.registration)
     else:
         registered = register(run.image_db, read_measurement(snakemake.input.measurement), case.registration)
+        # read afterwards, because a registration takes more memory than a geometry
+        geometry, scene = read_geometry(snakemake.input.geometry), read_scene(snakemake.input.scene)
+        registered = checked(registered, run.image_db, geometry, case.radar, scene.slope_error_deg)
     write_registered(snakemake.output.registered, registered)
     if registered.method != "none":
         progress(registered.verdict)
+    for finding in from_json(registered.findings) if not snakemake.input.first else []:
+        progress(sentence(finding))

@@ -4,13 +4,14 @@ from radcal.calibration.steps import all_parameters, called, run_all_draws
 from radcal.config import stages
 from radcal.running.jobs import logged, progress
 from radcal.simulators.sources import make_runner
-from radcal.storage.records import read_json
+from radcal.storage.records import read_json, understood
 from radcal.storage.run_index import IndexedRun, write_index
 
 with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     case = stages.RegistrationRun.model_validate(snakemake.params.case)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
-    parameters = all_parameters(case.materials, read_json(snakemake.input.laws))
+    with understood(snakemake.input.laws):
+        parameters = all_parameters(case.materials, read_json(snakemake.input.laws))
     with called("run of the laws found"):
         record = run_all_draws(case, runner, parameters, image=True)
     write_index(snakemake.output.index, [IndexedRun.of(record, parameters)])

@@ -59,7 +59,7 @@ class Parameters:
     def scaled(self, deviates: Doubles) -> Doubles:
         """X at standard normal deviates, whose prior is uniform inside the bounds, shape (m, d)."""
         x = self.box[:, 0] + ndtr(deviates) * (self.box[:, 1] - self.box[:, 0])
-        return np.where(self.integer, np.round(x), x)
+        return np.asarray(np.where(self.integer, np.round(x), x))
 
     def deviates(self, x: Doubles) -> Doubles:
         """Deviates of X, shape (d,)."""
@@ -176,7 +176,7 @@ class LawModel:
         gram, log_det = self.table.at(at[:, -2], at[:, -3])
         level = self.law.levels(self.law.scaled(at[:, : self.d])) - self.middle
         p = self.linear.shape[1]
-        of_law = np.einsum("mik,mk->mi", gram[:, :, p + 1 :], level)
+        of_law = (gram[:, :, p + 1 :] @ level[..., None])[..., 0]
         found = gram[:, : p + 1, : p + 1].copy()
         found[:, :p, p] -= of_law[:, :p]
         found[:, p, :p] = found[:, :p, p]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from radcal.measurement.correlation import Correlation
     from radcal.radar.geometry import Geometry
 
-__all__ = ["DB", "WITHOUT_AREA", "CellMeans", "Simulated", "area_db", "cell_means", "with_noise_db"]
+__all__ = ["DB", "WITHOUT_AREA", "CellMeans", "Simulated", "area_db", "cell_keys", "cell_means", "with_noise_db"]
 
 Doubles = NDArray[np.float64]
 
@@ -135,7 +135,7 @@ def area_db(geometry: Geometry, radar: Radar) -> Doubles:
     ----------
     Ulander, "Radiometric slope correction of synthetic-aperture radar images", IEEE TGRS 34 (1996).
     """
-    rows, columns = geometry.shape
+    columns = geometry.shape[1]
     flat = np.repeat(geometry.flat_incidence_deg, columns)
     if radar.radiometry in WITHOUT_AREA:
         local = np.sin(np.radians(geometry.incidence_deg.ravel().astype(np.float64)))
@@ -145,6 +145,12 @@ def area_db(geometry: Geometry, radar: Radar) -> Doubles:
     area = np.diff(of_facets[cells]) / of_sigma0(radar.radiometry, flat)
     with np.errstate(divide="ignore"):
         return np.asarray(10.0 * np.log10(area))
+
+
+def cell_keys(pixels: NDArray[np.int64], patch: NDArray[np.int64], angle_deg: Doubles, width: int) -> NDArray[np.int64]:
+    """Field, square and interval of incidence of each pixel of an image of ``width`` columns, shape (4, p)."""
+    row, column = np.divmod(pixels, width)
+    return np.stack([patch, row // _BLOCK_PX, column // _BLOCK_PX, (angle_deg // _STEP_DEG).astype(np.int64)])
 
 
 def cell_means(
@@ -193,9 +199,8 @@ def cell_means(
     of gamma variables, psi(L) - ln L. Oliver and Quegan, "Understanding Synthetic Aperture Radar Images" (2004).
     """
     width = geometry.shape[1]
-    row, column = np.divmod(pixels, width)
     angle = geometry.incidence_deg.ravel()[pixels].astype(np.float64)
-    keys = np.stack([patch, row // _BLOCK_PX, column // _BLOCK_PX, (angle // _STEP_DEG).astype(np.int64)])
+    keys = cell_keys(pixels, patch, angle, width)
     found, member, count = np.unique(keys, axis=1, return_inverse=True, return_counts=True)
     kept = count >= _FEWEST
     inside = kept[member.ravel()]

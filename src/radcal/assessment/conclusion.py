@@ -23,7 +23,7 @@ from radcal.calibration.steps import not_fresh, repeatability
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Stop, stages
 from radcal.errors import StoreError
-from radcal.findings import Finding
+from radcal.findings import Finding, from_json
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Targets
 from radcal.radar.geometry import Geometry
@@ -109,7 +109,7 @@ def conclude(
     final: Sequence[Record],
     posteriors: Mapping[str, Posterior],
     image: Image,
-    registered: Registered | None = None,
+    images: Sequence[Registered] = (),
 ) -> Conclusion:
     """Conclude a calibration: decide if the search has ended, collect the findings, and score the final runs.
 
@@ -131,8 +131,8 @@ def conclude(
         Posterior of each material's law.
     image : Image
         What the fixed materials say.
-    registered : Registered, optional
-        Registered measured image of the first pass, to be registered again onto the image of the calibrated laws.
+    images : sequence of Registered
+        Registered measured image of each pass; the first is registered again onto the image of the calibrated laws.
 
     Raises
     ------
@@ -156,7 +156,8 @@ def conclude(
         fresh_db,
     ]
     checks = check_laws(case, targets, history, objectives)
-    findings = list(image_findings(case, image))
+    findings = [finding for one in images for finding in from_json(one.findings)]
+    findings += image_findings(case, image)
     refused = any(one.severity == "refusal" for one in findings)
     causes = {one.code: f"{one.code} of {one.about}" for one in findings if one.severity != "note"}
     for name in targets:
@@ -166,7 +167,7 @@ def conclude(
         if case.simulator.kind == "command":
             law = case.materials[name].law
             findings += another_law(name, law, objectives[name], targets[name], history, geometry)
-    findings += _moved(case, history, targets, geometry, registered, final[1])
+    findings += _moved(case, history, targets, geometry, images[0] if images else None, final[1])
     return Conclusion(
         decision=decide(history, list(targets), stop, case.objective),
         checks=checks,

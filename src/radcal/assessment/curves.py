@@ -7,10 +7,12 @@ from numpy.typing import NDArray
 
 from radcal.radar.laws import Law
 
-__all__ = ["GRID_DEG", "PER_DEG", "Curves"]
+__all__ = ["GRID_DEG", "NORMAL_90", "PER_DEG", "Curves"]
 
 Doubles = NDArray[np.float64]
 
+NORMAL_90 = 1.6448536269514722
+"""Half-width of the 90 % interval of a normal distribution, in standard deviations."""
 PER_DEG = 4
 """Number of angles per degree in the grid of local incidence."""
 GRID_DEG = np.linspace(0.0, 90.0, 90 * PER_DEG + 1)

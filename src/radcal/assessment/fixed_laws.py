@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,7 @@ _KNOT_DEG = 4.0
 _QUANTILES = (0.05, 0.5, 0.95)
 _FREEDOM = 4.0  # of the t distributions of the level and of the errors of fixed laws
 _UNKNOWN_DB = 20.0  # standard deviation of a level that is removed
-_FIELD_LOG_SD = 0.5
+_FIELD_LOG_SD = 0.42
 FIELD_SPREAD = 1.0
 """Standard deviation of the logarithm of a material's field effects about that of all materials."""
 _FORMS = 4
@@ -69,7 +70,7 @@ class Observed:
         """Number of cells in all passes."""
         return sum(one.size for one in self.cells)
 
-    def together(self, name: str) -> NDArray[np.float64]:
+    def together(self, name: str) -> NDArray[Any]:
         """Attribute of the cells of all passes, one after the other."""
         return np.concatenate([getattr(one, name) for one in self.cells])
 
@@ -115,6 +116,7 @@ def form_basis(angles_deg: Doubles, knots_deg: Doubles, count: int) -> Doubles:
     """Columns of a smooth error of a law's form at angles [deg], shape (n, count), of variance 1 at each angle.
 
     The leading components of a Gaussian process with a squared exponential correlation, interpolated between knots.
+    Columns beyond the number of knots are zero.
 
     References
     ----------
@@ -123,7 +125,8 @@ def form_basis(angles_deg: Doubles, knots_deg: Doubles, count: int) -> Doubles:
     away = (knots_deg[:, None] - knots_deg) / FORM_DEG
     values, vectors = np.linalg.eigh(np.exp(-0.5 * away**2))
     basis = (vectors * np.sqrt(np.maximum(values, 0.0)))[:, ::-1][:, :count]
-    return np.stack([np.interp(angles_deg, knots_deg, column) for column in basis.T], axis=-1)
+    columns = [np.interp(angles_deg, knots_deg, column) for column in basis.T]
+    return np.stack(columns + [np.zeros(len(angles_deg))] * (count - len(columns)), axis=-1)
 
 
 def common_columns(of: Observed, areas: Sequence[float], config: Uncertainty) -> Doubles:
@@ -185,7 +188,6 @@ class _Scales:
         knots = np.arange(angle.min() - 0.5, angle.max() + 2.0 * _KNOT_DEG, _KNOT_DEG)
         forms = form_basis(angle, knots, _FORMS)
         own = np.column_stack([np.ones(angle.size), (angle - angle.mean()) / 10.0, forms])
-        own = np.pad(own, ((0, 0), (0, 2 + _FORMS - own.shape[1])))
         columns = np.column_stack([own, common_columns(one, areas, self.config), one.above_db])
         return Marginal(columns, one.together("variance"), one.together("patch"))
 
@@ -221,7 +223,7 @@ class _Scales:
     def _own_variance(self, at: Doubles, number: int) -> Doubles:
         error = np.exp(2.0 * at[:, 2] + at[:, self.law][:, number])
         columns = [error, self.config.fixed_slope**2 * error, *[np.exp(2.0 * at[:, 3])] * _FORMS]
-        return np.maximum(np.stack(columns, axis=1), 1e-12)
+        return np.asarray(np.maximum(np.stack(columns, axis=1), 1e-12))
 
     def gram(self, at: Doubles) -> tuple[Doubles, Doubles]:
         """Gram matrix of common effects and values, all else integrated out, and half the log determinant."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
+from radcal.assessment.curves import NORMAL_90
 from radcal.assessment.posterior import FormError
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ __all__ = ["form_error", "noticed_db"]
 Doubles = NDArray[np.float64]
 
 _REFUTED_DB = 1.0
-_NORMAL_90 = 1.6448536269514722
 _POWER = 0.9  # share of images in which a bump is noticed
 _PLACES, _WIDTHS = 5, (0.125, 0.25)  # angles of the bumps, and standard deviations in shares of the incidence seen
 _ANGLES = 41
@@ -84,7 +84,7 @@ def noticed_db(
         found = shapes @ covariance @ (full.T @ gram[0][:, p + 1 :] @ bump) * size
         sd = np.sqrt(np.einsum("ij,jk,ik->i", shapes, covariance, shapes))
         noise = np.sqrt(np.einsum("ij,jk,ik->i", shapes, covariance @ information @ covariance, shapes))
-        return float(ndtr((np.abs(found) - _NORMAL_90 * sd) / np.maximum(noise, 1e-12)).max())
+        return float(ndtr((np.abs(found) - NORMAL_90 * sd) / np.maximum(noise, 1e-12)).max())
 
     worst = 0.0
     for share in _WIDTHS:

@@ -17,6 +17,7 @@ Doubles = NDArray[np.float64]
 
 _CELL = np.log(np.geomspace(0.01, 3.0, 32))
 _FIELD = np.log(np.geomspace(0.01, 8.0, 32))
+_LEAST = 1e-10  # share added to the sum of squares, which rounding could make negative
 
 
 class Marginal:
@@ -60,9 +61,11 @@ class Marginal:
     def at(self, log_cell: Doubles, log_field: Doubles) -> tuple[Doubles, Doubles]:
         """Gram matrices of the columns, (m, k, k), and log determinants, (m,), at logarithms of s and tau, (m,)."""
         (i, u), (j, v) = (_place(log_cell, _CELL), _place(log_field, _FIELD))
-        corners = [(i, j, (1 - u) * (1 - v)), (i, j + 1, (1 - u) * v), (i + 1, j, u * (1 - v)), (i + 1, j + 1, u * v)]
-        gram = sum(share[:, None, None] * self._gram[a, b] for a, b, share in corners)
-        log_det = sum(share * self._log_det[a, b] for a, b, share in corners)
+        corners = (i * _FIELD.size + j)[:, None] + np.array([0, 1, _FIELD.size, _FIELD.size + 1])
+        shares = np.stack([(1 - u) * (1 - v), (1 - u) * v, u * (1 - v), u * v], axis=1)
+        k = self._gram.shape[-1]
+        gram = (shares[:, None] @ self._gram.reshape(-1, k * k)[corners]).reshape(-1, k, k)
+        log_det = (shares * self._log_det.ravel()[corners]).sum(axis=1)
         common = self._speckle + np.exp(2.0 * np.clip(log_cell, _CELL[0], _CELL[-1]))
         return np.asarray(gram / common[:, None, None]), np.asarray(log_det + self._cells * np.log(common))
 
@@ -93,9 +96,16 @@ def integrated(gram: Doubles, prior: Doubles, count: int) -> tuple[Doubles, Doub
     ndarray, shape (m,)
         Half of the log determinant of the precision, times the prior variance.
     """
+    diagonal, of_prior = np.arange(count), 0.5 * np.log(prior).sum(axis=1)
+    if gram.shape[1] == count + 1:  # one decomposition gives both results
+        full = gram.copy()
+        full[:, diagonal, diagonal] += 1.0 / prior
+        full[:, count, count] += _LEAST * (1.0 + full[:, count, count])
+        root = np.diagonal(np.linalg.cholesky(full), axis1=1, axis2=2)
+        return root[:, count:, None] ** 2, np.log(root[:, :count]).sum(axis=1) + of_prior
     inner = gram[:, :count, :count].copy()
-    inner[:, np.arange(count), np.arange(count)] += 1.0 / prior
+    inner[:, diagonal, diagonal] += 1.0 / prior
     root = np.linalg.cholesky(inner)
     left = np.linalg.solve(root, gram[:, :count, count:])
-    half = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1) + 0.5 * np.log(prior).sum(axis=1)
+    half = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1) + of_prior
     return gram[:, count:, count:] - np.swapaxes(left, 1, 2) @ left, half

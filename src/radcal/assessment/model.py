@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from radcal.assessment.calibrated import FORMS, Draws, LawModel, Parameters
 from radcal.assessment.cells import CellMeans, with_noise_db
-from radcal.assessment.curves import GRID_DEG, Curves
+from radcal.assessment.curves import GRID_DEG, NORMAL_90, PER_DEG, Curves
 from radcal.assessment.fixed_laws import Common, Observed, common_of, form_basis
 from radcal.assessment.form_error import form_error, noticed_db
 from radcal.assessment.posterior import WHOLE_DEG, Curve, FormError, Image, KeptDraws, Posterior, known_between
@@ -30,13 +32,13 @@ Doubles = NDArray[np.float64]
 Cells = Sequence[Mapping[str, CellMeans]]
 """Cells of each material, one mapping for each pass."""
 
-_NORMAL_90 = 1.6448536269514722
 _KNOT_DEG = 1.0
 _FORM_KNOT_DEG = 2.0
 _KEPT = 400
 _QUANTILES = [0.05, 0.5, 0.95]
 _LEAST_SHARE = 0.2
 _ANGLES = 41
+_LAST_DEG = 85
 _TRIED = 3  # draws from which the nearest law is searched
 
 
@@ -134,68 +136,65 @@ def posterior_of(
     laws = [one.laws[name] for one in case.passes]
     areas = [one.found for one in image.radiometry.values()]
     observed = _observed(name, cells, laws, best.tolist(), areas)
-    curved = laws[0].has_curve
-    decibels = case.target.normalisation != "image"
-    if curved:
-        parameters, weights, knots = _with_curve(observed, objective, laws, best, targets, name)
+    if laws[0].has_curve:
+        parameters, weights, knots = _with_curve(observed, objective, laws, best, _attenuation(targets, name))
     else:
-        parameters, weights, knots = _without_curve(case, observed, objective, history, best, targets, name)
-    angle = observed.together("incidence_deg")
-    form_knots = np.arange(np.floor(angle.min()), np.ceil(angle.max()) + 2.0 * _FORM_KNOT_DEG, _FORM_KNOT_DEG)
-    of_form = curved and decibels and not targets.level_only(name)
-    forms = form_basis(angle, form_knots, FORMS) if of_form else np.zeros((angle.size, FORMS))
-    flattening = _flattening(observed, targets, name, case.uncertainty.incidence_error)
+        parameters, weights, knots = _without_curve(case, observed, objective, history, best, name)
+    decibels = case.target.normalisation != "image"
+    curved = laws[0].has_curve and decibels
+    form = _Form(observed.together("incidence_deg")) if curved and not targets.level_only(name) else None
+    forms = np.zeros((observed.size, FORMS)) if form is None else form.columns(observed.together("incidence_deg"))
+    flattening = _flattening(observed, _attenuation(targets, name), case.uncertainty.incidence_error)
+    seen = [
+        (float(low), float(high))
+        for one in targets.passes
+        if name in one
+        for low, high in [np.quantile(one[name].incidence_deg.astype(np.float64), [0.05, 0.95])]
+    ]
     with threadpool_limits(1):
-        model = LawModel(
-            observed, weights, parameters, _wide(forms), flattening, common, _mean_areas(cells), case.uncertainty
-        )
+        model = LawModel(observed, weights, parameters, forms, flattening, common, _mean_areas(cells), case.uncertainty)
         draws = model.drawn(derived_seed(case.seed, "posterior", name), best)
-        form = None
-        seen = [
-            tuple(float(q) for q in np.quantile(one[name].incidence_deg.astype(np.float64), [0.05, 0.95]))
-            for one in targets.passes
-            if name in one
-        ]
-        basis = lambda deg: _wide(form_basis(np.clip(deg, form_knots[0], form_knots[-1]), form_knots, FORMS))  # noqa: E731
-        if of_form:
-            form = _form_error(model, draws, basis, knots, seen)
-    return _summary(
-        case,
-        observed,
-        laws[0],
-        draws,
-        seen,
-        basis if of_form else None,
-        form,
-        targets.level_only(name),
-        decibels,
-        parameters,
-    )
+        error = None if form is None else _form_error(model, draws, form, knots, seen)
+    found = _summary(observed, draws, form, seen, error)
+    if not curved:
+        return found
+    known_db = None if targets.level_only(name) else case.uncertainty.known_db
+    return _with_band(found, laws[0], draws, form, parameters, known_db)
 
 
-def _wide(columns: Doubles) -> Doubles:
-    """Columns padded with zeros to the number of components of a form error."""
-    return np.pad(columns, ((0, 0), (0, FORMS - columns.shape[1])))
+class _Form:
+    """Components of the error of a law's form, for the incidence of given cells [deg]."""
+
+    def __init__(self, incidence_deg: Doubles) -> None:
+        last = np.ceil(incidence_deg.max()) + 2.0 * _FORM_KNOT_DEG
+        self._knots = np.arange(np.floor(incidence_deg.min()), last, _FORM_KNOT_DEG)
+
+    def columns(self, incidence_deg: Doubles) -> Doubles:
+        """Columns at angles [deg], shape (n, 8), constant beyond the cells."""
+        return form_basis(np.clip(incidence_deg, self._knots[0], self._knots[-1]), self._knots, FORMS)
 
 
 def _with_curve(
-    observed: Observed, objective: Comparison, laws: Sequence[Law], best: Doubles, targets: Targets, name: str
+    observed: Observed,
+    objective: Comparison,
+    laws: Sequence[Law],
+    best: Doubles,
+    attenuation: Sequence[tuple[float, float]],
 ) -> tuple[Parameters, Doubles, Doubles]:
     """Parameters of a law with a curve, weights of its knots in the cells, and the knots [deg]."""
     box = np.asarray(objective.material.box)
-    knots, evaluate, blocks = [], [], []
-    for own, law, (middle, share) in zip(observed.cells, laws, _attenuation(targets, name), strict=True):
+    knots: list[Doubles] = []
+    blocks: list[Doubles] = []
+    evaluate: list[Callable[[Doubles], Doubles]] = []
+    for own, law, (middle, share) in zip(observed.cells, laws, attenuation, strict=True):
         if not own.size:
-            blocks.append(np.zeros((0, 0)))
             continue
         at = np.arange(np.floor(own.incidence_deg.min()), np.ceil(own.incidence_deg.max()) + _KNOT_DEG, _KNOT_DEG)
         order = np.argsort(own.incidence_deg)
-        noise = (
-            np.interp(at, own.incidence_deg[order], own.noise_db[order]) if np.isfinite(own.noise_db).all() else -np.inf
-        )
-        curves = Curves(law, np.stack([best, box.mean(axis=1)]))
+        known = bool(np.isfinite(own.noise_db).all())
+        noise = np.interp(at, own.incidence_deg[order], own.noise_db[order]) if known else np.full(at.size, -np.inf)
         rad = np.radians(np.clip(middle + share * (at - middle), 0.0, 90.0))
-        evaluate.append(lambda x, curves=curves, rad=rad, noise=noise: with_noise_db(curves(x, rad), noise))
+        evaluate.append(partial(_with_noise, Curves(law, np.stack([best, box.mean(axis=1)])), rad, noise))
         blocks.append(np.maximum(0.0, 1.0 - np.abs(own.incidence_deg[:, None] - at) / _KNOT_DEG))
         knots.append(at)
     weights = _diagonal(blocks)
@@ -214,6 +213,11 @@ def _with_curve(
     return Parameters(box, objective.material.integer, levels, log_prior), weights, np.concatenate(knots)
 
 
+def _with_noise(curves: Curves, rad: Doubles, noise_db: Doubles, x: Doubles) -> Doubles:
+    """Levels of laws with noise at angles [rad], from X, shape (m, d) to (m, k) [dB]."""
+    return with_noise_db(curves(x, rad), noise_db)
+
+
 def _diagonal(blocks: Sequence[Doubles]) -> Doubles:
     from scipy.linalg import block_diag
 
@@ -221,15 +225,13 @@ def _diagonal(blocks: Sequence[Doubles]) -> Doubles:
 
 
 def _without_curve(
-    case: stages.Posterior, observed: Observed, objective: Comparison, history: History, best: Doubles,
-    targets: Targets, name: str,
+    case: stages.Posterior, observed: Observed, objective: Comparison, history: History, best: Doubles, name: str
 ) -> tuple[Parameters, Doubles, Doubles]:  # fmt: skip
     """Parameters of a law without a curve, by the surrogate's means of the incidence-angle bins."""
     surrogate = Surrogate(train_all(history, case, {name: objective})[name], objective, history.surprise(name))
     middles, blocks = [], []
     for own, part in zip(observed.cells, objective.passes, strict=True):
         if part is None or not own.size:
-            blocks.append(np.zeros((0, 0)))
             continue
         classes = part.compared().classes
         middle = classes.nodes_deg.mean(axis=1)
@@ -274,50 +276,45 @@ def _attenuation(targets: Targets, name: str) -> list[tuple[float, float]]:
     return found
 
 
-def _flattening(observed: Observed, targets: Targets, name: str, log_sd: float) -> Doubles:
+def _flattening(observed: Observed, attenuation: Sequence[tuple[float, float]], log_sd: float) -> Doubles:
     """Change of each cell if the standard error of the incidence is one standard deviation larger, shape (n,) [dB]."""
-    found = []
-    for own, slope, (middle, share) in zip(observed.cells, observed.slope_db, _attenuation(targets, name), strict=True):
-        found.append(-2.0 * (1.0 - share) * log_sd * slope * (own.incidence_deg - middle))
-    return np.concatenate(found)
+    return np.concatenate([
+        -2.0 * (1.0 - share) * log_sd * slope * (own.incidence_deg - middle)
+        for own, slope, (middle, share) in zip(observed.cells, observed.slope_db, attenuation, strict=True)
+    ])  # fmt: skip
 
 
-def _form_error(model: LawModel, draws: Draws, basis, knots: Doubles, seen: Sequence[tuple[float, float]]) -> FormError:
+def _form_error(
+    model: LawModel, draws: Draws, form: _Form, knots: Doubles, seen: Sequence[tuple[float, float]]
+) -> FormError:
     """Error of the form over the incidence seen, and the smallest that would be noticed."""
     span = min(low for low, _ in seen), max(high for _, high in seen)
-    columns = basis(np.linspace(*span, _ANGLES))
-    forms = draws.form @ columns.T
-    return form_error(forms - forms.mean(axis=1, keepdims=True), noticed_db(model, draws.middle, columns, knots, span))
+    columns = form.columns(np.linspace(*span, _ANGLES))
+    found = draws.form @ columns.T
+    smallest = noticed_db(model, draws.middle, columns, knots, span)
+    return form_error(found - found.mean(axis=1, keepdims=True), smallest)
 
 
-def _summary(case, observed, law, draws, seen, basis, form, level_only, decibels, parameters) -> Posterior:
-    x, sampler = draws.parameters, draws.sample
-    low, middle, high = np.quantile(x, _QUANTILES, axis=0)
-    some = np.unique(np.linspace(0, len(x) - 1, _KEPT).round().astype(np.intp))
-    of_form = np.zeros((len(x), WHOLE_DEG.size)) if basis is None else draws.form @ basis(WHOLE_DEG).T
-    every = KeptDraws(x, draws.field_db, draws.cell_db, of_form, draws.fields_db)
-    curve = known = half = nearest = None
-    if law.has_curve and decibels:
-        curves = every.curves_db(law)
-        fine = np.quantile(curves, _QUANTILES, axis=0)
-        width = 0.5 * (fine[2] - fine[0])
-        if not level_only:
-            known = known_between(GRID_DEG, width, seen, case.uncertainty.known_db)
-        if known is not None:
-            half = float(width[(known[0] <= GRID_DEG) & (known[1] >= GRID_DEG)].max())
-        of_field = np.quantile(every.field_curves_db(law), _QUANTILES, axis=0)
-        every_deg = slice(None, 86 * 4, 4)
-        curve = Curve(
-            incidence_deg=GRID_DEG[every_deg],
-            median_db=fine[1][every_deg],
-            p05_db=fine[0][every_deg],
-            p95_db=fine[2][every_deg],
-            systematic_db=_NORMAL_90 * _explained(curves[:, every_deg], draws.common),
-            field_median_db=of_field[1][every_deg],
-            field_p05_db=of_field[0][every_deg],
-            field_p95_db=of_field[2][every_deg],
-        )
-        nearest = _nearest(law, parameters, x, curves, fine[1], seen)
+def _kept(draws: Draws, form: _Form | None) -> KeptDraws:
+    """Draws with the error of the form at whole degrees."""
+    forms = np.zeros((len(draws.parameters), WHOLE_DEG.size))
+    if form is not None:
+        forms = draws.form @ form.columns(WHOLE_DEG).T
+    return KeptDraws(draws.parameters, draws.field_db, draws.cell_db, forms, draws.fields_db)
+
+
+def _summary(
+    observed: Observed,
+    draws: Draws,
+    form: _Form | None,
+    seen: Sequence[tuple[float, float]],
+    error: FormError | None,
+) -> Posterior:
+    """Posterior without a band of sigma0."""
+    low, middle, high = np.quantile(draws.parameters, _QUANTILES, axis=0)
+    sampler, every = draws.sample, _kept(draws, form)
+    some = np.unique(np.linspace(0, len(draws.parameters) - 1, _KEPT).round().astype(np.intp))
+    cells = [one for one in observed.cells if one.size]
     return Posterior(
         sampled=sampler.converged,
         ess=sampler.ess,
@@ -328,21 +325,42 @@ def _summary(case, observed, law, draws, seen, basis, form, level_only, decibels
         parameters_p05=low,
         parameters_p50=middle,
         parameters_p95=high,
-        looks=float(
-            np.average(
-                [one.looks for one in observed.cells if one.size],
-                weights=[one.size for one in observed.cells if one.size],
-            )
-        ),
+        looks=float(np.average([one.looks for one in cells], weights=[one.size for one in cells])),
         between_db=np.quantile(draws.field_db, _QUANTILES),
         within_db=np.quantile(draws.cell_db, _QUANTILES),
         seen_deg=np.array(seen),
-        parameters_model=nearest,
-        curve=curve,
-        known_between_deg=known,
-        known_half_width_db=half,
-        form=form,
+        form=error,
         draws=KeptDraws(**{key: value[some] for key, value in vars(every).items()}),
+    )
+
+
+def _with_band(
+    found: Posterior, law: Law, draws: Draws, form: _Form | None, parameters: Parameters, known_db: float | None
+) -> Posterior:
+    """Posterior with the band of sigma0, where it is determined, and the law nearest to its median."""
+    every = _kept(draws, form)
+    curves = every.curves_db(law)
+    low, middle, high = np.quantile(curves, _QUANTILES, axis=0)
+    field_low, field_middle, field_high = np.quantile(every.field_curves_db(law), _QUANTILES, axis=0)
+    width, seen = 0.5 * (high - low), found.seen_deg.tolist()
+    known = None if known_db is None else known_between(GRID_DEG, width, seen, known_db)
+    inside = np.zeros(GRID_DEG.size, np.bool_) if known is None else (known[0] <= GRID_DEG) & (known[1] >= GRID_DEG)
+    whole = slice(None, _LAST_DEG * PER_DEG + 1, PER_DEG)
+    return replace(
+        found,
+        parameters_model=_nearest(law, parameters, draws.parameters, curves, middle, seen),
+        curve=Curve(
+            incidence_deg=GRID_DEG[whole],
+            median_db=middle[whole],
+            p05_db=low[whole],
+            p95_db=high[whole],
+            systematic_db=NORMAL_90 * _explained(curves[:, whole], draws.common),
+            field_median_db=field_middle[whole],
+            field_p05_db=field_low[whole],
+            field_p95_db=field_high[whole],
+        ),
+        known_between_deg=known,
+        known_half_width_db=float(width[inside].max()) if known is not None else None,
     )
 
 
@@ -353,26 +371,24 @@ def _explained(curves: Doubles, common: Doubles) -> Doubles:
     return np.asarray(fitted.std(axis=0))
 
 
-def _nearest(law: Law, parameters: Parameters, x: Doubles, curves: Doubles, median: Doubles, seen) -> Doubles:
+def _nearest(
+    law: Law, parameters: Parameters, x: Doubles, curves: Doubles, median: Doubles, seen: Sequence[Sequence[float]]
+) -> Doubles:
     """X in the bounds whose law is nearest to the median of sigma0 over the incidence seen (least squares)."""
     from scipy.optimize import least_squares
 
     inside = np.any([(low <= GRID_DEG) & (high >= GRID_DEG) for low, high in seen], axis=0)
-    inside = inside if inside.any() else np.abs(GRID_DEG - np.mean(seen)).argmin() == np.arange(GRID_DEG.size)
+    inside[np.abs(GRID_DEG - np.mean(seen)).argmin()] = True
     rad, wanted = np.radians(GRID_DEG[inside]), median[inside]
     low, high = parameters.box.T
+    scale = np.maximum(high - low, 1e-12)
+
+    def away(unit: Doubles) -> Doubles:
+        return np.asarray(law(rad, low + unit * scale)) - wanted
+
     starts = x[np.argsort(((curves[:, inside] - wanted) ** 2).mean(axis=1))[:_TRIED]]
-
-    def found(start: Doubles) -> Doubles:
-        if parameters.integer.any():
-            return start
-        scale = np.maximum(high - low, 1e-12)
-        fit = least_squares(
-            lambda u: np.asarray(law(rad, low + u * scale)) - wanted,
-            np.clip((start - low) / scale, 1e-6, 1 - 1e-6),
-            bounds=(0.0, 1.0),
-        )
-        return np.asarray(low + fit.x * scale)
-
-    each = [found(start) for start in starts]
-    return min(each, key=lambda one: float(((np.asarray(law(rad, one)) - wanted) ** 2).mean()))
+    if parameters.integer.any():
+        return np.asarray(starts[0])
+    units = [np.clip((start - low) / scale, 1e-6, 1.0 - 1e-6) for start in starts]
+    found = [least_squares(away, unit, bounds=(0.0, 1.0)) for unit in units]
+    return np.asarray(low + min(found, key=lambda one: float(one.cost)).x * scale)

@@ -4,24 +4,22 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
-from scipy.optimize import brentq
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtri, polygamma
 
-from radcal.assessment.budget import NORMAL_90, Budget
-from radcal.assessment.curves import GRID_DEG
+from radcal.assessment.cells import DB, cell_keys, with_noise_db
+from radcal.assessment.curves import GRID_DEG, NORMAL_90
+from radcal.assessment.observation import fields_of
 from radcal.assessment.posterior import KeptDraws
-from radcal.config import Radar, TargetConfig
+from radcal.config import Radar, Uncertainty
 from radcal.measurement.classes import class_of, incidence_edges
-from radcal.measurement.ground import Blocks
-from radcal.measurement.patches import label_patches, make_cells, patches_seen
 from radcal.radar.geometry import Geometry
+from radcal.radar.laws import Law
 from radcal.radar.radiometry import noise_floor_db
-from radcal.radar.texture import log_speckle_cumulants
 from radcal.scene.model import Scene
 
 __all__ = ["Sight", "equivalent_sd", "half_widths_after", "half_widths_now", "normal_scores", "sight_of"]
@@ -30,11 +28,14 @@ Doubles = NDArray[np.float64]
 
 _FEWEST = 50  # least number of pixels, as for a target
 _QUANTILES = (0.05, 0.95)
+_SCORES = ndtri(np.arange(0.5, 400.0) / 400.0)  # of a standard normal distribution
 
 
 @dataclass(frozen=True)
 class Sight:
     """Pixels of one material that a planned pass would see, in n incidence-angle bins.
+
+    The mean of a bin is the average over its pixels of the mean power of their cells in dB (:mod:`.cells`).
 
     Attributes
     ----------
@@ -44,17 +45,18 @@ class Sight:
         Local incidence of these pixels [deg].
     edges_deg : ndarray, shape (n + 1,)
         Edges of the bins [deg].
+    cell : ndarray of int, shape (p,)
+        Number of the cell of each pixel.
     weights : ndarray, shape (n, 361)
         Share of each bin's pixels at each angle of the grid of incidence.
-    patches, cells : ndarray, shape (n, n)
-        Covariances of the bins' means that random effects of variance 1 cause: effects of the fields, and effects of
-        the cells, that the bins share.
+    cells : ndarray, shape (n, n)
+        Covariance of the bins' means by effects of cells of variance 1.
     independent : ndarray, shape (n,)
         Number of independent pixels in each bin.
     noise_db : ndarray, shape (n,)
         Mean noise floor in each bin [dB].
     fields : ndarray of int, shape (f,)
-        Numbers of the fields in the scene, which are the same in all passes; empty if fields have no numbers.
+        Numbers of the fields, increasing; those of a scene are the same in all passes.
     shares : ndarray, shape (n, f)
         Share of each bin's pixels that lies in each field.
     """
@@ -62,50 +64,43 @@ class Sight:
     pixels: NDArray[np.int64]
     incidence_deg: Doubles
     edges_deg: Doubles
+    cell: NDArray[np.intp]
     weights: Doubles
-    patches: Doubles
     cells: Doubles
     independent: Doubles
     noise_db: Doubles
-    fields: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    shares: Doubles = field(default_factory=lambda: np.empty((0, 0)))
+    fields: NDArray[np.int64]
+    shares: Doubles
 
     def in_common(self, other: Sight) -> Doubles:
         """Covariance of the bins' means in two passes, shape (n, n'), caused by effects of fields of variance 1."""
-        found = np.zeros((len(self.weights), len(other.weights)))
-        for number in np.intersect1d(self.fields, other.fields):
-            found += np.multiply.outer(
-                self.shares[:, self.fields == number][:, 0], other.shares[:, other.fields == number][:, 0]
-            )
-        return found
+        _, own, others = np.intersect1d(self.fields, other.fields, return_indices=True)
+        return np.asarray(self.shares[:, own] @ other.shares[:, others].T)
 
     def means_db(self, curves_db: Doubles) -> Doubles:
         """Mean level of each bin with the noise added [dB], shape (m, n), from m curves on the grid, shape (m, 361)."""
         found = np.empty((len(curves_db), len(self.weights)))
         for k, weight in enumerate(self.weights):
             seen = np.flatnonzero(weight)
-            power = 10.0 ** (curves_db[:, seen] / 10.0) + 10.0 ** (self.noise_db[k] / 10.0)
-            found[:, k] = 10.0 * np.log10(power) @ weight[seen]
+            found[:, k] = with_noise_db(curves_db[:, seen], self.noise_db[k]) @ weight[seen]
         return found
 
-    def covariance(self, fields_db: Doubles, looks: float, budget: Budget, level_db: Doubles) -> Doubles:
-        """Covariance of the errors of the bins' means [dB^2], shape (n, n), at mean levels ``level_db``, shape (n,).
+    def covariance(
+        self, field_db: Doubles, cell_db: Doubles, looks: float, config: Uncertainty, level_db: Doubles
+    ) -> Doubles:
+        """Covariances of the errors of the bins' means [dB^2], shape (..., n, n), at mean levels, shape (n,).
 
-        The covariance is the sum of the contributions of speckle, of fields and their cells (``fields_db``: standard
-        deviations between and within fields), of the image's level, and of its noise floor.
+        The errors are those of speckle of ``looks`` looks, of fields and cells with standard deviations of shape (...),
+        of the image's level, and of its noise floor, which counts by the share of noise in the power.
         """
-        between, within = fields_db
-        speckle = float(log_speckle_cumulants(looks)[1])
-        of_noise = budget.noise_errors_db(level_db, self.noise_db)
-        common = np.full_like(self.patches, budget.level_db**2) + np.multiply.outer(of_noise, of_noise)
-        return np.asarray(
-            common + between**2 * self.patches + within**2 * self.cells + np.diag(speckle / self.independent)
-        )
+        share = np.minimum(10.0 ** ((self.noise_db - level_db) / 10.0), 1.0)
+        common = config.level_db**2 + config.noise_db**2 * np.multiply.outer(share, share)
+        speckle = np.diag(DB**2 * polygamma(1, looks * self.independent))
+        of_fields = np.square(field_db)[..., None, None] * self.in_common(self)
+        return np.asarray(common + speckle + of_fields + np.square(cell_db)[..., None, None] * self.cells)
 
 
-def sight_of(
-    name: str, geometry: Geometry, radar: Radar, target: TargetConfig, scene: Scene | None = None
-) -> Sight | None:
+def sight_of(name: str, geometry: Geometry, radar: Radar, margin_px: int, scene: Scene | None = None) -> Sight | None:
     """Pixels of a material that a planned pass would see; None for fewer than 50 usable pixels.
 
     Parameters
@@ -116,14 +111,13 @@ def sight_of(
         Geometry of the pass.
     radar : Radar
         Radar of the pass, with its resolutions and its noise.
-    target : TargetConfig
-        Configuration of the target, with the margin to other materials and the number of pixels.
+    margin_px : int
+        Margin to other materials [pixels].
     scene : Scene, optional
-        Scene, which numbers the fields as in the fit; by default the fields are the connected areas of the image, and
-        have no numbers in common with other passes.
+        Scene, which numbers the fields as in the fit; by default the fields are the connected areas of the image.
     """
     hidden = (geometry.layover | geometry.shadow).ravel()
-    pixels = geometry.pixels(name, target.margin_px)
+    pixels = geometry.pixels(name, margin_px)
     pixels = pixels[~hidden[pixels]]
     if pixels.size < _FEWEST:
         return None
@@ -135,29 +129,25 @@ def sight_of(
     nearest = np.rint(angle / (GRID_DEG[1] - GRID_DEG[0])).astype(np.intp)
     weights = np.zeros((n, GRID_DEG.size))
     np.add.at(weights, (member, nearest), 1.0)
-    number = geometry.names.index(name) + 1
-    shown = geometry.material == number
-    labels = label_patches(shown) if scene is None else patches_seen(shown, scene.material == number, geometry.ground)
-    patch = labels.ravel()[pixels]
-    fields, shares = _shares(member, patch, count)
-    cells = make_cells(patch, Blocks.of(None, geometry.shape[0]).parts_of(pixels, geometry.shape[1])).of_pixel
-    row = pixels // geometry.shape[1]
-    noise = noise_floor_db(radar, geometry.flat_incidence_deg)[row]
-    # each resolution cell counts as one independent pixel, and a target takes no more than its number of pixels
+    field = fields_of(name, geometry, scene)[pixels]
+    _, cell = np.unique(cell_keys(pixels, field, angle, geometry.shape[1]), axis=1, return_inverse=True)
+    fields, shares = _shares(member, field, count)
+    _, of_cells = _shares(member, cell.ravel(), count)
+    noise = noise_floor_db(radar, geometry.flat_incidence_deg)[pixels // geometry.shape[1]]
+    # each resolution cell counts as one independent pixel
     spacing = radar.range_spacing_m * radar.azimuth_spacing_m
-    of_resolution = spacing / (radar.range_resolution_m * radar.azimuth_resolution_m)
-    share = min(of_resolution, target.pixels / pixels.size, 1.0)
+    share = min(spacing / (radar.range_resolution_m * radar.azimuth_resolution_m), 1.0)
     return Sight(
         pixels=pixels,
         incidence_deg=angle,
         edges_deg=edges,
+        cell=cell.ravel(),
         weights=weights / count[:, None],
-        patches=shares @ shares.T,
-        cells=_shared(member, cells, count),
+        cells=of_cells @ of_cells.T,
         independent=np.maximum(count * share, 1.0),
         noise_db=np.bincount(member, noise, n) / count,
-        fields=np.empty(0, dtype=np.int64) if scene is None else fields,
-        shares=shares[:, :0] if scene is None else shares,
+        fields=fields,
+        shares=shares,
     )
 
 
@@ -169,12 +159,6 @@ def _shares(member: NDArray[np.int64], label: NDArray[np.int64], count: Doubles)
     return labels, shares / count[:, None]
 
 
-def _shared(member: NDArray[np.int64], label: NDArray[np.int64], count: Doubles) -> Doubles:
-    """Product of two bins' shares of pixels with the same label, summed over all labels, shape (n, n)."""
-    _, shares = _shares(member, label, count)
-    return np.asarray(shares @ shares.T)
-
-
 def half_widths_now(curves_db: Doubles) -> Doubles:
     """Half-width of the pointwise 90 % band of m curves at k angles [dB], shape (m, k) to (k,)."""
     low, high = np.quantile(curves_db, _QUANTILES, axis=0)
@@ -182,22 +166,22 @@ def half_widths_now(curves_db: Doubles) -> Doubles:
 
 
 def half_widths_after(
-    curves_db: Doubles,
     draws: KeptDraws,
+    law: Law,
     own: Sequence[Sight],
     further: Sequence[Sight],
-    budget: Budget,
+    looks: float,
+    config: Uncertainty,
     of: NDArray[np.int64],
+    common_level: bool = False,
 ) -> Doubles:
     """Expected half-width of the 90 % band after further passes [dB], by the linear-Gaussian preposterior covariance.
 
-    Draws from the posterior give the joint covariance of the curve and of the predicted means of the bins, in the
-    passes that the calibration has and in the further passes. The errors of the means are correlated between passes,
-    because a field has the same effect in all passes. The draws already contain the means measured in the own passes,
-    so that their errors are known up to the law: the conditional distribution of the errors in the further passes,
-    given the errors in the own passes, replaces the unconditional one. What fields have in common is then not measured
-    again by a further pass. The covariance of the curve after the further passes does not depend on the values that
-    will be measured.
+    Draws of law and form error give the joint covariance of the curve and of the predicted means of the bins, in the
+    passes that the calibration has and in the further passes. A field has the same effect in all passes. Given a draw,
+    the means measured in the own passes give their errors, so that the conditional distribution of the errors in the
+    further passes replaces the unconditional one: a further pass does not measure again what the fields have in common.
+    The covariance of the curve after the further passes does not depend on the values that will be measured.
 
     The half-widths follow from quantiles, as those of the present band, and not from variances: the standard deviations
     of fields have a posterior with a heavy tail, so that a few draws would determine the variances. Curves and
@@ -205,18 +189,22 @@ def half_widths_after(
 
     Parameters
     ----------
-    curves_db : ndarray, shape (m, 361)
-        Curves of the draws on the grid of incidence [dB].
     draws : KeptDraws
         The m draws from the posterior.
+    law : Law
+        Law of the material.
     own : sequence of Sight
         Pixels of the passes that the calibration has.
     further : sequence of Sight
         Pixels that each further pass would see.
-    budget : Budget
-        Uncertainty budget, with the standard errors of level and noise floor.
+    looks : float
+        Effective looks of a pixel inside of a cell.
+    config : Uncertainty
+        Standard errors of level and noise floor, which are independent between passes.
     of : ndarray of int, shape (k,)
         Indices of the k angles of the grid at which the half-width is wanted.
+    common_level : bool
+        Whether all passes have one error of the level, as if the same fixed laws give it.
 
     Returns
     -------
@@ -229,16 +217,23 @@ def half_widths_after(
     Wackernagel, "Sequential data assimilation techniques in oceanography", International Statistical Review 71 (2003),
     for Gaussian anamorphosis.
     """
-    wanted = curves_db[:, of]
+    wanted = draws.curves_db(law)[:, of]
     now = half_widths_now(wanted)
     if not further:
         return now
-    fields_db, looks = equivalent_sd(draws.fields_db), float(np.median(draws.looks))
-    means = [one.means_db(draws.laws_db(curves_db)) for one in (*own, *further)]
-    # the mean of speckle in dB depends on the looks
-    seen = normal_scores(np.concatenate(means, axis=1) + log_speckle_cumulants(draws.looks)[:, :1])
-    errors = _errors([*own, *further], [mean.mean(axis=0) for mean in means], fields_db, looks, budget)
-    first = sum(mean.shape[1] for mean in means[: len(own)])  # index of the first bin of the further passes
+    sights, laws = [*own, *further], draws.laws_db(law)
+    means = [one.means_db(laws) for one in sights]
+    seen = normal_scores(np.concatenate(means, axis=1))
+    field, cell = equivalent_sd(draws.field_db), equivalent_sd(draws.cell_db)
+    levels = [mean.mean(axis=0) for mean in means]
+    errors = block_diag(
+        *(one.covariance(field, cell, looks, config, at) for one, at in zip(sights, levels, strict=True))
+    )
+    ends = np.cumsum([0, *(len(one.weights) for one in sights)])
+    for i, j in itertools.permutations(range(len(sights)), 2):
+        shared = field**2 * sights[i].in_common(sights[j]) + common_level * config.level_db**2
+        errors[ends[i] : ends[i + 1], ends[j] : ends[j + 1]] = shared
+    first = ends[len(own)]  # bin of the further passes
     given = np.linalg.solve(errors[:first, :first], errors[:first, first:]).T
     innovation = seen[:, first:] - seen[:, :first] @ given.T
     left = normal_scores(wanted)
@@ -247,20 +242,6 @@ def half_widths_after(
     before = (left**2).mean(axis=0)
     after = before - np.einsum("ki,ki->k", across, np.linalg.solve(covariance, across.T).T)
     return np.asarray(now * np.sqrt(np.clip(after, 0.0, None) / np.maximum(before, 1e-12)))
-
-
-def _errors(
-    sights: Sequence[Sight], levels_db: Sequence[Doubles], fields_db: Doubles, looks: float, budget: Budget
-) -> Doubles:
-    """Covariance of the errors of the means of all passes' bins [dB^2], with the effects of fields in common."""
-    whole = block_diag(
-        *(one.covariance(fields_db, looks, budget, level) for one, level in zip(sights, levels_db, strict=True))
-    )
-    ends = np.cumsum([0, *(len(one.weights) for one in sights)])
-    for i, j in itertools.permutations(range(len(sights)), 2):
-        shared = sights[i].in_common(sights[j])
-        whole[ends[i] : ends[i + 1], ends[j] : ends[j + 1]] = fields_db[0] ** 2 * shared
-    return np.asarray(whole)
 
 
 def normal_scores(values: Doubles) -> Doubles:
@@ -275,17 +256,8 @@ def normal_scores(values: Doubles) -> Doubles:
 
 
 def equivalent_sd(sd: Doubles) -> Doubles:
-    """Standard deviation of the normal distribution with the 90 % interval of a mixture, shape (m, k) to (k,).
+    """Standard deviation of the normal distribution with the 90 % interval of a mixture of m, shape (m,) to ().
 
-    Each column of ``sd`` holds the standard deviations of m normal distributions with mean 0 and equal weights.
+    The mixture consists of normal distributions of mean 0 and equal weights with the standard deviations ``sd``.
     """
-    found = np.zeros(sd.shape[1])
-    for k, each in enumerate(sd.T):
-        if (least := each[each > 0.0]).size > 0.1 * each.size:  # else more than 90 % of the values are 0
-            outside = each.size - least.size
-
-            def excess(x: float, each: Doubles = least, outside: int = outside, whole: int = each.size) -> float:
-                return float((ndtr(x / each).sum() + outside) / whole) - _QUANTILES[1]
-
-            found[k] = brentq(excess, 0.0, 4.0 * float(least.max())) / NORMAL_90
-    return found
+    return np.asarray(np.quantile(np.abs(np.multiply.outer(_SCORES, sd)), 0.9) / np.quantile(np.abs(_SCORES), 0.9))

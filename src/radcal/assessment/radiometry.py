@@ -23,7 +23,7 @@ _ROUNDS, _HUBER = 8, 2.0
 _CELL_DB = 0.15
 _SCATTER = 2.0  # times the stated standard error: scatter found among images of known radiometry
 _UNCERTAIN = 0.25
-_MIDDLE = 0.5
+_LEAST, _ERRORS = 0.6, 2.5  # exponent that shows another radiometry: smallest, and in standard errors
 # area term that the declared radiometry lacks (+1) or has too much (-1), if another one is meant
 _MAY_BE = {"sigma0_local": 1, "gamma0_rtc": 1, "sigma0_ref": -1, "beta0": -1, "gamma0": -1}
 
@@ -39,8 +39,8 @@ class Radiometry:
 
     @property
     def checked(self) -> bool:
-        """Whether the fixed materials can tell the radiometry."""
-        return len(self.materials) >= _MATERIALS and self.error <= _UNCERTAIN
+        """Whether the fixed materials can tell the radiometry, or do."""
+        return len(self.materials) >= _MATERIALS and (self.error <= _UNCERTAIN or self.found != 0)
 
 
 def area_exponent(cells: Mapping[str, tuple[CellMeans, Doubles]], config: Uncertainty) -> tuple[float, float]:
@@ -89,7 +89,8 @@ def area_exponent(cells: Mapping[str, tuple[CellMeans, Doubles]], config: Uncert
 def radiometry_of(cells: Mapping[str, tuple[CellMeans, Doubles]], declared: str, config: Uncertainty) -> Radiometry:
     """Radiometry of one pass, from cells and law [dB] of its fixed materials, and the radiometry that is declared.
 
-    A material counts if its simulated level is 10 dB above the noise and it has 30 cells.
+    A material counts if its simulated level is 10 dB above the noise and it has 30 cells. Another radiometry is found
+    if the exponent has the sign that it permits, and exceeds 0.6 and 2.5 standard errors.
     """
     counted = {
         name: (one, law)
@@ -101,6 +102,6 @@ def radiometry_of(cells: Mapping[str, tuple[CellMeans, Doubles]], declared: str,
     exponent, error = area_exponent(counted, config)
     shown = Radiometry(exponent, error, 0, tuple(counted))
     sign = _MAY_BE[declared]
-    if not shown.checked or sign * exponent < _MIDDLE:
+    if len(counted) < _MATERIALS or sign * exponent < max(_LEAST, _ERRORS * error):
         return shown
     return Radiometry(exponent, error, sign, tuple(counted))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.findings import Finding
+from radcal.findings import Finding, Severity
 from radcal.measurement.gefolki import find_flow, pyramid
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Target
@@ -52,7 +52,7 @@ class Moved:
 
     def finding(self, name: str) -> Finding:
         """Finding on the registration of one material's pixels; a warning if it is in doubt."""
-        severity = "warning" if self.doubtful else "note"
+        severity: Severity = "warning" if self.doubtful else "note"
         return Finding("registration_moved", severity, name, vars(self), f"materials.{name}.start" * self.doubtful)
 
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.storage.records import from_json, read_json, write_json
+from radcal.storage.records import from_json, read_json, understood, write_json
 
 __all__ = [
     "Front",
@@ -308,7 +308,12 @@ def read_runs(paths: Iterable[str | Path]) -> History:
                 data[key] = {name: make(item, path) for name, item in data[key].items()}
         return from_json(Run, data, path)
 
-    return History(parse(path, data) for path in paths for data in read_json(path))
+    runs: list[Run] = []
+    for path in paths:
+        entries = read_json(path)
+        with understood(path):
+            runs += [parse(path, data) for data in entries]
+    return History(runs)
 
 
 def _score(data: dict[str, Any], path: str | Path) -> Score:
@@ -327,4 +332,6 @@ def write_proposals(path: str | Path, proposals: Mapping[str, Proposal]) -> None
 
 def read_proposals(path: str | Path) -> dict[str, Proposal]:
     """Read the proposals of all materials from a file of :func:`write_proposals`."""
-    return {name: _proposal(data, path) for name, data in read_json(path).items()}
+    proposals = read_json(path)
+    with understood(path):
+        return {name: _proposal(data, path) for name, data in proposals.items()}

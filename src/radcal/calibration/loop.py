@@ -26,6 +26,7 @@ from radcal.calibration.steps import (
 )
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Case, stages
+from radcal.measurement.geometry_check import checked
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import Registered, register
 from radcal.measurement.second_registration import register_again
@@ -68,11 +69,17 @@ def register_rounds(
         Registered measured image.
     run : (Record, Parameters) or None
         Registration run and its X by material, for :func:`calibrate`; None if the image is registered once.
+
+    Raises
+    ------
+    MeasurementError
+        The measured image has nothing in common with the simulated image, or contradicts the geometry of the pass.
     """
     reference = stages.ReferenceRun.of(case)
     start = _image_db(reference_runs(reference, runner)[0])
     check_scale(start, measurement.image_db, reference)
     first = register(start, measurement, case.registration)
+    first = checked(first, start, geometry, case.radar, scene.slope_error_deg)
     if not case.registers_twice:
         return first, None
     stage = stages.Target.of(case)

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.budget import NORMAL_90
+from radcal.assessment.curves import NORMAL_90
 from radcal.assessment.reach import law_range_db, level_asked_db
 from radcal.checking.file_problems import is_on_map
 from radcal.checking.hidden_by_noise import hidden_by_noise

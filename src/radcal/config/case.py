@@ -139,6 +139,10 @@ class Case(Part):
         for name in value:
             if not re.fullmatch(r"[A-Za-z0-9]([A-Za-z0-9_ -]*[A-Za-z0-9_-])?", name):
                 raise ValueError(f"name {name!r} is not made of letters, digits, blanks, _ and -")
+            if len(name) > 60:
+                raise ValueError(f"name {name!r} has {len(name)} letters, expected at most 60: it names a file")
+            if again := re.search(r"(.+)\1{19}$", name):  # Snakemake refuses such a value of a wildcard
+                raise ValueError(f"name {name!r} ends with 20 times {again[1]!r}, expected at most 19 times")
         return value
 
     @model_validator(mode="after")

@@ -128,8 +128,9 @@ class ReferenceRun(Simulation):
 
 
 class Registration(Stage):
-    """Sections that rule ``registration`` reads: its settings, and the materials that a run's record must contain."""
+    """Sections that rule ``registration`` reads: its settings, the pass, and the materials of a run's record."""
 
+    radar: Radar
     materials: dict[str, Material]
     registration: RegistrationConfig
 
@@ -182,7 +183,7 @@ class Verify(Simulation, Train):
 
 
 class Posterior(Simulation, Train):
-    """Sections that rule ``posterior`` reads: for the posterior of all laws, and for draws of the built-in simulator."""
+    """Sections that rule ``posterior`` reads, also for an image of many looks of the built-in simulator."""
 
     target: TargetConfig
     validation: Validation | None

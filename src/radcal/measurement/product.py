@@ -21,13 +21,12 @@ from radcal.measurement.annotation import (
 )
 from radcal.measurement.readers import image_file
 from radcal.reading.images import reading
-from radcal.reading.intake import parse_xml
+from radcal.reading.intake import read_xml
 from radcal.reading.safe import SafeRefused, chosen_image, safe_folder, safe_images
 
 __all__ = ["Product", "open_product"]
 
 T = TypeVar("T")
-_LARGEST_XML = 100_000_000  # bytes
 # orbit and geolocation grid of an undamaged product agree within a pixel
 _AGREED_PX = 5.0
 
@@ -114,9 +113,7 @@ def open_product(path: Path, config: FileMeasurement, radar: Radar) -> Product:
 def _parsed(path: Path, config: FileMeasurement, called: str, parse: Callable[[Any], T]) -> T:
     """Content of one XML file of a product."""
     with reading(image_file(path, config), f"the {called} of a Sentinel-1 product"):
-        if path.stat().st_size > _LARGEST_XML:
-            raise ValueError(f"it has {path.stat().st_size} bytes, expected at most {_LARGEST_XML}")
-        return parse(parse_xml(path.read_bytes()))
+        return parse(read_xml(path))
 
 
 def _check_grid(product: Product) -> None:

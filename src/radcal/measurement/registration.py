@@ -64,6 +64,10 @@ class Registered:
         Whether the image was moved.
     verdict : str
         Sentence on the result of the registration.
+    refused_px : ndarray of float32, shape (2, rows, columns), or None
+        Displacement that was found but not applied [pixels]; None if it was applied, or none was sought.
+    findings : str
+        Findings on the geometry of the pass, as JSON (:func:`radcal.findings.to_json`).
     """
 
     measurement: Measurement
@@ -74,6 +78,13 @@ class Registered:
     method: str
     applied: bool
     verdict: str
+    refused_px: NDArray[np.float32] | None = None
+    findings: str = "[]"
+
+    @property
+    def found_px(self) -> NDArray[np.float32] | None:
+        """Displacement that the registration has found [pixels], applied or not; None if none was sought."""
+        return self.displacement_px if self.applied else self.refused_px
 
 
 def contrast_db(image_db: NDArray[np.float32]) -> float:
@@ -170,7 +181,7 @@ def register(
     found_out = f"{found}, standard error {_standard_error(after):.3f}"
     if not same_area:
         _check_agreement(source, levels, flow, correlation, found_out, contrast_db(fixed_db))
-    kept = partial(_kept, measurement, ranks, config.method)
+    kept = partial(_kept, measurement, ranks, config.method, found_px=field.astype(np.float32))
     if furthest > config.max_displacement_px:
         return kept(
             f"the registration would move {source} by up to {furthest:.1f} pixels, more than "
@@ -230,7 +241,11 @@ def _check_agreement(
 
 
 def _kept(
-    measurement: Measurement, ranks: tuple[NDArray[np.float32], NDArray[np.float32]], method: str, verdict: str
+    measurement: Measurement,
+    ranks: tuple[NDArray[np.float32], NDArray[np.float32]],
+    method: str,
+    verdict: str,
+    found_px: NDArray[np.float32] | None = None,
 ) -> Registered:
     """Measured image that is used unregistered, with the reason as its verdict."""
     return Registered(
@@ -242,6 +257,7 @@ def _kept(
         method=method,
         applied=False,
         verdict=verdict,
+        refused_px=found_px,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,7 @@ from radcal.config import Radar
 from radcal.errors import MeasurementError
 from radcal.radar.geometry import Geometry
 
-__all__ = ["ReliefSlope", "check_relief", "relief_slope"]
+__all__ = ["ReliefSlope", "check_relief", "relief_slope", "relief_slopes"]
 
 _BLOCK_PX = 32
 _FEWEST = 20  # smallest number of blocks, and of pixels of a material in a block
@@ -36,12 +37,17 @@ class ReliefSlope:
         slope of more than this size.
     spread_deg : float
         Standard deviation of the incidence inside blocks [deg].
+    against_gamma, against_first : (float, float)
+        Slope relative to that of constant gamma, and to that of the first image on the same pixels, each with its
+        standard error. The errors are those of ratios, in which what blocks have in common cancels.
     """
 
     db_per_deg: float
     error: float
     least: float
     spread_deg: float
+    against_gamma: tuple[float, float] = (np.nan, np.nan)
+    against_first: tuple[float, float] = (np.nan, np.nan)
 
 
 def relief_slope(image_db: NDArray[np.float32], geometry: Geometry, radar: Radar) -> ReliefSlope | None:
@@ -70,31 +76,62 @@ def relief_slope(image_db: NDArray[np.float32], geometry: Geometry, radar: Radar
     Ulander, "Radiometric slope correction of synthetic-aperture radar images", IEEE TGRS 34 (1996): area of the ground
     in a pixel. Cochran, "Sampling Techniques", 3rd edition (1977), section 6.4: standard error of a ratio.
     """
+    found = relief_slopes([image_db], geometry, radar)
+    return None if found is None else found[0]
+
+
+def relief_slopes(
+    images_db: Sequence[NDArray[np.float32]], geometry: Geometry, radar: Radar
+) -> list[ReliefSlope] | None:
+    """Slopes of images over the local incidence angle on relief, on the pixels that all of them have.
+
+    Parameters
+    ----------
+    images_db : sequence of ndarray, each of shape (rows, columns)
+        Images [dB].
+    geometry, radar
+        Arguments of :func:`relief_slope`, which describes the method.
+
+    Returns
+    -------
+    list of ReliefSlope or None
+        Slope of each image; None under the conditions of :func:`relief_slope`.
+    """
     if radar.radiometry == "gamma0_rtc":
         return None
     angle = geometry.incidence_deg.astype(np.float64)
     with np.errstate(invalid="ignore"):
-        used = (geometry.material > 0) & np.isfinite(image_db) & (angle > _BETWEEN_DEG[0]) & (angle < _BETWEEN_DEG[1])
+        used = (geometry.material > 0) & (angle > _BETWEEN_DEG[0]) & (angle < _BETWEEN_DEG[1])
+    used &= np.isfinite(images_db).all(axis=0)
     used &= ~(geometry.layover | geometry.shadow)
     row, column = np.nonzero(used)
-    block = row // _BLOCK_PX * (image_db.shape[1] // _BLOCK_PX + 1) + column // _BLOCK_PX
+    block = row // _BLOCK_PX * (used.shape[1] // _BLOCK_PX + 1) + column // _BLOCK_PX
     _, group, count = np.unique(block * 256 + geometry.material[used], return_inverse=True, return_counts=True)
     enough = count[group] >= _FEWEST
     if not enough.any():
         return None
-    group, block, angle, image = group[enough], block[enough], angle[used][enough], image_db[used][enough]
+    group, block, angle = group[enough], block[enough], angle[used][enough]
     gamma_db = 10.0 * np.log10(np.cos(np.radians(angle)))
     if radar.radiometry != "sigma0_local":  # the ground in a pixel of the other radiometries has this area
         gamma_db -= 10.0 * np.log10(np.sin(np.radians(angle)))
     away = angle - (np.bincount(group, angle, count.size) / count)[group]
     blocks = np.unique(block, return_inverse=True)[1]
-    square, seen, expected = (np.bincount(blocks, away * values) for values in (away, image, gamma_db))
+    others = [gamma_db, *(image[used][enough].astype(np.float64) for image in images_db)]
+    square, gamma, *seen = (np.asarray(np.bincount(blocks, away * values), np.float64) for values in [away, *others])
     spread = float(np.sqrt(square.sum() / away.size))
     if square.size < _FEWEST or spread < _LEAST_SPREAD_DEG:
         return None
-    slope = float(seen.sum() / square.sum())
-    scatter = np.sqrt(np.sum((seen - slope * square) ** 2) * square.size / (square.size - 1)) / square.sum()
-    return ReliefSlope(slope, float(scatter), float(expected.sum() / square.sum()), spread)
+    least = float(gamma.sum() / square.sum())
+    return [ReliefSlope(*_ratio(one, square), least, spread, _ratio(one, gamma), _ratio(one, seen[0])) for one in seen]
+
+
+def _ratio(values: NDArray[np.float64], others: NDArray[np.float64]) -> tuple[float, float]:
+    """Ratio of the sums of two values of each block, and its standard error."""
+    whole = others.sum()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = values.sum() / whole
+        scatter = np.sqrt(np.sum((values - ratio * others) ** 2) * others.size / (others.size - 1)) / abs(whole)
+    return float(ratio), float(scatter)
 
 
 def check_relief(found: ReliefSlope, radar: Radar, source: str, slope_error_deg: float) -> list[str]:

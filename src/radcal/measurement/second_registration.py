@@ -34,7 +34,7 @@ def register_again(image_db: NDArray[np.float32], first: Registered, config: Reg
     -------
     Registered
         Registration with the higher mean local correlation of the measured image with its simulated image. The
-        sentence ``verdict`` names the choice.
+        sentence ``verdict`` names the choice. Findings are those of the first registration.
     """
     again = register(image_db, replace(first.measurement, image_db=first.unregistered_db), config, same_area=True)
     before, after = (float(np.mean(one.correlation)) for one in (first, again))
@@ -43,4 +43,4 @@ def register_again(image_db: NDArray[np.float32], first: Registered, config: Reg
         kept = f"The image agrees less with a run of the laws found with it ({numbers}), and this registration is kept."
         return replace(first, verdict=f"{first.verdict} {kept}")
     onto = f"This is the second registration, onto a run of the laws found with the first one ({numbers})."
-    return replace(again, verdict=f"{again.verdict} {onto}")
+    return replace(again, verdict=f"{again.verdict} {onto}", findings=first.findings)

@@ -104,12 +104,12 @@ def cache_folder(package: Path = _PACKAGE) -> str | None:
         Path of the folder ``radcal-<hash>`` in the first writable one of the following folders: ``NUMBA_CACHE_DIR`` if
         it is set; the package's ``__pycache__``; ``radcal`` below ``XDG_CACHE_HOME`` or, if this is not set, below
         ``~/.cache``. None if none of these folders is writable. The hash covers the source files, the versions of numba
-        and llvmlite, and the processor. Nodes of a cluster with a common home directory therefore share a folder only
-        if they run the same machine code. Cache folders that are named after other hashes are removed, except the eight
-        used most recently and all used within the last day.
+        and llvmlite, ``NUMBA_BOUNDSCHECK``, and the processor. Nodes of a cluster with a common home directory
+        therefore share a folder only if they run the same machine code. Cache folders that are named after other hashes
+        are removed, except the eight used most recently and all used within the last day.
     """
     total = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__} {binding.get_host_cpu_name()}".encode())
-    total.update(binding.get_host_cpu_features().flatten().encode())
+    total.update(f"{binding.get_host_cpu_features().flatten()} {_config.BOUNDSCHECK}".encode())
     for path in sources(package):
         content = path.read_bytes()
         total.update(f"\n{path.relative_to(package)} {len(content)}\n".encode() + content)

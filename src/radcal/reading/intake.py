@@ -11,9 +11,10 @@ from typing import Any
 
 import h5py
 
-__all__ = ["LARGEST_VALUES", "bounded_memory", "elsewhere", "parse_xml", "unchanged"]
+__all__ = ["LARGEST_VALUES", "bounded_memory", "elsewhere", "parse_xml", "read_xml", "unchanged"]
 
 LARGEST_VALUES = 100_000_000  # largest number of values read from a file if the expected size is unknown
+_LARGEST_XML = 100_000_000  # largest size of an XML file [bytes]
 _PAGES = Path("/proc/self/statm")
 _SPARE_BYTES = 1 << 30  # additional memory for libraries and their buffers
 
@@ -92,6 +93,24 @@ def parse_xml(text: bytes) -> Any:
     if root.getroottree().docinfo.doctype:
         raise ValueError("its XML declares a document type, with which entities could be smuggled in")
     return root
+
+
+def read_xml(path: Path) -> Any:
+    """Root element of the XML document in a file, as :func:`parse_xml` reads it.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    ValueError
+        The path is that of a folder or a device, the file is too large, or :func:`parse_xml` refuses its content.
+    """
+    size = path.stat().st_size
+    if not path.is_file():
+        raise ValueError("it is a folder or a device, expected a file")
+    if size > _LARGEST_XML:
+        raise ValueError(f"it has {size} bytes, expected at most {_LARGEST_XML}")
+    return parse_xml(path.read_bytes())
 
 
 def elsewhere(file: h5py.File) -> str | None:

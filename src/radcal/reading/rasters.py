@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from radcal.reading.intake import LARGEST_VALUES, elsewhere, parse_xml
+from radcal.reading.intake import LARGEST_VALUES, elsewhere, read_xml
 
 __all__ = ["DRIVERS", "RasterRefused", "check_blocks", "open_raster", "raster_files"]
 
@@ -26,7 +26,6 @@ DRIVERS = (
     "HDF5Image",
     "netCDF",
     "JP2OpenJPEG",
-    "HFA",
     "SRTMHGT",
     "DTED",
     "AAIGrid",
@@ -40,7 +39,6 @@ _MARKS = (
     b"<VRTDataset",
     b"<GDALTileIndexDataset",
 )  # texts by which GDAL recognises a mosaic, anywhere in the first bytes
-_LARGEST_XML = 50_000_000  # largest size of an XML file [bytes]
 # XML elements that gdalbuildvrt and gdal_translate write into a mosaic; only SourceFilename names a file
 _ELEMENTS = frozenset(
     """
@@ -204,9 +202,7 @@ def _head(path: Path) -> bytes:
 def _parsed(path: Path) -> Any:
     """Root element of an XML file; a faulty file raises RasterRefused."""
     try:
-        if path.stat().st_size > _LARGEST_XML:
-            raise ValueError(f"it has {path.stat().st_size} bytes, expected at most {_LARGEST_XML}")
-        return parse_xml(path.read_bytes())
+        return read_xml(path)
     except (OSError, ValueError) as error:
         raise RasterRefused(f"{path.name}: {error}") from None
 

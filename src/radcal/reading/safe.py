@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from radcal.reading.intake import parse_xml
+from radcal.reading.intake import read_xml
 
 __all__ = ["MANIFEST", "SafeImage", "SafeRefused", "chosen_image", "is_safe_name", "safe_folder", "safe_images"]
 
@@ -79,8 +79,10 @@ def safe_images(path: Path) -> list[SafeImage]:
     """
     folder = safe_folder(path)
     manifest = folder / MANIFEST
+    if manifest.resolve().parent != folder.resolve():
+        raise SafeRefused(f"{MANIFEST} is a link to {manifest.resolve()}, expected a file of the folder")
     try:
-        root = parse_xml(manifest.read_bytes())
+        root = read_xml(manifest)
     except FileNotFoundError:
         raise SafeRefused(f"it has no {MANIFEST}, expected the whole folder of a Sentinel-1 product") from None
     except (OSError, ValueError) as error:

@@ -11,20 +11,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.budget import Budget
-from radcal.assessment.curves import GRID_DEG
-from radcal.assessment.posterior import KeptDraws
+from radcal.assessment.curves import GRID_DEG, NORMAL_90
+from radcal.assessment.posterior import Posterior
 from radcal.assessment.preposterior import Sight, half_widths_after, half_widths_now, sight_of
 from radcal.config import Case, Radar, case_from
 from radcal.errors import ConfigError, StoreError
-from radcal.measurement.levels import Levels
 from radcal.radar.geometry import Geometry
+from radcal.radar.laws import Law
 from radcal.radar.projection import make_geometry
 from radcal.report.archive import Archive, read_archive
 from radcal.report.tables import write_csv
 from radcal.scene.model import Scene, read_scene
+from radcal.words import doubts
 
-__all__ = ["EQUAL", "LITTLE", "Advised", "advice_on", "advise", "candidates", "common_ratio", "of_archive"]
+__all__ = ["ALIKE", "NONE", "Advised", "advice_on", "advise", "candidates", "common_ratio", "judged", "of_archive"]
 
 Doubles = NDArray[np.float64]
 
@@ -32,12 +32,10 @@ _STEP_DEG = 15.0
 _DEPRESSIONS = (10.0, 75.0)
 _INCIDENCES = (15.0, 80.0)
 _SIDES = ("right", "left")
-EQUAL = 1.05
-"""Ratio of two half-widths after a pass up to which the passes count as equally good."""
+_EQUAL = 1.05  # ratio of two half-widths after a pass up to which the passes count as equally good
+_LITTLE = 0.9  # ratio of the half-width after a pass to that now above which the pass hardly narrows the band
+NONE, ALIKE = "none", "alike"
 _ALL = "all materials"
-_ALIKE = "the passes of the table do not differ by more than 5 %, so that other reasons may decide"
-LITTLE = 0.9
-"""Ratio of the half-width after a pass to that now above which the pass counts as hardly narrowing the band."""
 COLUMNS = (
     "depression_deg", "look_side", "material", "incidence_p05_deg", "incidence_p95_deg", "half_width_now_db",
     "half_width_after_db", "after_over_now", "over_from_deg", "over_to_deg", "layover", "shadow",
@@ -143,28 +141,29 @@ def _opposite(radar: Radar) -> str:
 def advice_on(
     case: Case,
     scene: Scene,
-    found: Mapping[str, tuple[KeptDraws, Doubles]],
-    budget: Budget,
+    found: Mapping[str, tuple[Posterior, Law]],
     passes: Sequence[Radar],
     over_deg: tuple[float, float] | None = None,
+    removed_db: float | None = None,
 ) -> list[Advised]:
     """Expected half-widths of the bands of calibrated materials after each candidate pass, one pass at a time.
 
     Parameters
     ----------
     case : Case
-        Passes and target settings of the calibration.
+        Passes, target settings and uncertainties of the calibration.
     scene : Scene
         Scene of the calibration, with elevations.
     found : mapping
-        Draws from the posterior of each material, and the law's curve of each of the m draws [dB], shape (m, 361).
-    budget : Budget
-        Standard errors of the image's level and of the noise floor, among others.
+        Posterior, with draws, and law of each material.
     passes : sequence of Radar
         Passes to compare.
     over_deg : (float, float), optional
         Incidence of interest [deg]. By default, it reaches from the lowest 5 % quantile to the highest 95 % quantile of
         the material's incidence, over the passes of the case and the passes compared.
+    removed_db : float, optional
+        Standard error of a level that the fixed laws give in all passes [dB] (``normalisation: offset``). By default,
+        each pass has its own error of ``uncertainty.level_db``.
 
     Returns
     -------
@@ -175,20 +174,23 @@ def advice_on(
     geometries = [make_geometry(scene, radar) for radar in passes]
     own = [(one.radar, make_geometry(scene, one.radar)) for one in case.passes]
     rows: list[list[Advised]] = [[] for _ in passes]
-    for name, (draws, curves) in found.items():
-        sights = [
-            sight_of(name, made, radar, case.target, scene) for radar, made in zip(passes, geometries, strict=True)
-        ]
-        known = [sight_of(name, made, radar, case.target, scene) for radar, made in own]
-        seen = [_seen(one) for one in (*sights, *known) if one is not None]
+    removed, margin_px = removed_db is not None, case.target.margin_px
+    config = case.uncertainty.model_copy(update={"level_db": removed_db} if removed else {})
+    for name, (posterior, law) in found.items():
+        draws = posterior.draws
+        assert draws is not None  # noqa: S101 - asked for by the caller
+        sights = [sight_of(name, made, radar, margin_px, scene) for radar, made in zip(passes, geometries, strict=True)]
+        known = [sight_of(name, made, radar, margin_px, scene) for radar, made in own]
+        measured = [one for one in known if one is not None]
+        seen = [_seen(one) for one in (*sights, *measured) if one is not None]
         over = over_deg or (min(low for low, _ in seen), max(high for _, high in seen))
         of = np.flatnonzero((over[0] <= GRID_DEG) & (over[1] >= GRID_DEG)).astype(np.int64)
-        now = float(half_widths_now(curves[:, of]).mean())
+        now = float(half_widths_now(draws.curves_db(law)[:, of]).mean())
         for each, radar, made, sight in zip(rows, passes, geometries, sights, strict=True):
             after = now
             if sight is not None:
-                measured = [one for one in known if one is not None]
-                after = float(half_widths_after(curves, draws, measured, [sight], budget, of).mean())
+                widths = half_widths_after(draws, law, measured, [sight], posterior.looks, config, of, removed)
+                after = float(widths.mean())
             incidence = None if sight is None else _seen(sight)
             each.append(Advised(radar, name, incidence, now, after, over, *_hidden(made)))
     return [row for each in sorted(rows, key=common_ratio) for row in each]
@@ -222,8 +224,8 @@ def _hidden(geometry: Geometry) -> tuple[float, float]:
     return float(geometry.layover.mean()), float(geometry.shadow.mean())
 
 
-def of_archive(archive: Archive, folder: str | Path) -> dict[str, tuple[KeptDraws, Doubles]]:
-    """Draws from the posterior of each calibrated material whose law has a curve in dB, and their curves [dB].
+def of_archive(archive: Archive, folder: str | Path) -> dict[str, tuple[Posterior, Law]]:
+    """Posterior and law of each calibrated material whose law has a curve in dB.
 
     Raises
     ------
@@ -234,7 +236,7 @@ def of_archive(archive: Archive, folder: str | Path) -> dict[str, tuple[KeptDraw
     for name, material in archive.materials.items():
         posterior = material.posterior
         if posterior is not None and posterior.curve is not None and posterior.draws is not None:
-            found[name] = (posterior.draws, posterior.draws.curves_db(archive.laws[name].curve()))
+            found[name] = (posterior, archive.laws[name].curve())
     if not found:
         raise ConfigError(
             f"{folder}: no calibrated material has a band of sigma0 in dB, expected a law with a curve and "
@@ -282,29 +284,20 @@ def advise(
             "elevations."
         )
     case = case_from(json.loads(archive.config), f"{folder}/calibration.h5")
-    levels = Levels(archive.levels.normalisation, archive.levels.offset_db, archive.levels.offset_error_db)
     passes = candidates(case, depressions)
     if not passes:
         raise ConfigError("--depression names only passes that the case has, expected at least one other.")
     found = of_archive(archive, folder)
-    rows = advice_on(case, scene, found, Budget.of(case.uncertainty, levels), passes, over_deg)
+    low, _, high = archive.image.levels_db.T
+    removed_db = float(0.5 * (high - low).mean() / NORMAL_90) if case.target.normalisation == "offset" else None
+    rows = advice_on(case, scene, found, passes, over_deg, removed_db)
     # tables of other angles lie side by side
     named = [("depression", depressions), ("between", over_deg or ())]
     words = ["advice", *("_".join([key, *(f"{x:g}" for x in angles)]) for key, angles in named if angles)]
     table = folder / f"{'_'.join(words)}.csv"
     write_csv(table, COLUMNS, _rows(rows))
     orbit = [_opposite(case.radar)] if case.radar.incidence_deg is not None else []
-    unfit = [
-        f"{name}: the law does not fit, so that its band, now and after a pass, is that of a wrong law."
-        for name in found
-        if archive.materials[name].fitted.fits is False
-    ]
-    unfit += [
-        f"{name}: sigma0 is called known at no angle now{', seen at one incidence' * one.fitted.level_only}."
-        for name in found
-        if (one := archive.materials[name]).posterior is None or one.posterior.known_between_deg is None
-    ]
-    return [*_table(rows), *_sentences(rows), *unfit, *orbit, f"table: {table}"]
+    return [*_table(rows), *_sentences(rows), *doubts(found, archive.found), *orbit, f"table: {table}"]
 
 
 def _rows(rows: Sequence[Advised]) -> Iterator[tuple[object, ...]]:
@@ -335,62 +328,73 @@ def _table(rows: Sequence[Advised]) -> Iterator[str]:
         yield "  ".join(cell.ljust(size) for cell, size in zip(line, sizes, strict=True)).rstrip()
 
 
+def judged(ratios: Sequence[float]) -> tuple[str | int, list[int]]:
+    """Index of the pass that narrows a band most, and of those as good within 5 %, best first.
+
+    In place of the first index, :data:`NONE` if no pass narrows the band by a tenth, and :data:`ALIKE` if several
+    passes are all as good as the best one within 5 %.
+
+    Parameters
+    ----------
+    ratios : sequence of float
+        Ratio of the half-width after each pass to that now.
+    """
+    best, *others = sorted(range(len(ratios)), key=ratios.__getitem__)
+    equal = [k for k in others if ratios[k] <= _EQUAL * ratios[best]]
+    if ratios[best] > _LITTLE:
+        return NONE, equal
+    return (ALIKE if others and len(equal) == len(others) else best), equal
+
+
 def _sentences(rows: Sequence[Advised]) -> Iterator[str]:
     """Sentences that name the best further pass: for each material, and once if it is the same for all materials."""
     passes = list(_passes(rows))
-    by_material = {name: list(_on_material(name, rows)) for name in dict.fromkeys(row.material for row in rows)}
-    on_all = [_sentence_on_all(passes)] * (len(by_material) > 1)
-    most = f": a pass of {passes[0][0].name} is expected to narrow the band"
-    if on_all and all(most in said[0] for said in (*by_material.values(), on_all)):
-        on_all = [on_all[0].replace(" the bands most,", " the band of each material most, and all bands")]
-        by_material = {name: said[1:] for name, said in by_material.items()}
-    yield from itertools.chain(*by_material.values(), on_all)
+    names = [each[0].name for each in passes]
+    said = []
+    for each in zip(*passes, strict=True):
+        ratios, after = [row.after_db / row.now_db for row in each], [f"+-{row.after_db:.2f} dB" for row in each]
+        change = f"from +-{each[0].now_db:.2f} dB to {{}}"
+        mean = "mean half-width between {:.1f} and {:.1f} degrees".format(*each[0].over_deg)
+        said.append(_said(each[0].material, "the band", "the band most,", names, ratios, after, change, mean))
+    same = False
+    if len(said) > 1:
+        common = [common_ratio(each) for each in passes]
+        best, _ = judged(common)
+        same = isinstance(best, int) and {one for one, _ in said} == {best}
+        most = "the band of each material most, and all bands" if same else "the bands most,"
+        after, change = [f"{ratio:.2f}" for ratio in common], "to {} times their half-widths"
+        said.append(_said(_ALL, "the bands", most, names, common, after, change, "geometric mean over the materials"))
+    for number, (_, sentences) in enumerate(said, start=1):
+        yield from sentences[same and number < len(said) :]
     yield (
-        "Expected of a linear-Gaussian model with the draws of the posterior: a law that does not fit, an image that "
-        "cannot be registered or a wrong level are not part of it."
+        "Expected of a linear-Gaussian model with the draws of the posterior: an image that cannot be registered and a "
+        "wrong radiometry are not part of it."
     )
 
 
-def _on_material(name: str, rows: Sequence[Advised]) -> Iterator[str]:
-    """Sentences that name the best further pass for one material."""
-    own = sorted((row for row in rows if row.material == name), key=lambda row: row.after_db)
-    best, *others = own
-    over = f"between {best.over_deg[0]:.1f} and {best.over_deg[1]:.1f} degrees"
-    equal = [row.name for row in others if row.after_db <= EQUAL * best.after_db]
-    if best.after_db > LITTLE * best.now_db:
-        yield f"{name}: no pass of the table is expected to narrow the band by a tenth {over}."
-    elif others and len(equal) == len(others):
-        yield (
-            f"{name}: {_ALIKE}: each is expected to narrow the band from +-{best.now_db:.2f} dB to "
-            f"{_range('+-{:.2f} dB', best.after_db, own[-1].after_db)} (mean half-width {over})."
-        )
-    else:
-        yield (
-            f"{name}: a pass of {best.name} is expected to narrow the band most, from +-{best.now_db:.2f} dB to "
-            f"+-{best.after_db:.2f} dB (mean half-width {over})."
-        )
-        if equal:
-            yield f"{name}: as good within 5 %: {', '.join(equal)}."
+def _said(
+    name: str,
+    bands: str,
+    most: str,
+    names: Sequence[str],
+    ratios: Sequence[float],
+    after: Sequence[str],
+    change: str,
+    mean: str,
+) -> tuple[str | int, list[str]]:
+    """First result of :func:`judged`, and sentences: the best of the passes ``names``, and those as good as it.
 
-
-def _sentence_on_all(passes: Sequence[Sequence[Advised]]) -> str:
-    """Sentence that names the best further pass for all materials together; the best pass comes first."""
-    common = [common_ratio(each) for each in passes]
-    mean = "geometric mean over the materials"
-    if common[0] > LITTLE:
-        return f"{_ALL}: no pass of the table is expected to narrow the bands by a tenth ({mean})."
-    equal = [each[0].name for each, ratio in zip(passes[1:], common[1:], strict=True) if ratio <= EQUAL * common[0]]
-    if equal and len(equal) == len(passes) - 1:
-        times = _range("{:.2f}", common[0], common[-1])
-        return f"{_ALL}: {_ALIKE}: each is expected to narrow the bands to {times} times their half-widths ({mean})."
-    alike = f"; as good within 5 %: {', '.join(equal)}" * bool(equal)
-    return (
-        f"{_ALL}: a pass of {passes[0][0].name} is expected to narrow the bands most, to {common[0]:.2f} times their "
-        f"half-widths ({mean}){alike}."
-    )
-
-
-def _range(form: str, low: float, high: float) -> str:
-    """Two numbers in words; one number if both are written alike."""
-    first, last = form.format(low), form.format(high)
-    return first if first == last else f"between {first} and {last}"
+    ``after`` gives the half-width after each pass in words, of which ``change`` says what it was before.
+    """
+    best, equal = judged(ratios)
+    first, last = after[int(np.argmin(ratios))], after[int(np.argmax(ratios))]
+    if best == NONE:
+        return best, [f"{name}: no pass of the table is expected to narrow {bands} by a tenth ({mean})."]
+    if best == ALIKE:
+        to = change.format(first if first == last else f"between {first} and {last}")
+        return best, [
+            f"{name}: the passes of the table do not differ by more than 5 %, so that other reasons may decide: each "
+            f"is expected to narrow {bands} {to} ({mean})."
+        ]
+    found = f"{name}: a pass of {names[int(best)]} is expected to narrow {most} {change.format(first)} ({mean})."
+    return best, [found, *[f"{name}: as good within 5 %: {', '.join(names[k] for k in equal)}."] * bool(equal)]

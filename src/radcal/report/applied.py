@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.curves import Curves
+from radcal.assessment.cells import DB
+from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.posterior import Posterior
 from radcal.assessment.preposterior import Sight, sight_of
 from radcal.config import Case, Material, TargetConfig, Uncertainty, stages
-from radcal.config.limits import ALL_PIXELS
 from radcal.errors import ConfigError, StoreError
 from radcal.measurement.classes import class_of
 from radcal.measurement.one_incidence import LEAST_SPAN_DEG
@@ -23,7 +23,6 @@ from radcal.measurement.registration import registered_as
 from radcal.measurement.sources import make_measurement
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import Law
-from radcal.radar.texture import log_speckle_cumulants
 from radcal.report.applied_figures import KNOWN, OUTSIDE, SEEN, Prediction, draw_predictions
 from radcal.report.archive import Archive, read_archive
 from radcal.report.export import ground_layers
@@ -33,8 +32,10 @@ from radcal.report.tables import calibrated_materials, write_csv
 from radcal.scene.model import Scene
 from radcal.seeds import derived_rng
 from radcal.simulators.sources import make_simulator
+from radcal.storage.records import understood
+from radcal.words import doubts
 
-__all__ = ["COLUMNS", "apply", "predictions", "where_seen", "with_laws"]
+__all__ = ["COLUMNS", "apply", "bin_levels_db", "predictions", "predictive_db", "where_seen", "with_laws"]
 
 Doubles = NDArray[np.float64]
 
@@ -47,6 +48,8 @@ _QUANTILES = [0.05, 0.5, 0.95]
 
 def with_laws(archive: Archive, source: Mapping[str, Any], other: stages.Forward) -> stages.Forward:
     """Settings of another case's forward run, in which materials have the laws and looks calibrated in an archive.
+
+    The law of a material with a band is the one nearest to the band's median (:func:`simulated_x`).
 
     Parameters
     ----------
@@ -70,91 +73,106 @@ def with_laws(archive: Archive, source: Mapping[str, Any], other: stages.Forward
             f"{archive.case} has calibrated {', '.join(archive.materials)}, of which {other.case} has no material: "
             f"it has {', '.join(other.materials)}."
         )
-    changed = {name: Material.model_validate(found[name]) for name in shared}
+    changed = {
+        name: Material.model_validate({**found[name], "parameters": simulated_x(archive, name)}) for name in shared
+    }
     return other.model_copy(update={"materials": {**other.materials, **changed}})
+
+
+def simulated_x(archive: Archive, name: str) -> list[float]:
+    """X at which a material is simulated: the one nearest to the median of its band; without a band, the search's."""
+    posterior = archive.materials[name].posterior
+    nearest = None if posterior is None else posterior.parameters_model
+    return [float(x) for x in (archive.laws[name].values if nearest is None else nearest)]
+
+
+def predictive_db(
+    posterior: Posterior, law: Law, start: Sequence[float], sight: Sight, config: Uncertainty, rng: np.random.Generator
+) -> Doubles:
+    """Draws of measured minus simulated means of the bins of a pass [dB], shape (m, n).
+
+    Each draw of the posterior moves the simulated means by its law and form error minus the simulated law. Effects of
+    fields and cells with the draw's standard deviations, speckle of measured and simulated pixels, and errors of the
+    image's level and noise floor are added.
+
+    Parameters
+    ----------
+    posterior : Posterior
+        Posterior of the law, with m draws.
+    law : Law
+        Law of the material.
+    start : sequence of float, shape (d,)
+        X with which the image was simulated.
+    sight : Sight
+        Usable pixels of the material in the pass, in n bins.
+    config : Uncertainty
+        Standard errors of level and noise floor.
+    rng : numpy.random.Generator
+        Generator of the random errors.
+    """
+    draws = posterior.draws
+    assert draws is not None  # noqa: S101 - asked for by the caller
+    means = sight.means_db(draws.laws_db(law))
+    # half the looks: speckle of the measured and of the simulated pixels
+    errors = sight.covariance(draws.field_db, draws.cell_db, 0.5 * posterior.looks, config, means.mean(axis=0))
+    deviates = rng.standard_normal((*means.shape, 1))
+    simulated = sight.means_db(np.asarray(law(np.radians(GRID_DEG), start))[None])
+    return np.asarray(means - simulated + (np.linalg.cholesky(errors) @ deviates)[..., 0])
+
+
+def bin_levels_db(sight: Sight, image_db: Doubles) -> Doubles:
+    """Mean of each bin [dB], shape (n,): mean power of the part of each cell inside of it, averaged in dB over pixels.
+
+    Parameters
+    ----------
+    sight : Sight
+        Pixels of a material, in n bins.
+    image_db : ndarray, shape (p,)
+        Values of these pixels [dB]; NaN for a pixel without a value. The mean of a bin without values is NaN.
+    """
+    bins, has = len(sight.edges_deg) - 1, np.isfinite(image_db)
+    member = class_of(sight.incidence_deg, sight.edges_deg)[has]
+    parts, of = np.unique(sight.cell[has] * bins + member, return_inverse=True)
+    count = np.bincount(of)
+    level = DB * np.log(np.bincount(of, 10.0 ** (image_db[has] / 10.0)) / count)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.bincount(parts % bins, level * count, bins) / np.bincount(member, minlength=bins))
 
 
 def predictions(
     name: str,
     posterior: Posterior,
-    law: Law,
-    calibrated: Sequence[float] | Doubles,
     sight: Sight,
-    image_db: Doubles,
-    level_db: float,
-    looks: float,
-    seed: int,
+    simulated_db: Doubles,
+    moved_db: Doubles,
     measured_db: Doubles | None = None,
-) -> list[Prediction]:
-    """Predicted level of a material in each incidence-angle bin of a pass.
-
-    The simulated image at the calibrated X gives the mean of each bin, with area term, noise and speckle. Each draw of
-    the posterior moves this mean by the difference between the draw's law and the calibrated law at the bin's angles.
-    Random errors are added: effects of fields and blocks with the draw's standard deviations, speckle of measured and
-    simulated pixels, and the error of the image's level.
+) -> Iterator[Prediction]:
+    """Predicted level of a material in each incidence-angle bin of a pass, with the measured one.
 
     Parameters
     ----------
     name : str
         Material.
     posterior : Posterior
-        Posterior of the law, with its draws.
-    law : Law
-        Law of the material.
-    calibrated : array_like, shape (d,)
-        Calibrated X, with which the image was simulated.
+        Posterior of the law.
     sight : Sight
-        Usable pixels of the material in the pass, with their incidence and bins.
-    image_db : ndarray, shape (p,)
-        Simulated pixels, in the order of ``sight.incidence_deg`` [dB].
-    level_db : float
-        Standard error of the level of the image [dB].
-    looks : float
-        Effective looks of the simulated pixels.
-    seed : int
-        Seed of the random effects.
+        Usable pixels of the material in the pass, in n bins.
+    simulated_db : ndarray, shape (p,)
+        Simulated pixels [dB].
+    moved_db : ndarray, shape (m, n)
+        Result of :func:`predictive_db`.
     measured_db : ndarray, shape (p,), optional
         Measured pixels [dB]; NaN for a pixel without a measured value.
     """
-    draws = posterior.draws
-    assert draws is not None  # noqa: S101 - asked for by the caller
-    curves = Curves(law, draws.parameters[[0, -1]])(draws.parameters)
-    start = Curves(law, draws.parameters[[0, -1]])(np.array([calibrated], dtype=np.float64))
-    moved = sight.means_db(curves) - sight.means_db(start)
-    rng = derived_rng(seed, "apply", name)
-    m, n = moved.shape
-    between, within = draws.fields_db.T
-    for spread, shared in ((between, sight.patches), (within, sight.cells)):
-        moved = moved + spread[:, None] * rng.multivariate_normal(np.zeros(n), shared, m, method="eigh")
-    speckle = np.array([float(log_speckle_cumulants(float(looks))[1]) for looks in draws.looks])
-    # twice the variance: speckle of the measured and of the simulated pixels
-    moved += np.sqrt(2.0 * speckle[:, None] / sight.independent) * rng.standard_normal((m, n))
-    moved += level_db * rng.standard_normal((m, 1))
-    # the mean of log speckle depends on the looks, which differ between draws
-    moved += np.array([float(log_speckle_cumulants(float(x))[0]) for x in draws.looks])[:, None]
-    moved -= float(log_speckle_cumulants(looks)[0])
-    return list(_bins(name, posterior, sight, image_db, moved, measured_db))
-
-
-def _bins(
-    name: str,
-    posterior: Posterior,
-    sight: Sight,
-    image_db: Doubles,
-    moved: Doubles,
-    measured_db: Doubles | None,
-) -> Iterator[Prediction]:
     member = class_of(sight.incidence_deg, sight.edges_deg)
-    for k, (first, last) in enumerate(zip(sight.edges_deg, sight.edges_deg[1:], strict=False)):
-        inside = member == k
-        low, middle, high = image_db[inside].mean() + np.quantile(moved[:, k], _QUANTILES)
-        angle = float(sight.incidence_deg[inside].mean())
-        values = np.array([np.nan]) if measured_db is None else measured_db[inside]
-        values = values[np.isfinite(values)]
-        measured = float(values.mean()) if values.size else float("nan")
-        edges = (float(first), float(last))
-        known = _known(posterior, angle)
-        yield Prediction(name, edges, angle, int(inside.sum()), known, float(middle), float(low), float(high), measured)
+    quantiles = bin_levels_db(sight, simulated_db) + np.quantile(moved_db, _QUANTILES, axis=0)
+    nothing = np.full(sight.incidence_deg.size, np.nan)
+    measured = bin_levels_db(sight, nothing if measured_db is None else measured_db)
+    for k, (low, middle, high) in enumerate(quantiles.T.tolist()):
+        angle = float(sight.incidence_deg[member == k].mean())
+        edges = (float(sight.edges_deg[k]), float(sight.edges_deg[k + 1]))
+        pixels, known = int((member == k).sum()), _known(posterior, angle)
+        yield Prediction(name, edges, angle, pixels, known, middle, low, high, float(measured[k]))
 
 
 def _known(posterior: Posterior, angle_deg: float) -> str:
@@ -210,8 +228,9 @@ def apply(
     if not (folder / "calibration.h5").is_file():
         raise StoreError(f"{folder}: the calibration is not finished, expected calibration.h5; radcal show says more.")
     archive = read_archive(folder / "calibration.h5", images=False)
-    config = json.loads(archive.config)
-    changed = with_laws(archive, config["materials"], other)
+    with understood(folder / "calibration.h5"):
+        config = json.loads(archive.config)
+        changed = with_laws(archive, config["materials"], other)
     scene, passes = forward(changed, out, runs)
     rows: list[tuple[int, Prediction]] = []
     lines: list[str] = []
@@ -220,7 +239,8 @@ def apply(
         one = _measured(measured, number, made, scene, out, Path(runs).parent)
         lines += one.said
         files += _images(out, number, other.passes[number - 1], scene, one)
-        rows += [(number, row) for row in _of_pass(archive, config, changed, number, one)]
+        with understood(folder / "calibration.h5"):
+            rows += [(number, row) for row in _of_pass(archive, config, changed, number, one)]
     rows, left_out = where_seen(archive, rows)
     lines += left_out
     if not rows and left_out:
@@ -230,16 +250,12 @@ def apply(
     files += [out / "predictions.csv", out / "predictions.png"]
     write_csv(files[-2], COLUMNS, map(_cells, rows))
     draw_predictions(files[-1], [row for _, row in rows], archive.case, other.case)
-    return [*_table(rows, len(passes) > 1), *lines, *_unfit(archive, rows), *_conclusion(rows), *map(str, files)]
-
-
-def _unfit(archive: Archive, rows: Sequence[tuple[int, Prediction]]) -> list[str]:
-    """Verdicts on the predicted materials whose laws do not fit, with what this means for their intervals."""
-    fitted = {one.material: archive.materials[one.material].fitted for _, one in rows}
     return [
-        f"{one.verdict} Its intervals do not contain the error of a wrong law."
-        for one in fitted.values()
-        if one.fits is False
+        *_table(rows, len(passes) > 1),
+        *lines,
+        *doubts({one.material for _, one in rows}, archive.found),
+        *_conclusion(rows),
+        *map(str, files),
     ]
 
 
@@ -269,7 +285,7 @@ def where_seen(
         material = archive.materials[one.material]
         seen = np.empty((0, 2)) if material.posterior is None else material.posterior.seen_deg
         near = any(low - LEAST_SPAN_DEG <= one.incidence_deg <= high + LEAST_SPAN_DEG for low, high in seen)
-        if material.fitted.level_only and not near:
+        if material.level_only and not near:
             count[one.material] = count.get(one.material, 0) + 1
         else:
             kept.append((number, one))
@@ -312,22 +328,20 @@ def _of_pass(
 ) -> Iterator[Prediction]:
     """Predictions of all calibrated materials in a pass."""
     case = changed.passes[number - 1]
-    target = TargetConfig.model_validate({**config["target"], "pixels": ALL_PIXELS})
-    budget = Uncertainty.model_validate(config["uncertainty"])
+    margin_px = TargetConfig.model_validate(config["target"]).margin_px
+    uncertainty = Uncertainty.model_validate(config["uncertainty"])
     for name, material in archive.materials.items():
         posterior = material.posterior
         if name not in changed.materials or posterior is None or posterior.draws is None or posterior.curve is None:
             continue
-        sight = sight_of(name, one.geometry, case.radar, target)
+        sight = sight_of(name, one.geometry, case.radar, margin_px)
         if sight is None:
             continue
-        looks = changed.materials[name].looks or float(archive.looks)
         simulated = one.predicted_db.ravel()[sight.pixels].astype(np.float64)
         values = None if one.measured_db is None else one.measured_db.ravel()[sight.pixels].astype(np.float64)
-        x, seed = archive.laws[name].values, changed.seed
-        yield from predictions(
-            name, posterior, case.laws[name], x, sight, simulated, budget.level_db, looks, seed, values
-        )
+        start, rng = changed.materials[name].start_parameters, derived_rng(changed.seed, "apply", name)
+        moved = predictive_db(posterior, case.laws[name], start, sight, uncertainty, rng)
+        yield from predictions(name, posterior, sight, simulated, moved, values)
 
 
 def _cells(row: tuple[int, Prediction]) -> tuple[object, ...]:
@@ -354,8 +368,8 @@ def _conclusion(rows: Sequence[tuple[int, Prediction]]) -> Iterator[str]:
     """Sentences on how many bins of each material lie inside the predicted 90 % interval."""
     for name in dict.fromkeys(one.material for _, one in rows):
         for known, where in (
-            (KNOWN, "where sigma0 is known"),
-            (SEEN, "at angles that the calibration has seen, where sigma0 is not called known"),
+            (KNOWN, "where sigma0 is determined"),
+            (SEEN, "at angles that the calibration has seen, where sigma0 is not determined"),
             (OUTSIDE, "at angles that the calibration has not seen (an extrapolation by the law's formula)"),
         ):
             of = [one for _, one in rows if (one.material, one.known) == (name, known)]

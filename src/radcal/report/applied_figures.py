@@ -39,12 +39,12 @@ class Prediction:
     pixels : int
         Number of usable pixels of the bin.
     known : str
-        Knowledge of sigma0 at the bin's mean incidence: ``known``; ``not known`` if the calibration has seen this
-        incidence, but does not call sigma0 known there; or ``not seen`` by the calibration.
+        ``known`` if sigma0 is determined at the bin's mean incidence; ``not known`` if the calibration has seen this
+        incidence, but sigma0 is not determined there; or ``not seen`` by the calibration.
     predicted_db, p05_db, p95_db : float
-        Median and 90 % interval of the predicted mean of the bin's pixels in dB.
+        Median and 90 % interval of the predicted level [dB]: mean power of cells, averaged in dB.
     measured_db : float
-        Mean of the bin's measured pixels in dB; NaN without measured pixels.
+        The same of the measured pixels [dB]; NaN without measured pixels.
     """
 
     material: str
@@ -78,7 +78,7 @@ def draw_predictions(path: str | Path, rows: Sequence[Prediction], source: str, 
     names = list(dict.fromkeys(row.material for row in rows))
     # the legend is that of the first panel, so every panel names what any panel shows, and nothing else
     styles = {known: style for known, style in _STYLES.items() if any(row.known == known for row in rows)}
-    with law_panels(path, names, "mean of the pixels in dB [dB]") as panels:
+    with law_panels(path, names, "mean of the cells [dB]") as panels:
         for axes, name in panels:
             own = [row for row in rows if row.material == name]
             for known, style in styles.items():

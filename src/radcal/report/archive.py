@@ -317,7 +317,7 @@ class Archive:
     laws: Annotated[Mapping[str, LawParameters], About("X of every material's law in the final runs", shape="d")]
     materials: Annotated[
         Mapping[str, MaterialResult],
-        About("calibrated materials: d parameters, p pixels, m infill runs, c incidence-angle bins, b held-out blocks"),
+        About("calibrated materials: d parameters, p pixels, m infill runs, b or c incidence-angle bins"),
     ]
     passes: Annotated[
         Mapping[str, PassSummary] | None, About("passes by their number; absent in a case of one pass")

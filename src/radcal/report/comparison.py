@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.known import degrees
 from radcal.errors import ConfigError, StoreError
 from radcal.report.archive import Archive, MaterialResult, read_archive
 from radcal.report.drawing import FOUND, START, law_panels
 from radcal.report.summary import summarise
+from radcal.storage.records import understood
+from radcal.words import degrees as between
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +27,7 @@ Intervals = tuple[tuple[float, float], ...]
 
 _ANGLES = 101  # angles at which two laws are compared
 
-_HEADINGS = ("material", "seen by both", "mean B-A", "largest", "bands meet", "fits", "known between", "runs of search")
+_HEADINGS = ("material", "seen by both", "mean B-A", "largest", "bands meet", "law", "determined", "runs of search")
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class LawDifference:
     mean_db, largest_db : float
         Difference between the medians, second minus first: its mean, and its value where its magnitude is largest [dB].
     bands_meet : float
-        Share of the incidence ``seen_deg`` at which the two 90 % bands overlap; NaN if one of the bands is unknown.
+        Share of the incidence ``seen_deg`` at which the two 90 % bands overlap.
     """
 
     seen_deg: Intervals
@@ -68,20 +69,12 @@ class LawDifference:
 
 
 def _band(archive: Archive, name: str) -> _Band | None:
-    """Sigma0 of a material; without a posterior in dB it is the law at the calibrated X, without a band."""
-    material, law = archive.materials[name], archive.laws[name].curve()
-    posterior = material.posterior
-    if posterior is not None and posterior.curve is not None:
-        curve = posterior.curve
-        seen = _united(posterior.seen_deg.tolist())
-        return _Band(curve.incidence_deg, curve.median_db, curve.p05_db, curve.p95_db, seen)
-    if not law.has_curve:
+    """Sigma0 of a material; None for a law without a curve."""
+    posterior = archive.materials[name].posterior
+    if posterior is None or posterior.curve is None:
         return None
-    degrees = np.arange(91.0)
-    unknown = np.full(91, np.nan)
-    low, high = np.percentile(material.incidence_deg, [5.0, 95.0])
-    at = np.asarray(law(np.radians(degrees), archive.laws[name].values))
-    return _Band(degrees, at, unknown, unknown, ((float(low), float(high)),))
+    curve, seen = posterior.curve, _united(posterior.seen_deg.tolist())
+    return _Band(curve.incidence_deg, curve.median_db, curve.p05_db, curve.p95_db, seen)
 
 
 def _united(intervals: Sequence[Sequence[float]]) -> Intervals:
@@ -128,8 +121,7 @@ def law_difference(first: Archive, second: Archive, name: str) -> LawDifference 
     degrees = _angles(both)
     (middle_a, low_a, high_a), (middle_b, low_b, high_b) = a.at(degrees), b.at(degrees)
     difference = middle_b - middle_a
-    known = np.isfinite([low_a, low_b]).all()
-    meet = float(np.mean((low_a <= high_b) & (low_b <= high_a))) if known else float("nan")
+    meet = float(np.mean((low_a <= high_b) & (low_b <= high_a)))
     largest = float(difference[np.argmax(np.abs(difference))])
     return LawDifference(both, float(difference.mean()), largest, meet)
 
@@ -174,6 +166,9 @@ def compare(folders: Sequence[str | Path], figure: str | Path) -> list[str]:
             raise ConfigError(
                 f"{folder}: levels are in {archive.levels.unit}, expected dB, in which laws are compared."
             )
+        with understood(Path(folder) / "calibration.h5"):
+            for name in shared:
+                _row(archive, archive, name)
     rows = [_HEADINGS, *(_row(first, second, name) for name in shared)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [f"A: {folders[0]}", f"B: {folders[1]}", ""]
@@ -190,9 +185,8 @@ def _row(first: Archive, second: Archive, name: str) -> tuple[str, ...]:
     found = law_difference(first, second, name)
     cells = ("-",) * 4
     if found is not None:
-        meet = "-" if np.isnan(found.bands_meet) else f"{100 * found.bands_meet:.0f} %"
         seen = f"{', '.join(f'{low:.1f}-{high:.1f}' for low, high in found.seen_deg)} deg"
-        cells = (seen, f"{found.mean_db:+.2f} dB", f"{found.largest_db:+.2f} dB", meet)
+        cells = (seen, f"{found.mean_db:+.2f} dB", f"{found.largest_db:+.2f} dB", f"{100 * found.bands_meet:.0f} %")
     pair = [(archive, archive.materials[name]) for archive in (first, second)]
     fits = [_fits(material) for _, material in pair]
     known = [_known(material) for _, material in pair]
@@ -201,23 +195,23 @@ def _row(first: Archive, second: Archive, name: str) -> tuple[str, ...]:
 
 
 def _fits(material: MaterialResult) -> str:
-    """Cell of the table on the test of the fit."""
-    if material.fitted.fits is None:
-        return "level only" if material.fitted.level_only else "not tested"
-    return "yes" if material.fitted.fits else "no"
+    """Cell of the table on the form of the law."""
+    if material.fits is None:
+        return "level only" if material.level_only else "unknown"
+    return "not refuted" if material.fits else "refuted"
 
 
 def _known(material: MaterialResult) -> str:
-    """Cell of the table on the incidence at which sigma0 is known."""
+    """Cell of the table on the incidence at which sigma0 is determined."""
     posterior = material.posterior
     if posterior is None or posterior.curve is None:
         return "-"
-    if material.fitted.level_only:
+    if material.level_only:
         return "level only"
     known = posterior.known_between_deg
     if known is None:
         return "nowhere"
-    return degrees(*known).removeprefix("between ").replace(" and ", "-").replace("degrees", "deg")
+    return between(*known).removeprefix("between ").replace(" and ", "-").replace("degrees", "deg")
 
 
 def _draw(first: Archive, second: Archive, names: Sequence[str], path: str | Path) -> None:

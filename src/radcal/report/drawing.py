@@ -1,15 +1,15 @@
 """Shared parts of all figures: colours, fonts, canvases, names.
 
 Each colour of the palette (by Okabe and Ito) and each line style has the same meaning in all figures: black and grey
-for target and measurement, dashed orange for the start, blue for the calibrated law, dotted green for the hidden true
-law, vermilion for the tolerance.
+for target and measurement, dashed orange for the start, blue for the law of the search, violet for what the model says
+of sigma0, dotted green for the hidden true law, vermilion for the tolerance.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -30,7 +30,8 @@ FOUND: dict[str, Any] = {"color": "#0072B2", "linewidth": 2.0, "linestyle": "-"}
 HIDDEN: dict[str, Any] = {"color": "#009E73", "linewidth": 2.4, "linestyle": (0, (1, 1.2))}
 TOLERANCE: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.6, "linestyle": (0, (6, 2))}
 SAMPLING: dict[str, Any] = {"color": "#CC79A7", "linewidth": 2.2, "linestyle": (0, (1, 1.5))}
-EXPECTED: dict[str, Any] = {"color": "#7A7A7A", "linewidth": 1.8, "linestyle": "-."}
+BAND: dict[str, Any] = {"color": "#7B3F9E", "linewidth": 2.0, "linestyle": (0, (1, 1))}
+MODEL: dict[str, Any] = {"color": "#7B3F9E", "linewidth": 2.0, "linestyle": "-."}
 PALE = "#D0D0D0"
 DESIGN = "#56B4E9"
 MUTED = "#7A7A7A"
@@ -62,6 +63,13 @@ STYLE: Any = {
     "pdf.compression": 6,
     "image.interpolation": "auto",
 }
+
+
+def styled() -> AbstractContextManager[None]:
+    """Context in which figures are drawn: matplotlib's defaults and :data:`STYLE`, without the user's matplotlibrc."""
+    from matplotlib import style
+
+    return style.context(["default", STYLE])
 
 
 def shortened(name: str, width: int) -> str:
@@ -127,9 +135,7 @@ def new_canvas(width: float, height: float, layout: Literal["constrained", "comp
 @contextmanager
 def law_panels(path: str | Path, names: Sequence[str], y_label: str) -> Iterator[Iterator[tuple[Axes, str]]]:
     """Yield one panel over the incidence for each material, and write the figure as PNG after the ``with`` block."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(STYLE):
+    with styled():
         columns = min(len(names), 3)
         rows = -(-len(names) // columns)
         canvas = new_canvas(0.8 + 4.4 * columns, 0.8 + 3.2 * rows)

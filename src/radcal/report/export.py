@@ -178,7 +178,7 @@ def image_layers(
     measured_db : ndarray, shape (rows, columns), optional
         Measured image [dB].
     calibrated_db : ndarray, shape (rows, columns), optional
-        Simulated image with the calibrated laws and textures [dB].
+        Simulated image with the laws of the search and textures [dB].
     tags : mapping
         Further tags of the files.
     said : str
@@ -188,7 +188,9 @@ def image_layers(
     if measured_db is not None:
         found["measured"] = Layer(measured_db, "dB", said, tags)
     if calibrated_db is not None:
-        found["calibrated"] = Layer(calibrated_db, "dB", "simulated image with the calibrated laws and textures", tags)
+        found["calibrated"] = Layer(
+            calibrated_db, "dB", "simulated image with the laws of the search and textures", tags
+        )
     if measured_db is not None and calibrated_db is not None:
         found["difference"] = Layer(calibrated_db - measured_db, "dB", "calibrated minus measured image", tags)
     return found

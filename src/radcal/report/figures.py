@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 
 from radcal.report.archive import Archive
 from radcal.report.density_figures import densities, histogram, overview, quality
-from radcal.report.drawing import STYLE, slugs
+from radcal.report.drawing import slugs, styled
 from radcal.report.fidelity_figures import fidelity
 from radcal.report.front_figures import front
-from radcal.report.held_out_figures import held_out
 from radcal.report.law_figures import cost, law
 from radcal.report.map_figures import images, registration, residual
 from radcal.report.scene_figures import incidence, scene
@@ -66,12 +65,10 @@ def write_figures(archive: Archive, folder: str | Path) -> list[Figure]:
     list of Figure
         Figures of the whole case, followed by the figures of each material.
     """
-    import matplotlib as mpl
-
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     figures: list[Figure] = []
-    with mpl.rc_context(STYLE):
+    with styled():
 
         def add(name: str, title: str, drawn: tuple[Canvas, str, str] | None, material: str | None = None) -> None:
             if drawn is None:
@@ -89,8 +86,7 @@ def write_figures(archive: Archive, folder: str | Path) -> list[Figure]:
             add("overview", "Densities of all materials", overview(archive))
         drawings: tuple[tuple[str, str, Callable[[Archive, str], tuple[Canvas, str, str] | None]], ...] = (
             ("densities", "Density before and after", densities),
-            ("law", "The law found", law),
-            ("held_out", "Held-out ground", held_out),
+            ("law", "Sigma0 and laws", law),
             ("cost", "Cost of each run", cost),
             ("front", "Front of the search", front),
             ("fidelity", "Predicted and verified", fidelity),

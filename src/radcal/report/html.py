@@ -15,11 +15,11 @@ from radcal import skewnormal
 from radcal.config.objectives import OBJECTIVES
 from radcal.report.archive import Archive, MaterialResult
 from radcal.report.figures import Figure
-from radcal.report.held_out_blocks import refitted
-from radcal.report.law_notes import MANY_X, at_bound
+from radcal.report.law_notes import at_bound
 from radcal.report.reasons import REASONS
 from radcal.report.summary import summarise
 from radcal.storage.files import atomic
+from radcal.words import remarks, sentence, untold
 
 __all__ = ["write_report"]
 
@@ -93,6 +93,7 @@ def _material(
             "value": {"lower": bounds[0], "upper": bounds[1]}.get(at_bound(value, *bounds), value),
             "start": begun,
             "hidden": hidden.get(key),
+            "model": (summary.get("parameters_model") or {}).get(key),
             "p05": summary.get("parameters_p05", {}).get(key),
             "p95": summary.get("parameters_p95", {}).get(key),
             "low": bounds[0],
@@ -108,7 +109,9 @@ def _material(
         )
     ]
     words = REASONS[summary["stop_reason"]]
-    missed = summary["fits"] is None and not words.met
+    form = summary.get("misfit")
+    # a better law may lie outside of the bounds where the form is seen to be wrong, or the search has failed
+    limited = not words.met if form is None else form["noticed"]
     return {
         **summary,
         "name": name,
@@ -116,7 +119,7 @@ def _material(
         "reason": words.clause,
         "short_reason": words.cell,
         "parameters": parameters,
-        "at_bounds": [p for p in parameters if p["at"] and _limits(p["name"], summary, missed)],
+        "at_bounds": [p for p in parameters if p["at"] and limited],
         "target": _theta(summary["target"]),
         "calibrated": _theta(summary["calibrated"]),
         "within": words.met,
@@ -128,54 +131,14 @@ def _material(
         "seen": f"{' and '.join(f'{_number(a)} to {_number(b)}' for a, b in seen)} deg",
         "difference_db": max((one for one in differences if one is not None), default=None),
         "known": "law_difference_db" in summary,
-        # the verdict says it of a law that does not fit, and of a material seen at one incidence
-        "unknown": summary["identified"] is False and summary["fits"] is not False and not summary["level_only"],
         # true for hidden parameters of an external law, too
         "truth": bool(hidden),
     }
 
 
-def _limits(name: str, summary: Mapping[str, Any], missed: bool) -> bool:
-    """Whether a better law may lie outside the bound that a parameter has reached.
-
-    This may be if the bound limits the fit or, if the fit was not tested, after a failed search (``missed``). It is not
-    said if sigma0 hardly depends on the parameter, as the remark on the material's parameters says: the parameter lies
-    outside of its own 90 % interval, which does not reach the bound, and sigma0 inside its band.
-    """
-    if name not in summary["misfit"]["bounds"] and not missed:
-        return False
-    if not (summary.get("parameters_remark") or "").endswith(MANY_X):
-        return True
-    low, high = (summary[f"parameters_{end}"][name] for end in ("p05", "p95"))
-    return bool(low <= summary["parameters"][name] <= high)
-
-
 def _who(found: Sequence[Mapping[str, Any]], total: int) -> str:
     """Names of up to four materials, else their number."""
     return _listed([m["name"] for m in found]) if len(found) <= 4 else f"{len(found)} of {total} materials"
-
-
-def _belief(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """Sentences that say if only the histogram was compared, and of which laws sigma0 is known at no angle.
-
-    A further sentence names the materials for which a constant is the recommended predictor of other fields.
-    """
-    curves = [m for m in materials if m["identified"] is not None]
-    lost = [m for m in curves if m["unknown"]]
-    constant = [m for m in curves if m["recommended_predictor"] == "constant"]
-    bins = OBJECTIVES[summary["objective"]].bins
-    text = "" if bins else "What was compared is the histogram, which does not determine a law."
-    if lost:
-        text += f" Sigma0 of {_who(lost, len(materials))} is called known at no angle."
-    if constant:
-        whose = f" for {_who(constant, len(materials))}" if len(materials) > 1 else ""
-        text += f" The recommended predictor of other fields{whose} is a constant, not the law."
-    return text
-
-
-def _search(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
-    """Line below the verdict of the report: how the search ended, what was compared, and which laws are in doubt."""
-    return f"{_ending(summary, materials)} {_belief(summary, materials).lstrip()}".rstrip()
 
 
 def _criterion(materials: Sequence[Mapping[str, Any]]) -> str:
@@ -256,6 +219,10 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     materials = [
         _material(name, summary["materials"][name], result, passes) for name, result in archive.materials.items()
     ]
+    refused = any(one.severity == "refusal" for one in archive.found)
+    determined = any(m.get("identified") for m in materials)
+    good = summary["converged"] and determined and not refused and summary["fits"] is not False
+    told = " ".join([summary["verdict"], *(m["verdict"] for m in materials if len(materials) > 1)])
     environment = Environment(
         loader=PackageLoader("radcal.report", ""),
         autoescape=True,
@@ -270,22 +237,19 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     text = environment.get_template("report.html.j2").render(
         summary=summary,
         objective=OBJECTIVES[archive.objective],
-        search=_search(summary, materials),
+        search=_ending(summary, materials),
         criterion=_criterion(materials),
-        refitted=refitted(archive.config),
+        good=good,
+        warnings=untold(summary["warnings"], told),
+        remarks=untold([sentence(one) for one in remarks(archive.found) if one.severity == "note"], told),
         materials=materials,
         within=[m for m in materials if m["within"]],
-        with_law=[m for m in materials if not m["level_only"]],
-        level_only=[m["name"] for m in materials if m["level_only"]],
-        formed=[m for m in materials if m["fits"] and m["misfit"]["missed_db"] is not None],
+        determined={one.about: one.numbers for one in archive.found if one.code == "determined"},
+        modelled=[m for m in materials if "posterior" in m],
         agreeing=[m["name"] for m in materials if m["rms"] is not None and m["rms"] <= _AGREE * m["rms_sampling"]],
-        checked=[m for m in materials if m["validation"]],
-        left_out=[m for m in materials if m["fields_left_out"]],
-        law_sentences=[sentence for m in materials for sentence in m["law_sentences"]],
         known=[m for m in materials if m["known"]],
         external=[m for m in materials if m["truth"] and not m["known"]],
-        # that a law does not fit, its verdict says
-        unknown=[m for m in materials if not m["truth"] and not m["level_only"] and m["fits"] is not False],
+        unknown=[m for m in materials if not m["truth"]],
         overall=[figure for figure in figures if figure.material is None],
         figures={m["name"]: [figure for figure in figures if figure.material == m["name"]] for m in materials},
         reasons=list(dict.fromkeys(reason for m in materials for reason in m["left_out"])),

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.known import level_found, level_words
-from radcal.config.objectives import OBJECTIVES
+from radcal.assessment.posterior import Curve
 from radcal.radar.laws import Law
 from radcal.report.archive import Archive, MaterialResult
 from radcal.report.colours import head
 from radcal.report.drawing import (
-    EXPECTED,
+    BAND,
     FOUND,
     HIDDEN,
+    MODEL,
     MUTED,
     PALE,
     RUNS,
@@ -28,6 +28,7 @@ from radcal.report.drawing import (
     new_canvas,
     short,
 )
+from radcal.words import state, verdict, widths
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,6 +38,7 @@ __all__ = ["cost", "law"]
 
 _GRAZING_DB = -60.0
 _LAST_DEG = 85.0  # largest incidence at which bands and curves are drawn
+_SEARCH, _NEAREST = "law of the search", "law nearest to the median"
 _CONTEXT_DEG = 5.0  # smallest margin of the angle axis on each side of the incidence seen
 
 
@@ -111,11 +113,6 @@ def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]
     squares = np.maximum(2.0 * costs, 1e-3)
     ended, numbered = _run_words(case, material)
     _runs(upper, case, material, squares)
-    fitted = material.fitted
-    numbers = OBJECTIVES[case.objective].values * material.check.class_deg.size
-    tested = bool(numbers) and np.isfinite(fitted.expected)
-    if tested:
-        upper.axhline(fitted.expected, label="expected of a right law", **EXPECTED)
     upper.set_ylabel("squared residuals,\npriors included")
     head(upper, case, name, f"best misfit {short(squares[material.best])} in run {material.best}{ended}")
     rms = material.rms
@@ -134,12 +131,6 @@ def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]
         "Above: sum of the squared residuals of the incidence-angle bins, in standard deviations, at the effective "
         "looks that suit each run best, with the squares of the priors' residuals. "
     )
-    if tested:
-        caption += (
-            f"The verdict counts the bins alone: {fitted.residual_sum:.0f} for the best run, where "
-            f"{fitted.expected:.0f} are expected of a right law (dash-dotted), {numbers} values "
-            "less what the fit takes up. "
-        )
     caption += (
         "Below: root mean square difference of the simulated and the target density, which the search does not "
         f"minimise; another sample of {material.measured_db.size:,} pixels would move the target itself by about "
@@ -195,13 +186,12 @@ def _density_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
 
 
 def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
-    """Figure of the starting, calibrated and hidden law over the incidence angle; None for external laws."""
+    """Figure of the band of sigma0 and of the laws over the incidence angle; None for laws without a curve."""
     material = case.materials[name]
     if not material.parameters.curve().has_curve:
         return None
-    incidence_deg = material.incidence_deg.astype(np.float64)
-    shares = (4.0, 1.0) if material.hidden is None else (4.0, 1.4, 1.0)
-    canvas = new_canvas(6.2, 4.2 + 0.4 * sum(shares[1:]))
+    shares = (4.0, 1.0) if material.hidden is None else (4.0, 1.6, 1.0)
+    canvas = new_canvas(6.2, 4.6 + 0.4 * sum(shares[1:]))
     panels = canvas.subplots(len(shares), 1, sharex=True, height_ratios=shares)
     each_seen = _seen(case, material)
     seen, view = [np.linspace(low, high, 101) for low, high in each_seen], _view(each_seen.min(), each_seen.max())
@@ -209,39 +199,33 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     for axes in panels:
         for low, high in each_seen:
             axes.axvspan(low, high, color="#EFEFEF", zorder=0, linewidth=0)
-    _curves(panels[0], material, seen, angles)
-    if material.hidden is None:
-        one = material.fitted.level_only
-        title = "seen at one incidence, a level and no law" if one else "law of the best run"
-        remark = (
-            "The test of the fit shows that the law found does not fit."
-            if material.fitted.fits is False
-            else "The image alone cannot tell whether the law found is right."
-        )
-    else:
-        difference = _truth(panels[1], material, material.hidden, incidence_deg, angles)
-        where = "the incidence of pass 1" if case.passes else "the incidence seen"
-        title = f"at most {difference:.2g} dB from the truth over {where}"
-        remark = (
-            f"Over {where} the law found differs from the hidden truth (green, dotted; middle panel) by at "
-            f"most {difference:.2g} dB."
-        )
-    head(panels[0], case, name, title)
+    laws = _laws(material)
+    _curves(panels[0], material, laws, seen, angles)
+    head(panels[0], case, name, state(name, case.found) or "law of the search")
     panels[0].set_ylabel("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
+    incidence_deg = material.incidence_deg.astype(np.float64)
+    remark = ""
+    if material.hidden is not None:
+        _truth(panels[1], material, laws, seen, angles)
+        found = [
+            f"{words} by at most {curve.largest_difference_db(x, material.hidden, incidence_deg):.2g} dB"
+            for words, curve, x, _ in laws
+            if words in (_SEARCH, _NEAREST)
+        ]
+        where = "the incidence of pass 1" if case.passes else "the incidence seen"
+        remark = f" Over {where} the hidden truth (middle panel) differs from the {' and from the '.join(found)}."
     _pixels(panels[-1], incidence_deg, view)
-    add_legend(canvas, panels[0].get_legend_handles_labels(), 3)
+    add_legend(canvas, panels[0].get_legend_handles_labels(), 2)
     shaded = " and ".join(f"{low:.1f} to {high:.1f}" for low, high in each_seen)
     histogram = "in each pass (histogram of pass 1 below)" if case.passes else "(histogram below)"
     caption = (
-        "Backscatter against local incidence at the starting parameters (orange, dashed) and as found (blue). Shaded, "
-        f"thick: {shaded} deg, where 90 % of the material's pixels lie {histogram}; outside, the law is an "
-        f"extrapolation. {remark}{_of_level(material)}{_of_band(material)}"
+        f"Backscatter against local incidence. Shaded, thick: {shaded} deg, where 90 % of the material's pixels lie "
+        f"{histogram}; outside, every law is an extrapolation.{_of_band(case, name)}{remark}"
     )
     if material.check.class_deg.size:
         caption += (
-            " Dots, with bars of 95 %: level with which the law would give the simulated pixels of each "
-            "incidence-angle bin the mean of the measured ones; the law need not meet them, because levels of fields "
-            "vary and the pixels' standard deviations count, too."
+            " Dots, with bars of 95 %: level with which the law of the search would give the simulated pixels of each "
+            "incidence-angle bin the mean of the measured ones."
         )
     return canvas, caption, f"Backscatter laws of {name} in dB against local incidence in degrees."
 
@@ -253,30 +237,18 @@ def _seen(case: Archive, material: MaterialResult) -> Array:
     return np.percentile(material.incidence_deg.astype(np.float64), [5.0, 95.0])[None]
 
 
-def _of_level(material: MaterialResult) -> str:
-    """Part of the caption with the level of a material seen at one incidence; empty for other materials."""
-    levels = material.posterior.levels() if material.fitted.level_only and material.posterior is not None else ()
-    if not levels:
-        return ""
-    if material.fitted.fits is False:
-        return f" L{level_found(levels)[1:]}."
-    return f" Level found: {level_words(levels)}."
-
-
-def _of_band(material: MaterialResult) -> str:
-    """Part of the caption that describes the 90 % band and the posterior; empty without a band."""
-    posterior = material.posterior
+def _of_band(case: Archive, name: str) -> str:
+    """Part of the caption that describes the bands, with the verdict on the material; empty without a band."""
+    posterior = case.materials[name].posterior
     if posterior is None or posterior.curve is None:
         return ""
-    said, laws = posterior.sentences, "laws that agree with the pixels"
-    if material.fitted.fits is False:
-        laws = "laws nearest to the pixels, though the law found does not fit them"
-        # the laws of several modes do not agree with the pixels, either
-        said = tuple(one for one in said if not one.startswith(f"{posterior.mode_share.size} distinct laws"))
-    band = f"at each angle 90 % of the {laws}" if posterior.sampled else "90 % by the linear covariance"
-    darker = ", darker where sigma0 is known" * (posterior.known_between_deg is not None)
-    power = "it is that of the mean power of the ground, which lies above the law where levels of fields vary."
-    return " ".join([f" Blue band: {band}{darker}; {power}", *(one[0].upper() + one[1:] for one in said)])
+    said = (
+        " Violet: 90 % band of the mean power of the ground, pale for the material and darker for its fields in this "
+        "image, and its median (dotted)."
+    )
+    if width := widths(name, case.found):
+        said += f" Half-widths where sigma0 is determined (bar): {width}."
+    return f"{said} Verdict on {verdict(name, case.found)}" if state(name, case.found) else said
 
 
 def _view(low_deg: float, high_deg: float) -> tuple[float, float]:
@@ -285,23 +257,41 @@ def _view(low_deg: float, high_deg: float) -> tuple[float, float]:
     return max(0.0, np.floor(low_deg - margin)), min(_LAST_DEG, np.ceil(high_deg + margin))
 
 
-def _curves(axes: Axes, material: MaterialResult, seen: Sequence[Array], angles: Array) -> None:
-    """Draw starting, calibrated and true law, with thick lines at each pass's angles [deg], and the bins' levels."""
-    parameters, start, check = material.parameters, material.start, material.check
+def _laws(material: MaterialResult) -> list[tuple[str, Law, Array, dict[str, Any]]]:
+    """Label, law, X and style of the laws to draw: start, search, nearest to the median, and hidden truth."""
+    parameters, start, posterior = material.parameters, material.start, material.posterior
+    curve = parameters.curve()
     # where the first run has no X of the calibrated law, the start has another law
     begun = f"start ({start.law})" if np.isnan(parameters.values[0]).any() else "start"
-    curves: list[tuple[str, Law, Array, dict[str, Any]]] = [
-        (begun, start.curve(), start.values, START),
-        ("calibrated", parameters.curve(), parameters.values[material.best], FOUND),
-    ]
+    laws = [(begun, start.curve(), start.values, START), (_SEARCH, curve, parameters.values[material.best], FOUND)]
+    if posterior is not None and posterior.parameters_model is not None:
+        laws.append((_NEAREST, curve, posterior.parameters_model, MODEL))
     if material.hidden is not None:
-        curves.append(("hidden truth", parameters.curve(), material.hidden, HIDDEN))
-    _band(axes, material, angles)
-    for label, curve, x, style in curves:
-        axes.plot(angles, curve(np.radians(angles), x), **style | {"linewidth": 1.0})
+        laws.append(("hidden truth", curve, material.hidden, HIDDEN))
+    return laws
+
+
+def _curves(
+    axes: Axes,
+    material: MaterialResult,
+    laws: Sequence[tuple[str, Law, Array, dict[str, Any]]],
+    seen: Sequence[Array],
+    angles: Array,
+) -> None:
+    """Draw bands and laws, with thick lines at each pass's angles [deg], and the bins' levels."""
+    check, posterior = material.check, material.posterior
+    if posterior is not None and posterior.curve is not None:
+        _bands(axes, posterior.curve, angles)
+        if (known := posterior.known_between_deg) is not None:
+            axes.plot(
+                known, [0.015, 0.015], transform=axes.get_xaxis_transform(), color=BAND["color"], linewidth=5.0,
+                solid_capstyle="butt", label="determined",
+            )  # fmt: skip
+    for label, curve, x, style in laws:
+        axes.plot(angles, curve(np.radians(angles), x), **style | {"linewidth": 0.8})
         for k, there in enumerate(seen):
             named = label if k == 0 else None
-            axes.plot(there, curve(np.radians(there), x), label=named, **style | {"linewidth": 3.2})
+            axes.plot(there, curve(np.radians(there), x), label=named, **style | {"linewidth": 2.6})
     if check.class_deg.size:
         axes.errorbar(
             check.class_deg, check.class_db, 1.96 * check.class_error_db, color="black", linestyle="none",
@@ -309,40 +299,49 @@ def _curves(axes: Axes, material: MaterialResult, seen: Sequence[Array], angles:
         )  # fmt: skip
     axes.margins(x=0)
     if axes.get_ylim()[0] < _GRAZING_DB:  # a law that falls steeply at grazing incidence would flatten all other curves
-        values = np.concatenate([curve(np.radians(np.concatenate(seen)), x) for _, curve, x, _ in curves])
+        values = np.concatenate([curve(np.radians(np.concatenate(seen)), x) for _, curve, x, _ in laws])
         axes.set_ylim(float(values.min()) - 3.0, float(values.max()) + 3.0)
 
 
-def _band(axes: Axes, material: MaterialResult, angles: Array) -> None:
-    """Draw the 90 % band of sigma0 in a pale colour, and in a darker colour where sigma0 is known."""
-    posterior = material.posterior
-    if posterior is None or posterior.curve is None:
-        return
-    curve, parts = posterior.curve, [(angles, 0.13, "90 % band")]
-    if (known := posterior.known_between_deg) is not None:
-        parts.append((np.linspace(known[0], known[1], 101), 0.35, "known there"))
-    for there, alpha, label in parts:
-        low, high = (np.interp(there, curve.incidence_deg, edge) for edge in (curve.p05_db, curve.p95_db))
-        axes.fill_between(there, low, high, color=FOUND["color"], alpha=alpha, linewidth=0, label=label)
+def _bands(axes: Axes, curve: Curve, angles: Array, less: Array | float = 0.0) -> None:
+    """Draw the 90 % bands of the material and of its fields, and the median, minus ``less`` [dB] at each angle."""
+    for low, high, alpha, label in (
+        (curve.p05_db, curve.p95_db, 0.15, "90 % band"),
+        (curve.field_p05_db, curve.field_p95_db, 0.3, "its fields in this image"),
+    ):
+        lower, upper = (np.interp(angles, curve.incidence_deg, edge) - less for edge in (low, high))
+        axes.fill_between(angles, lower, upper, color=BAND["color"], alpha=alpha, linewidth=0, label=label)
+    axes.plot(angles, np.interp(angles, curve.incidence_deg, curve.median_db) - less, label="median", **BAND)
 
 
-def _truth(axes: Axes, material: MaterialResult, hidden: Array, incidence_deg: Array, angles: Array) -> float:
-    """Draw the calibrated minus the true law, and return their largest difference over the image's angles [dB].
-
-    A thin line shows all ``angles`` of the axis [deg], a thick line the angles of the image.
-    """
-    curve, found = material.parameters.curve(), material.parameters.values[material.best]
-    difference = curve.largest_difference_db(found, hidden, incidence_deg)
-    low, high = (float(v) for v in np.percentile(incidence_deg, [5.0, 95.0]))
-    seen = np.linspace(low, high, 101)
-    for drawn, width in ((angles, 1.0), (seen, 3.2)):
-        gap = curve(np.radians(drawn), found) - curve(np.radians(drawn), hidden)
-        axes.plot(drawn, gap, **FOUND | {"linewidth": width})
+def _truth(
+    axes: Axes,
+    material: MaterialResult,
+    laws: Sequence[tuple[str, Law, Array, dict[str, Any]]],
+    seen: Sequence[Array],
+    angles: Array,
+) -> None:
+    """Draw bands and laws minus the hidden law, thin at all ``angles`` of the axis [deg] and thick at those seen."""
+    hidden, curve = material.hidden, material.parameters.curve()
+    assert hidden is not None  # noqa: S101
+    reach = [0.05]
+    for label, _, x, style in laws:
+        if label not in (_SEARCH, _NEAREST):
+            continue
+        for there, width in ((angles, 0.8), *((one, 2.6) for one in seen)):
+            gap = curve(np.radians(there), x) - curve(np.radians(there), hidden)
+            axes.plot(there, gap, **style | {"linewidth": width})
+            reach.append(float(np.abs(gap).max()) if width > 1.0 else 0.0)
+    if material.posterior is not None and (band := material.posterior.curve) is not None:
+        _bands(axes, band, angles, curve(np.radians(angles), hidden))
+        at = np.concatenate(seen)
+        truth = curve(np.radians(at), hidden)
+        reach += [
+            float(np.abs(np.interp(at, band.incidence_deg, edge) - truth).max()) for edge in (band.p05_db, band.p95_db)
+        ]
     axes.axhline(0.0, **HIDDEN)
-    reach = 1.3 * max(difference, 0.05)
-    axes.set_ylim(-reach, reach)
-    axes.set_ylabel("found minus\ntruth [dB]")
-    return difference
+    axes.set_ylim(-1.2 * max(reach), 1.2 * max(reach))
+    axes.set_ylabel("minus\ntruth [dB]")
 
 
 def _pixels(axes: Axes, incidence_deg: Array, view: tuple[float, float]) -> None:

@@ -1,4 +1,4 @@
-"""Notes on laws used outside their valid incidence angles or parameters, and on X outside its own 90 % interval."""
+"""Notes on laws used outside their valid incidence angles or parameters, and parameters in words."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ from collections.abc import Mapping, Sequence
 from radcal.config import stages
 from radcal.radar.geometry import Geometry
 
-__all__ = ["MANY_X", "at_bound", "found_words", "law_notes", "outside_interval"]
-
-MANY_X = "many X give nearly this law, so that sigma0 and its band say more than X."
+__all__ = ["at_bound", "found_words", "law_notes"]
 
 _AT_BOUND = 1e-3  # share of the interval between bounds within which a value is at its bound
 _SHARE = 0.05  # share of a material's pixels outside the law's valid angles above which a note is made
@@ -84,49 +82,3 @@ def found_words(
         text = f"{ends[0] if side == 'lower' else ends[1]:g}" if side else f"{value:.4g}"
         said.append(f"{name} {text}" + (f" ({'; '.join(remarks)})" if remarks else ""))
     return ", ".join(said)
-
-
-def outside_interval(
-    names: Sequence[str],
-    values: Sequence[float],
-    bounds: Sequence[Sequence[float]],
-    interval: Sequence[Sequence[float]],
-    beyond_db: float | None = None,
-    held: Sequence[str] = (),
-) -> str:
-    """Sentence on calibrated parameters that lie outside their own 90 % intervals; empty if all lie inside.
-
-    The best run has the X with the smallest misfit, while a 90 % interval comes from all X that agree with the pixels.
-    If many X give nearly the same law, the X of the best run may lie outside the intervals, although its sigma0 lies
-    inside its band.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Names of the d parameters.
-    values : sequence of float, shape (d,)
-        X of the best run.
-    bounds, interval : sequence, shape (d, 2)
-        Bounds of each parameter, and its 5 % and 95 % quantile.
-    beyond_db : float, optional
-        Largest distance of the best run's sigma0 from its own 90 % band over the incidence seen [dB], 0 inside the
-        band; None for a law without a curve.
-    held : sequence of str
-        Parameters whose bound keeps the law from fitting: of these, it is not said that many X give nearly this law.
-    """
-    said, held_back = [], False
-    for name, x, (low, high), (p05, p95) in zip(names, values, bounds, interval, strict=True):
-        if p05 <= x <= p95:
-            continue
-        side = at_bound(x, low, high)
-        at = f"at its {side} bound {low if side == 'lower' else high:g}" if side else f"{x:.4g}"
-        held_back = held_back or name in held
-        said.append(f"{name} is {at}, outside of its own 90 % interval ({p05:.3g} to {p95:.3g})")
-    if not said:
-        return ""
-    text = " and ".join(said)
-    if beyond_db is None or (held_back and beyond_db <= 0.0):
-        return f"{text}."
-    if beyond_db > 0.0:
-        return f"{text}; sigma0 of the best run lies outside of its own 90 % band, too, by up to {beyond_db:.2g} dB."
-    return f"{text}: {MANY_X}"

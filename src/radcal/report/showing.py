@@ -14,6 +14,8 @@ from radcal.report.law_notes import found_words
 from radcal.report.reasons import REASONS
 from radcal.running.time_left import duration, runs_in_words
 from radcal.storage.lock import holder
+from radcal.storage.records import understood
+from radcal.words import untold
 
 __all__ = ["results_folder", "show"]
 
@@ -91,7 +93,8 @@ def show(folder: str | Path) -> list[str]:
     there = [f"{title}: {folder / file}" for file, title in _FILES.items() if (folder / file).exists()]
     failed, running = _failure(folder), _running(folder)
     if not missing:
-        return [*_finished(_read(folder / "summary.json")), *there, *failed, *running]
+        with understood(folder / "summary.json"):
+            return [*_finished(_read(folder / "summary.json")), *there, *failed, *running]
     kept = len(list((folder / "runs").glob("[!.]*.h5")))
     iterations = len(list((folder / "iterations").glob("*/verified.json")))
     lines = [f"{folder.name}: not finished; missing: {', '.join(missing)}."]
@@ -144,18 +147,17 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
     """Lines on verdict, parameters and runs of a finished calibration."""
     materials, runs = summary["materials"], summary["runs"]
     reused = f"; {runs['reused']} reused" if runs.get("reused") else ""
-    lines = [str(summary["verdict"])]
+    lines = [str(summary["verdict"]), *(f"next: {step}." for step in summary["next"][:1])]
     for name, material in materials.items():
         interval = (material.get(f"parameters_{end}") for end in ("p05", "p95"))
         parameters = found_words(material["parameters"], material["bounds"], *interval)
         # in a case of one material, the first line is its verdict
         said = f"{material['verdict']}" if len(materials) > 1 else f"{name}:"
         law = material.get("formula", material["law"])
-        lines.append(f"{said} {law} with {parameters}{_unknown(material)}")
-        if remark := material.get("parameters_remark"):
-            lines.append(f"{name}: {remark}")
-        lines += material.get("law_sentences", [])
-    lines += summary.get("warnings", [])  # files of earlier versions have none
+        lines.append(f"{said} {law} with {parameters}.")
+        if (model := material.get("parameters_model")) is not None:
+            lines.append(f"{name}: parameters_model, nearest to the band: {found_words(model, material['bounds'])}.")
+    lines += untold(summary["warnings"], lines[0])
     search = runs["design"] + runs["infill"]
     others = runs_in_words({kind: runs[kind] for kind in ("reference", "final")}, runs.get("registration", 0))
     return [
@@ -163,10 +165,3 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
         f"simulator runs of the search: {search} ({runs['design']} design, {runs['infill']} infill{reused}), besides "
         f"{others}; end: {REASONS[summary['stop_reason']].clause}.",
     ]
-
-
-def _unknown(material: Mapping[str, Any]) -> str:
-    """End of the sentence on a law: no curve in dB, or no known sigma0 for lack of fit; else a full stop."""
-    if material.get("sigma0_curve") is None:
-        return "; nothing is known of a curve in dB."
-    return "; sigma0 is known nowhere." if material["fits"] is False else "."

@@ -19,7 +19,7 @@ from radcal.config import stages
 from radcal.findings import Finding
 from radcal.report.archive import Archive, MaterialResult, PassSummary, RegistrationSummary
 from radcal.report.law_notes import found_words
-from radcal.words import headline, next_steps, sentence, verdict
+from radcal.words import headline, next_steps, remarks, sentence, untold, verdict
 
 __all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
@@ -86,9 +86,7 @@ def sentences(archive: Archive) -> list[str]:
     lines = [_verdict(archive), *(each if len(each) > 1 else [])]
     lines += [f"next: {step}." for step in next_steps(findings)[:1]]
     found = [said for name, material in archive.materials.items() if (said := _without_curve(name, material))]
-    told = lines[0]
-    warnings = [said for said in _warnings(archive) if said.partition(": ")[2] not in told]
-    return [*lines, *warnings, *archive.sentences, *found]
+    return [*lines, *untold(_warnings(archive), lines[0]), *archive.sentences, *found]
 
 
 def _without_curve(name: str, material: MaterialResult) -> str:
@@ -107,8 +105,7 @@ def _warnings(archive: Archive) -> list[str]:
     """Warnings and refusals: notes on the measured images of all passes, and findings that no verdict tells."""
     further = [note for one in (archive.passes or {}).values() for note in one.notes]
     notes = [note for note in dict.fromkeys([*archive.notes, *further]) if note.startswith(_WARNING)]
-    told = ("undetermined", "withheld", "refuted", "form_noticed")
-    return [*notes, *(sentence(one) for one in archive.found if one.severity != "note" and one.code not in told)]
+    return [*notes, *(sentence(one) for one in remarks(archive.found) if one.severity != "note")]
 
 
 def _verdict(archive: Archive) -> str:
@@ -132,7 +129,7 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
         return dict(zip(names, map(float, values), strict=True))
 
     return {
-        "identified": known.known_between_deg is not None,
+        "identified": None if curve is None else known.known_between_deg is not None,
         "known_between_deg": None if known.known_between_deg is None else list(known.known_between_deg),
         "sigma0_curve": None if curve is None else {key: values.tolist() for key, values in vars(curve).items()},
         "levels": [dict(vars(level)) for level in known.levels()] if material.level_only else None,
@@ -217,6 +214,9 @@ def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: f
         # external laws have no curve to compare
         if law.has_curve:
             summary["law_difference_db"] = law.largest_difference_db(x[best], material.hidden, material.incidence_deg)
+            if material.posterior is not None and (model := material.posterior.parameters_model) is not None:
+                difference = law.largest_difference_db(model, material.hidden, material.incidence_deg)
+                summary["law_difference_model_db"] = difference
     return summary
 
 
@@ -300,6 +300,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "simulator": json.loads(archive.simulator),
         "notes": list(archive.notes),
         "warnings": _warnings(archive),
+        "next": next_steps(archive.found),
         "findings": [_finding(one) for one in archive.found],
         "law_notes": list(archive.law_notes),
         "registration": _registration(archive.registration),

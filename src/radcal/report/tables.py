@@ -18,16 +18,20 @@ from radcal.storage.files import atomic
 
 __all__ = ["calibrated_materials", "calibrated_yaml", "law_rows", "parameter_rows", "write_csv"]
 
-LAWS = ("material", "incidence_deg", "median_db", "p05_db", "p95_db", "known", "calibrated_db", "level")
+LAWS = (
+    "material", "incidence_deg", "median_db", "p05_db", "p95_db", "known", "calibrated_db", "parameters_model_db",
+    "level",
+)  # fmt: skip
 PARAMETERS = (
-    "material", "law", "parameter", "unit", "calibrated", "p05", "p95", "lower", "upper", "looks", "fits",
-    "known_from_deg", "known_to_deg",
+    "material", "law", "parameter", "unit", "calibrated", "parameters_model", "p05", "p95", "lower", "upper", "looks",
+    "fits", "known_from_deg", "known_to_deg",
 )  # fmt: skip
 
 _HEADING = """\
 # Materials of the case {case}, as radcal calibrated them: {verdict}
 # To simulate with these laws, use this section as the section materials of a case of your own, and replace there the
-# materials that the new case calibrates. Parameters are written with all digits: scene, radar, simulator and seed of
+# materials that the new case calibrates. Parameters are those of the search (column calibrated of parameters.csv, where
+# parameters_model gives the law nearest to the median of sigma0), with all digits: scene, radar, simulator and seed of
 # the case {case} give its calibrated image again{exactly} with the noise seed {noise_seed}.
 # looks are the effective looks of a material's pixels in an image of {looks} looks (radar.looks). Where they are fewer
 # than the image's, gamma texture is multiplied onto the simulated pixels. Without this key, pixels have speckle alone.
@@ -46,18 +50,19 @@ def law_rows(archive: Archive) -> Iterator[Sequence[Any]]:
     ------
     sequence
         Material, local incidence [deg], median, 5 % and 95 % quantile of sigma0 [dB] (the ground's mean power), whether
-        sigma0 is known at this incidence, the law at the calibrated X [dB], and whether the row is the level of a
-        material seen at one incidence. A law without a curve has no rows; a law without a posterior in dB has neither
-        median nor quantiles.
+        sigma0 is determined at this incidence, the law at the X of the search [dB], the law nearest to the median
+        [dB], and whether the row is the level of a material seen at one incidence. A law without a curve has no rows;
+        of a normalised image there are neither median and quantiles nor a nearest law.
     """
     for name, material in archive.materials.items():
         law = archive.laws[name].curve()
         if not law.has_curve:
             continue
-        curve = None if material.posterior is None else material.posterior.curve
+        posterior = material.posterior
+        curve = None if posterior is None else posterior.curve
         degrees, levels = np.arange(91.0) if curve is None else curve.incidence_deg, []
-        if material.posterior is not None and material.fitted.level_only:
-            levels = [level.incidence_deg for level in material.posterior.levels()]
+        if posterior is not None and material.level_only:
+            levels = [level.incidence_deg for level in posterior.levels()]
             degrees = np.union1d(degrees, levels)
         bands: list[NDArray[np.float64]] = [np.full(degrees.shape, np.nan)] * 3
         if curve is not None:
@@ -65,8 +70,9 @@ def law_rows(archive: Archive) -> Iterator[Sequence[Any]]:
             bands = [np.interp(degrees, curve.incidence_deg, values) for values in each]
         low, high = _known(material)
         known = (degrees >= low) & (degrees <= high)
-        at = np.asarray(law(np.radians(degrees), archive.laws[name].values))
-        for row in zip(degrees, *bands, known, at, np.isin(degrees, levels), strict=True):
+        each_x = (archive.laws[name].values, _model(material))
+        laws = [np.asarray(law(np.radians(degrees), x)) for x in each_x]
+        for row in zip(degrees, *bands, known, *laws, np.isin(degrees, levels), strict=True):
             yield (name, *row)
 
 
@@ -81,9 +87,10 @@ def parameter_rows(archive: Archive) -> Iterator[Sequence[Any]]:
     Yields
     ------
     sequence
-        One row for each parameter of each calibrated material, with unit, calibrated value, 5 % and 95 % quantile, and
-        bounds. Each row also contains the effective looks of the material, whether its law fits, and the lowest and
-        highest incidence at which sigma0 is known [deg].
+        One row for each parameter of each calibrated material, with unit, value of the search, value of the law nearest
+        to the median of sigma0, 5 % and 95 % quantile, and bounds. Each row also contains the effective looks of the
+        material, whether its law is not refuted, and the lowest and highest incidence at which sigma0 is determined
+        [deg].
     """
     for name, material in archive.materials.items():
         posterior = material.posterior
@@ -93,17 +100,26 @@ def parameter_rows(archive: Archive) -> Iterator[Sequence[Any]]:
             material.parameter_names,
             material.parameter_units,
             archive.laws[name].values,
+            _model(material),
             low,
             high,
             *material.bounds.T,
             strict=True,
         )
         for row in each:
-            yield (name, material.law, *row, material.check.looks, material.fitted.fits, *_known(material))
+            yield (name, material.law, *row, material.check.looks, material.fits, *_known(material))
+
+
+def _model(material: MaterialResult) -> NDArray[np.float64]:
+    """X whose law is nearest to the median of sigma0; NaN if there is none."""
+    posterior = material.posterior
+    if posterior is None or posterior.parameters_model is None:
+        return np.full(len(material.parameter_names), np.nan)
+    return posterior.parameters_model
 
 
 def _known(material: MaterialResult) -> tuple[float, float]:
-    """Lowest and highest incidence at which sigma0 of a material is known [deg]; NaN if it is known at none."""
+    """Lowest and highest incidence at which sigma0 of a material is determined [deg]; NaN if at none."""
     known = None if material.posterior is None else material.posterior.known_between_deg
     return (math.nan, math.nan) if known is None else (known[0], known[1])
 

@@ -40,7 +40,7 @@ _PEAKS = {
     "report": _Peak(205, 151, "pixels of all passes"),
 }
 _IMAGE_OF_A_FILE = _Peak(165, 80, "facets")  # nothing is simulated
-_REGISTRATION_NONE = _Peak(100, 65, "pixels")
+_REGISTRATION_NONE = _Peak(100, 130, "pixels")
 _EXPORT_IN_SLANT_RANGE = _Peak(100, 140, "pixels of all passes")  # no image is brought to the map
 
 

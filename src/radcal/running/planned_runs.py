@@ -16,7 +16,7 @@ from radcal.running.time_left import FINAL_RUNS, reference_count, runs_in_words
 from radcal.scene.model import read_scene
 from radcal.seeds import noise_seed
 from radcal.simulators.runner import Runner
-from radcal.storage.records import read_json
+from radcal.storage.records import read_json, understood
 from radcal.storage.runs import RunStore
 
 __all__ = ["planned_runs", "runs_sentence"]
@@ -111,7 +111,9 @@ def _known(case: Case, folder: Path, at: str) -> Callable[[stages.Simulation], R
     try:
         identity: dict[str, Any] = {"kind": "builtin", "version": SIMULATOR_VERSION}
         if case.simulator.kind == "command":
-            identity = {key: x for key, x in read_json(folder / f"{at}simulator.json").items() if key != "seed_bits"}
+            with understood(folder / f"{at}simulator.json"):
+                held = read_json(folder / f"{at}simulator.json")
+                identity = {key: x for key, x in held.items() if key != "seed_bits"}
         scene = read_scene(folder / "scene.h5").identity
     except (RadcalError, OSError):
         return None

@@ -16,7 +16,7 @@ from radcal.storage.listing import faulty, listed
 from radcal.storage.provenance import provenance
 from radcal.storage.records import read_json
 from radcal.storage.runs import RunStore
-from radcal.storage.sealing import is_sealed
+from radcal.storage.sealing import Fault, is_sealed
 
 __all__ = ["files_of", "salvage"]
 
@@ -124,6 +124,9 @@ def _listing(path: Path, checksums: Mapping[str, str], sentences: list[str]) -> 
     """Rename table, report and figures that differ from their listed checksums, so that jobs make them again."""
     try:
         found = faulty(path.parent, checksums)
+    except Fault as fault:
+        sentences.append(_here(set_aside(path, str(fault))))
+        return
     except OSError as error:
         logger.info("%s", error)
         return

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "METRES",
+    "crs_from",
     "crs_of",
     "geoid_m",
     "horizontal",
@@ -46,6 +47,8 @@ _OTHER_UNITS = re.compile(
     r"(us|international)? ?(survey)? ?(feet|foot|ft|yards?|fathoms?|(deci|centi|milli|kilo)met(er|re)s?|dm|cm|mm|km)"
 )
 _UNNAMED = ("unknown", "unnamed", "undefined", "")
+# files of grids, which PROJ would read; @null stands for no file
+_GRID_FILE = re.compile(r'(?:PARAMETERFILE\["[^"]*",\s*"|(?:grids|file|model)=)(?!@null["\s])([^"\s]*)', re.IGNORECASE)
 
 
 def crs_of(raster: Any) -> CRS | None:
@@ -60,16 +63,31 @@ def crs_of(raster: Any) -> CRS | None:
     -------
     pyproj.CRS or None
         Geographic, projected or compound CRS.
+
+    Raises
+    ------
+    pyproj.exceptions.CRSError
+        The CRS is not known, or names a file of a grid.
     """
-    from pyproj import CRS
     from rasterio.enums import WktVersion
 
     if not raster.crs:
         return None
     # WKT 1 has no three-dimensional CRS
-    crs = CRS.from_wkt(raster.crs.to_wkt(version=WktVersion.WKT2_2019))
+    crs = crs_from(raster.crs.to_wkt(version=WktVersion.WKT2_2019))
     plane = horizontal(crs)
     return crs if plane.is_geographic or plane.is_projected else None
+
+
+def crs_from(text: str) -> CRS:
+    """CRS from a code, WKT or PROJ text of the user; a CRS that names a file of a grid raises CRSError, too."""
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    crs = CRS.from_user_input(text)
+    if found := _GRID_FILE.search(crs.to_wkt()):
+        raise CRSError(f"its CRS {crs.name!r} names the grid {found[1]!r}, expected a CRS without files of grids")
+    return crs
 
 
 def horizontal(crs: CRS) -> CRS:
@@ -86,10 +104,23 @@ def same_place(one: CRS, other: CRS) -> bool:
 
 @functools.lru_cache(maxsize=64)
 def transformer(source: CRS | str, target: CRS | str) -> Transformer:
-    """Transformation of coordinates between two CRSs; the search of the EPSG database for one takes 10 to 100 ms."""
-    from pyproj import Transformer
+    """Transformation of coordinates between two CRSs; the search of the EPSG database for one takes 10 to 100 ms.
 
-    return Transformer.from_crs(source, target, always_xy=True)
+    Raises
+    ------
+    SceneError
+        There is no transformation between the two CRSs.
+    """
+    from pyproj import CRS, Transformer
+    from pyproj.exceptions import ProjError
+
+    try:
+        return Transformer.from_crs(source, target, always_xy=True)
+    except ProjError:
+        names = [CRS.from_user_input(crs).name for crs in (source, target)]
+        raise SceneError(
+            f"scene: coordinates in {names[0]} cannot be converted to {names[1]}, expected CRSs of the earth."
+        ) from None
 
 
 @functools.lru_cache(maxsize=64)

@@ -14,7 +14,7 @@ from radcal.config import RasterScene, expand_path, vrt_folders
 from radcal.errors import NoCommonPlace, SceneError
 from radcal.reading.intake import LARGEST_VALUES
 from radcal.reading.rasters import open_raster
-from radcal.scene.crs import METRES, crs_of, horizontal, same_place, transformer, turned, utm
+from radcal.scene.crs import METRES, crs_from, crs_of, horizontal, same_place, transformer, turned, utm
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -334,9 +334,11 @@ def _target(elevation: Source, box: Box, config: RasterScene) -> CRS:
             )
         return found
     try:
-        crs = CRS.from_user_input(config.crs)
+        crs = crs_from(config.crs)
     except CRSError:
-        raise SceneError(f"scene.crs is {config.crs!r}, expected a projected CRS such as EPSG:32631.") from None
+        raise SceneError(
+            f"scene.crs is {config.crs!r}, expected a projected CRS such as EPSG:32631, without files of grids."
+        ) from None
     if crs.is_compound or len(crs.axis_info) == 3:
         raise SceneError(
             f"scene.crs is {config.crs!r}, which has a vertical axis: heights are not transformed; name the horizontal "

@@ -13,6 +13,9 @@ from radcal.errors import NotInScene, SceneError
 
 __all__ = ["by_id", "landcover_names", "not_in_scene", "read_names"]
 
+_LARGEST_ID = 255  # ids are stored in one byte
+_LARGEST_BYTES = 1_000_000  # size limit of a file of names
+
 
 def not_in_scene(name: str, names: Iterable[str], materials: Collection[str]) -> SceneError:
     """Error about a material of the case that the scene lacks, with the name that was probably meant.
@@ -53,15 +56,20 @@ def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, st
     Raises
     ------
     SceneError
-        The file is not a JSON object of ids and names, gives one name to two ids, or has no name for an id in the
-        raster.
+        The file is too large or not a JSON object of ids and names, has an id above 255, gives one name to two ids, or
+        has no name for an id in the raster.
     """
+    if path.stat().st_size > _LARGEST_BYTES:
+        raise SceneError(f"scene.names: {path} has {path.stat().st_size} bytes, expected at most {_LARGEST_BYTES}.")
     try:
-        names = {int(k): str(v) for k, v in json.loads(path.read_text(encoding="utf-8")).items() if int(k) > 0}
-    except (OSError, ValueError, AttributeError, TypeError):
+        names = {int(k): str(v) for k, v in json.loads(path.read_text(encoding="utf-8")).items()}
+    except (OSError, ValueError, AttributeError, TypeError, RecursionError):
         raise SceneError(
             f'scene.names: {path} is not a JSON object of id and name, such as {{"1": "grass"}}.'
         ) from None
+    if wrong := [k for k in names if not 0 <= k <= _LARGEST_ID]:
+        raise SceneError(f"scene.names: {path} names the material id {wrong[0]}, expected 1 to {_LARGEST_ID}.")
+    names.pop(0, None)
     if not names:
         raise SceneError(f"scene.names: {path} names no material.")
     twice = [name for name, times in Counter(names.values()).items() if times > 1]

@@ -114,9 +114,14 @@ def _csv(path: Path) -> pd.DataFrame:
     import pandas as pd
 
     try:
-        return pd.read_csv(path, skipinitialspace=True, low_memory=False)
+        table = pd.read_csv(path, skipinitialspace=True, low_memory=False)
+        header = pd.read_csv(path, skipinitialspace=True, header=None, nrows=1, dtype=str).iloc[0]
     except (OSError, ValueError) as error:  # pandas' exceptions are ValueErrors
         raise _error(path, f"cannot be read as CSV ({str(error).strip().splitlines()[0]}).") from None
+    if not isinstance(table.index, pd.RangeIndex):  # pandas takes the first fields as names of rows
+        raise _error(path, f"row 1 has more fields than the {len(header)} columns of the header, expected as many.")
+    # pandas gives the second of two equal names a number
+    return table.set_axis([given if isinstance(given, str) else k for k, given in enumerate(header)], axis=1)
 
 
 def _hdf5(path: Path, place: Place) -> tuple[pd.DataFrame, dict[str, Any]]:
@@ -166,14 +171,14 @@ def _check_crs(path: Path, text: str, name: str, place: Place) -> None:
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
-    from radcal.scene.crs import horizontal, same_place
+    from radcal.scene.crs import crs_from, horizontal, same_place
 
     if place.crs is None:
         raise _error(
             path, f"is in {name}, the scene has no CRS: expected metres from its south-west corner, without a CRS."
         )
     try:
-        crs = CRS.from_user_input(text)
+        crs = crs_from(text)
     except CRSError:
         raise _error(path, f"is in {name}, which is not a known CRS, expected {_short(place.crs)}.") from None
     if not same_place(horizontal(crs), CRS.from_user_input(place.crs)):
@@ -198,6 +203,8 @@ def _geopackage(path: Path, layer: str | None, place: Place) -> pd.DataFrame:
     except sqlite3.Error as error:
         raise _error(path, f"cannot be read as GeoPackage ({error}).") from None
     try:
+        for metadata in ("gpkg_contents", "gpkg_geometry_columns", "gpkg_spatial_ref_sys"):
+            _check_table(path, connection, metadata)
         found = dict(
             connection.execute(
                 "SELECT c.table_name, g.column_name FROM gpkg_contents c JOIN gpkg_geometry_columns g "
@@ -215,9 +222,7 @@ def _geopackage(path: Path, layer: str | None, place: Place) -> pd.DataFrame:
             "JOIN gpkg_spatial_ref_sys s ON s.srs_id = g.srs_id WHERE g.table_name = ?",
             (name,),
         ).fetchone() or (0, "", 0, "")
-        kind = connection.execute("SELECT type FROM sqlite_master WHERE name = ?", (name,)).fetchone()
-        if kind != ("table",):  # the computation of a view may never end
-            raise _error(path, f"layer {name!r} is a {kind[0] if kind else 'name without a table'}, expected a table.")
+        _check_table(path, connection, name)
         quoted = name.replace('"', '""')
         # the name is that of a table in the file, quoted by the rules of SQL
         table = pd.read_sql_query(f'SELECT * FROM "{quoted}"', connection)  # noqa: S608
@@ -232,6 +237,17 @@ def _geopackage(path: Path, layer: str | None, place: Place) -> pd.DataFrame:
         raise _error(path, f"layer {name!r} has no CRS, expected {_short(place.crs)}, the scene's.")
     blobs = list(table.pop(found[name]))
     return table.assign(**_rectangles(path, blobs, table))
+
+
+def _check_table(path: Path, connection: sqlite3.Connection, name: str) -> None:
+    """Raise an error unless a name is that of a table of stored values; the computation of others may never end."""
+    query = "SELECT type, rootpage FROM sqlite_master WHERE name = ? COLLATE NOCASE"
+    kind, page = connection.execute(query, (name,)).fetchone() or ("name without a table", 0)
+    if kind != "table" or not page:  # a virtual table has no page
+        raise _error(path, f"layer {name!r} is a {'virtual ' * (kind == 'table')}{kind}, expected a table.")
+    computed = connection.execute("SELECT name FROM pragma_table_xinfo(?) WHERE hidden", (name,)).fetchone()
+    if computed is not None:
+        raise _error(path, f"layer {name!r} computes its column {computed[0]!r}, expected stored values.")
 
 
 def _rectangles(path: Path, blobs: list[Any], table: pd.DataFrame) -> dict[str, NDArray[Any]]:
@@ -308,6 +324,8 @@ def _texts(table: pd.DataFrame, name: str) -> NDArray[np.str_]:
 def _checked(table: pd.DataFrame, path: Path, place: Place, curves: Mapping[str, Any]) -> Objects:
     """Objects from the rows of a table; the first row with an invalid value raises an error."""
     table = table.rename(columns=lambda name: str(name).strip())
+    if (twice := table.columns[table.columns.duplicated()]).size:
+        raise _error(path, f"has the column {twice[0]!r} twice, expected once.")
     for name in table.columns:
         meant = difflib.get_close_matches(name.lower(), _COLUMNS, n=1, cutoff=0.75)
         if name not in _COLUMNS and meant and meant[0] not in table.columns:

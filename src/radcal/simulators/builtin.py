@@ -90,7 +90,7 @@ class BuiltinSimulator:
             image, thinning = self._formation.intensity(cells, noise_seed), self._formation.thinning(noise_seed)
         else:
             others = {name: law for name, law in self._laws.items() if parameters[name] != last.parameters[name]}
-            changed = np.array([False, *(name in others for name in self._geometry.names)])
+            changed = np.array([False, *(name in others for name in self._geometry.names), False])  # the last: objects
             tables = law_tables(self._geometry.names, others, parameters)
             cells = reflectivity(self._geometry, tables, last.cells, changed)
             image = self._formation.intensity(cells, noise_seed, last.image, self._formation.touched(cells, changed))

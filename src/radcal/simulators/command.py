@@ -309,7 +309,8 @@ class CommandSimulator:
             if ended.code != 0:
                 expected = "" if ended.code is None else ", expected 0"
                 raise SimulatorError(f"{program.name} {ended}{expected}, {output_tail(folder)}")
-            printed = " ".join((folder / "radcal.stdout").read_text("utf-8", "replace").split())[:200]
+            with (folder / "radcal.stdout").open("rb") as file:
+                printed = " ".join(file.read(10_000).decode("utf-8", "replace").split())[:200]
             if not printed:
                 raise SimulatorError(f"{program.name} printed nothing, expected its version")
             return printed

@@ -17,13 +17,14 @@ from radcal.config import (
     executable_path,
     expand_path,
     files_below,
+    stages,
 )
 from radcal.errors import ConfigError
 from radcal.simulators.placeholders import SEED, Marked, Marker, argument, template
 from radcal.simulators.seed_width import check_seeds
 from radcal.simulators.written_numbers import check_numbers
 
-__all__ = ["CommandPlan", "check_command", "check_image_shape"]
+__all__ = ["CommandPlan", "changed_links", "check_command", "check_image_shape"]
 
 _HASH_CHUNK = 1 << 20
 _SCRIPTS = (".bash", ".jar", ".jl", ".js", ".lua", ".m", ".pl", ".pro", ".py", ".r", ".rb", ".sh", ".tcl")
@@ -114,10 +115,35 @@ class CommandPlan:
             else _sha256(self.executable),
             "templates": [_sha256(expand_path(item.template, "simulator.templates")) for item in config.templates],
             "files": {path.name: _sha256(path) for path in self.files},
-            "links": {
-                str(item.relative_to(path.parent)): _sha256(item) for path in self.links for item in files_below(path)
-            },
+            "links": self.linked(),
         }
+
+    def linked(self) -> dict[str, str]:
+        """SHA-256 of all linked files, by their paths relative to the folder of a run."""
+        return {str(item.relative_to(path.parent)): _sha256(item) for path in self.links for item in files_below(path)}
+
+
+def changed_links(case: stages.Simulation, identity: Mapping[str, Any]) -> str:
+    """Sentence about linked files that the program has changed; empty without changes.
+
+    Parameters
+    ----------
+    case : stages.Simulation
+        Simulator and materials.
+    identity : mapping
+        Identity of the simulator, computed before the program ran.
+    """
+    if not isinstance(case.simulator, CommandSimulation):
+        return ""
+    now, before = CommandPlan(case.simulator, case.materials).linked(), identity["sha256"]["links"]
+    changed = sorted(name for name in now.keys() | before.keys() if now.get(name) != before.get(name))
+    if not changed:
+        return ""
+    more = f" and {len(changed) - 1} more" if len(changed) > 1 else ""
+    return (
+        f"simulator.links: {changed[0]}{more} changed while the program ran, so the next command repeats all runs: "
+        "let the program write only into the folder in which it runs."
+    )
 
 
 def check_command(case: Case) -> None:

@@ -20,6 +20,8 @@ from radcal.storage.disclosure import hashed
 __all__ = ["LOG", "STDERR", "STDOUT", "Ended", "output_tail", "run_program"]
 
 STDOUT, STDERR, LOG = "radcal.stdout", "radcal.stderr", "radcal.log"
+_MOST_BYTES = 100_000_000  # largest size of what a program prints on standard output, and on standard error
+_LOOK_S = 0.2  # time between two looks at the size of what a program has printed [s]
 _TAIL_BYTES = 4000
 _QUOTED = 300
 
@@ -72,7 +74,8 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
     Raises
     ------
     SimulatorError
-        The operating system refuses the arguments, or the log cannot be written into the folder.
+        The operating system refuses the arguments, the program prints more than 100 MB, or the log cannot be written
+        into the folder.
     """
     command = [sys.executable, "-I", "-S", guard.__file__, *arguments]
     started = time.perf_counter()
@@ -90,9 +93,13 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
         except OSError as error:
             raise SimulatorError(f"{Path(arguments[0]).name} cannot be started ({error.strerror}).") from None
         code: int | None = None
+        flood: str | None = None
         try:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                code = process.wait(timeout_s)
+            while code is None and flood is None and (left := started + timeout_s - time.perf_counter()) > 0:
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    code = process.wait(min(left, _LOOK_S))
+                sizes = {name: os.fstat(file.fileno()).st_size for name, file in ((STDOUT, out), (STDERR, err))}
+                flood = next((name for name, size in sizes.items() if size > _MOST_BYTES), None)
         finally:
             # this also kills processes that the program has started in the background
             with contextlib.suppress(ProcessLookupError, PermissionError):
@@ -100,6 +107,12 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
             process.wait()
             if process.stdin is not None:
                 process.stdin.close()
+        if flood is not None:
+            (out if flood == STDOUT else err).truncate(_MOST_BYTES)
+            raise SimulatorError(
+                f"{Path(arguments[0]).name} was killed, because {flood} has {sizes[flood]} bytes, expected at most "
+                f"{_MOST_BYTES}, {output_tail(folder)}."
+            )
     ended = Ended(code, time.perf_counter() - started)
     log = {
         "command": list(arguments),

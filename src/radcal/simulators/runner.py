@@ -98,6 +98,11 @@ class Runner:
         self._recorded = case.calibrated
         self._keep_images = case.simulator.keep_images
 
+    @property
+    def identity(self) -> Mapping[str, Any]:
+        """Identity of the simulator, as it was before the first run of this runner."""
+        return self._simulator.identity
+
     def description(self, parameters: Parameters, noise_seed: int, repeat: bool = False) -> dict[str, Any]:
         """Plain data that determine the pixel values of a run, and whose hash is the hash of the run."""
         # If no frequency is configured, the key is omitted, so that runs from before the key existed keep their hashes.

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from radcal.storage.records import write_json
+from radcal.storage.sealing import Fault
 
 __all__ = ["faulty", "listed", "write_listing"]
 
@@ -52,12 +54,17 @@ def faulty(folder: str | Path, checksums: Mapping[str, str]) -> dict[Path, str]:
 
     Raises
     ------
+    Fault
+        A listed file does not lie below the folder.
     OSError
         A file cannot be read.
     """
     found = {}
+    top = Path(os.path.realpath(folder))
     for name, expected in checksums.items():
         path = Path(folder) / name
+        if "\0" in name or top not in Path(os.path.realpath(path)).parents:
+            raise Fault(f"names {name!r}, expected a file below {folder}")
         if not path.exists():
             found[path] = "is missing"
         elif not path.is_file():

@@ -6,12 +6,14 @@ Files are written atomically and inspected before they are read. ``docs/records.
 from __future__ import annotations
 
 import contextlib
+import functools
 import hashlib
 import io
 import json
 import os
 import platform
 import shutil
+import typing
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, fields
 from datetime import UTC, datetime
@@ -20,6 +22,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import h5py
+from pydantic import TypeAdapter, ValidationError
 
 from radcal.errors import ConfigError, StoreError
 from radcal.storage.disclosure import disclosed
@@ -28,7 +31,7 @@ from radcal.storage.inspection import SCHEMAS, check_case, inspect, inspect_file
 from radcal.storage.provenance import origin
 from radcal.storage.sealing import BLOCK, Fault, header
 
-__all__ = ["REPLACE", "from_json", "keep_finished", "read_hdf5", "read_json", "write_hdf5", "write_json"]
+__all__ = ["REPLACE", "from_json", "keep_finished", "read_hdf5", "read_json", "understood", "write_hdf5", "write_json"]
 
 T = TypeVar("T")
 
@@ -173,12 +176,12 @@ def read_hdf5(path: str | Path, kind: str) -> Iterator[h5py.File]:
     DamagedError
         The file is damaged, or of another kind, version or case; it was renamed to ``*.damaged`` or ``*.earlier``.
     StoreError
-        The file is missing or cannot be read; it was not renamed.
+        The file is missing, cannot be read, or holds other contents than radcal writes; it was not renamed.
     """
     path = Path(path)
     inspect(path, kind)
     # no lock is needed, because a file never changes after it has been renamed to this path
-    with h5py.File(path, "r", locking=False) as file:
+    with understood(path), h5py.File(path, "r", locking=False) as file:
         yield file
 
 
@@ -220,12 +223,13 @@ def read_json(path: str | Path) -> Any:
     DamagedError
         The file is damaged, or of another case; it was renamed to ``*.damaged``.
     StoreError
-        The file is missing or cannot be read; it was not renamed.
+        The file is missing, cannot be read, or is no JSON; it was not renamed.
     """
     path = Path(path)
     inspect(path, None)
     try:
-        outer = json.loads(path.read_text(encoding="utf-8"))
+        with understood(path):
+            outer = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise unreachable(path, error) from error
     del outer["sha256"]
@@ -236,6 +240,25 @@ def read_json(path: str | Path) -> Any:
     except Fault as fault:
         raise set_aside(path, str(fault)) from None
     return outer["data"]
+
+
+@contextlib.contextmanager
+def understood(path: str | Path) -> Iterator[None]:
+    """Context that uses the contents of an undamaged file, and raises a StoreError if they are not what radcal writes.
+
+    Parameters
+    ----------
+    path : path
+        Path of the file, for the error message.
+    """
+    try:
+        yield
+    except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
+        what = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise StoreError(
+            f"{path}: holds other contents than radcal writes ({what}); delete the file and type the "
+            "command of its case again to make it again (finished runs are kept)."
+        ) from error
 
 
 def from_json(kind: type[T], data: Mapping[str, Any], path: str | Path) -> T:
@@ -255,6 +278,8 @@ def from_json(kind: type[T], data: Mapping[str, Any], path: str | Path) -> T:
     StoreError
         A key is not a field of the dataclass, or a field without a default is missing: another version of radcal wrote
         the file.
+    ValueError
+        A value has another type than its field.
     """
     known = {one.name: one.default is MISSING and one.default_factory is MISSING for one in fields(kind)}  # type: ignore[arg-type]
     unknown = [f"has the key {name!r}, which radcal {version('radcal')} does not know" for name in data.keys() - known]
@@ -268,4 +293,17 @@ def from_json(kind: type[T], data: Mapping[str, Any], path: str | Path) -> T:
             f"{path}: a {kind.__name__} {said}: another version of radcal wrote it; use that version, or delete the "
             "file and type the same command again to make it again (finished runs are kept)."
         )
+    for name, value in data.items():
+        try:
+            _adapters(kind)[name].validate_python(value, strict=True)  # type: ignore[arg-type]
+        except ValidationError as error:
+            first = error.errors()[0]
+            at = ".".join(map(str, (name, *first["loc"])))
+            raise ValueError(f"{at} of a {kind.__name__} is {first['input']!r:.40}: {first['msg']}") from None
     return kind(**data)
+
+
+@functools.cache
+def _adapters(kind: Any) -> dict[str, TypeAdapter[Any]]:
+    """Checks of the types of a dataclass's fields, by name."""
+    return {name: TypeAdapter(hint) for name, hint in typing.get_type_hints(kind).items()}

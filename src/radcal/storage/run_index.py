@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from radcal.errors import StoreError
-from radcal.storage.records import from_json, read_json, write_json
+from radcal.storage.records import from_json, read_json, understood, write_json
 from radcal.storage.runs import Parameters, Record, RunStore
 
 __all__ = ["IndexedRun", "in_all_passes", "indexed", "read_index", "write_index"]
@@ -51,9 +51,11 @@ def read_index(path: str | Path) -> list[IndexedRun]:
     Raises
     ------
     StoreError
-        The file is missing or damaged.
+        The file is missing or damaged, or holds no index.
     """
-    return [from_json(IndexedRun, {**entry, "draws": tuple(entry.get("draws", ()))}, path) for entry in read_json(path)]
+    entries = read_json(path)
+    with understood(path):
+        return [from_json(IndexedRun, {**entry, "draws": tuple(entry.get("draws", ()))}, path) for entry in entries]
 
 
 def indexed(
