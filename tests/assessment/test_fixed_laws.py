@@ -104,7 +104,7 @@ def test_without_fixed_materials_there_are_the_priors(offset, sd):
     wanted = [sd**2, 0.07**2, 1.0, 1.0, sd**2, 0.07**2, 1.0, 1.0, 1.0]
     np.testing.assert_allclose(found.covariance, np.diag(wanted))
     np.testing.assert_allclose(found.levels_db, [[-1.645 * sd, 0.0, 1.645 * sd]] * 2)
-    assert found.field == (np.log(0.6), 0.5)
+    assert found.field == (np.log(0.6), 0.42)
     assert (found.laws_db, found.apart_db, found.sampled) == ({}, {}, True)
 
 
@@ -235,7 +235,7 @@ def test_the_prior_of_all_scales():
     scales = _Scales({"a": two_passes(), "b": two_passes()}, [0.0, 0.0], CONFIG, False)
     rng = np.random.default_rng(1)
     at = rng.normal(0.0, 0.5, (40, scales.dimension))
-    wanted = lognorm.logpdf(np.exp(at[:, 0]), 0.5, scale=CONFIG.field_db) + at[:, 0]
+    wanted = lognorm.logpdf(np.exp(at[:, 0]), 0.42, scale=CONFIG.field_db) + at[:, 0]
     for k, scale in ((1, 0.4), (2, CONFIG.fixed_law_db), (3, CONFIG.form_db)):
         wanted += halfnorm.logpdf(np.exp(at[:, k]), scale=scale) + at[:, k]
     wanted += fixed_laws._scale_mixture(at[:, 4:8]).sum(axis=1)
