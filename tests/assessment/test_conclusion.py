@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from radcal.assessment.radiometry import Radiometry
 from radcal.assessment.registration_check import Moved
 from radcal.calibration.history import History
 from radcal.config import Stop, case_from
-from radcal.findings import Finding
+from radcal.findings import Finding, to_json
 from radcal.measurement.target import Targets
 from radcal.radar.laws import LAWS
 from radcal.radar.texture import log_speckle_cumulants
@@ -180,7 +181,18 @@ def test_the_image_is_registered_again_onto_the_final_run(parts, monkeypatch):
         return {"area": moved}
 
     monkeypatch.setattr(conclusion, "check_registration", check)
+    registered, other = SimpleNamespace(findings="[]"), SimpleNamespace(findings="[]")
     for moved in (Moved(0.8, 0.3, 1.4, 0.7), Moved(0.2, 0.3, 0.4, 0.7)):
-        found = conclude(*rest, final, posteriors, image, "registered")
+        found = conclude(*rest, final, posteriors, image, [registered, other])
         assert found.findings[-1] == moved.finding("area")
-    assert asked[0] == (["area"], "registered", final[1].image_db)
+    assert asked[0] == (["area"], registered, final[1].image_db)
+
+
+def test_findings_of_registrations_come_first_and_can_refuse(parts):
+    """Of both passes, before those on what the fixed materials show."""
+    far, near = Finding("place", "refusal", "pass 1"), Finding("depression", "warning", "pass 2", {"implied_deg": 41.3})
+    images = [SimpleNamespace(findings=to_json([one]), applied=False, method="none") for one in (far, near)]
+    found = conclude(*parts[0], images)
+    assert found.findings[:2] == [far, near]
+    assert ("withheld", "refusal", "area") in codes(found)
+    assert found.posteriors["area"].known_between_deg is None

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from assessment_samples import LINE, LINE_X, made_cells, seen_cells
 
+from radcal.assessment import radiometry
 from radcal.assessment.cells import with_noise_db
 from radcal.assessment.radiometry import Radiometry, area_exponent, radiometry_of
 from radcal.config import Uncertainty
@@ -126,6 +127,17 @@ def test_the_exponent_scatters_by_less_than_its_error():
     exponents, errors = np.array(found).T
     assert 0.35 < exponents.std() / errors.mean() < 0.65
     assert abs(exponents.mean()) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("exponent", "error", "found"),
+    [(0.59, 0.1, 0), (0.61, 0.1, 1), (0.8, 0.31, 1), (0.8, 0.33, 0), (-0.8, 0.1, 0)],
+)
+def test_another_radiometry_is_found_by_exponent_and_error(exponent, error, found, monkeypatch):
+    """From 0.6 on, and from 2.5 standard errors on."""
+    monkeypatch.setattr(radiometry, "area_exponent", lambda *_: (exponent, error))
+    assert radiometry_of(materials(0.0), "sigma0_local", CONFIG).found == found
+    assert radiometry_of(materials(0.0), "sigma0_ref", CONFIG).found == -int(exponent < -0.6)
 
 
 def test_a_wide_error_is_unchecked():

@@ -200,12 +200,9 @@ def cell_means(
     """
     width = geometry.shape[1]
     angle = geometry.incidence_deg.ravel()[pixels].astype(np.float64)
-    keys = cell_keys(pixels, patch, angle, width)
-    found, member, count = np.unique(keys, axis=1, return_inverse=True, return_counts=True)
-    kept = count >= _FEWEST
-    inside = kept[member.ravel()]
-    member = (np.cumsum(kept) - 1)[member.ravel()[inside]]
-    pixels, angle, count, n = pixels[inside], angle[inside], count[kept], int(kept.sum())
+    inside, member, of_cell = _members(cell_keys(pixels, patch, angle, width))
+    pixels, angle, n = pixels[inside], angle[inside], of_cell.size
+    count = np.bincount(member, minlength=n)
 
     def mean(values: Doubles) -> Doubles:
         return np.asarray(np.bincount(member, values, n) / count)
@@ -237,7 +234,7 @@ def cell_means(
         shares.append(np.minimum(10.0 ** ((noise - db) / 10.0), 1.0))
     area = area_db(geometry, radar) if area is None else area
     return CellMeans(
-        patch=found[0][kept],
+        patch=of_cell,
         incidence_deg=incidence,
         measured_db=measured,
         beside_db=np.mean(beside, axis=0),
@@ -248,3 +245,11 @@ def cell_means(
         pixels=count.astype(np.int64),
         looks=looks,
     )
+
+
+def _members(keys: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.int64]]:
+    """Whether each pixel is in a cell, the cell of each of those that are, and the field of each cell."""
+    found, member, count = np.unique(keys, axis=1, return_inverse=True, return_counts=True)
+    kept = count >= _FEWEST
+    inside = kept[member.ravel()]
+    return inside, (np.cumsum(kept) - 1)[member.ravel()[inside]], found[0][kept]

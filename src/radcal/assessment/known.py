@@ -52,20 +52,29 @@ def image_findings(case: stages.Archive, image: Image) -> Iterator[Finding]:
         for name, error in wrong.items():
             numbers = {"error_db": float(error[1]), "p05_db": float(error[0]), "p95_db": float(error[2])}
             yield Finding("fixed_law", "warning", name, numbers, f"materials.{name}.parameters")
-    for number, (low, middle, high) in enumerate(image.levels_db, start=1):
-        numbers = {"level_db": float(middle), "p05_db": float(low), "p95_db": float(high)}
-        if len(image.laws_db) == 1:
-            name, apart = next(iter(image.apart_db.items()))
-            numbers = dict(zip(("p05_db", "apart_db", "p95_db"), map(float, apart), strict=True))
-            differ = abs(apart[1]) > _LEVEL_DB and (apart[0] > 0.0 or apart[2] < 0.0)
-            yield Finding("fixed_law_and_image", "warning" if differ else "note", name, numbers)
-        elif image.laws_db:
-            shown = abs(middle) > _LEVEL_DB and (low > 0.0 or high < 0.0)
-            yield Finding("level", "warning" if shown else "note", f"pass {number}", numbers)
-        else:
-            yield Finding("level_unchecked", "note", f"pass {number}", {"level_db": case.uncertainty.level_db})
+    yield from _levels(case, image)
     if not image.sampled:
         yield Finding("not_sampled", "warning", "fixed laws", {})
+
+
+def _levels(case: stages.Archive, image: Image) -> Iterator[Finding]:
+    """Level of each pass or, of a single fixed material, difference between image and law in the first pass."""
+    if len(image.laws_db) == 1:
+        name, apart = next(iter(image.apart_db.items()))
+        numbers = dict(zip(("p05_db", "apart_db", "p95_db"), map(float, apart), strict=True))
+        yield Finding("fixed_law_and_image", "warning" if _differs(apart) else "note", name, numbers)
+        return
+    for number, level in enumerate(image.levels_db, start=1):
+        if not image.laws_db:
+            yield Finding("level_unchecked", "note", f"pass {number}", {"level_db": case.uncertainty.level_db})
+            continue
+        numbers = dict(zip(("p05_db", "level_db", "p95_db"), map(float, level), strict=True))
+        yield Finding("level", "warning" if _differs(level) else "note", f"pass {number}", numbers)
+
+
+def _differs(quantiles: Doubles) -> bool:
+    """Whether a level is named: its median is over 0.2 dB and its 90 % interval leaves 0."""
+    return bool(abs(quantiles[1]) > _LEVEL_DB and (quantiles[0] > 0.0 or quantiles[2] < 0.0))
 
 
 def material_findings(

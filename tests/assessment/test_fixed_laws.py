@@ -1,0 +1,254 @@
+"""What fixed materials say of level, radiometry and each other's laws."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from assessment_samples import LINE, LINE_X, made_cells, observed, seen_cells
+from scipy.stats import halfnorm, lognorm, multivariate_normal, t
+
+from radcal.assessment import fixed_laws
+from radcal.assessment.fixed_laws import (
+    FORM_DEG,
+    Observed,
+    _Scales,
+    common_columns,
+    common_of,
+    form_basis,
+    half_normal,
+)
+from radcal.config import Uncertainty
+
+CONFIG = Uncertainty(walkers=64, steps=1500)
+BRIEF = Uncertainty(walkers=32, steps=100)
+LEVEL, AREA, NOISE, INCIDENCE = range(4)
+
+
+def fixed(errors_db, level_db=0.0, seed=1, area=0.0, **keys):
+    """Fixed materials: the image is brighter than the simulated one by the level and by the error of each law."""
+    rng = np.random.default_rng(seed)
+    return {
+        name: observed(seen_cells(rng, 120, added_db=level_db + error, area=area, **keys))
+        for name, error in errors_db.items()
+    }
+
+
+RIGHT = {"water": 0.1, "wood": -0.2, "road": 0.15, "grass": 0.0}
+
+
+def test_in_a_few_steps_there_is_a_level_and_no_convergence():
+    found = common_of(fixed(RIGHT, 1.6), [0.0], BRIEF, False, 3)
+    assert found.levels_db[0][1] == pytest.approx(1.6, abs=0.4)
+    assert not found.sampled
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("level", "area"), [(1.6, 0.15), (-0.8, -0.1)])
+def test_a_level_that_all_laws_agree_on_is_the_images(level, area):
+    found = common_of(fixed(RIGHT, level, area=area), [0.0], CONFIG, False, 3)
+    assert found.sampled
+    low, middle, high = found.levels_db[0]
+    assert low < level < high
+    assert middle == pytest.approx(level, abs=0.35)
+    assert 0.15 < high - low < 1.6
+    assert found.mean[LEVEL] == pytest.approx(middle, abs=0.1)
+    assert np.sqrt(found.covariance[LEVEL, LEVEL]) == pytest.approx((high - low) / 3.29, rel=0.25)
+    assert found.mean[AREA] == pytest.approx(area, abs=0.05)
+    for name, error in RIGHT.items():
+        quantiles = found.laws_db[name]
+        assert quantiles[0] - 0.1 < error < quantiles[2] + 0.1
+        assert abs(quantiles[1]) < 0.4
+        np.testing.assert_allclose(found.apart_db[name][1], level + error, atol=0.45)
+    # fields of 0.5 dB
+    assert np.exp(found.field[0]) == pytest.approx(0.5, rel=0.35)
+
+
+@pytest.mark.slow
+def test_one_wrong_law_is_named_and_is_no_level():
+    found = common_of(fixed({**RIGHT, "water": 2.1}), [0.0], CONFIG, False, 3)
+    low, middle, high = found.levels_db[0]
+    assert low < 0.0 < high
+    assert abs(middle) < 0.3
+    assert found.laws_db["water"][0] > 1.0
+    assert found.laws_db["water"][1] == pytest.approx(2.1, abs=0.45)
+    assert max(abs(error[1]) for name, error in found.laws_db.items() if name != "water") < 0.6
+
+
+@pytest.mark.slow
+def test_a_single_law_cannot_tell_its_error_from_a_level():
+    """Both are uncertain, and their sum is not: image minus law."""
+    found = common_of(fixed({"lake": 2.0}), [0.0], CONFIG, False, 3)
+    level, law, apart = found.levels_db[0], found.laws_db["lake"], found.apart_db["lake"]
+    assert apart[1] == pytest.approx(2.0, abs=0.45)
+    assert apart[2] - apart[0] < 0.7 * min(level[2] - level[0], law[2] - law[0])
+    assert -0.6 < level[0] < 2.0 < level[2] + law[2]
+
+
+@pytest.mark.slow
+def test_an_offset_is_a_level_without_a_prior():
+    """An error of all laws of 3 dB: with the prior of the calibration it is partly theirs."""
+    alike = {"water": 3.1, "lake": 2.9}
+    removed, kept = (common_of(fixed(alike), [0.0], CONFIG, offset, 3).levels_db[0] for offset in (True, False))
+    assert removed[1] > kept[1]
+    assert removed[2] - removed[0] > 0.5
+    assert removed[0] < 3.0 < removed[2]
+
+
+@pytest.mark.parametrize(("offset", "sd"), [(False, 0.4 * np.sqrt(2.0)), (True, 20.0)])
+def test_without_fixed_materials_there_are_the_priors(offset, sd):
+    config = Uncertainty(level_db=0.4, area=0.07, field_db=0.6)
+    found = common_of({}, [0.3, -0.2], config, offset, 3)
+    np.testing.assert_array_equal(found.mean, np.zeros(9))
+    wanted = [sd**2, 0.07**2, 1.0, 1.0, sd**2, 0.07**2, 1.0, 1.0, 1.0]
+    np.testing.assert_allclose(found.covariance, np.diag(wanted))
+    np.testing.assert_allclose(found.levels_db, [[-1.645 * sd, 0.0, 1.645 * sd]] * 2)
+    assert found.field == (np.log(0.6), 0.42)
+    assert (found.laws_db, found.apart_db, found.sampled) == ({}, {}, True)
+
+
+def two_passes():
+    rng = np.random.default_rng(5)
+    each = [seen_cells(rng, n, fields=4) for n in (14, 9)]
+    shares = [rng.uniform(0.0, 0.5, one.size) for one in each]
+    noise = [np.full(one.size, -25.0) for one in each]
+    each = [
+        replace(one, share=share, noise_db=floor, beside_db=rng.normal(0.0, 0.3, one.size))
+        for one, share, floor in zip(each, shares, noise, strict=True)
+    ]
+    law = [np.asarray(LINE(np.radians(one.incidence_deg), LINE_X)) for one in each]
+    return Observed(each, law, [np.full(one.size, -0.25) for one in each])
+
+
+def test_columns_of_the_shared_effects():
+    of, areas = two_passes(), [0.4, -0.3]
+    config = Uncertainty(noise_db=1.5, incidence_floor_deg=0.3, point_spread=0.2)
+    found = common_columns(of, areas, config)
+    assert found.shape == (23, 9)
+    middle = np.concatenate(of.law_db).mean()
+    for k, first in ((0, 0), (1, 14)):
+        cells = of.cells[k]
+        for j in range(cells.size):
+            signal = 1.0 - cells.share[j]
+            wanted = np.zeros(9)
+            wanted[4 * k : 4 * k + 4] = (
+                1.0,
+                signal * (cells.area_db[j] - areas[k]),
+                1.5 * cells.share[j],
+                0.3 * signal * -0.25,
+            )
+            wanted[8] = -0.25 * 0.2 * signal * (of.law_db[k][j] - middle)
+            np.testing.assert_allclose(found[first + j], wanted, atol=1e-12)
+
+
+def test_what_is_above_the_simulated_mean_counts_law_and_noise():
+    of = two_passes()
+    wanted = [
+        one.measured_db - one.beside_db - 10.0 * np.log10(10.0 ** (law / 10.0) + 10.0**-2.5)
+        for one, law in zip(of.cells, of.law_db, strict=True)
+    ]
+    np.testing.assert_allclose(of.above_db, np.concatenate(wanted))
+    assert of.size == 23
+
+
+def test_the_likelihood_is_that_of_a_dense_normal_distribution():
+    """Of two materials in two passes, with all effects written out, at scales on the grid of the tables."""
+    rng, of = np.random.default_rng(5), two_passes()
+    other = Observed(
+        [replace(one, measured_db=one.measured_db + rng.normal(0.0, 0.4, one.size)) for one in of.cells[::-1]],
+        of.law_db[::-1],
+        of.slope_db[::-1],
+    )
+    config = Uncertainty(level_db=0.7, area=0.2, fixed_slope=0.3)
+    materials, areas = {"a": of, "b": other}, [0.1, 0.2]
+    scales = _Scales(materials, areas, config, False)
+    grid = np.log(np.geomspace(0.01, 3.0, 32)), np.log(np.geomspace(0.01, 8.0, 32))
+    at = np.concatenate([
+        [np.log(0.5), grid[0][17], np.log(0.9), np.log(0.6)], np.log([1.3, 0.8]), np.log([0.7, 2.2]), grid[1][[19, 24]],
+    ])[None]  # fmt: skip
+    assert scales.dimension == at.size
+    sizes = [one.size for one in materials.values()]
+    columns, covariance = [], np.zeros((sum(sizes), sum(sizes)))
+    for k, one in enumerate(materials.values()):
+        angle, patch = one.together("incidence_deg"), one.together("patch")
+        error = 0.9**2 * [0.7, 2.2][k]
+        basis = form_basis(angle, np.arange(angle.min() - 0.5, angle.max() + 8.0, 4.0), 4)
+        slope = (angle - angle.mean()) / 10.0
+        own = error + 0.3**2 * error * np.outer(slope, slope) + 0.6**2 * basis @ basis.T
+        own += np.diag(one.together("variance") + np.exp(2.0 * grid[0][17]))
+        own += np.exp(2.0 * grid[1][[19, 24][k]]) * (patch[:, None] == patch)
+        part = slice(sum(sizes[:k]), sum(sizes[: k + 1]))
+        covariance[part, part] = own
+        columns.append(common_columns(one, areas, config))
+    shared = np.concatenate(columns)
+    prior = np.array([0.49 * 1.3, 0.04, 1.0, 1.0, 0.49 * 0.8, 0.04, 1.0, 1.0, 1.0])
+    covariance += (shared * prior) @ shared.T
+    values = np.concatenate([one.above_db for one in materials.values()])
+    constant = 0.5 * values.size * np.log(2.0 * np.pi)
+    wanted = multivariate_normal.logpdf(values, np.zeros(values.size), covariance) + constant
+    assert scales.log_likelihood(at)[0] == pytest.approx(wanted, abs=1e-6)
+    # the draws of the shared effects are those of a normal regression
+    many = np.repeat(at, 20_000, axis=0)
+    draws = scales.effects(many, np.random.default_rng(2))
+    gain = (shared * prior).T @ np.linalg.inv(covariance)
+    sd = np.sqrt(np.diag(np.diag(prior) - gain @ shared * prior))
+    np.testing.assert_allclose((draws.mean(axis=0) - gain @ values) / sd, 0.0, atol=0.03)
+    np.testing.assert_allclose(draws.std(axis=0), sd, rtol=0.03)
+    # ... and so is the error of a law, given nothing but the values
+    ones = np.concatenate([np.zeros(sizes[0]), np.ones(sizes[1])])
+    error = 0.9**2 * 2.2
+    mean = error * ones @ np.linalg.solve(covariance, values)
+    variance = error - error**2 * ones @ np.linalg.solve(covariance, ones)
+    drawn = scales.law_errors(many, draws, 1, np.random.default_rng(4))
+    assert drawn.mean() == pytest.approx(mean, abs=0.03 * np.sqrt(variance))
+    assert drawn.std() == pytest.approx(np.sqrt(variance), rel=0.03)
+    # an offset has a level of 20 dB, whatever its factor
+    removed = _Scales(materials, areas, config, True)
+    np.testing.assert_allclose(removed.prior_variance(at)[0, [0, 4]], 400.0)
+
+
+def test_the_error_of_a_form_is_a_gaussian_process():
+    angle, knots = np.linspace(25.0, 50.0, 11), np.arange(24.0, 54.0, 2.0)
+    basis = form_basis(angle, knots, 8)
+    away = angle[:, None] - angle
+    np.testing.assert_allclose(basis @ basis.T, np.exp(-0.5 * (away / FORM_DEG) ** 2), atol=0.03)
+    assert form_basis(angle, knots, 3).shape == (11, 3)
+    np.testing.assert_allclose(form_basis(angle, knots, 3), basis[:, :3])
+
+
+def test_priors_of_scales():
+    """Densities of logarithms, up to a constant, by scipy."""
+    log = np.log([0.05, 0.4, 1.7])
+    wanted = halfnorm.logpdf(np.exp(log), scale=0.6) + log
+    np.testing.assert_allclose(np.diff(half_normal(log, 0.6)), np.diff(wanted))
+    # a normal distribution whose variance is multiplied by w is a t distribution of 4 degrees of freedom
+    w = np.linspace(-6.0, 8.0, 4001)
+    weight = np.exp(fixed_laws._scale_mixture(w))
+    weight /= weight.sum()
+    for x in (0.0, 1.3, 4.0):
+        density = (weight * np.exp(-0.5 * (x**2 * np.exp(-w) + w))).sum() / np.sqrt(2.0 * np.pi)
+        assert density == pytest.approx(t.pdf(x, 4.0), rel=2e-3)
+
+
+def test_the_prior_of_all_scales():
+    scales = _Scales({"a": two_passes(), "b": two_passes()}, [0.0, 0.0], CONFIG, False)
+    rng = np.random.default_rng(1)
+    at = rng.normal(0.0, 0.5, (40, scales.dimension))
+    wanted = lognorm.logpdf(np.exp(at[:, 0]), 0.42, scale=CONFIG.field_db) + at[:, 0]
+    for k, scale in ((1, 0.4), (2, CONFIG.fixed_law_db), (3, CONFIG.form_db)):
+        wanted += halfnorm.logpdf(np.exp(at[:, k]), scale=scale) + at[:, k]
+    wanted += fixed_laws._scale_mixture(at[:, 4:8]).sum(axis=1)
+    wanted += (-0.5 * (at[:, 8:] - at[:, :1]) ** 2).sum(axis=1)
+    found = scales.log_prior(at)
+    np.testing.assert_allclose(found - found[0], wanted - wanted[0])
+    at[3, 2] = 9.1
+    assert np.isneginf(scales.log_prior(at)[3])
+
+
+def test_materials_of_few_angles_have_fewer_components():
+    """Knots of one or two angles are fewer than the components of the error of a form."""
+    narrow = made_cells(np.full(12, -9.0), np.linspace(40.0, 40.4, 12))
+    assert _Scales({"a": observed(narrow)}, [0.0], CONFIG, False).tables[0].at(np.zeros(1), np.zeros(1))[0].shape == (
+        1, 2 + 4 + 5 + 1, 2 + 4 + 5 + 1,
+    )  # fmt: skip

@@ -1,0 +1,210 @@
+"""Sentences of findings, and the headline."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from assessment_samples import LINE, LINE_X, made_curve, made_form, made_image, made_posterior
+from calibration_samples import make_target
+
+from radcal import words
+from radcal.assessment.known import image_findings, law_findings, material_findings
+from radcal.assessment.radiometry import Radiometry
+from radcal.assessment.registration_check import Moved
+from radcal.config import Uncertainty
+from radcal.findings import Finding
+from radcal.measurement.pixels import IN_THE_NOISE
+from radcal.measurement.target import Targets
+from radcal.words import degrees, headline, next_steps, sentence, verdict
+
+BOTH = ("water", "wood")
+WRONG = {"1": Radiometry(0.86, 0.13, 1, BOTH)}
+UNCHECKED = {"1": Radiometry(float("nan"), float("inf"), 0, ())}
+ONE = {"laws_db": {"lake": np.array([0.9, 1.3, 1.8])}, "apart_db": {"lake": np.array([1.4, 2.0, 2.5])}}
+LAW_OFF = {"laws_db": {"water": np.array([1.2, 1.9, 2.6]), "wood": np.array([-0.5, -0.1, 0.4])}}
+TOO_BRIGHT = {"levels_db": np.array([[0.8, 1.4, 2.0]])}
+OF_GEOMETRY = {"depression", "geometry_unchecked", "relief", "place"}  # codes that registrations give
+WIDE = {"known_between_deg": None, "known_half_width_db": None, "curve": made_curve(2.3)}
+
+
+def of_image(**changes):
+    case = SimpleNamespace(
+        passes=[SimpleNamespace(radar=SimpleNamespace(radiometry="sigma0_local"))],
+        target=SimpleNamespace(normalisation="none"),
+        uncertainty=Uncertainty(level_db=0.45),
+    )
+    return list(image_findings(case, made_image(**changes)))
+
+
+def of_material(name="dyke", refused=False, spread_deg=12.0, left_out=None, **changes):
+    angle = np.linspace(32.0 - spread_deg, 32.0 + spread_deg, 50)
+    target = make_target(np.linspace(-9.0, -5.0, 50), angle, left_out=left_out or {})
+    case = SimpleNamespace(uncertainty=Uncertainty(known_db=1.5))
+    return list(material_findings(case, name, made_posterior(**changes), Targets({name: target}), refused))
+
+
+def every():
+    """At least one finding of each code that the assessment gives."""
+    yield from of_image(radiometry=WRONG, sampled=False, **LAW_OFF)
+    yield from of_image(radiometry=UNCHECKED, laws_db={}, apart_db={})
+    yield from of_image(radiometry={"1": Radiometry(0.3, 0.4, 0, BOTH)}, **TOO_BRIGHT)
+    yield from of_image(**ONE)
+    yield from of_material(sampled=False, left_out={IN_THE_NOISE: 20})
+    yield from of_material(form=made_form(noticed=True), **WIDE)
+    yield from of_material(form=made_form(noticed=True, refuted=True), refused=True)
+    yield from of_material(form=made_form(noticed_db=float("inf")), curve=None)
+    yield from of_material(spread_deg=0.0)
+    yield from law_findings("dyke", made_posterior(), LINE, LINE_X + 9.0, {})
+    yield Finding("another_law", "warning", "dyke", {"difference_db": 3.21, "law": "mangia"}, "materials.dyke.law")
+    yield Moved(0.81, 0.34, 1.42, 0.7).finding("dyke")
+
+
+def test_every_code_has_a_sentence_for_its_numbers():
+    found = list(every())
+    assert {one.code for one in found} == set(words._TEXTS) - OF_GEOMETRY
+    for one in found:
+        said = sentence(one)
+        assert said.endswith(".")
+        assert "{" not in said
+        assert "nan" not in said
+        assert one.about in said
+        assert said.startswith(f"{one.severity}: ") is (one.severity != "note")
+        assert sentence(one, prefix=False).startswith(f"{one.about}: ")
+        if one.do and one.severity != "note":
+            assert one.do in said
+
+
+@pytest.mark.parametrize(
+    ("finding", "said"),
+    [
+        (
+            of_image(radiometry=WRONG)[0],
+            "refusal: pass 1: the fixed materials show that the image is sigma0_ref, and the case says sigma0_local "
+            "(exponent +0.86 on the area of the ground, standard error 0.13); the bands are given for sigma0_ref: set "
+            "radar.radiometry: sigma0_ref.",
+        ),
+        (
+            of_image(**LAW_OFF)[0],
+            "warning: water: its fixed law and the image differ by +1.90 dB (90 %: +1.20 to +2.60), more than those of "
+            "the other fixed materials: check materials.water.parameters.",
+        ),
+        (of_image()[-1], "pass 1: the fixed laws and the image differ by a level of +0.10 dB (90 %: -0.40 to +0.50)."),
+        (
+            of_image(**ONE)[-1],
+            "warning: lake: the fixed law and the image differ by +2.00 dB (90 %: +1.40 to +2.50); one fixed law "
+            "cannot tell an error of the law from a level of the image: check materials.lake.parameters and the "
+            "calibration of the image.",
+        ),
+        (
+            of_material()[0],
+            "dyke: sigma0 is determined to +-1.2 dB (90 %) between 23 and 39 degrees, if scene, geometry and pixels "
+            "are what the case says.",
+        ),
+        (
+            of_material()[1],
+            "dyke: the law is not refuted (a bump of 1.4 dB would be noticed in 9 of 10 images).",
+        ),
+        (of_material(form=made_form(noticed_db=float("inf")))[1], "dyke: the law is not refuted."),
+        (
+            of_material(**WIDE)[0],
+            "warning: dyke: sigma0 is determined at no angle: the half-width of its 90 % band is nowhere below 2.3 dB, "
+            "and uncertainty.known_db asks for 1.5 dB.",
+        ),
+        (
+            of_material(left_out={IN_THE_NOISE: 20})[-1],
+            "warning: dyke: 29% of its pixels are masked, because they are in the noise (target.snr_db); the pixels "
+            "that remain near the noise are the brighter ones.",
+        ),
+    ],
+)  # fmt: skip
+def test_sentences(finding, said):
+    assert sentence(finding) == said
+
+
+def test_the_verdict_on_a_material():
+    found = [*of_image(), *of_material(sampled=False), *of_material("rest", **WIDE)]
+    assert verdict("dyke", found) == (
+        "dyke: sigma0 is determined to +-1.2 dB (90 %) between 23 and 39 degrees, if scene, geometry and pixels are "
+        "what the case says; the law is not refuted (a bump of 1.4 dB would be noticed in 9 of 10 images)."
+    )
+    assert verdict("rest", found).startswith("rest: sigma0 is determined at no angle: ")
+
+
+def test_the_headline_of_one_material():
+    alone = of_material()
+    assert headline(["dyke"], [*of_image(), *alone], True) == verdict("dyke", alone)
+    unfinished = headline(["dyke"], [*of_image(), *alone], False)
+    assert unfinished == f"{verdict('dyke', alone)} The search is not finished."
+
+
+def test_the_headline_says_what_is_unchecked():
+    found = [*of_image(radiometry=UNCHECKED, laws_db={}, apart_db={}), *of_material()]
+    assert headline(["dyke"], found, True).endswith("images). Unchecked: radiometry, level.")
+
+
+def test_a_refusal_comes_first_and_takes_the_rest_away():
+    found = [*of_image(radiometry=WRONG, **LAW_OFF), *of_material(refused=True)]
+    said = headline(["dyke"], found, True)
+    assert said.startswith("pass 1: the fixed materials show that the image is sigma0_ref")
+    assert (
+        "set radar.radiometry: sigma0_ref. dyke: sigma0 is determined at no angle, because the image is refused" in said
+    )
+    assert "water" not in said
+    assert said.count("refused") == 1
+
+
+def test_the_first_thing_to_act_on_is_in_the_headline():
+    said = headline(["dyke"], [*of_image(**LAW_OFF, **TOO_BRIGHT), *of_material()], True)
+    assert " water: its fixed law and the image differ by +1.90 dB" in said
+    assert "a level of" not in said
+
+
+def test_the_headline_of_several_materials_counts_them():
+    found = [
+        *of_image(),
+        *of_material("dyke"),
+        *of_material("rest", **WIDE),
+        *of_material("road", form=made_form(noticed=True, refuted=True)),
+        *of_material("pond", spread_deg=0.0, form=None),
+    ]
+    assert headline(["dyke", "rest", "road", "pond"], found, False) == (
+        "Of 4 materials 2 are determined at some angles (dyke, road), 1 is determined at no angle (rest), 1 is level "
+        "only (pond), the law of road is refuted. The search is not finished."
+    )
+    many = [one for k in range(5) for one in of_material(f"field {k}")]
+    assert headline([f"field {k}" for k in range(5)], many, True) == "Of 5 materials 5 are determined at some angles."
+    refused = [*of_image(radiometry=WRONG), *of_material("dyke", True), *of_material("rest", True)]
+    assert headline(["dyke", "rest"], refused, True).endswith(
+        "Of 2 materials 2 are determined at no angle, because an image is refused (dyke, rest)."
+    )
+
+
+def test_next_steps_are_sorted_by_importance():
+    found = [
+        *of_image(radiometry=WRONG, **TOO_BRIGHT, **LAW_OFF)[::-1],
+        *of_material(left_out={IN_THE_NOISE: 20}),
+        Finding("another_law", "warning", "dyke", {"difference_db": 3.2, "law": "mangia"}, "materials.dyke.law"),
+    ]
+    assert next_steps(found) == [
+        "set radar.radiometry: sigma0_ref",
+        "check materials.water.parameters",
+        "check the absolute calibration of the image",
+    ]
+    assert next_steps(of_image()) == []
+    assert next_steps(of_image(**ONE)) == ["check materials.lake.parameters and the calibration of the image"]
+    assert not any("offset" in step for step in next_steps(found))
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [
+        (10.0, 25.0, "10 and 25"),
+        (10.25, 25.75, "11 and 25"),
+        (14.75, 15.25, "14.75 and 15.25"),
+        (14.9, 16, "15 and 16"),
+    ],
+)
+def test_degrees_are_rounded_into_the_interval(low, high, said):
+    assert degrees(low, high) == f"between {said} degrees"
