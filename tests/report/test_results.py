@@ -59,14 +59,6 @@ def test_pixels_are_those_of_the_images(made):
             assert (file["images/material"][()].ravel()[pixels] == list(file["names"].asstr()).index(name) + 1).all()
 
 
-def test_findings_on_the_geometry_are_among_the_notes(made, tmp_path):
-    numbers = {"key": "radar.depression_deg", "declared_deg": 45.0}
-    kept = to_json([Finding("geometry_unchecked", "warning", "a.tif", numbers)])
-    archive = made.gathered(tmp_path / "c.h5", registered=replace(made.registered, findings=kept))
-    assert [note for note in archive.notes if note.startswith("warning: a.tif was not registered")]
-    assert any(note.startswith("warning: a.tif") for note in summarise(archive)["warnings"])
-
-
 def test_how_it_ended(made):
     with h5py.File(made.path) as file:
         assert file.attrs["reason"] == "unreachable"
