@@ -14,7 +14,6 @@ import pytest
 from radcal.calibration.history import History
 from radcal.config import case_from, stages
 from radcal.errors import StoreError
-from radcal.findings import Finding, to_json
 from radcal.measurement.levels import Levels
 from radcal.measurement.target import Targets
 from radcal.radar.laws import LAWS

@@ -159,7 +159,8 @@ class LawModel:
             own = [np.ones((len(values), 1)), *own]
         self.linear = np.concatenate(own, axis=1)
         self.values = values - self.middle
-        self.patch, self.variance = observed.together("patch"), observed.together("variance")
+        self.patch = observed.together("patch").astype(np.int64)
+        self.variance = observed.together("variance")
         self.pixels = observed.together("pixels")
         self._tabulate()
         self.dimension = self.d + 3
@@ -171,7 +172,7 @@ class LawModel:
     @property
     def measured_db(self) -> Doubles:
         """Measured mean of each cell, less what the simulator adds to its law and the expected common effects [dB]."""
-        return self.values + self.middle
+        return np.asarray(self.values + self.middle)
 
     def part(self, mask: NDArray[np.bool_], config: Uncertainty) -> LawModel:
         """Model of the cells of a mask, shape (n,), with the same knots and priors."""
