@@ -1,4 +1,4 @@
-"""Findings: what a check or an assessment has found, as data; ``radcal.report.words`` turns them into sentences."""
+"""Findings: what a check or an assessment has found, as data; ``radcal.words`` turns them into sentences."""
 
 from __future__ import annotations
 
