@@ -1,23 +1,61 @@
-"""Sentences of findings: every template has its numbers, and a warning begins with the word."""
+"""Sentences of findings."""
 
 from __future__ import annotations
 
 import pytest
 
 from radcal.findings import Finding
-from radcal.words import text
+from radcal.words import degrees, next_steps, remarks, sentence, state, untold, verdict, widths
 
-NUMBERS = {"key": "radar.incidence_deg", "declared_deg": 35.5}
+DETERMINED = Finding(
+    "determined",
+    "note",
+    "dyke",
+    {"half_width_db": 0.84, "from_deg": 14.75, "to_deg": 40.2, "field_half_width_db": 0.62, "systematic_db": 0.53},
+)
+NOT_REFUTED = Finding("not_refuted", "note", "dyke", {"rms_db": 0.1, "p05_db": 0.0, "p95_db": 0.4, "noticed_db": 1.24})
+LEVEL = Finding("level", "note", "pass 1", {"level_db": 0.1, "p05_db": -0.2, "p95_db": 0.4})
+WATER = Finding(
+    "fixed_law", "warning", "water", {"error_db": 2.0, "p05_db": 1.4, "p95_db": 2.7}, "materials.water.parameters"
+)
+RADIOMETRY = Finding(
+    "radiometry",
+    "refusal",
+    "pass 1",
+    {"exponent": 0.93, "error": 0.1, "declared": "sigma0_local", "found": "sigma0_ref"},
+    "radar.radiometry: sigma0_ref",
+)
 
 
-def test_a_note_and_a_warning_differ_by_their_first_word() -> None:
-    note = Finding("geometry_unchecked", "note", "a.tif", NUMBERS)
-    said = text(note)
-    assert said.startswith("a.tif was not registered, so that radar.incidence_deg 35.5, ")
-    assert text(Finding("geometry_unchecked", "warning", "a.tif", NUMBERS)) == f"warning: {said}"
-    assert text(Finding("geometry_unchecked", "refusal", "a.tif", NUMBERS)) == said
+def test_a_title_says_where_sigma0_is_determined():
+    assert state("dyke", [LEVEL, DETERMINED]) == "determined to +-0.8 dB between 15 and 40 degrees"
+    withheld = Finding("withheld", "refusal", "dyke", {"half_width_db": 0.8})
+    assert state("dyke", [withheld]) == "determined at no angle, because an image is refused"
+    assert state("stem beans", [DETERMINED]) == ""
 
 
-def test_a_code_without_words_is_a_bug() -> None:
-    with pytest.raises(KeyError):
-        text(Finding("nothing", "note", "a.tif"))
+def test_widths_are_those_of_material_fields_and_systematic_part():
+    assert widths("dyke", [DETERMINED]).startswith("+-0.8 dB for the material, +-0.6 dB for its fields in this image;")
+    assert widths("dyke", [DETERMINED]).endswith("(systematic) alone give +-0.5 dB")
+    assert widths("dyke", [NOT_REFUTED]) == ""
+
+
+def test_angles_are_rounded_into_the_interval():
+    assert "(90 %) between 15 and 40 degrees, if scene" in verdict("dyke", [DETERMINED, NOT_REFUTED])
+    assert degrees(31.25, 31.75) == "between 31.25 and 31.75 degrees"
+
+
+def test_remarks_are_what_no_verdict_tells_and_warnings_come_first():
+    assert remarks([DETERMINED, LEVEL, NOT_REFUTED, WATER]) == [WATER, LEVEL]
+
+
+def test_what_a_text_tells_is_not_told_again():
+    said = [sentence(WATER), "warning: no relief"]
+    assert said[0].startswith("warning: water: its fixed law")
+    assert untold(said, f"A verdict. {sentence(WATER, prefix=False)}") == ["warning: no relief"]
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_radiometry_is_acted_on_before_a_fixed_law(order):
+    steps = next_steps([WATER, RADIOMETRY, LEVEL][::order])
+    assert steps == ["set radar.radiometry: sigma0_ref", "check materials.water.parameters"]

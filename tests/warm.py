@@ -37,7 +37,7 @@ SCRIPTS = HERE.parent / "workflow" / "scripts"
 # imported by the library only where they are used
 LATE = (
     "emcee", "h5py", "jinja2", "matplotlib.backends.backend_agg", "matplotlib.backends.backend_pdf",
-    "matplotlib.figure", "numba", "platypus", "radcal.assessment.unknowns", "rasterio", "scipy.interpolate",
+    "matplotlib.figure", "numba", "platypus", "radcal.assessment.model", "rasterio", "scipy.interpolate",
     "scipy.optimize", "scipy.stats", "sklearn.mixture", "snakemake.cli", "snakemake.script",
 )  # fmt: skip
 

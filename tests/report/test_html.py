@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import base64
-import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from archives import changed_check, changed_material, held_out_blocks, left_out_fields, posterior
+from archives import changed_findings, changed_material, image, posterior
 
+from radcal.assessment.radiometry import Radiometry
+from radcal.findings import Finding
 from radcal.report.archive import PassLaw, PassSummary
 from radcal.report.figures import Figure
 from radcal.report.html import _material, _number, _span, write_report
-from radcal.report.law_notes import MANY_X, at_bound
+from radcal.report.law_notes import at_bound
 from radcal.report.summary import summarise
 
 VOID = {"meta", "link", "img", "br"}
@@ -83,103 +84,119 @@ def test_verdict_comes_first_and_claims_no_more_than_the_density(page):
     text = page[1].text
     assert "Stopped after 6 runs with stem beans outside the tolerance of 1.0" in text
     order = [
+        "Of 2 materials 2 are determined at some angles",
         "Stopped after",
         "What has been shown",
         "What has not been shown: that the law is right",
-        "Results",
+        "Sigma0",
+        "Densities",
         "Pictures",
     ]
     places = [text.index(words) for words in order]
     assert places == sorted(places)
-    assert "A matched density does not determine the law" in text
-    assert re.search(r"known for dyke: the law found differs from it by up to [\d.]+ dB over the incidence seen", text)
-    assert "For stem beans whether the law found is right cannot be checked from this image alone" in text
+    assert "different laws can give the same histogram" in text
+    assert re.search(
+        r"for dyke: the law of the search differs from it by up to [\d.]+ dB over the incidence seen", text
+    )
+    assert "the law nearest to the median (parameters_model) by up to" in text
+    assert "For stem beans whether the law is right beyond that cannot be checked from this image alone" in text
 
 
-def checked(archive):
-    """As after a calibration in classes with held-out ground."""
+def settled(archive):
+    """As after a calibration in classes."""
     archive = replace(archive, objective="classes", converged=True, reason="settled")
-    classes = {"class_deg": [20.0, 40.0], "class_db": [1.0, -3.0], "class_error_db": [0.2, 0.2]}
-    for name, constant in (("dyke", 3.0), ("stem beans", 0.8)):
+    for name in archive.materials:
         archive = changed_material(archive, name, reason="settled")
-        archive = changed_check(
-            archive,
-            name,
-            held=held_out_blocks(rmse_constant_db=constant, patch_gain=0.25 * constant),
-            left_out=left_out_fields(4 if name == "dyke" else 0),
-            recommended="average" if name == "dyke" else "constant",
-            law_weight=0.75 if name == "dyke" else 0.0,
-            recommended_why="its reason",
-            identified=name == "dyke",
-            looks=2.5,
-            sentences=(f"{name}: remarkable.",),
-            **{key: np.array(values) for key, values in classes.items()},
-        )
     return archive
 
 
-def test_the_first_line_is_the_verdict_and_the_next_how_the_search_ended(page, made, tmp_path):
-    first = re.search(r"Measurement: .*?\. (.*?) What has been shown", page[1].text)[1]
-    assert first.startswith(
-        "Of 2 materials 2 cannot be tested (dyke, stem beans); sigma0 is known at some angles for none."
-    )
-    assert "What was compared is the histogram, which does not determine a law" in first
-    archive = changed_check(checked(made.archive), "stem beans", identified=True)
+def determined(name, **numbers):
+    """Finding that sigma0 of a material is determined."""
+    known = {"half_width_db": 1.5, "from_deg": 22.25, "to_deg": 39.5, "field_half_width_db": 0.9, "systematic_db": 0.4}
+    return Finding("determined", "note", name, {**known, **numbers})
+
+
+RADIOMETRY = Finding(
+    "radiometry",
+    "refusal",
+    "pass 1",
+    {"exponent": 0.93, "error": 0.1, "declared": "sigma0_local", "found": "sigma0_ref"},
+    "radar.radiometry: sigma0_ref",
+)
+
+
+def test_the_bar_is_good_only_if_something_is_determined_and_nothing_refused_or_refuted(made, tmp_path):
+    def good(archive):
+        return '<p class="verdict good">' in render(tmp_path / "report.html", archive)[0]
+
+    archive = settled(made.archive)
+    assert good(archive)
+    refuted = posterior(form=replace(posterior().form, refuted=True))
+    assert not good(changed_material(archive, "dyke", posterior=refuted))
+    # undetermined, of one material and of all
+    lost = posterior(known_between_deg=None, known_half_width_db=None)
+    archive = changed_material(archive, "dyke", posterior=lost)
+    assert good(archive)
+    assert not good(changed_material(archive, "stem beans", posterior=lost))
+    assert not good(changed_findings(archive, RADIOMETRY))
+    assert not good(replace(archive, converged=False))
+
+
+def test_findings_are_listed_warnings_first_and_notes_folded(made, tmp_path):
+    note = Finding("level", "note", "pass 1", {"level_db": 0.1, "p05_db": -0.2, "p95_db": 0.4})
+    numbers = {"beyond_db": 2.25, "cause": "cause unknown"}
+    outside = Finding("law_outside_band", "warning", "dyke", numbers)
+    findings = (note, determined("dyke"), determined("stem beans"), outside, RADIOMETRY)
+    archive = replace(changed_findings(made.archive, *findings), notes=("warning: no relief",))
+    text, parsed = render(tmp_path / "report.html", archive)
+    order = [
+        "pass 1: the fixed materials show that the image is sigma0_ref",
+        "dyke: sigma0 is determined to +-1.5 dB",
+        "Next: set radar.radiometry: sigma0_ref.",
+        "warning: no relief",
+        "leaves the band by up to 2.2 dB (cause unknown)",
+        "Further findings",
+        "differ by a level of +0.10 dB",
+    ]
+    places = [parsed.text.index(words) for words in order]
+    assert places == sorted(places)
+    # the refusal stands in the first line, and the note in the folded part alone
+    assert parsed.text.count(order[0]) == parsed.text.count(order[6]) == 1
+    assert "differ by a level" in re.search(r"<details><summary>Further findings.*?</details>", text, re.DOTALL)[0]
+
+
+def test_the_line_below_the_verdict_says_how_the_search_ended(made, tmp_path):
+    archive = settled(made.archive)
     text = render(tmp_path / "report.html", archive)[1].text
-    assert (
-        "Converged: the stop criterion is met for the laws of 2 materials after 6 runs. The recommended predictor of "
-        "other fields for stem beans is a constant, not the law."
-    ) in text
-    archive = changed_check(archive, "stem beans", identified=False)
-    text = render(tmp_path / "report.html", archive)[1].text
-    assert (
-        "materials after 6 runs. Sigma0 of stem beans is called known at no angle. The recommended predictor of "
-        "other fields for stem beans is a constant, not the law."
-    ) in text
-    # of these, the verdict says it
-    fitted = archive.materials["stem beans"].fitted
-    for change in ({"fits": False}, {"level_only": True}):
-        other = changed_material(archive, "stem beans", fitted=replace(fitted, **change))
-        assert "Sigma0 of stem beans" not in render(tmp_path / "report.html", other)[1].text
+    assert "Converged: the stop criterion is met for the laws of 2 materials after 6 runs." in text
     archive = changed_material(replace(archive, converged=False, reason="max_runs"), "dyke", reason="max_runs")
     text = render(tmp_path / "report.html", archive)[1].text
     assert "Stopped after 6 runs before the stop criterion was met for the law of dyke: maximum number of runs." in text
 
 
-def test_held_out_ground_has_a_table(page, made, tmp_path):
-    assert "Held-out ground" not in page[1].text
-    text = render(tmp_path / "report.html", checked(made.archive))[1].text
-    cells = [
-        "dyke",
-        "6",
-        "3.00",
-        "2.50",
-        "1.25",
-        "1.00",
-        "4.00",
-        "0.75",
-        "88 %",
-        r"2.5 \([\d.]+\)",
-        r"[\d.]+|–",
-        "better than a constant",
-    ]
-    assert re.search(r"\s*".join(f"(?:{cell})" for cell in cells), text), text
-    # like against like, beyond the standard error: 0.2 is less than 0.25
-    assert "not shown to be better than a constant, sigma0 known at no angle" in text
-    assert "blocks that no law has seen" in text
-    # with keep both or fields, laws are fitted anew: no block is unseen by the law found
-    config = json.dumps({**json.loads(made.archive.config), "validation": {"keep": "fields"}})
-    anew = render(tmp_path / "anew.html", replace(checked(made.archive), config=config))[1].text
-    assert "each fitted anew without these blocks, which the law found has seen" in anew
-    assert "no law has seen" not in anew
-    assert "seen elsewhere" not in text
-    assert re.search(
-        r"Whole fields left out.*dyke\s*4\s*2\.25\s*1\.75\s*law weighted 0\.75, constant 0\.25: its reason", text
-    )
-    assert re.search(r"stem beans\s*0\s*–\s*–\s*constant: its reason", text)
-    # of the density: a start without a curve predicts none
-    assert re.search(r"dyke\s*0\.03\s*0\.20\s*–\s*0\.25\s*−1\.50\s*–", text)
-    assert "stem beans: remarkable." in text
+def test_bands_and_form_errors_have_a_table(made, tmp_path):
+    archive = changed_findings(made.archive, determined("dyke"))
+    level = posterior(known_between_deg=None, known_half_width_db=None, form=None)
+    archive = changed_material(archive, "stem beans", posterior=level, level_only=True)
+    text = render(tmp_path / "report.html", archive)[1].text
+    cells = ["dyke", "22.25 to 39.5", "1.50", "0.90", "0.40", r"0.25 \(0.06 to 0.70\)", "1.40", "not refuted", "0.30"]
+    assert re.search(r"\s*".join([*cells, "0.15", "7, 210"]), text), text
+    assert re.search(r"\s*".join(["stem beans", "level only", *"––––––", "0.30", "0.15", "7, 210"]), text)
+    for change, words in (({"noticed": True}, "noticed"), ({"refuted": True}, "refuted")):
+        form = replace(posterior().form, **change)
+        other = changed_material(archive, "dyke", posterior=posterior(form=form))
+        assert re.search(rf"1\.40\s*{words}\s*0\.30", render(tmp_path / "report.html", other)[1].text)
+
+
+def test_fixed_laws_level_and_radiometry_have_tables(made, tmp_path):
+    text = render(tmp_path / "report.html", made.archive)[1].text
+    assert re.search(r"unused\s*0\.07 \(−0\.52 to 0\.61\)", text)
+    assert re.search(r"1\s*0\.12 \(−0\.31 to 0\.43\)\s*0\.14\s*0\.08\s*unused", text)
+    nothing = image(radiometry={"1": Radiometry(float("nan"), float("inf"), 0, ())})
+    text = render(tmp_path / "report.html", replace(made.archive, image=nothing))[1].text
+    assert re.search(r"0\.43\)\s*–\s*–\s*no material \(unchecked\)", text)
+    without = render(tmp_path / "report.html", replace(made.archive, image=image(laws_db={})))[1].text
+    assert "Fixed law" not in without
 
 
 def test_page_is_well_formed_and_loads_nothing(page):
@@ -223,7 +240,7 @@ def test_a_table_too_wide_for_the_page_scrolls_in_its_own_box(page):
 
 def test_tables(page):
     text = page[1].text
-    assert "X1 is at its upper bound (50 dB)" in text
+    assert "X1 is at its upper bound (50 dB)" not in text
     runs = text[text.index("Runs of the simulator") :]
     assert re.findall(r"(reference|design|infill|final|total)\s*(\d+)", runs)[:5] == [
         ("reference", "1"), ("design", "4"), ("infill", "2"), ("final", "1"), ("total", "8"),
@@ -237,11 +254,12 @@ def test_tables(page):
 
 
 def test_the_table_of_parameters_has_their_intervals(page, made, tmp_path):
-    assert "<th>5 to 95 %</th>" not in page[0]
-    text, _ = render(tmp_path / "report.html", changed_material(made.archive, "dyke", posterior=posterior()))
-    assert "<th>found</th><th>5 to 95 %</th><th>start</th>" in text
+    without = changed_material(changed_material(made.archive, "dyke", posterior=None), "stem beans", posterior=None)
+    assert "5 to 95 %</th>" not in render(tmp_path / "report.html", without)[0].replace("incidence, 5 to 95 %", "")
+    text = page[0]
+    assert "<th>search</th><th>5 to 95 %</th><th>nearest to<br>the median</th><th>start</th>" in text
     x = summarise(made.archive)["materials"]["dyke"]["parameters"]["X4"]
-    assert f"{x:.4g}</td><td>4.00 to 5.90</td><td>" in text
+    assert f"{x:.4g}</td><td>4.00 to 5.90</td><td>4.800</td><td>" in text
 
 
 def test_the_registration_run_has_a_line_of_its_own(made, tmp_path):
@@ -255,33 +273,16 @@ def test_the_registration_run_has_a_line_of_its_own(made, tmp_path):
 
 @pytest.mark.slow
 def test_what_does_not_apply_is_not_said(made, tmp_path):
-    """Of a material seen at one incidence no slope is doubted; equal densities alone have equal fresh numbers."""
-    bins = changed_check(replace(made.archive, objective="classes"), "dyke")
+    """Equal densities alone have equal fresh numbers."""
+    bins = replace(made.archive, objective="classes")
     text = render(tmp_path / "report.html", bins)[1].text
-    assert "Held-out ground can show it only if it has other fields or angles (validation.keep: fields)." in text
-    assert "the law found is right cannot be checked from this image" in text
     # dyke's densities agree, those of stem beans do not
     assert "so fresh numbers of dyke should come out near that." in text
     assert "Where rms is far above" in text
-    assert "A law of another form" not in text
-    for names, words in (
-        (["dyke"], "up to 1.4 dB at an"),
-        (["stem beans"], "1.4 to 2.3 dB at an incidence seen (dyke"),
-    ):
-        for name in names:
-            missed = {"dyke": 1.44, "stem beans": 2.31}[name]
-            fitted = replace(bins.materials[name].fitted, fits=True, missed_db=missed)
-            bins = changed_material(bins, name, fitted=fitted)
-        assert words in render(tmp_path / "report.html", bins)[1].text
+    assert "histogram, and" not in text
     for name in bins.materials:
-        fitted = replace(bins.materials[name].fitted, fits=None, level_only=True)
-        bins = changed_material(bins, name, fitted=fitted, rms=np.full(made.archive.runs.kind.size, 1.0))
-    text = render(tmp_path / "report.html", bins)[1].text
-    assert "A law of another form" not in text
-    assert "Held-out ground" not in text
-    assert "dyke and stem beans are seen at one incidence: the image can show their level there, but no law" in text
-    assert "should come out near that" not in text
-    assert "cannot be checked from this image" not in text
+        bins = changed_material(bins, name, rms=np.full(made.archive.runs.kind.size, 1.0))
+    assert "should come out near that" not in render(tmp_path / "report.html", bins)[1].text
 
 
 @pytest.mark.parametrize(
@@ -306,11 +307,9 @@ def test_one_material(made, tmp_path, hidden):
     assert "The density of dyke's backscatter is matched to rms" in text
     assert ("cannot be checked from this image alone" in text) is not hidden
     assert ("The truth behind this synthetic measurement is known" in text) is hidden
-    assert "unknown" not in text
-    # what the test of the fit has shown, is not called open; what is not matched, is not called matched
-    one = changed_material(archive, "dyke", fitted=replace(dyke.fitted, fits=False), reason="max_runs")
-    text = render(tmp_path / "report.html", one)[1].text
-    assert "cannot be checked from this image alone" not in text
+    assert "unknown" not in text.replace("(cause unknown)", "")
+    # what is not matched, is not called matched
+    text = render(tmp_path / "report.html", changed_material(archive, "dyke", reason="max_runs"))[1].text
     assert "The density of dyke's backscatter differs from the measured one by an rms of" in text
 
 
@@ -322,7 +321,7 @@ def test_a_better_law_is_excluded_as_far_as_the_surrogate_does(made, tmp_path):
     def shown(archive):
         return re.search(r"What has been shown (.*?) The search compared", render(tmp_path / "p", archive)[1].text)[1]
 
-    archive = checked(made.archive)
+    archive = settled(made.archive)
     assert shown(archive) == f"2 of 2 laws meet the stop criterion: the surrogate of all runs {promise}"
     archive = changed_material(archive, "dyke", reason="max_runs")
     assert shown(archive) == (
@@ -346,7 +345,8 @@ def test_the_truth_is_compared_over_the_incidence_of_all_passes(made, tmp_path):
     found = {"1": law(21.0, 41.0, 1.25), "2": law(47.0, 66.0, 87.0)}
     passes = {key: PassSummary(**one, materials={"dyke": value}) for key, value in found.items()}
     text = render(tmp_path / "report.html", replace(made.archive, passes=passes))[1].text
-    assert "up to 87 dB over the incidence seen (21.0 to 41.0 and 47.0 to 66.0 deg)." in text
+    assert "up to 87 dB over the incidence seen (21.0 to 41.0 and 47.0 to 66.0 deg), the law" in text
+    assert re.search(r"\(parameters_model\) by up to [\d.]+ dB in the first pass\.", text)
 
 
 def test_numbers_that_are_unknown_are_left_out(made, tmp_path):
@@ -383,22 +383,22 @@ def test_bounds():
     assert [at_bound(x, 0.0, 50.0) for x in (0.0, 0.04, 0.06, 25.0, 49.97)] == ["lower", "lower", "", "", "upper"]
 
 
-def test_a_bound_on_which_sigma0_hardly_depends_is_not_said_to_hide_a_better_law(made):
-    """One sentence on each X at a bound: that many X give nearly the law, or that a better law may lie outside."""
+def test_a_better_law_outside_of_a_bound_is_suspected_only_where_the_form_is_wrong(made, tmp_path):
+    """Or, where the form cannot be tested, after a failed search."""
     result = made.archive.materials["stem beans"]
     found = summarise(made.archive)["materials"]["stem beans"]
-    names = list(found["parameters"])
-    value = found["parameters"]["X1"]
-    ends = {"parameters_p05": dict.fromkeys(names, -99.0), "parameters_p95": dict.fromkeys(names, 99.0)}
-    outside = {**ends, "parameters_p95": {**ends["parameters_p95"], "X1": value - 3.0}}
-    for interval, remark, flagged in (
-        (ends, MANY_X, ["X1"]),
-        (outside, "sigma0 of the best run lies outside of its own 90 % band.", ["X1"]),
-        (outside, None, ["X1"]),
-        (outside, f"X1 is at its upper bound 50: {MANY_X}", []),
+    assert found["stop_reason"] == "unreachable"
+    for form, reason, flagged in (
+        ({"noticed": True}, "rms", ["X1"]),
+        ({"noticed": False}, "unreachable", []),
+        (None, "unreachable", ["X1"]),
+        (None, "rms", []),
     ):
-        data = _material("stem beans", {**found, **interval, "parameters_remark": remark}, result, ())
+        data = _material("stem beans", {**found, "misfit": form, "stop_reason": reason}, result, ())
         assert [p["name"] for p in data["at_bounds"]] == flagged
         assert data["parameters"][0]["value"] == 50.0
     near = {**found, "parameters": {**found["parameters"], "X1": 50.0 - 1e-9}}
     assert _material("stem beans", near, result, ())["parameters"][0]["value"] == 50.0
+    wrong = changed_material(made.archive, "dyke", posterior=posterior(form=replace(posterior().form, noticed=True)))
+    text = render(tmp_path / "report.html", wrong)[1].text
+    assert "dyke: X1 is at its upper bound (50 dB); a better law may lie outside the bounds." in text

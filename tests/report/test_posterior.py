@@ -1,4 +1,4 @@
-"""What is known of a law, in archive, summary, checks and figure."""
+"""What is known of a law, in archive, summary, terminal and figure."""
 
 from __future__ import annotations
 
@@ -6,107 +6,111 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from archives import changed_material, posterior
+from archives import changed_findings, changed_material, posterior, without_curve
 
-from radcal.assessment.known import level_words
-from radcal.assessment.law_check import check_laws
-from radcal.config import stages
+from radcal.findings import Finding
 from radcal.report.archive import read_archive, write_archive
 from radcal.report.law_figures import law
-from radcal.report.law_notes import found_words, outside_interval
+from radcal.report.law_notes import found_words
 from radcal.report.showing import show
 from radcal.report.summary import sentences, summarise
 from radcal.storage.records import write_json
 
+DETERMINED = Finding(
+    "determined",
+    "note",
+    "dyke",
+    {"half_width_db": 1.5, "from_deg": 22.25, "to_deg": 39.5, "field_half_width_db": 0.9, "systematic_db": 0.4},
+)
 
-def test_the_summary_holds_curve_intervals_and_where_the_law_is_known(made, tmp_path):
+
+def shown(archive, folder):
+    """Lines of ``radcal show`` on a finished case."""
+    write_json(folder / "summary.json", summarise(archive), flat=True)
+    for name in ("scene.h5", "reference.json", "scores.json", "final.json", "calibration.h5", "export.json"):
+        (folder / name).touch()
+    (folder / "report.json").touch()
+    return show(folder)
+
+
+def test_the_summary_holds_curve_intervals_and_where_the_law_is_determined(made, tmp_path):
     write_archive(tmp_path / "calibration.h5", changed_material(made.archive, "dyke", posterior=posterior()))
     archive = read_archive(tmp_path / "calibration.h5")
     found = summarise(archive)["materials"]["dyke"]
-    assert found["known_between_deg"] == [22.25, 39.5]
-    assert set(found["sigma0_curve"]) == {"incidence_deg", "median_db", "p05_db", "p95_db"}
+    assert (found["known_between_deg"], found["identified"]) == ([22.25, 39.5], True)
     assert found["sigma0_curve"]["incidence_deg"] == list(range(86))
-    assert found["sigma0_curve"]["p95_db"][10] == pytest.approx(-5.0)
+    for key, at_10 in {"median_db": -6.0, "p05_db": -7.1, "p95_db": -5.0, "field_p05_db": -6.65}.items():
+        assert found["sigma0_curve"][key][10] == pytest.approx(at_10)
     assert list(found["parameters_p05"].values()) == [1.0, 2.0, 3.0, 4.0]
     assert found["parameters_p95"]["X4"] == pytest.approx(5.9)
-    assert found["posterior"]["mode_shares"] == [0.8, 0.2]
-    # known nowhere, and no curve
-    nothing = changed_material(archive, "dyke", posterior=posterior(curve=None, known_between_deg=None))
-    found = summarise(nothing)["materials"]["dyke"]
-    assert found["known_between_deg"] is None
-    assert found["sigma0_curve"] is None
+    assert found["parameters_model"]["X2"] == pytest.approx(2.8)
+    assert found["misfit"] == {
+        "form_rms_db": [0.06, 0.25, 0.7], "noticed": False, "refuted": False, "noticed_db": 1.4,
+    }  # fmt: skip
+    assert found["posterior"]["field_sd_db"] == [0.21, 0.3, 0.39]
+    assert found["fits"] is True
+    # determined nowhere, and no curve
+    nowhere = changed_material(archive, "dyke", posterior=posterior(known_between_deg=None))
+    assert summarise(nowhere)["materials"]["dyke"]["identified"] is False
+    found = summarise(changed_material(archive, "dyke", posterior=without_curve()))["materials"]["dyke"]
+    assert [found[key] for key in ("known_between_deg", "sigma0_curve", "identified", "fits")] == [None] * 4
 
 
-def test_a_law_is_identified_where_it_is_known_somewhere(made):
-    case = stages.Archive.of(made.case)
-    here, nowhere = posterior(), posterior(known_between_deg=None, sampled=False, sentences=("the sampler has not.",))
-    known = check_laws(case, made.targets, made.history, posteriors={"dyke": here})["dyke"]
-    lost = check_laws(case, made.targets, made.history, posteriors={"dyke": nowhere})["dyke"]
-    assert (known.identified, lost.identified) == (True, False)
-    assert not any("not identified" in said for said in (*known.sentences, *lost.sentences))
-    # its band is narrow enough, as that of `here`
-    why = "its 90 % band is narrow enough only over less than half a degree"
-    assert lost.sentences[0] == f"dyke: sigma0 is called known nowhere over the incidence seen: {why}."
-    refused = check_laws(
-        case, made.targets, made.history, posteriors={"dyke": nowhere}, withheld={"dyke": "the law does not fit"}
-    )["dyke"]
-    assert refused.sentences[0].endswith("nowhere over the incidence seen: the law does not fit.")
-    assert (refused.recommended, refused.recommended_why) == ("constant", "the law does not fit")
-    assert lost.sentences[1] == "dyke: the sampler has not."
+def test_a_refuted_law_does_not_fit(made):
+    form = replace(posterior().form, refuted=True)
+    archive = changed_material(made.archive, "dyke", posterior=posterior(form=form))
+    summary = summarise(archive)
+    assert (summary["materials"]["dyke"]["fits"], summary["fits"]) == (False, False)
+    assert summarise(changed_material(archive, "dyke", posterior=posterior(form=None)))["fits"] is None
 
 
-def test_the_words_tell_width_and_angles():
-    assert posterior().sentence(1.5) == (
-        "sigma0 is known to +-1.5 dB (90 %) between 23 and 39 degrees; outside that it is not called known."
-    )
-    narrow = posterior(known_between_deg=(12.0, 20.0), known_half_width_db=1.2)
-    assert "known to +-1.2 dB (90 %) between 12 and 20" in narrow.sentence(1.5)
-    nowhere = posterior(known_between_deg=None, known_half_width_db=None)
-    # levels in the middle of the incidence of each pass
-    once = replace(nowhere, seen_deg=np.array([[30.0, 31.0], [30.1, 30.92]]))
-    assert once.sentence(1.5, level_only=True) == (
-        "seen at one incidence, from which no law can be known; its level is -10.1 dB (90 %: -11.4 to -8.7)."
-    )
-    twice = replace(nowhere, seen_deg=np.array([[30.0, 31.0], [40.0, 40.4]]))
-    assert level_words(twice.levels()) == (
-        "-10.1 dB (90 %: -11.4 to -8.7) at 30.5 degrees, -12.0 dB (90 %: -13.4 to -10.4) at 40.2 degrees"
-    )
-    assert replace(nowhere, curve=None).levels() == ()
+def test_the_difference_from_the_truth_is_that_of_both_laws(made):
+    model = np.array([4.0, 14.2, 21.5, 3.3])
+    archive = changed_material(made.archive, "dyke", posterior=posterior(parameters_model=model))
+    found = summarise(archive)["materials"]["dyke"]
+    assert found["law_difference_model_db"] == pytest.approx(2.1)
+    assert found["law_difference_db"] != found["law_difference_model_db"]
+    assert "law_difference_model_db" not in summarise(archive)["materials"]["stem beans"]
 
 
 def test_the_summary_holds_the_level_of_a_material_seen_at_one_incidence(made):
-    seen = posterior(known_between_deg=None, seen_deg=np.array([[30.0, 31.0]]))
-    fitted = replace(made.archive.materials["dyke"].fitted, level_only=True)
-    found = summarise(changed_material(made.archive, "dyke", posterior=seen, fitted=fitted))["materials"]["dyke"]
+    seen = posterior(known_between_deg=None, seen_deg=np.array([[30.0, 31.0], [30.1, 30.92], [40.0, 40.4]]))
+    archive = changed_material(made.archive, "dyke", posterior=seen, level_only=True)
+    found = summarise(archive)["materials"]["dyke"]
     assert found["level_only"] is True
     assert found["levels"] == [
-        pytest.approx({"incidence_deg": 30.5, "median_db": -10.1, "p05_db": -11.405, "p95_db": -8.69})
+        pytest.approx({"incidence_deg": 30.5, "median_db": -10.1, "p05_db": -11.405, "p95_db": -8.69}),
+        pytest.approx({"incidence_deg": 40.2, "median_db": -12.04, "p05_db": -13.442, "p95_db": -10.436}),
     ]
-    other = summarise(changed_material(made.archive, "dyke", posterior=seen))["materials"]["dyke"]
+    assert replace(seen, curve=None).levels() == ()
+    other = summarise(changed_material(archive, "dyke", level_only=False))["materials"]["dyke"]
     assert (other["level_only"], other["levels"]) == (False, None)
 
 
-@pytest.mark.slow
-def test_the_figure_shows_the_band_and_where_it_is_known(made):
-    archive = changed_material(made.archive, "dyke", posterior=posterior())
+def test_the_figure_shows_both_bands_and_where_sigma0_is_determined(made):
+    archive = changed_findings(changed_material(made.archive, "dyke", posterior=posterior()), DETERMINED)
     canvas, caption, _ = law(archive, "dyke")
-    band, known = canvas.axes[0].collections[:2]
-    assert (band.get_label(), known.get_label()) == ("90 % band", "known there")
-    angles = known.get_paths()[0].vertices[:, 0]
-    assert (angles.min(), angles.max()) == pytest.approx((22.25, 39.5))
-    assert "2 distinct laws agree with the pixels." in caption
-    assert "90 % of the laws that agree with the pixels, darker where sigma0 is known; it is" in caption
-    nowhere = changed_material(made.archive, "dyke", posterior=replace(posterior(), known_between_deg=None))
-    bare = law(nowhere, "dyke")
-    assert "known there" not in [one.get_label() for one in bare[0].axes[0].collections]
-    assert "darker" not in bare[1]
-    # laws that do not fit do not agree with the pixels; the linear covariance is no sample of laws
-    fitted = replace(made.archive.materials["dyke"].fitted, fits=False)
-    unfit = law(changed_material(nowhere, "dyke", fitted=fitted), "dyke")[1]
-    assert "90 % of the laws nearest to the pixels, though the law found does not fit them; it is" in unfit
-    assert "agree with the pixels" not in unfit
-    linear = changed_material(made.archive, "dyke", posterior=posterior(sampled=False))
-    assert "at each angle" not in law(linear, "dyke")[1]
+    upper, middle, _ = canvas.axes
+    for axes, of_law in ((upper, 0.0), (middle, 1.0)):
+        bands = {one.get_label(): one.get_paths()[0].vertices for one in axes.collections}
+        truth = archive.materials["dyke"].parameters.curve()(np.radians([30.0]), [6.1, 14.2, 21.5, 3.3])[0]
+        for label, edges in {"90 % band": (-11.3, -8.6), "its fields in this image": (-10.75, -9.4)}.items():
+            there = bands[label][np.isclose(bands[label][:, 0], 30.0, atol=0.1), 1]
+            assert (there.min(), there.max()) == pytest.approx(np.array(edges) - of_law * truth, abs=0.1)
+    lines = {line.get_label(): line for line in upper.lines}
+    assert tuple(lines["determined"].get_xdata()) == (22.25, 39.5)
+    model = lines["law nearest to the median"]
+    expected = archive.materials["dyke"].parameters.curve()(np.radians(model.get_xdata()), [1.8, 2.8, 3.8, 4.8])
+    np.testing.assert_allclose(model.get_ydata(), expected)
+    assert upper.get_title().replace("\n", " ") == "dyke: determined to +-1.5 dB between 23 and 39 degrees"
+    assert "(bar): +-1.5 dB for the material, +-0.9 dB for its fields in this image; level, " in caption
+    assert "alone give +-0.4 dB. Verdict on dyke: sigma0 is determined to" in caption
+    nowhere = changed_material(archive, "dyke", posterior=posterior(known_between_deg=None))
+    lost = Finding("undetermined", "warning", "dyke", {"narrowest_db": 2.4, "known_db": 1.5})
+    canvas, caption, _ = law(changed_findings(nowhere, lost), "dyke")
+    assert "determined" not in [line.get_label() for line in canvas.axes[0].lines]
+    assert "(bar)" not in caption
+    assert "determined at no angle" in canvas.axes[0].get_title()
 
 
 def test_the_figure_shows_the_incidence_of_all_passes(made):
@@ -117,76 +121,28 @@ def test_the_figure_shows_the_incidence_of_all_passes(made):
     assert (
         "Shaded, thick: 21.0 to 33.0 and 44.0 to 57.0 deg, where 90 % of the material's pixels lie in each" in caption
     )
-    assert "dB from the truth over the incidence of pass 1" in canvas.axes[0].get_title().replace("\n", " ")
-    thick = [line.get_xdata() for line in canvas.axes[0].lines if line.get_linewidth() == 3.2]
+    assert "Over the incidence of pass 1 the hidden truth (middle panel) differs" in caption
+    thick = [line.get_xdata() for line in canvas.axes[0].lines if line.get_linewidth() == 2.6]
     assert [(one.min(), one.max()) for one in thick[:2]] == [(21.0, 33.0), (44.0, 57.0)]
     one = law(archive, "dyke")[1]
-    assert "over the incidence seen" in one.lower()
+    assert "Over the incidence seen" in one
     assert "57.0" not in one
-
-
-def test_x_outside_of_its_own_interval_is_remarked(made, tmp_path):
-    names, box = ["X1", "X2", "X3", "X4"], [[-40, 0], [0, 20], [0, 25], [0, 12]]
-    interval = [[-30, -20], [0.4, 13], [3, 9], [2, 5]]
-    assert outside_interval(names, [-25.0, 5.0, 3.0, 5.0], box, interval) == ""
-    assert outside_interval(names, [-25.0, 1e-11, 11.25, 12.0], box, interval, 0.0) == (
-        "X2 is at its lower bound 0, outside of its own 90 % interval (0.4 to 13) and X3 is 11.25, outside of its own "
-        "90 % interval (3 to 9) and X4 is at its upper bound 12, outside of its own 90 % interval (2 to 5): many X "
-        "give nearly this law, so that sigma0 and its band say more than X."
-    )
-    # without a curve nothing is known of sigma0
-    lone = "X3 is 11.25, outside of its own 90 % interval (3 to 9)"
-    assert outside_interval(names, [-25.0, 5.0, 11.25, 4.0], box, interval) == f"{lone}."
-    assert outside_interval(names, [-25.0, 5.0, 11.25, 4.0], box, interval, 0.347) == (
-        f"{lone}; sigma0 of the best run lies outside of its own 90 % band, too, by up to 0.35 dB."
-    )
-    # the verdict says that the bound keeps the law from fitting
-    at_bound = "X2 is at its lower bound 0, outside of its own 90 % interval (0.4 to 13)"
-    assert outside_interval(names, [-25.0, 1e-11, 5.0, 4.0], box, interval, 0.0, ["X2"]) == f"{at_bound}."
-    assert outside_interval(names, [-25.0, 1e-11, 5.0, 4.0], box, interval, 0.0, ["X3"]).startswith(f"{at_bound}: many")
-    x = made.archive.materials["dyke"].parameters.values[made.archive.materials["dyke"].best]
-    low, high = x - 1.0, x + 2.0
-    low[1] = x[1] + 0.5
-    archive = changed_material(made.archive, "dyke", posterior=posterior(parameters_p05=low, parameters_p95=high))
-    said = summarise(archive)["materials"]["dyke"]["parameters_remark"]
-    begin = f"X2 is {x[1]:.4g}, outside of its own 90 % interval ({low[1]:.3g} to {high[1]:.3g})"
-    # 0.25 and 0.0625 dB^2 of variance of the fields are added to the law, as in the band
-    there, level_db = (
-        posterior().curve,
-        made.archive.materials["dyke"].parameters.curve()(np.radians(np.arange(86.0)), x),
-    )
-    level_db = level_db + np.log(10.0) / 20.0 * (0.3**2 + 0.15**2)
-    seen = slice(21, 45)
-    beyond = float((level_db - there.p95_db)[seen].max())
-    assert said == f"{begin}; sigma0 of the best run lies outside of its own 90 % band, too, by up to {beyond:.2g} dB."
-    inside = replace(there, p05_db=level_db - 0.01, p95_db=level_db + 0.01)
-    known = posterior(parameters_p05=low, parameters_p95=high, curve=inside)
-    again = summarise(changed_material(archive, "dyke", posterior=known))["materials"]["dyke"]
-    assert again["parameters_remark"].startswith(f"{begin}: many X")
-    assert f"dyke: {said}" in sentences(archive)
-    write_json(tmp_path / "summary.json", summarise(archive), flat=True)
-    for name in ("scene.h5", "reference.json", "scores.json", "final.json", "calibration.h5", "export.json"):
-        (tmp_path / name).touch()
-    (tmp_path / "report.json").touch()
-    assert f"dyke: {said}" in show(tmp_path)
 
 
 def test_parameters_are_told_with_their_intervals(made, build_archive, tmp_path):
     """At the end of the terminal those of laws without a curve, of which nothing else is known."""
-    archive = changed_material(made.archive, "dyke", posterior=posterior())
-    assert not any("5 to 95 %" in said for said in sentences(archive))
+    assert not any("5 to 95 %" in said for said in sentences(made.archive))
     external = build_archive(tmp_path / "made", external=("dyke", "unused")).archive
-    assert not any(said.startswith("dyke: mv ") for said in sentences(external))
-    external = changed_material(external, "dyke", posterior=posterior(curve=None, known_between_deg=None))
     x = external.materials["dyke"].parameters.values[external.materials["dyke"].best]
     each = zip(("mv", "s", "l", "t"), x, ("1 to 2.9", "2 to 3.9", "3 to 4.9", "4 to 5.9"), strict=True)
     words = ", ".join(f"{name} {value:.4g} (5 to 95 %: {ends})" for name, value, ends in each)
     words = words.replace("mv 50 (5", "mv 50 (at its upper bound; 5")
     assert f"dyke: {words}." in sentences(external)
-    write_json(tmp_path / "summary.json", summarise(external), flat=True)
-    for name in ("scene.h5", "reference.json", "scores.json", "final.json", "calibration.h5", "export.json"):
-        (tmp_path / name).touch()
-    (tmp_path / "report.json").touch()
-    assert any(f"external with {words}; nothing is known of a curve" in line for line in show(tmp_path))
+    lines = shown(external, tmp_path)
+    assert any(line.endswith(f" external with {words}.") for line in lines)
+    assert "its law has no curve in dB" in lines[1]
+    # the law nearest to the band, of the other material
+    assert "stem beans: parameters_model, nearest to the band: X1 1.8, X2 2.8, X3 3.8, X4 4.8." in lines
+    assert not any(line.startswith("dyke: parameters_model") for line in lines)
     at_bound = found_words({"a": 1.0, "b": 0.0}, [[0, 1], [0, 4]], {"a": 0.8, "b": 0.1}, {"a": 0.99, "b": 2.0})
     assert at_bound == "a 1 (at its upper bound; 5 to 95 %: 0.8 to 0.99), b 0 (at its lower bound; 5 to 95 %: 0.1 to 2)"

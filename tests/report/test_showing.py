@@ -38,9 +38,11 @@ def test_a_finished_case(folder, made):
     verdict = summarise(made.archive)["materials"]["dyke"]["verdict"]
     assert verdict.startswith("dyke")
     assert lines[1].startswith(f"{verdict} mangia with X1 ")
+    assert lines[2] == "dyke: parameters_model, nearest to the band: X1 1.8, X2 2.8, X3 3.8, X4 4.8."
     counts = "simulator runs of the search: 6 (4 design, 2 infill), besides 1 reference, 1 final"
-    assert lines[3] == f"{counts}; end: no parameters inside the bounds seem to reach the target."
-    assert lines[4:] == [
+    assert lines[5:7] == summarise(made.archive)["warnings"]
+    assert lines[7] == f"{counts}; end: no parameters inside the bounds seem to reach the target."
+    assert lines[8:] == [
         f"report: {folder / 'report.html'}",
         f"exports: {folder / 'export'}",
         f"summary: {folder / 'summary.json'}",
@@ -52,47 +54,22 @@ def test_registration_runs_are_counted_apart(folder):
     data = json.loads((folder / "summary.json").read_text())
     data["runs"] |= {"reference": 3, "registration": 2}
     (folder / "summary.json").write_text(json.dumps(data))
-    assert "besides 3 reference (2 of them for the registration), 1 final; end" in show(folder)[3]
-    del data["runs"]["registration"]  # a file of an earlier version
+    assert "besides 3 reference (2 of them for the registration), 1 final; end" in show(folder)[7]
+    # a file of an earlier version
+    del data["runs"]["registration"], data["warnings"], data["next"]
     (folder / "summary.json").write_text(json.dumps(data))
-    assert "besides 3 reference, 1 final; end" in show(folder)[3]
+    assert "besides 3 reference, 1 final; end" in show(folder)[5]
 
 
-def test_warnings_on_the_image_are_shown(folder):
+def test_warnings_and_the_next_step_are_shown(folder):
     data = json.loads((folder / "summary.json").read_text())
-    (folder / "summary.json").write_text(json.dumps(data | {"warnings": ["warning: no relief"]}))
-    assert show(folder)[3] == "warning: no relief"
-    del data["warnings"]
-    (folder / "summary.json").write_text(json.dumps(data))
-    assert show(folder)[3].startswith("simulator runs")
-
-
-def test_warnings_on_a_law_are_shown_with_it(folder):
-    data = json.loads((folder / "summary.json").read_text())
-    data["materials"]["dyke"]["law_sentences"] = ["dyke: 90 % of its pixels are masked", "dyke: and more"]
-    (folder / "summary.json").write_text(json.dumps(data))
+    changed = {"warnings": ["warning: no relief", f"warning: {data['verdict']}"], "next": ["do this", "do that"]}
+    (folder / "summary.json").write_text(json.dumps(data | changed))
     lines = show(folder)
-    first = lines.index("dyke: 90 % of its pixels are masked")
-    assert lines[first - 1].startswith("dyke")
-    assert lines[first + 1] == "dyke: and more"
-    assert lines[first + 2].startswith("stem beans")
-
-
-@pytest.mark.parametrize(
-    ("found", "said"),
-    [
-        ({"sigma0_curve": {}, "fits": True, "verdict": "dyke fits"}, "."),
-        ({"sigma0_curve": {}, "fits": None, "verdict": "dyke: level only, seen at one incidence: -9.0 dB"}, "."),
-        ({"sigma0_curve": {}, "fits": False, "verdict": "dyke: does not fit"}, "; sigma0 is known nowhere."),
-        ({"sigma0_curve": None, "fits": True, "verdict": "dyke fits"}, "; nothing is known of a curve in dB."),
-    ],
-)
-def test_a_law_of_which_nothing_is_known(folder, found, said):
-    data = json.loads((folder / "summary.json").read_text())
-    x = data["materials"]["dyke"]["parameters"]["X4"]
-    data["materials"]["dyke"] |= found
-    (folder / "summary.json").write_text(json.dumps(data))
-    assert show(folder)[1].endswith(f"X4 {x:.4g}{said}")
+    assert lines[1] == "next: do this."
+    # the verdict itself is not repeated
+    assert lines[6] == "warning: no relief"
+    assert lines[7].startswith("simulator runs")
 
 
 def test_a_value_at_a_bound_is_printed_as_the_bound(folder):
@@ -101,7 +78,7 @@ def test_a_value_at_a_bound_is_printed_as_the_bound(folder):
     dyke["bounds"][1:3] = [[0.0, 20.0], [2.0, 25.0]]
     dyke["parameters"] |= {"X2": 5.202e-22, "X3": 24.999}
     (folder / "summary.json").write_text(json.dumps(data))
-    assert "X2 0 (at its lower bound), X3 25 (at its upper bound), X4 " in show(folder)[1]
+    assert "X2 0 (at its lower bound; 5 to 95 %: 2 to 3.9), X3 25 (at its upper bound; 5 to 95" in show(folder)[1]
 
 
 def test_an_unfinished_case_says_what_is_missing(folder):
@@ -152,7 +129,7 @@ def test_a_case_is_found_by_name_folder_or_file(folder, tmp_path):
     with pytest.raises(StoreError, match=r"gone: there is no folder results/gone, expected the name of a case"):
         results_folder("gone")
     done = CliRunner().invoke(app, ["show", "mine.yaml"])
-    assert (done.exit_code, done.stdout.splitlines()[3]) == (0, show(folder)[3])
+    assert (done.exit_code, done.stdout.splitlines()[7]) == (0, show(folder)[7])
     both = CliRunner().invoke(app, ["show", "gone", "small", "mine.yaml"])
     assert (both.exit_code, both.stdout.strip()) == (1, f"{done.stdout}\n{done.stdout}".strip())
     elsewhere = CliRunner().invoke(app, ["show", "small", "--results", str(tmp_path)])

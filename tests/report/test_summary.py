@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from archives import changed_material
+from archives import changed_findings, changed_material
 from scipy.special import ndtr
 
+from radcal.findings import Finding
 from radcal.report.summary import numbered_jobs, sentences, summarise, wall_seconds
 
 
@@ -51,35 +52,47 @@ def test_materials(made):
     assert "hidden" not in beans
     assert "law_difference_db" not in beans
     first = (
-        "Of 2 materials 2 cannot be tested (dyke, stem beans); sigma0 is known at some angles for none. "
-        "The search has not met its stop criterion."
+        "Of 2 materials 2 are determined at some angles (dyke, stem beans). Unchecked: radiometry. The search is not "
+        "finished."
     )
-    assert summarise(made.archive)["verdict"] == first
-    assert summarise(made.archive)["fits"] is dyke["fits"] is None
-    assert beans["misfit"]["distance"] == pytest.approx(beans["rms"] / 0.004)
-    assert beans["misfit"]["residual_sum"] is None
-    said = [
-        first,
-        dyke["verdict"],
-        beans["verdict"],
-        dyke["sentence"],
-        beans["sentence"],
-        *dyke["law_sentences"],
-        *beans["law_sentences"],
-    ]
+    summary = summarise(made.archive)
+    assert summary["verdict"] == first
+    assert summary["fits"] is dyke["fits"] is True
+    # the made-up bands do not hold the made-up laws
+    assert [said.split(": ")[:2] for said in summary["warnings"]] == [["warning", "dyke"], ["warning", "stem beans"]]
+    said = [first, dyke["verdict"], beans["verdict"], *summary["warnings"], dyke["sentence"], beans["sentence"]]
     assert sentences(made.archive) == said
+    assert (dyke["looks"], dyke["looks_nominal"]) == (4.0, 4.0)
 
 
-@pytest.mark.parametrize(
-    ("count", "end"), [(1, " 1 warning on the measured image."), (2, " 2 warnings on the measured image.")]
-)
-def test_warnings_on_the_image_follow_the_verdict(made, count, end):
-    told = [f"warning: mistake {k}" for k in range(count)]
+def test_findings_are_data_and_sentences(made):
+    numbers = {"error_db": 2.0, "p05_db": 1.4, "p95_db": float("nan")}
+    one = Finding("fixed_law", "warning", "unused", numbers, "materials.unused.parameters")
+    archive = changed_findings(made.archive, one)
+    summary = summarise(archive)
+    (found,) = summary["findings"]
+    assert {key: found[key] for key in ("code", "severity", "about", "do")} == {
+        "code": "fixed_law", "severity": "warning", "about": "unused", "do": "materials.unused.parameters",
+    }  # fmt: skip
+    assert found["numbers"] == {"error_db": 2.0, "p05_db": 1.4, "p95_db": None}
+    assert found["text"].startswith("unused: its fixed law and the image differ by +2.00 dB")
+    assert summary["next"] == ["check materials.unused.parameters"]
+    assert "next: check materials.unused.parameters." in sentences(archive)
+
+
+def test_what_the_fixed_laws_say_is_listed(made):
+    found = summarise(made.archive)["fixed_laws"]
+    assert found["levels_db"] == [[-0.31, 0.12, 0.43]]
+    assert found["errors_db"] == {"unused": [-0.52, 0.07, 0.61]}
+    assert found["radiometry"] == [{"exponent": 0.14, "error": 0.08, "found": 0, "materials": ["unused"]}]
+
+
+def test_warnings_on_the_image_follow_the_verdicts(made):
+    told = ["warning: mistake 0", "warning: mistake 1"]
     archive = replace(made.archive, notes=("a note", *told, told[0]))
     summary = summarise(archive)
-    assert summary["warnings"] == told
-    assert summary["verdict"] == summarise(made.archive)["verdict"] + end
-    assert sentences(archive)[3 : 3 + count] == told
+    assert summary["warnings"][:2] == told
+    assert sentences(archive)[3:5] == told
 
 
 def test_distances_of_two_normals(made):

@@ -156,8 +156,8 @@ def densities(case: Archive, name: str) -> tuple[Canvas, str, str]:
     axes.set_ylabel(f"density [1/{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 4)
     caption = (
-        "Density of the backscatter at the starting parameters (orange, dashed), after calibration (blue) and in the "
-        "measurement (black: fitted; grey: its pixels). Where blue lies on black the distributions agree."
+        "Density of the backscatter at the starting parameters (orange, dashed), by the law of the search (blue) and "
+        "in the measurement (black: fitted; grey: its pixels). Where blue lies on black the distributions agree."
         + _of_looks(material, np.array([0, material.best]))
         + panel.remark()
     )
@@ -202,8 +202,8 @@ def overview(case: Archive) -> tuple[Canvas, str, str]:
         axes.set_ylabel(f"density [1/{case.levels.unit}]")
     add_legend(canvas, grid[0].get_legend_handles_labels(), 4)
     caption = (
-        "Density of each material at the starting parameters (orange, dashed), after calibration (blue) and in the "
-        f"measurement (black: fitted; grey: its pixels); rms in 1/{case.levels.unit}."
+        "Density of each material at the starting parameters (orange, dashed), by the laws of the search (blue) and in "
+        f"the measurement (black: fitted; grey: its pixels); rms in 1/{case.levels.unit}."
         + (_TEXTURED if any(one.run_looks is not None for one in case.materials.values()) else "")
         + (f" In {outside} of them a curve leaves the axes." if outside else "")
     )

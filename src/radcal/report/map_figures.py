@@ -144,7 +144,10 @@ def _images_caption(first: NDArray[Any], own: bool) -> str:
     caption = f"{images} in one gray scale (1 to 99.5 % of the measured pixels), near range on top. "
     if own:
         caption += "The start would be nearly black or white there, and has a scale of its own, given in its title. "
-    caption += "The calibrated image has speckle of its own: compare levels and textures, not pixels."
+    caption += (
+        "The calibrated image, that of the laws of the search, has speckle of its own: compare levels and textures, "
+        "not pixels."
+    )
     if missing := int(np.count_nonzero(~np.isfinite(first))):
         caption += f" {missing:,} measured pixels have no value (pale)."
     if (k := _factor(first.shape)) > 1:

@@ -147,7 +147,7 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
     """Lines on verdict, parameters and runs of a finished calibration."""
     materials, runs = summary["materials"], summary["runs"]
     reused = f"; {runs['reused']} reused" if runs.get("reused") else ""
-    lines = [str(summary["verdict"]), *(f"next: {step}." for step in summary["next"][:1])]
+    lines = [str(summary["verdict"]), *(f"next: {step}." for step in summary.get("next", [])[:1])]
     for name, material in materials.items():
         interval = (material.get(f"parameters_{end}") for end in ("p05", "p95"))
         parameters = found_words(material["parameters"], material["bounds"], *interval)
@@ -157,7 +157,7 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
         lines.append(f"{said} {law} with {parameters}.")
         if (model := material.get("parameters_model")) is not None:
             lines.append(f"{name}: parameters_model, nearest to the band: {found_words(model, material['bounds'])}.")
-    lines += untold(summary["warnings"], lines[0])
+    lines += untold(summary.get("warnings", []), lines[0])  # files of earlier versions have none
     search = runs["design"] + runs["infill"]
     others = runs_in_words({kind: runs[kind] for kind in ("reference", "final")}, runs.get("registration", 0))
     return [
