@@ -7,16 +7,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radcal.assessment.calibrated import FORMS, LawModel, Parameters
 from radcal.assessment.cells import CellMeans
-from radcal.assessment.fixed_laws import Observed
+from radcal.assessment.fixed_laws import Common, Observed, form_basis
 from radcal.assessment.posterior import Curve, FormError, Image, Posterior
 from radcal.assessment.radiometry import Radiometry
+from radcal.config import Uncertainty
 from radcal.radar.laws import Law, law_for
 
 LINE = law_for("tabulated", angles_deg=(20.0, 60.0))
 LINE_BOX = np.array([[-30.0, 10.0], [-40.0, 0.0]])
 LINE_X = np.array([-6.0, -16.0])
 """Law that falls by a quarter of a decibel per degree."""
+
+KNOTS = np.arange(26.0, 49.0)
+FORM_KNOTS = np.arange(26.0, 52.0, 2.0)
+ANGLES = np.linspace(28.0, 46.0, 13)
+"""Knots of a law and of the error of its form, and angles of bands, for cells at 26 to 48 degrees."""
 
 
 def made_cells(measured_db: ArrayLike, incidence_deg: ArrayLike, **changes: Any) -> CellMeans:
@@ -122,3 +129,40 @@ def made_image(**changes: Any) -> Image:
         **changes,
     }
     return Image(**keys)
+
+
+def known_common(level_db: float = 0.0, sd_db: float = 0.1, rng: np.random.Generator | None = None) -> Common:
+    """Common effects of one pass as if the fixed materials had shown them."""
+    mean = np.array([level_db, 0.05, 0.2, -0.1, 0.3])
+    root = np.zeros((5, 5)) if rng is None else 0.05 * rng.normal(size=(5, 5))
+    covariance = np.diag([sd_db**2, 0.01, 0.5, 0.5, 0.5]) + root @ root.T
+    return Common(mean, covariance, (np.log(0.5), 0.3), {}, {}, np.zeros((1, 3)), True)
+
+
+def line_db(x: NDArray[np.float64], incidence_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Levels of :data:`LINE` for m vectors X at k angles [dB], shape (m, k), without splines."""
+    return x[:, :1] + (x[:, 1:] - x[:, :1]) * (incidence_deg - 20.0) / 40.0
+
+
+def line_parameters(error: Any = None, integer: tuple[bool, bool] = (False, False)) -> Parameters:
+    """X of :data:`LINE` in its bounds."""
+    return Parameters(
+        LINE_BOX, np.array(integer), lambda x: line_db(x, KNOTS),
+        lambda x: np.zeros(len(x)), error,
+    )  # fmt: skip
+
+
+def line_model(
+    cells: CellMeans,
+    common: Common,
+    config: Uncertainty | None = None,
+    parameters: Parameters | None = None,
+    forms: bool = True,
+    flattening: float = 0.0,
+) -> LawModel:
+    """Model of :data:`LINE` for cells of one pass."""
+    of = observed(cells)
+    weights = np.maximum(0.0, 1.0 - np.abs(cells.incidence_deg[:, None] - KNOTS))
+    columns = form_basis(cells.incidence_deg, FORM_KNOTS, FORMS) * forms
+    flat = flattening * (cells.incidence_deg - 37.0)
+    return LawModel(of, weights, parameters or line_parameters(), columns, flat, common, [0.0], config or Uncertainty())

@@ -252,3 +252,14 @@ def test_materials_of_few_angles_have_fewer_components():
     assert _Scales({"a": observed(narrow)}, [0.0], CONFIG, False).tables[0].at(np.zeros(1), np.zeros(1))[0].shape == (
         1, 2 + 4 + 5 + 1, 2 + 4 + 5 + 1,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("offset", [False, True])
+def test_scales_of_zero_are_allowed(offset):
+    """Fixed laws without any error, and an image whose level is exact."""
+    config = BRIEF.model_copy(update={"fixed_law_db": 0.0, "level_db": 0.0, "area": 0.0, "steps": 20})
+    found = common_of(fixed(RIGHT), [0.0], config, offset, 3)
+    assert np.isfinite(found.mean).all()
+    assert np.isfinite(found.covariance).all()
+    assert abs(found.laws_db["water"][1]) < 0.05
+    assert abs(found.mean[LEVEL]) < (0.5 if offset else 1e-3)

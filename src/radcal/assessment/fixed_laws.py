@@ -47,6 +47,7 @@ _FIELD_LOG_SD = 0.42
 FIELD_SPREAD = 1.0
 """Standard deviation of the logarithm of a material's field effects about that of all materials."""
 _FORMS = 4
+_LEAST_DB = 1e-3  # of the scale of the errors of fixed laws, which may be 0
 
 
 @dataclass(frozen=True)
@@ -177,6 +178,7 @@ class _Scales:
 
     def __init__(self, fixed: Mapping[str, Observed], areas: Sequence[float], config: Uncertainty, offset: bool):
         self.config, self.offset, self.passes, n = config, offset, len(areas), len(fixed)
+        self.law_db = max(config.fixed_law_db, _LEAST_DB)
         self.common = 4 * self.passes + 1
         self.tables = [self._table(one, areas) for one in fixed.values()]
         self.dimension = 4 + self.passes + 2 * n
@@ -194,7 +196,7 @@ class _Scales:
     def start(self, walkers: int, rng: np.random.Generator) -> Doubles:
         """Points dispersed about the scales of the priors."""
         found = rng.normal(0.0, 0.5, (walkers, self.dimension))
-        found[:, :4] += np.log([self.config.field_db, 0.5 * CELL_DB, self.config.fixed_law_db, self.config.form_db])
+        found[:, :4] += np.log([self.config.field_db, 0.5 * CELL_DB, self.law_db, self.config.form_db])
         found[:, self.field] += found[:, :1]
         return found
 
@@ -202,7 +204,7 @@ class _Scales:
         """Log density of the priors, shape (m, dimension) to (m,)."""
         config = self.config
         found = -0.5 * ((at[:, 0] - np.log(config.field_db)) / _FIELD_LOG_SD) ** 2
-        found += half_normal(at[:, 1], CELL_DB) + half_normal(at[:, 2], config.fixed_law_db)
+        found += half_normal(at[:, 1], CELL_DB) + half_normal(at[:, 2], self.law_db)
         found += half_normal(at[:, 3], config.form_db)
         found += (_scale_mixture(at[:, self.level]).sum(axis=1)) + _scale_mixture(at[:, self.law]).sum(axis=1)
         found += (-0.5 * ((at[:, self.field] - at[:, :1]) / FIELD_SPREAD) ** 2).sum(axis=1)
@@ -211,12 +213,7 @@ class _Scales:
     def prior_variance(self, at: Doubles) -> Doubles:
         """Prior variances of the common effects, shape (m, dimension) to (m, 4 p + 1)."""
         found = np.ones((len(at), self.common))
-        factor = (
-            np.full((len(at), self.passes), (_UNKNOWN_DB / self.config.level_db) ** 2)
-            if self.offset
-            else np.exp(at[:, self.level])
-        )
-        found[:, 0:-1:4] = self.config.level_db**2 * factor
+        found[:, 0:-1:4] = _UNKNOWN_DB**2 if self.offset else self.config.level_db**2 * np.exp(at[:, self.level])
         found[:, 1:-1:4] = self.config.area**2
         return np.maximum(found, 1e-12)
 
