@@ -176,6 +176,7 @@ def test_the_likelihood_is_that_of_a_dense_normal_distribution():
         basis = form_basis(angle, np.arange(angle.min() - 0.5, angle.max() + 8.0, 4.0), 4)
         slope = (angle - angle.mean()) / 10.0
         own = error + 0.3**2 * error * np.outer(slope, slope) + 0.6**2 * basis @ basis.T
+        own *= np.outer(1.0 - one.together("share"), 1.0 - one.together("share"))  # the law is a part of the power
         own += np.diag(one.together("variance") + np.exp(2.0 * grid[0][17]))
         own += np.exp(2.0 * grid[1][[19, 24][k]]) * (patch[:, None] == patch)
         part = slice(sum(sizes[:k]), sum(sizes[: k + 1]))
