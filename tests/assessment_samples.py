@@ -40,6 +40,7 @@ def made_cells(measured_db: ArrayLike, incidence_deg: ArrayLike, **changes: Any)
         "share": zeros,
         "variance": np.full(n, 0.08),
         "pixels": np.full(n, 60),
+        "fold": np.zeros(n, dtype=np.int64),
         "looks": 4.0,
         **changes,
     }

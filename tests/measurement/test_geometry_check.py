@@ -19,7 +19,6 @@ from radcal.measurement.geometry_check import (
     checked,
     depression,
     geometry_findings,
-    image_notes,
     place,
     range_line,
     relief,
@@ -30,6 +29,7 @@ from radcal.measurement.synthetic import smooth_warp
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
+from radcal.words import sentence
 
 RADAR = Radar(
     altitude_m=4000.0, range_resolution_m=7.0, azimuth_resolution_m=9.0, range_spacing_m=4.0, azimuth_spacing_m=5.0
@@ -235,14 +235,13 @@ def test_a_refusal_ends_the_case_except_without_registration(seen: Geometry) -> 
     simulated = image_of(seen, seen.incidence_deg, -0.22)
     slope = np.cos(np.radians(40.0)) / np.cos(np.radians(45.0)) - 1.0
     flown = replace(by_line(seen, slope, applied=False), unregistered_db=simulated)
-    said = r"registration: a\.tif .* \+8\.3 pixels per 100 rows .* set radar\.depression_deg: 40\.0, or, .* 8\.3 %\.$"
+    said = r"registration: a\.tif .* \+8\.3 pixels per 100 rows .* 8\.3 %: set radar\.depression_deg: 40\.0\.$"
     with pytest.raises(MeasurementError, match=said):
         checked(flown, simulated, seen, RADAR, 0.0)
     other = np.roll(simulated, (70, 60), (0, 1))
     kept = checked(replace(flown, unregistered_db=other, refused_px=None, method="none"), simulated, seen, RADAR, 0.0)
     assert [one.code for one in from_json(kept.findings)] == ["geometry_unchecked", "place"]
-    assert image_notes(kept)[0] == "plain."
-    assert image_notes(kept)[1].startswith("a.tif was not registered")
+    assert sentence(from_json(kept.findings)[0]).startswith("a.tif was not registered")
 
 
 def test_a_warning_is_kept_and_said(seen: Geometry) -> None:
@@ -251,6 +250,7 @@ def test_a_warning_is_kept_and_said(seen: Geometry) -> None:
     field = by_line(seen, slope).displacement_px
     lies = warp(simulated, -field.astype(np.float64))
     found = checked(replace(by_line(seen, slope), unregistered_db=lies), simulated, seen, RADAR, 0.0)
-    assert image_notes(found)[1].startswith("warning: a.tif is displaced along slant range by -3.6 pixels per 100 rows")
-    assert "radar.depression_deg 47.0 in place of 45" in image_notes(found)[1]
+    (said,) = map(sentence, from_json(found.findings))
+    assert said.startswith("warning: a.tif is displaced along slant range by -3.6 pixels per 100 rows")
+    assert "radar.depression_deg 47.0 in place of 45" in said
     assert [one.severity for one in from_json(found.findings)] == ["warning"]

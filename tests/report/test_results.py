@@ -14,7 +14,6 @@ import pytest
 from radcal.calibration.history import History
 from radcal.config import case_from, stages
 from radcal.errors import StoreError
-from radcal.findings import Finding, to_json
 from radcal.measurement.levels import Levels
 from radcal.measurement.target import Targets
 from radcal.radar.laws import LAWS
@@ -57,14 +56,6 @@ def test_pixels_are_those_of_the_images(made):
             np.testing.assert_array_equal(group["start_db"], file["images/reference_db"][()].ravel()[pixels])
             np.testing.assert_array_equal(group["calibrated_db"], made.final[0].pixels_db[name][target.order])
             assert (file["images/material"][()].ravel()[pixels] == list(file["names"].asstr()).index(name) + 1).all()
-
-
-def test_findings_on_the_geometry_are_among_the_notes(made, tmp_path):
-    numbers = {"key": "radar.depression_deg", "declared_deg": 45.0}
-    kept = to_json([Finding("geometry_unchecked", "warning", "a.tif", numbers)])
-    archive = made.gathered(tmp_path / "c.h5", registered=replace(made.registered, findings=kept))
-    assert [note for note in archive.notes if note.startswith("warning: a.tif was not registered")]
-    assert any(note.startswith("warning: a.tif") for note in summarise(archive)["warnings"])
 
 
 def test_how_it_ended(made):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +80,8 @@ class Draws:
         Standard deviations of the effects of fields and cells, and of the error of the form [dB].
     form : ndarray, shape (m, 8)
         Coefficients of the error of the form.
+    linear : ndarray, shape (m, q)
+        Coefficients of all linear effects.
     common : ndarray, shape (m, 4 p + 1)
         Effects that all materials share.
     fields_db : ndarray, shape (m,)
@@ -94,10 +97,17 @@ class Draws:
     cell_db: Doubles
     form_sd_db: Doubles
     form: Doubles
+    linear: Doubles
     common: Doubles
     fields_db: Doubles
     middle: Doubles
     sample: Sample
+
+    def thinned(self, most: int) -> Draws:
+        """At most a number of draws, taken evenly."""
+        some = np.unique(np.linspace(0, len(self.field_db) - 1, most).round().astype(np.intp))
+        kept = {name: value[some] for name, value in vars(self).items() if name not in ("middle", "sample")}
+        return replace(self, **kept)
 
 
 class LawModel:
@@ -149,10 +159,29 @@ class LawModel:
             own = [np.ones((len(values), 1)), *own]
         self.linear = np.concatenate(own, axis=1)
         self.values = values - self.middle
-        patch, variance = observed.together("patch"), observed.together("variance")
-        self.table = Marginal(np.column_stack([self.linear, self.values, weights]), variance, patch)
+        self.patch = observed.together("patch").astype(np.int64)
+        self.variance = observed.together("variance")
+        self.pixels = observed.together("pixels")
+        self._tabulate()
         self.dimension = self.d + 3
         self.first_form = int(parameters.error is not None)  # column
+
+    def _tabulate(self) -> None:
+        self.table = Marginal(np.column_stack([self.linear, self.values, self.weights]), self.variance, self.patch)
+
+    @property
+    def measured_db(self) -> Doubles:
+        """Measured mean of each cell, less what the simulator adds to its law and the expected common effects [dB]."""
+        return np.asarray(self.values + self.middle)
+
+    def part(self, mask: NDArray[np.bool_], config: Uncertainty) -> LawModel:
+        """Model of the cells of a mask, shape (n,), with the same knots and priors."""
+        found = copy(self)
+        for name in ("weights", "forms", "linear", "values", "patch", "variance", "pixels"):
+            setattr(found, name, getattr(self, name)[mask])
+        found.config = config
+        found._tabulate()
+        return found
 
     def log_prior(self, at: Doubles) -> Doubles:
         """Log density of the priors, shape (m, dimension) to (m,)."""
@@ -217,25 +246,22 @@ class LawModel:
         first = self.first_form
         x, (field, cell, form) = self.law.scaled(at[:, : self.d]), np.exp(at[:, self.d :].T)
         common = self.common.mean + linear[:, first + FORMS + 1 :] @ self._root.T
-        fields = self._field_effects(x, linear, field, cell, rng)
+        form_of = linear[:, first : first + FORMS]
         middle = np.median(at, axis=0)
-        return Draws(x, field, cell, form, linear[:, first : first + FORMS], common, fields, middle, found)
+        draws = Draws(x, field, cell, form, form_of, linear, common, np.empty(0), middle, found)
+        _, effects = self.field_effects(draws, rng)
+        pixels = np.bincount(np.unique(self.patch, return_inverse=True)[1], self.pixels)
+        return replace(draws, fields_db=effects @ pixels / pixels.sum())
 
-    def _field_effects(
-        self, x: Doubles, linear: Doubles, field: Doubles, cell: Doubles, rng: np.random.Generator
-    ) -> Doubles:
-        """Draws of the mean effect of the fields, weighted by their pixels, shape (m,)."""
-        labels, of = np.unique(self.observed.together("patch"), return_inverse=True)
-        pixels = np.bincount(of, self.observed.together("pixels"), labels.size)
-        variance, found = self.observed.together("variance"), np.empty(len(x))
-        for k in range(0, len(x), _CHUNK):
-            part = slice(k, k + _CHUNK)
-            left = self.values - linear[part] @ self.linear.T
-            left -= (self.law.levels(x[part]) - self.middle) @ self.weights.T
-            weight = 1.0 / (variance + cell[part, None] ** 2)
-            precision = np.stack([weight[:, of == j].sum(axis=1) for j in range(labels.size)], axis=1)
-            pulled = np.stack([(weight * left)[:, of == j].sum(axis=1) for j in range(labels.size)], axis=1)
-            precision += 1.0 / field[part, None] ** 2
-            effect = pulled / precision + rng.standard_normal(precision.shape) / np.sqrt(precision)
-            found[part] = effect @ pixels / pixels.sum()
-        return found
+    def levels(self, draws: Draws) -> Doubles:
+        """Means of the cells by law and linear effects, without those of fields and cells [dB], shape (m, n)."""
+        return np.asarray(self.law.levels(draws.parameters) @ self.weights.T + draws.linear @ self.linear.T)
+
+    def field_effects(self, draws: Draws, rng: np.random.Generator) -> tuple[NDArray[np.int64], Doubles]:
+        """Numbers of the fields, shape (f,), and draws of their effects given all else [dB], shape (m, f)."""
+        labels, of = np.unique(self.patch, return_inverse=True)
+        member = np.equal(of[:, None], np.arange(labels.size)).astype(np.float64)
+        weight = 1.0 / (self.variance + draws.cell_db[:, None] ** 2)
+        precision = weight @ member + 1.0 / draws.field_db[:, None] ** 2
+        mean = (weight * (self.measured_db - self.levels(draws))) @ member / precision
+        return labels, mean + rng.standard_normal(precision.shape) / np.sqrt(precision)

@@ -76,6 +76,8 @@ class CellMeans:
         Variance of ``measured_db - beside_db`` by the speckle of measured and simulated pixels [dB^2].
     pixels : ndarray of int64, shape (n,)
         Number of pixels.
+    fold : ndarray of int64, shape (n,)
+        Part of the ground in which each cell lies, if parts are held out; else 0.
     looks : float
         Effective looks of the measured pixels inside of the cells.
     """
@@ -89,13 +91,14 @@ class CellMeans:
     share: Doubles
     variance: Doubles
     pixels: NDArray[np.int64]
+    fold: NDArray[np.int64]
     looks: float
 
     @classmethod
     def none(cls) -> CellMeans:
         """No cells."""
         whole, real = np.empty(0, dtype=np.int64), np.empty(0)
-        return cls(whole, real, real, real, real, real, real, real, whole, 1.0)
+        return cls(whole, real, real, real, real, real, real, real, whole, whole, 1.0)
 
     @property
     def size(self) -> int:
@@ -165,6 +168,7 @@ def cell_means(
     correlation: Correlation,
     noisy: bool = True,
     area: Doubles | None = None,
+    fold: NDArray[np.int64] | None = None,
 ) -> CellMeans:
     """Cells of a material in a pass.
 
@@ -188,6 +192,8 @@ def cell_means(
         Whether the simulated images contain the noise of section ``radar``.
     area : ndarray, shape (pixels of the image,), optional
         Result of :func:`area_db`, if it is known already.
+    fold : ndarray of int64, shape (p,), optional
+        Part of the ground, 0 or 1, in which each pixel lies; a cell lies in one part.
 
     Returns
     -------
@@ -200,7 +206,8 @@ def cell_means(
     """
     width = geometry.shape[1]
     angle = geometry.incidence_deg.ravel()[pixels].astype(np.float64)
-    inside, member, of_cell = _members(cell_keys(pixels, patch, angle, width))
+    fold = np.zeros(pixels.size, dtype=np.int64) if fold is None else fold
+    inside, member, of_cell = _members(cell_keys(pixels, 2 * patch + fold, angle, width))
     pixels, angle, n = pixels[inside], angle[inside], of_cell.size
     count = np.bincount(member, minlength=n)
 
@@ -234,7 +241,8 @@ def cell_means(
         shares.append(np.minimum(10.0 ** ((noise - db) / 10.0), 1.0))
     area = area_db(geometry, radar) if area is None else area
     return CellMeans(
-        patch=of_cell,
+        patch=of_cell // 2,
+        fold=of_cell % 2,
         incidence_deg=incidence,
         measured_db=measured,
         beside_db=np.mean(beside, axis=0),

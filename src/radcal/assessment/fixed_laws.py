@@ -190,6 +190,7 @@ class _Scales:
         knots = np.arange(angle.min() - 0.5, angle.max() + 2.0 * _KNOT_DEG, _KNOT_DEG)
         forms = form_basis(angle, knots, _FORMS)
         own = np.column_stack([np.ones(angle.size), (angle - angle.mean()) / 10.0, forms])
+        own *= 1.0 - one.together("share")[:, None]  # near the noise, an error of the law hardly changes the power
         columns = np.column_stack([own, common_columns(one, areas, self.config), one.above_db])
         return Marginal(columns, one.together("variance"), one.together("patch"))
 

@@ -43,10 +43,11 @@ def image_findings(case: stages.Archive, image: Image) -> Iterator[Finding]:
             )
         elif not shown.checked:
             yield Finding("radiometry_unchecked", "note", about, numbers)
+    bright = {name for one in image.radiometry.values() for name in one.materials}  # well above the noise
     wrong = {
         name: error
         for name, error in image.laws_db.items()
-        if abs(error[1]) > _WRONG_LAW_DB and (error[0] > 0.0 or error[2] < 0.0)
+        if name in bright and abs(error[1]) > _WRONG_LAW_DB and (error[0] > 0.0 or error[2] < 0.0)
     }
     if len(image.laws_db) > 1:
         for name, error in wrong.items():

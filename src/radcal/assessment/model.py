@@ -15,13 +15,24 @@ from radcal.assessment.cells import CellMeans, with_noise_db
 from radcal.assessment.curves import GRID_DEG, NORMAL_90, PER_DEG, Curves
 from radcal.assessment.fixed_laws import Common, Observed, common_of, form_basis
 from radcal.assessment.form_error import form_error, noticed_db
-from radcal.assessment.posterior import WHOLE_DEG, Curve, FormError, Image, KeptDraws, Posterior, known_between
+from radcal.assessment.posterior import (
+    WHOLE_DEG,
+    Curve,
+    FieldCheck,
+    FormError,
+    HeldOut,
+    Image,
+    KeptDraws,
+    Posterior,
+    known_between,
+)
+from radcal.assessment.prediction import field_check, left_out
 from radcal.assessment.radiometry import Radiometry, radiometry_of
 from radcal.calibration.history import History
 from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.calibration.steps import train_all
 from radcal.calibration.surrogate import Surrogate
-from radcal.config import stages
+from radcal.config import Validation, stages
 from radcal.measurement.target import Targets
 from radcal.radar.laws import Law
 from radcal.seeds import derived_seed
@@ -39,6 +50,8 @@ _QUANTILES = [0.05, 0.5, 0.95]
 _LEAST_SHARE = 0.2
 _ANGLES = 41
 _LAST_DEG = 85
+_FOLDS = 5  # of fields
+_FEWEST = 3  # cells
 _TRIED = 3  # draws from which the nearest law is searched
 
 
@@ -152,14 +165,32 @@ def posterior_of(
         for low, high in [np.quantile(one[name].incidence_deg.astype(np.float64), [0.05, 0.95])]
     ]
     with threadpool_limits(1):
-        model = LawModel(observed, weights, parameters, forms, flattening, common, _mean_areas(cells), case.uncertainty)
-        draws = model.drawn(derived_seed(case.seed, "posterior", name), best)
+        seed = derived_seed(case.seed, "posterior", name)
+        whole = LawModel(observed, weights, parameters, forms, flattening, common, _mean_areas(cells), case.uncertainty)
+        kept = observed.together("fold") == 0
+        holds_out = case.validation is not None and case.validation.holds_out and np.count_nonzero(kept) >= _FEWEST
+        model = whole.part(kept, case.uncertainty) if holds_out else whole
+        draws = model.drawn(seed, best)
         error = None if form is None else _form_error(model, draws, form, knots, seen)
-    found = _summary(observed, draws, form, seen, error)
+        held, fields = _left_out(case.validation, whole, model, seed) if curved and case.validation else (None, None)
+    found = replace(_summary(observed, draws, form, seen, error), held=held, left_out=fields)
     if not curved:
         return found
     known_db = None if targets.level_only(name) else case.uncertainty.known_db
     return _with_band(found, laws[0], draws, form, parameters, known_db)
+
+
+def _left_out(
+    validation: Validation, whole: LawModel, model: LawModel, seed: int
+) -> tuple[HeldOut | None, FieldCheck | None]:
+    """Predictions of held-out ground, and of whole fields of the calibrated ground, each from the other cells."""
+    fold = whole.observed.together("fold")
+    if validation.keep == "fields":
+        fold = np.unique(whole.patch, return_inverse=True)[1] % _FOLDS
+    elif validation.holds_out:
+        fold = np.where(fold == 1, 1, -1)
+    held = left_out(whole, fold, seed)
+    return held if held.patch.size else None, field_check(model, seed)
 
 
 class _Form:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +88,8 @@ def observe(
     """Cells of all materials in one pass; materials with too few usable pixels are absent.
 
     Pixels whose simulated level is near the noise, and point targets, are masked; cells of fixed materials into which
-    other ground leaks are left out.
+    other ground leaks are left out. With a section ``validation``, fold 1 holds the blocks that are held out or, if all
+    are used, those of odd number.
 
     Parameters
     ----------
@@ -116,10 +117,12 @@ def observe(
     flags = {IN_THE_NOISE: noise_limited(mean_db, floor, case.target.snr_db)} if noisy else {}
     if case.target.leave_out_point_targets:
         flags["point targets"] = point_targets(image, geometry.material, case.radar)
-    if case.validation is not None and case.validation.holds_out:
+    fold = None
+    if case.validation is not None and case.validation.keep != "fields":
         blocks = Blocks.of(case.validation)
         part = blocks.parts_of(np.arange(image.size), geometry.shape[1])
-        flags["held out"] = ~blocks.kept(part, case.validation.keep).reshape(geometry.shape)
+        keep: Literal["even", "odd"] = "odd" if case.validation.keep == "odd" else "even"
+        fold = np.where(blocks.kept(part, keep), 0, 1)
     measurement, area, found = replace(registered.measurement, image_db=image), area_db(geometry, case.radar), {}
     for name in geometry.names:
         if name not in case.materials or (not case.materials[name].calibrate and not laws[name].has_curve):
@@ -140,6 +143,7 @@ def observe(
             estimate_correlation(image, pixels, geometry.incidence_deg),
             noisy,
             area,
+            fold[pixels] if fold is not None and case.materials[name].calibrate else None,
         )
         if not case.materials[name].calibrate:
             cells = cells.without_leaks(case.radar.radiometry not in WITHOUT_AREA)

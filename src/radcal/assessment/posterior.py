@@ -19,7 +19,9 @@ from radcal.storage.records import read_hdf5, write_hdf5
 __all__ = [
     "WHOLE_DEG",
     "Curve",
+    "FieldCheck",
     "FormError",
+    "HeldOut",
     "Image",
     "KeptDraws",
     "Level",
@@ -102,6 +104,47 @@ class KeptDraws:
 
 
 @dataclass(frozen=True)
+class HeldOut:
+    """Cells that were left out of the fit, with their predictions from the other cells."""
+
+    patch: Annotated[NDArray[np.int64], About("field of each cell", shape="c")]
+    incidence_deg: Annotated[Doubles, About("mean local incidence", "deg", "c")]
+    measured_db: Annotated[Doubles, About("measured mean, less what the simulator adds to its law", "dB", "c")]
+    predicted_db: Annotated[Doubles, About("predicted mean", "dB", "c")]
+    p05_db: Annotated[Doubles, About("5 % quantile of the predictive distribution", "dB", "c")]
+    p95_db: Annotated[Doubles, About("95 % quantile of the predictive distribution", "dB", "c")]
+    law_db: Annotated[Doubles, About("mean predicted by the law alone", "dB", "c")]
+    constant_db: Annotated[Doubles, About("mean predicted by the constant alone", "dB", "c")]
+
+    def part(self, mask: NDArray[np.bool_]) -> HeldOut:
+        """Cells of a mask."""
+        return HeldOut(**{name: value[mask] for name, value in vars(self).items()})
+
+    def rmse_db(self, name: str = "predicted_db") -> float:
+        """Root mean square error of one of the predictions [dB]; NaN without cells."""
+        error = self.measured_db - getattr(self, name)
+        return float(np.sqrt(np.mean(error**2))) if error.size else float("nan")
+
+    @property
+    def coverage_90(self) -> float:
+        """Share of the cells inside of the predicted 90 % band; NaN without cells."""
+        inside = (self.p05_db <= self.measured_db) & (self.measured_db <= self.p95_db)
+        return float(inside.mean()) if inside.size else float("nan")
+
+
+@dataclass(frozen=True)
+class FieldCheck:
+    """Errors of the predictions of whole fields that were left out of the fit, so that their effects are unknown."""
+
+    n_fields: Annotated[int, About("number of fields that were predicted")]
+    n_cells: Annotated[int, About("number of cells that were predicted")]
+    rmse_db: Annotated[float, About("rms error of the means of cells", "dB")]
+    rmse_law_db: Annotated[float, About("rms error by the law alone", "dB")]
+    rmse_constant_db: Annotated[float, About("rms error by the constant alone", "dB")]
+    coverage_90: Annotated[float, About("share of the means of cells inside of the predicted 90 % band")]
+
+
+@dataclass(frozen=True)
 class Level:
     """Sigma0 of a material at the middle of the incidence of one pass, with its 90 % interval.
 
@@ -151,6 +194,12 @@ class Posterior:
     ] = None
     form: Annotated[FormError | None, About("error of the law's form; absent where it cannot be told")] = None
     draws: Annotated[KeptDraws | None, About("draws from the posterior, for predictions")] = None
+    held: Annotated[HeldOut | None, About("predictions of held-out cells; absent without a section `validation`")] = (
+        None
+    )
+    left_out: Annotated[
+        FieldCheck | None, About("predictions of whole fields from the others; absent without a section `validation`")
+    ] = None
 
     def levels(self) -> tuple[Level, ...]:
         """Sigma0 at the middle incidence of each pass, without repeated angles; empty for a law without a curve."""

@@ -25,19 +25,15 @@ class Traits:
         ``external``).
     compares : str
         Text that names the quantities that the objective compares.
-    values : int
-        Number of statistics compared in each incidence-angle bin. For a right law, the sum of squared residuals of a
-        bin is about equal to this number. 0 for objectives without statistics of bins.
     """
 
     bins: bool
     curve: bool = False
     compares: str = ""
-    values: int = 0
 
 
 OBJECTIVES: dict[str, Traits] = {
-    "classes": Traits(bins=True, compares="mean level, spread and skewness", values=3),
+    "classes": Traits(bins=True, compares="mean level, spread and skewness"),
     "density": Traits(bins=False, compares="the histogram"),
     "likelihood": Traits(bins=True, curve=True, compares="the levels"),
 }

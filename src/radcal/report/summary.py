@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
+from radcal.assessment.posterior import HeldOut
 from radcal.config import stages
 from radcal.findings import Finding
 from radcal.report.archive import Archive, MaterialResult, PassSummary, RegistrationSummary
@@ -144,6 +145,8 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
             "refuted": form.refuted,
             "noticed_db": form.noticed_db,
         },
+        "validation": None if known.held is None else _validation(known.held),
+        "fields_left_out": None if known.left_out is None else dict(vars(known.left_out)),
         "posterior": {
             "known_half_width_db": known.known_half_width_db,
             "sampled": known.sampled,
@@ -155,6 +158,18 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
             "field_sd_db": known.between_db.tolist(),
             "cell_sd_db": known.within_db.tolist(),
         },
+    }
+
+
+def _validation(held: HeldOut) -> dict[str, Any]:
+    """Errors of the predictions of held-out cells."""
+    return {
+        "n_cells": held.patch.size,
+        "n_fields": int(np.unique(held.patch).size),
+        "rmse_db": held.rmse_db(),
+        "rmse_law_db": held.rmse_db("law_db"),
+        "rmse_constant_db": held.rmse_db("constant_db"),
+        "coverage_90": held.coverage_90,
     }
 
 

@@ -59,8 +59,9 @@ def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, st
         The file is too large or not a JSON object of ids and names, has an id above 255, gives one name to two ids, or
         has no name for an id in the raster.
     """
-    if path.stat().st_size > _LARGEST_BYTES:
-        raise SceneError(f"scene.names: {path} has {path.stat().st_size} bytes, expected at most {_LARGEST_BYTES}.")
+    size = path.stat().st_size if path.is_file() else 0
+    if size > _LARGEST_BYTES:
+        raise SceneError(f"scene.names: {path} has {size} bytes, expected at most {_LARGEST_BYTES}.")
     try:
         names = {int(k): str(v) for k, v in json.loads(path.read_text(encoding="utf-8")).items()}
     except (OSError, ValueError, AttributeError, TypeError, RecursionError):
