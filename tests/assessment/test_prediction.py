@@ -8,6 +8,7 @@ import pytest
 from radcal.assessment import prediction
 from radcal.assessment.calibrated import FORMS, LawModel, Parameters
 from radcal.assessment.cells import CellMeans
+from radcal.assessment.curves import NORMAL_90
 from radcal.assessment.fixed_laws import Observed, common_of, form_basis
 from radcal.assessment.posterior import WHOLE_DEG, KeptDraws
 from radcal.assessment.prediction import FieldCheck, HeldOut, constant_of, field_check, left_out, predict
@@ -43,22 +44,18 @@ def made(fields: int, seed: int, slope: float = 1.0) -> LawModel:
     return LawModel(Observed([cells], [values], [zero]), weights, parameters, forms, zero, common, [0.0], config)
 
 
-def test_the_band_is_that_of_a_mixture_of_two_normal_distributions():
-    """Of a law at -10 dB and a constant near -20 dB, the band reaches from one to the other."""
-    m = 4000
-    draws = KeptDraws(
-        np.tile([-10.0, 0.0, 0.0, 0.0], (m, 1)), np.full(m, 0.6), np.full(m, 0.3), np.zeros((m, 91)), np.zeros(m)
-    )
-    rng = np.random.default_rng(2)
-    patch = np.repeat(np.arange(30), 4)
+def test_the_quantiles_of_the_band_are_averages_of_those_of_law_and_constant():
+    m = 20000
+    x = np.tile([-10.0, 0.0, 0.0, 0.0], (m, 1))
+    draws = KeptDraws(x, np.full(m, 0.6), np.full(m, 0.3), np.zeros((m, 91)), np.zeros(m))
+    rng, patch, variance = np.random.default_rng(2), np.repeat(np.arange(30), 4), np.array([0.04, 1.0])
     constant = constant_of(-20.0 + rng.normal(0.0, 0.8, 30).repeat(4), np.full(120, 0.04), patch)
-    found = predict(draws, LAW, constant, np.array([25.0, 40.0]), np.array([0.04, 1.0]), 1)
+    found = predict(draws, LAW, constant, np.array([25.0, 40.0]), variance, 1)
+    level, error = constant.of_cells(np.array([-1, -1]), variance)
     assert found.mean_db == pytest.approx(0.5 * (-10.0 + constant.mean_db), abs=1e-9)
-    # 5 % of the mixture are 10 % of each of its parts
-    sd = np.sqrt(0.6**2 + 0.3**2 + np.array([0.04, 1.0]))
-    assert found.p95_db == pytest.approx(-10.0 + 1.2816 * sd, abs=0.1)
-    level, error = constant.of_cells(np.array([-1, -1]), np.array([0.04, 1.0]))
-    assert found.p05_db == pytest.approx(level - 1.2816 * error, abs=0.1)
+    half = 0.5 * NORMAL_90 * (np.sqrt(0.6**2 + 0.3**2 + variance) + error)
+    assert found.p05_db == pytest.approx(0.5 * (-10.0 + level) - half, abs=0.04)
+    assert found.p95_db == pytest.approx(0.5 * (-10.0 + level) + half, abs=0.04)
 
 
 def test_the_form_error_of_the_draws_is_predicted():

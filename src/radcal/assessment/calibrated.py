@@ -60,7 +60,7 @@ class Parameters:
     def scaled(self, deviates: Doubles) -> Doubles:
         """X at standard normal deviates, whose prior is uniform inside the bounds, shape (m, d)."""
         x = self.box[:, 0] + ndtr(deviates) * (self.box[:, 1] - self.box[:, 0])
-        return np.where(self.integer, np.round(x), x)
+        return np.asarray(np.where(self.integer, np.round(x), x))
 
     def deviates(self, x: Doubles) -> Doubles:
         """Deviates of X, shape (d,)."""
@@ -159,7 +159,8 @@ class LawModel:
             own = [np.ones((len(values), 1)), *own]
         self.linear = np.concatenate(own, axis=1)
         self.values = values - self.middle
-        self.patch, self.variance = observed.together("patch"), observed.together("variance")
+        self.patch = observed.together("patch").astype(np.int64)
+        self.variance = observed.together("variance")
         self.pixels = observed.together("pixels")
         self._tabulate()
         self.dimension = self.d + 3
