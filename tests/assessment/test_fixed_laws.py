@@ -174,9 +174,9 @@ def test_the_likelihood_is_that_of_a_dense_normal_distribution():
         angle, patch = one.together("incidence_deg"), one.together("patch")
         error = 0.9**2 * [0.7, 2.2][k]
         basis = form_basis(angle, np.arange(angle.min() - 0.5, angle.max() + 8.0, 4.0), 4)
-        slope = (angle - angle.mean()) / 10.0
+        slope, signal = (angle - angle.mean()) / 10.0, 1.0 - one.together("share")
         own = error + 0.3**2 * error * np.outer(slope, slope) + 0.6**2 * basis @ basis.T
-        own *= np.outer(1.0 - one.together("share"), 1.0 - one.together("share"))  # the law is a part of the power
+        own *= np.outer(signal, signal)  # the power of noise changes by no error of a law
         own += np.diag(one.together("variance") + np.exp(2.0 * grid[0][17]))
         own += np.exp(2.0 * grid[1][[19, 24][k]]) * (patch[:, None] == patch)
         part = slice(sum(sizes[:k]), sum(sizes[: k + 1]))
@@ -197,7 +197,7 @@ def test_the_likelihood_is_that_of_a_dense_normal_distribution():
     np.testing.assert_allclose((draws.mean(axis=0) - gain @ values) / sd, 0.0, atol=0.03)
     np.testing.assert_allclose(draws.std(axis=0), sd, rtol=0.03)
     # ... and so is the error of a law, given nothing but the values
-    ones = np.concatenate([np.zeros(sizes[0]), np.ones(sizes[1])])
+    ones = np.concatenate([np.zeros(sizes[0]), 1.0 - other.together("share")])
     error = 0.9**2 * 2.2
     mean = error * ones @ np.linalg.solve(covariance, values)
     variance = error - error**2 * ones @ np.linalg.solve(covariance, ones)

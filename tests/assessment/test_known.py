@@ -119,6 +119,14 @@ def test_a_fixed_law_is_named_if_it_is_a_decibel_off(error, named):
     assert ("fixed_law" in [one.code for one in of_image(image)]) is named
 
 
+def test_a_fixed_law_near_the_noise_is_not_named():
+    """Radiometry counts the materials well above the noise in some pass."""
+    wrong = {"water": np.array([1.2, 1.9, 2.6]), "wood": np.array([-0.5, -0.1, 0.4])}
+    for shown, named in ((("wood",), False), (("wood", "water"), True)):
+        image = made_image(laws_db=wrong, radiometry={"1": Radiometry(0.1, 0.1, 0, shown)})
+        assert ("fixed_law" in [one.code for one in of_image(image)]) is named
+
+
 @pytest.mark.parametrize(("apart", "severity"), [((1.4, 2.0, 2.5), "warning"), ((-0.2, 0.3, 0.8), "note")])
 def test_one_fixed_law_is_not_told_from_a_level(apart, severity):
     """However many passes there are, it is said once, of the first."""

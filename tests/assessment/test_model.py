@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from assessment_samples import LINE, LINE_X, line_db, line_parameters, made_cells, seen_cells
+from assessment_samples import LINE, LINE_X, line_db, made_cells, seen_cells
 
 from radcal.assessment import model
 from radcal.assessment.cells import with_noise_db
-from radcal.assessment.curves import GRID_DEG, Curves
 from radcal.assessment.model import image_of
 from radcal.config import Uncertainty
 from radcal.radar.laws import external_law
@@ -124,26 +122,3 @@ def test_a_wrong_incidence_bends_the_law_by_its_share_of_the_variance():
 
 def replace_classes(target, error_deg):
     return SimpleNamespace(**{**vars(target), "classes": SimpleNamespace(incidence_error_deg=error_deg)})
-
-
-def test_the_systematic_part_is_what_common_effects_explain():
-    rng = np.random.default_rng(2)
-    common, own = rng.normal(size=(20_000, 2)) * [0.4, 0.1], rng.normal(0.0, 0.7, (20_000, 3))
-    curves = -9.0 + own + common @ np.array([[1.0, 1.0, -1.0], [0.0, 2.0, 5.0]])
-    wanted = np.sqrt([0.4**2, 0.4**2 + 0.2**2, 0.4**2 + 0.5**2])
-    np.testing.assert_allclose(model._explained(curves, common), wanted, rtol=0.03)
-
-
-def test_the_nearest_law_is_that_of_least_squares_in_the_bounds():
-    """To a bent median over 25 to 45 degrees; with whole numbers, the best of the draws."""
-    x = LINE_X + np.random.default_rng(1).normal(0.0, 1.0, (200, 2))
-    curves = Curves(LINE, x[:2])(x)
-    median = LINE(np.radians(GRID_DEG), LINE_X) + 0.002 * (GRID_DEG - 35.0) ** 2
-    inside = (GRID_DEG >= 25.0) & (GRID_DEG <= 45.0)
-    slope, level = np.polyfit(GRID_DEG[inside], median[inside], 1)
-    found = model._nearest(LINE, line_parameters(), x, curves, median, [(25.0, 45.0)])
-    np.testing.assert_allclose(found, [level + 20.0 * slope, level + 60.0 * slope], atol=1e-3)
-    narrow = replace(line_parameters(), box=np.array([[-30.0, -6.5], [-40.0, 0.0]]))
-    assert model._nearest(LINE, narrow, x, curves, median, [(25.0, 45.0)])[0] == pytest.approx(-6.5, abs=1e-3)
-    whole = model._nearest(LINE, line_parameters(integer=(True, True)), x, curves, median, [(25.0, 45.0)])
-    np.testing.assert_array_equal(whole, x[((curves - median)[:, inside] ** 2).sum(axis=1).argmin()])

@@ -218,13 +218,7 @@ def cell_means(
     independent = np.maximum(count * ratio, 1.0)
 
     def level(image: NDArray[np.float32]) -> tuple[Doubles, Doubles, float]:
-        """Mean power without bias [dB], its variance [dB^2], and effective looks of the pixels."""
-        power = 10.0 ** (image.ravel()[pixels].astype(np.float64) / 10.0)
-        middle = mean(power)
-        away = power / middle[member] - 1.0
-        looks = 1.0 / max(float(away @ away) / max(pixels.size - n, 1), 1e-6)
-        total = independent * looks
-        return DB * (np.log(middle) - digamma(total) + np.log(total)), DB**2 * polygamma(1, total), looks
+        return _level(10.0 ** (image.ravel()[pixels].astype(np.float64) / 10.0), member, count, independent)
 
     incidence = mean(angle)
     noise = np.full(n, -np.inf)
@@ -261,3 +255,14 @@ def _members(keys: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.int
     kept = count >= _FEWEST
     inside = kept[member.ravel()]
     return inside, (np.cumsum(kept) - 1)[member.ravel()[inside]], found[0][kept]
+
+
+def _level(
+    power: Doubles, member: NDArray[np.int64], count: NDArray[np.int64], independent: Doubles
+) -> tuple[Doubles, Doubles, float]:
+    """Mean power of each cell without bias [dB], its variance [dB^2], and effective looks of the pixels."""
+    middle = np.bincount(member, power, count.size) / count
+    away = power / middle[member] - 1.0
+    looks = 1.0 / max(float(away @ away) / max(power.size - count.size, 1), 1e-6)
+    total = independent * looks
+    return DB * (np.log(middle) - digamma(total) + np.log(total)), DB**2 * polygamma(1, total), looks

@@ -12,22 +12,13 @@ from threadpoolctl import threadpool_limits
 
 from radcal.assessment.calibrated import FORMS, Draws, LawModel, Parameters
 from radcal.assessment.cells import CellMeans, with_noise_db
-from radcal.assessment.curves import GRID_DEG, NORMAL_90, PER_DEG, Curves
-from radcal.assessment.fixed_laws import Common, Observed, common_of, form_basis
+from radcal.assessment.curves import Curves
+from radcal.assessment.fixed_laws import Common, Observed, common_of
 from radcal.assessment.form_error import form_error, noticed_db
-from radcal.assessment.posterior import (
-    WHOLE_DEG,
-    Curve,
-    FieldCheck,
-    FormError,
-    HeldOut,
-    Image,
-    KeptDraws,
-    Posterior,
-    known_between,
-)
+from radcal.assessment.posterior import FieldCheck, FormError, HeldOut, Image, Posterior
 from radcal.assessment.prediction import field_check, left_out
 from radcal.assessment.radiometry import Radiometry, radiometry_of
+from radcal.assessment.summary import Form, summary, with_band
 from radcal.calibration.history import History
 from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.calibration.steps import train_all
@@ -44,15 +35,10 @@ Cells = Sequence[Mapping[str, CellMeans]]
 """Cells of each material, one mapping for each pass."""
 
 _KNOT_DEG = 1.0
-_FORM_KNOT_DEG = 2.0
-_KEPT = 400
-_QUANTILES = [0.05, 0.5, 0.95]
 _LEAST_SHARE = 0.2
 _ANGLES = 41
-_LAST_DEG = 85
 _FOLDS = 5  # of fields
 _FEWEST = 3  # cells
-_TRIED = 3  # draws from which the nearest law is searched
 
 
 def _observed(name: str, cells: Cells, laws: Sequence[Law], x: Sequence[float], areas: Sequence[int]) -> Observed:
@@ -155,7 +141,7 @@ def posterior_of(
         parameters, weights, knots = _without_curve(case, observed, objective, history, best, name)
     decibels = case.target.normalisation != "image"
     curved = laws[0].has_curve and decibels
-    form = _Form(observed.together("incidence_deg")) if curved and not targets.level_only(name) else None
+    form = Form(observed.together("incidence_deg")) if curved and not targets.level_only(name) else None
     forms = np.zeros((observed.size, FORMS)) if form is None else form.columns(observed.together("incidence_deg"))
     flattening = _flattening(observed, _attenuation(targets, name), case.uncertainty.incidence_error)
     seen = [
@@ -173,11 +159,11 @@ def posterior_of(
         draws = model.drawn(seed, best)
         error = None if form is None else _form_error(model, draws, form, knots, seen)
         held, fields = _left_out(case.validation, whole, model, seed) if curved and case.validation else (None, None)
-    found = replace(_summary(observed, draws, form, seen, error), held=held, left_out=fields)
+    found = replace(summary(observed, draws, form, seen, error), held=held, left_out=fields)
     if not curved:
         return found
     known_db = None if targets.level_only(name) else case.uncertainty.known_db
-    return _with_band(found, laws[0], draws, form, parameters, known_db)
+    return with_band(found, laws[0], draws, form, parameters, known_db)
 
 
 def _left_out(
@@ -191,18 +177,6 @@ def _left_out(
         fold = np.where(fold == 1, 1, -1)
     held = left_out(whole, fold, seed)
     return held if held.patch.size else None, field_check(model, seed)
-
-
-class _Form:
-    """Components of the error of a law's form, for the incidence of given cells [deg]."""
-
-    def __init__(self, incidence_deg: Doubles) -> None:
-        last = np.ceil(incidence_deg.max()) + 2.0 * _FORM_KNOT_DEG
-        self._knots = np.arange(np.floor(incidence_deg.min()), last, _FORM_KNOT_DEG)
-
-    def columns(self, incidence_deg: Doubles) -> Doubles:
-        """Columns at angles [deg], shape (n, 8), constant beyond the cells."""
-        return form_basis(np.clip(incidence_deg, self._knots[0], self._knots[-1]), self._knots, FORMS)
 
 
 def _with_curve(
@@ -316,7 +290,7 @@ def _flattening(observed: Observed, attenuation: Sequence[tuple[float, float]], 
 
 
 def _form_error(
-    model: LawModel, draws: Draws, form: _Form, knots: Doubles, seen: Sequence[tuple[float, float]]
+    model: LawModel, draws: Draws, form: Form, knots: Doubles, seen: Sequence[tuple[float, float]]
 ) -> FormError:
     """Error of the form over the incidence seen, and the smallest that would be noticed."""
     span = min(low for low, _ in seen), max(high for _, high in seen)
@@ -324,102 +298,3 @@ def _form_error(
     found = draws.form @ columns.T
     smallest = noticed_db(model, draws.middle, columns, knots, span)
     return form_error(found - found.mean(axis=1, keepdims=True), smallest)
-
-
-def _kept(draws: Draws, form: _Form | None) -> KeptDraws:
-    """Draws with the error of the form at whole degrees."""
-    forms = np.zeros((len(draws.parameters), WHOLE_DEG.size))
-    if form is not None:
-        forms = draws.form @ form.columns(WHOLE_DEG).T
-    return KeptDraws(draws.parameters, draws.field_db, draws.cell_db, forms, draws.fields_db)
-
-
-def _summary(
-    observed: Observed,
-    draws: Draws,
-    form: _Form | None,
-    seen: Sequence[tuple[float, float]],
-    error: FormError | None,
-) -> Posterior:
-    """Posterior without a band of sigma0."""
-    low, middle, high = np.quantile(draws.parameters, _QUANTILES, axis=0)
-    sampler, every = draws.sample, _kept(draws, form)
-    some = np.unique(np.linspace(0, len(draws.parameters) - 1, _KEPT).round().astype(np.intp))
-    cells = [one for one in observed.cells if one.size]
-    return Posterior(
-        sampled=sampler.converged,
-        ess=sampler.ess,
-        r_hat=sampler.r_hat,
-        steps=sampler.steps,
-        cells=observed.size,
-        fields=int(np.unique(observed.together("patch")).size),
-        parameters_p05=low,
-        parameters_p50=middle,
-        parameters_p95=high,
-        looks=float(np.average([one.looks for one in cells], weights=[one.size for one in cells])),
-        between_db=np.quantile(draws.field_db, _QUANTILES),
-        within_db=np.quantile(draws.cell_db, _QUANTILES),
-        seen_deg=np.array(seen),
-        form=error,
-        draws=KeptDraws(**{key: value[some] for key, value in vars(every).items()}),
-    )
-
-
-def _with_band(
-    found: Posterior, law: Law, draws: Draws, form: _Form | None, parameters: Parameters, known_db: float | None
-) -> Posterior:
-    """Posterior with the band of sigma0, where it is determined, and the law nearest to its median."""
-    every = _kept(draws, form)
-    curves = every.curves_db(law)
-    low, middle, high = np.quantile(curves, _QUANTILES, axis=0)
-    field_low, field_middle, field_high = np.quantile(every.field_curves_db(law), _QUANTILES, axis=0)
-    width, seen = 0.5 * (high - low), found.seen_deg.tolist()
-    known = None if known_db is None else known_between(GRID_DEG, width, seen, known_db)
-    inside = np.zeros(GRID_DEG.size, np.bool_) if known is None else (known[0] <= GRID_DEG) & (known[1] >= GRID_DEG)
-    whole = slice(None, _LAST_DEG * PER_DEG + 1, PER_DEG)
-    return replace(
-        found,
-        parameters_model=_nearest(law, parameters, draws.parameters, curves, middle, seen),
-        curve=Curve(
-            incidence_deg=GRID_DEG[whole],
-            median_db=middle[whole],
-            p05_db=low[whole],
-            p95_db=high[whole],
-            systematic_db=NORMAL_90 * _explained(curves[:, whole], draws.common),
-            field_median_db=field_middle[whole],
-            field_p05_db=field_low[whole],
-            field_p95_db=field_high[whole],
-        ),
-        known_between_deg=known,
-        known_half_width_db=float(width[inside].max()) if known is not None else None,
-    )
-
-
-def _explained(curves: Doubles, common: Doubles) -> Doubles:
-    """Standard deviation of curves, (m, k), that their regression on the common effects, (m, q), explains, (k,)."""
-    away = common - common.mean(axis=0)
-    fitted = away @ np.linalg.lstsq(away, curves - curves.mean(axis=0), rcond=1e-10)[0]
-    return np.asarray(fitted.std(axis=0))
-
-
-def _nearest(
-    law: Law, parameters: Parameters, x: Doubles, curves: Doubles, median: Doubles, seen: Sequence[Sequence[float]]
-) -> Doubles:
-    """X in the bounds whose law is nearest to the median of sigma0 over the incidence seen (least squares)."""
-    from scipy.optimize import least_squares
-
-    inside = np.any([(low <= GRID_DEG) & (high >= GRID_DEG) for low, high in seen], axis=0)
-    inside[np.abs(GRID_DEG - np.mean(seen)).argmin()] = True
-    rad, wanted = np.radians(GRID_DEG[inside]), median[inside]
-    low, high = parameters.box.T
-    scale = np.maximum(high - low, 1e-12)
-
-    def away(unit: Doubles) -> Doubles:
-        return np.asarray(law(rad, low + unit * scale)) - wanted
-
-    starts = x[np.argsort(((curves[:, inside] - wanted) ** 2).mean(axis=1))[:_TRIED]]
-    if parameters.integer.any():
-        return np.asarray(starts[0])
-    units = [np.clip((start - low) / scale, 1e-6, 1.0 - 1e-6) for start in starts]
-    found = [least_squares(away, unit, bounds=(0.0, 1.0)) for unit in units]
-    return np.asarray(low + min(found, key=lambda one: float(one.cost)).x * scale)

@@ -1,0 +1,90 @@
+"""Bands and laws from the draws of a posterior."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from assessment_samples import LINE, LINE_X, line_parameters, made_cells
+
+from radcal.assessment import summary
+from radcal.assessment.calibrated import FORMS, Draws
+from radcal.assessment.curves import GRID_DEG, Curves
+from radcal.assessment.fixed_laws import Observed
+from radcal.assessment.sampling import Sample
+
+
+def test_the_systematic_part_is_what_common_effects_explain():
+    rng = np.random.default_rng(2)
+    common, own = rng.normal(size=(20_000, 2)) * [0.4, 0.1], rng.normal(0.0, 0.7, (20_000, 3))
+    curves = -9.0 + own + common @ np.array([[1.0, 1.0, -1.0], [0.0, 2.0, 5.0]])
+    wanted = np.sqrt([0.4**2, 0.4**2 + 0.2**2, 0.4**2 + 0.5**2])
+    np.testing.assert_allclose(summary._explained(curves, common), wanted, rtol=0.03)
+
+
+def test_the_nearest_law_is_that_of_least_squares_in_the_bounds():
+    """To a bent median over 25 to 45 degrees; with whole numbers, the best of the draws."""
+    x = LINE_X + np.random.default_rng(1).normal(0.0, 1.0, (200, 2))
+    curves = Curves(LINE, x[:2])(x)
+    median = LINE(np.radians(GRID_DEG), LINE_X) + 0.002 * (GRID_DEG - 35.0) ** 2
+    inside = (GRID_DEG >= 25.0) & (GRID_DEG <= 45.0)
+    slope, level = np.polyfit(GRID_DEG[inside], median[inside], 1)
+    found = summary._nearest(LINE, line_parameters(), x, curves, median, [(25.0, 45.0)])
+    np.testing.assert_allclose(found, [level + 20.0 * slope, level + 60.0 * slope], atol=1e-3)
+    narrow = replace(line_parameters(), box=np.array([[-30.0, -6.5], [-40.0, 0.0]]))
+    assert summary._nearest(LINE, narrow, x, curves, median, [(25.0, 45.0)])[0] == pytest.approx(-6.5, abs=1e-3)
+    whole = summary._nearest(LINE, line_parameters(integer=(True, True)), x, curves, median, [(25.0, 45.0)])
+    np.testing.assert_array_equal(whole, x[((curves - median)[:, inside] ** 2).sum(axis=1).argmin()])
+
+
+def made_draws(n=4000):
+    """Levels that scatter by 0.6 dB, of which the first common effect is 0.4 dB; fields of 0.5 and cells of 0.2 dB."""
+    rng = np.random.default_rng(6)
+    level = rng.normal(0.0, 0.4, n)
+    x = LINE_X + (level + rng.normal(0.0, np.sqrt(0.6**2 - 0.4**2), n))[:, None]
+    common = np.column_stack([level, rng.normal(size=(n, 4))])
+    sample = Sample(np.zeros((n, 5)), 500.0, 1.02, 900, True, np.zeros(5))
+    return Draws(
+        x, np.full(n, 0.5), np.full(n, 0.2), np.full(n, 0.3), np.zeros((n, FORMS)), np.zeros((n, 14)), common,
+        rng.normal(0.1, 0.3, n), np.zeros(5), sample,
+    )  # fmt: skip
+
+
+def test_the_band_of_draws():
+    """The material's band, that of its fields, and the part by the level; sigma0 is mean power."""
+    draws, angle = made_draws(), np.linspace(26.0, 48.0, 30)
+    of = Observed([made_cells(np.zeros(30), angle, looks=3.0), made_cells(np.zeros(10), angle[:10], looks=5.0)], [], [])
+    found = summary.summary(of, draws, None, [(27.0, 44.0), (30.0, 41.0)], None)
+    assert (found.cells, found.fields, found.looks) == (40, 1, pytest.approx(3.5))
+    assert (found.sampled, found.ess, found.r_hat, found.steps) == (True, 500.0, 1.02, 900)
+    assert (found.curve, found.form, found.known_between_deg, len(found.draws.parameters)) == (None, None, None, 400)
+    np.testing.assert_allclose(found.parameters_p95 - found.parameters_p05, 2.0 * 1.645 * 0.6, rtol=0.06)
+    whole = summary.with_band(found, LINE, draws, None, line_parameters(), 1.1)
+    curve, law = whole.curve, LINE(np.radians(np.arange(86.0)), LINE_X)
+    raised = np.log(10.0) / 20.0 * (0.5**2 + 0.2**2)
+    np.testing.assert_allclose(curve.incidence_deg, np.arange(86.0))
+    np.testing.assert_allclose(curve.median_db, law + raised, atol=0.03)
+    np.testing.assert_allclose(curve.half_width_db, 1.645 * 0.6, rtol=0.06)
+    np.testing.assert_allclose(curve.systematic_db, 1.645 * 0.4, rtol=0.06)
+    np.testing.assert_allclose(curve.field_median_db, law + 0.1 + np.log(10.0) / 20.0 * 0.2**2, atol=0.03)
+    np.testing.assert_allclose(curve.field_p95_db - curve.field_p05_db, 2.0 * 1.645 * np.hypot(0.6, 0.3), rtol=0.06)
+    assert whole.known_between_deg == (27.0, 44.0)
+    assert whole.known_half_width_db == pytest.approx(1.645 * 0.6, rel=0.06)
+    np.testing.assert_allclose(whole.parameters_model, LINE_X + raised, atol=0.05)
+    for known_db in (0.8, None):
+        narrow = summary.with_band(found, LINE, draws, None, line_parameters(), known_db)
+        assert (narrow.known_between_deg, narrow.known_half_width_db) == (None, None)
+
+
+def test_the_error_of_the_form_is_constant_beyond_the_cells():
+    form = summary.Form(np.array([26.3, 40.0, 47.6]))
+    columns = form.columns(np.array([0.0, 26.0, 52.0, 90.0]))
+    assert columns.shape == (4, FORMS)
+    np.testing.assert_array_equal(columns[0], columns[1])
+    np.testing.assert_array_equal(columns[2], columns[3])
+    # a prior of variance 1 at each angle
+    np.testing.assert_allclose((form.columns(np.linspace(26.0, 48.0, 12)) ** 2).sum(axis=1), 1.0, atol=0.02)
+    draws = replace(made_draws(400), form=np.random.default_rng(1).normal(size=(400, FORMS)))
+    kept = summary._kept(draws, form)
+    np.testing.assert_allclose(kept.form_db[:, 30], draws.form @ form.columns(np.array([30.0]))[0])
