@@ -133,3 +133,12 @@ def test_fields_left_out_are_predicted_by_the_law_or_the_constant_and_lie_in_the
     else:
         assert found.rmse_db < 1.1 * found.rmse_constant_db
     assert 0.82 <= found.coverage_90 <= 1.0
+
+
+def test_fields_of_a_part_are_predicted_at_their_own_angles(monkeypatch) -> None:
+    monkeypatch.setattr(prediction, "_REFIT", {"walkers": 32, "steps": 50})
+    model = made(4, 3)
+    kept = model.patch != model.patch.max()
+    found = left_out(model.part(kept, model.config), model.patch[kept], 1)
+    assert np.isin(found.incidence_deg, model.incidence_deg[kept]).all()
+    assert found.patch.size == np.count_nonzero(kept)

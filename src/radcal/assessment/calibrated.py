@@ -161,7 +161,7 @@ class LawModel:
         self.values = values - self.middle
         self.patch = observed.together("patch").astype(np.int64)
         self.variance = observed.together("variance")
-        self.pixels = observed.together("pixels")
+        self.pixels, self.incidence_deg = observed.together("pixels"), observed.together("incidence_deg")
         self._tabulate()
         self.dimension = self.d + 3
         self.first_form = int(parameters.error is not None)  # column
@@ -177,7 +177,7 @@ class LawModel:
     def part(self, mask: NDArray[np.bool_], config: Uncertainty) -> LawModel:
         """Model of the cells of a mask, shape (n,), with the same knots and priors."""
         found = copy(self)
-        for name in ("weights", "forms", "linear", "values", "patch", "variance", "pixels"):
+        for name in ("weights", "forms", "linear", "values", "patch", "variance", "pixels", "incidence_deg"):
             setattr(found, name, getattr(self, name)[mask])
         found.config = config
         found._tabulate()

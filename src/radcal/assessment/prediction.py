@@ -122,7 +122,7 @@ def left_out(model: LawModel, fold: NDArray[np.int64], seed: int) -> HeldOut:
     Roberts et al., "Cross-validation strategies for data with temporal, spatial, hierarchical, or phylogenetic
     structure", Ecography 40 (2017): whole groups are left out.
     """
-    parts, angle = [np.empty((8, 0))], model.observed.together("incidence_deg")
+    parts, angle = [np.empty((8, 0))], model.incidence_deg
     for k in np.unique(fold[fold >= 0]):
         out = fold == k
         if np.count_nonzero(~out) < _FEWEST:
