@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radcal.assessment.cells import WITHOUT_AREA, CellMeans, Simulated, area_db, cell_means
 from radcal.config import BuiltinSimulation, stages
@@ -15,8 +14,8 @@ from radcal.errors import MeasurementError
 from radcal.measurement.correlation import estimate_correlation
 from radcal.measurement.ground import Blocks
 from radcal.measurement.levels import Levels, median_and_range
-from radcal.measurement.patches import label_patches, patches_seen
 from radcal.measurement.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, point_targets
+from radcal.measurement.target_fit import fields_of
 from radcal.radar.radiometry import noise_floor_db
 from radcal.seeds import derived_seed
 from radcal.simulators.sources import runner_of
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from radcal.scene.model import Scene
     from radcal.storage.runs import Record
 
-__all__ = ["fields_of", "observe", "simulated_of"]
+__all__ = ["observe", "simulated_of"]
 
 _LOOKS, _SEED_BITS = 32, 31
 _FEWEST = 3  # cells of a material
@@ -67,14 +66,6 @@ def simulated_of(
             own = [Simulated(record.image_db, parameters)]
         found.append(own)
     return found
-
-
-def fields_of(name: str, geometry: Geometry, scene: Scene | None) -> NDArray[np.int64]:
-    """Number of the field of each pixel of the image, shape (pixels,); 0 where the pixel is of another material."""
-    number = geometry.names.index(name) + 1
-    shown = geometry.material == number
-    fields = label_patches(shown) if scene is None else patches_seen(shown, scene.material == number, geometry.ground)
-    return fields.ravel()
 
 
 def observe(

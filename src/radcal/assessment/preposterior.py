@@ -13,10 +13,10 @@ from scipy.special import ndtri, polygamma
 
 from radcal.assessment.cells import DB, cell_keys, with_noise_db
 from radcal.assessment.curves import GRID_DEG, NORMAL_90
-from radcal.assessment.observation import fields_of
 from radcal.assessment.posterior import KeptDraws
 from radcal.config import Radar, Uncertainty
 from radcal.measurement.classes import class_of, incidence_edges
+from radcal.measurement.target_fit import fields_of
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import Law
 from radcal.radar.radiometry import noise_floor_db

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
     from radcal.scene.model import Scene
 
-__all__ = ["HELD_OUT", "make_levels", "make_target", "make_targets", "sampling_rms"]
+__all__ = ["HELD_OUT", "fields_of", "make_levels", "make_target", "make_targets", "sampling_rms"]
 
 # Step to which a target's parameters are rounded, relative to its standard deviation; a thousandth of the sampling
 # error of 1,000 pixels. Numerical noise, for example after a constant is added to the image, then changes no
@@ -133,7 +133,7 @@ def make_target(
     fit = skewnormal.fit(values, penalised)
     correlation = estimate_correlation(measurement.image_db, eligible.pixels, geometry.incidence_deg)
     effective = correlation.effective(drawn)
-    patches = _fields(name, geometry, scene)
+    patches = fields_of(name, geometry, scene)
     held_out = None
     if out.any():
         others = {reason: flag for reason, flag in (flags or {}).items() if reason != HELD_OUT}
@@ -273,13 +273,13 @@ def _other_fields(
         rng = derived_rng(case.seed, "fields", name)
         size = min(case.target.pixels, eligible.pixels.size)
         drawn = np.sort(rng.choice(eligible.pixels, size=size, replace=False))
-        ground = _ground(drawn, geometry, registered.measurement, None, _fields(name, geometry, scene), block)
+        ground = _ground(drawn, geometry, registered.measurement, None, fields_of(name, geometry, scene), block)
         member = class_of(ground.incidence_deg, incidence_edges(ground.incidence_deg, "auto"))
         found[name] = spread_table([replace(ground, values_db=winsorised(ground.values_db, member))])
     return found
 
 
-def _fields(name: str, geometry: Geometry, scene: Scene | None) -> NDArray[np.int64]:
+def fields_of(name: str, geometry: Geometry, scene: Scene | None) -> NDArray[np.int64]:
     """Number of the field of each pixel of the image, shape (pixels,); 0 where the pixel is of another material."""
     number = geometry.names.index(name) + 1
     shown = geometry.material == number
