@@ -106,7 +106,7 @@ def _state(case: stages.Archive, name: str, posterior: Posterior, targets: Targe
         numbers = {"incidence_deg": level.incidence_deg, "median_db": level.median_db}
         return Finding("level_only", "note", name, {**numbers, "p05_db": level.p05_db, "p95_db": level.p95_db})
     low, high = float(posterior.seen_deg[:, 0].min()), float(posterior.seen_deg[:, 1].max())
-    half = np.interp(np.linspace(low, high, 91), curve.incidence_deg, curve.half_width_db)
+    half = curve.half_widths_over(low, high)
     if refused:
         return Finding("withheld", "refusal", name, {"half_width_db": float(half.max())})
     if posterior.known_between_deg is None or posterior.known_half_width_db is None:

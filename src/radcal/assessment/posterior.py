@@ -61,6 +61,10 @@ class Curve:
         """Half of the width of the 90 % band [dB], shape (a,)."""
         return np.asarray(0.5 * (self.p95_db - self.p05_db))
 
+    def half_widths_over(self, low_deg: float, high_deg: float) -> Doubles:
+        """Half-widths of the 90 % band at 91 angles from ``low_deg`` to ``high_deg`` [dB], shape (91,)."""
+        return np.interp(np.linspace(low_deg, high_deg, 91), self.incidence_deg, self.half_width_db)
+
 
 @dataclass(frozen=True)
 class FormError:

@@ -250,17 +250,14 @@ class LevelSummary:
 
 @dataclass(frozen=True)
 class PassLaw:
-    """Law of a material over the incidence of one pass (:class:`radcal.assessment.passes.PassLaw`)."""
+    """Law of a material over the incidence of one pass, from 5 to 95 % of the pixels of its target."""
 
     low_deg: Annotated[float, About("5 % quantile of the local incidence of the target's pixels", "deg")]
     high_deg: Annotated[float, About("95 % quantile of the local incidence of the target's pixels", "deg")]
     rms: Annotated[float, About("rms difference of the best run's density from the target's in this pass", _DENSITY)]
-    sd_first_db: Annotated[
-        float,
-        About("largest standard deviation of the law over the pass's incidence, by pass 1 alone; NaN if unknown", "dB"),
-    ]
-    sd_all_db: Annotated[
-        float, About("largest standard deviation of the law over the pass's incidence, by all passes", "dB")
+    half_width_db: Annotated[
+        float | None,
+        About("largest half-width of the 90 % band of sigma0 over the pass's incidence; absent without a curve", "dB"),
     ]
     pixels: Annotated[int, About("number of the target's pixels")]
     difference_db: Annotated[

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, fields, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, replace
 from importlib.metadata import version
 from typing import Any
 
@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.conclusion import Conclusion
-from radcal.assessment.passes import pass_laws
-from radcal.calibration.history import History, Run
+from radcal.assessment.posterior import Posterior
+from radcal.calibration.history import History, Run, Score
 from radcal.calibration.objectives import OBJECTIVES
 from radcal.config import Material, Radar, Stop, stages
 from radcal.config.sections import FURTHER
 from radcal.findings import to_json
 from radcal.measurement.levels import Levels, without_level
 from radcal.measurement.registration import Registered
-from radcal.measurement.target import Targets
+from radcal.measurement.target import Target, Targets
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import EXTERNAL, FORMULA, Law
 from radcal.report.archive import (
@@ -128,7 +128,7 @@ def gather(
             )
             for name in targets
         },
-        passes=_passes(case, history, targets, passes, final) if targets.further else None,
+        passes=_passes(case, history, targets, conclusion.posteriors, passes, final) if targets.further else None,
         images=Images(
             # figures compare whole images in dB, after subtraction of the assumed level
             measured_db=without_level(measurement.image_db, targets.levels),
@@ -168,11 +168,11 @@ def _passes(
     case: stages.Archive,
     history: History,
     targets: Targets,
+    posteriors: Mapping[str, Posterior],
     images: Sequence[Registered],
     final: Sequence[Record],
 ) -> dict[str, PassSummary]:
     """Summaries of the passes of a case, by the number of the pass from 1."""
-    laws = pass_laws(case, targets, history)
     found = {}
     known = {key for run in history.runs for key in (run.key, *run.further_keys)}
     for k, (one, registered, target) in enumerate(zip(case.passes, images, targets.passes, strict=True)):
@@ -193,20 +193,36 @@ def _passes(
             keys=np.array(keys),
             final_runs=len(new),
             materials={
-                name: PassLaw(
-                    **asdict(law),
-                    pixels=target[name].pixels.size,
-                    difference_db=_difference_db(
-                        one.laws[name],
-                        history.best(name).scores[name].parameters,
-                        registered.measurement.hidden.get(name),
-                        target[name].incidence_deg,
-                    ),
+                name: _pass_law(
+                    k,
+                    one.laws[name],
+                    history.best(name).scores[name],
+                    target[name],
+                    posteriors.get(name),
+                    registered.measurement.hidden.get(name),
                 )
-                for name, law in laws[k].items()
+                for name in targets
+                if name in target
             },
         )
     return found
+
+
+def _pass_law(
+    k: int, law: Law, score: Score, target: Target, posterior: Posterior | None, hidden: Sequence[float] | None
+) -> PassLaw:
+    """Law of a material over the incidence of the pass ``k`` (from 0), and density of its best run there."""
+    low, high = (float(end) for end in np.quantile(target.incidence_deg.astype(np.float64), [0.05, 0.95]))
+    density = score.further[k - 1] if k else score
+    curve = None if posterior is None else posterior.curve
+    return PassLaw(
+        low_deg=low,
+        high_deg=high,
+        rms=float("nan") if density is None else density.rms,
+        half_width_db=None if curve is None else float(curve.half_widths_over(low, high).max()),
+        pixels=target.pixels.size,
+        difference_db=_difference_db(law, score.parameters, hidden, target.incidence_deg),
+    )
 
 
 def _difference_db(
