@@ -18,11 +18,6 @@ def changed_material(archive: Archive, name: str, **changes: Any) -> Archive:
     return replace(archive, materials={**archive.materials, name: replace(archive.materials[name], **changes)})
 
 
-def changed_check(archive: Archive, name: str, **changes: Any) -> Archive:
-    """Copy of an archive with a changed check of one material's law."""
-    return changed_material(archive, name, check=replace(archive.materials[name].check, **changes))
-
-
 def changed_findings(archive: Archive, *findings: Finding) -> Archive:
     """Copy of an archive with other findings."""
     return replace(archive, findings=to_json(findings))

@@ -113,6 +113,13 @@ def test_a_final_run_that_the_search_has_made_is_no_new_one(parts, found):
     assert any("another seed gives the same pixels" in note for note in again.notes)
 
 
+def test_texture_of_the_simulated_pixels_is_said(found):
+    (note,) = [note for note in found.notes if "texture" in note]
+    assert "has 4 looks, and the search found fewer effective looks (area 2.50). Values above about 0.9" in note
+    assert conclusion._texture_note({"area": 4.0, "other": 4.2}, 4.0) == ""
+    assert "(other 3.90)" in conclusion._texture_note({"area": 4.0, "other": 3.9}, 4.0)
+
+
 def codes(found):
     return [(one.code, one.severity, one.about) for one in found.findings]
 
@@ -125,7 +132,6 @@ def test_findings_on_the_image_come_before_those_on_each_material(parts, found):
     ]
     assert found.posteriors["area"].known_between_deg == (27.0, 40.0)
     assert found.image is parts[0][-1]
-    assert list(found.checks) == ["area"]
 
 
 def test_a_refused_image_leaves_sigma0_determined_nowhere(parts):

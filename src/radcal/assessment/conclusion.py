@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.known import image_findings, law_findings, material_findings
-from radcal.assessment.law_check import LawCheck, check_laws, texture_note
 from radcal.assessment.posterior import Image, Posterior
 from radcal.assessment.program_check import another_law
 from radcal.assessment.registration_check import check_registration
@@ -66,8 +65,6 @@ class Conclusion:
     ----------
     decision : Decision
         Whether the search has ended, and why.
-    checks : mapping
-        Looks and bins of each calibrated material's law.
     materials : mapping
         Pixels and densities of each calibrated material.
     reference_db, calibrated_db : ndarray of float32, shape (rows, columns), or None
@@ -87,7 +84,6 @@ class Conclusion:
     """
 
     decision: Decision
-    checks: Mapping[str, LawCheck]
     materials: Mapping[str, MaterialPixels]
     reference_db: NDArray[np.float32] | None
     calibrated_db: NDArray[np.float32] | None
@@ -155,7 +151,6 @@ def conclude(
         with_texture(final[0].pixels_db, objectives, looks, case.seed),
         fresh_db,
     ]
-    checks = check_laws(case, targets, history, objectives)
     findings = [finding for one in images for finding in from_json(one.findings)]
     findings += image_findings(case, image)
     refused = any(one.severity == "refusal" for one in findings)
@@ -170,13 +165,12 @@ def conclude(
     findings += _moved(case, history, targets, geometry, images[0] if images else None, final[1])
     return Conclusion(
         decision=decide(history, list(targets), stop, case.objective),
-        checks=checks,
         materials=_materials(targets, each_db, final),
         reference_db=reference.image_db,
         calibrated_db=_picture(final[1], {name: fresh_db[name] for name in targets}, geometry),
         simulator=store.description(key).get("simulator", {}),
         new_runs=len({record.key for record in final} - {run.key for run in history.runs}),
-        notes=_notes(case, history, checks, final),
+        notes=_notes(case, history, looks, final),
         posteriors={
             name: replace(one, known_between_deg=None, known_half_width_db=None) if refused else one
             for name, one in posteriors.items()
@@ -233,13 +227,23 @@ def _materials(targets: Targets, each_db: Sequence[Pixels], final: Sequence[Reco
     return found
 
 
-def _notes(
-    case: stages.Archive, history: History, checks: Mapping[str, LawCheck], final: Sequence[Record]
-) -> list[str]:
+def _notes(case: stages.Archive, history: History, looks: Mapping[str, float], final: Sequence[Record]) -> list[str]:
     """Remarks on the random numbers of the simulator, and on texture."""
     notes = [repeatability(case.simulator, history.repeat_db)]
     if (case.surrogate.outputs, case.surrogate.training) == ("centred", "posterior"):
-        known = {name: history.noise_variance(name) for name in checks}
+        known = {name: history.noise_variance(name) for name in looks}
         notes += [noise_sentence(name, variance) for name, variance in known.items() if variance is not None]
-    notes += [texture_note(checks), not_fresh(case.simulator, final)]
+    notes += [_texture_note(looks, case.radar.looks), not_fresh(case.simulator, final)]
     return [note for note in notes if note]
+
+
+def _texture_note(looks: Mapping[str, float], nominal: float) -> str:
+    """Note that lists the materials whose simulated pixels are multiplied by texture; empty if there are none."""
+    each = ", ".join(f"{name} {found:.2f}" for name, found in looks.items() if found < nominal)
+    if not each:
+        return ""
+    return (
+        f"The simulated speckle has {nominal:.3g} looks, and the search found fewer effective looks ({each}). Values "
+        "above about 0.9 of the sensor's looks, the median of their prior, show no texture. For densities and images, "
+        "these simulated pixels are multiplied by gamma texture that lowers their looks to those found."
+    )

@@ -18,7 +18,7 @@ from radcal.assessment.form_error import form_error, noticed_db
 from radcal.assessment.posterior import FieldCheck, FormError, HeldOut, Image, Posterior
 from radcal.assessment.prediction import field_check, left_out
 from radcal.assessment.radiometry import Radiometry, radiometry_of
-from radcal.assessment.summary import Form, summary, with_band
+from radcal.assessment.summary import Form, points_of, summary, with_band
 from radcal.calibration.history import History
 from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.calibration.steps import train_all
@@ -163,6 +163,7 @@ def posterior_of(
     if not curved:
         return found
     known_db = None if targets.level_only(name) else case.uncertainty.known_db
+    found = replace(found, points=points_of(whole, draws))
     return with_band(found, laws[0], draws, form, parameters, known_db)
 
 

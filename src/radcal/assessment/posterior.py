@@ -25,6 +25,7 @@ __all__ = [
     "Image",
     "KeptDraws",
     "Level",
+    "Points",
     "Posterior",
     "known_between",
     "read_image",
@@ -64,6 +65,15 @@ class Curve:
     def half_widths_over(self, low_deg: float, high_deg: float) -> Doubles:
         """Half-widths of the 90 % band at 91 angles from ``low_deg`` to ``high_deg`` [dB], shape (91,)."""
         return np.interp(np.linspace(low_deg, high_deg, 91), self.incidence_deg, self.half_width_db)
+
+
+@dataclass(frozen=True)
+class Points:
+    """Measured levels in k intervals of incidence, less the image's level and what the simulator adds to its law."""
+
+    incidence_deg: Annotated[Doubles, About("mean local incidence of each interval", "deg", "k", scale=True)]
+    level_db: Annotated[Doubles, About("mean level of the cells of each interval", "dB", "k")]
+    error_db: Annotated[Doubles, About("standard error of `level_db` by speckle, cells and fields", "dB", "k")]
 
 
 @dataclass(frozen=True)
@@ -189,6 +199,7 @@ class Posterior:
     curve: Annotated[Curve | None, About("curve of sigma0; absent for normalised images and laws without a curve")] = (
         None
     )
+    points: Annotated[Points | None, About("measured levels to compare with `curve`; absent without it")] = None
     known_between_deg: Annotated[
         tuple[float, ...] | None,
         About("ends of the interval in which sigma0 is determined; absent if it is at no angle", "deg"),

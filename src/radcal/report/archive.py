@@ -13,7 +13,6 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.law_check import LawCheck
 from radcal.assessment.posterior import Image, Posterior
 from radcal.findings import Finding, from_json
 from radcal.radar.laws import Law, law_for
@@ -147,7 +146,8 @@ class MaterialResult:
     calibrated_db: Annotated[Doubles, About("target's pixels in the calibrated run", _UNIT, "p")]
     fresh_db: Annotated[Doubles, About("target's pixels in the calibrated run with another seed", _UNIT, "p")]
     level_only: Annotated[bool, About("material is seen at one incidence: only its level can be determined")]
-    check: Annotated[LawCheck, About("looks of the calibrated law, and levels of the bins")]
+    best_looks: Annotated[float, About("effective number of looks with which the best run fits the target")]
+    incidence_error_deg: Annotated[float, About("standard error assumed for the local incidence; 0 for none", "deg")]
     final_dp: Annotated[Doubles, About("xi, omega and alpha (no unit) of the calibrated run", _UNIT, "3")]
     fresh_dp: Annotated[
         Doubles, About("xi, omega and alpha (no unit) of the calibrated run with another seed", _UNIT, "3")

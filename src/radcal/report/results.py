@@ -81,7 +81,7 @@ def gather(
     targets : Targets
         Targets of the calibrated materials.
     conclusion : Conclusion
-        Decision on the end of the search, checks of the laws, and final runs.
+        Decision on the end of the search, posteriors, findings, and final runs.
     passes : sequence of Registered
         Registered measured images of all passes.
     final : sequence of Record
@@ -314,8 +314,8 @@ def _material(
 ) -> MaterialResult:
     """Target and results of a calibrated material."""
     runs, target, material = history.runs, targets[name], case.materials[name]
-    verdict, check, found = conclusion.decision.materials[name], conclusion.checks[name], conclusion.materials[name]
-    fit, of_classes = target.goodness, target.classes is not None
+    verdict, found = conclusion.decision.materials[name], conclusion.materials[name]
+    fit, classes = target.goodness, target.classes
     unknown = [np.nan] * len(material.parameter_names)
     proposals = [run.proposals[name] for run in history.infill]
     scores = [run.scores[name] for run in runs]
@@ -353,15 +353,16 @@ def _material(
         calibrated_db=found.calibrated,
         fresh_db=found.fresh,
         level_only=targets.level_only(name),
-        check=check,
+        best_looks=history.best(name).scores[name].looks,
+        incidence_error_deg=0.0 if classes is None else classes.incidence_error_deg,
         final_dp=found.calibrated_dp,
         fresh_dp=found.fresh_dp,
-        predicted_rms=_numbers(None if of_classes else proposal.cost for proposal in proposals),
-        floor_rms=_numbers(None if of_classes else proposal.floor for proposal in proposals),
+        predicted_rms=_numbers(None if classes else proposal.cost for proposal in proposals),
+        floor_rms=_numbers(None if classes else proposal.floor for proposal in proposals),
         mode=tuple(proposal.mode for proposal in proposals),
         hidden=None if hidden is None else np.array(hidden),
-        cost=_numbers(score.cost if score.own_law else None for score in scores) if of_classes else None,
-        run_looks=_numbers(score.looks if score.own_law else None for score in scores) if of_classes else None,
+        cost=_numbers(score.cost if score.own_law else None for score in scores) if classes else None,
+        run_looks=_numbers(score.looks if score.own_law else None for score in scores) if classes else None,
         fidelity=_fidelity(history.infill, name),
     )
 

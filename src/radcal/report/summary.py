@@ -181,7 +181,7 @@ def _theta(dp: NDArray[np.float64]) -> dict[str, float]:
     return dict(zip(("xi", "omega", "alpha"), map(float, dp), strict=True))
 
 
-def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: float) -> dict[str, Any]:
+def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: float, nominal: float) -> dict[str, Any]:
     best, rms, x = material.best, material.rms, material.parameters.values
     dp, target = material.dp[best], material.target_dp
     # a reference run with another law is never within the tolerance
@@ -194,9 +194,9 @@ def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: f
         "start_law": material.start.law,
         "stop_reason": material.reason,
         "sentence": material.sentence,
-        "looks": material.check.looks,
-        "looks_nominal": material.check.looks_nominal,
-        "incidence_error_deg": material.check.incidence_error_deg,
+        "looks": material.best_looks,
+        "looks_nominal": nominal,
+        "incidence_error_deg": material.incidence_error_deg,
         **_posterior(material),
         "fits": material.fits,
         "level_only": material.level_only,
@@ -332,7 +332,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "versions": json.loads(archive.versions),
         "materials": {
             name: {
-                **_material(material, np.isin(kinds, ("design", "infill")), archive.tolerance),
+                **_material(material, np.isin(kinds, ("design", "infill")), archive.tolerance, archive.looks),
                 "verdict": verdict(name, archive.found),
             }
             for name, material in archive.materials.items()

@@ -107,7 +107,7 @@ def parameter_rows(archive: Archive) -> Iterator[Sequence[Any]]:
             strict=True,
         )
         for row in each:
-            yield (name, material.law, *row, material.check.looks, material.fits, *_known(material))
+            yield (name, material.law, *row, material.best_looks, material.fits, *_known(material))
 
 
 def _model(material: MaterialResult) -> NDArray[np.float64]:
