@@ -27,7 +27,7 @@ def test_the_systematic_part_is_what_common_effects_explain():
 def test_the_nearest_law_is_that_of_least_squares_in_the_bounds():
     """To a bent median over 25 to 45 degrees; with whole numbers, the best of the draws."""
     x = LINE_X + np.random.default_rng(1).normal(0.0, 1.0, (200, 2))
-    curves = Curves(LINE, x[:2])(x)
+    curves = Curves(LINE)(x)
     median = LINE(np.radians(GRID_DEG), LINE_X) + 0.002 * (GRID_DEG - 35.0) ** 2
     inside = (GRID_DEG >= 25.0) & (GRID_DEG <= 45.0)
     slope, level = np.polyfit(GRID_DEG[inside], median[inside], 1)

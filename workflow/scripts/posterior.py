@@ -26,8 +26,8 @@ with logged(snakemake.log[0], snakemake.params.case):
         )
     ]
     progress("posterior: fixed laws against the image ...")
-    image, common = image_of(case, cells)
+    image = image_of(case, cells)
     for name, path in zip(case.calibrated, snakemake.output.posterior, strict=True):
         progress(f"posterior: law of {name} ...")
-        write_posterior(path, posterior_of(case, targets, history, name, cells, image, common))
+        write_posterior(path, posterior_of(case, targets, history, name, cells, image))
     write_image(snakemake.output.image, image)

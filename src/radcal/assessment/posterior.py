@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.curves import GRID_DEG, Curves
+from radcal.assessment.fixed_laws import Common
 from radcal.assessment.radiometry import Radiometry
 from radcal.radar.laws import Law
 from radcal.storage.dataclass_groups import About, put, take
@@ -98,10 +99,8 @@ class KeptDraws:
 
     def laws_db(self, law: Law) -> Doubles:
         """Levels of median fields [dB] by each draw on the grid of incidence, shape (m, 361): law and form error."""
-        return np.asarray(
-            Curves(law, self.parameters[[0, -1]])(self.parameters)
-            + np.stack([np.interp(GRID_DEG, WHOLE_DEG, one) for one in self.form_db])
-        )
+        forms = [np.interp(GRID_DEG, WHOLE_DEG, one) for one in self.form_db]
+        return np.asarray(Curves(law)(self.parameters) + np.stack(forms))
 
     @property
     def power_of_fields_db(self) -> Doubles:
@@ -228,18 +227,10 @@ class Posterior:
 
 
 @dataclass(frozen=True)
-class Image:
+class Image(Common):
     """What the fixed materials say of the measured images of p passes."""
 
-    levels_db: Annotated[Doubles, About("5, 50 and 95 % quantile of the level of each pass", "dB", "p, 3")]
-    laws_db: Annotated[
-        Mapping[str, Doubles], About("5, 50 and 95 % quantile of image minus law, less the level, by material", "dB")
-    ]
-    apart_db: Annotated[
-        Mapping[str, Doubles], About("5, 50 and 95 % quantile of image minus law of pass 1, by material", "dB")
-    ]
     radiometry: Annotated[Mapping[str, Radiometry], About("radiometry of each pass, by its number from 1")]
-    sampled: Annotated[bool, About("sampler has converged")]
 
 
 def known_between(
