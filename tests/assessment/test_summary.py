@@ -47,8 +47,8 @@ def made_draws(n=4000):
     common = np.column_stack([level, rng.normal(size=(n, 4))])
     sample = Sample(np.zeros((n, 5)), 500.0, 1.02, 900, True, np.zeros(5))
     return Draws(
-        x, np.full(n, 0.5), np.full(n, 0.2), np.full(n, 0.3), np.zeros((n, FORMS)), np.zeros((n, 14)), common,
-        rng.normal(0.1, 0.3, n), np.zeros(5), sample,
+        x, np.full(n, 0.5), np.full(n, 0.2), np.zeros((n, FORMS)), np.zeros((n, 14)), common,
+        rng.normal(0.1, 0.3, n), sample,
     )  # fmt: skip
 
 

@@ -31,6 +31,7 @@ __all__ = [
     "area_db",
     "cell_keys",
     "cell_means",
+    "weights_of_facets",
     "with_noise_db",
 ]
 
@@ -155,11 +156,14 @@ def area_db(geometry: Geometry, radar: Radar) -> Doubles:
     if radar.radiometry in WITHOUT_AREA:
         local = np.sin(np.radians(geometry.incidence_deg.ravel().astype(np.float64)))
         return np.asarray(10.0 * np.log10(np.sin(np.radians(flat)) / np.maximum(local, _LEAST_SIN)))
-    of_facets = np.concatenate([[0.0], np.cumsum(geometry.facet_weight, dtype=np.float64)])
-    cells = geometry.facet_start[geometry.cell_start]
-    area = np.diff(of_facets[cells]) / of_sigma0(radar.radiometry, flat)
     with np.errstate(divide="ignore"):
-        return np.asarray(10.0 * np.log10(area))
+        return np.asarray(10.0 * np.log10(weights_of_facets(geometry) / of_sigma0(radar.radiometry, flat)))
+
+
+def weights_of_facets(geometry: Geometry) -> Doubles:
+    """Sum of the weights of all facets in each pixel, the power of a pixel whose sigma0 is 1, shape (pixels,)."""
+    of_facets = np.concatenate([[0.0], np.cumsum(geometry.facet_weight, dtype=np.float64)])
+    return np.diff(of_facets[geometry.facet_start[geometry.cell_start]])
 
 
 def cell_keys(pixels: NDArray[np.int64], patch: NDArray[np.int64], angle_deg: Doubles, width: int) -> NDArray[np.int64]:

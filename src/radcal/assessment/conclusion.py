@@ -77,8 +77,6 @@ class Conclusion:
         Remarks on the simulator's random numbers and on texture.
     posteriors : mapping
         Posterior of each law; after a refusal, sigma0 is determined at no angle.
-    image : Image
-        What the fixed materials say.
     findings : list of Finding
         Findings on the images in the order in which to act on them, then on each material.
     """
@@ -91,7 +89,6 @@ class Conclusion:
     new_runs: int
     notes: list[str]
     posteriors: Mapping[str, Posterior]
-    image: Image
     findings: list[Finding]
 
 
@@ -155,14 +152,16 @@ def conclude(
     findings += image_findings(case, image)
     refused = any(one.severity == "refusal" for one in findings)
     causes = {one.code: f"{one.code} of {one.about}" for one in findings if one.severity != "note"}
-    for name in targets:
-        found, x = posteriors[name], np.asarray(history.best(name).scores[name].parameters)
-        findings += material_findings(case, name, found, targets, refused)
-        findings += law_findings(name, found, case.laws[name], x, causes)
+    laws = {name: (case.laws[name], np.asarray(history.best(name).scores[name].parameters)) for name in targets}
+    for name, found in laws.items():
+        findings += material_findings(case, name, posteriors[name], targets, refused)
+        findings += law_findings(name, posteriors[name], *found, causes)
         if case.simulator.kind == "command":
             law = case.materials[name].law
             findings += another_law(name, law, objectives[name], targets[name], history, geometry)
-    findings += _moved(case, history, targets, geometry, images[0] if images else None, final[1])
+    shown = {name: law for name, law in laws.items() if not targets.level_only(name)}
+    for one in images[:1]:
+        findings += check_registration(shown, targets, geometry, one, final[1].image_db)
     return Conclusion(
         decision=decide(history, list(targets), stop, case.objective),
         materials=_materials(targets, each_db, final),
@@ -175,29 +174,8 @@ def conclude(
             name: replace(one, known_between_deg=None, known_half_width_db=None) if refused else one
             for name, one in posteriors.items()
         },
-        image=image,
         findings=findings,
     )
-
-
-def _moved(
-    case: stages.Archive,
-    history: History,
-    targets: Targets,
-    geometry: Geometry,
-    registered: Registered | None,
-    final: Record,
-) -> list[Finding]:
-    """Change of the first pass's registration by the calibrated laws, of materials whose law the pixels can show."""
-    if registered is None:
-        return []
-    laws = {
-        name: (case.laws[name], history.best(name).scores[name].parameters)
-        for name in targets
-        if not targets.level_only(name)
-    }
-    moved = check_registration(laws, targets, geometry, registered, final.image_db)
-    return [one.finding(name) for name, one in moved.items()]
 
 
 def _picture(record: Record, pixels_db: Pixels, geometry: Geometry) -> NDArray[np.float32] | None:

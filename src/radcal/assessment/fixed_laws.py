@@ -91,14 +91,7 @@ class Observed:
 class Common:
     """Posterior of the effects that all materials share in p passes, as a normal distribution, from fixed materials."""
 
-    mean: Annotated[
-        Doubles,
-        About(
-            "mean of each shared effect: by pass the level [dB], the exponent on the area of the ground, the errors of "
-            "noise floor and incidence in standard deviations; last the error of the point spread",
-            shape="4 p + 1",
-        ),
-    ]
+    mean: Annotated[Doubles, About("level, area exponent, noise, incidence by pass; point spread", shape="4 p + 1")]
     covariance: Annotated[Doubles, About("covariance of the shared effects", shape="4 p + 1, 4 p + 1")]
     field: Annotated[
         tuple[float, ...], About("mean and standard deviation of the logarithm of the common sd of fields", "log dB")

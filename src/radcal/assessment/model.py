@@ -212,24 +212,19 @@ def _without_curve(
         nearest = np.abs(own.incidence_deg[:, None] - middle).argmin(axis=1)
         blocks.append(np.eye(middle.size)[nearest])
         middles.append(middle)
-    box = np.asarray(objective.material.box)
 
-    def means(x: Doubles) -> Doubles:
-        return np.asarray(surrogate.predict(surrogate.snapped(surrogate.unit(x)))[..., 0])
+    def at(x: Doubles) -> Doubles:
+        return surrogate.snapped(surrogate.unit(x))
 
-    start = means(best[None])
-
-    def levels(x: Doubles) -> Doubles:
-        return np.asarray(means(x) - start)
-
-    def error(x: Doubles) -> Doubles:
-        return np.asarray(surrogate.error(surrogate.snapped(surrogate.unit(x)))[:, 0])
-
-    return (
-        Parameters(box, objective.material.integer, levels, lambda x: np.zeros(len(x)), error),
-        np.asarray(block_diag(*blocks)),
-        np.concatenate(middles),
+    start = surrogate.predict(at(best[None]))[..., 0]
+    parameters = Parameters(
+        np.asarray(objective.material.box),
+        objective.material.integer,
+        levels=lambda x: np.asarray(surrogate.predict(at(x))[..., 0] - start),
+        log_prior=lambda x: np.zeros(len(x)),
+        error=lambda x: np.asarray(surrogate.error(at(x))[:, 0]),
     )
+    return parameters, np.asarray(block_diag(*blocks)), np.concatenate(middles)
 
 
 def _attenuation(targets: Targets, name: str) -> list[tuple[float, float]]:
@@ -265,5 +260,5 @@ def _form_error(
     span = min(low for low, _ in seen), max(high for _, high in seen)
     columns = form.columns(np.linspace(*span, _ANGLES))
     found = draws.form @ columns.T
-    smallest = noticed_db(model, draws.middle, columns, knots, span)
+    smallest = noticed_db(model, np.median(draws.sample.draws, axis=0), columns, knots, span)
     return form_error(found - found.mean(axis=1, keepdims=True), smallest)

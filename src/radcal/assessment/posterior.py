@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radcal.assessment.curves import GRID_DEG, Curves
 from radcal.assessment.fixed_laws import Common
 from radcal.assessment.radiometry import Radiometry
 from radcal.radar.laws import Law
-from radcal.storage.dataclass_groups import About, put, take
-from radcal.storage.records import read_hdf5, write_hdf5
+from radcal.storage.dataclass_groups import About
 
 __all__ = [
     "WHOLE_DEG",
@@ -25,14 +23,9 @@ __all__ = [
     "HeldOut",
     "Image",
     "KeptDraws",
-    "Level",
     "Points",
     "Posterior",
     "known_between",
-    "read_image",
-    "read_posterior",
-    "write_image",
-    "write_posterior",
 ]
 
 Doubles = NDArray[np.float64]
@@ -62,6 +55,11 @@ class Curve:
     def half_width_db(self) -> Doubles:
         """Half of the width of the 90 % band [dB], shape (a,)."""
         return np.asarray(0.5 * (self.p95_db - self.p05_db))
+
+    def at(self, incidence_deg: ArrayLike) -> Doubles:
+        """5 % quantile, median and 95 % quantile of sigma0 at k angles [dB], shape (3, k)."""
+        each = (self.p05_db, self.median_db, self.p95_db)
+        return np.stack([np.interp(incidence_deg, self.incidence_deg, values) for values in each])
 
     def half_widths_over(self, low_deg: float, high_deg: float) -> Doubles:
         """Half-widths of the 90 % band at 91 angles from ``low_deg`` to ``high_deg`` [dB], shape (91,)."""
@@ -158,24 +156,6 @@ class FieldCheck:
 
 
 @dataclass(frozen=True)
-class Level:
-    """Sigma0 of a material at the middle of the incidence of one pass, with its 90 % interval.
-
-    Attributes
-    ----------
-    incidence_deg : float
-        Middle between the 5 and 95 % quantiles of the local incidence [deg].
-    median_db, p05_db, p95_db : float
-        Median, 5 % and 95 % quantile of sigma0 at ``incidence_deg`` [dB].
-    """
-
-    incidence_deg: float
-    median_db: float
-    p05_db: float
-    p95_db: float
-
-
-@dataclass(frozen=True)
 class Posterior:
     """Posterior of one material's law with d parameters: quantiles, curve of sigma0, error of the form, kept draws."""
 
@@ -215,15 +195,10 @@ class Posterior:
         FieldCheck | None, About("predictions of whole fields from the others; absent without a section `validation`")
     ] = None
 
-    def levels(self) -> tuple[Level, ...]:
-        """Sigma0 at the middle incidence of each pass, without repeated angles; empty for a law without a curve."""
-        if self.curve is None:
-            return ()
-        seen, curve = dict.fromkeys(np.round(self.seen_deg.mean(axis=1), 1).tolist()), self.curve
-        quantiles = (curve.median_db, curve.p05_db, curve.p95_db)
-        return tuple(
-            Level(deg, *(float(np.interp(deg, curve.incidence_deg, values)) for values in quantiles)) for deg in seen
-        )
+    @property
+    def middles_deg(self) -> Doubles:
+        """Middle incidence of each pass [deg], rounded to tenths and increasing, without repeated angles."""
+        return np.unique(np.round(self.seen_deg.mean(axis=1), 1))
 
 
 @dataclass(frozen=True)
@@ -259,27 +234,3 @@ def known_between(
         return None
     first, after = runs[np.argmax(runs[:, 1] - runs[:, 0])]
     return (float(angle_deg[first]), float(angle_deg[after - 1])) if after - first > 1 else None
-
-
-def write_posterior(path: str | Path, posterior: Posterior) -> None:
-    """Write a posterior to HDF5, atomically."""
-    with write_hdf5(path, "posterior") as file:
-        put(file, posterior)
-
-
-def read_posterior(path: str | Path) -> Posterior:
-    """Read a posterior that :func:`write_posterior` wrote; raises the errors of :func:`.read_hdf5`."""
-    with read_hdf5(path, "posterior") as file:
-        return take(file, Posterior)
-
-
-def write_image(path: str | Path, image: Image) -> None:
-    """Write what the fixed materials say to HDF5, atomically."""
-    with write_hdf5(path, "image") as file:
-        put(file, image)
-
-
-def read_image(path: str | Path) -> Image:
-    """Read what :func:`write_image` wrote; raises the errors of :func:`.read_hdf5`."""
-    with read_hdf5(path, "image") as file:
-        return take(file, Image)

@@ -61,8 +61,7 @@ def summary(
 ) -> Posterior:
     """Posterior without a band of sigma0."""
     low, middle, high = np.quantile(draws.parameters, _QUANTILES, axis=0)
-    sampler, every = draws.sample, _kept(draws, form)
-    some = np.unique(np.linspace(0, len(draws.parameters) - 1, _KEPT).round().astype(np.intp))
+    sampler = draws.sample
     cells = [one for one in observed.cells if one.size]
     return Posterior(
         sampled=sampler.converged,
@@ -79,7 +78,7 @@ def summary(
         within_db=np.quantile(draws.cell_db, _QUANTILES),
         seen_deg=np.array(seen),
         form=error,
-        draws=KeptDraws(**{key: value[some] for key, value in vars(every).items()}),
+        draws=_kept(draws.thinned(_KEPT), form),
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.conclusion import Conclusion
-from radcal.assessment.posterior import Posterior
+from radcal.assessment.posterior import Image, Posterior
 from radcal.calibration.history import History, Run, Score
 from radcal.calibration.objectives import OBJECTIVES
 from radcal.config import Material, Radar, Stop, stages
@@ -61,6 +61,7 @@ def gather(
     registered: Registered,
     targets: Targets,
     conclusion: Conclusion,
+    image: Image,
     passes: Sequence[Registered] = (),
     final: Sequence[Record] = (),
 ) -> Archive:
@@ -82,6 +83,8 @@ def gather(
         Targets of the calibrated materials.
     conclusion : Conclusion
         Decision on the end of the search, posteriors, findings, and final runs.
+    image : Image
+        What the fixed materials say.
     passes : sequence of Registered
         Registered measured images of all passes.
     final : sequence of Record
@@ -116,7 +119,7 @@ def gather(
         runs=_runs(history),
         registration=_registration(registered),
         levels=_levels(targets.levels),
-        image=conclusion.image,
+        image=image,
         findings=to_json(conclusion.findings),
         scene=_scene(scene),
         laws={name: _law(parameters[name], item, case.radar) for name, item in case.materials.items()},

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
-from radcal.assessment.posterior import HeldOut
+from radcal.assessment.posterior import HeldOut, Posterior
 from radcal.config import stages
 from radcal.findings import Finding
 from radcal.report.archive import Archive, MaterialResult, PassSummary, RegistrationSummary
@@ -133,7 +133,7 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
         "identified": None if curve is None else known.known_between_deg is not None,
         "known_between_deg": None if known.known_between_deg is None else list(known.known_between_deg),
         "sigma0_curve": None if curve is None else {key: values.tolist() for key, values in vars(curve).items()},
-        "levels": [dict(vars(level)) for level in known.levels()] if material.level_only else None,
+        "levels": _levels(known) if material.level_only else None,
         "parameters_p05": named(known.parameters_p05),
         "parameters_p95": named(known.parameters_p95),
         "parameters_model": None if known.parameters_model is None else named(known.parameters_model),
@@ -159,6 +159,14 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
             "cell_sd_db": known.within_db.tolist(),
         },
     }
+
+
+def _levels(known: Posterior) -> list[dict[str, float]]:
+    """Sigma0 at the middle incidence of each pass; empty for a law without a curve."""
+    if known.curve is None:
+        return []
+    keys = ("incidence_deg", "p05_db", "median_db", "p95_db")
+    return [dict(zip(keys, map(float, (deg, *known.curve.at(deg))), strict=True)) for deg in known.middles_deg]
 
 
 def _validation(held: HeldOut) -> dict[str, Any]:
