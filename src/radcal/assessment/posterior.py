@@ -58,8 +58,8 @@ class Curve:
 
     def at(self, incidence_deg: ArrayLike) -> Doubles:
         """5 % quantile, median and 95 % quantile of sigma0 at k angles [dB], shape (3, k)."""
-        each = (self.p05_db, self.median_db, self.p95_db)
-        return np.stack([np.interp(incidence_deg, self.incidence_deg, values) for values in each])
+        at, each = np.asarray(incidence_deg, dtype=np.float64), (self.p05_db, self.median_db, self.p95_db)
+        return np.stack([np.interp(at, self.incidence_deg, values) for values in each])
 
     def half_widths_over(self, low_deg: float, high_deg: float) -> Doubles:
         """Half-widths of the 90 % band at 91 angles from ``low_deg`` to ``high_deg`` [dB], shape (91,)."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radcal.findings import Finding, Severity
 from radcal.measurement.gefolki import find_flow, pyramid
@@ -65,7 +65,7 @@ def moved_again(registered: Registered, calibrated_db: NDArray[np.float32]) -> N
 
 
 def check_registration(
-    laws: Mapping[str, tuple[Law, Sequence[float]]],
+    laws: Mapping[str, tuple[Law, ArrayLike]],
     targets: Mapping[str, Target],
     geometry: Geometry,
     registered: Registered,

@@ -118,12 +118,6 @@ class Quartiles(Objective):
     def leaves_open(self, floor, best):
         return floor < 0.9 * best
 
-    def evidence(self, score):
-        return Density(self.material).evidence(score)
-
-    def law(self, score, residuals=None):
-        return Density(self.material).law(score, residuals)
-
     @classmethod
     def ending(cls, progress, stop):
         if progress.score.gain > 0.01:
