@@ -113,11 +113,12 @@ def test_a_final_run_that_the_search_has_made_is_no_new_one(parts, found):
     assert any("another seed gives the same pixels" in note for note in again.notes)
 
 
-def test_texture_of_the_simulated_pixels_is_said(found):
-    (note,) = [note for note in found.notes if "texture" in note]
-    assert "has 4 looks, and the search found fewer effective looks (area 2.50). Values above about 0.9" in note
-    assert conclusion._texture_note({"area": 4.0, "other": 4.2}, 4.0) == ""
-    assert "(other 3.90)" in conclusion._texture_note({"area": 4.0, "other": 3.9}, 4.0)
+def test_texture_of_the_simulated_pixels_is_a_finding(parts, found):
+    (note,) = [one for one in found.findings if one.code == "texture"]
+    assert note == Finding("texture", "note", "area", {"looks": 2.5, "looks_nominal": 4.0})
+    case, *rest = parts[0]
+    fewer = case.model_copy(update={"radar": case.radar.model_copy(update={"looks": 2.5})})
+    assert "texture" not in [one.code for one in conclude(fewer, *rest).findings]
 
 
 def codes(found):
@@ -129,6 +130,7 @@ def test_findings_on_the_image_come_before_those_on_each_material(parts, found):
         ("level", "note", "pass 1"),
         ("determined", "note", "area"),
         ("not_refuted", "note", "area"),
+        ("texture", "note", "area"),
     ]
     assert found.posteriors["area"].known_between_deg == (27.0, 40.0)
 

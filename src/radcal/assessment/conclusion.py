@@ -74,7 +74,7 @@ class Conclusion:
     new_runs : int
         Number of final runs that the search had not simulated already.
     notes : list of str
-        Remarks on the simulator's random numbers and on texture.
+        Remarks on the simulator's random numbers.
     posteriors : mapping
         Posterior of each law; after a refusal, sigma0 is determined at no angle.
     findings : list of Finding
@@ -155,6 +155,9 @@ def conclude(
     laws = {name: (case.laws[name], np.asarray(history.best(name).scores[name].parameters)) for name in targets}
     for name, found in laws.items():
         findings += material_findings(case, name, posteriors[name], targets, refused)
+        if looks[name] < case.radar.looks:
+            numbers = {"looks": looks[name], "looks_nominal": float(case.radar.looks)}
+            findings.append(Finding("texture", "note", name, numbers))
         findings += law_findings(name, posteriors[name], *found, causes)
         if case.simulator.kind == "command":
             law = case.materials[name].law
@@ -169,7 +172,7 @@ def conclude(
         calibrated_db=_picture(final[1], {name: fresh_db[name] for name in targets}, geometry),
         simulator=store.description(key).get("simulator", {}),
         new_runs=len({record.key for record in final} - {run.key for run in history.runs}),
-        notes=_notes(case, history, looks, final),
+        notes=_notes(case, history, targets, final),
         posteriors={
             name: replace(one, known_between_deg=None, known_half_width_db=None) if refused else one
             for name, one in posteriors.items()
@@ -205,23 +208,11 @@ def _materials(targets: Targets, each_db: Sequence[Pixels], final: Sequence[Reco
     return found
 
 
-def _notes(case: stages.Archive, history: History, looks: Mapping[str, float], final: Sequence[Record]) -> list[str]:
-    """Remarks on the random numbers of the simulator, and on texture."""
+def _notes(case: stages.Archive, history: History, targets: Targets, final: Sequence[Record]) -> list[str]:
+    """Remarks on the random numbers of the simulator."""
     notes = [repeatability(case.simulator, history.repeat_db)]
     if (case.surrogate.outputs, case.surrogate.training) == ("centred", "posterior"):
-        known = {name: history.noise_variance(name) for name in looks}
+        known = {name: history.noise_variance(name) for name in targets}
         notes += [noise_sentence(name, variance) for name, variance in known.items() if variance is not None]
-    notes += [_texture_note(looks, case.radar.looks), not_fresh(case.simulator, final)]
+    notes.append(not_fresh(case.simulator, final))
     return [note for note in notes if note]
-
-
-def _texture_note(looks: Mapping[str, float], nominal: float) -> str:
-    """Note that lists the materials whose simulated pixels are multiplied by texture; empty if there are none."""
-    each = ", ".join(f"{name} {found:.2f}" for name, found in looks.items() if found < nominal)
-    if not each:
-        return ""
-    return (
-        f"The simulated speckle has {nominal:.3g} looks, and the search found fewer effective looks ({each}). Values "
-        "above about 0.9 of the sensor's looks, the median of their prior, show no texture. For densities and images, "
-        "these simulated pixels are multiplied by gamma texture that lowers their looks to those found."
-    )
