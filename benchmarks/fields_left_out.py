@@ -74,7 +74,7 @@ def model_of(cells: CellMeans) -> LawModel:
     knots = np.arange(np.floor(angle.min()), np.ceil(angle.max()) + 1.0)
     weights = np.maximum(0.0, 1.0 - np.abs(angle[:, None] - knots))
     box = np.array(FLEVOLAND_BOUNDS, dtype=np.float64)
-    curves = Curves(LAW, box.T)
+    curves = Curves(LAW)
     prior = CurvePrior(LAW, *(float(np.average(of, weights=cells.pixels)) for of in (cells.measured_db, angle)))
     parameters = Parameters(
         box,

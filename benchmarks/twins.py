@@ -449,8 +449,8 @@ def band(
         stage, b.scene, [b.geometry], [str(runs)], [(run, parameters) for run in final], str(runs / "draws")
     )
     cells = [observe(stage, b.geometry, registered, images[0], targets.levels, b.scene)]
-    image, common = image_of(stage, cells)
-    posterior = posterior_of(stage, targets, history, name, cells, image, common)
+    image = image_of(stage, cells)
+    posterior = posterior_of(stage, targets, history, name, cells, image)
     archive = stages.Archive.of(case)
     found = conclude(
         archive, case.stop, history, targets, b.geometry, runs, final, {name: posterior}, image, [registered]

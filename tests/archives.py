@@ -18,11 +18,6 @@ def changed_material(archive: Archive, name: str, **changes: Any) -> Archive:
     return replace(archive, materials={**archive.materials, name: replace(archive.materials[name], **changes)})
 
 
-def changed_check(archive: Archive, name: str, **changes: Any) -> Archive:
-    """Copy of an archive with a changed check of one material's law."""
-    return changed_material(archive, name, check=replace(archive.materials[name].check, **changes))
-
-
 def changed_findings(archive: Archive, *findings: Finding) -> Archive:
     """Copy of an archive with other findings."""
     return replace(archive, findings=to_json(findings))
@@ -31,6 +26,9 @@ def changed_findings(archive: Archive, *findings: Finding) -> Archive:
 def image(**changes: Any) -> Image:
     """What one fixed material, ``unused``, says of an image, with changes to its fields."""
     keys: dict[str, Any] = {
+        "mean": np.array([0.12, 0.03, 0.2, -0.1, 0.3]),
+        "covariance": np.diag([0.05, 0.01, 0.6, 0.7, 0.8]),
+        "field": (-0.7, 0.3),
         "levels_db": np.array([[-0.31, 0.12, 0.43]]),
         "laws_db": {"unused": np.array([-0.52, 0.07, 0.61])},
         "apart_db": {"unused": np.array([-0.24, 0.19, 0.33])},

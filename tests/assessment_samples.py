@@ -121,6 +121,9 @@ def made_form(**changes: Any) -> FormError:
 def made_image(**changes: Any) -> Image:
     """Image of one pass, of which two fixed materials say that all is right."""
     keys: dict[str, Any] = {
+        "mean": np.array([0.12, 0.03, 0.2, -0.1, 0.3]),
+        "covariance": np.diag([0.05, 0.01, 0.6, 0.7, 0.8]),
+        "field": (-0.7, 0.3),
         "levels_db": np.array([[-0.4, 0.1, 0.5]]),
         "laws_db": {"water": np.array([-0.6, 0.1, 0.7]), "wood": np.array([-0.5, -0.1, 0.4])},
         "apart_db": {"water": np.array([-0.3, 0.2, 0.7]), "wood": np.array([-0.4, 0.0, 0.4])},

@@ -62,6 +62,9 @@ _TEXTS: Mapping[str, str] = {
     "pixels that remain near the noise are the brighter ones",
     "law_outside_band": "{about}: the law of the search (parameters) leaves the band by up to {beyond_db:.1f} dB "
     "({cause}); parameters_model gives the law nearest to the band",
+    "texture": "{about}: the simulated pixels are multiplied by gamma texture, which lowers the {looks_nominal:.3g} "
+    "looks of the simulated speckle to the {looks:.2f} effective looks that the search found; values above about 0.9 "
+    "of the sensor's looks, the median of their prior, show no texture",
     "another_law": "{about}: the program's backscatter differs from law {law} by up to {difference_db:.1f} dB at the "
     "same X, so that curve and band are the formula's, not the program's",
     "registration_moved": "{about}: onto the calibrated image, the registration moves these pixels by {moved_px:.1f} "

@@ -14,7 +14,7 @@ from two_materials import X, geometry
 from radcal.assessment import conclusion
 from radcal.assessment.conclusion import conclude
 from radcal.assessment.radiometry import Radiometry
-from radcal.assessment.registration_check import Moved
+from radcal.assessment.registration_check import moved_finding
 from radcal.calibration.history import History
 from radcal.config import Stop, case_from
 from radcal.findings import Finding, to_json
@@ -113,6 +113,14 @@ def test_a_final_run_that_the_search_has_made_is_no_new_one(parts, found):
     assert any("another seed gives the same pixels" in note for note in again.notes)
 
 
+def test_texture_of_the_simulated_pixels_is_a_finding(parts, found):
+    (note,) = [one for one in found.findings if one.code == "texture"]
+    assert note == Finding("texture", "note", "area", {"looks": 2.5, "looks_nominal": 4.0})
+    case, *rest = parts[0]
+    fewer = case.model_copy(update={"radar": case.radar.model_copy(update={"looks": 2.5})})
+    assert "texture" not in [one.code for one in conclude(fewer, *rest).findings]
+
+
 def codes(found):
     return [(one.code, one.severity, one.about) for one in found.findings]
 
@@ -122,10 +130,9 @@ def test_findings_on_the_image_come_before_those_on_each_material(parts, found):
         ("level", "note", "pass 1"),
         ("determined", "note", "area"),
         ("not_refuted", "note", "area"),
+        ("texture", "note", "area"),
     ]
     assert found.posteriors["area"].known_between_deg == (27.0, 40.0)
-    assert found.image is parts[0][-1]
-    assert list(found.checks) == ["area"]
 
 
 def test_a_refused_image_leaves_sigma0_determined_nowhere(parts):
@@ -178,13 +185,13 @@ def test_the_image_is_registered_again_onto_the_final_run(parts, monkeypatch):
 
     def check(laws, targets, seen, registered, image):
         asked.append((list(laws), registered, image))
-        return {"area": moved}
+        return [moved]
 
     monkeypatch.setattr(conclusion, "check_registration", check)
     registered, other = SimpleNamespace(findings="[]"), SimpleNamespace(findings="[]")
-    for moved in (Moved(0.8, 0.3, 1.4, 0.7), Moved(0.2, 0.3, 0.4, 0.7)):
+    for moved in (moved_finding("area", 0.8, 0.3, 1.4, 0.7), moved_finding("area", 0.2, 0.3, 0.4, 0.7)):
         found = conclude(*rest, final, posteriors, image, [registered, other])
-        assert found.findings[-1] == moved.finding("area")
+        assert found.findings[-1] is moved
     assert asked[0] == (["area"], registered, final[1].image_db)
 
 

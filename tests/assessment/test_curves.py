@@ -19,7 +19,8 @@ from radcal.radar.laws import LAWS, law_for
 )
 def test_curves_of_many_parameters_are_those_of_each(law, parameters):
     x = np.array(parameters)
-    curves = Curves(law, x)
+    curves = Curves(law)
+    np.testing.assert_array_equal(curves(x), [law(np.radians(GRID_DEG), one) for one in x])
     angles = np.array([[13.3, 41.17, 58.0]])
     found = Curves.at(curves(x), angles)
     assert found == pytest.approx(np.stack([law(np.radians(angles[0]), one) for one in x]), abs=0.01)

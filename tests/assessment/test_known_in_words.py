@@ -12,7 +12,7 @@ from calibration_samples import make_target
 from radcal import words
 from radcal.assessment.known import image_findings, law_findings, material_findings
 from radcal.assessment.radiometry import Radiometry
-from radcal.assessment.registration_check import Moved
+from radcal.assessment.registration_check import moved_finding
 from radcal.config import Uncertainty
 from radcal.findings import Finding
 from radcal.measurement.pixels import IN_THE_NOISE
@@ -58,7 +58,8 @@ def every():
     yield from of_material(spread_deg=0.0)
     yield from law_findings("dyke", made_posterior(), LINE, LINE_X + 9.0, {})
     yield Finding("another_law", "warning", "dyke", {"difference_db": 3.21, "law": "mangia"}, "materials.dyke.law")
-    yield Moved(0.81, 0.34, 1.42, 0.7).finding("dyke")
+    yield Finding("texture", "note", "dyke", {"looks": 2.75, "looks_nominal": 4.0})
+    yield moved_finding("dyke", 0.81, 0.34, 1.42, 0.7)
 
 
 def test_every_code_has_a_sentence_for_its_numbers():

@@ -21,13 +21,13 @@ def test_cells_of_several_passes():
     """The first pass lacks the material; the second has an area term too much."""
     cells = made_cells([-7.0, -9.0], [30.0, 40.0], area_db=np.array([1.0, -0.5]))
     passes = [{}, {"dyke": cells}, {"dyke": cells.part(np.array([True, False])), "rest": cells}]
-    found = model._observed("dyke", passes, [LINE] * 3, LINE_X, [1, -1, 0])
+    found = model._observed("dyke", passes, [LINE] * 3, LINE_X).moved([1, -1, 0])
     assert [one.size for one in found.cells] == [0, 2, 1]
     np.testing.assert_allclose(found.cells[1].measured_db, [-6.0, -9.5])
     np.testing.assert_allclose(found.cells[2].measured_db, [-7.0])
     np.testing.assert_allclose(found.law_db[1], [-8.5, -11.0])
     np.testing.assert_allclose(np.concatenate(found.slope_db), -0.25)
-    program = model._observed("dyke", passes, [external_law(["mv"])] * 3, [3.0], [0, 0, 0])
+    program = model._observed("dyke", passes, [external_law(["mv"])] * 3, [3.0])
     np.testing.assert_array_equal(np.concatenate(program.law_db + program.slope_db), np.zeros(6))
 
 
@@ -58,25 +58,25 @@ def images(area, level_db=0.0, passes=1):
 
 def test_images_of_two_passes_with_another_radiometry_in_one():
     """Its area is taken out before the shared effects are told."""
-    image, common = image_of(case_of(declared=("sigma0_ref", "sigma0_ref")), images((0.0, -1.0), 1.2, 2))
+    image = image_of(case_of(declared=("sigma0_ref", "sigma0_ref")), images((0.0, -1.0), 1.2, 2))
     assert [image.radiometry[k].found for k in ("1", "2")] == [0, -1]
     assert list(image.laws_db) == list(image.apart_db) == ["water", "wood"]
     assert image.levels_db.shape == (2, 3)
     for apart in image.apart_db.values():
         assert apart[1] == pytest.approx(1.2, abs=0.6)
-    np.testing.assert_allclose(common.mean[[1, 5]], 0.0, atol=0.1)
-    assert common.mean.shape == (9,)
+    np.testing.assert_allclose(image.mean[[1, 5]], 0.0, atol=0.1)
+    assert image.mean.shape == (9,)
 
 
 def test_normalised_images_and_absent_fixed_materials_tell_nothing():
-    rescaled, common = image_of(case_of("image"), images((0.0,)))
+    rescaled = image_of(case_of("image"), images((0.0,)))
     assert rescaled.laws_db == {}
     assert not rescaled.radiometry["1"].checked
-    assert common.covariance[0, 0] == pytest.approx(20.0**2)
+    assert rescaled.covariance[0, 0] == pytest.approx(20.0**2)
     alone = {"dyke": images((0.0,))[0]["dyke"]}
-    image, common = image_of(case_of(), [alone])
+    image = image_of(case_of(), [alone])
     assert image.laws_db == {}
-    assert common.covariance[0, 0] == pytest.approx(2.0 * BRIEF.level_db**2)
+    assert image.covariance[0, 0] == pytest.approx(2.0 * BRIEF.level_db**2)
 
 
 def test_levels_at_the_knots_are_weighed_in_the_cells():
@@ -88,7 +88,7 @@ def test_levels_at_the_knots_are_weighed_in_the_cells():
         material=SimpleNamespace(box=[[-30.0, 10.0], [-40.0, 0.0]], integer=np.zeros(2, bool)),
         passes=[None, SimpleNamespace(compared=lambda: compared)],
     )
-    parameters, weights, knots = model._with_curve(of, objective, [LINE], LINE_X, [(35.0, 0.8)])
+    parameters, weights, knots = model._with_curve(of, objective, [LINE], [(35.0, 0.8)])
     assert (knots[0], knots[-1]) == (30.0, 38.0)
     np.testing.assert_allclose(weights.sum(axis=1), 1.0)
     np.testing.assert_allclose(weights @ knots, cells.incidence_deg)
@@ -101,7 +101,7 @@ def test_levels_at_the_knots_are_weighed_in_the_cells():
     compared.prior = SimpleNamespace(
         angles_deg=np.array([20.0, 60.0]), of_curves=lambda curves, x: (curves - [-6.0, -16.0]) / [1.5, 3.0]
     )
-    parameters, _, _ = model._with_curve(of, objective, [LINE], LINE_X, [(0.0, 1.0)])
+    parameters, _, _ = model._with_curve(of, objective, [LINE], [(0.0, 1.0)])
     np.testing.assert_allclose(parameters.log_prior(x), [0.0, -0.5 * ((3.0 / 1.5) ** 2 + (9.0 / 3.0) ** 2)], atol=1e-9)
 
 

@@ -11,16 +11,15 @@ from assessment_samples import LINE, LINE_X, made_curve, made_image, made_poster
 
 from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.posterior import (
+    Image,
     KeptDraws,
+    Posterior,
     known_between,
-    read_image,
-    read_posterior,
-    write_image,
-    write_posterior,
 )
 from radcal.assessment.radiometry import Radiometry
 from radcal.errors import StoreError
 from radcal.storage.dataclass_groups import same
+from radcal.storage.records import read_item, write_item
 
 ANGLES = np.arange(0.0, 85.25, 0.25)
 
@@ -77,29 +76,29 @@ def test_curves_are_mean_power_of_fields_and_cells():
     assert draws.curves_db(LINE).shape == (5, GRID_DEG.size)
 
 
-def test_levels_are_those_at_the_middle_of_each_pass():
+def test_quantiles_at_the_middle_of_each_pass():
     curve = made_curve(np.linspace(0.5, 1.5, 86))
-    found = made_posterior(curve=curve, seen_deg=np.array([[21.0, 44.0], [30.0, 35.0], [50.0, 60.0]])).levels()
-    assert [one.incidence_deg for one in found] == [32.5, 55.0]
-    half = np.interp(55.0, curve.incidence_deg, curve.half_width_db)
-    level = float(LINE(np.radians(55.0), LINE_X))
-    assert (found[1].median_db, found[1].p05_db, found[1].p95_db) == pytest.approx((level, level - half, level + half))
-    assert made_posterior(curve=None).levels() == ()
+    found = made_posterior(curve=curve, seen_deg=np.array([[50.0, 60.0], [21.0, 44.0], [30.0, 35.0]])).middles_deg
+    assert found.tolist() == [32.5, 55.0]
+    half = np.interp(found, curve.incidence_deg, curve.half_width_db)
+    level = LINE(np.radians(found), LINE_X)
+    np.testing.assert_allclose(curve.at(found), [level - half, level, level + half])
+    assert curve.half_widths_over(40.0, 55.0)[[0, -1]] == pytest.approx([0.5 + 40.0 / 85.0, half[1]])
 
 
 def test_files(tmp_path: Path):
     whole = made_posterior(draws=kept())
     bare = replace(whole, curve=None, known_between_deg=None, known_half_width_db=None, form=None, draws=None)
     for one in (whole, bare):
-        write_posterior(tmp_path / "posterior.h5", one)
-        assert same(read_posterior(tmp_path / "posterior.h5"), one)
+        write_item(tmp_path / "posterior.h5", "posterior", one)
+        assert same(read_item(tmp_path / "posterior.h5", "posterior", Posterior), one)
     nothing = made_image(laws_db={}, apart_db={}, radiometry={"1": Radiometry(float("nan"), float("inf"), 0, ())})
     for one in (made_image(), nothing):
-        write_image(tmp_path / "image.h5", one)
-        read = read_image(tmp_path / "image.h5")
+        write_item(tmp_path / "image.h5", "image", one)
+        read = read_item(tmp_path / "image.h5", "image", Image)
         assert list(read.laws_db) == list(one.laws_db)
         np.testing.assert_array_equal(read.levels_db, one.levels_db)
         assert read.radiometry["1"].materials == one.radiometry["1"].materials
         assert read.radiometry["1"].checked is one.radiometry["1"].checked
     with pytest.raises(StoreError):
-        read_posterior(tmp_path / "image.h5")
+        read_item(tmp_path / "image.h5", "posterior", Posterior)

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 from two_materials import X, geometry
 
 from radcal.assessment import registration_check
-from radcal.assessment.registration_check import Moved, check_registration, moved_again
+from radcal.assessment.registration_check import check_registration, moved_again, moved_finding
 from radcal.findings import Finding
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import Registered
@@ -41,16 +41,16 @@ def registered(unregistered_db, displacement_px=(0.0, 0.0), uncertainty_px=0.3, 
 )
 def test_a_doubt_needs_a_change_beyond_its_errors_that_matters(values, doubtful):
     """More than 1.5 standard errors of displacement and sigma0, and more than half a decibel."""
-    assert Moved(*values).doubtful is doubtful
+    assert (moved_finding("dyke", *values).severity == "warning") is doubtful
 
 
 def test_a_doubt_names_the_change_and_the_key_that_repairs_it():
     numbers = {"moved_px": 0.81, "stated_px": 0.34, "moved_db": 1.42, "stated_db": 0.7}
-    assert Moved(**numbers).finding("dyke") == Finding(
+    assert moved_finding("dyke", **numbers) == Finding(
         "registration_moved", "warning", "dyke", numbers, "materials.dyke.start"
     )
     small = numbers | {"moved_px": 0.3}
-    assert Moved(**small).finding("dyke") == Finding("registration_moved", "note", "dyke", small)
+    assert moved_finding("dyke", **small) == Finding("registration_moved", "note", "dyke", small)
 
 
 @pytest.mark.slow
@@ -75,14 +75,13 @@ def test_sigma0_changes_by_the_laws_slope_along_the_gradient_of_the_incidence(mo
     monkeypatch.setattr(registration_check, "moved_again", lambda *_: field)
     image = np.zeros(shape, dtype=np.float32)
     laws = {"area": (LAW, X), "rest": (LAW, X), "program": (law_for("external", names=["p"]), [1.0])}
-    found = check_registration(laws, targets, seen, registered(image), image)
-    assert list(found) == ["area"]
+    (found,) = check_registration(laws, targets, seen, registered(image), image)
+    assert found.about == "area"
     phi = np.radians(angle.astype(np.float64))
     slope = (-X[1] * np.sin(phi) - 2.0 * X[2] * X[3] * phi * np.exp(-X[3] * phi**2)) * np.pi / 180.0
     per_row = np.sqrt(np.mean(slope**2)) * 25.0 / 59.0
-    one = found["area"]
-    assert (one.moved_px, one.stated_px) == pytest.approx((1.0, 0.3), rel=1e-6)
-    assert (one.moved_db, one.stated_db) == pytest.approx((0.6 * per_row, 0.3 * per_row / np.sqrt(2.0)), rel=1e-4)
+    wanted = {"moved_db": 0.6 * per_row, "stated_db": 0.3 * per_row / np.sqrt(2.0)}
+    assert found.numbers == pytest.approx({"moved_px": 1.0, "stated_px": 0.3, **wanted}, rel=1e-4)
     for unmoved in (registered(image, applied=False), registered(image, method="ilk")):
-        assert check_registration(laws, targets, seen, unmoved, image) == {}
-    assert check_registration(laws, targets, seen, registered(image), None) == {}
+        assert list(check_registration(laws, targets, seen, unmoved, image)) == []
+    assert list(check_registration(laws, targets, seen, registered(image), None)) == []

@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from assessment_samples import LINE, LINE_X, line_parameters, made_cells
+from assessment_samples import LINE, LINE_X, known_common, line_model, line_parameters, made_cells
 
 from radcal.assessment import summary
 from radcal.assessment.calibrated import FORMS, Draws
+from radcal.assessment.cells import with_noise_db
 from radcal.assessment.curves import GRID_DEG, Curves
 from radcal.assessment.fixed_laws import Observed
 from radcal.assessment.sampling import Sample
@@ -26,7 +27,7 @@ def test_the_systematic_part_is_what_common_effects_explain():
 def test_the_nearest_law_is_that_of_least_squares_in_the_bounds():
     """To a bent median over 25 to 45 degrees; with whole numbers, the best of the draws."""
     x = LINE_X + np.random.default_rng(1).normal(0.0, 1.0, (200, 2))
-    curves = Curves(LINE, x[:2])(x)
+    curves = Curves(LINE)(x)
     median = LINE(np.radians(GRID_DEG), LINE_X) + 0.002 * (GRID_DEG - 35.0) ** 2
     inside = (GRID_DEG >= 25.0) & (GRID_DEG <= 45.0)
     slope, level = np.polyfit(GRID_DEG[inside], median[inside], 1)
@@ -46,8 +47,8 @@ def made_draws(n=4000):
     common = np.column_stack([level, rng.normal(size=(n, 4))])
     sample = Sample(np.zeros((n, 5)), 500.0, 1.02, 900, True, np.zeros(5))
     return Draws(
-        x, np.full(n, 0.5), np.full(n, 0.2), np.full(n, 0.3), np.zeros((n, FORMS)), np.zeros((n, 14)), common,
-        rng.normal(0.1, 0.3, n), np.zeros(5), sample,
+        x, np.full(n, 0.5), np.full(n, 0.2), np.zeros((n, FORMS)), np.zeros((n, 14)), common,
+        rng.normal(0.1, 0.3, n), sample,
     )  # fmt: skip
 
 
@@ -75,6 +76,24 @@ def test_the_band_of_draws():
     for known_db in (0.8, None):
         narrow = summary.with_band(found, LINE, draws, None, line_parameters(), known_db)
         assert (narrow.known_between_deg, narrow.known_half_width_db) == (None, None)
+
+
+def test_points_are_levels_of_the_law_in_intervals_of_incidence():
+    """Three cells in the interval from 27 to 30 degrees and one in the next, with area, noise and a level of 1.5 dB."""
+    law = LINE(np.radians([27.5, 29.0, 28.0, 31.0]), LINE_X)
+    away, noise, beside = np.array([0.3, -0.7, 0.2, 0.9]), law - np.array([8.0, 5.0, 11.0, 6.0]), np.arange(4.0)
+    common = known_common(1.5)
+    common.mean[1:] = 0.0
+    cells = made_cells(
+        with_noise_db(law, noise) + away + beside + 1.5, [27.5, 29.0, 28.0, 31.0], noise_db=noise, beside_db=beside,
+        patch=np.array([3, 3, 8, 8]), pixels=np.array([20, 30, 50, 70]), variance=np.array([0.05, 0.1, 0.2, 0.4]),
+    )  # fmt: skip
+    found = summary.points_of(line_model(cells, common), made_draws(9))
+    np.testing.assert_allclose(found.incidence_deg, [28.2, 31.0])
+    share = np.array([0.2, 0.3, 0.5])
+    np.testing.assert_allclose(found.level_db, [share @ (law + away)[:3], (law + away)[3]])
+    inside = share**2 @ (cells.variance[:3] + 0.2**2) + 0.5**2 * (0.5**2 + 0.5**2)
+    np.testing.assert_allclose(found.error_db, np.sqrt([inside, 0.4 + 0.2**2 + 0.5**2]))
 
 
 def test_the_error_of_the_form_is_constant_beyond_the_cells():

@@ -8,9 +8,8 @@ import pytest
 from radcal.calibration.misfit import BinMisfit, Method
 from radcal.calibration.shared_fields import SharedFields, together
 from radcal.measurement.classes import make_classes
-from radcal.measurement.field_spread import spread_table
 from radcal.measurement.ground import Ground
-from radcal.measurement.patches import GRID_DB, Spread
+from radcal.measurement.patches import Spread
 from radcal.radar.laws import law_for
 
 LAW = law_for("tabulated", angles_deg=(20.0, 60.0))
@@ -110,21 +109,3 @@ def test_an_effect_that_both_passes_show_costs_as_much_as_one(passes):
     one = SharedFields(passes[:1])
     assert one.joined is passes[0]
     assert one.residuals(each[:1]) is each[0]
-
-
-def test_fields_seen_twice_say_their_spread_once():
-    """Eight fields: a second look at the same effects narrows their standard deviation little, other fields do."""
-    rng = np.random.default_rng(11)
-    effects = rng.normal(size=8)
-    # all fields at all angles, so that the levels of bins take nothing of them
-    look = [seen(rng, 30.0, 36.0, effects, 8000, mixed=True) for _ in range(2)]
-    other = seen(rng, 30.0, 36.0, rng.permutation(effects), 8000, label=np.arange(8) + 100, mixed=True)
-
-    def sd_db(grounds):
-        table = spread_table(grounds)
-        weight = np.exp(table).sum(axis=1) * np.gradient(GRID_DB)
-        mean = (weight * GRID_DB).sum() / weight.sum()
-        return float(np.sqrt((weight * (GRID_DB - mean) ** 2).sum() / weight.sum()))
-
-    assert sd_db(look) == pytest.approx(sd_db(look[:1]), rel=0.1)
-    assert sd_db([look[0], other]) < 0.8 * sd_db(look[:1])

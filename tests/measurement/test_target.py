@@ -10,15 +10,14 @@ from scipy import stats
 from scipy.ndimage import uniform_filter
 
 from radcal import skewnormal
-from radcal.config import Case, TargetConfig, Validation, stages
+from radcal.config import TargetConfig, Validation
 from radcal.errors import FitError, MeasurementError
 from radcal.measurement.levels import Levels, offset_levels
 from radcal.measurement.model import Measurement
 from radcal.measurement.one_incidence import incidence_span_deg
-from radcal.measurement.patches import GRID_DB
 from radcal.measurement.pixels import eligible_pixels
 from radcal.measurement.target import Targets, read_targets, write_targets
-from radcal.measurement.target_fit import _other_fields, make_target, sampling_rms
+from radcal.measurement.target_fit import make_target, sampling_rms
 from radcal.radar.geometry import Geometry
 from radcal.storage.dataclass_groups import same
 
@@ -172,7 +171,6 @@ def test_round_trip_is_exact(geometry: Geometry, measurement: Measurement, tmp_p
         },
         levels,
         3.5,
-        other_fields={"lake": np.array([[0.0, -1.5], [-2.0, -4.0]])},
     )
     assert targets["dyke"].kept_out is not None
     write_targets(tmp_path / "targets.h5", targets)
@@ -181,26 +179,6 @@ def test_round_trip_is_exact(geometry: Geometry, measurement: Measurement, tmp_p
     assert same(dict(back), dict(targets))
     assert same(back.levels, levels)
     assert back.looks == 3.5
-    assert same(back.other_fields, targets.other_fields)
-
-
-def test_fields_of_the_other_materials_tell_their_variation(
-    case: Case, geometry: Geometry, measurement: Measurement
-) -> None:
-    """Six strips of grass, 7 rows each, whose levels differ by 2 dB (rms)."""
-    material = geometry.material.copy()
-    material[(np.arange(geometry.shape[0]) % 8 == 7)[:, None] & (material == 2)] = 0
-    strips = replace(geometry, material=material)
-    rng = np.random.default_rng(3)
-    level = stats.zscore(rng.normal(size=geometry.shape[0] // 8 + 1)) * 2.0
-    speckle = 10.0 * np.log10(rng.gamma(4.0, 0.25, geometry.shape))
-    image = (-12.0 + level[np.arange(geometry.shape[0]) // 8][:, None] + speckle).astype(np.float32)
-    registered = SimpleNamespace(measurement=Measurement(image, "test"), uncertainty_px=None)
-    found = _other_fields(stages.Target.of(case), strips, registered, {}, None)
-    assert list(found) == ["grass"]
-    between, within = np.unravel_index(found["grass"].argmax(), found["grass"].shape)
-    assert GRID_DB[between] == pytest.approx(2.0, rel=0.35)
-    assert GRID_DB[within] < 0.3
 
 
 def test_sampling_rms_of_a_thousand_pixels() -> None:

@@ -70,6 +70,7 @@ class Made:
             conclusion=conclude(
                 at.case, at.stop, at.history, at.targets, at.geometry, at.runs, at.final, posteriors, image()
             ),
+            image=image(),
         )
         write_archive(path, archive)
         return read_archive(path)

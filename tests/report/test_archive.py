@@ -53,7 +53,11 @@ def test_the_file_has_what_the_table_lists_and_no_more(made):
         assert file["laws/dyke"].attrs["description"].startswith("X of every material")
     provenance = {("/", key) for key in ("kind", "schema", "content", "created", "radcal")}
     assert found - listed == provenance | {("", "")}
-    assert {("materials/<name>/check/class_db", ""), ("materials/<name>", "best"), ("laws/<name>", "law")} <= found
+    assert {
+        ("materials/<name>/posterior/curve/p05_db", ""),
+        ("materials/<name>", "best"),
+        ("laws/<name>", "law"),
+    } <= found
 
 
 def test_what_is_gathered_is_what_is_read(made):

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 import rasterio
 import yaml
-from archives import changed_check, changed_material, posterior
+from archives import changed_material, posterior
 
 from radcal.assessment.posterior import Curve
 from radcal.config import Radar, case_from, stages
@@ -155,7 +155,7 @@ def test_the_level_of_a_material_seen_at_one_incidence_is_a_row_of_the_laws(made
 
 
 def test_tables(made, tmp_path):
-    export(made, tmp_path, changed_material(changed_check(made.archive, "dyke", looks=2.75), "dyke", posterior=None))
+    export(made, tmp_path, changed_material(made.archive, "dyke", best_looks=2.75, posterior=None))
     table = pd.read_csv(tmp_path / "parameters.csv").set_index(["material", "parameter"])
     assert table["calibrated"].loc["dyke"].tolist() == made.archive.laws["dyke"].values.tolist()  # noqa: PD011
     row = table.loc[("dyke", "X4")]

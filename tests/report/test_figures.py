@@ -11,11 +11,12 @@ import h5py
 import matplotlib as mpl
 import numpy as np
 import pytest
-from archives import changed_check, changed_material, posterior
+from archives import changed_material, posterior
 from matplotlib.text import Text
 from scipy import stats
 
 from radcal import skewnormal
+from radcal.assessment.posterior import Points
 from radcal.report import drawing, law_figures, map_figures, scene_figures
 from radcal.report import figures as module
 from radcal.report.archive import Fidelity, Images
@@ -370,25 +371,24 @@ def test_axes_of_a_turned_scene_are_those_of_the_track(made):
     assert "light from ahead on the left" in turned.axes[2].get_title("left")
 
 
-def test_levels_of_bins_are_drawn(made):
-    classes = dict.fromkeys(("class_deg", "class_db", "class_error_db"), np.array([25.0, 35.0]))
-    case = changed_check(made.archive, "dyke", **classes)
+def test_measured_levels_are_drawn(made):
+    points = Points(np.array([25.0, 35.0]), np.array([-9.0, -12.0]), np.array([0.5, 0.8]))
+    case = changed_material(made.archive, "dyke", posterior=posterior(points=points))
     with mpl.rc_context(drawing.STYLE):
         canvas, caption, _ = law(case, "dyke")
         assert drawn(canvas) == []
         assert "Dots" in caption
         # bars of 95 %
-        (bars,) = [one for one in canvas.axes[0].containers if one.get_label() == "levels of bins, 95 %"]
-        for segment, level in zip(bars[2][0].get_segments(), (25.0, 35.0), strict=True):
-            np.testing.assert_allclose(segment[:, 1], [level - 1.96 * level, level + 1.96 * level])
+        (bars,) = [one for one in canvas.axes[0].containers if one.get_label() == "measured levels, 95 %"]
+        wanted = ((25.0, -9.98, -8.02), (35.0, -13.568, -10.432))
+        for segment, (angle, low, high) in zip(bars[2][0].get_segments(), wanted, strict=True):
+            np.testing.assert_allclose(segment, [[angle, low], [angle, high]])
         assert "Dots" not in law(case, "stem beans")[1]
 
 
 def test_the_misfit_of_classes_is_drawn_beside_the_densities(made):
     costs = np.linspace(400.0, 8.0, len(made.history.runs))
-    classes = dict.fromkeys(("class_deg", "class_db", "class_error_db"), np.array([25.0, 35.0]))
-    case = changed_check(replace(made.archive, objective="classes"), "dyke", **classes)
-    case = changed_material(case, "dyke", cost=costs)
+    case = changed_material(replace(made.archive, objective="classes"), "dyke", cost=costs)
     with mpl.rc_context(drawing.STYLE):
         canvas, _, _ = cost(case, "dyke")
         assert drawn(canvas) == []

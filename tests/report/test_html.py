@@ -338,13 +338,14 @@ def test_a_better_law_is_excluded_as_far_as_the_surrogate_does(made, tmp_path):
 
 def test_the_truth_is_compared_over_the_incidence_of_all_passes(made, tmp_path):
     def law(low, high, difference):
-        return PassLaw(low, high, rms=0.1, sd_first_db=1.0, sd_all_db=0.5, pixels=90, difference_db=difference)
+        return PassLaw(low, high, rms=0.1, half_width_db=0.73, pixels=90, difference_db=difference)
 
     one = {"looks": 4.0, "measurement": "m", "registration": "r.", "levels": "l.", "notes": (), "final_runs": 1}
     one |= {"depression_deg": 40.0, "look_side": "right", "polarisation": "HH", "keys": made.archive.runs.key}
     found = {"1": law(21.0, 41.0, 1.25), "2": law(47.0, 66.0, 87.0)}
     passes = {key: PassSummary(**one, materials={"dyke": value}) for key, value in found.items()}
     text = render(tmp_path / "report.html", replace(made.archive, passes=passes))[1].text
+    assert re.search(r"47\.0 to 66\.0\s*0\.73\s*0\.100", text)
     assert "up to 87 dB over the incidence seen (21.0 to 41.0 and 47.0 to 66.0 deg), the law" in text
     assert re.search(r"\(parameters_model\) by up to [\d.]+ dB in the first pass\.", text)
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from radcal.calibration.history import History
+from radcal.calibration.history import History, PassScore
 from radcal.config import case_from, stages
 from radcal.errors import StoreError
 from radcal.measurement.levels import Levels
@@ -19,7 +19,7 @@ from radcal.measurement.target import Targets
 from radcal.radar.laws import LAWS
 from radcal.report.html import write_report
 from radcal.report.law_notes import law_notes
-from radcal.report.results import _difference_db, _pass_note, _passes, without_level
+from radcal.report.results import _difference_db, _pass_law, _pass_note, _passes, without_level
 from radcal.report.run_table import write_table
 from radcal.report.summary import summarise
 
@@ -177,19 +177,37 @@ def test_the_largest_difference_from_a_hidden_law_has_no_sign():
 
 def test_each_pass_has_its_own_runs_and_counts_its_own_new_ones(made, monkeypatch):
     """Two final runs in each pass; one of the first pass and one of the second are runs of the search."""
-    monkeypatch.setattr("radcal.report.results.pass_laws", lambda *_: [{}, {}])
+    monkeypatch.setattr("radcal.report.results._pass_law", lambda *_: None)
     runs = [replace(run, further_keys=[f"second {run.key}"]) for run in made.history.runs]
     final = [replace(made.final[0], key=key) for key in (runs[3].key, "new", f"second {runs[3].key}", "newer")]
     radar = [{"depression_deg": 45}, {"depression_deg": 30}]
     case = case_from({**made.case.sections("materials"), "radar": radar, "measurement": [{}, {}]})
     targets = Targets(made.targets, further=[made.targets])
-    found = _passes(stages.Archive.of(case), History(runs), targets, [made.registered] * 2, final)
+    found = _passes(stages.Archive.of(case), History(runs), targets, {}, [made.registered] * 2, final)
     assert [one.keys.tolist() for one in found.values()] == [
         [run.key for run in runs],
         [f"second {r.key}" for r in runs],
     ]
     assert [one.final_runs for one in found.values()] == [1, 1]
     assert [one.depression_deg for one in found.values()] == [45, 30]
+
+
+def test_the_law_of_a_pass_is_judged_over_its_own_incidence(made):
+    """Band whose half-width grows by 0.1 dB per degree, seen from 30 to 50 degrees; the second pass has its own rms."""
+    angle = np.arange(86.0)
+    curve = replace(
+        made.archive.materials["dyke"].posterior.curve,
+        incidence_deg=angle, p05_db=-10.0 - 0.1 * angle, p95_db=-10.0 + 0.1 * angle,
+    )  # fmt: skip
+    posterior = replace(made.archive.materials["dyke"].posterior, curve=curve)
+    target = replace(made.targets["dyke"], incidence_deg=np.linspace(30.0, 50.0, 201, dtype=np.float32))
+    score = replace(made.history.runs[3].scores["dyke"], further=[PassScore([1.0, 2.0, 0.5], 0.0375)])
+    first, second = (_pass_law(k, LAWS["mangia"], score, target, posterior, None) for k in (0, 1))
+    assert (first.rms, second.rms) == (score.rms, 0.0375)
+    assert (first.low_deg, first.high_deg) == pytest.approx((31.0, 49.0))
+    assert second.half_width_db == pytest.approx(4.9)
+    assert (second.pixels, second.difference_db) == (target.pixels.size, None)
+    assert _pass_law(0, LAWS["mangia"], score, target, replace(posterior, curve=None), None).half_width_db is None
 
 
 def test_the_level_is_subtracted_where_one_is_assumed():

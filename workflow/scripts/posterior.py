@@ -2,7 +2,6 @@
 
 from radcal.assessment.model import image_of, posterior_of
 from radcal.assessment.observation import observe, simulated_of
-from radcal.assessment.posterior import write_image, write_posterior
 from radcal.calibration.history import read_runs
 from radcal.config import stages
 from radcal.measurement.registration import read_registered
@@ -10,6 +9,7 @@ from radcal.measurement.target import read_targets
 from radcal.radar.geometry import read_geometry
 from radcal.running.jobs import logged, progress
 from radcal.scene.model import read_scene
+from radcal.storage.records import write_item
 from radcal.storage.run_index import indexed
 
 with logged(snakemake.log[0], snakemake.params.case):
@@ -26,8 +26,8 @@ with logged(snakemake.log[0], snakemake.params.case):
         )
     ]
     progress("posterior: fixed laws against the image ...")
-    image, common = image_of(case, cells)
+    image = image_of(case, cells)
     for name, path in zip(case.calibrated, snakemake.output.posterior, strict=True):
         progress(f"posterior: law of {name} ...")
-        write_posterior(path, posterior_of(case, targets, history, name, cells, image, common))
-    write_image(snakemake.output.image, image)
+        write_item(path, "posterior", posterior_of(case, targets, history, name, cells, image))
+    write_item(snakemake.output.image, "image", image)

@@ -29,7 +29,7 @@ Doubles = NDArray[np.float64]
 
 FORMS = 8
 """Number of components of the error of a law's form."""
-_CHUNK = 128  # points evaluated at a time
+_CHUNK = 128
 _INCREASE = 1e-9
 
 
@@ -76,8 +76,8 @@ class Draws:
     ----------
     parameters : ndarray, shape (m, d)
         X.
-    field_db, cell_db, form_sd_db : ndarray, shape (m,)
-        Standard deviations of the effects of fields and cells, and of the error of the form [dB].
+    field_db, cell_db : ndarray, shape (m,)
+        Standard deviations of the effects of fields and cells [dB].
     form : ndarray, shape (m, 8)
         Coefficients of the error of the form.
     linear : ndarray, shape (m, q)
@@ -86,8 +86,6 @@ class Draws:
         Effects that all materials share.
     fields_db : ndarray, shape (m,)
         Mean effect of the calibrated fields, weighted by their pixels [dB].
-    middle : ndarray, shape (dimension,)
-        Median of the points of the sampler.
     sample : Sample
         Result of the sampler.
     """
@@ -95,18 +93,16 @@ class Draws:
     parameters: Doubles
     field_db: Doubles
     cell_db: Doubles
-    form_sd_db: Doubles
     form: Doubles
     linear: Doubles
     common: Doubles
     fields_db: Doubles
-    middle: Doubles
     sample: Sample
 
     def thinned(self, most: int) -> Draws:
         """At most a number of draws, taken evenly."""
         some = np.unique(np.linspace(0, len(self.field_db) - 1, most).round().astype(np.intp))
-        kept = {name: value[some] for name, value in vars(self).items() if name not in ("middle", "sample")}
+        kept = {name: value[some] for name, value in vars(self).items() if name != "sample"}
         return replace(self, **kept)
 
 
@@ -214,10 +210,6 @@ class LawModel:
 
     def log_likelihood(self, at: Doubles) -> Doubles:
         """Log likelihood of the cells and of the priors on the curve, shape (m, dimension) to (m,)."""
-        parts = [at[k : k + _CHUNK] for k in range(0, len(at), _CHUNK)]
-        return np.concatenate([self._log_likelihood(part) for part in parts])
-
-    def _log_likelihood(self, at: Doubles) -> Doubles:
         gram, log_det = self._gram(at)
         left, half = integrated(gram, self._prior_variance(at), self.linear.shape[1])
         return np.asarray(
@@ -240,15 +232,13 @@ class LawModel:
             self.log_prior, self.log_likelihood, self.start(self.config.walkers, rng, best), self.config.steps, seed
         )
         at = found.draws
-        parts = [at[k : k + _CHUNK] for k in range(0, len(at), _CHUNK)]
-        grams = np.concatenate([self._gram(part)[0] for part in parts])
-        linear = normal_draws(grams, self._prior_variance(at), self.linear.shape[1], rng)
+        parts = [self._gram(at[k : k + _CHUNK])[0] for k in range(0, len(at), _CHUNK)]  # many draws at once are slow
+        linear = normal_draws(np.concatenate(parts), self._prior_variance(at), self.linear.shape[1], rng)
         first = self.first_form
-        x, (field, cell, form) = self.law.scaled(at[:, : self.d]), np.exp(at[:, self.d :].T)
+        x, (field, cell) = self.law.scaled(at[:, : self.d]), np.exp(at[:, self.d : -1].T)
         common = self.common.mean + linear[:, first + FORMS + 1 :] @ self._root.T
         form_of = linear[:, first : first + FORMS]
-        middle = np.median(at, axis=0)
-        draws = Draws(x, field, cell, form, form_of, linear, common, np.empty(0), middle, found)
+        draws = Draws(x, field, cell, form_of, linear, common, np.empty(0), found)
         _, effects = self.field_effects(draws, rng)
         pixels = np.bincount(np.unique(self.patch, return_inverse=True)[1], self.pixels)
         return replace(draws, fields_db=effects @ pixels / pixels.sum())

@@ -22,12 +22,25 @@ if TYPE_CHECKING:
     from radcal.measurement.correlation import Correlation
     from radcal.radar.geometry import Geometry
 
-__all__ = ["DB", "WITHOUT_AREA", "CellMeans", "Simulated", "area_db", "cell_keys", "cell_means", "with_noise_db"]
+__all__ = [
+    "DB",
+    "STEP_DEG",
+    "WITHOUT_AREA",
+    "CellMeans",
+    "Simulated",
+    "area_db",
+    "cell_keys",
+    "cell_means",
+    "weights_of_facets",
+    "with_noise_db",
+]
 
 Doubles = NDArray[np.float64]
 
 DB = 10.0 / np.log(10.0)
-_BLOCK_PX, _STEP_DEG = 24, 3.0
+STEP_DEG = 3.0
+"""Width of the intervals of incidence into which cells are divided [deg]."""
+_BLOCK_PX = 24
 _FEWEST = 8  # pixels in a cell
 _LEAST_SIN = 0.02
 WITHOUT_AREA = ("sigma0_local", "gamma0_rtc")
@@ -143,17 +156,20 @@ def area_db(geometry: Geometry, radar: Radar) -> Doubles:
     if radar.radiometry in WITHOUT_AREA:
         local = np.sin(np.radians(geometry.incidence_deg.ravel().astype(np.float64)))
         return np.asarray(10.0 * np.log10(np.sin(np.radians(flat)) / np.maximum(local, _LEAST_SIN)))
-    of_facets = np.concatenate([[0.0], np.cumsum(geometry.facet_weight, dtype=np.float64)])
-    cells = geometry.facet_start[geometry.cell_start]
-    area = np.diff(of_facets[cells]) / of_sigma0(radar.radiometry, flat)
     with np.errstate(divide="ignore"):
-        return np.asarray(10.0 * np.log10(area))
+        return np.asarray(10.0 * np.log10(weights_of_facets(geometry) / of_sigma0(radar.radiometry, flat)))
+
+
+def weights_of_facets(geometry: Geometry) -> Doubles:
+    """Sum of the weights of all facets in each pixel, the power of a pixel whose sigma0 is 1, shape (pixels,)."""
+    of_facets = np.concatenate([[0.0], np.cumsum(geometry.facet_weight, dtype=np.float64)])
+    return np.diff(of_facets[geometry.facet_start[geometry.cell_start]])
 
 
 def cell_keys(pixels: NDArray[np.int64], patch: NDArray[np.int64], angle_deg: Doubles, width: int) -> NDArray[np.int64]:
     """Field, square and interval of incidence of each pixel of an image of ``width`` columns, shape (4, p)."""
     row, column = np.divmod(pixels, width)
-    return np.stack([patch, row // _BLOCK_PX, column // _BLOCK_PX, (angle_deg // _STEP_DEG).astype(np.int64)])
+    return np.stack([patch, row // _BLOCK_PX, column // _BLOCK_PX, (angle_deg // STEP_DEG).astype(np.int64)])
 
 
 def cell_means(

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.known import image_findings, law_findings, material_findings
-from radcal.assessment.law_check import LawCheck, check_laws, texture_note
 from radcal.assessment.posterior import Image, Posterior
 from radcal.assessment.program_check import another_law
 from radcal.assessment.registration_check import check_registration
@@ -66,8 +65,6 @@ class Conclusion:
     ----------
     decision : Decision
         Whether the search has ended, and why.
-    checks : mapping
-        Looks and bins of each calibrated material's law.
     materials : mapping
         Pixels and densities of each calibrated material.
     reference_db, calibrated_db : ndarray of float32, shape (rows, columns), or None
@@ -77,17 +74,14 @@ class Conclusion:
     new_runs : int
         Number of final runs that the search had not simulated already.
     notes : list of str
-        Remarks on the simulator's random numbers and on texture.
+        Remarks on the simulator's random numbers.
     posteriors : mapping
         Posterior of each law; after a refusal, sigma0 is determined at no angle.
-    image : Image
-        What the fixed materials say.
     findings : list of Finding
         Findings on the images in the order in which to act on them, then on each material.
     """
 
     decision: Decision
-    checks: Mapping[str, LawCheck]
     materials: Mapping[str, MaterialPixels]
     reference_db: NDArray[np.float32] | None
     calibrated_db: NDArray[np.float32] | None
@@ -95,7 +89,6 @@ class Conclusion:
     new_runs: int
     notes: list[str]
     posteriors: Mapping[str, Posterior]
-    image: Image
     findings: list[Finding]
 
 
@@ -155,55 +148,37 @@ def conclude(
         with_texture(final[0].pixels_db, objectives, looks, case.seed),
         fresh_db,
     ]
-    checks = check_laws(case, targets, history, objectives)
     findings = [finding for one in images for finding in from_json(one.findings)]
     findings += image_findings(case, image)
     refused = any(one.severity == "refusal" for one in findings)
     causes = {one.code: f"{one.code} of {one.about}" for one in findings if one.severity != "note"}
-    for name in targets:
-        found, x = posteriors[name], np.asarray(history.best(name).scores[name].parameters)
-        findings += material_findings(case, name, found, targets, refused)
-        findings += law_findings(name, found, case.laws[name], x, causes)
+    laws = {name: (case.laws[name], np.asarray(history.best(name).scores[name].parameters)) for name in targets}
+    for name, found in laws.items():
+        findings += material_findings(case, name, posteriors[name], targets, refused)
+        if looks[name] < case.radar.looks:
+            numbers = {"looks": looks[name], "looks_nominal": float(case.radar.looks)}
+            findings.append(Finding("texture", "note", name, numbers))
+        findings += law_findings(name, posteriors[name], *found, causes)
         if case.simulator.kind == "command":
             law = case.materials[name].law
             findings += another_law(name, law, objectives[name], targets[name], history, geometry)
-    findings += _moved(case, history, targets, geometry, images[0] if images else None, final[1])
+    shown = {name: law for name, law in laws.items() if not targets.level_only(name)}
+    for one in images[:1]:
+        findings += check_registration(shown, targets, geometry, one, final[1].image_db)
     return Conclusion(
         decision=decide(history, list(targets), stop, case.objective),
-        checks=checks,
         materials=_materials(targets, each_db, final),
         reference_db=reference.image_db,
         calibrated_db=_picture(final[1], {name: fresh_db[name] for name in targets}, geometry),
         simulator=store.description(key).get("simulator", {}),
         new_runs=len({record.key for record in final} - {run.key for run in history.runs}),
-        notes=_notes(case, history, checks, final),
+        notes=_notes(case, history, targets, final),
         posteriors={
             name: replace(one, known_between_deg=None, known_half_width_db=None) if refused else one
             for name, one in posteriors.items()
         },
-        image=image,
         findings=findings,
     )
-
-
-def _moved(
-    case: stages.Archive,
-    history: History,
-    targets: Targets,
-    geometry: Geometry,
-    registered: Registered | None,
-    final: Record,
-) -> list[Finding]:
-    """Change of the first pass's registration by the calibrated laws, of materials whose law the pixels can show."""
-    if registered is None:
-        return []
-    laws = {
-        name: (case.laws[name], history.best(name).scores[name].parameters)
-        for name in targets
-        if not targets.level_only(name)
-    }
-    moved = check_registration(laws, targets, geometry, registered, final.image_db)
-    return [one.finding(name) for name, one in moved.items()]
 
 
 def _picture(record: Record, pixels_db: Pixels, geometry: Geometry) -> NDArray[np.float32] | None:
@@ -233,13 +208,11 @@ def _materials(targets: Targets, each_db: Sequence[Pixels], final: Sequence[Reco
     return found
 
 
-def _notes(
-    case: stages.Archive, history: History, checks: Mapping[str, LawCheck], final: Sequence[Record]
-) -> list[str]:
-    """Remarks on the random numbers of the simulator, and on texture."""
+def _notes(case: stages.Archive, history: History, targets: Targets, final: Sequence[Record]) -> list[str]:
+    """Remarks on the random numbers of the simulator."""
     notes = [repeatability(case.simulator, history.repeat_db)]
     if (case.surrogate.outputs, case.surrogate.training) == ("centred", "posterior"):
-        known = {name: history.noise_variance(name) for name in checks}
+        known = {name: history.noise_variance(name) for name in targets}
         notes += [noise_sentence(name, variance) for name, variance in known.items() if variance is not None]
-    notes += [texture_note(checks), not_fresh(case.simulator, final)]
+    notes.append(not_fresh(case.simulator, final))
     return [note for note in notes if note]

@@ -7,8 +7,8 @@ error and a slope of its law, of a smooth error of the law's form, and of effect
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from radcal.assessment.cells import CellMeans, with_noise_db
 from radcal.assessment.marginal import Marginal, integrated
 from radcal.assessment.sampling import sample
 from radcal.config import Uncertainty
+from radcal.storage.dataclass_groups import About
 
 __all__ = [
     "CELL_DB",
@@ -71,6 +72,10 @@ class Observed:
         """Number of cells in all passes."""
         return sum(one.size for one in self.cells)
 
+    def moved(self, areas: Sequence[float]) -> Observed:
+        """Cells of each pass with a number of times the area of the ground taken out of the measured values."""
+        return replace(self, cells=[one.moved(area) for one, area in zip(self.cells, areas, strict=True)])
+
     def together(self, name: str) -> NDArray[Any]:
         """Attribute of the cells of all passes, one after the other."""
         return np.concatenate([getattr(one, name) for one in self.cells])
@@ -84,33 +89,21 @@ class Observed:
 
 @dataclass(frozen=True)
 class Common:
-    """Posterior of the effects that all materials share, as a normal distribution, from the fixed materials.
+    """Posterior of the effects that all materials share in p passes, as a normal distribution, from fixed materials."""
 
-    Attributes
-    ----------
-    mean : ndarray, shape (4 p + 1,)
-        For each of p passes the level [dB], the exponent on the area of the ground, and the errors of noise floor and
-        incidence in standard deviations; then that of the point spread.
-    covariance : ndarray, shape (4 p + 1, 4 p + 1)
-    field : (float, float)
-        Mean and standard deviation of the logarithm of the common standard deviation of fields [log dB].
-    laws_db : mapping
-        5, 50 and 95 % quantile of the error of each fixed law: image minus law, less the level [dB].
-    apart_db : mapping
-        5, 50 and 95 % quantile of image minus law of each fixed material: error and level of the first pass [dB].
-    levels_db : ndarray, shape (p, 3)
-        5, 50 and 95 % quantile of the level of each pass [dB].
-    sampled : bool
-        Whether the sampler has converged.
-    """
-
-    mean: Doubles
-    covariance: Doubles
-    field: tuple[float, float]
-    laws_db: Mapping[str, Doubles]
-    apart_db: Mapping[str, Doubles]
-    levels_db: Doubles
-    sampled: bool
+    mean: Annotated[Doubles, About("level, area exponent, noise, incidence by pass; point spread", shape="4 p + 1")]
+    covariance: Annotated[Doubles, About("covariance of the shared effects", shape="4 p + 1, 4 p + 1")]
+    field: Annotated[
+        tuple[float, ...], About("mean and standard deviation of the logarithm of the common sd of fields", "log dB")
+    ]
+    laws_db: Annotated[
+        Mapping[str, Doubles], About("5, 50 and 95 % quantile of image minus law, less the level, by material", "dB")
+    ]
+    apart_db: Annotated[
+        Mapping[str, Doubles], About("5, 50 and 95 % quantile of image minus law of pass 1, by material", "dB")
+    ]
+    levels_db: Annotated[Doubles, About("5, 50 and 95 % quantile of the level of each pass", "dB", "p, 3")]
+    sampled: Annotated[bool, About("sampler has converged")]
 
 
 def form_basis(angles_deg: Doubles, knots_deg: Doubles, count: int) -> Doubles:

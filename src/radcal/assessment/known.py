@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.posterior import Curve, Image, Posterior
+from radcal.assessment.posterior import Image, Posterior
 from radcal.config import stages
-from radcal.findings import Finding
+from radcal.findings import Finding, Severity
 from radcal.measurement.pixels import MANY_IN_NOISE, share_in_noise
 from radcal.measurement.target import Targets
 from radcal.radar.laws import Law
@@ -30,29 +30,20 @@ def image_findings(case: stages.Archive, image: Image) -> Iterator[Finding]:
         return
     for number, one in enumerate(case.passes, start=1):
         about, shown = f"pass {number}", image.radiometry[str(number)]
-        numbers = {"exponent": shown.exponent, "error": shown.error} if shown.materials else {}
+        numbers: dict[str, float | str] = {}
+        if shown.materials:
+            numbers = {"exponent": shown.exponent, "error": shown.error}
         if shown.found:
-            declared = one.radar.radiometry
-            meant = _MEANT[shown.found][declared]
-            yield Finding(
-                "radiometry",
-                "refusal",
-                about,
-                {**numbers, "declared": declared, "found": meant},
-                f"radar.radiometry: {meant}",
-            )
+            meant = _MEANT[shown.found][one.radar.radiometry]
+            numbers |= {"declared": one.radar.radiometry, "found": meant}
+            yield Finding("radiometry", "refusal", about, numbers, f"radar.radiometry: {meant}")
         elif not shown.checked:
             yield Finding("radiometry_unchecked", "note", about, numbers)
     bright = {name for one in image.radiometry.values() for name in one.materials}  # well above the noise
-    wrong = {
-        name: error
-        for name, error in image.laws_db.items()
-        if name in bright and abs(error[1]) > _WRONG_LAW_DB and (error[0] > 0.0 or error[2] < 0.0)
-    }
     if len(image.laws_db) > 1:
-        for name, error in wrong.items():
-            numbers = {"error_db": float(error[1]), "p05_db": float(error[0]), "p95_db": float(error[2])}
-            yield Finding("fixed_law", "warning", name, numbers, f"materials.{name}.parameters")
+        for name, error in image.laws_db.items():
+            if name in bright and _differs(error, _WRONG_LAW_DB):
+                yield Finding("fixed_law", "warning", name, _numbers(error, "error_db"), f"materials.{name}.parameters")
     yield from _levels(case, image)
     if not image.sampled:
         yield Finding("not_sampled", "warning", "fixed laws", {})
@@ -62,20 +53,25 @@ def _levels(case: stages.Archive, image: Image) -> Iterator[Finding]:
     """Level of each pass or, of a single fixed material, difference between image and law in the first pass."""
     if len(image.laws_db) == 1:
         name, apart = next(iter(image.apart_db.items()))
-        numbers = dict(zip(("p05_db", "apart_db", "p95_db"), map(float, apart), strict=True))
-        yield Finding("fixed_law_and_image", "warning" if _differs(apart) else "note", name, numbers)
+        severity: Severity = "warning" if _differs(apart, _LEVEL_DB) else "note"
+        yield Finding("fixed_law_and_image", severity, name, _numbers(apart, "apart_db"))
         return
     for number, level in enumerate(image.levels_db, start=1):
         if not image.laws_db:
             yield Finding("level_unchecked", "note", f"pass {number}", {"level_db": case.uncertainty.level_db})
             continue
-        numbers = dict(zip(("p05_db", "level_db", "p95_db"), map(float, level), strict=True))
-        yield Finding("level", "warning" if _differs(level) else "note", f"pass {number}", numbers)
+        severity = "warning" if _differs(level, _LEVEL_DB) else "note"
+        yield Finding("level", severity, f"pass {number}", _numbers(level, "level_db"))
 
 
-def _differs(quantiles: Doubles) -> bool:
-    """Whether a level is named: its median is over 0.2 dB and its 90 % interval leaves 0."""
-    return bool(abs(quantiles[1]) > _LEVEL_DB and (quantiles[0] > 0.0 or quantiles[2] < 0.0))
+def _differs(quantiles: Doubles, least_db: float) -> bool:
+    """Whether a level is named: its median is over a least size, and its 90 % interval leaves 0."""
+    return bool(abs(quantiles[1]) > least_db and (quantiles[0] > 0.0 or quantiles[2] < 0.0))
+
+
+def _numbers(quantiles: Doubles, median: str) -> dict[str, float]:
+    """5 % quantile, median and 95 % quantile by name."""
+    return dict(zip(("p05_db", median, "p95_db"), map(float, quantiles), strict=True))
 
 
 def material_findings(
@@ -84,7 +80,7 @@ def material_findings(
     """Findings on one material: first where its sigma0 is determined, then the form of its law, then remarks."""
     yield _state(case, name, posterior, targets, refused)
     if (form := posterior.form) is not None:
-        numbers = dict(zip(("p05_db", "rms_db", "p95_db"), map(float, form.rms_db), strict=True))
+        numbers = _numbers(form.rms_db, "rms_db")
         if np.isfinite(form.noticed_db):
             numbers["noticed_db"] = form.noticed_db
         code = "refuted" if form.refuted else "form_noticed" if form.noticed else "not_refuted"
@@ -102,11 +98,10 @@ def _state(case: stages.Archive, name: str, posterior: Posterior, targets: Targe
     if curve is None:
         return Finding("parameters_only", "note", name)
     if targets.level_only(name):
-        level = posterior.levels()[0]
-        numbers = {"incidence_deg": level.incidence_deg, "median_db": level.median_db}
-        return Finding("level_only", "note", name, {**numbers, "p05_db": level.p05_db, "p95_db": level.p95_db})
+        middle = float(posterior.seen_deg[0].mean().round(1))
+        return Finding("level_only", "note", name, {"incidence_deg": middle, **_numbers(curve.at(middle), "median_db")})
     low, high = float(posterior.seen_deg[:, 0].min()), float(posterior.seen_deg[:, 1].max())
-    half = np.interp(np.linspace(low, high, 91), curve.incidence_deg, curve.half_width_db)
+    half = curve.half_widths_over(low, high)
     if refused:
         return Finding("withheld", "refusal", name, {"half_width_db": float(half.max())})
     if posterior.known_between_deg is None or posterior.known_half_width_db is None:
@@ -141,15 +136,9 @@ def law_findings(name: str, posterior: Posterior, law: Law, x: Doubles, causes: 
     curve = posterior.curve
     if curve is None or not law.has_curve:
         return
-    beyond = _beyond_db(curve, law, x, posterior.seen_deg)
+    angle = np.concatenate([np.linspace(low, high, 21) for low, high in posterior.seen_deg])
+    (low, _, high), at = curve.at(angle), np.asarray(law(np.radians(angle), x))
+    beyond = float(np.maximum(low - at, at - high).max())
     if beyond > 0.0:
         numbers: dict[str, float | str] = {"beyond_db": beyond, "cause": ", ".join(causes.values()) or "cause unknown"}
         yield Finding("law_outside_band", "warning", name, numbers)
-
-
-def _beyond_db(curve: Curve, law: Law, x: Doubles, seen_deg: Doubles) -> float:
-    """Largest distance of a law from the 90 % band over the incidence seen [dB]."""
-    angle = np.concatenate([np.linspace(low, high, 21) for low, high in seen_deg])
-    low, high = (np.interp(angle, curve.incidence_deg, edge) for edge in (curve.p05_db, curve.p95_db))
-    at = np.asarray(law(np.radians(angle), x))
-    return float(np.maximum(np.maximum(low - at, at - high), 0.0).max())

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from threadpoolctl import threadpool_limits
 
 from radcal.assessment.calibrated import FORMS, Draws, LawModel, Parameters
 from radcal.assessment.cells import CellMeans, with_noise_db
 from radcal.assessment.curves import Curves
-from radcal.assessment.fixed_laws import Common, Observed, common_of
+from radcal.assessment.fixed_laws import Observed, common_of
 from radcal.assessment.form_error import form_error, noticed_db
 from radcal.assessment.posterior import FieldCheck, FormError, HeldOut, Image, Posterior
 from radcal.assessment.prediction import field_check, left_out
 from radcal.assessment.radiometry import Radiometry, radiometry_of
-from radcal.assessment.summary import Form, summary, with_band
+from radcal.assessment.summary import Form, points_of, summary, with_band
 from radcal.calibration.history import History
 from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.calibration.steps import train_all
@@ -41,22 +41,16 @@ _FOLDS = 5  # of fields
 _FEWEST = 3  # cells
 
 
-def _observed(name: str, cells: Cells, laws: Sequence[Law], x: Sequence[float], areas: Sequence[int]) -> Observed:
-    """Cells of one material in all passes, with the area terms of wrong radiometries taken out."""
-    law_db, slope_db, each = [], [], []
-    for one, law, area in zip(cells, laws, areas, strict=True):
-        own = one.get(name)
-        own = CellMeans.none() if own is None else own.moved(area)
-        deg = own.incidence_deg
-        if law.has_curve and own.size:
-            law_db.append(np.asarray(law(np.radians(deg), x)))
-            above, below = (np.asarray(law(np.radians(np.clip(deg + step, 0.0, 90.0)), x)) for step in (0.5, -0.5))
-            slope_db.append(above - below)
-        else:
-            law_db.append(np.zeros(own.size))
-            slope_db.append(np.zeros(own.size))
-        each.append(own)
-    return Observed(each, law_db, slope_db)
+def _observed(name: str, cells: Cells, laws: Sequence[Law], x: Sequence[float]) -> Observed:
+    """Cells of one material in all passes, with level and slope of its law."""
+    each = [one.get(name, CellMeans.none()) for one in cells]
+
+    def levels(step: float) -> list[Doubles]:
+        at = [np.radians(np.clip(own.incidence_deg + step, 0.0, 90.0)) for own in each]
+        return [np.asarray(law(phi, x)) if law.has_curve else 0.0 * phi for law, phi in zip(laws, at, strict=True)]
+
+    slope = [above - below for above, below in zip(levels(0.5), levels(-0.5), strict=True)]
+    return Observed(each, levels(0.0), slope)
 
 
 def _mean_areas(cells: Cells) -> list[float]:
@@ -65,7 +59,7 @@ def _mean_areas(cells: Cells) -> list[float]:
     return [float(np.average(area, weights=pixels)) for area, pixels in each]
 
 
-def image_of(case: stages.Posterior, cells: Cells) -> tuple[Image, Common]:
+def image_of(case: stages.Posterior, cells: Cells) -> Image:
     """What the fixed materials say of the images of all passes.
 
     Parameters
@@ -75,33 +69,22 @@ def image_of(case: stages.Posterior, cells: Cells) -> tuple[Image, Common]:
     cells : sequence of mapping
         Cells of each material in each pass.
     """
-    fixed = [name for name in case.reference_materials if any(name in one for one in cells)]
     decibels = case.target.normalisation != "image"
-    fixed = fixed if decibels else []
-    found: dict[str, Radiometry] = {}
-    areas = []
-    for number, (one, own) in enumerate(zip(case.passes, cells, strict=True), start=1):
-        laws = one.laws
-        each = {
-            name: (own[name], np.asarray(laws[name](np.radians(own[name].incidence_deg), _fixed_x(case, name))))
-            for name in fixed
-            if name in own
-        }
-        found[str(number)] = radiometry_of(each, one.radar.radiometry, case.uncertainty)
-        areas.append(found[str(number)].found)
-    passes = [one.laws for one in case.passes]
+    fixed = [name for name in case.reference_materials if decibels and any(name in one for one in cells)]
     observed = {
-        name: _observed(name, cells, [laws[name] for laws in passes], _fixed_x(case, name), areas) for name in fixed
+        name: _observed(name, cells, [one.laws[name] for one in case.passes], case.materials[name].start_parameters)
+        for name in fixed
     }
+    found: dict[str, Radiometry] = {}
+    for k, one in enumerate(case.passes):
+        each = {name: (own.cells[k], own.law_db[k]) for name, own in observed.items() if own.cells[k].size}
+        found[str(k + 1)] = radiometry_of(each, one.radar.radiometry, case.uncertainty)
+    moved = {name: own.moved([one.found for one in found.values()]) for name, own in observed.items()}
     offset = case.target.normalisation != "none"
     seed = derived_seed(case.seed, "posterior", "fixed laws")
     with threadpool_limits(1):  # one thread: sums then have a fixed order
-        common = common_of(observed, _mean_areas(cells), case.uncertainty, offset, seed)
-    return Image(common.levels_db, common.laws_db, common.apart_db, found, common.sampled), common
-
-
-def _fixed_x(case: stages.Posterior, name: str) -> Sequence[float]:
-    return case.materials[name].start_parameters
+        common = common_of(moved, _mean_areas(cells), case.uncertainty, offset, seed)
+    return Image(**vars(common), radiometry=found)
 
 
 def posterior_of(
@@ -111,7 +94,6 @@ def posterior_of(
     name: str,
     cells: Cells,
     image: Image,
-    common: Common,
 ) -> Posterior:
     """Posterior of one material's law, given what the fixed materials say.
 
@@ -127,16 +109,16 @@ def posterior_of(
         Material.
     cells : sequence of mapping
         Cells of each material in each pass.
-    image, common : Image, Common
+    image : Image
         Result of :func:`image_of`.
     """
     objective = make_objectives(case, targets)[name]
     best = np.asarray(history.best(name).scores[name].parameters, dtype=np.float64)
     laws = [one.laws[name] for one in case.passes]
     areas = [one.found for one in image.radiometry.values()]
-    observed = _observed(name, cells, laws, best.tolist(), areas)
+    observed = _observed(name, cells, laws, best.tolist()).moved(areas)
     if laws[0].has_curve:
-        parameters, weights, knots = _with_curve(observed, objective, laws, best, _attenuation(targets, name))
+        parameters, weights, knots = _with_curve(observed, objective, laws, _attenuation(targets, name))
     else:
         parameters, weights, knots = _without_curve(case, observed, objective, history, best, name)
     decibels = case.target.normalisation != "image"
@@ -152,7 +134,7 @@ def posterior_of(
     ]
     with threadpool_limits(1):
         seed = derived_seed(case.seed, "posterior", name)
-        whole = LawModel(observed, weights, parameters, forms, flattening, common, _mean_areas(cells), case.uncertainty)
+        whole = LawModel(observed, weights, parameters, forms, flattening, image, _mean_areas(cells), case.uncertainty)
         kept = observed.together("fold") == 0
         holds_out = case.validation is not None and case.validation.holds_out and np.count_nonzero(kept) >= _FEWEST
         model = whole.part(kept, case.uncertainty) if holds_out else whole
@@ -163,6 +145,7 @@ def posterior_of(
     if not curved:
         return found
     known_db = None if targets.level_only(name) else case.uncertainty.known_db
+    found = replace(found, points=points_of(whole, draws))
     return with_band(found, laws[0], draws, form, parameters, known_db)
 
 
@@ -183,14 +166,12 @@ def _with_curve(
     observed: Observed,
     objective: Comparison,
     laws: Sequence[Law],
-    best: Doubles,
     attenuation: Sequence[tuple[float, float]],
 ) -> tuple[Parameters, Doubles, Doubles]:
     """Parameters of a law with a curve, weights of its knots in the cells, and the knots [deg]."""
-    box = np.asarray(objective.material.box)
+    seen: list[tuple[Law, Doubles, Doubles]] = []
     knots: list[Doubles] = []
     blocks: list[Doubles] = []
-    evaluate: list[Callable[[Doubles], Doubles]] = []
     for own, law, (middle, share) in zip(observed.cells, laws, attenuation, strict=True):
         if not own.size:
             continue
@@ -198,35 +179,23 @@ def _with_curve(
         order = np.argsort(own.incidence_deg)
         known = bool(np.isfinite(own.noise_db).all())
         noise = np.interp(at, own.incidence_deg[order], own.noise_db[order]) if known else np.full(at.size, -np.inf)
-        rad = np.radians(np.clip(middle + share * (at - middle), 0.0, 90.0))
-        evaluate.append(partial(_with_noise, Curves(law, np.stack([best, box.mean(axis=1)])), rad, noise))
+        seen.append((law, np.radians(np.clip(middle + share * (at - middle), 0.0, 90.0)), noise))
         blocks.append(np.maximum(0.0, 1.0 - np.abs(own.incidence_deg[:, None] - at) / _KNOT_DEG))
         knots.append(at)
-    weights = _diagonal(blocks)
-    first = next(part for part in objective.passes if part is not None)
-    prior = first.compared().prior
-    prior_curves = Curves(laws[0], np.stack([best, box.mean(axis=1)]))
+    prior = next(part for part in objective.passes if part is not None).compared().prior
 
     def log_prior(x: Doubles) -> Doubles:
         if prior is None:
             return np.zeros(len(x))
-        return np.asarray(-0.5 * (prior.of_curves(prior_curves(x, np.radians(prior.angles_deg)), x) ** 2).sum(axis=1))
+        curves = Curves(laws[0])(x, np.radians(prior.angles_deg))
+        return np.asarray(-0.5 * (prior.of_curves(curves, x) ** 2).sum(axis=1))
 
     def levels(x: Doubles) -> Doubles:
-        return np.concatenate([one(x) for one in evaluate], axis=1)
+        return np.concatenate([with_noise_db(Curves(law)(x, phi), noise) for law, phi, noise in seen], axis=1)
 
-    return Parameters(box, objective.material.integer, levels, log_prior), weights, np.concatenate(knots)
-
-
-def _with_noise(curves: Curves, rad: Doubles, noise_db: Doubles, x: Doubles) -> Doubles:
-    """Levels of laws with noise at angles [rad], from X, shape (m, d) to (m, k) [dB]."""
-    return with_noise_db(curves(x, rad), noise_db)
-
-
-def _diagonal(blocks: Sequence[Doubles]) -> Doubles:
-    from scipy.linalg import block_diag
-
-    return np.asarray(block_diag(*[block for block in blocks if block.size]))
+    box = np.asarray(objective.material.box)
+    parameters = Parameters(box, objective.material.integer, levels, log_prior)
+    return parameters, np.asarray(block_diag(*blocks)), np.concatenate(knots)
 
 
 def _without_curve(
@@ -243,24 +212,19 @@ def _without_curve(
         nearest = np.abs(own.incidence_deg[:, None] - middle).argmin(axis=1)
         blocks.append(np.eye(middle.size)[nearest])
         middles.append(middle)
-    box = np.asarray(objective.material.box)
 
-    def means(x: Doubles) -> Doubles:
-        return np.asarray(surrogate.predict(surrogate.snapped(surrogate.unit(x)))[..., 0])
+    def at(x: Doubles) -> Doubles:
+        return surrogate.snapped(surrogate.unit(x))
 
-    start = means(best[None])
-
-    def levels(x: Doubles) -> Doubles:
-        return np.asarray(means(x) - start)
-
-    def error(x: Doubles) -> Doubles:
-        return np.asarray(surrogate.error(surrogate.snapped(surrogate.unit(x)))[:, 0])
-
-    return (
-        Parameters(box, objective.material.integer, levels, lambda x: np.zeros(len(x)), error),
-        _diagonal(blocks),
-        np.concatenate(middles),
+    start = surrogate.predict(at(best[None]))[..., 0]
+    parameters = Parameters(
+        np.asarray(objective.material.box),
+        objective.material.integer,
+        levels=lambda x: np.asarray(surrogate.predict(at(x))[..., 0] - start),
+        log_prior=lambda x: np.zeros(len(x)),
+        error=lambda x: np.asarray(surrogate.error(at(x))[:, 0]),
     )
+    return parameters, np.asarray(block_diag(*blocks)), np.concatenate(middles)
 
 
 def _attenuation(targets: Targets, name: str) -> list[tuple[float, float]]:
@@ -296,5 +260,5 @@ def _form_error(
     span = min(low for low, _ in seen), max(high for _, high in seen)
     columns = form.columns(np.linspace(*span, _ANGLES))
     found = draws.form @ columns.T
-    smallest = noticed_db(model, draws.middle, columns, knots, span)
+    smallest = noticed_db(model, np.median(draws.sample.draws, axis=0), columns, knots, span)
     return form_error(found - found.mean(axis=1, keepdims=True), smallest)

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radcal.assessment.curves import GRID_DEG, Curves
+from radcal.assessment.fixed_laws import Common
 from radcal.assessment.radiometry import Radiometry
 from radcal.radar.laws import Law
-from radcal.storage.dataclass_groups import About, put, take
-from radcal.storage.records import read_hdf5, write_hdf5
+from radcal.storage.dataclass_groups import About
 
 __all__ = [
     "WHOLE_DEG",
@@ -24,13 +23,9 @@ __all__ = [
     "HeldOut",
     "Image",
     "KeptDraws",
-    "Level",
+    "Points",
     "Posterior",
     "known_between",
-    "read_image",
-    "read_posterior",
-    "write_image",
-    "write_posterior",
 ]
 
 Doubles = NDArray[np.float64]
@@ -61,6 +56,24 @@ class Curve:
         """Half of the width of the 90 % band [dB], shape (a,)."""
         return np.asarray(0.5 * (self.p95_db - self.p05_db))
 
+    def at(self, incidence_deg: ArrayLike) -> Doubles:
+        """5 % quantile, median and 95 % quantile of sigma0 at k angles [dB], shape (3, k)."""
+        at, each = np.asarray(incidence_deg, dtype=np.float64), (self.p05_db, self.median_db, self.p95_db)
+        return np.stack([np.interp(at, self.incidence_deg, values) for values in each])
+
+    def half_widths_over(self, low_deg: float, high_deg: float) -> Doubles:
+        """Half-widths of the 90 % band at 91 angles from ``low_deg`` to ``high_deg`` [dB], shape (91,)."""
+        return np.interp(np.linspace(low_deg, high_deg, 91), self.incidence_deg, self.half_width_db)
+
+
+@dataclass(frozen=True)
+class Points:
+    """Measured levels in k intervals of incidence, less the image's level and what the simulator adds to its law."""
+
+    incidence_deg: Annotated[Doubles, About("mean local incidence of each interval", "deg", "k", scale=True)]
+    level_db: Annotated[Doubles, About("mean level of the cells of each interval", "dB", "k")]
+    error_db: Annotated[Doubles, About("standard error of `level_db` by speckle, cells and fields", "dB", "k")]
+
 
 @dataclass(frozen=True)
 class FormError:
@@ -84,10 +97,8 @@ class KeptDraws:
 
     def laws_db(self, law: Law) -> Doubles:
         """Levels of median fields [dB] by each draw on the grid of incidence, shape (m, 361): law and form error."""
-        return np.asarray(
-            Curves(law, self.parameters[[0, -1]])(self.parameters)
-            + np.stack([np.interp(GRID_DEG, WHOLE_DEG, one) for one in self.form_db])
-        )
+        forms = [np.interp(GRID_DEG, WHOLE_DEG, one) for one in self.form_db]
+        return np.asarray(Curves(law)(self.parameters) + np.stack(forms))
 
     @property
     def power_of_fields_db(self) -> Doubles:
@@ -145,24 +156,6 @@ class FieldCheck:
 
 
 @dataclass(frozen=True)
-class Level:
-    """Sigma0 of a material at the middle of the incidence of one pass, with its 90 % interval.
-
-    Attributes
-    ----------
-    incidence_deg : float
-        Middle between the 5 and 95 % quantiles of the local incidence [deg].
-    median_db, p05_db, p95_db : float
-        Median, 5 % and 95 % quantile of sigma0 at ``incidence_deg`` [dB].
-    """
-
-    incidence_deg: float
-    median_db: float
-    p05_db: float
-    p95_db: float
-
-
-@dataclass(frozen=True)
 class Posterior:
     """Posterior of one material's law with d parameters: quantiles, curve of sigma0, error of the form, kept draws."""
 
@@ -185,6 +178,7 @@ class Posterior:
     curve: Annotated[Curve | None, About("curve of sigma0; absent for normalised images and laws without a curve")] = (
         None
     )
+    points: Annotated[Points | None, About("measured levels to compare with `curve`; absent without it")] = None
     known_between_deg: Annotated[
         tuple[float, ...] | None,
         About("ends of the interval in which sigma0 is determined; absent if it is at no angle", "deg"),
@@ -201,30 +195,17 @@ class Posterior:
         FieldCheck | None, About("predictions of whole fields from the others; absent without a section `validation`")
     ] = None
 
-    def levels(self) -> tuple[Level, ...]:
-        """Sigma0 at the middle incidence of each pass, without repeated angles; empty for a law without a curve."""
-        if self.curve is None:
-            return ()
-        seen, curve = dict.fromkeys(np.round(self.seen_deg.mean(axis=1), 1).tolist()), self.curve
-        quantiles = (curve.median_db, curve.p05_db, curve.p95_db)
-        return tuple(
-            Level(deg, *(float(np.interp(deg, curve.incidence_deg, values)) for values in quantiles)) for deg in seen
-        )
+    @property
+    def middles_deg(self) -> Doubles:
+        """Middle incidence of each pass [deg], rounded to tenths and increasing, without repeated angles."""
+        return np.unique(np.round(self.seen_deg.mean(axis=1), 1))
 
 
 @dataclass(frozen=True)
-class Image:
+class Image(Common):
     """What the fixed materials say of the measured images of p passes."""
 
-    levels_db: Annotated[Doubles, About("5, 50 and 95 % quantile of the level of each pass", "dB", "p, 3")]
-    laws_db: Annotated[
-        Mapping[str, Doubles], About("5, 50 and 95 % quantile of image minus law, less the level, by material", "dB")
-    ]
-    apart_db: Annotated[
-        Mapping[str, Doubles], About("5, 50 and 95 % quantile of image minus law of pass 1, by material", "dB")
-    ]
     radiometry: Annotated[Mapping[str, Radiometry], About("radiometry of each pass, by its number from 1")]
-    sampled: Annotated[bool, About("sampler has converged")]
 
 
 def known_between(
@@ -253,27 +234,3 @@ def known_between(
         return None
     first, after = runs[np.argmax(runs[:, 1] - runs[:, 0])]
     return (float(angle_deg[first]), float(angle_deg[after - 1])) if after - first > 1 else None
-
-
-def write_posterior(path: str | Path, posterior: Posterior) -> None:
-    """Write a posterior to HDF5, atomically."""
-    with write_hdf5(path, "posterior") as file:
-        put(file, posterior)
-
-
-def read_posterior(path: str | Path) -> Posterior:
-    """Read a posterior that :func:`write_posterior` wrote; raises the errors of :func:`.read_hdf5`."""
-    with read_hdf5(path, "posterior") as file:
-        return take(file, Posterior)
-
-
-def write_image(path: str | Path, image: Image) -> None:
-    """Write what the fixed materials say to HDF5, atomically."""
-    with write_hdf5(path, "image") as file:
-        put(file, image)
-
-
-def read_image(path: str | Path) -> Image:
-    """Read what :func:`write_image` wrote; raises the errors of :func:`.read_hdf5`."""
-    with read_hdf5(path, "image") as file:
-        return take(file, Image)

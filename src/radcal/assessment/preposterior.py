@@ -79,11 +79,8 @@ class Sight:
 
     def means_db(self, curves_db: Doubles) -> Doubles:
         """Mean level of each bin with the noise added [dB], shape (m, n), from m curves on the grid, shape (m, 361)."""
-        found = np.empty((len(curves_db), len(self.weights)))
-        for k, weight in enumerate(self.weights):
-            seen = np.flatnonzero(weight)
-            found[:, k] = with_noise_db(curves_db[:, seen], self.noise_db[k]) @ weight[seen]
-        return found
+        each = zip(self.weights, self.noise_db, strict=True)
+        return np.stack([with_noise_db(curves_db, noise) @ weight for weight, noise in each], axis=1)
 
     def covariance(
         self, field_db: Doubles, cell_db: Doubles, looks: float, config: Uncertainty, level_db: Doubles

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.cells import weights_of_facets, with_noise_db
 from radcal.calibration.expected import LawForward
 from radcal.calibration.history import History
 from radcal.calibration.objectives import Comparison
 from radcal.findings import Finding
-from radcal.measurement.classes import class_of
 from radcal.measurement.target import Target
 from radcal.radar.geometry import Geometry
 
@@ -76,17 +76,9 @@ def beyond_law_db(
     means, sd = np.array([score.statistics for score in each])[:, :, 0], np.exp(np.array(best.statistics)[:, 1])
     expected = LawForward(method.law, classes.nodes_deg, method.looks)(np.array(best.parameters))[:, 0]
     difference = np.array(best.statistics)[:, 0] - expected
-    area = _area_db(geometry, target.pixels)
-    member = class_of(target.incidence_deg, classes.edges_deg)
-    by_area = np.array([area[member == k].mean() if np.any(member == k) else 0.0 for k in range(classes.size)])
-    added = 10.0 * np.log10(1.0 + 10.0 ** ((means.min(axis=0) - expected) / 10.0))
+    area = 10.0 * np.log10(np.maximum(weights_of_facets(geometry)[target.pixels], 1e-9))
+    by_area = np.bincount(classes.member, area, classes.size) / np.maximum(classes.count, 1)
+    added = with_noise_db(expected, means.min(axis=0)) - expected
     low, high = np.minimum(by_area, 0.0), np.maximum(by_area, 0.0) + added
     error = _ERRORS * sd / np.sqrt(classes.effective)
     return difference, np.maximum(difference - high, low - difference) - error
-
-
-def _area_db(geometry: Geometry, pixels: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Sum of the weights of all facets in each pixel [dB]: value of a pixel whose sigma0 is 1, shape (n,)."""
-    first, last = (geometry.facet_start[geometry.cell_start[pixels + step]] for step in (0, 1))
-    power = [float(geometry.facet_weight[a:b].sum()) for a, b in zip(first, last, strict=True)]
-    return np.asarray(10.0 * np.log10(np.maximum(power, 1e-9)))

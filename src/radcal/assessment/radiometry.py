@@ -62,14 +62,11 @@ def area_exponent(cells: Mapping[str, tuple[CellMeans, Doubles]], config: Uncert
     signal = np.concatenate([1.0 - one.share for one in parts])
     area = signal * np.concatenate([one.area_db for one in parts])
     of = np.repeat(np.arange(len(names)), [one.size for one in parts])
-    slope = np.zeros((area.size, len(names)))
-    for k, one in enumerate(parts):
-        slope[of == k, k] = signal[of == k] * (one.incidence_deg - one.incidence_deg.mean()) / 10.0
+    away = np.concatenate([one.incidence_deg - one.incidence_deg.mean() for one in parts]) / 10.0
+    slope = np.equal(of[:, None], np.arange(len(names))) * (signal * away)[:, None]
     pairs = np.stack([of, np.concatenate([one.patch for one in parts])])
     fields, member = np.unique(pairs, axis=1, return_inverse=True)
-    levels = np.zeros((area.size, fields.shape[1]))
-    levels[np.arange(area.size), member.ravel()] = 1.0
-    columns = np.column_stack([area, slope, levels])
+    columns = np.column_stack([area, slope, np.equal(member.ravel()[:, None], np.arange(fields.shape[1]))])
     prior = np.zeros(columns.shape[1])
     prior[1 : 1 + len(names)] = 1.0 / max(config.fixed_slope * config.fixed_law_db, 1e-3) ** 2
     weight = 1.0 / (np.concatenate([one.variance for one in parts]) + _CELL_DB**2)
@@ -100,8 +97,6 @@ def radiometry_of(cells: Mapping[str, tuple[CellMeans, Doubles]], declared: str,
     if not counted:
         return Radiometry(float("nan"), float("inf"), 0, ())
     exponent, error = area_exponent(counted, config)
-    shown = Radiometry(exponent, error, 0, tuple(counted))
     sign = _MAY_BE[declared]
-    if len(counted) < _MATERIALS or sign * exponent < max(_LEAST, _ERRORS * error):
-        return shown
-    return Radiometry(exponent, error, sign, tuple(counted))
+    found = len(counted) >= _MATERIALS and sign * exponent >= max(_LEAST, _ERRORS * error)
+    return Radiometry(exponent, error, sign * found, tuple(counted))

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radcal.findings import Finding, Severity
 from radcal.measurement.gefolki import find_flow, pyramid
@@ -15,19 +14,22 @@ from radcal.measurement.target import Target
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import Law
 
-__all__ = ["Moved", "check_registration", "moved_again"]
+__all__ = ["check_registration", "moved_again", "moved_finding"]
 
 _TIMES = 1.5  # least ratio of a change to its stated standard error
 _LEAST_DB = 0.5  # least change of sigma0 that a doubt names, as for a misfit
 _FAR_PX = 3.0  # mean displacement from which the search starts at this displacement
 
 
-@dataclass(frozen=True)
-class Moved:
-    """Change of one material's pixels if the image is registered onto the image of the calibrated laws.
+def moved_finding(name: str, moved_px: float, stated_px: float, moved_db: float, stated_db: float) -> Finding:
+    """Finding on the registration of one material's pixels.
 
-    Attributes
+    A warning if displacement and sigma0 change more than their stated errors explain, and sigma0 by over 0.5 dB.
+
+    Parameters
     ----------
+    name : str
+        Material.
     moved_px, stated_px : float
         Root mean square change of the displacement of the material's pixels, and root mean square of the standard
         error of its length that the registration stated [pixels].
@@ -35,25 +37,10 @@ class Moved:
         Root mean square change of sigma0 of these pixels by the calibrated law, to first order, and its stated standard
         error [dB].
     """
-
-    moved_px: float
-    stated_px: float
-    moved_db: float
-    stated_db: float
-
-    @property
-    def doubtful(self) -> bool:
-        """Whether displacement and sigma0 change more than their stated errors explain, and sigma0 by over 0.5 dB."""
-        return (
-            self.moved_px > _TIMES * self.stated_px
-            and self.moved_db > _TIMES * self.stated_db
-            and self.moved_db > _LEAST_DB
-        )
-
-    def finding(self, name: str) -> Finding:
-        """Finding on the registration of one material's pixels; a warning if it is in doubt."""
-        severity: Severity = "warning" if self.doubtful else "note"
-        return Finding("registration_moved", severity, name, vars(self), f"materials.{name}.start" * self.doubtful)
+    doubtful = moved_px > _TIMES * stated_px and moved_db > max(_TIMES * stated_db, _LEAST_DB)
+    numbers = {"moved_px": moved_px, "stated_px": stated_px, "moved_db": moved_db, "stated_db": stated_db}
+    severity: Severity = "warning" if doubtful else "note"
+    return Finding("registration_moved", severity, name, numbers, f"materials.{name}.start" * doubtful)
 
 
 def moved_again(registered: Registered, calibrated_db: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -78,12 +65,12 @@ def moved_again(registered: Registered, calibrated_db: NDArray[np.float32]) -> N
 
 
 def check_registration(
-    laws: Mapping[str, tuple[Law, Sequence[float]]],
+    laws: Mapping[str, tuple[Law, ArrayLike]],
     targets: Mapping[str, Target],
     geometry: Geometry,
     registered: Registered,
     calibrated_db: NDArray[np.float32] | None,
-) -> dict[str, Moved]:
+) -> Iterator[Finding]:
     """Register the measured image again, onto the image of the calibrated laws, and compare both registrations.
 
     The registration compares patterns of brightness. If the laws of the run onto which the image was registered differ
@@ -104,18 +91,17 @@ def check_registration(
     calibrated_db : ndarray, shape (rows, columns), or None
         Simulated image of the calibrated laws [dB]; None if there is none.
 
-    Returns
-    -------
-    dict
-        Change of each material that has a law with a curve; empty if the image was not moved.
+    Yields
+    ------
+    Finding
+        Change of each material that has a law with a curve; none if the image was not moved.
     """
     if calibrated_db is None or not registered.applied or registered.method != "gefolki":
-        return {}
+        return
     change = moved_again(registered, calibrated_db)
     incidence = geometry.incidence_deg.astype(np.float64)
     down, right = np.gradient(incidence)
     gradient = np.stack([down, right])
-    found = {}
     for name, (law, parameters) in laws.items():
         if name not in targets or not law.has_curve:
             continue
@@ -127,8 +113,7 @@ def check_registration(
         # an unknown direction of the error: half of its square lies along the gradient
         changes = np.stack([slope * (steep * moved).sum(axis=0), slope * np.hypot(*steep) * stated / np.sqrt(2.0)])
         moved_db, stated_db = _rms(changes[:, np.isfinite(changes).all(axis=0)])
-        found[name] = Moved(float(_rms(np.hypot(*moved))), float(_rms(stated)), float(moved_db), float(stated_db))
-    return found
+        yield moved_finding(name, *map(float, (_rms(np.hypot(*moved)), _rms(stated), moved_db, stated_db)))
 
 
 def _rms(values: NDArray[np.float64]) -> NDArray[np.float64]:

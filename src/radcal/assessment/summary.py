@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.calibrated import FORMS, Draws, Parameters
+from radcal.assessment.calibrated import FORMS, Draws, LawModel, Parameters
+from radcal.assessment.cells import STEP_DEG, with_noise_db
 from radcal.assessment.curves import GRID_DEG, NORMAL_90, PER_DEG
 from radcal.assessment.fixed_laws import Observed, form_basis
-from radcal.assessment.posterior import WHOLE_DEG, Curve, FormError, KeptDraws, Posterior, known_between
+from radcal.assessment.posterior import WHOLE_DEG, Curve, FormError, KeptDraws, Points, Posterior, known_between
 from radcal.radar.laws import Law
 
-__all__ = ["Form", "summary", "with_band"]
+__all__ = ["Form", "points_of", "summary", "with_band"]
 
 Doubles = NDArray[np.float64]
 
@@ -60,8 +61,7 @@ def summary(
 ) -> Posterior:
     """Posterior without a band of sigma0."""
     low, middle, high = np.quantile(draws.parameters, _QUANTILES, axis=0)
-    sampler, every = draws.sample, _kept(draws, form)
-    some = np.unique(np.linspace(0, len(draws.parameters) - 1, _KEPT).round().astype(np.intp))
+    sampler = draws.sample
     cells = [one for one in observed.cells if one.size]
     return Posterior(
         sampled=sampler.converged,
@@ -78,7 +78,7 @@ def summary(
         within_db=np.quantile(draws.cell_db, _QUANTILES),
         seen_deg=np.array(seen),
         form=error,
-        draws=KeptDraws(**{key: value[some] for key, value in vars(every).items()}),
+        draws=_kept(draws.thinned(_KEPT), form),
     )
 
 
@@ -110,6 +110,19 @@ def with_band(
         known_between_deg=known,
         known_half_width_db=float(width[inside].max()) if known is not None else None,
     )
+
+
+def points_of(model: LawModel, draws: Draws) -> Points:
+    """Measured levels in the intervals of incidence of the cells, weighted by pixels, without noise."""
+    law = np.concatenate(model.observed.law_db)
+    level = model.measured_db + law - with_noise_db(law, model.observed.together("noise_db"))
+    interval = model.incidence_deg // STEP_DEG
+    weights = (interval == np.unique(interval)[:, None]) * model.pixels
+    weights = weights / weights.sum(axis=1, keepdims=True)
+    field, cell = np.median(draws.field_db), np.median(draws.cell_db)
+    shares = weights @ np.equal(model.patch[:, None], np.unique(model.patch))
+    variance = weights**2 @ (model.variance + cell**2) + field**2 * (shares**2).sum(axis=1)
+    return Points(weights @ model.incidence_deg, weights @ level, np.sqrt(variance))
 
 
 def _explained(curves: Doubles, common: Doubles) -> Doubles:

@@ -96,7 +96,7 @@ def bin_targets(
             error_deg=grounds[name].error_deg,
         )
         binned[name] = replace(targets[name], classes=classes)
-    return Targets(binned, targets.levels, targets.looks, other_fields=targets.other_fields)
+    return Targets(binned, targets.levels, targets.looks)
 
 
 def laws_of_image(

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.calibration.expected import Forward, LawForward
+from radcal.calibration.expected import LawForward
 from radcal.calibration.law_fit import LawFit, Residuals, fit_law
 from radcal.calibration.misfit import Method, true_angles
 from radcal.calibration.priors import CurvePrior, looks_residuals
 from radcal.measurement.classes import Classes, class_of, incidence_edges, make_classes, winsorised
 from radcal.measurement.ground import Ground
-from radcal.measurement.patches import Effects, Spread, patch_effects, spreads
 from radcal.measurement.patches import Residuals as CellResiduals
+from radcal.measurement.patches import Spread, spreads
 from radcal.radar.texture import log_speckle_cumulants
 
 __all__ = [
@@ -28,7 +27,6 @@ __all__ = [
     "ground_residuals",
     "law_prior",
     "limited",
-    "refit",
 ]
 
 _ROUNDS = 3  # alternations between fits of the laws and estimates of the spread
@@ -52,9 +50,6 @@ class GroundLaw:
         Between-field and within-field standard deviation [dB].
     fit : LawFit
         Fitted X and looks, with their uncertainty.
-    correction_db : ndarray, shape (n,), optional
-        Mean of each bin in a run minus the mean by law and speckle [dB]; it is caused by the area of facets, noise and
-        neighbouring materials.
     """
 
     ground: Ground
@@ -62,17 +57,13 @@ class GroundLaw:
     classes: Classes
     spread: Spread
     fit: LawFit
-    correction_db: NDArray[np.float64] | None = None
 
     def levels_db(self, incidence_deg: ArrayLike, parameters: ArrayLike | None = None) -> NDArray[np.float64]:
-        """Expected mean of pixels [dB] at mapped angles [deg], shape (k,): law, mean log speckle and correction."""
+        """Expected mean of pixels [dB] at mapped angles [deg], shape (k,): law and mean log speckle."""
         x = self.fit.parameters if parameters is None else parameters
         angle = np.asarray(incidence_deg, dtype=np.float64)
         nodes = true_angles(self.ground, self.classes, self.method, angle[:, None])
-        level = self.method.law(np.radians(nodes), x).mean(axis=1) + log_speckle_cumulants(self.fit.looks)[0]
-        if self.correction_db is not None:
-            level = level + self.correction_db[class_of(angle, self.classes.edges_deg)]
-        return np.asarray(level)
+        return np.asarray(self.method.law(np.radians(nodes), x).mean(axis=1) + log_speckle_cumulants(self.fit.looks)[0])
 
     def slopes(self, incidence_deg: ArrayLike) -> NDArray[np.float64]:
         """Derivatives of :meth:`levels_db` with respect to X and the logarithm of the looks, shape (k, d + 1)."""
@@ -97,32 +88,6 @@ class GroundLaw:
             cells.mean(self.slopes(ground.incidence_deg)),
             self.fit.prior_information,
         )
-
-    @cached_property
-    def identified(self) -> float:
-        """Ratio of the law's variance over the incidence seen to the mean variance of its uncertainty.
-
-        Returns
-        -------
-        float
-            Mean square of the law minus its mean over the angles, divided by the mean variance of this difference. If
-            the ratio is below 2, a constant is expected to predict as well as the law: the fitted mean square exceeds
-            the true one by the variance, and predictions by the law err by the variance again (Mallows, "Some comments
-            on Cp", Technometrics 15 (1973)).
-        """
-        angle = self.classes.nodes_deg.ravel()  # about equally likely: bins have similar numbers of pixels
-        # of the law without the correction, which contains the speckle of a run
-        level, slope = replace(self, correction_db=None).levels_db(angle), self.slopes(angle)
-        slope = slope - slope.mean(axis=0)
-        variance = float(np.mean(np.einsum("kd,de,ke->k", slope, self.fit.covariance, slope)))
-        return float(np.var(level)) / max(variance, 1e-12)
-
-    @cached_property
-    def effects(self) -> Effects:
-        """Predicted random effects of the fields (patches) in the measured pixels."""
-        ground = self.ground
-        residual = ground.cells.mean(ground.values_db - self.levels_db(ground.incidence_deg))
-        return patch_effects(residual, ground.sampling, ground.cells.patch, self.spread)
 
 
 def limited(ground: Ground, member: NDArray[np.int64]) -> Ground:
@@ -160,11 +125,9 @@ def law_prior(ground: Ground, method: Method) -> CurvePrior | None:
     return CurvePrior(method.law, *level) if method.priors and method.law.has_curve else None
 
 
-def ground_residuals(
-    ground: Ground, classes: Classes, method: Method, spread: Spread, forward: Forward | None = None
-) -> Residuals:
+def ground_residuals(ground: Ground, classes: Classes, method: Method, spread: Spread) -> Residuals:
     """Function from X and looks to the residuals of one material, without those of the priors."""
-    simulate = forward or LawForward(method.law, classes.nodes_deg, method.looks)
+    simulate = LawForward(method.law, classes.nodes_deg, method.looks)
     misfit = method.misfit.of(ground, classes, method, spread)
     return lambda x, looks: misfit(x, looks, simulate(x))
 
@@ -176,12 +139,6 @@ def _fitted(
     residuals, prior = ground_residuals(ground, classes, method, spread), curve_prior(ground, method)
     fit = fit_law(residuals, method.bounds, method.looks, method.free_looks, start, prior)
     return GroundLaw(ground, method, classes, spread, fit)
-
-
-def refit(found: GroundLaw, ground: Ground) -> GroundLaw:
-    """Law fitted to other pixels, starting at the X and looks of ``found`` and with its spread."""
-    classes, start = bins_of(ground, found.method.classes), (found.fit.parameters, found.fit.looks)
-    return _fitted(ground, found.method, classes, found.spread, start)
 
 
 def fit_grounds(

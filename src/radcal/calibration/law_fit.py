@@ -60,7 +60,6 @@ def fit_law(
     free_looks: bool = True,
     start: tuple[ArrayLike, float] | None = None,
     prior: Residuals = lambda *_: np.empty(0),
-    moves: bool = True,
 ) -> LawFit:
     """Minimise the sum of squared residuals over X and the effective looks.
 
@@ -81,8 +80,6 @@ def fit_law(
         or, without a start, those of the sensor.
     prior : callable, optional
         Function from X and looks to residuals of the priors, which are minimised with ``residuals``.
-    moves : bool
-        Whether the sum is minimised; if false, the result has the X and looks of the start, with their covariance.
 
     Returns
     -------
@@ -112,7 +109,7 @@ def fit_law(
         starts = list(distant(ranked, _STARTS))
     best: Any = None
     for unit in starts:
-        found = least_squares(each, unit, np.zeros_like(low), np.ones_like(low), _TOLERANCE, _CALLS if moves else 1)
+        found = least_squares(each, unit, np.zeros_like(low), np.ones_like(low), _TOLERANCE, _CALLS)
         agree = best is not None and abs(found.cost - best.cost) < _SAME_COST
         if best is None or found.cost < best.cost:
             best = found
@@ -127,5 +124,4 @@ def fit_law(
     inside = slice(len(low))
     covariance[inside, inside] = np.linalg.inv(known + data.T @ data) * np.multiply.outer(width, width)
     information[inside, inside] = known / np.multiply.outer(width, width)
-    place = at(best.x) if moves or start is None else (np.asarray(start[0], dtype=np.float64), start[1])
-    return LawFit(*place, float(best.cost), covariance, information)
+    return LawFit(*at(best.x), float(best.cost), covariance, information)

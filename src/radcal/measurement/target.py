@@ -168,9 +168,6 @@ class Targets(dict[str, Target]):
         Equivalent number of looks of the measured image's homogeneous areas; NaN if unknown.
     further : sequence of Targets
         Targets of the second and later passes, which may lack a material.
-    other_fields : mapping, optional
-        Log likelihood of the standard deviations between and within the fields of each material that is not calibrated,
-        on the grid of both (:func:`radcal.measurement.field_spread.spread_table`).
     """
 
     def __init__(
@@ -179,10 +176,8 @@ class Targets(dict[str, Target]):
         levels: Levels | None = None,
         looks: float = float("nan"),
         further: Sequence[Targets] = (),
-        other_fields: Mapping[str, NDArray[np.float64]] | None = None,
     ) -> None:
         super().__init__(targets)
-        self.other_fields = dict(other_fields or {})
         self.further = tuple(further)
         self.levels = levels or Levels()
         self.looks = looks
@@ -255,13 +250,12 @@ class _Stored:
     materials: Mapping[str, Target]
     levels: Levels
     looks: float
-    other_fields: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
 def write_targets(path: str | Path, targets: Targets) -> None:
     """Write the targets of all materials, and the level normalisation of both images, to HDF5, atomically."""
     with write_hdf5(path, "target") as file:
-        put(file, _Stored(targets, targets.levels, targets.looks, targets.other_fields))
+        put(file, _Stored(targets, targets.levels, targets.looks))
 
 
 def read_targets(*paths: str | Path) -> Targets:
@@ -272,4 +266,4 @@ def read_targets(*paths: str | Path) -> Targets:
             found.append(take(file, _Stored))
     further = [Targets(stored.materials, stored.levels, stored.looks) for stored in found[1:]]
     first = found[0]
-    return Targets(first.materials, first.levels, first.looks, further, first.other_fields)
+    return Targets(first.materials, first.levels, first.looks, further)

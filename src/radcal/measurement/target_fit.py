@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from radcal import skewnormal
 from radcal.config import BuiltinSimulation, Radar, TargetConfig, Validation, stages
 from radcal.errors import MeasurementError
-from radcal.measurement.classes import class_of, incidence_edges, winsorised
 from radcal.measurement.correlation import estimate_correlation
-from radcal.measurement.field_spread import spread_table
 from radcal.measurement.goodness import goodness_of_fit
 from radcal.measurement.ground import Blocks, Ground
 from radcal.measurement.levels import Levels, image_levels, offset_levels
@@ -247,36 +245,7 @@ def make_targets(
         targets,
         levels,
         looks.looks if looks is not None else float("nan"),
-        other_fields={} if partly else _other_fields(case, geometry, registered, flags, scene),
     )
-
-
-def _other_fields(
-    case: stages.Target,
-    geometry: Geometry,
-    registered: Registered,
-    flags: Mapping[str, NDArray[np.bool_]],
-    scene: Scene | None,
-) -> dict[str, NDArray[np.float64]]:
-    """Log likelihood of the variation of fields of each material that is not calibrated and has enough pixels."""
-    image_db, found = registered.measurement.image_db, {}
-    block = Blocks.of(None, geometry.shape[0]).parts_of(np.arange(image_db.size), geometry.shape[1])
-    for name in geometry.names:
-        if name in case.calibrated:
-            continue
-        try:
-            eligible = eligible_pixels(
-                name, geometry, registered.measurement, case.target, registered.uncertainty_px, flags
-            )
-        except MeasurementError:
-            continue
-        rng = derived_rng(case.seed, "fields", name)
-        size = min(case.target.pixels, eligible.pixels.size)
-        drawn = np.sort(rng.choice(eligible.pixels, size=size, replace=False))
-        ground = _ground(drawn, geometry, registered.measurement, None, fields_of(name, geometry, scene), block)
-        member = class_of(ground.incidence_deg, incidence_edges(ground.incidence_deg, "auto"))
-        found[name] = spread_table([replace(ground, values_db=winsorised(ground.values_db, member))])
-    return found
 
 
 def fields_of(name: str, geometry: Geometry, scene: Scene | None) -> NDArray[np.int64]:

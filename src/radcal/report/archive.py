@@ -13,7 +13,6 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.law_check import LawCheck
 from radcal.assessment.posterior import Image, Posterior
 from radcal.findings import Finding, from_json
 from radcal.radar.laws import Law, law_for
@@ -147,7 +146,8 @@ class MaterialResult:
     calibrated_db: Annotated[Doubles, About("target's pixels in the calibrated run", _UNIT, "p")]
     fresh_db: Annotated[Doubles, About("target's pixels in the calibrated run with another seed", _UNIT, "p")]
     level_only: Annotated[bool, About("material is seen at one incidence: only its level can be determined")]
-    check: Annotated[LawCheck, About("looks of the calibrated law, and levels of the bins")]
+    best_looks: Annotated[float, About("effective number of looks with which the best run fits the target")]
+    incidence_error_deg: Annotated[float, About("standard error assumed for the local incidence; 0 for none", "deg")]
     final_dp: Annotated[Doubles, About("xi, omega and alpha (no unit) of the calibrated run", _UNIT, "3")]
     fresh_dp: Annotated[
         Doubles, About("xi, omega and alpha (no unit) of the calibrated run with another seed", _UNIT, "3")
@@ -250,17 +250,14 @@ class LevelSummary:
 
 @dataclass(frozen=True)
 class PassLaw:
-    """Law of a material over the incidence of one pass (:class:`radcal.assessment.passes.PassLaw`)."""
+    """Law of a material over the incidence of one pass, from 5 to 95 % of the pixels of its target."""
 
     low_deg: Annotated[float, About("5 % quantile of the local incidence of the target's pixels", "deg")]
     high_deg: Annotated[float, About("95 % quantile of the local incidence of the target's pixels", "deg")]
     rms: Annotated[float, About("rms difference of the best run's density from the target's in this pass", _DENSITY)]
-    sd_first_db: Annotated[
-        float,
-        About("largest standard deviation of the law over the pass's incidence, by pass 1 alone; NaN if unknown", "dB"),
-    ]
-    sd_all_db: Annotated[
-        float, About("largest standard deviation of the law over the pass's incidence, by all passes", "dB")
+    half_width_db: Annotated[
+        float | None,
+        About("largest half-width of the 90 % band of sigma0 over the pass's incidence; absent without a curve", "dB"),
     ]
     pixels: Annotated[int, About("number of the target's pixels")]
     difference_db: Annotated[

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.cells import STEP_DEG
 from radcal.assessment.posterior import Curve
 from radcal.radar.laws import Law
 from radcal.report.archive import Archive, MaterialResult
@@ -222,10 +223,11 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
         f"Backscatter against local incidence. Shaded, thick: {shaded} deg, where 90 % of the material's pixels lie "
         f"{histogram}; outside, every law is an extrapolation.{_of_band(case, name)}{remark}"
     )
-    if material.check.class_deg.size:
+    if material.posterior is not None and material.posterior.points is not None:
         caption += (
-            " Dots, with bars of 95 %: level with which the law of the search would give the simulated pixels of each "
-            "incidence-angle bin the mean of the measured ones."
+            f" Dots, with bars of 95 %: mean level of the measured cells in each {STEP_DEG:g} deg of incidence, less "
+            "the level of the image and what the simulator adds to its law (area of the ground, noise, other ground); "
+            "the bars hold speckle and the effects of fields and cells."
         )
     return canvas, caption, f"Backscatter laws of {name} in dB against local incidence in degrees."
 
@@ -278,8 +280,8 @@ def _curves(
     seen: Sequence[Array],
     angles: Array,
 ) -> None:
-    """Draw bands and laws, with thick lines at each pass's angles [deg], and the bins' levels."""
-    check, posterior = material.check, material.posterior
+    """Draw bands and laws, with thick lines at each pass's angles [deg], and the measured levels."""
+    posterior = material.posterior
     if posterior is not None and posterior.curve is not None:
         _bands(axes, posterior.curve, angles)
         if (known := posterior.known_between_deg) is not None:
@@ -292,10 +294,10 @@ def _curves(
         for k, there in enumerate(seen):
             named = label if k == 0 else None
             axes.plot(there, curve(np.radians(there), x), label=named, **style | {"linewidth": 2.6})
-    if check.class_deg.size:
+    if posterior is not None and (points := posterior.points) is not None:
         axes.errorbar(
-            check.class_deg, check.class_db, 1.96 * check.class_error_db, color="black", linestyle="none",
-            marker="o", markersize=4.5, elinewidth=1.2, zorder=4, label="levels of bins, 95 %",
+            points.incidence_deg, points.level_db, 1.96 * points.error_db, color="black", linestyle="none",
+            marker="o", markersize=4.5, elinewidth=1.2, zorder=4, label="measured levels, 95 %",
         )  # fmt: skip
     axes.margins(x=0)
     if axes.get_ylim()[0] < _GRAZING_DB:  # a law that falls steeply at grazing incidence would flatten all other curves

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, fields, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, replace
 from importlib.metadata import version
 from typing import Any
 
@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.conclusion import Conclusion
-from radcal.assessment.passes import pass_laws
-from radcal.calibration.history import History, Run
+from radcal.assessment.posterior import Image, Posterior
+from radcal.calibration.history import History, Run, Score
 from radcal.calibration.objectives import OBJECTIVES
 from radcal.config import Material, Radar, Stop, stages
 from radcal.config.sections import FURTHER
 from radcal.findings import to_json
 from radcal.measurement.levels import Levels, without_level
 from radcal.measurement.registration import Registered
-from radcal.measurement.target import Targets
+from radcal.measurement.target import Target, Targets
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import EXTERNAL, FORMULA, Law
 from radcal.report.archive import (
@@ -61,6 +61,7 @@ def gather(
     registered: Registered,
     targets: Targets,
     conclusion: Conclusion,
+    image: Image,
     passes: Sequence[Registered] = (),
     final: Sequence[Record] = (),
 ) -> Archive:
@@ -81,7 +82,9 @@ def gather(
     targets : Targets
         Targets of the calibrated materials.
     conclusion : Conclusion
-        Decision on the end of the search, checks of the laws, and final runs.
+        Decision on the end of the search, posteriors, findings, and final runs.
+    image : Image
+        What the fixed materials say.
     passes : sequence of Registered
         Registered measured images of all passes.
     final : sequence of Record
@@ -116,7 +119,7 @@ def gather(
         runs=_runs(history),
         registration=_registration(registered),
         levels=_levels(targets.levels),
-        image=conclusion.image,
+        image=image,
         findings=to_json(conclusion.findings),
         scene=_scene(scene),
         laws={name: _law(parameters[name], item, case.radar) for name, item in case.materials.items()},
@@ -128,7 +131,7 @@ def gather(
             )
             for name in targets
         },
-        passes=_passes(case, history, targets, passes, final) if targets.further else None,
+        passes=_passes(case, history, targets, conclusion.posteriors, passes, final) if targets.further else None,
         images=Images(
             # figures compare whole images in dB, after subtraction of the assumed level
             measured_db=without_level(measurement.image_db, targets.levels),
@@ -168,11 +171,11 @@ def _passes(
     case: stages.Archive,
     history: History,
     targets: Targets,
+    posteriors: Mapping[str, Posterior],
     images: Sequence[Registered],
     final: Sequence[Record],
 ) -> dict[str, PassSummary]:
     """Summaries of the passes of a case, by the number of the pass from 1."""
-    laws = pass_laws(case, targets, history)
     found = {}
     known = {key for run in history.runs for key in (run.key, *run.further_keys)}
     for k, (one, registered, target) in enumerate(zip(case.passes, images, targets.passes, strict=True)):
@@ -193,20 +196,36 @@ def _passes(
             keys=np.array(keys),
             final_runs=len(new),
             materials={
-                name: PassLaw(
-                    **asdict(law),
-                    pixels=target[name].pixels.size,
-                    difference_db=_difference_db(
-                        one.laws[name],
-                        history.best(name).scores[name].parameters,
-                        registered.measurement.hidden.get(name),
-                        target[name].incidence_deg,
-                    ),
+                name: _pass_law(
+                    k,
+                    one.laws[name],
+                    history.best(name).scores[name],
+                    target[name],
+                    posteriors.get(name),
+                    registered.measurement.hidden.get(name),
                 )
-                for name, law in laws[k].items()
+                for name in targets
+                if name in target
             },
         )
     return found
+
+
+def _pass_law(
+    k: int, law: Law, score: Score, target: Target, posterior: Posterior | None, hidden: Sequence[float] | None
+) -> PassLaw:
+    """Law of a material over the incidence of the pass ``k`` (from 0), and density of its best run there."""
+    low, high = (float(end) for end in np.quantile(target.incidence_deg.astype(np.float64), [0.05, 0.95]))
+    density = score.further[k - 1] if k else score
+    curve = None if posterior is None else posterior.curve
+    return PassLaw(
+        low_deg=low,
+        high_deg=high,
+        rms=float("nan") if density is None else density.rms,
+        half_width_db=None if curve is None else float(curve.half_widths_over(low, high).max()),
+        pixels=target.pixels.size,
+        difference_db=_difference_db(law, score.parameters, hidden, target.incidence_deg),
+    )
 
 
 def _difference_db(
@@ -298,8 +317,8 @@ def _material(
 ) -> MaterialResult:
     """Target and results of a calibrated material."""
     runs, target, material = history.runs, targets[name], case.materials[name]
-    verdict, check, found = conclusion.decision.materials[name], conclusion.checks[name], conclusion.materials[name]
-    fit, of_classes = target.goodness, target.classes is not None
+    verdict, found = conclusion.decision.materials[name], conclusion.materials[name]
+    fit, classes = target.goodness, target.classes
     unknown = [np.nan] * len(material.parameter_names)
     proposals = [run.proposals[name] for run in history.infill]
     scores = [run.scores[name] for run in runs]
@@ -337,15 +356,16 @@ def _material(
         calibrated_db=found.calibrated,
         fresh_db=found.fresh,
         level_only=targets.level_only(name),
-        check=check,
+        best_looks=history.best(name).scores[name].looks,
+        incidence_error_deg=0.0 if classes is None else classes.incidence_error_deg,
         final_dp=found.calibrated_dp,
         fresh_dp=found.fresh_dp,
-        predicted_rms=_numbers(None if of_classes else proposal.cost for proposal in proposals),
-        floor_rms=_numbers(None if of_classes else proposal.floor for proposal in proposals),
+        predicted_rms=_numbers(None if classes else proposal.cost for proposal in proposals),
+        floor_rms=_numbers(None if classes else proposal.floor for proposal in proposals),
         mode=tuple(proposal.mode for proposal in proposals),
         hidden=None if hidden is None else np.array(hidden),
-        cost=_numbers(score.cost if score.own_law else None for score in scores) if of_classes else None,
-        run_looks=_numbers(score.looks if score.own_law else None for score in scores) if of_classes else None,
+        cost=_numbers(score.cost if score.own_law else None for score in scores) if classes else None,
+        run_looks=_numbers(score.looks if score.own_law else None for score in scores) if classes else None,
         fidelity=_fidelity(history.infill, name),
     )
 

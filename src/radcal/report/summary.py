@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
-from radcal.assessment.posterior import HeldOut
+from radcal.assessment.posterior import HeldOut, Posterior
 from radcal.config import stages
 from radcal.findings import Finding
 from radcal.report.archive import Archive, MaterialResult, PassSummary, RegistrationSummary
@@ -133,7 +133,7 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
         "identified": None if curve is None else known.known_between_deg is not None,
         "known_between_deg": None if known.known_between_deg is None else list(known.known_between_deg),
         "sigma0_curve": None if curve is None else {key: values.tolist() for key, values in vars(curve).items()},
-        "levels": [dict(vars(level)) for level in known.levels()] if material.level_only else None,
+        "levels": _levels(known) if material.level_only else None,
         "parameters_p05": named(known.parameters_p05),
         "parameters_p95": named(known.parameters_p95),
         "parameters_model": None if known.parameters_model is None else named(known.parameters_model),
@@ -161,6 +161,14 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
     }
 
 
+def _levels(known: Posterior) -> list[dict[str, float]]:
+    """Sigma0 at the middle incidence of each pass; empty for a law without a curve."""
+    if known.curve is None:
+        return []
+    keys = ("incidence_deg", "p05_db", "median_db", "p95_db")
+    return [dict(zip(keys, map(float, (deg, *known.curve.at(deg))), strict=True)) for deg in known.middles_deg]
+
+
 def _validation(held: HeldOut) -> dict[str, Any]:
     """Errors of the predictions of held-out cells."""
     return {
@@ -181,7 +189,7 @@ def _theta(dp: NDArray[np.float64]) -> dict[str, float]:
     return dict(zip(("xi", "omega", "alpha"), map(float, dp), strict=True))
 
 
-def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: float) -> dict[str, Any]:
+def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: float, nominal: float) -> dict[str, Any]:
     best, rms, x = material.best, material.rms, material.parameters.values
     dp, target = material.dp[best], material.target_dp
     # a reference run with another law is never within the tolerance
@@ -194,9 +202,9 @@ def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: f
         "start_law": material.start.law,
         "stop_reason": material.reason,
         "sentence": material.sentence,
-        "looks": material.check.looks,
-        "looks_nominal": material.check.looks_nominal,
-        "incidence_error_deg": material.check.incidence_error_deg,
+        "looks": material.best_looks,
+        "looks_nominal": nominal,
+        "incidence_error_deg": material.incidence_error_deg,
         **_posterior(material),
         "fits": material.fits,
         "level_only": material.level_only,
@@ -332,7 +340,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "versions": json.loads(archive.versions),
         "materials": {
             name: {
-                **_material(material, np.isin(kinds, ("design", "infill")), archive.tolerance),
+                **_material(material, np.isin(kinds, ("design", "infill")), archive.tolerance, archive.looks),
                 "verdict": verdict(name, archive.found),
             }
             for name, material in archive.materials.items()

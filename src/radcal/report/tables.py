@@ -60,19 +60,16 @@ def law_rows(archive: Archive) -> Iterator[Sequence[Any]]:
             continue
         posterior = material.posterior
         curve = None if posterior is None else posterior.curve
-        degrees, levels = np.arange(91.0) if curve is None else curve.incidence_deg, []
-        if posterior is not None and material.level_only:
-            levels = [level.incidence_deg for level in posterior.levels()]
+        degrees, levels = np.arange(91.0) if curve is None else curve.incidence_deg, np.empty(0)
+        if posterior is not None and curve is not None and material.level_only:
+            levels = posterior.middles_deg
             degrees = np.union1d(degrees, levels)
-        bands: list[NDArray[np.float64]] = [np.full(degrees.shape, np.nan)] * 3
-        if curve is not None:
-            each = (curve.median_db, curve.p05_db, curve.p95_db)
-            bands = [np.interp(degrees, curve.incidence_deg, values) for values in each]
+        low_db, median_db, high_db = np.full((3, degrees.size), np.nan) if curve is None else curve.at(degrees)
         low, high = _known(material)
         known = (degrees >= low) & (degrees <= high)
         each_x = (archive.laws[name].values, _model(material))
         laws = [np.asarray(law(np.radians(degrees), x)) for x in each_x]
-        for row in zip(degrees, *bands, known, *laws, np.isin(degrees, levels), strict=True):
+        for row in zip(degrees, median_db, low_db, high_db, known, *laws, np.isin(degrees, levels), strict=True):
             yield (name, *row)
 
 
@@ -107,7 +104,7 @@ def parameter_rows(archive: Archive) -> Iterator[Sequence[Any]]:
             strict=True,
         )
         for row in each:
-            yield (name, material.law, *row, material.check.looks, material.fits, *_known(material))
+            yield (name, material.law, *row, material.best_looks, material.fits, *_known(material))
 
 
 def _model(material: MaterialResult) -> NDArray[np.float64]:

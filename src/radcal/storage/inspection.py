@@ -29,9 +29,9 @@ SCHEMAS: Mapping[str, int] = {
     "target": 6,
     "surrogate": 6,
     "posterior": 3,
-    "image": 1,
+    "image": 2,
     "run": 2,
-    "calibration": 5,
+    "calibration": 6,
 }
 """Schema version of the layout of each kind of HDF5 file, by the name of the kind."""
 

@@ -25,13 +25,25 @@ import h5py
 from pydantic import TypeAdapter, ValidationError
 
 from radcal.errors import ConfigError, StoreError
+from radcal.storage.dataclass_groups import put, take
 from radcal.storage.disclosure import disclosed
 from radcal.storage.files import atomic, first_difference
 from radcal.storage.inspection import SCHEMAS, check_case, inspect, inspect_file, set_aside, unreachable
 from radcal.storage.provenance import origin
 from radcal.storage.sealing import BLOCK, Fault, header
 
-__all__ = ["REPLACE", "from_json", "keep_finished", "read_hdf5", "read_json", "understood", "write_hdf5", "write_json"]
+__all__ = [
+    "REPLACE",
+    "from_json",
+    "keep_finished",
+    "read_hdf5",
+    "read_item",
+    "read_json",
+    "understood",
+    "write_hdf5",
+    "write_item",
+    "write_json",
+]
 
 T = TypeVar("T")
 
@@ -307,3 +319,15 @@ def from_json(kind: type[T], data: Mapping[str, Any], path: str | Path) -> T:
 def _adapters(kind: Any) -> dict[str, TypeAdapter[Any]]:
     """Checks of the types of a dataclass's fields, by name."""
     return {name: TypeAdapter(hint) for name, hint in typing.get_type_hints(kind).items()}
+
+
+def write_item(path: str | Path, kind: str, item: Any) -> None:
+    """Write a dataclass to an HDF5 file of a kind, atomically."""
+    with write_hdf5(path, kind) as file:
+        put(file, item)
+
+
+def read_item(path: str | Path, kind: str, cls: type[T]) -> T:
+    """Read what :func:`write_item` wrote; raises the errors of :func:`.read_hdf5`."""
+    with read_hdf5(path, kind) as file:
+        return take(file, cls)

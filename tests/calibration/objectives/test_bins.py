@@ -12,7 +12,7 @@ from calibration_samples import BOUNDS, TRUTH, make_material, make_score
 from radcal.calibration.expected import LawForward
 from radcal.calibration.loop import calibrate
 from radcal.calibration.misfit import LikelihoodMisfit
-from radcal.calibration.moments import from_cumulants, to_cumulants
+from radcal.calibration.moments import from_cumulants
 from radcal.calibration.objectives import make_objectives
 from radcal.calibration.objectives.bins import Bins, Likelihood
 from radcal.calibration.objectives.objective import Points
@@ -39,19 +39,14 @@ def objectives(parts):
     return make_objectives(case, targets)
 
 
-def laws_are_right(objectives, history):
-    """Within three standard errors of their own, which are small enough to mean something."""
+def laws_are_right(history):
+    """Shape and mean level within 1 dB."""
     angle = np.linspace(21.5, 43.5, 40)
     for name, truth in TRUTH.items():
         score = history.best(name).scores[name]
         error = MANGIA(np.radians(angle), score.parameters) - MANGIA(np.radians(angle), truth)
         # a single patch says nothing of how its level differs from that of others, the shape is its own
-        law = objectives[name].law(score)
-        slopes = law.slopes(angle)
-        shape = slopes - slopes.mean(axis=0)
-        sd = np.sqrt(np.einsum("kd,de,ke->k", shape, law.fit.covariance, shape))
-        assert sd.max() < 1.0, name
-        assert (np.abs(error - error.mean()) < 3.0 * sd).all(), name
+        assert np.abs(error - error.mean()).max() < 1.0, name
         assert abs(error.mean()) < 1.0, name
 
 
@@ -61,7 +56,7 @@ def test_it_settles_on_the_laws_in_a_few_runs(objectives, calibrated):
     assert decision.reason == "settled"
     assert decision.converged
     assert len(history.infill) <= 5
-    laws_are_right(objectives, history)
+    laws_are_right(history)
 
 
 @pytest.mark.parametrize(
@@ -311,45 +306,6 @@ def test_a_target_without_bins_ends_in_a_sentence(parts):
         Bins(make_material(replace(targets["field"], classes=None), BOUNDS, MANGIA))
 
 
-def test_the_law_of_a_run_passes_through_what_its_bins_show(objectives):
-    """Its correction is what they hold besides law and speckle, less the scatter of the run's own speckle."""
-    objective = objectives["field"]
-    x = np.array(TRUTH["field"])
-    statistics = objective.baseline(x) + [1.5, 0.0, 0.0]
-    law = objective.law(make_score(0.0, list(x), looks=3.0, statistics=statistics.tolist()))
-    law_alone = LawForward(MANGIA, objective.bins.classes.nodes_deg, 4.0)(x)[:, 0]
-    wanted = to_cumulants(statistics)[:, 0] - law_alone
-    np.testing.assert_allclose(law.correction_db, wanted, atol=0.05)
-    np.testing.assert_array_equal(law.fit.parameters, x)
-    assert law.fit.looks == 3.0
-
-
-def test_of_a_correction_that_differs_from_bin_to_bin_the_speckle_of_the_run_is_taken_off(objectives):
-    """The share of its variance that speckle explains, averaged over the run's four draws."""
-    objective = objectives["field"]
-    x = np.array(TRUTH["field"])
-    alone = from_cumulants(LawForward(MANGIA, objective.bins.classes.nodes_deg, 4.0)(x))
-    measured = objective.bins.classes.effective * (1.0 + 1.0 / 4.0)
-    noise = np.mean(np.exp(alone[:, 1]) ** 2 / (4.0 * measured))
-    for size in (3.0 * np.sqrt(noise), 1.5 * np.sqrt(noise), 0.5 * np.sqrt(noise)):
-        shift = np.array([size, 0.0, -size])
-        statistics = alone + np.stack([0.8 + shift, np.zeros(3), np.zeros(3)], axis=-1)
-        law = objective.law(make_score(0.0, list(x), looks=3.0, statistics=statistics.tolist()))
-        kept = max(0.0, 1.0 - noise / (size**2 * 2.0 / 3.0))
-        np.testing.assert_allclose(law.correction_db, 0.8 + kept * shift, atol=1e-9)
-
-
-def test_what_a_run_shows_besides_the_law_is_kept_at_other_parameters(objectives):
-    objective = objectives["field"]
-    x, other, more = np.array(TRUTH["field"]), np.array(TRUTH["lake"]), np.array([0.7, -0.1, 0.2])
-    score = make_score(0.0, list(x), looks=3.0, statistics=(objective.baseline(x) + more).tolist())
-    evidence = objective.evidence(score)
-    for at in (x, other):
-        found = evidence(at, 2.5)
-        shown = Points((objective.baseline(at) + more)[None], at[None], np.array([2.5]))
-        np.testing.assert_allclose(found, objective.residuals(shown)[0, : found.size], rtol=1e-9)
-
-
 @pytest.mark.slow
 def test_the_likelihood_of_the_pixels_finds_the_laws_too(parts, tmp_path):
     """The objective that knows nothing of patches, through the same loop and the same targets."""
@@ -361,7 +317,7 @@ def test_the_likelihood_of_the_pixels_finds_the_laws_too(parts, tmp_path):
     objectives = make_objectives(case, targets)
     assert all(objective.misfit is LikelihoodMisfit for objective in objectives.values())
     assert decision.reason == "settled"
-    laws_are_right(objectives, history)
+    laws_are_right(history)
     # texture of the one, none of the other
     assert history.best("lake").scores["lake"].looks == pytest.approx(2.5, rel=0.2)
     assert history.best("field").scores["field"].looks > 3.0

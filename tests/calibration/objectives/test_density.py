@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from calibration_samples import BOUNDS, TRUTH, make_material, make_score, make_target
+from calibration_samples import BOUNDS, TRUTH, make_material, make_target
 
 from radcal import skewnormal
 from radcal.calibration.misfit import drawn
@@ -120,16 +118,3 @@ def test_one_run_of_another_level_is_followed_everywhere(density):
     found = Surrogate(train_surrogate(density, X[None], run(X)[None], SurrogateConfig()), density)
     other = np.array(TRUTH["lake"])
     np.testing.assert_allclose(found.predict(found.unit(other))[0], run(other), atol=1e-9)
-
-
-def test_the_law_of_a_run_has_its_mean(density):
-    statistics = density.baseline(X) + [1.5, 0.0, 0.0]
-    law = density.law(make_score(0.0, list(X), statistics=statistics.tolist()))
-    np.testing.assert_allclose(law.correction_db, 1.5, atol=0.01)  # quantiles of 64 angles and of 24
-    np.testing.assert_array_equal(law.fit.parameters, X)
-    assert law.fit.looks == 4.0
-    mean = law.levels_db(density.material.target.incidence_deg).mean()
-    assert mean == pytest.approx(statistics[0, 0], abs=0.05)
-    assert replace(law, correction_db=None).levels_db([40.0])[0] == pytest.approx(
-        law.levels_db([40.0])[0] - 1.5, abs=0.01
-    )

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from radcal.assessment.passes import law_sd_db, pass_laws
 from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.history import (
     Front,
@@ -167,43 +166,6 @@ def test_a_run_is_scored_in_all_passes(found, tmp_path):
     write_runs(tmp_path / "runs.json", [run, alone[0]])
     assert read_runs([tmp_path / "runs.json"]).runs == (run, alone[0])
     assert (tmp_path / "runs.json").read_text().count("further_keys") == 1
-
-
-def test_the_law_is_known_better_from_both_passes(found):
-    _, _, _, objectives, run = found
-    joint, score_ = objectives["field"], run.scores["field"]
-    first = joint.passes[0]
-    fits = [first.law(joint.in_pass(0, score_)).fit, joint.law_in(0, score_).fit]
-    seen = np.radians([22.0, 38.0, 58.0])
-    alone, both = (law_sd_db(first.material.law, first.material.box, fit, seen) for fit in fits)
-    assert (both < alone).all()
-    assert both[2] < 0.8 * alone[2]  # only the second pass has seen 58 degrees
-    other = joint.law_in(1, score_)
-    np.testing.assert_array_equal(other.fit.covariance, fits[1].covariance)
-    assert other.ground.incidence_deg.min() > 34.0
-    # by hand, from the derivatives of X1 + X2 cos(phi) + X3 exp(-X4 phi^2)
-    slopes = np.stack([np.ones(3), np.cos(seen), np.exp(-4.0 * seen**2), -10.0 * seen**2 * np.exp(-4.0 * seen**2)], -1)
-    wanted = np.sqrt(np.einsum("kd,de,ke->k", slopes, fits[1].covariance[:4, :4], slopes))
-    np.testing.assert_allclose(both, wanted, rtol=1e-5)
-
-
-def test_what_each_pass_adds(found):
-    """Incidence seen, density, and the largest standard deviation of the law there, by one pass and by all."""
-    case, targets, _, objectives, run = found
-    joint, score_ = objectives["field"], run.scores["field"]
-    fits = [joint.passes[0].law(joint.in_pass(0, score_)).fit, joint.law_in(0, score_).fit]
-    laws = pass_laws(case, targets, History([run]))
-    assert [sorted(each) for each in laws] == [["field", "lake"], ["field"]]
-    rms = [score_.rms, score_.further[0].rms]
-    for number, (one, target) in enumerate(zip(laws, targets.passes, strict=True)):
-        law, ends = one["field"], np.quantile(target["field"].incidence_deg, [0.05, 0.95])
-        assert (law.low_deg, law.high_deg) == pytest.approx(ends, abs=0.01)
-        assert law.rms == rms[number]
-        angles = np.radians(np.linspace(*ends, 400))
-        first, both = (law_sd_db(joint.material.law, joint.material.box, fit, angles).max() for fit in fits)
-        assert (law.sd_first_db, law.sd_all_db) == pytest.approx((first, both), rel=0.01)
-        assert both < first
-    assert rms[0] != rms[1]
 
 
 def test_the_front_of_two_passes_is_kept(found, tmp_path):

@@ -9,10 +9,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.calibration.expected import Forward, LawForward
-from radcal.calibration.grounds import GroundLaw, curve_prior, ground_residuals, law_prior, limited
-from radcal.calibration.history import History, Score
-from radcal.calibration.law_fit import Residuals, fit_law
+from radcal.calibration.expected import LawForward
+from radcal.calibration.grounds import curve_prior, law_prior, limited
+from radcal.calibration.history import History
 from radcal.calibration.misfit import BinMisfit, LikelihoodMisfit, Method, Misfit
 from radcal.calibration.moments import from_cumulants, to_cumulants
 from radcal.calibration.objectives.objective import (
@@ -121,36 +120,6 @@ class Bins(Objective):
     def leaves_open(floor: float, best: float) -> bool:
         """Whether the floor is more than 0.05 below the best verified cost."""
         return best - floor > _EXPLORED
-
-    def _simulated(self, score: Score) -> Forward:
-        """Function from X to the cumulants of each bin: baseline plus the difference between run and baseline."""
-        x, statistics, baseline = np.asarray(score.parameters), np.asarray(score.statistics), self.baseline
-        if baseline is None:
-            return lambda _: to_cumulants(statistics)
-        discrepancy = statistics - baseline(x)
-        return lambda at: to_cumulants(baseline(at) + discrepancy)
-
-    def evidence(self, score: Score) -> Residuals:
-        """Function from X and looks to residuals; for a law without a curve, they do not depend on X."""
-        return ground_residuals(self.ground, self.bins.classes, self.method, self.bins.spread, self._simulated(score))
-
-    def moment_residuals(self, score: Score) -> Residuals:
-        """Function from X and looks to residuals of mean, log sd and skewness, also if another misfit is minimised."""
-        simulated = self._simulated(score)
-        return lambda x, looks: self.moments(x, looks, simulated(x))
-
-    def law(self, score: Score, residuals: Residuals | None = None) -> GroundLaw:
-        """Law of a run with its uncertainty; its correction is the run's mean minus the law's mean in each bin."""
-        x, statistics = np.asarray(score.parameters, dtype=np.float64), np.asarray(score.statistics)
-        classes, method, free_looks = self.bins.classes, self.method, self.method.free_looks
-        found = residuals or self.evidence(score)
-        fit = fit_law(found, method.bounds, method.looks, free_looks, (x, score.looks), self._prior, False)
-        correction = statistics[:, 0] - LawForward(method.law, classes.nodes_deg, method.looks)(x)[:, 0]
-        # the run's own speckle causes a part of the differences between bins, which is removed
-        common = correction.mean()
-        noise = float(np.mean(np.exp(2.0 * statistics[:, 1]) / ((1.0 + self.bins.draws) * classes.effective)))
-        correction = common + max(0.0, 1.0 - noise / max(float(np.var(correction)), 1e-12)) * (correction - common)
-        return GroundLaw(self.ground, method, classes, self.bins.spread, fit, correction)
 
     @classmethod
     def ending(cls, progress: Progress, stop: Stop) -> Verdict | None:

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from radcal import skewnormal
 from radcal.calibration.expected import LawForward
-from radcal.calibration.grounds import GroundLaw, bins_of
-from radcal.calibration.history import History, Proposal, Score
-from radcal.calibration.law_fit import Residuals, fit_law
-from radcal.calibration.misfit import BinMisfit, Method, drawn
+from radcal.calibration.grounds import bins_of
+from radcal.calibration.history import History, Proposal
+from radcal.calibration.misfit import Method, drawn
 from radcal.calibration.moments import from_cumulants, from_dp, to_dp
 from radcal.calibration.objectives.objective import (
     Compared,
@@ -25,16 +24,13 @@ from radcal.calibration.objectives.objective import (
     Verdict,
     run_count,
 )
-from radcal.calibration.priors import looks_residuals
 from radcal.config import Stop
 from radcal.measurement.classes import Classes
-from radcal.measurement.patches import Spread
 
 __all__ = ["UNREACHABLE_SHARE", "Density"]
 
 UNREACHABLE_SHARE = 0.9  # share of the best verified rms; with a floor above it, no X is clearly better
 _PROMISING_SHARE = 0.5
-_ALONE = Spread(0.8, 0.4)  # [dB], in place of an estimate from all materials together
 _GRID = 200  # points on which the search compares densities; the score uses 1,000
 _NODES = 64  # incidence angles that represent the pixels
 _OF_SAMPLING = 1.0 / 3.0  # share of the sampling error; an rms below it adds at most a ninth to the variance
@@ -77,16 +73,11 @@ class Density(Objective):
         """Standard errors of mean, log sd and skewness of n normal values, times sqrt(n), shape (1, 3)."""
         return np.array([[np.exp(self._target[1]), np.sqrt(0.5), np.sqrt(6.0)]])
 
-    @cached_property
-    def of_fields(self) -> BinMisfit:
-        """Misfit of one bin that contains all pixels."""
-        # the simulated pixels have their own speckle, which adds to the variance of the difference
-        return BinMisfit.of(self.material.target.ground, self._classes.compared(1), self._method, _ALONE)
-
     def compared(self) -> Compared:
         """Measured pixels and the centred parameters of their density."""
-        ground, classes = self.material.target.ground, self.of_fields.classes
-        return Compared(ground, classes, self._method, self._target[None], None)
+        # the simulated pixels have their own speckle, which adds to the variance of the difference
+        ground = self.material.target.ground
+        return Compared(ground, self._classes.compared(1), self._method, self._target[None], None)
 
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
         """Mean [dB], log sd and skewness of the density fitted to the pixels, shape (1, 3)."""
@@ -124,27 +115,6 @@ class Density(Objective):
     def together(self, costs: Doubles) -> Doubles:
         """Root mean square of the costs of several passes."""
         return np.asarray(np.sqrt(np.mean(costs**2, axis=0)))
-
-    def evidence(self, score: Score) -> Residuals:
-        """Function from X and looks to residuals of mean, log sd and skewness, with all pixels as one bin."""
-        # the simulated pixels have their own speckle, and there may be texture, which changes looks and skewness
-        simulate = LawForward(self.material.law, self._classes.nodes_deg, self.material.looks)
-        return lambda x, looks: self.of_fields(x, looks, simulate(x))
-
-    def law(self, score: Score, residuals: Residuals | None = None) -> GroundLaw:
-        """Law of a run, with the uncertainty that the density of all pixels leaves."""
-        m, x = self.material, np.asarray(score.parameters, dtype=np.float64)
-        ground, method, classes = m.target.ground, self._method, self._classes
-        fit = fit_law(
-            residuals or self.evidence(score),
-            m.box,
-            m.looks,
-            start=(x, m.looks),
-            prior=lambda _, looks: looks_residuals(looks, m.looks),
-            moves=False,
-        )
-        correction = np.array([score.statistics[0][0]]) - LawForward(m.law, classes.nodes_deg, m.looks)(x)[:, 0]
-        return GroundLaw(ground, method, classes, _ALONE, fit, correction)
 
     @classmethod
     def ending_before_infill(cls, name: str, best: float, stop: Stop) -> Verdict | None:

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.calibration.grounds import GroundLaw
 from radcal.calibration.history import Score
 from radcal.calibration.objectives.objective import Comparison, Doubles, Objective, Points
 from radcal.calibration.shared_fields import SharedFields
@@ -50,9 +49,7 @@ class Joint(Comparison):
         self._ends = np.cumsum([len(part.scale) for part in self._parts])[:-1]
         fields = [part.of_fields for part in self._parts]
         shown = [one for one in fields if one is not None]
-        self._fields = SharedFields(shown) if len(shown) == len(fields) else None
-        # an objective without bins minimises other residuals than those of its evidence, so that fields are not shared
-        self._minimised = self._fields if first.misfit is not None else None
+        self._minimised = SharedFields(shown) if len(shown) == len(fields) else None
 
     def _back(self, part: Objective, looks: float) -> float:
         """Effective looks in the first pass of a material that has ``looks`` in the pass of ``part``."""
@@ -135,20 +132,6 @@ class Joint(Comparison):
             looks=self._there(part, score.looks),
             further=[],
         )
-
-    def law_in(self, number: int, score: Score) -> GroundLaw:
-        """Law of a run for the pixels of one pass, with its uncertainty from all passes."""
-        each = [(one, one.evidence(self.in_pass(k, score))) for k, one in enumerate(self.passes) if one is not None]
-
-        def residuals(x: Doubles, looks: float) -> Doubles:
-            found = [evidence(x, self._there(one, looks)) for one, evidence in each]
-            return np.concatenate(found) if self._fields is None else self._fields.residuals(found)
-
-        joined = self.first.law(self.in_pass(0, score), residuals)
-        part = self.passes[number]
-        assert part is not None  # noqa: S101
-        own = part.law(self.in_pass(number, score))
-        return replace(own, fit=replace(joined.fit, looks=own.fit.looks))
 
     def moved_db(self, first: ArrayLike, second: ArrayLike) -> float | None:
         """Largest difference of two laws over the incidence of all passes [dB]; None for a law without a curve."""

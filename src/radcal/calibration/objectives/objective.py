@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.expected import LawForward
-from radcal.calibration.grounds import GroundLaw
 from radcal.calibration.history import History, Proposal, Score
-from radcal.calibration.law_fit import LOOKS, Residuals
+from radcal.calibration.law_fit import LOOKS
 from radcal.calibration.misfit import BinMisfit, Method, Misfit
 from radcal.calibration.priors import CurvePrior
 from radcal.config import Stop
@@ -273,10 +272,6 @@ class Comparison(ABC):
         """Largest difference of the laws of two X over the incidence seen [dB]; None for a law without a curve."""
 
     @abstractmethod
-    def law_in(self, number: int, score: Score) -> GroundLaw:
-        """Law of a run for the pixels of the pass ``number`` (from 0), with its uncertainty from all passes."""
-
-    @abstractmethod
     def in_pass(self, number: int, score: Score) -> Score:
         """Score of the pass ``number`` (from 0) alone: statistics, density and looks."""
 
@@ -312,17 +307,6 @@ class Objective(Comparison):
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
         """Statistics of a run's values [dB] at all pixels of the target, or at those in ``pixels``, shape (n, 3)."""
 
-    @abstractmethod
-    def law(self, score: Score, residuals: Residuals | None = None) -> GroundLaw:
-        """Law of a run with its uncertainty, for predictions of other ground; only for a law with a curve.
-
-        ``residuals``, if given, come from all passes and replace those of :meth:`evidence`.
-        """
-
-    @abstractmethod
-    def evidence(self, score: Score) -> Residuals:
-        """Function from X and looks to this pass's residuals without priors; it keeps the run's discrepancy."""
-
     @property
     def moments(self) -> BinMisfit | None:
         """Misfit of mean, log sd and skewness of the measured bins; None without bins."""
@@ -330,16 +314,8 @@ class Objective(Comparison):
 
     @property
     def of_fields(self) -> BinMisfit | None:
-        """Misfit that gives the residuals of :meth:`evidence`, if it includes effects of fields; otherwise None."""
+        """Misfit that is minimised, if it includes effects of fields; otherwise None."""
         return None
-
-    def moment_residuals(self, score: Score) -> Residuals:
-        """Function from X and looks to residuals of :attr:`moments`; it keeps the run's discrepancy."""
-        return self.evidence(score)
-
-    def law_in(self, number: int, score: Score) -> GroundLaw:
-        """Law of a run with its uncertainty, for the pixels of the single pass."""
-        return self.law(score)
 
     def in_pass(self, number: int, score: Score) -> Score:
         """Score without change, because the objective has a single pass."""

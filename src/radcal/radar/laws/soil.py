@@ -32,9 +32,9 @@ def oh1992(
     ----------
     phi_rad : array_like
         Local incidence angle [rad], any shape. The cosine of the angle is limited to at least 1e-6.
-    parameters : array_like, shape (3,)
+    parameters : array_like, shape (3,) or (3, m)
         Relative permittivity of the soil, real part and (positive) imaginary part, and rms height
-        of its surface [cm].
+        of its surface [cm]: one set, or m sets if the last axis of ``phi_rad`` has the length 1.
     frequency_ghz : float
         Carrier frequency [GHz].
     polarisation : {'HH', 'HV', 'VH', 'VV'}
@@ -43,7 +43,7 @@ def oh1992(
     Returns
     -------
     ndarray
-        sigma0 [dB], shape of ``phi_rad``.
+        sigma0 [dB], shape of ``phi_rad``; for m sets of parameters, the last axis has the length m.
 
     References
     ----------
@@ -51,6 +51,10 @@ def oh1992(
     surfaces", IEEE Trans. Geosci. Remote Sens. 30 (1992) 370-381; the law is also the model PRISM-1 in Ulaby and Long,
     "Microwave Radar and Radiometric Remote Sensing" (2014), section 10-5.
     """
+    if np.ndim(parameters) > 1:  # numbers and arrays differ in the last digit of powers: each set has that of numbers
+        sets = np.transpose(parameters)
+        each = [oh1992(phi_rad, x, frequency_ghz=frequency_ghz, polarisation=polarisation) for x in sets]
+        return np.concatenate(each, axis=-1)
     phi = np.clip(np.asarray(phi_rad, dtype=np.float64), 0.0, 0.5 * np.pi)
     real, imaginary, height_cm = (float(x) for x in np.asarray(parameters, dtype=np.float64))
     permittivity = complex(real, -imaginary)
