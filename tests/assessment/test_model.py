@@ -6,11 +6,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from assessment_samples import LINE, LINE_X, line_db, made_cells, seen_cells
+from assessment_samples import LINE, LINE_BOX, LINE_X, line_db, made_cells, made_image, seen_cells
 
 from radcal.assessment import model
-from radcal.assessment.cells import with_noise_db
-from radcal.assessment.model import image_of
+from radcal.assessment.cells import CellMeans, with_noise_db
+from radcal.assessment.fixed_laws import common_of
+from radcal.assessment.model import image_of, posterior_of
+from radcal.assessment.radiometry import Radiometry
 from radcal.config import Uncertainty
 from radcal.radar.laws import external_law
 
@@ -122,3 +124,98 @@ def test_a_wrong_incidence_bends_the_law_by_its_share_of_the_variance():
 
 def replace_classes(target, error_deg):
     return SimpleNamespace(**{**vars(target), "classes": SimpleNamespace(incidence_error_deg=error_deg)})
+
+
+def test_the_mean_area_of_a_pass_without_cells_is_zero():
+    cells = made_cells([-7.0, -9.0], [30.0, 40.0], area_db=np.array([1.0, -0.5]), pixels=np.array([30, 10]))
+    assert model._mean_areas([{}, {"a": cells}]) == pytest.approx([0.0, 0.625])
+    image, common = image_of(case_of(declared=("sigma0_ref", "sigma0_local")), [*images((0.0,)), {}])
+    assert image.levels_db.shape == (2, 3)
+    assert np.isfinite(common.mean).all()
+    assert image.radiometry["2"].materials == ()
+
+
+def known_case(monkeypatch, passes=1):
+    """Case, targets and history of a material with the law :data:`LINE`, seen at 28 to 46 degrees in all passes."""
+    best = LINE_X + [0.7, -1.5]
+    objective = SimpleNamespace(
+        material=SimpleNamespace(box=LINE_BOX, integer=np.zeros(2, bool)),
+        passes=[SimpleNamespace(compared=lambda: SimpleNamespace(prior=None))] * passes,
+    )
+    monkeypatch.setattr(model, "make_objectives", lambda case, targets: {"dyke": objective})
+    score = SimpleNamespace(scores={"dyke": SimpleNamespace(parameters=best)})
+    one = SimpleNamespace(incidence_deg=np.linspace(28.0, 46.0, 60).astype(np.float32), classes=None)
+    targets = SimpleNamespace(passes=[{"dyke": one}] * passes, level_only=lambda name: False)
+    case = SimpleNamespace(
+        passes=[SimpleNamespace(laws={"dyke": LINE})] * passes,
+        target=SimpleNamespace(normalisation="none"),
+        uncertainty=BRIEF,
+        validation=None,
+        seed=5,
+    )
+    return SimpleNamespace(case=case, targets=targets, history=SimpleNamespace(best=lambda name: score), best=best)
+
+
+def posterior(known, cells):
+    """Posterior of the dyke without fixed materials."""
+    radiometry = {str(k): Radiometry(float("nan"), float("inf"), 0, ()) for k in range(1, len(cells) + 1)}
+    common = common_of({}, [0.0] * len(cells), known.case.uncertainty, False, 1)
+    image = made_image(radiometry=radiometry)
+    return posterior_of(known.case, known.targets, known.history, "dyke", cells, image, common)
+
+
+def test_a_material_without_cells_has_its_bounds_and_a_finding(monkeypatch):
+    """The calibrated material has a target in both passes, and no cell in either."""
+    known = known_case(monkeypatch, passes=2)
+    found = posterior(known, [{}, {}])
+    assert (found.cells, found.curve, found.draws, found.known_between_deg) == (0, None, None, None)
+    np.testing.assert_allclose(found.parameters_p05, [-28.0, -38.0])
+    np.testing.assert_allclose(found.parameters_p95, [8.0, -2.0])
+    np.testing.assert_allclose(found.seen_deg, [[28.9, 45.1]] * 2, atol=0.05)
+
+
+def test_cells_of_a_pass_without_a_target_are_left_out(monkeypatch):
+    known = known_case(monkeypatch, passes=2)
+    known.targets.passes[1] = {}
+    cells = seen_cells(np.random.default_rng(5), 40)
+    assert posterior(known, [{}, {"dyke": cells}]).cells == 0
+    assert posterior(known, [{}, {"dyke": cells}]).seen_deg.shape == (1, 2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_pass_without_cells_leaves_the_band_of_the_other(order, monkeypatch):
+    known = known_case(monkeypatch, passes=2)
+    found = posterior(known, [{"dyke": seen_cells(np.random.default_rng(5), 60)}, {}][::order])
+    assert found.cells == 60
+    assert np.isfinite(found.curve.half_width_db).all()
+    assert found.curve.half_width_db[37] < 2.5
+
+
+def test_a_law_without_a_curve_takes_the_bins_of_its_passes(monkeypatch):
+    """The first pass has bins and no cells, the second cells and no target: means and weights stay in line."""
+    bins = [np.array([[29.0, 31.0], [39.0, 41.0]]), None, np.array([[33.0, 35.0], [43.0, 45.0], [47.0, 49.0]])]
+    passes = [
+        None if one is None else SimpleNamespace(compared=lambda one=one: SimpleNamespace(classes=one))
+        for one in (None if nodes is None else SimpleNamespace(nodes_deg=nodes) for nodes in bins)
+    ]
+    objective = SimpleNamespace(
+        material=SimpleNamespace(box=[[0.0, 2.0]], integer=np.zeros(1, bool)), passes=passes
+    )  # fmt: skip
+    surrogate = SimpleNamespace(
+        unit=lambda x: x / 2.0,
+        snapped=lambda unit: unit,
+        predict=lambda unit: (2.0 * unit[..., None, :] * np.arange(1.0, 6.0)[:, None]) * [1.0, 9.0, 9.0],
+        error=lambda unit: np.tile([0.3, 9.0], (len(unit), 1)),
+    )
+    monkeypatch.setattr(model, "train_all", lambda *_: {"dyke": None})
+    monkeypatch.setattr(model, "Surrogate", lambda *_: surrogate)
+    cells = made_cells(np.zeros(3), [34.2, 48.5, 43.0])
+    of = SimpleNamespace(cells=[CellMeans.none(), CellMeans.none(), cells], size=3)
+    history = SimpleNamespace(surprise=lambda name: 0.0)
+    parameters, weights, knots = model._without_curve(None, of, objective, history, np.array([0.5]), "dyke")
+    np.testing.assert_allclose(knots, [30.0, 40.0, 34.0, 44.0, 48.0])
+    np.testing.assert_allclose(weights @ knots, [34.0, 48.0, 44.0])
+    # the mean of bin k is k X
+    np.testing.assert_allclose(parameters.levels(np.array([[0.5], [1.5]])) @ weights.T, [[0.0] * 3, [3.0, 5.0, 4.0]])
+    np.testing.assert_allclose(parameters.error(np.array([[0.5], [1.5]])), [0.3, 0.3])

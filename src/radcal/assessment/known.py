@@ -99,6 +99,8 @@ def material_findings(
 def _state(case: stages.Archive, name: str, posterior: Posterior, targets: Targets, refused: bool) -> Finding:
     """Finding that says at which incidence sigma0 of a material is determined, and how well."""
     curve = posterior.curve
+    if not posterior.cells:
+        return Finding("without_cells", "warning", name)
     if curve is None:
         return Finding("parameters_only", "note", name)
     if targets.level_only(name):

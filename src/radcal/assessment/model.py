@@ -18,7 +18,7 @@ from radcal.assessment.form_error import form_error, noticed_db
 from radcal.assessment.posterior import FieldCheck, FormError, HeldOut, Image, Posterior
 from radcal.assessment.prediction import field_check, left_out
 from radcal.assessment.radiometry import Radiometry, radiometry_of
-from radcal.assessment.summary import Form, summary, with_band
+from radcal.assessment.summary import Form, summary, with_band, without_cells
 from radcal.calibration.history import History
 from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.calibration.steps import train_all
@@ -60,9 +60,10 @@ def _observed(name: str, cells: Cells, laws: Sequence[Law], x: Sequence[float], 
 
 
 def _mean_areas(cells: Cells) -> list[float]:
-    """Mean area of the ground in the cells of each pass [dB]."""
-    each = [[np.concatenate([getattr(c, key) for c in one.values()]) for key in ("area_db", "pixels")] for one in cells]
-    return [float(np.average(area, weights=pixels)) for area, pixels in each]
+    """Mean area of the ground in the cells of each pass [dB]; 0 in a pass without cells."""
+    each = [[np.concatenate([getattr(c, key) for c in one.values()]) for key in ("area_db", "pixels")] if one else None
+            for one in cells]  # fmt: skip
+    return [0.0 if one is None else float(np.average(one[0], weights=one[1])) for one in each]
 
 
 def image_of(case: stages.Posterior, cells: Cells) -> tuple[Image, Common]:
@@ -115,6 +116,8 @@ def posterior_of(
 ) -> Posterior:
     """Posterior of one material's law, given what the fixed materials say.
 
+    Without cells in the passes in which the material has a target, the posterior holds the bounds of X alone.
+
     Parameters
     ----------
     case : stages.Posterior
@@ -134,7 +137,16 @@ def posterior_of(
     best = np.asarray(history.best(name).scores[name].parameters, dtype=np.float64)
     laws = [one.laws[name] for one in case.passes]
     areas = [one.found for one in image.radiometry.values()]
-    observed = _observed(name, cells, laws, best.tolist(), areas)
+    seen = [
+        (float(low), float(high))
+        for one in targets.passes
+        if name in one
+        for low, high in [np.quantile(one[name].incidence_deg.astype(np.float64), [0.05, 0.95])]
+    ]
+    own = [one if name in target else {} for one, target in zip(cells, targets.passes, strict=True)]
+    observed = _observed(name, own, laws, best.tolist(), areas)
+    if not observed.size:
+        return without_cells(objective.material.box, seen)
     if laws[0].has_curve:
         parameters, weights, knots = _with_curve(observed, objective, laws, best, _attenuation(targets, name))
     else:
@@ -144,12 +156,6 @@ def posterior_of(
     form = Form(observed.together("incidence_deg")) if curved and not targets.level_only(name) else None
     forms = np.zeros((observed.size, FORMS)) if form is None else form.columns(observed.together("incidence_deg"))
     flattening = _flattening(observed, _attenuation(targets, name), case.uncertainty.incidence_error)
-    seen = [
-        (float(low), float(high))
-        for one in targets.passes
-        if name in one
-        for low, high in [np.quantile(one[name].incidence_deg.astype(np.float64), [0.05, 0.95])]
-    ]
     with threadpool_limits(1):
         seed = derived_seed(case.seed, "posterior", name)
         whole = LawModel(observed, weights, parameters, forms, flattening, common, _mean_areas(cells), case.uncertainty)
@@ -226,7 +232,7 @@ def _with_noise(curves: Curves, rad: Doubles, noise_db: Doubles, x: Doubles) -> 
 def _diagonal(blocks: Sequence[Doubles]) -> Doubles:
     from scipy.linalg import block_diag
 
-    return np.asarray(block_diag(*[block for block in blocks if block.size]))
+    return np.asarray(block_diag(*blocks))
 
 
 def _without_curve(
@@ -236,7 +242,7 @@ def _without_curve(
     surrogate = Surrogate(train_all(history, case, {name: objective})[name], objective, history.surprise(name))
     middles, blocks = [], []
     for own, part in zip(observed.cells, objective.passes, strict=True):
-        if part is None or not own.size:
+        if part is None:  # without a target, and so without cells
             continue
         classes = part.compared().classes
         middle = classes.nodes_deg.mean(axis=1)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radcal.assessment.calibrated import FORMS, Draws, Parameters
 from radcal.assessment.curves import GRID_DEG, NORMAL_90, PER_DEG
@@ -14,7 +14,7 @@ from radcal.assessment.fixed_laws import Observed, form_basis
 from radcal.assessment.posterior import WHOLE_DEG, Curve, FormError, KeptDraws, Posterior, known_between
 from radcal.radar.laws import Law
 
-__all__ = ["Form", "summary", "with_band"]
+__all__ = ["Form", "summary", "with_band", "without_cells"]
 
 Doubles = NDArray[np.float64]
 
@@ -79,6 +79,16 @@ def summary(
         seen_deg=np.array(seen),
         form=error,
         draws=KeptDraws(**{key: value[some] for key, value in vars(every).items()}),
+    )
+
+
+def without_cells(box: ArrayLike, seen: Sequence[tuple[float, float]]) -> Posterior:
+    """Posterior of a law of which no cell was seen: quantiles of its X in the bounds, shape (d, 2), and no band."""
+    bounds, unknown = np.asarray(box, dtype=np.float64), np.full(3, np.nan)
+    low, middle, high = (bounds @ [1.0 - share, share] for share in _QUANTILES)
+    nothing = float("nan")
+    return Posterior(
+        True, nothing, nothing, 0, 0, 0, low, middle, high, nothing, unknown, unknown, seen_deg=np.array(seen)
     )
 
 
