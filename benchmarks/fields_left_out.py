@@ -114,13 +114,15 @@ def image(name: str, draws: range) -> dict[str, Any]:
                 if not counts.any():
                     continue
                 found = left_out(model, np.where(kept, -1, 0), seed)
+                if found is None:
+                    continue
                 found = found.part((found.incidence_deg >= low) & (found.incidence_deg <= high))
-                each = [found.rmse_db(f"{which}_db") for which in ("constant", "law", "predicted")]
+                each = [found.rmse_db(by) for by in (found.constant, found.law, found.predicted)]
                 rows.append(each)
-                inside.append((found.coverage_90, found.patch.size))
+                inside.append((found.coverage_90(found.predicted), found.patch.size))
                 print(
                     f"{seed:4} {half:4} {material:11} {np.unique(model.patch[kept]).size:6} {found.patch.size:5} "
-                    f"{each[0]:8.2f} {each[1]:6.2f} {each[2]:11.2f} {found.coverage_90:7.2f}",
+                    f"{each[0]:8.2f} {each[1]:6.2f} {each[2]:11.2f} {inside[-1][0]:7.2f}",
                     flush=True,
                 )
     constant, law, recommended = np.array(rows).T

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.assessment.calibrated import FORMS, LawModel, Parameters
 from radcal.assessment.cells import CellMeans
 from radcal.assessment.fixed_laws import Common, Observed, form_basis
-from radcal.assessment.posterior import Curve, FormError, Image, Posterior
+from radcal.assessment.posterior import Curve, FormError, HeldOut, Image, Posterior, Predicted
 from radcal.assessment.radiometry import Radiometry
 from radcal.config import Uncertainty
 from radcal.radar.laws import Law, law_for
@@ -110,6 +110,13 @@ def made_posterior(**changes: Any) -> Posterior:
         **changes,
     }
     return Posterior(**keys)
+
+
+def held_cells() -> HeldOut:
+    """Three cells of two fields, of which the bands of law, constant and their average hold one, three and two."""
+    law = Predicted(np.array([-9.0, -10.0, -11.0]), np.array([-9.5, -11.0, -12.0]), np.array([-8.5, -9.0, -10.0]))
+    constant = Predicted(np.full(3, -13.0), np.full(3, -14.6), np.full(3, -9.0))
+    return HeldOut(np.array([4, 7, 7]), np.array([25.0, 30.0, 40.0]), np.array([-9.6, -10.5, -14.5]), law, constant)
 
 
 def made_form(**changes: Any) -> FormError:

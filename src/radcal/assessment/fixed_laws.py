@@ -76,6 +76,12 @@ class Observed:
         return np.concatenate([getattr(one, name) for one in self.cells])
 
     @property
+    def of_noise_db(self) -> Doubles:
+        """Rise of the simulated mean of each cell by the noise [dB]."""
+        each = [with_noise_db(law, one.noise_db) - law for law, one in zip(self.law_db, self.cells, strict=True)]
+        return np.concatenate(each)
+
+    @property
     def above_db(self) -> Doubles:
         """Measured minus simulated mean of each cell [dB]."""
         law = [with_noise_db(law, one.noise_db) for law, one in zip(self.law_db, self.cells, strict=True)]

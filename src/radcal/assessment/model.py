@@ -15,8 +15,8 @@ from radcal.assessment.cells import CellMeans, with_noise_db
 from radcal.assessment.curves import Curves
 from radcal.assessment.fixed_laws import Common, Observed, common_of
 from radcal.assessment.form_error import form_error, noticed_db
-from radcal.assessment.posterior import FieldCheck, FormError, HeldOut, Image, Posterior
-from radcal.assessment.prediction import field_check, left_out
+from radcal.assessment.posterior import FormError, HeldOut, Image, Posterior
+from radcal.assessment.prediction import constant_of, field_check, left_out
 from radcal.assessment.radiometry import Radiometry, radiometry_of
 from radcal.assessment.summary import Form, summary, with_band, without_cells
 from radcal.calibration.history import History
@@ -160,29 +160,31 @@ def posterior_of(
         seed = derived_seed(case.seed, "posterior", name)
         whole = LawModel(observed, weights, parameters, forms, flattening, common, _mean_areas(cells), case.uncertainty)
         kept = observed.together("fold") == 0
-        holds_out = case.validation is not None and case.validation.holds_out and np.count_nonzero(kept) >= _FEWEST
-        model = whole.part(kept, case.uncertainty) if holds_out else whole
+        if case.validation is None or not case.validation.holds_out or np.count_nonzero(kept) < _FEWEST:
+            kept = np.ones_like(kept)
+        model = whole if kept.all() else whole.part(kept, case.uncertainty)
         draws = model.drawn(seed, best)
         error = None if form is None else _form_error(model, draws, form, knots, seen)
         held, fields = _left_out(case.validation, whole, model, seed) if curved and case.validation else (None, None)
+        level = constant_of(model.measured_db - observed.of_noise_db[kept], model.variance, model.patch)
     found = replace(summary(observed, draws, form, seen, error), held=held, left_out=fields)
     if not curved:
         return found
+    found = replace(found, constant=level)
     known_db = None if targets.level_only(name) else case.uncertainty.known_db
     return with_band(found, laws[0], draws, form, parameters, known_db)
 
 
 def _left_out(
     validation: Validation, whole: LawModel, model: LawModel, seed: int
-) -> tuple[HeldOut | None, FieldCheck | None]:
+) -> tuple[HeldOut | None, HeldOut | None]:
     """Predictions of held-out ground, and of whole fields of the calibrated ground, each from the other cells."""
     fold = whole.observed.together("fold")
     if validation.keep == "fields":
         fold = np.unique(whole.patch, return_inverse=True)[1] % _FOLDS
     elif validation.holds_out:
         fold = np.where(fold == 1, 1, -1)
-    held = left_out(whole, fold, seed)
-    return held if held.patch.size else None, field_check(model, seed)
+    return left_out(whole, fold, seed), field_check(model, seed)
 
 
 def _with_curve(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from radcal.assessment.cells import DB
 from radcal.assessment.curves import GRID_DEG
-from radcal.assessment.posterior import Posterior
+from radcal.assessment.posterior import Constant, Posterior, Predicted
+from radcal.assessment.prediction import predict
 from radcal.assessment.preposterior import Sight, sight_of
 from radcal.config import Case, Material, TargetConfig, Uncertainty, stages
 from radcal.errors import ConfigError, StoreError
@@ -43,7 +44,6 @@ COLUMNS = (
     "pass", "material", "incidence_from_deg", "incidence_to_deg", "incidence_deg", "pixels", "known", "predicted_db",
     "p05_db", "p95_db", "measured_db", "inside",
 )  # fmt: skip
-_QUANTILES = [0.05, 0.5, 0.95]
 
 
 def with_laws(archive: Archive, source: Mapping[str, Any], other: stages.Forward) -> stages.Forward:
@@ -120,6 +120,27 @@ def predictive_db(
     return np.asarray(means - simulated + (np.linalg.cholesky(errors) @ deviates)[..., 0])
 
 
+def by_constant_db(
+    constant: Constant, looks: float, law: Law, start: Sequence[float], sight: Sight, config: Uncertainty
+) -> tuple[Doubles, Doubles]:
+    """Measured minus simulated means of the bins of a pass by a constant level, and standard errors [dB], (n,) each.
+
+    Parameters
+    ----------
+    constant : Constant
+        Constant level of the material.
+    looks : float
+        Effective looks of the measured pixels inside of the cells.
+    law, start, sight, config
+        As in :func:`predictive_db`.
+    """
+    level = sight.means_db(np.full((1, GRID_DEG.size), constant.mean_db))[0]
+    simulated = sight.means_db(np.asarray(law(np.radians(GRID_DEG), start))[None])[0]
+    spread = np.array(constant.between_db), np.array(constant.within_db)
+    errors = sight.covariance(*spread, 0.5 * looks, config, level)
+    return level - simulated, np.sqrt(np.diagonal(errors) + constant.variance)
+
+
 def bin_levels_db(sight: Sight, image_db: Doubles) -> Doubles:
     """Mean of each bin [dB], shape (n,): mean power of the part of each cell inside of it, averaged in dB over pixels.
 
@@ -144,7 +165,7 @@ def predictions(
     posterior: Posterior,
     sight: Sight,
     simulated_db: Doubles,
-    moved_db: Doubles,
+    moved: Predicted,
     measured_db: Doubles | None = None,
 ) -> Iterator[Prediction]:
     """Predicted level of a material in each incidence-angle bin of a pass, with the measured one.
@@ -159,20 +180,20 @@ def predictions(
         Usable pixels of the material in the pass, in n bins.
     simulated_db : ndarray, shape (p,)
         Simulated pixels [dB].
-    moved_db : ndarray, shape (m, n)
-        Result of :func:`predictive_db`.
+    moved : Predicted
+        Predicted measured minus simulated means of the bins.
     measured_db : ndarray, shape (p,), optional
         Measured pixels [dB]; NaN for a pixel without a measured value.
     """
     member = class_of(sight.incidence_deg, sight.edges_deg)
-    quantiles = bin_levels_db(sight, simulated_db) + np.quantile(moved_db, _QUANTILES, axis=0)
+    levels = bin_levels_db(sight, simulated_db) + np.stack([moved.mean_db, moved.p05_db, moved.p95_db])
     nothing = np.full(sight.incidence_deg.size, np.nan)
     measured = bin_levels_db(sight, nothing if measured_db is None else measured_db)
-    for k, (low, middle, high) in enumerate(quantiles.T.tolist()):
+    for k, (mean, low, high) in enumerate(levels.T.tolist()):
         angle = float(sight.incidence_deg[member == k].mean())
         edges = (float(sight.edges_deg[k]), float(sight.edges_deg[k + 1]))
         pixels, known = int((member == k).sum()), _known(posterior, angle)
-        yield Prediction(name, edges, angle, pixels, known, middle, low, high, float(measured[k]))
+        yield Prediction(name, edges, angle, pixels, known, mean, low, high, float(measured[k]))
 
 
 def _known(posterior: Posterior, angle_deg: float) -> str:
@@ -241,19 +262,19 @@ def apply(
         files += _images(out, number, other.passes[number - 1], scene, one)
         with understood(folder / "calibration.h5"):
             rows += [(number, row) for row in _of_pass(archive, config, changed, number, one)]
+    shared = [name for name in archive.materials if name in other.materials]
+    few = list(_few_pixels(archive, shared, {one.material for _, one in rows}))
     rows, left_out = where_seen(archive, rows)
-    lines += left_out
-    if not rows and left_out:
-        raise ConfigError(f"{folder}: nothing can be predicted of {other.case}: {' '.join(left_out)}")
+    said = [*left_out, *few, *doubts(shared, archive.found)]
     if not rows:
-        raise ConfigError(f"{folder}: no calibrated material with a band in dB has 50 usable pixels in {other.case}.")
+        raise ConfigError(f"{folder}: nothing can be predicted of {other.case}: {' '.join(said)}")
     files += [out / "predictions.csv", out / "predictions.png"]
     write_csv(files[-2], COLUMNS, map(_cells, rows))
     draw_predictions(files[-1], [row for _, row in rows], archive.case, other.case)
     return [
         *_table(rows, len(passes) > 1),
         *lines,
-        *doubts({one.material for _, one in rows}, archive.found),
+        *said,
         *_conclusion(rows),
         *map(str, files),
     ]
@@ -296,6 +317,14 @@ def where_seen(
     ]
 
 
+def _few_pixels(archive: Archive, names: Iterable[str], predicted: Collection[str]) -> Iterator[str]:
+    """Sentences on materials that could be predicted, but have too few pixels in each pass."""
+    for name in names:
+        posterior = archive.materials[name].posterior
+        if name not in predicted and posterior is not None and posterior.constant is not None:
+            yield f"{name}: not predicted, because no pass has 50 usable pixels of it."
+
+
 def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: Path, own: Path) -> _Pass:
     """Measured image of a pass, registered as in the results folder ``own`` of its case or onto the predicted image."""
     if case is None:
@@ -332,7 +361,7 @@ def _of_pass(
     uncertainty = Uncertainty.model_validate(config["uncertainty"])
     for name, material in archive.materials.items():
         posterior = material.posterior
-        if name not in changed.materials or posterior is None or posterior.draws is None or posterior.curve is None:
+        if name not in changed.materials or posterior is None or posterior.constant is None:
             continue
         sight = sight_of(name, one.geometry, case.radar, margin_px)
         if sight is None:
@@ -340,7 +369,11 @@ def _of_pass(
         simulated = one.predicted_db.ravel()[sight.pixels].astype(np.float64)
         values = None if one.measured_db is None else one.measured_db.ravel()[sight.pixels].astype(np.float64)
         start, rng = changed.materials[name].start_parameters, derived_rng(changed.seed, "apply", name)
-        moved = predictive_db(posterior, case.laws[name], start, sight, uncertainty, rng)
+        law, constant = case.laws[name], posterior.constant
+        moved = predict(
+            predictive_db(posterior, law, start, sight, uncertainty, rng),
+            *by_constant_db(constant, posterior.looks, law, start, sight, uncertainty),
+        )
         yield from predictions(name, posterior, sight, simulated, moved, values)
 
 
@@ -370,7 +403,7 @@ def _conclusion(rows: Sequence[tuple[int, Prediction]]) -> Iterator[str]:
         for known, where in (
             (KNOWN, "where sigma0 is determined"),
             (SEEN, "at angles that the calibration has seen, where sigma0 is not determined"),
-            (OUTSIDE, "at angles that the calibration has not seen (an extrapolation by the law's formula)"),
+            (OUTSIDE, "at angles that the calibration has not seen (an extrapolation)"),
         ):
             of = [one for _, one in rows if (one.material, one.known) == (name, known)]
             compared = [one for one in of if one.inside is not None]

@@ -146,7 +146,7 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
             "noticed_db": form.noticed_db,
         },
         "validation": None if known.held is None else _validation(known.held),
-        "fields_left_out": None if known.left_out is None else dict(vars(known.left_out)),
+        "fields_left_out": None if known.left_out is None else _validation(known.left_out),
         "posterior": {
             "known_half_width_db": known.known_half_width_db,
             "sampled": known.sampled,
@@ -162,14 +162,16 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
 
 
 def _validation(held: HeldOut) -> dict[str, Any]:
-    """Errors of the predictions of held-out cells."""
+    """Errors of the predictions of cells that were left out."""
     return {
         "n_cells": held.patch.size,
-        "n_fields": int(np.unique(held.patch).size),
-        "rmse_db": held.rmse_db(),
-        "rmse_law_db": held.rmse_db("law_db"),
-        "rmse_constant_db": held.rmse_db("constant_db"),
-        "coverage_90": held.coverage_90,
+        "n_fields": held.fields,
+        "rmse_db": held.rmse_db(held.predicted),
+        "rmse_law_db": held.rmse_db(held.law),
+        "rmse_constant_db": held.rmse_db(held.constant),
+        "coverage_90": held.coverage_90(held.predicted),
+        "coverage_law_90": held.coverage_90(held.law),
+        "coverage_constant_90": held.coverage_90(held.constant),
     }
 
 

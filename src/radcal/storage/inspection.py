@@ -28,10 +28,10 @@ SCHEMAS: Mapping[str, int] = {
     "registered": 2,
     "target": 6,
     "surrogate": 6,
-    "posterior": 3,
+    "posterior": 4,
     "image": 1,
     "run": 2,
-    "calibration": 5,
+    "calibration": 6,
 }
 """Schema version of the layout of each kind of HDF5 file, by the name of the kind."""
 
