@@ -123,16 +123,9 @@ def predictive_db(
 def by_constant_db(
     constant: Constant, looks: float, law: Law, start: Sequence[float], sight: Sight, config: Uncertainty
 ) -> tuple[Doubles, Doubles]:
-    """Measured minus simulated means of the bins of a pass by a constant level, and standard errors [dB], (n,) each.
+    """Measured minus simulated means of the bins by a constant level, and standard errors [dB], shape (n,) each.
 
-    Parameters
-    ----------
-    constant : Constant
-        Constant level of the material.
-    looks : float
-        Effective looks of the measured pixels inside of the cells.
-    law, start, sight, config
-        As in :func:`predictive_db`.
+    ``looks`` are those of the measured pixels inside of cells; for the rest see :func:`predictive_db`.
     """
     level = sight.means_db(np.full((1, GRID_DEG.size), constant.mean_db))[0]
     simulated = sight.means_db(np.asarray(law(np.radians(GRID_DEG), start))[None])[0]
@@ -263,21 +256,15 @@ def apply(
         with understood(folder / "calibration.h5"):
             rows += [(number, row) for row in _of_pass(archive, config, changed, number, one)]
     shared = [name for name in archive.materials if name in other.materials]
-    few = list(_few_pixels(archive, shared, {one.material for _, one in rows}))
+    said = [*_few_pixels(archive, shared, {one.material for _, one in rows}), *doubts(shared, archive.found)]
     rows, left_out = where_seen(archive, rows)
-    said = [*left_out, *few, *doubts(shared, archive.found)]
+    said += left_out
     if not rows:
         raise ConfigError(f"{folder}: nothing can be predicted of {other.case}: {' '.join(said)}")
     files += [out / "predictions.csv", out / "predictions.png"]
     write_csv(files[-2], COLUMNS, map(_cells, rows))
     draw_predictions(files[-1], [row for _, row in rows], archive.case, other.case)
-    return [
-        *_table(rows, len(passes) > 1),
-        *lines,
-        *said,
-        *_conclusion(rows),
-        *map(str, files),
-    ]
+    return [*_table(rows, len(passes) > 1), *lines, *said, *_conclusion(rows), *map(str, files)]
 
 
 def where_seen(
@@ -296,10 +283,8 @@ def where_seen(
 
     Returns
     -------
-    rows : list of (int, Prediction)
-        Predictions that are kept: all bins, except those of a material seen at one incidence that are too far from it.
-    left_out : list of str
-        One sentence for each material with bins that are left out.
+    rows, left_out : list of (int, Prediction), list of str
+        Predictions that are kept, and sentences.
     """
     kept, count = list[tuple[int, Prediction]](), dict[str, int]()
     for number, one in rows:
@@ -369,11 +354,9 @@ def _of_pass(
         simulated = one.predicted_db.ravel()[sight.pixels].astype(np.float64)
         values = None if one.measured_db is None else one.measured_db.ravel()[sight.pixels].astype(np.float64)
         start, rng = changed.materials[name].start_parameters, derived_rng(changed.seed, "apply", name)
-        law, constant = case.laws[name], posterior.constant
-        moved = predict(
-            predictive_db(posterior, law, start, sight, uncertainty, rng),
-            *by_constant_db(constant, posterior.looks, law, start, sight, uncertainty),
-        )
+        law = case.laws[name]
+        constant = by_constant_db(posterior.constant, posterior.looks, law, start, sight, uncertainty)
+        moved = predict(predictive_db(posterior, law, start, sight, uncertainty, rng), *constant)
         yield from predictions(name, posterior, sight, simulated, moved, values)
 
 
