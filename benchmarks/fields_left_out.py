@@ -33,6 +33,7 @@ from radcal.assessment.calibrated import FORMS, LawModel, Parameters
 from radcal.assessment.cells import CellMeans, Simulated, cell_means
 from radcal.assessment.curves import Curves
 from radcal.assessment.fixed_laws import Observed, common_of, form_basis
+from radcal.assessment.posterior import HeldOut, Predicted
 from radcal.assessment.prediction import left_out
 from radcal.calibration.priors import CurvePrior
 from radcal.config import Uncertainty
@@ -94,6 +95,12 @@ def half_of(patch: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.bo
     return np.isin(patch, fields[: (fields.size + int(rng.integers(2))) // 2])
 
 
+def part_of(held: HeldOut, mask: NDArray[np.bool_]) -> HeldOut:
+    """Cells of a mask."""
+    law, constant = (Predicted(*(each[mask] for each in vars(by).values())) for by in (held.law, held.constant))
+    return HeldOut(held.patch[mask], held.incidence_deg[mask], held.measured_db[mask], law, constant)
+
+
 def image(name: str, draws: range) -> dict[str, Any]:
     """Errors of all materials, halves and draws of one image."""
     grounds = flevoland_grounds(Path(os.environ["RADCAL_DATA"]) / "flevoland", name)
@@ -116,7 +123,7 @@ def image(name: str, draws: range) -> dict[str, Any]:
                 found = left_out(model, np.where(kept, -1, 0), seed)
                 if found is None:
                     continue
-                found = found.part((found.incidence_deg >= low) & (found.incidence_deg <= high))
+                found = part_of(found, (found.incidence_deg >= low) & (found.incidence_deg <= high))
                 each = [found.rmse_db(by) for by in (found.constant, found.law, found.predicted)]
                 rows.append(each)
                 inside.append((found.coverage_90(found.predicted), found.patch.size))

@@ -112,11 +112,12 @@ def made_posterior(**changes: Any) -> Posterior:
     return Posterior(**keys)
 
 
-def held_cells() -> HeldOut:
+def held_cells(cells: slice = slice(None)) -> HeldOut:
     """Three cells of two fields, of which the bands of law, constant and their average hold one, three and two."""
-    law = Predicted(np.array([-9.0, -10.0, -11.0]), np.array([-9.5, -11.0, -12.0]), np.array([-8.5, -9.0, -10.0]))
-    constant = Predicted(np.full(3, -13.0), np.full(3, -14.6), np.full(3, -9.0))
-    return HeldOut(np.array([4, 7, 7]), np.array([25.0, 30.0, 40.0]), np.array([-9.6, -10.5, -14.5]), law, constant)
+    law = np.array([[-9.0, -10.0, -11.0], [-9.5, -11.0, -12.0], [-8.5, -9.0, -10.0]])[:, cells]
+    constant = np.array([[-13.0] * 3, [-14.6] * 3, [-9.0] * 3])[:, cells]
+    own = np.array([4, 7, 7])[cells], np.array([25.0, 30.0, 40.0])[cells], np.array([-9.6, -10.5, -14.5])[cells]
+    return HeldOut(*own, Predicted(*law), Predicted(*constant))
 
 
 def made_form(**changes: Any) -> FormError:

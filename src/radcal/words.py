@@ -51,8 +51,7 @@ _TEXTS: Mapping[str, str] = {
     "withheld": "{about}: sigma0 is determined at no angle, because the image is refused",
     "level_only": "{about}: seen at one incidence, {incidence_deg:.1f} degrees, from which no law can be determined; "
     "sigma0 there is {median_db:.1f} dB (90 %: {p05_db:.1f} to {p95_db:.1f})",
-    "parameters_only": "{about}: its law has no curve in dB (or the image is normalised), so that only its parameters "
-    "have intervals",
+    "parameters_only": "{about}: its law has no curve in dB or the image is normalised: only parameters have intervals",
     "without_cells": "{about}: sigma0 is determined at no angle, because too few of its pixels lie together: a cell "
     "has 8 pixels or more in a square of 24 pixels and 3 degrees of incidence, and a pass 3 cells or more",
     "refuted": "{about}: the form of the law is refuted: it is wrong by {rms_db:.1f} dB (rms; 90 %: {p05_db:.1f} to "

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from assessment_samples import LINE, LINE_BOX, LINE_X, line_db, made_cells, made_image, seen_cells
+from assessment_samples import LINE, LINE_BOX, LINE_X, known_common, line_db, made_cells, made_image, seen_cells
 
-from radcal.assessment import model
+from radcal.assessment import model, prediction
 from radcal.assessment.cells import CellMeans, with_noise_db
 from radcal.assessment.fixed_laws import common_of
 from radcal.assessment.model import image_of, posterior_of
+from radcal.assessment.prediction import constant_of
 from radcal.assessment.radiometry import Radiometry
-from radcal.config import Uncertainty
+from radcal.config import Uncertainty, Validation
 from radcal.radar.laws import external_law
 
 BRIEF = Uncertainty(walkers=32, steps=100)
@@ -219,3 +221,59 @@ def test_a_law_without_a_curve_takes_the_bins_of_its_passes(monkeypatch):
     # the mean of bin k is k X
     np.testing.assert_allclose(parameters.levels(np.array([[0.5], [1.5]])) @ weights.T, [[0.0] * 3, [3.0, 5.0, 4.0]])
     np.testing.assert_allclose(parameters.error(np.array([[0.5], [1.5]])), [0.3, 0.3])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("normalisation", ["none", "image"])
+def test_the_posterior_of_known_ground_holds_its_truth(normalisation, monkeypatch):
+    """Cells of a known law with noise, simulated at another X; a level of 1.2 dB is told by two fixed materials."""
+    rng = np.random.default_rng(11)
+    cells = seen_cells(rng, 240, added_db=1.2, field_db=0.4, cell_db=0.2)
+    noise = np.full(240, -24.0)
+    known = known_case(monkeypatch)
+    # the simulated image has other ground, too
+    beside = rng.normal(0.3, 0.2, 240)
+    measured = with_noise_db(cells.measured_db, noise) + beside
+    simulated = with_noise_db(np.asarray(LINE(np.radians(cells.incidence_deg), known.best)), noise) + beside
+    share = 10.0 ** ((noise - simulated) / 10.0)
+    fold = (np.arange(240) % 3 == 0).astype(np.int64)
+    seen = replace(cells, measured_db=measured, beside_db=beside, noise_db=noise, share=share, fold=fold)
+    common = replace(known_common(level_db=1.2, sd_db=0.1), mean=np.array([1.2, 0.0, 0.0, 0.0, 0.0]))
+    known.case.uncertainty = Uncertainty(walkers=48, steps=800, known_db=1.5)
+    known.case.target.normalisation = normalisation
+    image = made_image(radiometry={"1": Radiometry(float("nan"), float("inf"), 0, ())})
+    found = posterior_of(known.case, known.targets, known.history, "dyke", [{"dyke": seen}], image, common)
+    assert (found.cells, found.fields) == (240, 10)
+    assert np.all((found.parameters_p05 < LINE_X) & (found.parameters_p95 > LINE_X))
+    if normalisation == "image":
+        assert (found.curve, found.form, found.constant) == (None, None, None)
+        return
+    angle = found.curve.incidence_deg
+    at = (angle >= 28.0) & (angle <= 46.0)
+    truth = np.asarray(LINE(np.radians(angle[at]), LINE_X)) + 0.115 * (0.4**2 + 0.2**2)
+    assert np.mean((found.curve.p05_db[at] < truth) & (found.curve.p95_db[at] > truth)) == 1.0
+    assert np.abs(found.curve.median_db[at] - truth).max() < 0.5
+    assert 0.25 < found.curve.half_width_db[at].min() < found.curve.half_width_db[at].max() < 1.0
+    assert found.known_between_deg == pytest.approx((29.0, 45.0), abs=0.3)
+    assert found.parameters_model == pytest.approx(LINE_X, abs=1.5)
+    assert not found.form.refuted
+    away = cells.measured_db - np.asarray(LINE(np.radians(cells.incidence_deg), LINE_X))
+    drawn = np.std([away[cells.patch == k].mean() for k in np.unique(cells.patch)], ddof=1)
+    assert found.between_db[0] < drawn < found.between_db[2] < 2.2 * drawn
+    assert found.within_db[0] < 0.2 < found.within_db[2]
+    # without level and noise; its cells scatter by the slope of the law
+    constant = constant_of(cells.measured_db - 1.2, cells.variance, cells.patch)
+    assert found.constant.mean_db == pytest.approx(constant.mean_db, abs=0.1)
+    assert found.constant.within_db == pytest.approx(constant.within_db, rel=0.05)
+    assert found.constant.within_db > 1.2
+    # with blocks held out, the other cells alone are used, and predict those of the blocks
+    monkeypatch.setattr(prediction, "_REFIT", {"walkers": 32, "steps": 200})
+    monkeypatch.setattr(prediction, "_FOLDS", 2)
+    known.case.uncertainty = known.case.uncertainty.model_copy(update={"steps": 200})
+    known.case.validation = Validation(rows=20, means=10, keep="even")
+    part = posterior_of(known.case, known.targets, known.history, "dyke", [{"dyke": seen}], image, common)
+    assert part.constant.variance > found.constant.variance
+    assert part.held.patch.size == 80
+    assert part.left_out.patch.size == 160
+    np.testing.assert_allclose(np.sort(part.held.incidence_deg), np.sort(cells.incidence_deg[fold == 1]))
+    assert part.held.rmse_db(part.held.law) < 0.6 < 1.2 < part.held.rmse_db(part.held.constant)

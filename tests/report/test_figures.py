@@ -641,8 +641,8 @@ def test_held_out_cells_are_drawn_as_measured_and_as_each_predicts_them(made):
         band.get_segments(), [[[25, -12.05], [25, -8.75]], [[30, -12.8], [30, -9.0]], [[40, -13.3], [40, -9.5]]]
     )
     assert len({line.get_marker() for line in drawn.values()}) == 4
-    assert "3 cells of 2 fields" in caption
-    assert "1.75 dB (by law and constant alone 2.07 dB and 2.59 dB), and 67 % of the cells" in caption
+    assert "Mean power of 3 cells, less" in caption
+    assert "1.75 dB (2.07 dB and 2.59 dB by law and constant alone), and 67 % of the cells" in caption
     assert "dyke" in alt
 
 

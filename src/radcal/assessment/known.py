@@ -99,10 +99,9 @@ def material_findings(
 def _state(case: stages.Archive, name: str, posterior: Posterior, targets: Targets, refused: bool) -> Finding:
     """Finding that says at which incidence sigma0 of a material is determined, and how well."""
     curve = posterior.curve
-    if not posterior.cells:
-        return Finding("without_cells", "warning", name)
     if curve is None:
-        return Finding("parameters_only", "note", name)
+        few = Finding("without_cells", "warning", name)
+        return Finding("parameters_only", "note", name) if posterior.cells else few
     if targets.level_only(name):
         level = posterior.levels()[0]
         numbers = {"incidence_deg": level.incidence_deg, "median_db": level.median_db}

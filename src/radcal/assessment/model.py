@@ -61,9 +61,12 @@ def _observed(name: str, cells: Cells, laws: Sequence[Law], x: Sequence[float], 
 
 def _mean_areas(cells: Cells) -> list[float]:
     """Mean area of the ground in the cells of each pass [dB]; 0 in a pass without cells."""
-    each = [[np.concatenate([getattr(c, key) for c in one.values()]) for key in ("area_db", "pixels")] if one else None
-            for one in cells]  # fmt: skip
-    return [0.0 if one is None else float(np.average(one[0], weights=one[1])) for one in each]
+
+    def mean(one: Mapping[str, CellMeans]) -> float:
+        area, pixels = (np.concatenate([getattr(c, key) for c in one.values()]) for key in ("area_db", "pixels"))
+        return float(np.average(area, weights=pixels))
+
+    return [mean(one) if one else 0.0 for one in cells]
 
 
 def image_of(case: stages.Posterior, cells: Cells) -> tuple[Image, Common]:
@@ -166,11 +169,11 @@ def posterior_of(
         draws = model.drawn(seed, best)
         error = None if form is None else _form_error(model, draws, form, knots, seen)
         held, fields = _left_out(case.validation, whole, model, seed) if curved and case.validation else (None, None)
-        level = constant_of(model.measured_db - observed.of_noise_db[kept], model.variance, model.patch)
-    found = replace(summary(observed, draws, form, seen, error), held=held, left_out=fields)
+        signal = model.measured_db + (np.concatenate(observed.law_db) - observed.simulated_db)[kept]  # without noise
+        constant = constant_of(signal, model.variance, model.patch) if curved else None
+    found = replace(summary(observed, draws, form, seen, error), held=held, left_out=fields, constant=constant)
     if not curved:
         return found
-    found = replace(found, constant=level)
     known_db = None if targets.level_only(name) else case.uncertainty.known_db
     return with_band(found, laws[0], draws, form, parameters, known_db)
 

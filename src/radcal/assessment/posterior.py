@@ -149,16 +149,6 @@ class HeldOut:
         """Prediction of other ground: the average of those of law and constant."""
         return self.law.averaged(self.constant)
 
-    def part(self, mask: NDArray[np.bool_]) -> HeldOut:
-        """Cells of a mask."""
-        law, constant = (Predicted(*(each[mask] for each in vars(by).values())) for by in (self.law, self.constant))
-        return HeldOut(self.patch[mask], self.incidence_deg[mask], self.measured_db[mask], law, constant)
-
-    @property
-    def fields(self) -> int:
-        """Number of fields with cells that were left out."""
-        return int(np.unique(self.patch).size)
-
     def rmse_db(self, by: Predicted) -> float:
         """Root mean square error of one of the predictions [dB]."""
         return float(np.sqrt(np.mean((self.measured_db - by.mean_db) ** 2)))

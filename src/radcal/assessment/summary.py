@@ -87,9 +87,7 @@ def without_cells(box: ArrayLike, seen: Sequence[tuple[float, float]]) -> Poster
     bounds, unknown = np.asarray(box, dtype=np.float64), np.full(3, np.nan)
     low, middle, high = (bounds @ [1.0 - share, share] for share in _QUANTILES)
     nothing = float("nan")
-    return Posterior(
-        True, nothing, nothing, 0, 0, 0, low, middle, high, nothing, unknown, unknown, seen_deg=np.array(seen)
-    )
+    return Posterior(True, nothing, nothing, 0, 0, 0, low, middle, high, nothing, unknown, unknown, np.array(seen))
 
 
 def with_band(

@@ -129,9 +129,9 @@ def by_constant_db(
     """
     level = sight.means_db(np.full((1, GRID_DEG.size), constant.mean_db))[0]
     simulated = sight.means_db(np.asarray(law(np.radians(GRID_DEG), start))[None])[0]
-    spread = np.array(constant.between_db), np.array(constant.within_db)
-    errors = sight.covariance(*spread, 0.5 * looks, config, level)
-    return level - simulated, np.sqrt(np.diagonal(errors) + constant.variance)
+    errors = sight.covariance(np.array(constant.between_db), np.array(0.0), 0.5 * looks, config, level)
+    # cells of one incidence differ from a constant alike, by the slope of the law
+    return level - simulated, np.sqrt(np.diagonal(errors) + constant.within_db**2 + constant.variance)
 
 
 def bin_levels_db(sight: Sight, image_db: Doubles) -> Doubles:

@@ -163,15 +163,12 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
 
 def _validation(held: HeldOut) -> dict[str, Any]:
     """Errors of the predictions of cells that were left out."""
+    each = {"": held.predicted, "law_": held.law, "constant_": held.constant}
     return {
         "n_cells": held.patch.size,
-        "n_fields": held.fields,
-        "rmse_db": held.rmse_db(held.predicted),
-        "rmse_law_db": held.rmse_db(held.law),
-        "rmse_constant_db": held.rmse_db(held.constant),
-        "coverage_90": held.coverage_90(held.predicted),
-        "coverage_law_90": held.coverage_90(held.law),
-        "coverage_constant_90": held.coverage_90(held.constant),
+        "n_fields": int(np.unique(held.patch).size),
+        **{f"rmse_{which}db": held.rmse_db(by) for which, by in each.items()},
+        **{f"coverage_{which}90": held.coverage_90(by) for which, by in each.items()},
     }
 
 
