@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from radcal.report.archive import Archive
 from radcal.report.colours import head
@@ -22,7 +22,7 @@ def held_out(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     held, predicted = posterior.held, posterior.held.predicted
     canvas = new_canvas(6.2, 4.8)
     axes = canvas.subplots()
-    band = {"color": BAND["color"], "alpha": 0.2, "linewidth": 2.5, "label": "predicted, 90 % band"}
+    band: dict[str, Any] = {"color": "#E3D3EE", "linewidth": 2.5, "label": "predicted, 90 % band"}
     axes.vlines(held.incidence_deg, predicted.p05_db, predicted.p95_db, **band)
     each = (
         ("law alone", held.law.mean_db, MUTED, "x"),
