@@ -33,6 +33,7 @@ from radcal.assessment.calibrated import FORMS, LawModel, Parameters
 from radcal.assessment.cells import CellMeans, Simulated, cell_means
 from radcal.assessment.curves import Curves
 from radcal.assessment.fixed_laws import Observed, common_of, form_basis
+from radcal.assessment.posterior import HeldOut, Predicted
 from radcal.assessment.prediction import left_out
 from radcal.calibration.priors import CurvePrior
 from radcal.config import Uncertainty
@@ -94,6 +95,12 @@ def half_of(patch: NDArray[np.int64], rng: np.random.Generator) -> NDArray[np.bo
     return np.isin(patch, fields[: (fields.size + int(rng.integers(2))) // 2])
 
 
+def part_of(held: HeldOut, mask: NDArray[np.bool_]) -> HeldOut:
+    """Cells of a mask."""
+    law, constant = (Predicted(*(each[mask] for each in vars(by).values())) for by in (held.law, held.constant))
+    return HeldOut(held.patch[mask], held.incidence_deg[mask], held.measured_db[mask], law, constant)
+
+
 def image(name: str, draws: range) -> dict[str, Any]:
     """Errors of all materials, halves and draws of one image."""
     grounds = flevoland_grounds(Path(os.environ["RADCAL_DATA"]) / "flevoland", name)
@@ -114,13 +121,15 @@ def image(name: str, draws: range) -> dict[str, Any]:
                 if not counts.any():
                     continue
                 found = left_out(model, np.where(kept, -1, 0), seed)
-                found = found.part((found.incidence_deg >= low) & (found.incidence_deg <= high))
-                each = [found.rmse_db(f"{which}_db") for which in ("constant", "law", "predicted")]
+                if found is None:
+                    continue
+                found = part_of(found, (found.incidence_deg >= low) & (found.incidence_deg <= high))
+                each = [found.rmse_db(by) for by in (found.constant, found.law, found.predicted)]
                 rows.append(each)
-                inside.append((found.coverage_90, found.patch.size))
+                inside.append((found.coverage_90(found.predicted), found.patch.size))
                 print(
                     f"{seed:4} {half:4} {material:11} {np.unique(model.patch[kept]).size:6} {found.patch.size:5} "
-                    f"{each[0]:8.2f} {each[1]:6.2f} {each[2]:11.2f} {found.coverage_90:7.2f}",
+                    f"{each[0]:8.2f} {each[1]:6.2f} {each[2]:11.2f} {inside[-1][0]:7.2f}",
                     flush=True,
                 )
     constant, law, recommended = np.array(rows).T

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.assessment.calibrated import FORMS, LawModel, Parameters
 from radcal.assessment.cells import CellMeans
 from radcal.assessment.fixed_laws import Common, Observed, form_basis
-from radcal.assessment.posterior import Curve, FormError, Image, Posterior
+from radcal.assessment.posterior import Curve, FormError, HeldOut, Image, Posterior, Predicted
 from radcal.assessment.radiometry import Radiometry
 from radcal.config import Uncertainty
 from radcal.radar.laws import Law, law_for
@@ -110,6 +110,14 @@ def made_posterior(**changes: Any) -> Posterior:
         **changes,
     }
     return Posterior(**keys)
+
+
+def held_cells(cells: slice = slice(None)) -> HeldOut:
+    """Three cells of two fields, of which the bands of law, constant and their average hold one, three and two."""
+    law = np.array([[-9.0, -10.0, -11.0], [-9.5, -11.0, -12.0], [-8.5, -9.0, -10.0]])[:, cells]
+    constant = np.array([[-13.0] * 3, [-14.6] * 3, [-9.0] * 3])[:, cells]
+    own = np.array([4, 7, 7])[cells], np.array([25.0, 30.0, 40.0])[cells], np.array([-9.6, -10.5, -14.5])[cells]
+    return HeldOut(*own, Predicted(*law), Predicted(*constant))
 
 
 def made_form(**changes: Any) -> FormError:

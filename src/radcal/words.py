@@ -51,7 +51,9 @@ _TEXTS: Mapping[str, str] = {
     "withheld": "{about}: sigma0 is determined at no angle, because the image is refused",
     "level_only": "{about}: seen at one incidence, {incidence_deg:.1f} degrees, from which no law can be determined; "
     "sigma0 there is {median_db:.1f} dB (90 %: {p05_db:.1f} to {p95_db:.1f})",
-    "parameters_only": "{about}: its law has no curve in dB, so that only its parameters have intervals",
+    "parameters_only": "{about}: its law has no curve in dB or the image is normalised: only parameters have intervals",
+    "without_cells": "{about}: sigma0 is determined at no angle, because too few of its pixels lie together: a cell "
+    "has 8 pixels or more in a square of 24 pixels and 3 degrees of incidence, and a pass 3 cells or more",
     "refuted": "{about}: the form of the law is refuted: it is wrong by {rms_db:.1f} dB (rms; 90 %: {p05_db:.1f} to "
     "{p95_db:.1f}), which the band contains",
     "form_noticed": "{about}: an error of the law's form is noticed, {rms_db:.1f} dB (rms; 90 %: {p05_db:.1f} to "
@@ -71,7 +73,7 @@ _TEXTS: Mapping[str, str] = {
     "pixels (rms; stated standard error {stated_px:.1f}) and sigma0 by {moved_db:.1f} dB",
 }
 _NOTICED = " (a bump of {noticed_db:.1f} dB would be noticed in 9 of 10 images)"
-_STATES = ("determined", "undetermined", "withheld", "level_only", "parameters_only")
+_STATES = ("determined", "undetermined", "withheld", "level_only", "parameters_only", "without_cells")
 _OF_VERDICT = (*_STATES, "refuted", "form_noticed", "not_refuted")
 _COUNTED = {
     "determined": "determined at some angles",
@@ -79,6 +81,7 @@ _COUNTED = {
     "withheld": "determined at no angle, because an image is refused",
     "level_only": "level only",
     "parameters_only": "parameters only",
+    "without_cells": "without cells",
 }
 _DETERMINED = "determined to +-{half_width_db:.1f} dB {between}"
 _WIDTHS = (
@@ -137,7 +140,7 @@ def verdict(name: str, findings: Sequence[Finding]) -> str:
 
 def doubts(names: Collection[str], findings: Iterable[Finding]) -> list[str]:
     """Sentences on materials whose sigma0 is determined at no angle or at one, or whose law is refuted."""
-    codes = ("undetermined", "withheld", "level_only", "refuted")
+    codes = ("undetermined", "withheld", "level_only", "parameters_only", "without_cells", "refuted")
     return [sentence(one) for one in findings if one.about in names and one.code in codes]
 
 

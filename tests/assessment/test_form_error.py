@@ -18,7 +18,10 @@ AT = np.array([-0.2, 0.3, np.log(0.5), np.log(0.2), np.log(0.3)])
 COLUMNS = form_basis(ANGLES, FORM_KNOTS, FORMS)
 
 
-@pytest.mark.parametrize(("size", "noticed", "refuted"), [(0.05, False, False), (0.8, True, False), (2.2, True, True)])
+@pytest.mark.parametrize(
+    ("size", "noticed", "refuted"),
+    [(0.05, False, False), (0.8, True, False), (1.2, True, False), (1.5, True, True), (2.2, True, True)],
+)
 def test_a_form_is_noticed_from_its_interval_and_refuted_from_its_rms(size, noticed, refuted):
     """Draws of one shape, whose size scatters by 0.2 dB."""
     rng = np.random.default_rng(3)
@@ -53,10 +56,15 @@ def test_what_nothing_would_show_is_infinite():
     assert smallest(cells) == np.inf
 
 
-def test_the_power_is_that_of_a_normal_regression():
-    """One bump: mean and noise of the form that generalised least squares with priors finds in images with it."""
+@pytest.mark.parametrize("form_db", [0.3, 0.02])
+def test_the_power_is_that_of_a_normal_regression(form_db):
+    """One bump: mean and noise of the form that generalised least squares with priors finds in images with it.
+
+    The prior of the form has the scale of the posterior, or, if this is smaller, that of the bump.
+    """
     cells = seen_cells(np.random.default_rng(1), 150, fields=15)
-    size = smallest(cells)
+    at = np.array([*AT[:4], np.log(form_db)])
+    size = smallest(cells, at)
     rng, field, cell = np.random.default_rng(6), np.exp(AT[2]), np.exp(AT[3])
     model = line_model(cells, replace(known_common(), mean=np.zeros(5)))
     covariance = np.diag(cells.variance + cell**2) + field**2 * (cells.patch[:, None] == cells.patch)
@@ -67,7 +75,7 @@ def test_the_power_is_that_of_a_normal_regression():
     weights = np.maximum(0.0, 1.0 - np.abs(cells.incidence_deg[:, None] - KNOTS))
     columns = np.column_stack([model.linear, *[weights @ one for one in slopes]])
     prior = np.ones(columns.shape[1])
-    prior[:FORMS] = max(np.exp(2.0 * AT[4]), (0.5 * size) ** 2)
+    prior[:FORMS] = max(form_db**2, (0.5 * size) ** 2)
     posterior = np.linalg.inv(columns.T @ inverse @ columns + np.diag(1.0 / prior))
     shapes = (COLUMNS - COLUMNS.mean(axis=0)) @ posterior[:FORMS]
     gain = shapes @ columns.T @ inverse

@@ -176,6 +176,8 @@ def test_where_it_is_not():
     assert codes([refused]) == [("withheld", "refusal", "dyke")]
     assert refused.numbers == {"half_width_db": pytest.approx(4.4)}
     assert codes(of_material(made_posterior(curve=None, form=None)))[0] == ("parameters_only", "note", "dyke")
+    without = of_material(made_posterior(curve=None, form=None, cells=0))
+    assert codes(without)[0] == ("without_cells", "warning", "dyke")
 
 
 def test_a_level_alone():

@@ -56,6 +56,7 @@ def every():
     yield from of_material(form=made_form(noticed=True, refuted=True), refused=True)
     yield from of_material(form=made_form(noticed_db=float("inf")), curve=None)
     yield from of_material(spread_deg=0.0)
+    yield from of_material(cells=0, curve=None, form=None)
     yield from law_findings("dyke", made_posterior(), LINE, LINE_X + 9.0, {})
     yield Finding("another_law", "warning", "dyke", {"difference_db": 3.21, "law": "mangia"}, "materials.dyke.law")
     yield Finding("texture", "note", "dyke", {"looks": 2.75, "looks_nominal": 4.0})
@@ -169,10 +170,11 @@ def test_the_headline_of_several_materials_counts_them():
         *of_material("rest", **WIDE),
         *of_material("road", form=made_form(noticed=True, refuted=True)),
         *of_material("pond", spread_deg=0.0, form=None),
+        *of_material("ditch", cells=0, curve=None, form=None),
     ]
-    assert headline(["dyke", "rest", "road", "pond"], found, False) == (
-        "Of 4 materials 2 are determined at some angles (dyke, road), 1 is determined at no angle (rest), 1 is level "
-        "only (pond), the law of road is refuted. The search is not finished."
+    assert headline(["dyke", "rest", "road", "pond", "ditch"], found, False) == (
+        "Of 5 materials 2 are determined at some angles (dyke, road), 1 is determined at no angle (rest), 1 is level "
+        "only (pond), 1 is without cells (ditch), the law of road is refuted. The search is not finished."
     )
     many = [one for k in range(5) for one in of_material(f"field {k}")]
     assert headline([f"field {k}" for k in range(5)], many, True) == "Of 5 materials 5 are determined at some angles."

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from assessment_samples import LINE, LINE_X, line_db, made_cells, seen_cells
+from assessment_samples import LINE, LINE_BOX, LINE_X, known_common, line_db, made_cells, seen_cells
 
-from radcal.assessment import model
-from radcal.assessment.cells import with_noise_db
-from radcal.assessment.model import image_of
-from radcal.config import Uncertainty
+from radcal.assessment import model, prediction
+from radcal.assessment.cells import CellMeans, with_noise_db
+from radcal.assessment.fixed_laws import common_of
+from radcal.assessment.model import image_of, posterior_of
+from radcal.assessment.posterior import Image
+from radcal.assessment.prediction import constant_of
+from radcal.assessment.radiometry import Radiometry
+from radcal.config import Uncertainty, Validation
 from radcal.radar.laws import external_law
 
 BRIEF = Uncertainty(walkers=32, steps=100)
@@ -122,3 +127,154 @@ def test_a_wrong_incidence_bends_the_law_by_its_share_of_the_variance():
 
 def replace_classes(target, error_deg):
     return SimpleNamespace(**{**vars(target), "classes": SimpleNamespace(incidence_error_deg=error_deg)})
+
+
+def test_the_mean_area_of_a_pass_without_cells_is_zero():
+    cells = made_cells([-7.0, -9.0], [30.0, 40.0], area_db=np.array([1.0, -0.5]), pixels=np.array([30, 10]))
+    assert model._mean_areas([{}, {"a": cells}]) == pytest.approx([0.0, 0.625])
+    image = image_of(case_of(declared=("sigma0_ref", "sigma0_local")), [*images((0.0,)), {}])
+    assert image.levels_db.shape == (2, 3)
+    assert np.isfinite(image.mean).all()
+    assert image.radiometry["2"].materials == ()
+
+
+def known_case(monkeypatch, passes=1):
+    """Case, targets and history of a material with the law :data:`LINE`, seen at 28 to 46 degrees in all passes."""
+    best = LINE_X + [0.7, -1.5]
+    objective = SimpleNamespace(
+        material=SimpleNamespace(box=LINE_BOX, integer=np.zeros(2, bool)),
+        passes=[SimpleNamespace(compared=lambda: SimpleNamespace(prior=None))] * passes,
+    )
+    monkeypatch.setattr(model, "make_objectives", lambda case, targets: {"dyke": objective})
+    score = SimpleNamespace(scores={"dyke": SimpleNamespace(parameters=best)})
+    one = SimpleNamespace(incidence_deg=np.linspace(28.0, 46.0, 60).astype(np.float32), classes=None)
+    targets = SimpleNamespace(passes=[{"dyke": one}] * passes, level_only=lambda name: False)
+    case = SimpleNamespace(
+        passes=[SimpleNamespace(laws={"dyke": LINE})] * passes,
+        target=SimpleNamespace(normalisation="none"),
+        uncertainty=BRIEF,
+        validation=None,
+        seed=5,
+    )
+    return SimpleNamespace(case=case, targets=targets, history=SimpleNamespace(best=lambda name: score), best=best)
+
+
+def posterior(known, cells):
+    """Posterior of the dyke without fixed materials."""
+    radiometry = {str(k): Radiometry(float("nan"), float("inf"), 0, ()) for k in range(1, len(cells) + 1)}
+    common = common_of({}, [0.0] * len(cells), known.case.uncertainty, False, 1)
+    image = Image(**vars(common), radiometry=radiometry)
+    return posterior_of(known.case, known.targets, known.history, "dyke", cells, image)
+
+
+def test_a_material_without_cells_has_its_bounds_and_a_finding(monkeypatch):
+    """The calibrated material has a target in both passes, and no cell in either."""
+    known = known_case(monkeypatch, passes=2)
+    found = posterior(known, [{}, {}])
+    assert (found.cells, found.curve, found.draws, found.known_between_deg) == (0, None, None, None)
+    np.testing.assert_allclose(found.parameters_p05, [-28.0, -38.0])
+    np.testing.assert_allclose(found.parameters_p95, [8.0, -2.0])
+    np.testing.assert_allclose(found.seen_deg, [[28.9, 45.1]] * 2, atol=0.05)
+
+
+def test_cells_of_a_pass_without_a_target_are_left_out(monkeypatch):
+    known = known_case(monkeypatch, passes=2)
+    known.targets.passes[1] = {}
+    cells = seen_cells(np.random.default_rng(5), 40)
+    assert posterior(known, [{}, {"dyke": cells}]).cells == 0
+    assert posterior(known, [{}, {"dyke": cells}]).seen_deg.shape == (1, 2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_pass_without_cells_leaves_the_band_of_the_other(order, monkeypatch):
+    known = known_case(monkeypatch, passes=2)
+    found = posterior(known, [{"dyke": seen_cells(np.random.default_rng(5), 60)}, {}][::order])
+    assert found.cells == 60
+    assert np.isfinite(found.curve.half_width_db).all()
+    assert found.curve.half_width_db[37] < 2.5
+
+
+def test_a_law_without_a_curve_takes_the_bins_of_its_passes(monkeypatch):
+    """The first pass has bins and no cells, the second cells and no target: means and weights stay in line."""
+    bins = [np.array([[29.0, 31.0], [39.0, 41.0]]), None, np.array([[33.0, 35.0], [43.0, 45.0], [47.0, 49.0]])]
+    passes = [
+        None if one is None else SimpleNamespace(compared=lambda one=one: SimpleNamespace(classes=one))
+        for one in (None if nodes is None else SimpleNamespace(nodes_deg=nodes) for nodes in bins)
+    ]
+    objective = SimpleNamespace(
+        material=SimpleNamespace(box=[[0.0, 2.0]], integer=np.zeros(1, bool)), passes=passes
+    )  # fmt: skip
+    surrogate = SimpleNamespace(
+        unit=lambda x: x / 2.0,
+        snapped=lambda unit: unit,
+        predict=lambda unit: (2.0 * unit[..., None, :] * np.arange(1.0, 6.0)[:, None]) * [1.0, 9.0, 9.0],
+        error=lambda unit: np.tile([0.3, 9.0], (len(unit), 1)),
+    )
+    monkeypatch.setattr(model, "train_all", lambda *_: {"dyke": None})
+    monkeypatch.setattr(model, "Surrogate", lambda *_: surrogate)
+    cells = made_cells(np.zeros(3), [34.2, 48.5, 43.0])
+    of = SimpleNamespace(cells=[CellMeans.none(), CellMeans.none(), cells], size=3)
+    history = SimpleNamespace(surprise=lambda name: 0.0)
+    parameters, weights, knots = model._without_curve(None, of, objective, history, np.array([0.5]), "dyke")
+    np.testing.assert_allclose(knots, [30.0, 40.0, 34.0, 44.0, 48.0])
+    np.testing.assert_allclose(weights @ knots, [34.0, 48.0, 44.0])
+    # the mean of bin k is k X
+    np.testing.assert_allclose(parameters.levels(np.array([[0.5], [1.5]])) @ weights.T, [[0.0] * 3, [3.0, 5.0, 4.0]])
+    np.testing.assert_allclose(parameters.error(np.array([[0.5], [1.5]])), [0.3, 0.3])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("normalisation", ["none", "image"])
+def test_the_posterior_of_known_ground_holds_its_truth(normalisation, monkeypatch):
+    """Cells of a known law with noise, simulated at another X; a level of 1.2 dB is told by two fixed materials."""
+    rng = np.random.default_rng(11)
+    cells = seen_cells(rng, 240, added_db=1.2, field_db=0.4, cell_db=0.2)
+    noise = np.full(240, -24.0)
+    known = known_case(monkeypatch)
+    # the simulated image has other ground, too
+    beside = rng.normal(0.3, 0.2, 240)
+    measured = with_noise_db(cells.measured_db, noise) + beside
+    simulated = with_noise_db(np.asarray(LINE(np.radians(cells.incidence_deg), known.best)), noise) + beside
+    share = 10.0 ** ((noise - simulated) / 10.0)
+    fold = (np.arange(240) % 3 == 0).astype(np.int64)
+    seen = replace(cells, measured_db=measured, beside_db=beside, noise_db=noise, share=share, fold=fold)
+    common = replace(known_common(level_db=1.2, sd_db=0.1), mean=np.array([1.2, 0.0, 0.0, 0.0, 0.0]))
+    known.case.uncertainty = Uncertainty(walkers=48, steps=800, known_db=1.5)
+    known.case.target.normalisation = normalisation
+    image = Image(**vars(common), radiometry={"1": Radiometry(float("nan"), float("inf"), 0, ())})
+    found = posterior_of(known.case, known.targets, known.history, "dyke", [{"dyke": seen}], image)
+    assert (found.cells, found.fields) == (240, 10)
+    assert np.all((found.parameters_p05 < LINE_X) & (found.parameters_p95 > LINE_X))
+    if normalisation == "image":
+        assert (found.curve, found.form, found.constant) == (None, None, None)
+        return
+    angle = found.curve.incidence_deg
+    at = (angle >= 28.0) & (angle <= 46.0)
+    truth = np.asarray(LINE(np.radians(angle[at]), LINE_X)) + 0.115 * (0.4**2 + 0.2**2)
+    assert np.mean((found.curve.p05_db[at] < truth) & (found.curve.p95_db[at] > truth)) == 1.0
+    assert np.abs(found.curve.median_db[at] - truth).max() < 0.5
+    assert 0.25 < found.curve.half_width_db[at].min() < found.curve.half_width_db[at].max() < 1.0
+    assert found.known_between_deg == pytest.approx((29.0, 45.0), abs=0.3)
+    assert found.parameters_model == pytest.approx(LINE_X, abs=1.5)
+    assert not found.form.refuted
+    away = cells.measured_db - np.asarray(LINE(np.radians(cells.incidence_deg), LINE_X))
+    drawn = np.std([away[cells.patch == k].mean() for k in np.unique(cells.patch)], ddof=1)
+    assert found.between_db[0] < drawn < found.between_db[2] < 2.2 * drawn
+    assert found.within_db[0] < 0.2 < found.within_db[2]
+    # without level and noise; its cells scatter by the slope of the law
+    constant = constant_of(cells.measured_db - 1.2, cells.variance, cells.patch)
+    assert found.constant.mean_db == pytest.approx(constant.mean_db, abs=0.1)
+    assert found.constant.within_db == pytest.approx(constant.within_db, rel=0.05)
+    assert found.constant.within_db > 1.2
+    # with blocks held out, the other cells alone are used, and predict those of the blocks
+    monkeypatch.setattr(prediction, "_REFIT", {"walkers": 32, "steps": 200})
+    monkeypatch.setattr(prediction, "_FOLDS", 2)
+    known.case.uncertainty = known.case.uncertainty.model_copy(update={"steps": 200})
+    known.case.validation = Validation(rows=20, means=10, keep="even")
+    part = posterior_of(known.case, known.targets, known.history, "dyke", [{"dyke": seen}], image)
+    assert part.constant.variance > found.constant.variance
+    assert part.held.patch.size == 80
+    assert part.left_out.patch.size == 160
+    np.testing.assert_allclose(np.sort(part.held.incidence_deg), np.sort(cells.incidence_deg[fold == 1]))
+    assert part.held.rmse_db(part.held.law) < 0.6 < 1.2 < part.held.rmse_db(part.held.constant)

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from assessment_samples import LINE, LINE_X, made_curve, made_image, made_posterior
+from assessment_samples import LINE, LINE_X, held_cells, made_curve, made_image, made_posterior
 
 from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.posterior import (
+    Constant,
     Image,
     KeptDraws,
     Posterior,
@@ -87,7 +88,9 @@ def test_quantiles_at_the_middle_of_each_pass():
 
 
 def test_files(tmp_path: Path):
-    whole = made_posterior(draws=kept())
+    whole = made_posterior(
+        draws=kept(), constant=Constant(-9.0, 0.02, 0.6, 0.3), held=held_cells(), left_out=held_cells()
+    )
     bare = replace(whole, curve=None, known_between_deg=None, known_half_width_db=None, form=None, draws=None)
     for one in (whole, bare):
         write_item(tmp_path / "posterior.h5", "posterior", one)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from assessment_samples import held_cells
 
 from radcal.assessment import prediction
 from radcal.assessment.calibrated import FORMS, LawModel, Parameters
 from radcal.assessment.cells import CellMeans
 from radcal.assessment.curves import NORMAL_90
 from radcal.assessment.fixed_laws import Observed, common_of, form_basis
-from radcal.assessment.posterior import WHOLE_DEG, FieldCheck, HeldOut, KeptDraws
 from radcal.assessment.prediction import constant_of, field_check, left_out, predict
 from radcal.config import Uncertainty
 from radcal.radar.laws import LAWS
@@ -46,37 +48,51 @@ def made(fields: int, seed: int, slope: float = 1.0) -> LawModel:
     return LawModel(Observed([cells], [values], [zero]), weights, parameters, forms, zero, common, [0.0], config)
 
 
-def test_the_quantiles_of_the_band_are_averages_of_those_of_law_and_constant():
-    m = 20000
-    x = np.tile([-10.0, 0.0, 0.0, 0.0], (m, 1))
-    draws = KeptDraws(x, np.full(m, 0.6), np.full(m, 0.3), np.zeros((m, 91)), np.zeros(m))
-    rng, patch, variance = np.random.default_rng(2), np.repeat(np.arange(30), 4), np.array([0.04, 1.0])
-    constant = constant_of(-20.0 + rng.normal(0.0, 0.8, 30).repeat(4), np.full(120, 0.04), patch)
-    found = predict(draws, LAW, constant, np.array([25.0, 40.0]), variance, 1)
-    level, error = constant.of_cells(np.array([-1, -1]), variance)
-    assert found.mean_db == pytest.approx(0.5 * (-10.0 + constant.mean_db), abs=1e-9)
-    half = 0.5 * NORMAL_90 * (np.sqrt(0.6**2 + 0.3**2 + variance) + error)
-    assert found.p05_db == pytest.approx(0.5 * (-10.0 + level) - half, abs=0.04)
-    assert found.p95_db == pytest.approx(0.5 * (-10.0 + level) + half, abs=0.04)
+def test_means_and_quantiles_are_averages_of_those_of_law_and_constant():
+    draws = np.random.default_rng(2).normal([-10.0, -13.0], [0.6, 1.5], (40000, 2))
+    level, sd = np.array([-20.0, -11.0]), np.array([0.9, 0.3])
+    found = predict(draws, level, sd)
+    assert found.mean_db == pytest.approx([-15.0, -12.0], abs=0.02)
+    half = 0.5 * NORMAL_90 * np.array([0.6 + 0.9, 1.5 + 0.3])
+    assert found.p05_db == pytest.approx(np.array([-15.0, -12.0]) - half, abs=0.03)
+    assert found.p95_db == pytest.approx(np.array([-15.0, -12.0]) + half, abs=0.03)
 
 
-def test_the_form_error_of_the_draws_is_predicted():
-    m = 50
-    form = np.tile(0.1 * (WHOLE_DEG - 30.0), (m, 1))
-    draws = KeptDraws(np.tile(X, (m, 1)), np.full(m, 0.6), np.full(m, 0.3), form, np.zeros(m))
-    constant = constant_of(np.full(6, -20.0), np.full(6, 0.04), np.arange(6))
-    angle = np.array([24.0, 36.0])
-    found = predict(draws, LAW, constant, angle, np.full(2, 0.04), 1)
-    expected = LAW(np.radians(angle), X) + 0.1 * (angle - 30.0)
-    assert found.mean_db == pytest.approx(0.5 * (expected + constant.mean_db), abs=2e-3)
+def test_held_out_cells_know_their_errors_by_each_prediction():
+    held = held_cells()
+    law, constant = held.law, held.constant
+    assert held.predicted.mean_db == pytest.approx([-11.0, -11.5, -12.0])
+    assert held.predicted.p05_db == pytest.approx([-12.05, -12.8, -13.3])
+    assert held.predicted.p95_db == pytest.approx([-8.75, -9.0, -9.5])
+    assert held.rmse_db(law) == pytest.approx(np.sqrt((0.6**2 + 0.5**2 + 3.5**2) / 3.0))
+    assert held.rmse_db(constant) == pytest.approx(np.sqrt((3.4**2 + 2.5**2 + 1.5**2) / 3.0))
+    assert [held.coverage_90(by) for by in (law, constant, held.predicted)] == pytest.approx([1 / 3, 1.0, 2 / 3])
+
+
+def test_a_constant_is_the_mean_of_fields_with_their_spread():
+    rng = np.random.default_rng(3)
+    patch = np.repeat(np.arange(400), 4)
+    values = -21.0 + rng.normal(0.0, 0.8, 400).repeat(4) + rng.normal(0.0, 0.5, 1600) + rng.normal(0.0, 0.2, 1600)
+    constant = constant_of(values, np.full(1600, 0.04), patch)
+    assert constant.mean_db == pytest.approx(-21.0, abs=0.15)
+    assert constant.between_db == pytest.approx(0.8, rel=0.1)
+    assert constant.within_db == pytest.approx(0.5, rel=0.05)
+    assert constant.variance == pytest.approx((0.8**2 + (0.5**2 + 0.04) / 4.0) / 400.0, rel=0.15)
 
 
 def test_a_constant_predicts_known_fields_with_their_effects():
-    values = np.repeat([-20.0, -23.0, -21.0], 40)
-    constant = constant_of(values, np.full(120, 0.04), np.repeat([2, 5, 9], 40))
-    level, sd = constant.of_cells(np.array([2, 5, 7]), np.full(3, 0.04))
-    assert level == pytest.approx([-20.0, -23.0, constant.mean_db], abs=0.1)
-    assert sd[2] > 2.0 * sd[0]
+    """In the closed form of one random effect; another field has the whole variation between fields."""
+    values, patch = np.repeat([-20.0, -23.0, -21.0], 40), np.repeat([2, 5, 9], 40)
+    variance = np.linspace(0.02, 0.06, 120)
+    rest = SimpleNamespace(measured_db=values, variance=variance, patch=patch)
+    found = prediction._of_constant(rest, np.array([2, 5, 7]), np.array([0.04, 0.09, 0.01]))
+    constant = constant_of(values, variance, patch)
+    assert found.mean_db == pytest.approx([-20.0, -23.0, constant.mean_db], abs=0.1)
+    half = 0.5 * (found.p95_db - found.p05_db) / NORMAL_90
+    weight = (1.0 / (variance[:40] + constant.within_db**2)).sum()
+    left = 1.0 / (1.0 + constant.between_db**2 * weight)
+    own = [left * constant.between_db**2 + left**2 * constant.variance, constant.between_db**2 + constant.variance]
+    assert half[[0, 2]] ** 2 == pytest.approx(np.array(own) + constant.within_db**2 + [0.04, 0.01], rel=1e-6)
 
 
 def test_a_part_of_a_model_is_the_model_of_its_cells():
@@ -94,18 +110,12 @@ def test_a_part_of_a_model_is_the_model_of_its_cells():
 
 
 def test_a_single_field_is_not_left_out():
-    found = field_check(made(1, 1), 1)
-    assert found.n_fields == found.n_cells == 0
-    assert np.isnan([found.rmse_db, found.rmse_constant_db, found.coverage_90]).all()
+    assert field_check(made(1, 1), 1) is None
 
 
 def test_cells_of_a_negative_fold_are_never_left_out():
     model = made(4, 1)
-    found = left_out(model, np.full(model.patch.size, -1), 1)
-    assert isinstance(found, HeldOut)
-    assert found.patch.size == 0
-    assert np.isnan(found.rmse_db())
-    assert np.isnan(found.coverage_90)
+    assert left_out(model, np.full(model.patch.size, -1), 1) is None
 
 
 @pytest.mark.slow
@@ -114,9 +124,10 @@ def test_cells_of_known_fields_are_predicted_with_the_effects_of_these():
     fold = np.where(np.arange(model.patch.size) % 6 == 2, 0, -1)
     found = left_out(model, fold, 1)
     assert (found.patch == model.patch[fold == 0]).all()
-    assert found.rmse_db("law_db") < 0.6
+    assert found.rmse_db(found.law) < 0.6
     whole = left_out(model, np.where(model.patch == 4, 0, -1), 1)
-    assert (whole.p95_db - whole.p05_db).mean() > 1.3 * (found.p95_db - found.p05_db).mean()
+    for wide, narrow in ((whole.law, found.law), (whole.constant, found.constant)):
+        assert (wide.p95_db - wide.p05_db).mean() > 1.3 * (narrow.p95_db - narrow.p05_db).mean()
 
 
 @pytest.mark.slow
@@ -125,14 +136,14 @@ def test_fields_left_out_are_predicted_by_the_law_or_the_constant_and_lie_in_the
     """Errors are those of fields, cells and speckle, 0.7 dB, where the law holds; else the average loses little."""
     monkeypatch.setattr(prediction, "_FOLDS", 4)
     found = field_check(made(16, 2, slope), 2)
-    assert isinstance(found, FieldCheck)
-    assert (found.n_fields, found.n_cells) == (16, 96)
+    assert (np.unique(found.patch).size, found.patch.size) == (16, 96)
+    by_law, by_constant, both = (found.rmse_db(by) for by in (found.law, found.constant, found.predicted))
     if slope:
-        assert found.rmse_law_db < 1.0 < 1.3 < found.rmse_constant_db
-        assert found.rmse_db < 0.75 * found.rmse_constant_db
+        assert by_law < 1.0 < 1.3 < by_constant
+        assert both < 0.75 * by_constant
     else:
-        assert found.rmse_db < 1.1 * found.rmse_constant_db
-    assert 0.82 <= found.coverage_90 <= 1.0
+        assert both < 1.1 * by_constant
+    assert 0.82 <= found.coverage_90(found.predicted) <= 1.0
 
 
 def test_fields_of_a_part_are_predicted_at_their_own_angles(monkeypatch) -> None:

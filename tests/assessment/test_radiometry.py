@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from assessment_samples import LINE, LINE_X, made_cells, seen_cells
+from scipy.optimize import least_squares
 
 from radcal.assessment import radiometry
 from radcal.assessment.cells import with_noise_db
@@ -81,12 +84,16 @@ def test_few_cells_and_dark_materials_do_not_count():
 
 
 def test_the_exponent_is_that_of_least_squares_with_a_prior_on_slopes():
-    """Without outliers: columns of area, slopes and fields, written out; noise lowers the effect of the area."""
-    config = Uncertainty(fixed_law_db=1.0, fixed_slope=0.4)
+    """Without outliers: columns of area, slopes and fields, written out; noise lowers the effect of the area.
+
+    Slopes of the ground along range change the area with the incidence, so that the prior of the slopes counts.
+    """
+    config = Uncertainty(fixed_law_db=0.6, fixed_slope=0.4)
     rng = np.random.default_rng(6)
     parts, rows, values, weights = {}, [], [], []
     for k, name in enumerate(("a", "b")):
-        cells = seen_cells(rng, 40, fields=3, area=0.6)
+        cells = seen_cells(rng, 40, fields=3, relief_db=0.2)
+        cells = replace(cells, area_db=cells.area_db + 0.08 * (cells.incidence_deg - 37.0))
         share, beside = rng.uniform(0.0, 0.09, 40), rng.normal(0.0, 0.1, 40)
         noise = np.full(40, -30.0)
         law = law_of(cells)
@@ -104,7 +111,7 @@ def test_the_exponent_is_that_of_least_squares_with_a_prior_on_slopes():
             values.append(measured[j] - beside[j] - 10.0 * np.log10(10.0 ** (law[j] / 10.0) + 10.0**-3.0))
             weights.append(1.0 / (cells.variance[j] + 0.15**2))
     a, w = np.array(rows), np.array(weights)
-    precise = a.T @ (w[:, None] * a) + np.diag([0.0, 1.0 / 0.16, 1.0 / 0.16, *[0.0] * 6])
+    precise = a.T @ (w[:, None] * a) + np.diag([0.0, 1.0 / 0.24**2, 1.0 / 0.24**2, *[0.0] * 6])
     exponent, error = area_exponent(parts, config)
     assert exponent == pytest.approx(np.linalg.solve(precise, a.T @ (w * values))[0], abs=1e-3)
     # speckle and fields alone count twice
@@ -118,6 +125,30 @@ def test_outliers_hardly_move_the_exponent():
     bright = cells.measured_db + np.where((np.arange(cells.size) % 12 == 0) & (cells.area_db > 0.0), 8.0, 0.0)
     rough = {**clean, "water": (made_cells(**{**vars(cells), "measured_db": bright}), law)}
     assert abs(area_exponent(rough, CONFIG)[0] - area_exponent(clean, CONFIG)[0]) < 0.1
+
+
+def test_outliers_count_as_by_the_loss_of_huber():
+    """Minimum of the loss of two standard errors, by an optimiser; the outliers lie where the area is large."""
+    rng = np.random.default_rng(8)
+    cells = seen_cells(rng, 90, fields=2, area=0.4, field_db=0.2)
+    outlying = (cells.area_db > 1.0) & (rng.uniform(size=90) < 0.7)
+    cells = replace(cells, measured_db=cells.measured_db + np.where(outlying, rng.uniform(0.5, 5.0, 90), 0.0))
+    law = law_of(cells)
+    angle = (cells.incidence_deg - cells.incidence_deg.mean()) / 10.0
+    columns = np.column_stack([cells.area_db, angle, cells.patch == 1, cells.patch == 2])
+    precise = 1.0 / np.sqrt(cells.variance + 0.15**2)
+    slope = CONFIG.fixed_slope * CONFIG.fixed_law_db
+
+    def residuals(x):
+        return np.append(precise * (cells.measured_db - law - columns @ x), x[1] / slope)
+
+    wanted = least_squares(residuals, np.zeros(4), loss="huber", f_scale=2.0, xtol=1e-12, ftol=1e-12).x[0]
+    assert area_exponent({"a": (cells, law)}, CONFIG)[0] == pytest.approx(wanted, abs=0.01)
+    plain, wider = (
+        least_squares(residuals, np.zeros(4), loss=loss, f_scale=scale).x[0]
+        for loss, scale in (("linear", 1.0), ("huber", 3.0))
+    )
+    assert plain - wanted > wider - wanted > 0.03
 
 
 @pytest.mark.slow

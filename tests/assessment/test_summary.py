@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from assessment_samples import LINE, LINE_X, known_common, line_model, line_parameters, made_cells
+from assessment_samples import LINE, LINE_X, known_common, line_db, line_model, line_parameters, made_cells
 
 from radcal.assessment import summary
 from radcal.assessment.calibrated import FORMS, Draws
@@ -67,6 +67,9 @@ def test_the_band_of_draws():
     np.testing.assert_allclose(curve.incidence_deg, np.arange(86.0))
     np.testing.assert_allclose(curve.median_db, law + raised, atol=0.03)
     np.testing.assert_allclose(curve.half_width_db, 1.645 * 0.6, rtol=0.06)
+    levels = line_db(draws.parameters, np.arange(20.0, 61.0)) + raised
+    np.testing.assert_allclose(curve.p05_db[20:61], np.quantile(levels, 0.05, axis=0), atol=1e-6)
+    np.testing.assert_allclose(curve.p95_db[20:61], np.quantile(levels, 0.95, axis=0), atol=1e-6)
     np.testing.assert_allclose(curve.systematic_db, 1.645 * 0.4, rtol=0.06)
     np.testing.assert_allclose(curve.field_median_db, law + 0.1 + np.log(10.0) / 20.0 * 0.2**2, atol=0.03)
     np.testing.assert_allclose(curve.field_p95_db - curve.field_p05_db, 2.0 * 1.645 * np.hypot(0.6, 0.3), rtol=0.06)
@@ -76,6 +79,12 @@ def test_the_band_of_draws():
     for known_db in (0.8, None):
         narrow = summary.with_band(found, LINE, draws, None, line_parameters(), known_db)
         assert (narrow.known_between_deg, narrow.known_half_width_db) == (None, None)
+    # an uncertain slope: the half-width is the largest of the interval, and not that at larger angles
+    slopes = np.random.default_rng(8).normal(0.0, 2.0, (len(draws.parameters), 1)) * [0.0, 1.0]
+    uncertain = replace(draws, parameters=draws.parameters + slopes)
+    bent = summary.with_band(found, LINE, uncertain, None, line_parameters(), 4.0)
+    assert bent.known_half_width_db == pytest.approx(bent.curve.half_width_db[44])
+    assert bent.curve.half_width_db[60] > 1.3 * bent.curve.half_width_db[44]
 
 
 def test_points_are_levels_of_the_law_in_intervals_of_incidence():
@@ -88,7 +97,8 @@ def test_points_are_levels_of_the_law_in_intervals_of_incidence():
         with_noise_db(law, noise) + away + beside + 1.5, [27.5, 29.0, 28.0, 31.0], noise_db=noise, beside_db=beside,
         patch=np.array([3, 3, 8, 8]), pixels=np.array([20, 30, 50, 70]), variance=np.array([0.05, 0.1, 0.2, 0.4]),
     )  # fmt: skip
-    found = summary.points_of(line_model(cells, common), made_draws(9))
+    model = line_model(cells, common)
+    found = summary.points_of(model, model.measured_db + law - with_noise_db(law, noise), made_draws(9))
     np.testing.assert_allclose(found.incidence_deg, [28.2, 31.0])
     share = np.array([0.2, 0.3, 0.5])
     np.testing.assert_allclose(found.level_db, [share @ (law + away)[:3], (law + away)[3]])

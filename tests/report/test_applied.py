@@ -10,7 +10,7 @@ import pytest
 from scipy.special import polygamma
 
 from radcal.assessment.curves import GRID_DEG
-from radcal.assessment.posterior import WHOLE_DEG, KeptDraws
+from radcal.assessment.posterior import WHOLE_DEG, Constant, KeptDraws, Predicted
 from radcal.assessment.preposterior import Sight
 from radcal.config import RegistrationConfig, Uncertainty, load_forward, load_measured
 from radcal.errors import ConfigError, StoreError
@@ -18,12 +18,15 @@ from radcal.findings import Finding
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import Registered, registered_as, write_registered
 from radcal.radar.laws import LAWS, law_for
-from radcal.report import drawing
+from radcal.report import applied, drawing
 from radcal.report.applied import (
     _conclusion,
+    _few_pixels,
+    _of_pass,
     _table,
     apply,
     bin_levels_db,
+    by_constant_db,
     predictions,
     predictive_db,
     where_seen,
@@ -59,11 +62,15 @@ def drawn(level_sd: float = 0.0, slope_sd: float = 0.0, field: float = 0.0, cell
     return SimpleNamespace(draws=draws, looks=LOOKS, known_between_deg=(25.0, 35.0), seen_deg=np.array([[22.0, 52.0]]))
 
 
+def by_law(draws: np.ndarray) -> Predicted:
+    return Predicted(draws.mean(axis=0), *np.quantile(draws, [0.05, 0.95], axis=0))
+
+
 def predicted(posterior: SimpleNamespace, seen: Sight, **config: float) -> list[Prediction]:
-    """Predictions of an image simulated at X and 1.5 dB brighter, of which 0.4 dB less are measured."""
+    """Predictions by the law of an image simulated at X and 1.5 dB brighter, of which 0.4 dB less are measured."""
     image = LAW(np.radians(seen.incidence_deg), X) + 1.5
     uncertainty = Uncertainty(**{"level_db": 0.0, "noise_db": 0.0, **config})
-    moved = predictive_db(posterior, LAW, X, seen, uncertainty, np.random.default_rng(5))
+    moved = by_law(predictive_db(posterior, LAW, X, seen, uncertainty, np.random.default_rng(5)))
     return list(predictions("dyke", posterior, seen, image, moved, image - 0.4))
 
 
@@ -104,6 +111,57 @@ def test_the_middle_is_the_image_moved_by_law_and_form() -> None:
     posterior.draws = replace(posterior.draws, form_db=posterior.draws.form_db + 0.02 * WHOLE_DEG)
     moved = predicted(posterior, sight())
     assert moved[1].predicted_db - second.predicted_db == pytest.approx(1.0, abs=1e-6)
+
+
+def test_the_interval_of_the_constant_is_that_of_its_mean_fields_cells_speckle_level_and_noise() -> None:
+    """In noise as strong as the constant, its level is raised by 3 dB, and an error of the noise counts by half.
+
+    The cells of a bin differ from a constant alike, those of different fields do not.
+    """
+    constant, exact = Constant(-12.0, 0.09, 0.6, 0.3), Uncertainty(level_db=0.0, noise_db=0.0)
+    clear = sight(1000)
+    law = np.asarray(LAW(np.radians([30.0, 50.0]), X))
+    rest = 2.0 * 18.861170 * float(polygamma(1, LOOKS * 1000.0))
+    level, sd = by_constant_db(constant, LOOKS, LAW, X, clear, exact)
+    assert level == pytest.approx(-12.0 - law)
+    assert sd**2 == pytest.approx(np.full(2, 0.09 + 0.36 + 0.09 + rest), rel=0.02)
+    four = replace(clear, fields=np.arange(4), shares=np.full((2, 4), 0.25), cells=0.5 * clear.cells)
+    _, sd = by_constant_db(constant, LOOKS, LAW, X, four, exact)
+    assert sd**2 == pytest.approx(np.full(2, 0.09 + 0.09 + 0.09 + rest), rel=0.02)
+    noisy = replace(clear, noise_db=np.full(2, -12.0))
+    level, sd = by_constant_db(constant, LOOKS, LAW, X, noisy, Uncertainty(level_db=0.4, noise_db=2.0))
+    raised = 10.0 * np.log10(10.0 ** (law / 10.0) + 10.0**-1.2)
+    assert level == pytest.approx(-12.0 + 10.0 * np.log10(2.0) - raised)
+    assert sd**2 == pytest.approx(np.full(2, 0.09 + 0.36 + 0.09 + 0.16 + 1.0 + rest), rel=0.02)
+
+
+def test_law_and_constant_count_alike(monkeypatch) -> None:
+    """A material without a constant, of a law without a curve, is not predicted."""
+    seen, x = sight(1000), np.array([30.0, 50.0])
+    law = np.asarray(LAW(np.radians(x), X))
+    posterior = drawn(level_sd=0.5)
+    posterior.constant = Constant(-12.0, 0.01, 0.2, 0.1)
+    monkeypatch.setattr(applied, "sight_of", lambda *_: seen)
+    image = np.asarray(LAW(np.radians(seen.incidence_deg), X)).astype(np.float32)
+    materials = {"dyke": posterior, "program": SimpleNamespace(constant=None), "other": posterior, "lost": None}
+    archive = SimpleNamespace(materials={k: SimpleNamespace(posterior=one) for k, one in materials.items()})
+    known = SimpleNamespace(start_parameters=X)
+    changed = SimpleNamespace(
+        passes=[SimpleNamespace(radar=None, laws={"dyke": LAW})],
+        materials={"dyke": known, "program": known, "lost": known},
+        seed=3,
+    )
+    config = {"target": {}, "uncertainty": {"level_db": 0.3, "noise_db": 0.0}}
+    found = list(
+        _of_pass(archive, config, changed, 1, SimpleNamespace(geometry=None, predicted_db=image, measured_db=None))
+    )
+    assert [one.material for one in found] == ["dyke", "dyke"]
+    assert [one.predicted_db for one in found] == pytest.approx(0.5 * (law - 12.0), abs=0.03)
+    sds = np.sqrt(0.5**2 + 0.3**2) + np.sqrt(0.01 + 0.04 + 0.01 + 0.3**2)
+    assert [half(one) for one in found] == pytest.approx([0.5 * QUANTILE * sds] * 2, rel=0.05)
+    assert list(_few_pixels(archive, ["dyke", "program", "lost"], {"other"})) == [
+        "dyke: not predicted, because no pass has 50 usable pixels of it."
+    ]
 
 
 def test_the_level_of_a_bin_is_the_mean_power_of_its_cells_averaged_in_db() -> None:
@@ -176,7 +234,7 @@ def test_bins_of_different_knowledge_have_markers_of_their_own(tmp_path, monkeyp
     markers = {
         label.rpartition(": ")[2]: handle.lines[0].get_marker()
         for handle, label in zip(handles, labels, strict=True)
-        if label.startswith("law of a")
+        if label.startswith("predicted from a")
     }
     assert list(markers) == ["known", "not known", "not seen"]
     assert len(set(markers.values())) == 3
@@ -189,7 +247,7 @@ def test_the_legend_names_only_knowledge_that_some_material_has(tmp_path, monkey
     first, second = one("known", -8.0)[1], replace(one("not seen", -6.9)[1], material="of the second panel")
     draw_predictions(tmp_path / "a.png", [first, second], "a", "b")
     ((_, labels),) = legends
-    laws = [label.rpartition(": ")[2] for label in labels if label.startswith("law of a")]
+    laws = [label.rpartition(": ")[2] for label in labels if label.startswith("predicted from a")]
     assert laws == ["known", "not seen"], "the legend is that of the first panel, and serves all panels"
 
 
@@ -251,7 +309,7 @@ def test_the_law_at_each_angle_is_taken_over_the_bin() -> None:
     phi = np.radians(GRID_DEG[[100, 140]])
     expected = float(np.mean(mangia(phi, x + [0.0, 0.0, 0.0, 1.5]) - mangia(phi, x)))
     assert np.median(moved[:, 0]) == pytest.approx(expected, abs=1e-3)
-    found = next(predictions("dyke", posterior, seen, np.full(2 * 10**6, -5.0), moved))
+    found = next(predictions("dyke", posterior, seen, np.full(2 * 10**6, -5.0), by_law(moved)))
     assert (found.predicted_db, found.inside) == (pytest.approx(-5.0 + expected, abs=1e-3), None)
 
 

@@ -12,6 +12,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from archives import changed_material, posterior
+from assessment_samples import held_cells
 from matplotlib.text import Text
 from scipy import stats
 
@@ -24,6 +25,7 @@ from radcal.report.density_figures import densities, overview
 from radcal.report.fidelity_figures import differences, fidelity
 from radcal.report.figures import write_figures
 from radcal.report.front_figures import front
+from radcal.report.held_out_figures import held_out
 from radcal.report.law_figures import cost, law
 from radcal.report.search_front import SearchFront
 from radcal.scene.objects import Objects
@@ -617,3 +619,35 @@ def test_an_infill_run_without_prediction_is_left_out_and_named(made):
             np.testing.assert_array_equal(line.get_xdata(), [first])
         assert f"Without prediction, and not drawn: run {second}" in caption
         assert ("after the search of this material had ended" in caption) is repeated
+
+
+def test_held_out_cells_are_drawn_as_measured_and_as_each_predicts_them(made):
+    assert held_out(made.archive, "dyke") is None
+    cells = held_cells()
+    case = changed_material(made.archive, "dyke", posterior=posterior(held=cells))
+    with drawing.styled():
+        canvas, caption, alt = held_out(case, "dyke")
+    (axes,) = canvas.axes
+    drawn = {line.get_label(): line for line in axes.lines}
+    assert {label: line.get_ydata().tolist() for label, line in drawn.items()} == {
+        "law alone": [-9.0, -10.0, -11.0],
+        "constant alone": [-13.0] * 3,
+        "predicted": [-11.0, -11.5, -12.0],
+        "measured": [-9.6, -10.5, -14.5],
+    }
+    assert all(line.get_xdata().tolist() == [25.0, 30.0, 40.0] for line in drawn.values())
+    (band,) = axes.collections
+    np.testing.assert_allclose(
+        band.get_segments(), [[[25, -12.05], [25, -8.75]], [[30, -12.8], [30, -9.0]], [[40, -13.3], [40, -9.5]]]
+    )
+    assert len({line.get_marker() for line in drawn.values()}) == 4
+    assert "Mean power of 3 cells, less" in caption
+    assert "1.75 dB (2.07 dB and 2.59 dB by law and constant alone), and 67 % of the cells" in caption
+    assert "dyke" in alt
+
+
+def test_the_held_out_figure_is_written_where_ground_is_held_out(made, tmp_path):
+    case = changed_material(made.archive, "dyke", posterior=posterior(held=held_cells()))
+    names = {figure.name for figure in write_figures(case, tmp_path)}
+    assert "held_out_dyke" in names
+    assert "held_out_stem_beans" not in names

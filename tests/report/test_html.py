@@ -10,6 +10,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 from archives import changed_findings, changed_material, image, posterior
+from assessment_samples import held_cells
 
 from radcal.assessment.radiometry import Radiometry
 from radcal.findings import Finding
@@ -403,3 +404,17 @@ def test_a_better_law_outside_of_a_bound_is_suspected_only_where_the_form_is_wro
     wrong = changed_material(made.archive, "dyke", posterior=posterior(form=replace(posterior().form, noticed=True)))
     text = render(tmp_path / "report.html", wrong)[1].text
     assert "dyke: X1 is at its upper bound (50 dB); a better law may lie outside the bounds." in text
+
+
+def test_errors_on_held_out_ground_are_in_a_table(made, tmp_path):
+    path = tmp_path / "report.html"
+    render(path, made.archive)
+    assert "Ground that is held out" not in path.read_text()
+    cells = held_cells()
+    few = held_cells(slice(1, None))
+    render(path, changed_material(made.archive, "dyke", posterior=posterior(held=cells, left_out=few)))
+    page = path.read_text()
+    assert "dyke</th><td>2, 3</td><td>1.75, 67 %</td><td>2.07, 33 %</td><td>2.59, 100 %</td>" in page
+    assert "dyke (whole fields)</th><td>1, 2</td>" in page
+    render(path, changed_material(made.archive, "dyke", posterior=posterior(held=cells)))
+    assert "whole fields" not in path.read_text()

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from archives import changed_findings, changed_material, posterior, without_curve
+from assessment_samples import held_cells
 
+from radcal.assessment.summary import without_cells
 from radcal.findings import Finding
 from radcal.report.archive import read_archive, write_archive
+from radcal.report.html import write_report
 from radcal.report.law_figures import law
 from radcal.report.law_notes import found_words
 from radcal.report.showing import show
@@ -54,6 +58,22 @@ def test_the_summary_holds_curve_intervals_and_where_the_law_is_determined(made,
     assert summarise(nowhere)["materials"]["dyke"]["identified"] is False
     found = summarise(changed_material(archive, "dyke", posterior=without_curve()))["materials"]["dyke"]
     assert [found[key] for key in ("known_between_deg", "sigma0_curve", "identified", "fits")] == [None] * 4
+
+
+def test_the_summary_holds_errors_and_coverage_of_each_prediction(made):
+    without = summarise(made.archive)["materials"]["dyke"]
+    assert (without["validation"], without["fields_left_out"]) == (None, None)
+    cells = held_cells()
+    few = held_cells(slice(1, None))
+    archive = changed_material(made.archive, "dyke", posterior=posterior(held=cells, left_out=few))
+    found = summarise(archive)["materials"]["dyke"]
+    assert found["validation"] == pytest.approx({
+        "n_cells": 3, "n_fields": 2, "rmse_db": np.sqrt((1.4**2 + 1.0 + 2.5**2) / 3.0),
+        "rmse_law_db": np.sqrt((0.6**2 + 0.5**2 + 3.5**2) / 3.0),
+        "rmse_constant_db": np.sqrt((3.4**2 + 2.5**2 + 1.5**2) / 3.0),
+        "coverage_90": 2 / 3, "coverage_law_90": 1 / 3, "coverage_constant_90": 1.0,
+    })  # fmt: skip
+    assert (found["fields_left_out"]["n_cells"], found["fields_left_out"]["n_fields"]) == (2, 1)
 
 
 def test_a_refuted_law_does_not_fit(made):
@@ -147,3 +167,21 @@ def test_parameters_are_told_with_their_intervals(made, build_archive, tmp_path)
     assert not any(line.startswith("dyke: parameters_model") for line in lines)
     at_bound = found_words({"a": 1.0, "b": 0.0}, [[0, 1], [0, 4]], {"a": 0.8, "b": 0.1}, {"a": 0.99, "b": 2.0})
     assert at_bound == "a 1 (at its upper bound; 5 to 95 %: 0.8 to 0.99), b 0 (at its lower bound; 5 to 95 %: 0.1 to 2)"
+
+
+def test_a_material_without_cells_is_in_archive_summary_and_page(made, tmp_path):
+    nothing = without_cells([[0.0, 50.0]] * 4, [(21.0, 44.0)])
+    changed = changed_findings(
+        changed_material(made.archive, "dyke", posterior=nothing), Finding("without_cells", "warning", "dyke")
+    )
+    write_archive(tmp_path / "calibration.h5", changed)
+    archive = read_archive(tmp_path / "calibration.h5")
+    summary = summarise(archive)
+    found = summary["materials"]["dyke"]
+    assert found["posterior"]["cells"] == 0
+    assert [found[key] for key in ("identified", "known_between_deg", "sigma0_curve", "fits", "misfit")] == [None] * 5
+    assert list(found["parameters_p95"].values()) == [47.5] * 4
+    assert any("dyke: sigma0 is determined at no angle, because too few" in said for said in sentences(archive))
+    json.dumps(summary, allow_nan=False)
+    write_report(tmp_path / "report.html", archive, [])
+    assert "too few of its pixels lie together" in (tmp_path / "report.html").read_text()

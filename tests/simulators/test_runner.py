@@ -17,6 +17,7 @@ from radcal.config import Case, Radar, SyntheticMeasurement, load
 from radcal.radar import SIMULATOR_VERSION
 from radcal.radar.geometry import Geometry
 from radcal.radar.texture import texture_order
+from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.seeds import noise_seed
 from radcal.simulators import runner as module
@@ -44,20 +45,30 @@ class Counting:
         return (noise + parameters["dyke"][0]).astype(np.float32)
 
 
+class Builtin(Counting):
+    @property
+    def identity(self) -> Mapping[str, Any]:
+        return {"kind": "builtin", "version": SIMULATOR_VERSION}
+
+
+def keys_of(case: Case, scene: Scene, geometry: Geometry, folder: Path) -> list[str]:
+    """Keys of the reference run with the random numbers of the search and with others."""
+    runner = Runner(RunStore(folder), Builtin(geometry.shape), geometry, scene.identity, case)
+    return [digest(runner.description(case.start_parameters, noise_seed(case, fresh))) for fresh in (False, True)]
+
+
+def test_runs_of_the_default_case_keep_their_keys(tmp_path: Path, geometry: Geometry) -> None:
+    case = load([Path(__file__).parents[2] / "config" / "config.yaml"])
+    scene = make_scene(case.scene, list(case.materials))
+    assert keys_of(case, scene, geometry, tmp_path) == ["e91b09b2e2d173ad7909", "9a165fef32249ff5418e"]
+
+
 @pytest.mark.parametrize("name", ["dyke_published", "paper", "paper_small"])
 def test_runs_of_the_published_dyke_keep_their_keys(tmp_path: Path, geometry: Geometry, name: str) -> None:
     """Scene, pass and laws written out in full: no default changes the keys of the runs that stand behind figures."""
     case = load([Path(__file__).parents[2] / "config" / f"{name}.yaml"])
-
-    class Builtin(Counting):
-        @property
-        def identity(self) -> Mapping[str, Any]:
-            return {"kind": "builtin", "version": SIMULATOR_VERSION}
-
     scene = make_scene(case.scene, list(case.materials))
-    runner = Runner(RunStore(tmp_path), Builtin(geometry.shape), geometry, scene.identity, case)
-    keys = [digest(runner.description(case.start_parameters, noise_seed(case, fresh))) for fresh in (False, True)]
-    assert keys == ["9a111f839eed409c2869", "b9921bb5d6ffdea09b39"]
+    assert keys_of(case, scene, geometry, tmp_path) == ["9a111f839eed409c2869", "b9921bb5d6ffdea09b39"]
     assert isinstance(case.measurement, SyntheticMeasurement)
     assert case.measurement.synthetic.disturbed == ()
     assert case.measurement.synthetic.parameters == {"dyke": [6.1, 14.2, 21.5, 3.3]}

@@ -81,10 +81,15 @@ class Observed:
         return np.concatenate([getattr(one, name) for one in self.cells])
 
     @property
+    def simulated_db(self) -> Doubles:
+        """Level of the law with noise at each cell [dB]."""
+        each = zip(self.law_db, self.cells, strict=True)
+        return np.concatenate([with_noise_db(law, one.noise_db) for law, one in each])
+
+    @property
     def above_db(self) -> Doubles:
         """Measured minus simulated mean of each cell [dB]."""
-        law = [with_noise_db(law, one.noise_db) for law, one in zip(self.law_db, self.cells, strict=True)]
-        return np.asarray(self.together("measured_db") - self.together("beside_db") - np.concatenate(law))
+        return np.asarray(self.together("measured_db") - self.together("beside_db") - self.simulated_db)
 
 
 @dataclass(frozen=True)

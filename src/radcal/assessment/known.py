@@ -96,7 +96,8 @@ def _state(case: stages.Archive, name: str, posterior: Posterior, targets: Targe
     """Finding that says at which incidence sigma0 of a material is determined, and how well."""
     curve = posterior.curve
     if curve is None:
-        return Finding("parameters_only", "note", name)
+        few = Finding("without_cells", "warning", name)
+        return Finding("parameters_only", "note", name) if posterior.cells else few
     if targets.level_only(name):
         middle = float(posterior.seen_deg[0].mean().round(1))
         return Finding("level_only", "note", name, {"incidence_deg": middle, **_numbers(curve.at(middle), "median_db")})

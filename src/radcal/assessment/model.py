@@ -15,10 +15,10 @@ from radcal.assessment.cells import CellMeans, with_noise_db
 from radcal.assessment.curves import Curves
 from radcal.assessment.fixed_laws import Observed, common_of
 from radcal.assessment.form_error import form_error, noticed_db
-from radcal.assessment.posterior import FieldCheck, FormError, HeldOut, Image, Posterior
-from radcal.assessment.prediction import field_check, left_out
+from radcal.assessment.posterior import FormError, HeldOut, Image, Posterior
+from radcal.assessment.prediction import constant_of, field_check, left_out
 from radcal.assessment.radiometry import Radiometry, radiometry_of
-from radcal.assessment.summary import Form, points_of, summary, with_band
+from radcal.assessment.summary import Form, points_of, summary, with_band, without_cells
 from radcal.calibration.history import History
 from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.calibration.steps import train_all
@@ -54,9 +54,13 @@ def _observed(name: str, cells: Cells, laws: Sequence[Law], x: Sequence[float]) 
 
 
 def _mean_areas(cells: Cells) -> list[float]:
-    """Mean area of the ground in the cells of each pass [dB]."""
-    each = [[np.concatenate([getattr(c, key) for c in one.values()]) for key in ("area_db", "pixels")] for one in cells]
-    return [float(np.average(area, weights=pixels)) for area, pixels in each]
+    """Mean area of the ground in the cells of each pass [dB]; 0 in a pass without cells."""
+
+    def mean(one: Mapping[str, CellMeans]) -> float:
+        area, pixels = (np.concatenate([getattr(c, key) for c in one.values()]) for key in ("area_db", "pixels"))
+        return float(np.average(area, weights=pixels))
+
+    return [mean(one) if one else 0.0 for one in cells]
 
 
 def image_of(case: stages.Posterior, cells: Cells) -> Image:
@@ -97,6 +101,8 @@ def posterior_of(
 ) -> Posterior:
     """Posterior of one material's law, given what the fixed materials say.
 
+    Without cells in the passes in which the material has a target, the posterior holds the bounds of X alone.
+
     Parameters
     ----------
     case : stages.Posterior
@@ -116,7 +122,16 @@ def posterior_of(
     best = np.asarray(history.best(name).scores[name].parameters, dtype=np.float64)
     laws = [one.laws[name] for one in case.passes]
     areas = [one.found for one in image.radiometry.values()]
-    observed = _observed(name, cells, laws, best.tolist()).moved(areas)
+    seen = [
+        (float(low), float(high))
+        for one in targets.passes
+        if name in one
+        for low, high in [np.quantile(one[name].incidence_deg.astype(np.float64), [0.05, 0.95])]
+    ]
+    own = [one if name in target else {} for one, target in zip(cells, targets.passes, strict=True)]
+    observed = _observed(name, own, laws, best.tolist()).moved(areas)
+    if not observed.size:
+        return without_cells(objective.material.box, seen)
     if laws[0].has_curve:
         parameters, weights, knots = _with_curve(observed, objective, laws, _attenuation(targets, name))
     else:
@@ -126,40 +141,36 @@ def posterior_of(
     form = Form(observed.together("incidence_deg")) if curved and not targets.level_only(name) else None
     forms = np.zeros((observed.size, FORMS)) if form is None else form.columns(observed.together("incidence_deg"))
     flattening = _flattening(observed, _attenuation(targets, name), case.uncertainty.incidence_error)
-    seen = [
-        (float(low), float(high))
-        for one in targets.passes
-        if name in one
-        for low, high in [np.quantile(one[name].incidence_deg.astype(np.float64), [0.05, 0.95])]
-    ]
     with threadpool_limits(1):
         seed = derived_seed(case.seed, "posterior", name)
         whole = LawModel(observed, weights, parameters, forms, flattening, image, _mean_areas(cells), case.uncertainty)
         kept = observed.together("fold") == 0
-        holds_out = case.validation is not None and case.validation.holds_out and np.count_nonzero(kept) >= _FEWEST
-        model = whole.part(kept, case.uncertainty) if holds_out else whole
+        if case.validation is None or not case.validation.holds_out or np.count_nonzero(kept) < _FEWEST:
+            kept = np.ones_like(kept)
+        model = whole if kept.all() else whole.part(kept, case.uncertainty)
         draws = model.drawn(seed, best)
         error = None if form is None else _form_error(model, draws, form, knots, seen)
         held, fields = _left_out(case.validation, whole, model, seed) if curved and case.validation else (None, None)
-    found = replace(summary(observed, draws, form, seen, error), held=held, left_out=fields)
+        signal = whole.measured_db + np.concatenate(observed.law_db) - observed.simulated_db  # without noise
+        constant = constant_of(signal[kept], model.variance, model.patch) if curved else None
+    found = replace(summary(observed, draws, form, seen, error), held=held, left_out=fields, constant=constant)
     if not curved:
         return found
     known_db = None if targets.level_only(name) else case.uncertainty.known_db
-    found = replace(found, points=points_of(whole, draws))
+    found = replace(found, points=points_of(whole, signal, draws))
     return with_band(found, laws[0], draws, form, parameters, known_db)
 
 
 def _left_out(
     validation: Validation, whole: LawModel, model: LawModel, seed: int
-) -> tuple[HeldOut | None, FieldCheck | None]:
+) -> tuple[HeldOut | None, HeldOut | None]:
     """Predictions of held-out ground, and of whole fields of the calibrated ground, each from the other cells."""
     fold = whole.observed.together("fold")
     if validation.keep == "fields":
         fold = np.unique(whole.patch, return_inverse=True)[1] % _FOLDS
     elif validation.holds_out:
         fold = np.where(fold == 1, 1, -1)
-    held = left_out(whole, fold, seed)
-    return held if held.patch.size else None, field_check(model, seed)
+    return left_out(whole, fold, seed), field_check(model, seed)
 
 
 def _with_curve(
@@ -205,7 +216,7 @@ def _without_curve(
     surrogate = Surrogate(train_all(history, case, {name: objective})[name], objective, history.surprise(name))
     middles, blocks = [], []
     for own, part in zip(observed.cells, objective.passes, strict=True):
-        if part is None or not own.size:
+        if part is None:  # without a target, and so without cells
             continue
         classes = part.compared().classes
         middle = classes.nodes_deg.mean(axis=1)

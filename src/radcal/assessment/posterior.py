@@ -17,14 +17,15 @@ from radcal.storage.dataclass_groups import About
 
 __all__ = [
     "WHOLE_DEG",
+    "Constant",
     "Curve",
-    "FieldCheck",
     "FormError",
     "HeldOut",
     "Image",
     "KeptDraws",
     "Points",
     "Posterior",
+    "Predicted",
     "known_between",
 ]
 
@@ -115,44 +116,57 @@ class KeptDraws:
 
 
 @dataclass(frozen=True)
+class Constant:
+    """Level of a material as one constant: generalised least squares mean of cells with effects of fields and cells."""
+
+    mean_db: Annotated[float, About("mean level, on level ground and without noise", "dB")]
+    variance: Annotated[float, About("variance of `mean_db`", "dB^2")]
+    between_db: Annotated[float, About("standard deviation of the effects of fields", "dB")]
+    within_db: Annotated[float, About("standard deviation of the effects of cells", "dB")]
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """Predicted means of c cells or incidence-angle bins."""
+
+    mean_db: Annotated[Doubles, About("predicted mean", "dB", "c")]
+    p05_db: Annotated[Doubles, About("5 % quantile of the predictive distribution", "dB", "c")]
+    p95_db: Annotated[Doubles, About("95 % quantile of the predictive distribution", "dB", "c")]
+
+    def averaged(self, other: Predicted) -> Predicted:
+        """Average with another prediction, of the means and of the quantiles, with equal weights.
+
+        References
+        ----------
+        Lichtendahl, Grushka-Cockayne and Winkler, "Is it better to average probabilities or quantiles?", Management
+        Science 59 (2013): a mixture of two calibrated distributions is too wide.
+        """
+        each = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Predicted(*(0.5 * (one + another) for one, another in each))
+
+
+@dataclass(frozen=True)
 class HeldOut:
     """Cells that were left out of the fit, with their predictions from the other cells."""
 
     patch: Annotated[NDArray[np.int64], About("field of each cell", shape="c")]
     incidence_deg: Annotated[Doubles, About("mean local incidence", "deg", "c")]
     measured_db: Annotated[Doubles, About("measured mean, less what the simulator adds to its law", "dB", "c")]
-    predicted_db: Annotated[Doubles, About("predicted mean", "dB", "c")]
-    p05_db: Annotated[Doubles, About("5 % quantile of the predictive distribution", "dB", "c")]
-    p95_db: Annotated[Doubles, About("95 % quantile of the predictive distribution", "dB", "c")]
-    law_db: Annotated[Doubles, About("mean predicted by the law alone", "dB", "c")]
-    constant_db: Annotated[Doubles, About("mean predicted by the constant alone", "dB", "c")]
-
-    def part(self, mask: NDArray[np.bool_]) -> HeldOut:
-        """Cells of a mask."""
-        return HeldOut(**{name: value[mask] for name, value in vars(self).items()})
-
-    def rmse_db(self, name: str = "predicted_db") -> float:
-        """Root mean square error of one of the predictions [dB]; NaN without cells."""
-        error = self.measured_db - getattr(self, name)
-        return float(np.sqrt(np.mean(error**2))) if error.size else float("nan")
+    law: Annotated[Predicted, About("prediction by the model of the law alone")]
+    constant: Annotated[Predicted, About("prediction by the constant alone")]
 
     @property
-    def coverage_90(self) -> float:
-        """Share of the cells inside of the predicted 90 % band; NaN without cells."""
-        inside = (self.p05_db <= self.measured_db) & (self.measured_db <= self.p95_db)
-        return float(inside.mean()) if inside.size else float("nan")
+    def predicted(self) -> Predicted:
+        """Prediction of other ground: the average of those of law and constant."""
+        return self.law.averaged(self.constant)
 
+    def rmse_db(self, by: Predicted) -> float:
+        """Root mean square error of one of the predictions [dB]."""
+        return float(np.sqrt(np.mean((self.measured_db - by.mean_db) ** 2)))
 
-@dataclass(frozen=True)
-class FieldCheck:
-    """Errors of the predictions of whole fields that were left out of the fit, so that their effects are unknown."""
-
-    n_fields: Annotated[int, About("number of fields that were predicted")]
-    n_cells: Annotated[int, About("number of cells that were predicted")]
-    rmse_db: Annotated[float, About("rms error of the means of cells", "dB")]
-    rmse_law_db: Annotated[float, About("rms error by the law alone", "dB")]
-    rmse_constant_db: Annotated[float, About("rms error by the constant alone", "dB")]
-    coverage_90: Annotated[float, About("share of the means of cells inside of the predicted 90 % band")]
+    def coverage_90(self, by: Predicted) -> float:
+        """Share of the cells inside of the 90 % band of one of the predictions."""
+        return float(np.mean((by.p05_db <= self.measured_db) & (self.measured_db <= by.p95_db)))
 
 
 @dataclass(frozen=True)
@@ -188,11 +202,12 @@ class Posterior:
     ] = None
     form: Annotated[FormError | None, About("error of the law's form; absent where it cannot be told")] = None
     draws: Annotated[KeptDraws | None, About("draws from the posterior, for predictions")] = None
+    constant: Annotated[Constant | None, About("level as one constant, for predictions; absent as `curve`")] = None
     held: Annotated[HeldOut | None, About("predictions of held-out cells; absent without a section `validation`")] = (
         None
     )
     left_out: Annotated[
-        FieldCheck | None, About("predictions of whole fields from the others; absent without a section `validation`")
+        HeldOut | None, About("predictions of whole fields from the others; absent without a section `validation`")
     ] = None
 
     @property

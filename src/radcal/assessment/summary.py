@@ -6,16 +6,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radcal.assessment.calibrated import FORMS, Draws, LawModel, Parameters
-from radcal.assessment.cells import STEP_DEG, with_noise_db
+from radcal.assessment.cells import STEP_DEG
 from radcal.assessment.curves import GRID_DEG, NORMAL_90, PER_DEG
 from radcal.assessment.fixed_laws import Observed, form_basis
 from radcal.assessment.posterior import WHOLE_DEG, Curve, FormError, KeptDraws, Points, Posterior, known_between
 from radcal.radar.laws import Law
 
-__all__ = ["Form", "points_of", "summary", "with_band"]
+__all__ = ["Form", "points_of", "summary", "with_band", "without_cells"]
 
 Doubles = NDArray[np.float64]
 
@@ -82,6 +82,14 @@ def summary(
     )
 
 
+def without_cells(box: ArrayLike, seen: Sequence[tuple[float, float]]) -> Posterior:
+    """Posterior of a law of which no cell was seen: quantiles of its X in the bounds, shape (d, 2), and no band."""
+    bounds, unknown = np.asarray(box, dtype=np.float64), np.full(3, np.nan)
+    low, middle, high = (bounds @ [1.0 - share, share] for share in _QUANTILES)
+    nothing = float("nan")
+    return Posterior(True, nothing, nothing, 0, 0, 0, low, middle, high, nothing, unknown, unknown, np.array(seen))
+
+
 def with_band(
     found: Posterior, law: Law, draws: Draws, form: Form | None, parameters: Parameters, known_db: float | None
 ) -> Posterior:
@@ -112,17 +120,15 @@ def with_band(
     )
 
 
-def points_of(model: LawModel, draws: Draws) -> Points:
-    """Measured levels in the intervals of incidence of the cells, weighted by pixels, without noise."""
-    law = np.concatenate(model.observed.law_db)
-    level = model.measured_db + law - with_noise_db(law, model.observed.together("noise_db"))
+def points_of(model: LawModel, signal_db: Doubles, draws: Draws) -> Points:
+    """Levels of cells without noise [dB], shape (n,), in their intervals of incidence, weighted by pixels."""
     interval = model.incidence_deg // STEP_DEG
     weights = (interval == np.unique(interval)[:, None]) * model.pixels
     weights = weights / weights.sum(axis=1, keepdims=True)
     field, cell = np.median(draws.field_db), np.median(draws.cell_db)
     shares = weights @ np.equal(model.patch[:, None], np.unique(model.patch))
     variance = weights**2 @ (model.variance + cell**2) + field**2 * (shares**2).sum(axis=1)
-    return Points(weights @ model.incidence_deg, weights @ level, np.sqrt(variance))
+    return Points(weights @ model.incidence_deg, weights @ signal_db, np.sqrt(variance))
 
 
 def _explained(curves: Doubles, common: Doubles) -> Doubles:

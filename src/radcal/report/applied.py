@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from radcal.assessment.cells import DB
 from radcal.assessment.curves import GRID_DEG
-from radcal.assessment.posterior import Posterior
+from radcal.assessment.posterior import Constant, Posterior, Predicted
+from radcal.assessment.prediction import predict
 from radcal.assessment.preposterior import Sight, sight_of
 from radcal.config import Case, Material, TargetConfig, Uncertainty, stages
 from radcal.errors import ConfigError, StoreError
@@ -43,7 +44,6 @@ COLUMNS = (
     "pass", "material", "incidence_from_deg", "incidence_to_deg", "incidence_deg", "pixels", "known", "predicted_db",
     "p05_db", "p95_db", "measured_db", "inside",
 )  # fmt: skip
-_QUANTILES = [0.05, 0.5, 0.95]
 
 
 def with_laws(archive: Archive, source: Mapping[str, Any], other: stages.Forward) -> stages.Forward:
@@ -120,6 +120,20 @@ def predictive_db(
     return np.asarray(means - simulated + (np.linalg.cholesky(errors) @ deviates)[..., 0])
 
 
+def by_constant_db(
+    constant: Constant, looks: float, law: Law, start: Sequence[float], sight: Sight, config: Uncertainty
+) -> tuple[Doubles, Doubles]:
+    """Measured minus simulated means of the bins by a constant level, and standard errors [dB], shape (n,) each.
+
+    ``looks`` are those of the measured pixels inside of cells; for the rest see :func:`predictive_db`.
+    """
+    level = sight.means_db(np.full((1, GRID_DEG.size), constant.mean_db))[0]
+    simulated = sight.means_db(np.asarray(law(np.radians(GRID_DEG), start))[None])[0]
+    errors = sight.covariance(np.array(constant.between_db), np.array(0.0), 0.5 * looks, config, level)
+    # cells of one incidence differ from a constant alike, by the slope of the law
+    return level - simulated, np.sqrt(np.diagonal(errors) + constant.within_db**2 + constant.variance)
+
+
 def bin_levels_db(sight: Sight, image_db: Doubles) -> Doubles:
     """Mean of each bin [dB], shape (n,): mean power of the part of each cell inside of it, averaged in dB over pixels.
 
@@ -144,7 +158,7 @@ def predictions(
     posterior: Posterior,
     sight: Sight,
     simulated_db: Doubles,
-    moved_db: Doubles,
+    moved: Predicted,
     measured_db: Doubles | None = None,
 ) -> Iterator[Prediction]:
     """Predicted level of a material in each incidence-angle bin of a pass, with the measured one.
@@ -159,20 +173,20 @@ def predictions(
         Usable pixels of the material in the pass, in n bins.
     simulated_db : ndarray, shape (p,)
         Simulated pixels [dB].
-    moved_db : ndarray, shape (m, n)
-        Result of :func:`predictive_db`.
+    moved : Predicted
+        Predicted measured minus simulated means of the bins.
     measured_db : ndarray, shape (p,), optional
         Measured pixels [dB]; NaN for a pixel without a measured value.
     """
     member = class_of(sight.incidence_deg, sight.edges_deg)
-    quantiles = bin_levels_db(sight, simulated_db) + np.quantile(moved_db, _QUANTILES, axis=0)
+    levels = bin_levels_db(sight, simulated_db) + np.stack([moved.mean_db, moved.p05_db, moved.p95_db])
     nothing = np.full(sight.incidence_deg.size, np.nan)
     measured = bin_levels_db(sight, nothing if measured_db is None else measured_db)
-    for k, (low, middle, high) in enumerate(quantiles.T.tolist()):
+    for k, (mean, low, high) in enumerate(levels.T.tolist()):
         angle = float(sight.incidence_deg[member == k].mean())
         edges = (float(sight.edges_deg[k]), float(sight.edges_deg[k + 1]))
         pixels, known = int((member == k).sum()), _known(posterior, angle)
-        yield Prediction(name, edges, angle, pixels, known, middle, low, high, float(measured[k]))
+        yield Prediction(name, edges, angle, pixels, known, mean, low, high, float(measured[k]))
 
 
 def _known(posterior: Posterior, angle_deg: float) -> str:
@@ -241,22 +255,16 @@ def apply(
         files += _images(out, number, other.passes[number - 1], scene, one)
         with understood(folder / "calibration.h5"):
             rows += [(number, row) for row in _of_pass(archive, config, changed, number, one)]
+    shared = [name for name in archive.materials if name in other.materials]
+    said = [*_few_pixels(archive, shared, {one.material for _, one in rows}), *doubts(shared, archive.found)]
     rows, left_out = where_seen(archive, rows)
-    lines += left_out
-    if not rows and left_out:
-        raise ConfigError(f"{folder}: nothing can be predicted of {other.case}: {' '.join(left_out)}")
+    said += left_out
     if not rows:
-        raise ConfigError(f"{folder}: no calibrated material with a band in dB has 50 usable pixels in {other.case}.")
+        raise ConfigError(f"{folder}: nothing can be predicted of {other.case}: {' '.join(said)}")
     files += [out / "predictions.csv", out / "predictions.png"]
     write_csv(files[-2], COLUMNS, map(_cells, rows))
     draw_predictions(files[-1], [row for _, row in rows], archive.case, other.case)
-    return [
-        *_table(rows, len(passes) > 1),
-        *lines,
-        *doubts({one.material for _, one in rows}, archive.found),
-        *_conclusion(rows),
-        *map(str, files),
-    ]
+    return [*_table(rows, len(passes) > 1), *lines, *said, *_conclusion(rows), *map(str, files)]
 
 
 def where_seen(
@@ -275,10 +283,8 @@ def where_seen(
 
     Returns
     -------
-    rows : list of (int, Prediction)
-        Predictions that are kept: all bins, except those of a material seen at one incidence that are too far from it.
-    left_out : list of str
-        One sentence for each material with bins that are left out.
+    rows, left_out : list of (int, Prediction), list of str
+        Predictions that are kept, and sentences.
     """
     kept, count = list[tuple[int, Prediction]](), dict[str, int]()
     for number, one in rows:
@@ -294,6 +300,14 @@ def where_seen(
         "incidence at which the calibration has seen it: its level is known there alone."
         for name, number in count.items()
     ]
+
+
+def _few_pixels(archive: Archive, names: Iterable[str], predicted: Collection[str]) -> Iterator[str]:
+    """Sentences on materials that could be predicted, but have too few pixels in each pass."""
+    for name in names:
+        posterior = archive.materials[name].posterior
+        if name not in predicted and posterior is not None and posterior.constant is not None:
+            yield f"{name}: not predicted, because no pass has 50 usable pixels of it."
 
 
 def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: Path, own: Path) -> _Pass:
@@ -332,7 +346,7 @@ def _of_pass(
     uncertainty = Uncertainty.model_validate(config["uncertainty"])
     for name, material in archive.materials.items():
         posterior = material.posterior
-        if name not in changed.materials or posterior is None or posterior.draws is None or posterior.curve is None:
+        if name not in changed.materials or posterior is None or posterior.constant is None:
             continue
         sight = sight_of(name, one.geometry, case.radar, margin_px)
         if sight is None:
@@ -340,7 +354,9 @@ def _of_pass(
         simulated = one.predicted_db.ravel()[sight.pixels].astype(np.float64)
         values = None if one.measured_db is None else one.measured_db.ravel()[sight.pixels].astype(np.float64)
         start, rng = changed.materials[name].start_parameters, derived_rng(changed.seed, "apply", name)
-        moved = predictive_db(posterior, case.laws[name], start, sight, uncertainty, rng)
+        law = case.laws[name]
+        constant = by_constant_db(posterior.constant, posterior.looks, law, start, sight, uncertainty)
+        moved = predict(predictive_db(posterior, law, start, sight, uncertainty, rng), *constant)
         yield from predictions(name, posterior, sight, simulated, moved, values)
 
 
@@ -370,7 +386,7 @@ def _conclusion(rows: Sequence[tuple[int, Prediction]]) -> Iterator[str]:
         for known, where in (
             (KNOWN, "where sigma0 is determined"),
             (SEEN, "at angles that the calibration has seen, where sigma0 is not determined"),
-            (OUTSIDE, "at angles that the calibration has not seen (an extrapolation by the law's formula)"),
+            (OUTSIDE, "at angles that the calibration has not seen (an extrapolation)"),
         ):
             of = [one for _, one in rows if (one.material, one.known) == (name, known)]
             compared = [one for one in of if one.inside is not None]

@@ -42,7 +42,7 @@ class Prediction:
         ``known`` if sigma0 is determined at the bin's mean incidence; ``not known`` if the calibration has seen this
         incidence, but sigma0 is not determined there; or ``not seen`` by the calibration.
     predicted_db, p05_db, p95_db : float
-        Median and 90 % interval of the predicted level [dB]: mean power of cells, averaged in dB.
+        Mean and 90 % interval of the predicted level [dB]: mean power of cells, averaged in dB.
     measured_db : float
         The same of the measured pixels [dB]; NaN without measured pixels.
     """
@@ -73,7 +73,7 @@ def draw_predictions(path: str | Path, rows: Sequence[Prediction], source: str, 
     rows : sequence of Prediction
         Bins of all materials and passes.
     source, other : str
-        Name of the case that gives the laws, and of the case that gives the image.
+        Name of the case that predicts, and of the case that gives the image.
     """
     names = list(dict.fromkeys(row.material for row in rows))
     # the legend is that of the first panel, so every panel names what any panel shows, and nothing else
@@ -85,7 +85,7 @@ def draw_predictions(path: str | Path, rows: Sequence[Prediction], source: str, 
                 some = [row for row in own if row.known == known]
                 middle = np.array([row.predicted_db for row in some])
                 error = np.abs(np.array([[row.p05_db, row.p95_db] for row in some]).reshape(-1, 2).T - middle)
-                label = f"law of {source}, 90 %: {known}"
+                label = f"predicted from {source}, 90 %: {known}"
                 x = [row.incidence_deg for row in some]
                 axes.errorbar(x, middle, error, label=label, **style)
             compared = [row for row in own if row.inside is not None]

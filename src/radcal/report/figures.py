@@ -12,6 +12,7 @@ from radcal.report.density_figures import densities, histogram, overview, qualit
 from radcal.report.drawing import slugs, styled
 from radcal.report.fidelity_figures import fidelity
 from radcal.report.front_figures import front
+from radcal.report.held_out_figures import held_out
 from radcal.report.law_figures import cost, law
 from radcal.report.map_figures import images, registration, residual
 from radcal.report.scene_figures import incidence, scene
@@ -87,6 +88,7 @@ def write_figures(archive: Archive, folder: str | Path) -> list[Figure]:
         drawings: tuple[tuple[str, str, Callable[[Archive, str], tuple[Canvas, str, str] | None]], ...] = (
             ("densities", "Density before and after", densities),
             ("law", "Sigma0 and laws", law),
+            ("held_out", "Held-out ground", held_out),
             ("cost", "Cost of each run", cost),
             ("front", "Front of the search", front),
             ("fidelity", "Predicted and verified", fidelity),

@@ -146,7 +146,7 @@ def _posterior(material: MaterialResult) -> dict[str, Any]:
             "noticed_db": form.noticed_db,
         },
         "validation": None if known.held is None else _validation(known.held),
-        "fields_left_out": None if known.left_out is None else dict(vars(known.left_out)),
+        "fields_left_out": None if known.left_out is None else _validation(known.left_out),
         "posterior": {
             "known_half_width_db": known.known_half_width_db,
             "sampled": known.sampled,
@@ -170,14 +170,13 @@ def _levels(known: Posterior) -> list[dict[str, float]]:
 
 
 def _validation(held: HeldOut) -> dict[str, Any]:
-    """Errors of the predictions of held-out cells."""
+    """Errors of the predictions of cells that were left out."""
+    each = {"": held.predicted, "law_": held.law, "constant_": held.constant}
     return {
         "n_cells": held.patch.size,
         "n_fields": int(np.unique(held.patch).size),
-        "rmse_db": held.rmse_db(),
-        "rmse_law_db": held.rmse_db("law_db"),
-        "rmse_constant_db": held.rmse_db("constant_db"),
-        "coverage_90": held.coverage_90,
+        **{f"rmse_{which}db": held.rmse_db(by) for which, by in each.items()},
+        **{f"coverage_{which}90": held.coverage_90(by) for which, by in each.items()},
     }
 
 

@@ -28,7 +28,7 @@ SCHEMAS: Mapping[str, int] = {
     "registered": 2,
     "target": 6,
     "surrogate": 6,
-    "posterior": 3,
+    "posterior": 4,
     "image": 2,
     "run": 2,
     "calibration": 6,
