@@ -13,6 +13,7 @@ __all__ = [
     "headline",
     "next_steps",
     "remarks",
+    "rough",
     "sentence",
     "state",
     "untold",
@@ -22,6 +23,11 @@ __all__ = [
 
 IF = "if scene, geometry and pixels are what the case says"
 _LEVEL = "{level_db:+.2f} dB (90 %: {p05_db:+.2f} to {p95_db:+.2f})"
+_MAPPED = (
+    "each image is mapped to zero median and unit interquartile range; the measured one lies {offset_db:+.2f} dB from "
+    "the reference run and spreads {scale:.2f} times as much; wrong laws of other materials shift and stretch what is "
+    "found"
+)
 
 _TEXTS: Mapping[str, str] = {
     "depression": "{about} is displaced along slant range by {px_per_100_rows:+.1f} pixels per 100 rows (a straight "
@@ -43,6 +49,15 @@ _TEXTS: Mapping[str, str] = {
     "fixed_law_and_image": "{about}: the fixed law and the image differ by {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "
     "{p95_db:+.2f}); one fixed law cannot tell an error of the law from a level of the image",
     "level": "{about}: the fixed laws and the image differ by a level of " + _LEVEL,
+    "fixed_level": "{about}: the image minus the fixed law is {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "
+    "{p95_db:+.2f})",
+    "level_of_image": "the measured image is taken at its own level; no material of a fixed law checks it",
+    "level_found": "the measured image lies {offset_db:+.2f} +- {error_db:.2f} dB from the reference run on {about}",
+    "level_subtracted": "the measured image lies {offset_db:+.2f} +- {error_db:.2f} dB from the reference run on "
+    "{about}; this offset is subtracted",
+    "images_mapped": _MAPPED,
+    "all_images_mapped": _MAPPED + "; all materials are calibrated, so that a level common to all laws is not "
+    "identified",
     "level_unchecked": "{about}: level and radiometry unchecked, because no material has a fixed law; the bands "
     "contain the level's standard error of {level_db:.2g} dB (uncertainty.level_db)",
     "determined": "{about}: sigma0 is determined to +-{half_width_db:.1f} dB (90 %) {between}, " + IF,
@@ -88,12 +103,14 @@ _WIDTHS = (
     "+-{half_width_db:.1f} dB for the material, +-{field_half_width_db:.1f} dB for its fields in this image; level, "
     "radiometry, noise, incidence and point spread (systematic) alone give +-{systematic_db:.1f} dB"
 )
+_ROUGH = "fixed laws against the measured image, which is not registered yet, so that the values are rough:"
 _NAMED = 4  # most materials named in a headline
 _STEPS = ("depression", "relief", "place", "radiometry", "fixed_law", "fixed_law_and_image", "level")
 _DO = {
     "relief": "check {do}, whose heights must be in metres (not feet), of the same place, and not flipped",
     "place": "check {do}, or set the materials and the elevation of the place that it shows",
     "fixed_law": "check {do}",
+    "fixed_level": "check {do} and the calibration of the image",
     "fixed_law_and_image": "check materials.{about}.parameters and the calibration of the image",
     "level": "check the absolute calibration of the image",
 }
@@ -161,6 +178,13 @@ def widths(name: str, findings: Iterable[Finding]) -> str:
 def remarks(findings: Iterable[Finding]) -> list[Finding]:
     """Findings that no verdict tells, warnings and refusals first."""
     return sorted((one for one in findings if one.code not in _OF_VERDICT), key=lambda one: one.severity == "note")
+
+
+def rough(findings: Sequence[Finding]) -> str:
+    """Lines on the findings of an image that is not registered yet; the first begins with ``warning`` if one warns."""
+    warned = any(one.severity != "note" for one in findings)
+    lines = [sentence(one, prefix=False) for one in findings]
+    return "\n      ".join(["warning: " * warned + _ROUGH, *lines])
 
 
 def untold(said: Iterable[str], told: str) -> list[str]:

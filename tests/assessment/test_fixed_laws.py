@@ -14,6 +14,7 @@ from radcal.assessment.fixed_laws import (
     FORM_DEG,
     Observed,
     _Scales,
+    apart_db,
     common_columns,
     common_of,
     form_basis,
@@ -103,7 +104,7 @@ def test_without_fixed_materials_there_are_the_priors(offset, sd):
     np.testing.assert_array_equal(found.mean, np.zeros(9))
     wanted = [sd**2, 0.07**2, 1.0, 1.0, sd**2, 0.07**2, 1.0, 1.0, 1.0]
     np.testing.assert_allclose(found.covariance, np.diag(wanted))
-    np.testing.assert_allclose(found.levels_db, [[-1.645 * sd, 0.0, 1.645 * sd]] * 2)
+    np.testing.assert_allclose(found.levels_db, [[-1.6448536 * sd, 0.0, 1.6448536 * sd]] * 2)
     assert found.field == (np.log(0.6), 0.42)
     assert (found.laws_db, found.apart_db, found.sampled) == ({}, {}, True)
 
@@ -264,3 +265,15 @@ def test_scales_of_zero_are_allowed(offset):
     assert np.isfinite(found.covariance).all()
     assert abs(found.laws_db["water"][1]) < 0.05
     assert abs(found.mean[LEVEL]) < (0.5 if offset else 1e-3)
+
+
+def test_image_minus_law_is_a_mean_with_the_effects_of_its_fields():
+    """Three cells in two fields; a law of -7, -8 and -9 dB."""
+    cells = made_cells(
+        [-4.0, -6.5, -7.0], [30.0, 33.0, 36.0], beside_db=np.array([0.5, -0.2, 0.4]),
+        patch=np.array([4, 4, 9]), pixels=np.array([20, 30, 50]), variance=np.array([0.05, 0.1, 0.2]),
+    )  # fmt: skip
+    middle = 0.2 * 2.5 + 0.3 * 1.7 + 0.5 * 1.6
+    half = 1.6449 * np.sqrt(0.04 * 0.05 + 0.09 * 0.1 + 0.25 * 0.2 + 0.6**2 * (0.5**2 + 0.5**2))
+    found = apart_db(cells, np.array([-7.0, -8.0, -9.0]), 0.6)
+    np.testing.assert_allclose(found, [middle - half, middle, middle + half], rtol=1e-4)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from calibration_samples import make_target
 
-from radcal.assessment.reach import check_reach, law_range_db, level_asked_db
+from radcal.assessment.reach import check_reach, law_range_db
 from radcal.config import case_from
 from radcal.errors import ConfigError
 from radcal.measurement.target import Targets
@@ -33,21 +33,40 @@ def targets_at(level_db, **changes):
 
 def test_range_of_a_law_over_its_bounds():
     box = [[-20.0, -5.0], [0.0, 30.0], [0.0, 10.0], [1.0, 5.0]]
-    angle = [30.0, 40.0]
+    angle = np.array([30.0, 40.0, 63.0])
     low, high = law_range_db(LAW, box, angle)
-    assert low == pytest.approx(-20.0)
-    assert high == pytest.approx(LAW(np.radians(angle), [-5.0, 30.0, 10.0, 1.0]).mean(), abs=1e-3)
+    np.testing.assert_allclose(low, -20.0)
+    np.testing.assert_allclose(high, LAW(np.radians(angle), [-5.0, 30.0, 10.0, 1.0]))
+
+
+def test_range_of_a_law_that_is_highest_inside_of_its_bounds():
+    law = law_for("formula", formula="-(X1 - 3) ** 2 + 4 * X2 * cos(phi)", names=("X1", "X2"))
+    angle = np.array([20.0, 55.0])
+    low, high = law_range_db(law, [[1.0, 9.0], [-2.0, 5.0]], angle)
+    np.testing.assert_allclose(high, 20.0 * np.cos(np.radians(angle)), atol=0.6)
+    np.testing.assert_allclose(low, -36.0 - 8.0 * np.cos(np.radians(angle)))
 
 
 def test_range_of_a_law_with_many_parameters():
     law = law_for("tabulated", angles_deg=tuple(np.linspace(10.0, 60.0, 12)))
-    low, high = law_range_db(law, [[-30.0, -2.0]] * 12, [20.0, 50.0])
-    assert (low, high) == (pytest.approx(-30.0, abs=0.2), pytest.approx(-2.0, abs=0.2))
+    low, high = law_range_db(law, [[-30.0, -2.0]] * 12, np.array([20.0, 50.0]))
+    np.testing.assert_allclose(low, -30.0, atol=0.2)
+    np.testing.assert_allclose(high, -2.0, atol=0.2)
 
 
-def test_level_of_a_law_is_above_the_mean_of_its_speckle():
+def test_the_mean_of_the_logarithm_of_speckle_is_no_part_of_the_level():
+    """Ground of -9 dB with four looks, whose dB values have a mean of -9.57 dB, and a law 3 dB below it or less."""
     values = 10.0 * np.log10(np.random.default_rng(1).gamma(4.0, 0.25, 200_000)) - 9.0
-    assert level_asked_db(values, 4.0) == pytest.approx(-9.0, abs=0.02)
+    angle = np.linspace(30.0, 40.0, values.size)
+    for highest, refused in ((-11.9, False), (-12.1, True)):
+        low = [[highest - 0.2, highest], [0, 1e-3], [0, 1e-3], [0, 1]]
+        case = case_with(bounds=low, start=[highest, 0, 0, 0])
+        targets = Targets({"crops": make_target(values, angle, dp=[0.0, 1.0, 0.0])})
+        if not refused:
+            check_reach(case, targets)
+            continue
+        with pytest.raises(ConfigError, match="the measured level is -9.0 dB"):
+            check_reach(case, targets)
 
 
 @pytest.mark.parametrize(("level", "refused"), [(-2.9, False), (-3.1, True), (12.0, False)])
@@ -61,7 +80,7 @@ def test_a_level_more_than_3_db_below_all_laws_is_refused(level, refused):
     said = str(error.value)
     assert said.startswith("materials.crops.bounds: inside them the law 'mangia' gives 0.0 to 1")
     assert "the measured level is -3.1 dB" in said
-    assert "found without any run of the design" in said
+    assert "expected bounds between which the law reaches it to within 3 dB" in said
 
 
 def test_a_level_above_all_laws_is_refused_unless_it_is_the_noises():

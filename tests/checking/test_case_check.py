@@ -83,6 +83,7 @@ materials:
 target: {{pixels: 300}}
 design: {{size: 3}}
 stop: {{max_runs: 12}}
+uncertainty: {{walkers: 32, steps: 100}}
 """
     )
     return path
@@ -131,23 +132,42 @@ def test_a_wrong_value_is_not_called_missing_as_well(tmp_path: Path) -> None:
     assert any("measurement.scale is missing" in text for text in check_case([path]).problems)
 
 
-def test_a_fixed_law_far_from_the_image_is_told(tmp_path: Path) -> None:
+def test_a_fixed_law_and_the_image_are_compared_before_any_run(tmp_path: Path) -> None:
+    """The image has 0 dB; gamma0 of 2.8 dB is a sigma0 of 2.8 dB + 10 log10(cos(32 degrees)), 2.1 dB above it."""
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
 
-    def told(parameters: list[float], **more: object) -> list[str]:
-        lake = {"law": "constant_gamma", "parameters": parameters}
+    def told(gamma_db: float, **more: object) -> list[str]:
+        lake = {"law": "constant_gamma", "parameters": [gamma_db]}
         changed = {"materials": {"lake": lake, "field": {"calibrate": True}}, **more}
-        return [line for line in check_case([path], changed).outlook if line.startswith("warning: materials")]
+        (said,) = (line for line in check_case([path], changed).outlook if "fixed laws against" in line)
+        return said.splitlines()
 
-    # the image has 0 dB, gamma0 of 7.8 dB is a sigma0 of 7.8 dB + 10 log10(cos(32 degrees))
-    (said,) = told([7.8])
-    assert said.startswith("warning: materials.lake is not calibrated, and its constant_gamma gives 7.1 dB at its mean")
-    assert " incidence of 32 degrees, noise included, while the image has about 0.1 dB: is a sign or unit in" in said
-    assert told([5.0]) == []
-    assert len(told([-7.8])) == 1
-    assert told([-30.0], radar={"nesz_db": -5}) == [], "the noise fills the image of dark ground"
-    assert told([7.8], radar={"radiometry": "beta0"}, measurement={"radiometry": "beta0"})[0].count(" 9.") == 1
-    assert told([7.8], target={"normalisation": "offset"}) == []
+    first, lake, radiometry = told(2.8)
+    assert first == (
+        "warning: fixed laws against the measured image, which is not registered yet, so that the values are rough:"
+    )
+    assert lake.startswith("      lake: the image minus the fixed law is -2.1")
+    assert lake.endswith(": check materials.lake.parameters and the calibration of the image.")
+    assert radiometry == "      pass 1: radiometry unchecked, because the fixed materials show too little of it."
+    assert told(2.3)[0] == first.removeprefix("warning: ")
+    found = check_case([path], {"target": {"normalisation": "image"}})
+    assert [line for line in found.outlook if "fixed laws" in line] == []
+
+
+def test_bounds_that_no_law_leaves_are_a_mistake(tmp_path: Path) -> None:
+    """The image has 0 dB, also where the bounds end 25 dB below; all else was looked at."""
+    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    narrow = {"materials": {"field": {"bounds": [[-40, -30], [0, 3], [0, 2], [0, 20]]}}}
+    found = check_case([path], narrow)
+    (said,) = found.problems
+    assert said.startswith("materials.field.bounds: inside them the law 'mangia' gives -40.0 to -2")
+    assert "and the measured level is -0.1 dB" in said
+    assert found.not_looked_at() == ""
+    assert any("fixed laws against" in line for line in found.outlook)
+    case = yaml.safe_load(path.read_text())
+    twice = {key: [case[key]] * 2 for key in ("radar", "measurement")}
+    path.write_text(yaml.safe_dump(case | twice))
+    assert check_case([path], narrow).problems == [said], "once for two passes"
 
 
 def test_warnings_are_told_as_such_and_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -488,7 +508,7 @@ def test_a_fixed_law_without_its_minus_sign_is_asked_about(tmp_path: Path) -> No
     def asked(law: str, parameters: list[float], **more: object) -> list[str]:
         case["materials"]["lake"] = {"law": law, "parameters": parameters}
         path.write_text(yaml.safe_dump({**case, **hidden, **more}))
-        return [text for text in check_case([path]).warnings() if "minus" in text]
+        return [text for text in check_case([path]).warnings() if "minus sign" in text]
 
     says = "  warning: materials.lake.parameters: {} gives gamma {} dB at an incidence of 45 degrees, the brightest "
     (said,) = asked("constant_gamma", [17.0])
@@ -503,7 +523,7 @@ def test_a_fixed_law_without_its_minus_sign_is_asked_about(tmp_path: Path) -> No
     field = {"calibrate": True, "bounds": [[-40, 30], [0, 30], [0, 20], [0, 20]], "start": [3.0, 8.0, 0.0, 4.0]}
     assert asked("constant_gamma", [17.0], materials={"field": field, "lake": case["materials"]["lake"]}) == []
     image = {"measurement": case["measurement"]}
-    assert asked("constant_gamma", [17.0], **image) == [], "fixed_levels says it"
+    assert len(asked("constant_gamma", [17.0], **image)) == 1
     assert len(asked("constant_gamma", [17.0], **image, target={"pixels": 300, "normalisation": "offset"})) == 1
     assert len(asked("constant_gamma", [17.0], **image, stop={"max_runs": 1})) == 1, "beside a problem"
 
@@ -561,23 +581,21 @@ def test_a_section_that_is_left_out_has_its_files_looked_at(tmp_path: Path, monk
 def test_what_a_right_case_will_meet_is_told_before_any_run(tmp_path: Path) -> None:
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     said = list[str]()
-    time, error, rough, level = check_case([path], results=tmp_path / "results", say=said.append).outlook
+    time, error, rough = check_case([path], results=tmp_path / "results", say=said.append).outlook
     # a line before each part that takes minutes on large scenes
-    assert said == ["scene ...", "geometry: scene of 60 x 50 cells ...", "measured image, for 60 x 50 pixels ..."]
+    assert said == [
+        "scene ...",
+        "geometry: scene of 60 x 50 cells ...",
+        "measured image, for 60 x 50 pixels ...",
+        "fixed laws against the measured image ...",
+    ]
     # 1.645 times 0.33 dB
     assert error.startswith(
         "the image's level counts as right to 0.33 dB (uncertainty.level_db, one standard error): no"
     )
     assert error.endswith("90 % band of sigma0 from this pass alone is narrower than +-0.54 dB")
     assert time == "time: not known before the first run, which radcal run CASE reference makes"
-    assert rough.startswith("levels, rough (the image is not registered")
-    # power of mean 1 is 0 dB; of four looks the mean of the logarithm lies 0.56 dB below. Each term of the law at its
-    # highest bound gives 0 + 30 cos(phi) + 20 dB and less
-    assert "field: mangia reaches -40.0 to 4" in level
-    assert level.endswith(("the image has about -0.0 dB", "the image has about 0.0 dB"))
-    narrow = {"materials": {"field": {"bounds": [[-40, -30], [0, 3], [0, 2], [0, 20]]}}}
-    (*_, level) = check_case([path], narrow, tmp_path / "results").outlook
-    assert level.endswith(": outside, widen or move materials.field.bounds")
+    assert "fixed laws against the measured image, which is not registered yet" in rough
     for number, seconds in enumerate((9.0, 4.0, 2.5)):
         with write_hdf5(tmp_path / f"results/mine/runs/{number}.h5", "run") as file:
             file.attrs["seconds"] = seconds
@@ -664,7 +682,8 @@ def test_notes_on_one_of_several_images_name_their_pass(tmp_path: Path) -> None:
     assert [text for text in found.notes if "image.npy: 3,000 pixels" in text] == [
         f"pass {number}: {text}" for number in (1, 2) for text in alone
     ]
-    assert sum(text.startswith(f"pass {number}: levels, rough") for text in found.outlook for number in (1, 2)) == 2
+    (rough,) = (text for text in found.outlook if "fixed laws against the measured image" in text)
+    assert [f"pass {number}: radiometry unchecked" in rough for number in (1, 2, 3)] == [True, True, False]
 
 
 def test_a_start_that_is_the_hidden_truth_is_told(tmp_path: Path) -> None:
@@ -692,7 +711,7 @@ def test_noise_above_0_db_is_asked_about(tmp_path: Path) -> None:
     for said, (noise, more) in keys.items():
         changed = {"radar": {"nesz_db": noise}, "measurement": {"synthetic": {**hidden, **more}}}
         path.write_text(yaml.safe_dump({**case, **changed}))
-        asked = [text for text in check_case([path]).warnings() if "minus" in text]
+        asked = [text for text in check_case([path]).warnings() if "minus sign" in text]
         assert [text.partition(" Noise")[0] for text in asked] == [f"  warning: {said}"] * bool(said)
     levels = {"field": {"law": "constant_gamma", "calibrate": True, "bounds": [[30, 50]]}}
     levels["lake"] = {"law": "constant_gamma", "parameters": [45.0]}  # type: ignore[dict-item]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from radcal.checking.outlook import fixed_levels, hidden_ground, low_track, of_pass, outlook, start_contrast
+from radcal.checking.outlook import hidden_ground, low_track, of_pass, outlook, start_contrast
 from radcal.config import Case
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
@@ -101,47 +101,4 @@ def test_an_altitude_that_may_be_in_km_is_told(
         assert said == told * [
             "radar.altitude_m is 693, a track 693 m above the scene, which sees level ground at 40.6 to 48.8 degrees "
             "of incidence: expected 693000 for a satellite 693 km high."
-        ]
-
-
-@pytest.mark.parametrize(
-    ("laws", "image", "said"),
-    [
-        ((-12.0, -15.0), (-15.3, -11.7), ["are the two exchanged"]),
-        ((-8.0, -19.0), (-19.4, -7.2), ["are the two exchanged"]),  # in place of what is told of laws 6 dB off
-        ((-8.0, -19.0), (-40.2, 3.1), ["grass.parameters wrong?", "crops.parameters wrong?"]),
-        ((-12.0, -15.0), (-15.3, -14.8), []),  # only one is off, as an exchange cannot be
-        ((-12.0, -15.0), (-9.0, -12.0), []),  # both are 3 dB off, in the same order
-        ((-12.0, -15.0), (-13.2, -13.6), []),  # exchanged they would be 2 dB off, too
-        ((-12.0, -15.0), (-17.3, -10.1), []),  # 5 dB off, and 2 dB if exchanged
-        ((-12.0, -15.0), (-13.9, -13.1), []),  # less than 2 dB off
-    ],
-)
-def test_exchanged_laws_are_told(
-    build_scene: Callable[..., Scene],
-    build_case: Callable[..., Case],
-    laws: tuple[float, float],
-    image: tuple[float, float],
-    said: list[str],
-) -> None:
-    """Levels of two fixed laws, and of the image at their places [dB]."""
-    material = np.repeat([1, 2, 3, 2], 10).astype(np.uint8) * np.ones((40, 1), dtype=np.uint8)
-    scene = build_scene(lambda east, north: 0 * east, names=("dyke", "grass", "crops"), material=material)
-    fixed = dict(zip(("grass", "crops"), laws, strict=True))
-    case = build_case(
-        materials={"dyke": {"calibrate": True}}
-        | {name: {"law": "constant_gamma", "parameters": [level]} for name, level in fixed.items()},
-        radar={"altitude_m": 20_000.0, "nesz_db": -60.0, "radiometry": "gamma0"},
-        measurement={"source": "file", "path": "a.tif", "scale": "db", "radiometry": "gamma0"},
-        objective="classes",
-    )
-    geometry = make_geometry(scene, case.radar)
-    levels = np.array([np.nan, -3.0, *image], dtype=np.float32) - np.float32(0.56)  # mean of 4 looks in dB
-    lines = fixed_levels(case, geometry, levels[geometry.material])
-    assert [text in line for text, line in zip(said, lines, strict=True)] == [True] * len(said)
-    if image == (-15.3, -11.7):
-        assert lines == [
-            "warning: materials.grass and materials.crops are not calibrated, and their laws give -12.0 and -15.0 dB, "
-            "noise included, while the image has about -15.3 and -11.7 dB: are the two exchanged, in their laws or in "
-            "the names of the scene? Exchanged, they would give -15.0 and -12.0 dB."
         ]

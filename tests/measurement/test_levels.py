@@ -46,63 +46,19 @@ def test_offset_is_taken_from_the_measured_image_only() -> None:
     np.testing.assert_allclose(levels.apply([1.0, 5.0], levels.measured), [-2.0, 2.0])
     assert levels.simulated({}) == (0.0, 1.0)
     assert levels.unit == "dB"
-    assert "+3.00 +- 0.10 dB" in levels.sentence
-    assert levels.sentence.endswith(
-        "; this offset is subtracted, and is right only if the laws of these materials are."
+    assert levels.sentence == (
+        "the measured image lies +3.00 +- 0.10 dB from the reference run on grass; this offset is subtracted."
     )
 
 
 def test_none_takes_nothing_but_says_what_it_sees() -> None:
-    levels = offset_levels("none", {"grass": (3.0, 0.1)})
+    levels = offset_levels("none", {"grass": (-7.0, 0.13), "crops": (-7.0, 0.26)})
     assert levels.measured == (0.0, 1.0)
-    assert levels.doubtful
-    assert levels.sentence == (
-        "the measured image is taken at its own level, but the measured image lies +3.00 +- 0.10 dB from the reference "
-        "run on grass: are its calibration (if this alone is wrong, target.normalisation: offset), the incidence in "
-        "section radar, or the laws of these materials wrong?"
-    )
-    assert not offset_levels("none", {"grass": (0.2, 0.01)}).doubtful
-    assert not offset_levels("none", {}).doubtful
+    error = (0.13**-2 + 0.26**-2) ** -0.5
+    assert levels.finding.severity == "note"
+    assert levels.finding.numbers == {"offset_db": pytest.approx(-7.0), "error_db": pytest.approx(error)}
+    assert levels.sentence == f"the measured image lies -7.00 +- {error:.2f} dB from the reference run on grass, crops."
     assert "no material" in offset_levels("none", {}).sentence
-
-
-@pytest.mark.parametrize(
-    ("offset_db", "error_db", "doubtful"),
-    [(0.6, 0.3, False), (0.6, 0.19, True), (-0.6, 0.19, True), (0.45, 0.01, False), (0.5, 0.01, False)],
-)
-def test_an_offset_is_doubtful_beyond_half_a_db_and_three_errors(offset_db, error_db, doubtful) -> None:
-    assert offset_levels("none", {"grass": (offset_db, error_db)}).doubtful is doubtful
-    assert not offset_levels("offset", {"grass": (offset_db, error_db)}).doubtful
-
-
-@pytest.mark.parametrize(
-    ("differences", "at_odds", "doubtful"),
-    [
-        ({"wood": (-8.4, 0.1), "water": (-17.2, 0.2)}, True, True),  # mean -12.8 +- 4.4 dB, which is not significant
-        ({"wood": (2.0, 0.1), "water": (-2.0, 0.1)}, True, True),
-        ({"wood": (0.2, 0.1), "water": (-2.7, 0.1), "grass": (0.3, 0.1)}, False, False),  # 3.0 dB
-        ({"wood": (2.5, 1.0), "water": (-1.5, 1.0)}, False, False),  # 4 dB, but less than three errors
-        ({"wood": (-6.2, 2.5)}, False, True),  # far, though uncertain
-        ({"wood": (-5.8, 2.5)}, False, False),
-    ],
-)
-def test_materials_at_odds_and_a_far_offset_are_doubtful(differences, at_odds, doubtful) -> None:
-    """A mean that is not significant, because the materials disagree, is said with the offset on each of them."""
-    levels = offset_levels("none", differences)
-    assert (levels.at_odds, levels.doubtful) == (at_odds, doubtful)
-    named = ", ".join(f"{name} {db:+.2f} +- {error:.2f}" for name, (db, error) in differences.items())
-    assert (f"({named} dB), which contradict each other: are the names or" in levels.sentence) is at_odds
-    removed = offset_levels("offset", differences)
-    assert (removed.at_odds, removed.doubtful) == (at_odds, at_odds)
-    assert (f"({named} dB), which contradict each other: are the names or" in removed.sentence) is at_odds
-
-
-def test_a_far_offset_on_materials_that_agree_names_each() -> None:
-    levels = offset_levels("none", {"wood": (-8.4, 0.1), "water": (-9.2, 0.2)})
-    assert not levels.at_odds
-    assert "on wood, water (wood -8.40 +- 0.10, water -9.20 +- 0.20 dB): are its calibration" in levels.sentence
-    near = offset_levels("none", {"wood": (-2.4, 0.1), "water": (-3.2, 0.2)})
-    assert "on wood, water: are its calibration" in near.sentence
 
 
 @pytest.fixture

@@ -204,10 +204,11 @@ def test_sampling_rms_is_what_fresh_scipy_samples_give() -> None:
     assert own == pytest.approx(np.median(found), rel=0.15)
 
 
-def test_a_level_that_fixed_laws_contradict_is_a_warning() -> None:
-    right, wrong, other = (offset_levels("none", {"grass": (offset, 0.2)}) for offset in (0.3, 1.4, -2.3))
-    assert Targets({}, right).level_warnings() == []
-    assert Targets({}, wrong).level_warnings() == [f"warning: {wrong.sentence}"]
-    passes = Targets({}, right, further=[Targets({}, other), Targets({}, wrong)])
-    assert passes.level_warnings() == [f"warning: pass 2: {other.sentence}", f"warning: pass 3: {wrong.sentence}"]
-    assert Targets({}, offset_levels("offset", {"grass": (1.4, 0.2)})).level_warnings() == []
+def test_the_level_is_told_where_a_fixed_law_or_a_mapping_shows_it() -> None:
+    for normalisation, differences, told in (
+        ("none", {"grass": (0.3, 0.2)}, True),
+        ("none", {}, False),
+        ("offset", {"grass": (1.4, 0.2)}, True),
+    ):
+        levels = offset_levels(normalisation, differences)
+        assert Targets({}, levels).sentences() == [f"levels: {levels.sentence}"] * told

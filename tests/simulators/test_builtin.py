@@ -7,6 +7,8 @@ from radcal.config import Radar
 from radcal.errors import ConfigError
 from radcal.radar.geometry import Geometry
 from radcal.radar.laws import external_law, law_for
+from radcal.radar.projection import make_geometry
+from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.protocol import Simulator
 
@@ -106,3 +108,26 @@ def test_identity_is_plain_data(simulator: Simulator) -> None:
 def test_radar_that_cannot_be_sampled_is_refused(geometry: Geometry) -> None:
     with pytest.raises(ConfigError, match=r"radar\.range_resolution_m is 1, expected at least 1\.78"):
         BuiltinSimulator(geometry, Radar(range_resolution_m=1.0), LAWS)
+
+
+def test_the_expected_image_is_the_mean_of_many_looks(scene: Scene) -> None:
+    """Slopes, two materials 9 dB apart and noise between them; also where they meet and at the image's border."""
+    radar = Radar(altitude_m=1000.0, nesz_db=-14.0, radiometry="sigma0_ref", looks=64.0)
+    geometry = make_geometry(scene, radar)
+    simulator = BuiltinSimulator(geometry, radar, LAWS)
+    x = {"dyke": [-24.0, 10.0, 14.0, 5.0], "grass": [-15.0, 9.0, 4.0, 3.0]}
+    power = np.mean([10.0 ** (simulator.run(x, seed).astype(np.float64) / 10.0) for seed in range(9)], axis=0)
+    expected = 10.0 ** (simulator.expected(x).astype(np.float64) / 10.0)
+    first, second = (np.flatnonzero((geometry.material == k).mean(axis=1) > 0.9) for k in (1, 2))
+    near, far = sorted([first, second], key=lambda rows: rows[0])
+    areas = {
+        "near": (slice(near[0] + 3, near[-1] - 4), slice(None)),
+        "far": (slice(far[0] + 5, far[-1] - 2), slice(None)),
+        "between": (slice(near[-1] - 1, far[0] + 2), slice(None)),
+        "first rows": (slice(0, 2), slice(None)),
+        "last columns": (slice(None), slice(-2, None)),
+    }
+    for name, area in areas.items():
+        assert 10.0 * np.log10(power[area].mean() / expected[area].mean()) == pytest.approx(0.0, abs=0.05), name
+    # pixel by pixel, too: neighbours whose area and angle differ are not mixed up
+    assert np.std(10.0 * np.log10(power / expected)) == pytest.approx(10.0 / np.log(10.0) / np.sqrt(9 * 64.0), rel=0.1)

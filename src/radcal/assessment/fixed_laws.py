@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.cells import CellMeans, with_noise_db
+from radcal.assessment.curves import NORMAL_90
 from radcal.assessment.marginal import Marginal, integrated
 from radcal.assessment.sampling import sample
 from radcal.config import Uncertainty
@@ -24,6 +25,7 @@ __all__ = [
     "FIELD_SPREAD",
     "Common",
     "Observed",
+    "apart_db",
     "common_columns",
     "common_of",
     "form_basis",
@@ -105,7 +107,7 @@ class Common:
         Mapping[str, Doubles], About("5, 50 and 95 % quantile of image minus law, less the level, by material", "dB")
     ]
     apart_db: Annotated[
-        Mapping[str, Doubles], About("5, 50 and 95 % quantile of image minus law of pass 1, by material", "dB")
+        Mapping[str, Doubles], About("5, 50 and 95 % quantile of image minus law in its first pass, by material", "dB")
     ]
     levels_db: Annotated[Doubles, About("5, 50 and 95 % quantile of the level of each pass", "dB", "p, 3")]
     sampled: Annotated[bool, About("sampler has converged")]
@@ -271,6 +273,34 @@ def normal_draws(gram: Doubles, prior: Doubles, count: int, rng: np.random.Gener
     return np.asarray((mean + np.linalg.solve(root, rng.standard_normal((len(gram), count, 1))))[..., 0])
 
 
+def apart_db(cells: CellMeans, law_db: Doubles, field_db: float) -> Doubles:
+    """Mean of image minus law over the cells of a fixed material: 5, 50 and 95 % quantile by speckle and fields [dB].
+
+    Parameters
+    ----------
+    cells : CellMeans
+        Cells in one pass.
+    law_db : ndarray, shape (n,)
+        Level of the law at each cell [dB].
+    field_db : float
+        Standard deviation of the effects of fields [dB].
+
+    Returns
+    -------
+    ndarray, shape (3,)
+    """
+    share = cells.pixels / cells.pixels.sum()
+    of_field = np.bincount(np.unique(cells.patch, return_inverse=True)[1], share)
+    half = NORMAL_90 * np.sqrt(share**2 @ cells.variance + field_db**2 * of_field @ of_field)
+    above = cells.measured_db - cells.beside_db - with_noise_db(law_db, cells.noise_db)
+    return np.asarray(share @ above + half * np.array([-1.0, 0.0, 1.0]))
+
+
+def _apart_db(one: Observed, field_db: float) -> Doubles:
+    cells, law = next(pair for pair in zip(one.cells, one.law_db, strict=True) if pair[0].size)
+    return apart_db(cells, law, field_db)
+
+
 def common_of(
     fixed: Mapping[str, Observed], areas: Sequence[float], config: Uncertainty, offset: bool, seed: int
 ) -> Common:
@@ -294,7 +324,7 @@ def common_of(
         variance = np.ones(4 * p + 1)
         level = _UNKNOWN_DB if offset else config.level_db * np.sqrt(_FREEDOM / (_FREEDOM - 2.0))
         variance[0:-1:4], variance[1:-1:4] = level**2, config.area**2
-        levels = level * np.array([[-1.645, 0.0, 1.645]] * p)
+        levels = level * NORMAL_90 * np.array([[-1.0, 0.0, 1.0]] * p)
         return Common(
             np.zeros(4 * p + 1), np.diag(variance), (np.log(config.field_db), _FIELD_LOG_SD), {}, {}, levels, True
         )
@@ -308,7 +338,7 @@ def common_of(
         covariance=np.cov(effects, rowvar=False),
         field=(float(at[:, 0].mean()), float(at[:, 0].std())),
         laws_db={name: np.quantile(error, _QUANTILES) for name, error in errors.items()},
-        apart_db={name: np.quantile(error + effects[:, 0], _QUANTILES) for name, error in errors.items()},
+        apart_db={name: _apart_db(one, config.field_db) for name, one in fixed.items()},
         levels_db=np.quantile(effects[:, 0:-1:4], _QUANTILES, axis=0).T,
         sampled=found.converged,
     )

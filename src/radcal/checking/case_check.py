@@ -8,10 +8,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radcal.checking.file_problems import is_on_map, scene_problems, with_hints
+from radcal.assessment.cells import CellMeans
+from radcal.checking.file_problems import is_on_map, scene_of, with_hints
 from radcal.checking.finished import kept_results
 from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, low_track, of_pass, outlook, time_expected
 from radcal.checking.places import images_elsewhere
+from radcal.checking.unregistered import cells_of, fixed_laws, unreachable
 from radcal.config import (
     Case,
     FileMeasurement,
@@ -29,6 +31,7 @@ from radcal.running.memory_and_time import Stage, memory_mb, values_of
 from radcal.running.time_left import largest_runs, runs_in_words
 from radcal.scene.size import scene_size
 from radcal.simulators.command_plan import check_command, check_image_shape
+from radcal.words import rough
 
 if TYPE_CHECKING:
     from radcal.measurement.model import Measurement
@@ -176,6 +179,7 @@ class _Problems(list[RadcalError]):
         super().__init__(loaded.found)
         self._follows = loaded.follows
         self.unmeasured = False  # whether the measured image of a pass could not be made
+        self.looked_at = False  # whether all parts of the case were checked
 
     def add(self, found: Iterable[RadcalError]) -> None:
         """Add those problems that are not in the list and do not follow from a wrong key."""
@@ -222,16 +226,16 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
         notes += said
     if not any(isinstance(error.about, MissingSign) for error in problems):
         notes += high_noise(case.passes)
-    if not levels or case.measurement.source != "file" or case.target.normalisation != "none":
-        notes += bright_laws(case)  # else the levels are compared with those of the image
+    notes += bright_laws(case)
     if not problems and "measurement" not in loaded.without:
         notes += starts_as_truth(case.calibrated, [one.measurement for one in case.passes])
     problems += images_elsewhere(problems, loaded.given)
-    unseen = _unseen(loaded, shape, problems.unmeasured) if problems else ()
+    whole = problems.looked_at or not problems
+    unseen = () if whole else _unseen(loaded, shape, problems.unmeasured)
     listed = [with_hints(error, case.scene, paths) for error in problems]
     return CaseCheck(
         listed, notes, files, shape, largest_runs(case), demands, peaks, case.simulator.draws, tuple(sections),
-        (time_expected(case, results), *levels) if not problems else (), unseen,
+        (time_expected(case, results), *levels) if whole else (), unseen,
         registration_runs=len(case.passes) * case.registers_twice,
     )  # fmt: skip
 
@@ -243,7 +247,7 @@ def _unseen(loaded: Loaded, shape: tuple[int, int] | None, unmeasured: bool) -> 
         return (*parts, "the image's geometry") if shape is None else tuple(parts)
     if unmeasured or shape is None or not loaded.has_geometry:
         parts.append("the measured image on the ground of the scene, with its levels and noise")
-    return (*parts, "contrast of the start image, and levels against the ranges of the laws")
+    return (*parts, "contrast of the start image, and levels against the laws")
 
 
 def _images_alone(case: Case, loaded: Loaded, problems: _Problems) -> None:
@@ -271,25 +275,15 @@ def _made(
 ) -> tuple[list[str], tuple[int, int] | None]:
     """Make scene, geometry and measured images in memory, as the workflow does; return remarks and image size."""
     from radcal.radar.projection import make_geometry
-    from radcal.scene.sources import make_scene
 
-    # a material with a wrong law still is a material of the case, and one that is still to be decided may have any name
-    of_file = any(key.startswith("materials") for key in loaded.wrong)
-    known = loaded.materials or (None if of_file else case.materials)
-    materials = None if known is None else list(known)
-    scene = None
     say("scene ...")
-    try:
-        scene = make_scene(case.scene, materials, case.radar.heading_deg)
-    except RadcalError as error:
-        problems.add([error])
-        problems.add(scene_problems(case.scene, loaded.materials))
-        with contextlib.suppress(RadcalError):  # this time without a check of the names
-            scene = make_scene(case.scene, None, case.radar.heading_deg)
+    scene, found = scene_of(case, loaded)
+    problems.add(found)
     if scene is None:
         _images_alone(case, loaded, problems)
         return [], None
     each, shape = [list[str]() for _ in case.passes], None
+    cells, unreached = list[dict[str, CellMeans]](), list[RadcalError]()
     for number, (one, notes) in enumerate(zip(case.passes, each, strict=True)):
         said: list[str] = []
         which = f" of pass {number + 1}" * (len(case.passes) > 1)
@@ -315,8 +309,16 @@ def _made(
             problems.unmeasured |= measured is None
             try:
                 levels += () if problems else of_pass(outlook(one, geometry, measured), number + 1, len(each))
+                if measured is not None and not problems:
+                    cells.append(cells_of(one, geometry, measured, scene))
+                    unreached += unreachable(one, geometry, measured)
             except RadcalError as error:  # about a formula
                 problems.add([error])
+    problems.looked_at = len(cells) == len(case.passes)
+    if problems.looked_at and all(cells):
+        say("fixed laws against the measured image ...")
+        levels.append(rough(fixed_laws(case, cells)))
+    problems.add(unreached)
     return [*scene.notes, *(line for k, notes in enumerate(each, 1) for line in of_pass(notes, k, len(each)))], shape
 
 

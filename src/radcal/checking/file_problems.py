@@ -7,11 +7,13 @@ import os
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from radcal.config import (
     BuiltinScene,
+    Case,
     FileMeasurement,
+    Loaded,
     RasterScene,
     SceneConfig,
     SlantRangeScene,
@@ -25,7 +27,26 @@ from radcal.errors import ConfigError, MissingFile, NotInScene, RadcalError, Sce
 from radcal.reading.safe import is_safe_name
 from radcal.running.file_facts import code_counts, swapped_hint
 
-__all__ = ["is_on_map", "rightly_named", "scene_problems", "with_hints"]
+if TYPE_CHECKING:
+    from radcal.scene.model import Scene
+
+__all__ = ["is_on_map", "rightly_named", "scene_of", "scene_problems", "with_hints"]
+
+
+def scene_of(case: Case, loaded: Loaded) -> tuple[Scene | None, list[RadcalError]]:
+    """Scene made in memory, without a check of its names if that fails, and its problems; None if it cannot be made."""
+    from radcal.scene.sources import make_scene
+
+    # a material with a wrong law still is a material of the case, and one that is still to be decided may have any name
+    of_file = any(key.startswith("materials") for key in loaded.wrong)
+    known = loaded.materials or (None if of_file else case.materials)
+    try:
+        return make_scene(case.scene, None if known is None else list(known), case.radar.heading_deg), []
+    except RadcalError as error:
+        problems = [error, *scene_problems(case.scene, loaded.materials)]
+    with contextlib.suppress(RadcalError):
+        return make_scene(case.scene, None, case.radar.heading_deg), problems
+    return None, problems
 
 
 def scene_problems(scene: SceneConfig, materials: Collection[str] | None = None) -> list[RadcalError]:

@@ -1,30 +1,26 @@
-"""Outlook on a calibration: contrast of the start image, measured levels against noise and bounds, expected time.
+"""Outlook on a calibration: contrast of the start image, measured levels against noise, expected time.
 
 It needs no simulator run. Rough values are called rough.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radcal.assessment.curves import NORMAL_90
-from radcal.assessment.reach import law_range_db, level_asked_db
 from radcal.checking.file_problems import is_on_map
 from radcal.checking.hidden_by_noise import hidden_by_noise
+from radcal.checking.unregistered import start_image
 from radcal.config import Case, FileMeasurement, Radar, SyntheticMeasurement
 from radcal.config.landcover import brighter_than_terrain
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import LEAST_CONTRAST_DB, contrast_db
 from radcal.radar.geometry import Geometry
-from radcal.radar.radiometry import noise_floor_db, of_sigma0
-from radcal.radar.reflectivity import law_tables, reflectivity
 from radcal.running.time_left import (
     duration,
     largest_runs,
@@ -36,10 +32,8 @@ from radcal.storage.runs import median_seconds
 
 __all__ = [
     "bright_laws",
-    "fixed_levels",
     "hidden_ground",
     "high_noise",
-    "levels_against_laws",
     "low_track",
     "of_pass",
     "outlook",
@@ -50,15 +44,10 @@ __all__ = [
 _MOST_HIDDEN, _STEEPEST_DEG = 0.5, 35.0  # more hidden ground and steeper slopes (median) are rare, even in mountains
 # units of heights that are taken for metres, with the factors that convert them to metres
 _UNITS = {"feet": 0.3048, "decimetres": 0.1, "centimetres": 0.01}
-_FAR_DB = 6.0  # distance of a fixed law from the image that errors of registration and calibration hardly explain
-# distances from the image of two exchanged laws, and of each law in the other's place: a level is uncertain by 0.3 dB,
-# and the fields of a material differ by 0.4 dB
-_OFF_DB, _NEAR_DB = 2.0, 1.5
-_FEWEST_PX = 50  # smallest number of pixels of a material for a line on its level
 
 
 def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> list[str]:
-    """Lines on the contrast of the start image and on the measured levels, for one pass.
+    """Lines on the contrast of the start image, the level of the image and its noise, for one pass.
 
     Parameters
     ----------
@@ -84,12 +73,7 @@ def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> lis
                 f"the image's level counts as right to {error:g} dB (uncertainty.level_db, one standard error): no "
                 f"90 % band of sigma0 from this pass alone is narrower than +-{NORMAL_90 * error:.2g} dB"
             )
-    if measured is not None and isinstance(image, FileMeasurement):
-        lines += fixed_levels(case, geometry, measured.image_db)
-    lines += [] if measured is None else hidden_by_noise(case, geometry, measured)
-    levels = [] if measured is None else levels_against_laws(case, geometry, measured.image_db)
-    rough = "levels, rough (the image is not registered, no target is drawn; noise and slopes are left out):"
-    return [*lines, rough, *(f"  {line}" for line in levels)] if levels else lines
+    return [*lines, *hidden_by_noise(case, geometry, measured)] if measured is not None else lines
 
 
 def of_pass(lines: Sequence[str], number: int, passes: int) -> list[str]:
@@ -208,16 +192,10 @@ def start_contrast(case: Case, geometry: Geometry) -> str | None:
     geometry : Geometry
         Geometry of the pass.
     """
-    at_start = case.at_start
-    if case.registration.method == "none" or not all(law.has_curve for law in at_start.laws.values()):
+    if case.registration.method == "none" or not all(law.has_curve for law in case.at_start.laws.values()):
         return None
-    tables = law_tables(geometry.names, at_start.laws, case.start_parameters)
-    power = reflectivity(geometry, tables).image.astype(np.float64)
-    noise = 10.0 ** (noise_floor_db(case.radar, geometry.flat_incidence_deg) / 10.0)
-    noise = noise[:, None] if np.ndim(noise) else noise
-    with np.errstate(divide="ignore"):
-        image = 10.0 * np.log10(np.where(np.isfinite(geometry.incidence_deg), power + noise, np.nan))
-    contrast = contrast_db(image.astype(np.float32))
+    image = np.where(np.isfinite(geometry.incidence_deg), start_image(case, geometry), np.float32(np.nan))
+    contrast = contrast_db(image)
     if not contrast < LEAST_CONTRAST_DB:
         return None
     several = [name for name in case.calibrated if name in geometry.names]
@@ -240,99 +218,6 @@ def _other(case: Case, name: str) -> list[float]:
     step = 0.1 * (high - low)
     start[0] = float(f"{start[0] - step if start[0] - step >= low else start[0] + step:.3g}")
     return start
-
-
-def levels_against_laws(case: Case, geometry: Geometry, image_db: NDArray[np.float32]) -> list[str]:
-    """Lines that compare each calibrated material's measured level, before registration, with the range of its law.
-
-    Parameters
-    ----------
-    case : Case
-        One pass of the case.
-    geometry : Geometry
-        Geometry of the pass.
-    image_db : ndarray, shape (rows, columns)
-        Measured image, not registered [dB].
-    """
-    lines: list[str] = []
-    if case.target.normalisation == "image":
-        return lines
-    for name in case.calibrated:
-        law, material = case.laws[name], case.materials[name]
-        if name not in geometry.names or not law.has_curve:
-            continue
-        there = (geometry.material == geometry.names.index(name) + 1) & np.isfinite(image_db)
-        if np.count_nonzero(there) < _FEWEST_PX:
-            continue
-        incidence = np.quantile(geometry.incidence_deg[there].astype(np.float64), (np.arange(24) + 0.5) / 24)
-        low, high = law_range_db(law, material.box, incidence)
-        level = level_asked_db(image_db[there], float(case.radar.looks))
-        outside = "" if low <= level <= high else f": outside, widen or move materials.{name}.bounds"
-        lines.append(
-            f"{name}: {material.law} reaches {low:.1f} to {high:.1f} dB inside its bounds, the image has about "
-            f"{level:.1f} dB{outside}"
-        )
-    return lines
-
-
-def fixed_levels(case: Case, geometry: Geometry, image_db: NDArray[np.float32]) -> list[str]:
-    """Warnings on materials that are not calibrated and whose law is far from the measured level.
-
-    The level of a law is that at the mean incidence of the material's pixels, in the radiometry of the image and with
-    its noise. Two materials that are both near the measured level if they exchange their laws are named together.
-
-    Parameters
-    ----------
-    case, geometry, image_db
-        Arguments of :func:`levels_against_laws`.
-    """
-    if case.target.normalisation != "none":
-        return []  # the image's level is not known before the reference run
-    flat = np.broadcast_to(np.asarray(geometry.flat_incidence_deg)[:, None], image_db.shape)
-    seen: dict[str, tuple[float, float, float]] = {}  # local incidence, incidence on level ground, level of the image
-    for name in geometry.names:
-        if name in case.calibrated or name not in case.materials or not case.laws[name].has_curve:
-            continue
-        there = (geometry.material == geometry.names.index(name) + 1) & np.isfinite(image_db)
-        if np.count_nonzero(there) >= _FEWEST_PX:
-            level = level_asked_db(image_db[there], float(case.radar.looks))
-            seen[name] = (float(np.mean(geometry.incidence_deg[there])), float(np.mean(flat[there])), level)
-    # level of the law of each material at the place of each material
-    levels = {place: {name: _law_level_db(case, name, *seen[place][:2]) for name in seen} for place in seen}
-    lines, told = [], set[str]()
-    for one, other in itertools.combinations(seen, 2):
-        if one in told or other in told or not _exchanged(one, other, levels, {k: seen[k][2] for k in seen}):
-            continue
-        told |= {one, other}
-        lines.append(
-            f"warning: materials.{one} and materials.{other} are not calibrated, and their laws give "
-            f"{levels[one][one]:.1f} and {levels[other][other]:.1f} dB, noise included, while the image has about "
-            f"{seen[one][2]:.1f} and {seen[other][2]:.1f} dB: are the two exchanged, in their laws or in the names of "
-            f"the scene? Exchanged, they would give {levels[one][other]:.1f} and {levels[other][one]:.1f} dB."
-        )
-    for name, (phi, _, level) in seen.items():
-        if name not in told and abs(levels[name][name] - level) > _FAR_DB:
-            lines.append(
-                f"warning: materials.{name} is not calibrated, and its {case.materials[name].law} gives "
-                f"{levels[name][name]:.1f} dB at its mean incidence of {phi:.0f} degrees, noise included, while the "
-                f"image has about {level:.1f} dB: is a sign or unit in materials.{name}.parameters wrong?"
-            )
-    return lines
-
-
-def _law_level_db(case: Case, name: str, incidence_deg: float, flat_incidence_deg: float) -> float:
-    """Level of a material's law at a local incidence, in the radiometry of the image and with its noise [dB]."""
-    flat = np.atleast_1d(flat_incidence_deg)
-    sigma0_db = float(case.laws[name](np.radians([incidence_deg]), case.start_parameters[name])[0])
-    surface = 10.0 ** (sigma0_db / 10.0) * of_sigma0(case.radar.radiometry, flat)
-    return float(10.0 * np.log10(surface + 10.0 ** (noise_floor_db(case.radar, flat) / 10.0))[0])
-
-
-def _exchanged(one: str, other: str, levels: Mapping[str, Mapping[str, float]], image: Mapping[str, float]) -> bool:
-    """Whether both of two materials are off the measured level, and both near it with the law of the other one."""
-    pairs = ((one, other), (other, one))
-    gaps = [(abs(levels[place][place] - image[place]), abs(levels[place][law] - image[place])) for place, law in pairs]
-    return all(own > _OFF_DB and exchanged < min(_NEAR_DB, 0.5 * own) for own, exchanged in gaps)
 
 
 def time_expected(case: Case, results: str | Path) -> str:

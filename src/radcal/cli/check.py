@@ -20,7 +20,7 @@ Keys and values, files, scene, geometry and measured image are checked as the ca
 at where keys are wrong, too, and values that are still to be decided (FILL_IN) are listed with line and example. If all
 is well, the command prints what would be read, how many simulator runs the case may take and in which time (once it has
 stored a run), how much memory its jobs request, whether the start image has the contrast that registration needs, and
-roughly each material's level against the range of its law and against the noise. Warnings come first; they do not keep
+roughly what the fixed materials say of the image before it is registered. Warnings come first; they do not keep
 a case from being run.
 
 With a product such as a Sentinel-1 SAFE folder it prints section radar as the annotation gives it, even with problems.

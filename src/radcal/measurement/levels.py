@@ -8,14 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Levels", "image_levels", "median_and_range", "offset_levels", "pooled_offset", "without_level"]
+from radcal.findings import Finding
+from radcal.words import sentence
 
-_NOTABLE_DB = 0.5
-_CERTAIN = 3.0  # standard errors beyond which a difference is certain
-# offsets of two fixed laws that differ by more, of which one is then wrong by 1.5 dB or more: a common level is not
-# the cause. Offsets of the six fixed materials of the default case, whose laws are slightly wrong, scatter by 0.5 dB.
-_AT_ODDS_DB = 3.0
-_FAR_DB = 6.0  # offset that an error of the calibration hardly explains, as in radcal.checking.outlook
+__all__ = ["Levels", "image_levels", "median_and_range", "offset_levels", "pooled_offset", "without_level"]
 
 
 @dataclass(frozen=True)
@@ -65,72 +61,21 @@ class Levels:
         return "dB" if self.normalisation != "image" else "IQR"
 
     @property
-    def sentence(self) -> str:
-        """Sentence that says at which level the measured image is compared with runs, and what this level assumes."""
+    def finding(self) -> Finding:
+        """Level of the measured image against the reference run, and what is done with it."""
         if self.normalisation == "image":
-            text = (
-                "each image is mapped to zero median and unit interquartile range; the measured one lies "
-                f"{self.offset_db:+.2f} dB from the reference run and spreads {self.scale:.2f} times as much. Wrong "
-                "laws of other materials shift and stretch what is found"
-            )
-            if not self.others_db.size:
-                text += "; all materials are calibrated, so that a level common to all laws is not identified"
-            return f"{text}."
+            code = "images_mapped" if self.others_db.size else "all_images_mapped"
+            return Finding(code, "note", "", {"offset_db": self.offset_db, "scale": self.scale})
         if not self.references:
-            return "the measured image is taken at its own level; no material of a fixed law checks it."
-        found = f"the measured image {self.lies}"
-        wrong = "which contradict each other: are the names or the laws of these materials"
-        if self.normalisation == "offset" and self.at_odds:
-            return f"{found}, {wrong}, or the incidence in section radar wrong? The offset is subtracted."
-        if self.normalisation == "offset":
-            return f"{found}; this offset is subtracted, and is right only if the laws of these materials are."
-        if self.at_odds:
-            return (
-                f"the measured image is taken at its own level, but {found}, {wrong}, the incidence in section radar, "
-                "or the scale of the image (measurement.scale) wrong?"
-            )
-        if self.doubtful:
-            return (
-                f"the measured image is taken at its own level, but {found}: are its calibration (if this alone is "
-                "wrong, target.normalisation: offset), the incidence in section radar, or the laws of these materials "
-                "wrong?"
-            )
-        return f"the measured image is taken at its own level; {found}."
+            return Finding("level_of_image", "note", "")
+        code = "level_subtracted" if self.normalisation == "offset" else "level_found"
+        numbers = {"offset_db": self.offset_db, "error_db": self.offset_error_db}
+        return Finding(code, "note", ", ".join(self.references), numbers)
 
     @property
-    def lies(self) -> str:
-        """Predicate on the offset of the measured image, its standard error, and the materials that show it.
-
-        Of a far offset, or of materials at odds, the predicate names the offset on each material, too.
-        """
-        each = zip(self.references, self.differences_db, self.difference_errors_db, strict=False)
-        named = f" ({', '.join(f'{name} {db:+.2f} +- {error:.2f}' for name, db, error in each)} dB)"
-        return (
-            f"lies {self.offset_db:+.2f} +- {self.offset_error_db:.2f} dB from the reference run on "
-            f"{', '.join(self.references)}{named * (self.at_odds or (self._far and len(self.references) > 1))}"
-        )
-
-    @property
-    def significant(self) -> bool:
-        """Whether an offset that is significant and larger than 0.5 dB is found but not subtracted."""
-        return self.normalisation == "none" and abs(self.offset_db) > max(_CERTAIN * self.offset_error_db, _NOTABLE_DB)
-
-    @property
-    def _far(self) -> bool:
-        """Whether an offset of more than 6 dB is found but not subtracted."""
-        return self.normalisation == "none" and abs(self.offset_db) > _FAR_DB
-
-    @property
-    def at_odds(self) -> bool:
-        """Whether the offsets on two materials differ by more than 3 dB and by more than three standard errors."""
-        db, error = np.array(self.differences_db), np.array(self.difference_errors_db)
-        gap = np.abs(db[:, None] - db)
-        return bool(np.any(gap > np.maximum(_CERTAIN * np.hypot(error[:, None], error), _AT_ODDS_DB)))
-
-    @property
-    def doubtful(self) -> bool:
-        """Whether an offset that is not subtracted is significant or far, or whether materials are at odds."""
-        return self.significant or self._far or self.at_odds
+    def sentence(self) -> str:
+        """Sentence of :attr:`finding`."""
+        return sentence(self.finding)
 
     def simulated(self, pixels_db: Mapping[str, NDArray[np.float32]]) -> tuple[float, float]:
         """Shift to subtract from a run's values, and scale by which to divide them.

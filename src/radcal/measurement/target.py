@@ -203,22 +203,13 @@ class Targets(dict[str, Target]):
     def sentences(self) -> list[str]:
         """Lines for the terminal about levels, the target of each material, and warnings."""
         levels = self.levels
-        lines = [f"levels: {levels.sentence}"] if levels.normalisation != "none" or levels.doubtful else []
+        lines = [f"levels: {levels.sentence}"] if levels.normalisation != "none" or levels.references else []
         for name, target in self.items():
             mean, sd, skewness = target.cp
             size = f"target of {name}: {len(target.pixels)} pixels"
             classes = f", {target.classes.classes.size} incidence-angle bins" if target.classes is not None else ""
             lines.append(f"{size}, {mean:.2f} +- {sd:.2f} {levels.unit}, skewness {skewness:.2f}{classes}")
         return [*lines, *self.warnings()]
-
-    def level_warnings(self) -> list[str]:
-        """Warnings on the level of each pass's image, if materials of fixed laws contradict it."""
-        several = len(self.passes) > 1
-        return [
-            f"warning: {f'pass {number}: ' * several}{one.levels.sentence}"
-            for number, one in enumerate(self.passes, start=1)
-            if one.levels.doubtful
-        ]
 
     def warnings(self) -> list[str]:
         """Warnings on materials whose values do not follow a skew normal, or for which no law can be determined."""

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import convolve1d
 
 from radcal.config import Radar
 from radcal.errors import ConfigError
@@ -293,6 +294,24 @@ class ImageFormation:
         image = np.empty(self._shape, dtype=np.float32) if before is None else before
         self._run(reflectivity, noise_seed, 0, self._looks, self._tiles if tiles is None else tiles, image, None)
         return image
+
+    def expected(self, reflectivity: Reflectivity) -> NDArray[np.float64]:
+        """Expected intensity: mean of :meth:`intensity` over speckle and thermal noise, without point scatterers.
+
+        Parameters
+        ----------
+        reflectivity : Reflectivity
+            Expected power of every pixel and material.
+
+        Returns
+        -------
+        ndarray, shape (rows, columns)
+            Expected intensity with noise [linear power].
+        """
+        power = reflectivity.image + np.square(self._noise, dtype=np.float64)[:, None]
+        power = convolve1d(power, np.square(self._down, dtype=np.float64), axis=0, mode="constant")
+        power = convolve1d(power, np.square(self._across, dtype=np.float64), axis=1, mode="constant")
+        return np.asarray(power * np.square(self._gain_down)[:, None] * np.square(self._gain_across))
 
     def look(self, reflectivity: Reflectivity, noise_seed: int, look: int = 0) -> NDArray[np.complex64]:
         """One complex look, shape (rows, columns) [linear amplitude]."""

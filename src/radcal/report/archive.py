@@ -244,7 +244,6 @@ class LevelSummary:
     offset_error_db: Annotated[float, About("standard error of `offset_db`", "dB")]
     scale: Annotated[float, About("ratio of the interquartile ranges of measured and simulated image, or 1")]
     sentence: Annotated[str, About("level and its consequences in words")]
-    doubtful: Annotated[bool, About("level of the measured image in doubt")]
     unit: Annotated[str, About("unit of densities and of the target's pixels: dB or IQR")]
 
 

@@ -77,6 +77,14 @@ class BuiltinSimulator:
         """Name and version of the simulator."""
         return {"kind": "builtin", "version": self._version}
 
+    def expected(self, parameters: Mapping[str, Sequence[float]]) -> NDArray[np.float32]:
+        """Expected image [dB] of the materials' X, with noise and without speckle, shape (rows, columns).
+
+        Point scatterers are left out.
+        """
+        cells = reflectivity(self._geometry, law_tables(self._geometry.names, self._laws, parameters))
+        return decibels(self._formation.expected(cells).astype(np.float32))
+
     def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
         """Simulate one pass, as :meth:`radcal.simulators.protocol.Simulator.run` specifies.
 
