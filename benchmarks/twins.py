@@ -69,6 +69,8 @@ FEET = 3.28084  # in a metre
 BRIGHT_DB, MANY = 10.0, 2000  # above the noise, and pixels, of a material whose law may be wrong alone
 FREQUENCY_GHZ = 9.6
 RADIOMETRIES = ("sigma0_ref", "sigma0_local")
+FORM_ANGLES, FORM_DEG = np.arange(0.0, 91.0, 2.0), 8.0  # of errors of a law's form that priors give
+FREEDOM, FIELD_LOG_SD, FIELD_SPREAD, CELL_DB = 4.0, 0.42, 1.0, 0.4  # of the priors (docs/uncertainty.md)
 
 
 @dataclass(frozen=True)
@@ -85,6 +87,8 @@ class Twin:
         Radiometry of the case.
     fixed_db : mapping
         Error of a fixed law at the median incidence of its pixels [dB], and change of this error per 10 degrees [dB].
+    forms_db : mapping
+        Error of a law's form at :data:`FORM_ANGLES` [dB], by material.
     bump : (float, float, float), optional
         Height [dB], place and standard deviation [deg] of a bump in the hidden law.
     oh1992 : (float, float, float), optional
@@ -101,6 +105,7 @@ class Twin:
     changes: Changes = field(default_factory=lambda: Changes(micro_deg=MICRO_DEG, micro_m=MICRO_M))
     declared: str = "sigma0_ref"
     fixed_db: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    forms_db: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     bump: tuple[float, float, float] | None = None
     oh1992: tuple[float, float, float] | None = None
     depression_deg: float | None = None
@@ -305,6 +310,34 @@ def everything(rng: np.random.Generator, twin: Twin) -> Twin:
     )
 
 
+def from_priors(rng: np.random.Generator, twin: Twin) -> Twin:
+    """All that the assessment does not know, drawn from its priors, but for errors of the incidence and of the area."""
+    b, u = bench(), bench().case.uncertainty
+    away = (FORM_ANGLES[:, None] - FORM_ANGLES) / FORM_DEG
+    root = np.linalg.cholesky(np.exp(-0.5 * away**2) + 1e-8 * np.eye(FORM_ANGLES.size))
+    form, own_form, law = np.abs(rng.normal(0.0, [u.form_db, u.form_db, u.fixed_law_db]))
+    scales = law / np.sqrt(rng.chisquare(FREEDOM, len(b.fixed)) / FREEDOM)
+    common = np.log(u.field_db) + FIELD_LOG_SD * rng.standard_normal()
+    made = replace(
+        twin,
+        fixed_db={
+            n: (rng.normal(0.0, s), rng.normal(0.0, u.fixed_slope * s)) for n, s in zip(b.fixed, scales, strict=True)
+        },
+        forms_db={
+            n: tuple((sd * root @ rng.standard_normal(FORM_ANGLES.size)).tolist())
+            for n, sd in [*((n, form) for n in b.fixed), (b.material, own_form)]
+        },
+    )
+    return made.but(
+        level_db=u.level_db * rng.standard_t(FREEDOM),
+        fields_db={n: float(np.exp(rng.normal(common, FIELD_SPREAD))) for n in [*b.fixed, b.material]},
+        coarser=float(np.clip(rng.normal(1.0, u.point_spread), 0.7, 1.4)),
+        noise_db=rng.normal(0.0, u.noise_db),
+        texture_db=abs(rng.normal(0.0, CELL_DB)),
+        texture_m=60.0,
+    )
+
+
 KINDS: dict[str, Callable[[np.random.Generator, Twin], Twin]] = {
     "undisturbed": lambda _, twin: twin,
     "ref_as_local": partial(radiometry, formed="sigma0_ref"),
@@ -326,6 +359,7 @@ KINDS: dict[str, Callable[[np.random.Generator, Twin], Twin]] = {
     "feet": lambda _, twin: replace(twin, feet=True),
     "elsewhere": lambda _, twin: replace(twin, elsewhere=True),
     "everything": everything,
+    "priors": from_priors,
 }
 GROUPS = {  # names that --kinds also takes
     "radiometry": ["ref_as_local", "local_as_ref"],
@@ -350,11 +384,19 @@ def hidden(kind: str, seed: int) -> tuple[Twin, tuple[float, ...], Curve]:
     if made.bump is not None:
         size, centre, width = made.bump
         curve = partial(_bumped, curve, size, centre, width)
-    return made, x, curve
+    return made, x, _formed(made, b.material, curve)
 
 
 def _bumped(curve: Curve, size: float, centre: float, width: float, phi: NDArray[np.float64]) -> NDArray[np.float64]:
     return curve(phi) + size * np.exp(-0.5 * ((np.degrees(phi) - centre) / width) ** 2)
+
+
+def _formed(made: Twin, name: str, curve: Curve) -> Curve:
+    """Curve of a material with the error of its form."""
+    if name not in made.forms_db:
+        return curve
+    error = np.array(made.forms_db[name])
+    return lambda phi: curve(phi) + np.interp(np.degrees(phi), FORM_ANGLES, error)
 
 
 def _off(curve: Curve, level: float, slope: float, middle: float, phi: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -365,6 +407,7 @@ def measured_image(made: Twin, curve: Curve, rng: np.random.Generator) -> NDArra
     """Power of the measured image of a twin, on the pixels of its case."""
     b, true = bench(made.declared, made.feet), bench(made.declared)
     curves = {name: b.curve(name) for name in b.scene.names if name != b.material} | {b.material: curve}
+    curves = {name: one if name == b.material else _formed(made, name, one) for name, one in curves.items()}
     for name, (level, slope) in made.fixed_db.items():
         curves[name] = partial(_off, curves[name], level, slope, float(np.median(b.incidence(name))))
     whole, crop, scene = true.whole, CROP, true.scene

@@ -67,5 +67,5 @@ class Uncertainty(Section):
     )
     walkers: Annotated[Integer, Field(ge=32, le=1000)] = Field(128, description="number of walkers of the sampler")
     steps: Annotated[Integer, Field(ge=100, le=100_000)] = Field(
-        4000, description="largest number of steps of each walker; without convergence, a linear covariance is used"
+        4000, description="largest number of steps of each walker; a warning names a sampler that has not converged"
     )
