@@ -13,10 +13,10 @@ from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.posterior import WHOLE_DEG, KeptDraws
 from radcal.assessment.preposterior import (
     Sight,
-    equivalent_sd,
+    _equivalent_sd,
+    _normal_scores,
     half_widths_after,
     half_widths_now,
-    normal_scores,
     sight_of,
 )
 from radcal.config import Radar, Uncertainty
@@ -136,7 +136,7 @@ def test_several_passes_over_common_fields_agree_with_the_covariance_of_all_cell
         for noise, few in ((-22.0, [1, 2, 2, 7]), (-16.0, [2, 3, 7]), (-19.0, [1, 3, 3, 4, 7]))
     ]
     means = [one.means_db(draws.laws_db(FLAT)) for one in passes]
-    of, scores = np.repeat([0, 1, 2], [4, 3, 5]), normal_scores(np.hstack(means))
+    of, scores = np.repeat([0, 1, 2], [4, 3, 5]), _normal_scores(np.hstack(means))
     patch, count, noise = (np.concatenate([getattr(one, key) for one in passes]) for key in KEYS)
     share = 10.0 ** (0.1 * (noise - np.hstack(means).mean(axis=0)))
     pass_alike = np.equal(of[:, None], of)
@@ -146,7 +146,7 @@ def test_several_passes_over_common_fields_agree_with_the_covariance_of_all_cell
     given = errors[np.ix_(new, own)] @ np.linalg.inv(errors[np.ix_(own, own)])
     innovation = scores[:, new] - scores[:, own] @ given.T
     total = innovation.T @ innovation / 200 + errors[np.ix_(new, new)] - given @ errors[np.ix_(own, new)]
-    curve = normal_scores(draws.curves_db(FLAT)[:, AT_50])[:, 0]
+    curve = _normal_scores(draws.curves_db(FLAT)[:, AT_50])[:, 0]
     across = curve @ innovation / 200
     expected = np.sqrt(curve @ curve / 200 - across @ np.linalg.solve(total, across))
     assert sd_left(draws, passes[2:], AT_50, config, passes[:2], same) == pytest.approx(expected, rel=1e-6)
@@ -154,20 +154,20 @@ def test_several_passes_over_common_fields_agree_with_the_covariance_of_all_cell
 
 def test_one_draw_far_away_changes_neither_scores_nor_the_standard_deviation_of_fields() -> None:
     values = np.random.default_rng(1).normal(3.0, 2.0, (999, 2))
-    scores = normal_scores(values)
+    scores = _normal_scores(values)
     assert scores.mean(axis=0) == pytest.approx([0.0, 0.0], abs=1e-12)
     assert scores.std(axis=0) == pytest.approx([sd(values[:, 0]), sd(values[:, 1])])
     assert (np.argsort(scores, axis=0) == np.argsort(values, axis=0)).all()
     far = values.copy()
     far[values.argmax(axis=0), [0, 1]] = 1e3
-    np.testing.assert_allclose(normal_scores(far), scores)
+    np.testing.assert_allclose(_normal_scores(far), scores)
     # half of the draws without an effect, half with 2 dB: 1.2816 and 1.6449 are the normal quantiles of 90 and 95 %
     half = np.repeat([0.0, 2.0], 500)
-    assert equivalent_sd(half) == pytest.approx(2.0 * 1.281552 / 1.644854, rel=0.01)
-    assert equivalent_sd(np.full(9, 0.3)) == pytest.approx(0.3, rel=1e-12)
-    assert equivalent_sd(np.zeros(9)) == 0.0
+    assert _equivalent_sd(half) == pytest.approx(2.0 * 1.281552 / 1.644854, rel=0.01)
+    assert _equivalent_sd(np.full(9, 0.3)) == pytest.approx(0.3, rel=1e-12)
+    assert _equivalent_sd(np.zeros(9)) == 0.0
     half[-1] = 1e3
-    assert equivalent_sd(half) == pytest.approx(2.0 * 1.281552 / 1.644854, rel=0.02)
+    assert _equivalent_sd(half) == pytest.approx(2.0 * 1.281552 / 1.644854, rel=0.02)
 
 
 def test_without_a_pass_nothing_changes() -> None:

@@ -20,18 +20,16 @@ from radcal.measurement.registration import Registered, registered_as, write_reg
 from radcal.radar.laws import LAWS, law_for
 from radcal.report import applied, drawing
 from radcal.report.applied import (
-    Bins,
     _conclusion,
     _few_pixels,
     _of_pass,
     _table,
     apply,
-    by_constant_db,
     predictions,
-    predictive_db,
     where_seen,
     with_laws,
 )
+from radcal.report.applied_bins import Bins, by_constant_db, predictive_db
 from radcal.report.applied_figures import Prediction, draw_predictions
 from radcal.report.archive import write_archive
 from radcal.words import doubts

@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 from scipy.special import ndtri, polygamma
 
 from radcal.assessment.cells import DB, cell_keys, members, with_noise_db
-from radcal.assessment.curves import NORMAL_90, Curves
+from radcal.assessment.curves import NORMAL_90, levels_at
 from radcal.assessment.posterior import KeptDraws
 from radcal.config import Radar, Uncertainty
 from radcal.measurement.target_fit import fields_of
@@ -20,15 +20,7 @@ from radcal.radar.laws import Law
 from radcal.radar.radiometry import noise_floor_db
 from radcal.scene.model import Scene
 
-__all__ = [
-    "Sight",
-    "common_errors",
-    "equivalent_sd",
-    "half_widths_after",
-    "half_widths_now",
-    "normal_scores",
-    "sight_of",
-]
+__all__ = ["Sight", "common_errors", "half_widths_after", "half_widths_now", "sight_of"]
 
 Doubles = NDArray[np.float64]
 
@@ -69,7 +61,7 @@ class Sight:
 
     def means_db(self, curves_db: Doubles) -> Doubles:
         """Mean level of each cell with the noise added [dB], shape (m, n), by m curves on the grid, shape (m, 361)."""
-        return with_noise_db(Curves.at(curves_db, self.middle_deg[None]), self.noise_db)
+        return with_noise_db(levels_at(curves_db, self.middle_deg), self.noise_db)
 
     def speckle_db2(self, looks: float) -> Doubles:
         """Variance of each cell's mean by speckle of ``looks`` looks [dB^2], shape (n,)."""
@@ -118,11 +110,7 @@ def sight_of(name: str, geometry: Geometry, radar: Radar, margin_px: int, scene:
 
 
 def common_errors(
-    sights: Sequence[Sight],
-    levels_db: Doubles,
-    field_db: Doubles | float,
-    config: Uncertainty,
-    common_level: bool = False,
+    sights: Sequence[Sight], levels_db: Doubles, field_db: float, config: Uncertainty, common_level: bool = False
 ) -> Doubles:
     """Errors that n means of cells share, as columns of effects of variance 1 [dB], shape (n, f + 2 p).
 
@@ -213,12 +201,12 @@ def half_widths_after(
     now = half_widths_now(wanted)
     sights, laws, m = [*own, *further], draws.laws_db(law), len(wanted)
     means = np.concatenate([one.means_db(laws) for one in sights], axis=1)
-    field, cell = equivalent_sd(draws.field_db), equivalent_sd(draws.cell_db)
+    field, cell = _equivalent_sd(draws.field_db), _equivalent_sd(draws.cell_db)
     common = common_errors(sights, means.mean(axis=0), field, config, common_level)
     weight = 1.0 / (np.concatenate([one.speckle_db2(looks) for one in sights]) + cell**2)
     first = sum(one.patch.size for one in own)  # cell of the further passes
     # each draw is an unknown of variance 1
-    seen, left = normal_scores(means).T / np.sqrt(m), normal_scores(wanted).T / np.sqrt(m)
+    seen, left = _normal_scores(means).T / np.sqrt(m), _normal_scores(wanted).T / np.sqrt(m)
     weighted = common[:first].T * weight[:first]
     precision = np.eye(common.shape[1]) + weighted @ common[:first]
     given = np.linalg.solve(precision, weighted @ seen[:first])
@@ -229,7 +217,7 @@ def half_widths_after(
     return np.asarray(now * np.sqrt(np.clip(after, 0.0, None) / np.maximum(before, 1e-12)))
 
 
-def normal_scores(values: Doubles) -> Doubles:
+def _normal_scores(values: Doubles) -> Doubles:
     """Normal scores of m draws, shape (m, k), with mean 0 and the half-width of the 90 % interval of each column.
 
     The draws keep their order; their standard deviation is the half-width between the 5 and 95 % quantiles, divided by
@@ -240,9 +228,9 @@ def normal_scores(values: Doubles) -> Doubles:
     return np.asarray(scores / np.sqrt((scores**2).mean(axis=0)) * half_widths_now(values) / NORMAL_90)
 
 
-def equivalent_sd(sd: Doubles) -> Doubles:
-    """Standard deviation of the normal distribution with the 90 % interval of a mixture of m, shape (m,) to ().
+def _equivalent_sd(sd: Doubles) -> float:
+    """Standard deviation of the normal distribution with the 90 % interval of a mixture of m, shape (m,).
 
     The mixture consists of normal distributions of mean 0 and equal weights with the standard deviations ``sd``.
     """
-    return np.asarray(np.quantile(np.abs(np.multiply.outer(_SCORES, sd)), 0.9) / np.quantile(np.abs(_SCORES), 0.9))
+    return float(np.quantile(np.abs(np.multiply.outer(_SCORES, sd)), 0.9) / np.quantile(np.abs(_SCORES), 0.9))
