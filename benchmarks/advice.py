@@ -47,21 +47,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from passes import calibrated_passes
-from radcal.assessment.budget import Budget
 from threadpoolctl import threadpool_limits
 from twins import finished
 
+from radcal.assessment.cells import Simulated
 from radcal.assessment.curves import GRID_DEG
-from radcal.assessment.posterior import KeptDraws, Posterior, posterior_of
+from radcal.assessment.model import image_of, posterior_of
+from radcal.assessment.observation import observe
+from radcal.assessment.posterior import Posterior
 from radcal.assessment.preposterior import Sight, half_widths_after, half_widths_now, sight_of
 from radcal.config import Case, case_from, stages
-from radcal.measurement.levels import Levels
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
-from radcal.report.advice import EQUAL, LITTLE, advice_on
+from radcal.report.advice import ALIKE, NONE, advice_on, judged
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.seeds import derived_rng
+from radcal.simulators.builtin import BuiltinSimulator
 
 NAME = "dyke"
 PASSES = [(depression, side) for depression in (30.0, 45.0, 60.0) for side in ("right", "left")]
@@ -70,6 +72,7 @@ PEERS = ("inside", "median", "covered")
 WIDTH_DEG = (20.0, 30.0)
 QUESTIONS = {"drawn": 100, "contested": 1000}  # for each hidden law
 ALONE = "one pass alone"
+LOOKS, SEED = 32.0, 9  # of the simulated image with which the cells are compared, as in the workflow
 
 Doubles = NDArray[np.float64]
 Pass = tuple[float, str]
@@ -89,7 +92,7 @@ class Ground:
         scene = make_scene(case.scene, list(case.materials))
         radars = {one: case.radar.model_copy(update=settings(one)) for one in PASSES}
         geometries = {one: make_geometry(scene, radar) for one, radar in radars.items()}
-        sights = {one: sight_of(NAME, geometries[one], radars[one], case.target, scene) for one in PASSES}
+        sights = {one: sight_of(NAME, geometries[one], radars[one], case.target.margin_px, scene) for one in PASSES}
         return cls(scene, geometries, {one: sight for one, sight in sights.items() if sight is not None})
 
     def seen_deg(self, one: Pass) -> tuple[float, float]:
@@ -186,11 +189,9 @@ def followed(number: int, base: Case, ground: Ground, speckle: int, protocol: st
         case = case_of(truth, number, [first])
         before = calibrated(case, ground, [first], Path(folder))
         assert before.draws is not None
-        curves = before.draws.curves_db(case.laws[NAME])
         row: dict[str, Any] = {"truth": truth, "first": first}
-        budget = Budget.of(case.uncertainty, Levels())
         if protocol != "fixed":
-            told = outcomes(before.draws, curves, budget, first, questions, ground)
+            told = outcomes(before, case, first, questions, ground)
             row |= counted(told)
             wanted = [one.alone and not (protocol == "contested" and one.peers[PEERS[0]] == one.best) for one in told]
             if not any(wanted):
@@ -198,7 +199,7 @@ def followed(number: int, base: Case, ground: Ground, speckle: int, protocol: st
             row["tried"] = wanted.index(True) + 1
         asked = questions[row.get("tried", 1) - 1]
         radars = [case.radar.model_copy(update=settings(one)) for one in asked.candidates]
-        advised = advice_on(case, ground.scene, {NAME: (before.draws, curves)}, budget, radars, asked.over_deg)
+        advised = advice_on(case, ground.scene, {NAME: (before, case.laws[NAME])}, radars, asked.over_deg)
         over = advised[0].over_deg
         after = {(one.radar.depression_deg, one.radar.look_side): one.after_db for one in advised}
         expected = [after[one] for one in asked.candidates]
@@ -233,14 +234,15 @@ class Outcome:
         return self.said == ALONE
 
 
-def outcomes(
-    draws: KeptDraws, curves_db: Doubles, budget: Budget, first: Pass, questions: list[Question], ground: Ground
-) -> list[Outcome]:
+def outcomes(before: Posterior, case: Case, first: Pass, questions: list[Question], ground: Ground) -> list[Outcome]:
     """Outcome of each question."""
-    grid = np.arange(GRID_DEG.size, dtype=np.int64)
-    now = half_widths_now(curves_db)
+    draws, law, grid = before.draws, case.laws[NAME], np.arange(GRID_DEG.size, dtype=np.int64)
+    assert draws is not None
+    now = half_widths_now(draws.curves_db(law))
     after = {
-        one: half_widths_after(curves_db, draws, [ground.sights[first]], [ground.sights[one]], budget, grid)
+        one: half_widths_after(
+            draws, law, [ground.sights[first]], [ground.sights[one]], before.looks, case.uncertainty, grid
+        )
         for one in PASSES
         if one != first
     }
@@ -268,12 +270,12 @@ def counted(told: list[Outcome]) -> dict[str, dict[str, int]]:
 
 def said(now_db: float, expected_db: list[float]) -> str:
     """What ``radcal advise`` would say of three candidates with these half-widths."""
-    best, second, third = sorted(expected_db)
-    if best > LITTLE * now_db:
+    best, equal = judged([one / now_db for one in expected_db])
+    if best == NONE:
         return "none by a tenth"
-    if third <= EQUAL * best:
+    if best == ALIKE:
         return "all within 5 %"
-    return "two within 5 %" if second <= EQUAL * best else ALONE
+    return "two within 5 %" if equal else ALONE
 
 
 def peers(asked: Question, first: Pass, over_deg: tuple[float, float], ground: Ground) -> dict[str, int]:
@@ -300,8 +302,15 @@ def peers(asked: Question, first: Pass, over_deg: tuple[float, float], ground: G
 def calibrated(case: Case, ground: Ground, passes: list[Pass], folder: Path) -> Posterior:
     """Posterior after a calibration."""
     geometries = [ground.geometries[one] for one in passes]
-    targets, history, _ = calibrated_passes(case, ground.scene, geometries, folder)
-    return posterior_of(stages.Posterior.of(case), targets, history, NAME)
+    targets, history, _, images = calibrated_passes(case, ground.scene, geometries, folder)
+    stage = stages.Posterior.of(case)
+    parameters = case.start_parameters | {NAME: list(history.best(NAME).scores[NAME].parameters)}
+    cells = []
+    for one, geometry, registered, found in zip(stage.passes, geometries, images, targets.passes, strict=True):
+        radar = one.radar.model_copy(update={"looks": LOOKS})
+        simulated = Simulated(BuiltinSimulator(geometry, radar, one.laws).run(parameters, SEED), parameters)
+        cells.append(observe(one, geometry, registered, [simulated], found.levels, ground.scene))
+    return posterior_of(stage, targets, history, NAME, cells, image_of(stage, cells))
 
 
 def half_width_db(posterior: Posterior, over_deg: tuple[float, float]) -> float:

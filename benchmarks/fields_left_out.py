@@ -31,7 +31,7 @@ from threadpoolctl import threadpool_limits
 
 from radcal.assessment.calibrated import FORMS, LawModel, Parameters
 from radcal.assessment.cells import CellMeans, Simulated, cell_means
-from radcal.assessment.curves import Curves
+from radcal.assessment.curves import curves_of
 from radcal.assessment.fixed_laws import Observed, common_of, form_basis
 from radcal.assessment.posterior import HeldOut, Predicted
 from radcal.assessment.prediction import left_out
@@ -75,13 +75,12 @@ def model_of(cells: CellMeans) -> LawModel:
     knots = np.arange(np.floor(angle.min()), np.ceil(angle.max()) + 1.0)
     weights = np.maximum(0.0, 1.0 - np.abs(angle[:, None] - knots))
     box = np.array(FLEVOLAND_BOUNDS, dtype=np.float64)
-    curves = Curves(LAW)
     prior = CurvePrior(LAW, *(float(np.average(of, weights=cells.pixels)) for of in (cells.measured_db, angle)))
     parameters = Parameters(
         box,
         np.zeros(len(box), dtype=np.bool_),
-        lambda x: curves(x, np.radians(knots)),
-        lambda x: -0.5 * (prior.of_curves(curves(x, np.radians(prior.angles_deg)), x) ** 2).sum(axis=1),
+        lambda x: curves_of(LAW, x, np.radians(knots)),
+        lambda x: -0.5 * (prior.of_curves(curves_of(LAW, x, np.radians(prior.angles_deg)), x) ** 2).sum(axis=1),
     )
     forms = form_basis(angle, np.arange(knots[0], knots[-1] + 2.0 * FORM_KNOT_DEG, FORM_KNOT_DEG), FORMS)
     observed = Observed([cells], [np.full(cells.size, cells.measured_db.mean())], [np.zeros(cells.size)])

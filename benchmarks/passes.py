@@ -25,7 +25,7 @@ from radcal.calibration.loop import calibrate
 from radcal.calibration.stopping import Decision
 from radcal.config import Case, load, stages
 from radcal.config.yaml_file import read_case_file
-from radcal.measurement.registration import register
+from radcal.measurement.registration import Registered, register
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target import Targets
 from radcal.measurement.target_fit import make_targets
@@ -91,10 +91,11 @@ def case_of(truth: list[float], number: int, depressions: tuple[float, ...]) -> 
 
 def calibrated_passes(
     case: Case, scene: Scene, geometries: list[Geometry], folder: Path
-) -> tuple[Targets, History, Decision]:
-    """Calibration of a case of one or several passes, with their runs in a folder."""
+) -> tuple[Targets, History, Decision, list[Registered]]:
+    """Calibration of a case of one or several passes, with their runs in a folder, and their registered images."""
     runners: list[Runner] = []
     targets: list[Targets] = []
+    images: list[Registered] = []
     for one, geometry in zip(case.passes, geometries, strict=False):
         simulator = BuiltinSimulator(geometry, one.radar, one.laws)
         settings, stage = stages.Simulation.of(one), stages.Target.of(one)
@@ -102,18 +103,19 @@ def calibrated_passes(
         measurement = make_measurement(stages.Measurement.of(one), geometry, simulator, scene)
         start = simulator.run({name: m.start_parameters for name, m in one.materials.items()}, 1)
         registered = register(start, measurement, one.registration)
+        images.append(registered)
         made = make_targets(stage, geometry, registered, start, scene=scene)
         targets.append(bin_targets(stage, made, geometry, registered, scene.slope_error_deg))
     first, *others = targets
     together = Targets(first, first.levels, first.looks, others)
     runners[0].further = tuple(runners[1:])
-    return together, *calibrate(case, runners[0], together)
+    return together, *calibrate(case, runners[0], together), images
 
 
 def calibrated(case: Case, scene: Scene, geometries: list[Geometry], truth: np.ndarray) -> dict[str, Any]:
     """Runs, end, and error of the law over the incidence of each pass [dB]."""
     with tempfile.TemporaryDirectory() as folder:
-        _, history, decision = calibrated_passes(case, scene, geometries, Path(folder))
+        _, history, decision, _ = calibrated_passes(case, scene, geometries, Path(folder))
     incidence = [geometry.incidence_deg.ravel()[geometry.pixels("dyke")].astype(np.float64) for geometry in geometries]
     x = history.best("dyke").scores["dyke"].parameters
     law = case.laws["dyke"]

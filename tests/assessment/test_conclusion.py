@@ -103,14 +103,12 @@ def test_the_picture_is_the_fresh_run_with_the_texture_of_the_calibrated_materia
     np.testing.assert_array_equal(pixels[order], found.materials["area"].fresh)
 
 
-def test_a_final_run_that_the_search_has_made_is_no_new_one(parts, found):
-    assert found.new_runs == 1
+def test_it_is_told_whether_the_pixels_of_the_final_runs_differ(parts, found):
     assert found.simulator == {"kind": "made up"}
     assert found.materials["area"].differ
     *rest, final, posteriors, image = parts[0]
     again = conclude(*rest, (final[0], replace(final[0], key="fresh")), posteriors, image)
     assert not again.materials["area"].differ
-    assert any("another seed gives the same pixels" in note for note in again.notes)
 
 
 def test_texture_of_the_simulated_pixels_is_a_finding(parts, found):

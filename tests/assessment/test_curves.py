@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radcal.assessment.curves import GRID_DEG, Curves
+from radcal.assessment.curves import GRID_DEG, curves_of, levels_at
 from radcal.radar.laws import LAWS, law_for
 
 
@@ -19,15 +19,12 @@ from radcal.radar.laws import LAWS, law_for
 )
 def test_curves_of_many_parameters_are_those_of_each(law, parameters):
     x = np.array(parameters)
-    curves = Curves(law)
-    np.testing.assert_array_equal(curves(x), [law(np.radians(GRID_DEG), one) for one in x])
-    angles = np.array([[13.3, 41.17, 58.0]])
-    found = Curves.at(curves(x), angles)
-    assert found == pytest.approx(np.stack([law(np.radians(angles[0]), one) for one in x]), abs=0.01)
+    curves = curves_of(law, x)
+    np.testing.assert_array_equal(curves, [law(np.radians(GRID_DEG), one) for one in x])
+    angles = np.array([13.3, 41.17, 58.0])
+    exact = np.stack([law(np.radians(angles), one) for one in x])
+    assert levels_at(curves, angles) == pytest.approx(exact, abs=0.01)
+    assert curves_of(law, x, np.radians(angles)) == pytest.approx(exact)
     # between two angles of the grid a curve is straight
-    straight = Curves.at(np.stack([GRID_DEG, -2.0 * GRID_DEG]), np.array([[0.0, 13.3, 41.17, 90.0]]))
+    straight = levels_at(np.stack([GRID_DEG, -2.0 * GRID_DEG]), np.array([0.0, 13.3, 41.17, 90.0]))
     assert straight == pytest.approx(np.outer([1.0, -2.0], [0.0, 13.3, 41.17, 90.0]))
-    each = Curves.at(curves(x), np.array([[20.0], [50.0]]))
-    assert each[:, 0] == pytest.approx(
-        [float(law(np.radians(a), one)) for a, one in zip((20.0, 50.0), x, strict=True)], abs=0.01
-    )

@@ -13,10 +13,10 @@ from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.posterior import WHOLE_DEG, KeptDraws
 from radcal.assessment.preposterior import (
     Sight,
-    equivalent_sd,
+    _equivalent_sd,
+    _normal_scores,
     half_widths_after,
     half_widths_now,
-    normal_scores,
     sight_of,
 )
 from radcal.config import Radar, Uncertainty
@@ -27,6 +27,7 @@ FLAT = law_for("tabulated", angles_deg=(20.0, 60.0))
 AT_30, AT_50 = np.array([120]), np.array([200])  # places of 30 and 50 degrees in the grid
 LOOKS = 4.0
 MANY = 10**9  # independent pixels
+KEYS = ("patch", "independent", "noise_db")
 
 
 def speckle_db2(independent: float) -> float:
@@ -35,16 +36,19 @@ def speckle_db2(independent: float) -> float:
 
 
 def sight(angle: int = 120, independent: float = MANY, noise_db: float = -300.0, number: int = 1) -> Sight:
-    """One bin of one field and of two cells, whose pixels all have the incidence of one place of the grid."""
-    weights = np.zeros((1, GRID_DEG.size))
-    weights[0, angle] = 1.0
-    one = np.ones((1, 1))
-    incidence, edges, cell = np.full(9, GRID_DEG[angle]), GRID_DEG[[angle, angle]], np.zeros(9, dtype=np.intp)
+    """One cell of one field, whose pixels all have the incidence of one place of the grid."""
+    cell, middle = np.zeros(9, dtype=np.int64), GRID_DEG[[angle]]
     count, noise = np.array([float(independent)]), np.array([noise_db])
-    return Sight(np.arange(9), incidence, edges, cell, weights, 0.5 * one, count, noise, np.array([number]), one)
+    return Sight(np.arange(9), np.repeat(middle, 9), cell, np.array([number]), middle, count, noise)
 
 
-def lines(count: int = 4000, level_sd: float = 0.8, slope_sd: float = 0.06, **more: Any) -> KeptDraws:
+def joined(*cells: Sight) -> Sight:
+    """All cells as cells of one pass."""
+    each = {key: np.concatenate([getattr(one, key) for one in cells]) for key in vars(cells[0])}
+    return Sight(**each)
+
+
+def lines(count: int = 900, level_sd: float = 0.8, slope_sd: float = 0.06, **more: Any) -> KeptDraws:
     """Draws of curves -10 + a + b (phi - 30 deg), a and b normal and independent [dB]."""
     rng = np.random.default_rng(4)
     a, b = rng.normal(0.0, level_sd, (count, 1)), rng.normal(0.0, slope_sd, (count, 1))
@@ -91,7 +95,7 @@ def narrowed(prior: float, own: float, further: float, common: float) -> float:
 
 @pytest.mark.parametrize("number", [3, 5])
 def test_a_pass_over_the_same_field_does_not_measure_its_effect_again(number: int) -> None:
-    draws = lines(slope_sd=0.0, field_db=np.full(4000, 0.6))
+    draws = lines(slope_sd=0.0, field_db=np.full(900, 0.6))
     s, t, field = speckle_db2(40.0), speckle_db2(90.0), 0.36
     own, further = sight(independent=40.0, number=3), sight(independent=90.0, number=number)
     shared = number == 3
@@ -110,32 +114,60 @@ def test_a_level_that_the_same_fixed_laws_give_is_not_measured_again() -> None:
     assert apart == pytest.approx(narrowed(at_30(draws), s + 0.36, t + 0.36, 0.0), rel=1e-6)
 
 
-def test_shares_of_fields_that_two_passes_have_in_common() -> None:
-    one, other = sight(), sight()
-    two = np.array([[0.2, 0.8], [0.7, 0.3]])
-    one = replace(one, weights=np.ones((2, 361)), fields=np.array([4, 9]), shares=two)
-    other = replace(other, fields=np.array([9, 12]), shares=np.array([[0.6, 0.4]]))
-    np.testing.assert_allclose(one.in_common(other), [[0.8 * 0.6], [0.3 * 0.6]])
-    np.testing.assert_allclose(other.in_common(one), [[0.8 * 0.6, 0.3 * 0.6]])
-    np.testing.assert_allclose(one.in_common(one), [[0.68, 0.38], [0.38, 0.58]])
+def test_cells_of_a_field_have_its_effect_in_common_and_their_own_effects_and_speckle() -> None:
+    """The precisions of the cells of a field add, and so do those of the fields."""
+    draws = lines(slope_sd=0.0, field_db=np.full(900, 0.6), cell_db=np.full(900, 0.3))
+    counts = ((3.0, 8.0, 20.0), (5.0,))
+    seen = joined(*(sight(independent=n, number=k) for k, each in enumerate(counts) for n in each))
+    own = [1.0 / sum(1.0 / (speckle_db2(n) + 0.09) for n in each) for each in counts]
+    left = np.sqrt(1.0 / (1.0 / at_30(draws) + sum(1.0 / (0.36 + one) for one in own)))
+    assert sd_left(draws, [seen], AT_30) == pytest.approx(left, rel=1e-6)
+
+
+@pytest.mark.parametrize("same", [False, True])
+def test_several_passes_over_common_fields_agree_with_the_covariance_of_all_cells(same: bool) -> None:
+    """Two own passes and one further pass: normal distribution of curve and means, conditioned on means in turn."""
+    rng, config = np.random.default_rng(8), Uncertainty(level_db=0.3, noise_db=2.0)
+    draws = lines(200, field_db=np.full(200, 0.5), cell_db=np.full(200, 0.2))
+    passes = [
+        joined(
+            *(sight(int(rng.integers(90, 230)), float(rng.integers(2, 30)), noise, int(rng.choice(few))) for _ in few)
+        )
+        for noise, few in ((-22.0, [1, 2, 2, 7]), (-16.0, [2, 3, 7]), (-19.0, [1, 3, 3, 4, 7]))
+    ]
+    means = [one.means_db(draws.laws_db(FLAT)) for one in passes]
+    of, scores = np.repeat([0, 1, 2], [4, 3, 5]), _normal_scores(np.hstack(means))
+    patch, count, noise = (np.concatenate([getattr(one, key) for one in passes]) for key in KEYS)
+    share = 10.0 ** (0.1 * (noise - np.hstack(means).mean(axis=0)))
+    pass_alike = np.equal(of[:, None], of)
+    errors = np.diag([speckle_db2(n) + 0.04 for n in count]) + 0.25 * np.equal(patch[:, None], patch)
+    errors += 0.09 * (pass_alike | same) + 4.0 * np.outer(share, share) * pass_alike
+    own, new = of < 2, of == 2
+    given = errors[np.ix_(new, own)] @ np.linalg.inv(errors[np.ix_(own, own)])
+    innovation = scores[:, new] - scores[:, own] @ given.T
+    total = innovation.T @ innovation / 200 + errors[np.ix_(new, new)] - given @ errors[np.ix_(own, new)]
+    curve = _normal_scores(draws.curves_db(FLAT)[:, AT_50])[:, 0]
+    across = curve @ innovation / 200
+    expected = np.sqrt(curve @ curve / 200 - across @ np.linalg.solve(total, across))
+    assert sd_left(draws, passes[2:], AT_50, config, passes[:2], same) == pytest.approx(expected, rel=1e-6)
 
 
 def test_one_draw_far_away_changes_neither_scores_nor_the_standard_deviation_of_fields() -> None:
     values = np.random.default_rng(1).normal(3.0, 2.0, (999, 2))
-    scores = normal_scores(values)
+    scores = _normal_scores(values)
     assert scores.mean(axis=0) == pytest.approx([0.0, 0.0], abs=1e-12)
     assert scores.std(axis=0) == pytest.approx([sd(values[:, 0]), sd(values[:, 1])])
     assert (np.argsort(scores, axis=0) == np.argsort(values, axis=0)).all()
     far = values.copy()
     far[values.argmax(axis=0), [0, 1]] = 1e3
-    np.testing.assert_allclose(normal_scores(far), scores)
+    np.testing.assert_allclose(_normal_scores(far), scores)
     # half of the draws without an effect, half with 2 dB: 1.2816 and 1.6449 are the normal quantiles of 90 and 95 %
     half = np.repeat([0.0, 2.0], 500)
-    assert equivalent_sd(half) == pytest.approx(2.0 * 1.281552 / 1.644854, rel=0.01)
-    assert equivalent_sd(np.full(9, 0.3)) == pytest.approx(0.3, rel=1e-12)
-    assert equivalent_sd(np.zeros(9)) == 0.0
+    assert _equivalent_sd(half) == pytest.approx(2.0 * 1.281552 / 1.644854, rel=0.01)
+    assert _equivalent_sd(np.full(9, 0.3)) == pytest.approx(0.3, rel=1e-12)
+    assert _equivalent_sd(np.zeros(9)) == 0.0
     half[-1] = 1e3
-    assert equivalent_sd(half) == pytest.approx(2.0 * 1.281552 / 1.644854, rel=0.02)
+    assert _equivalent_sd(half) == pytest.approx(2.0 * 1.281552 / 1.644854, rel=0.02)
 
 
 def test_without_a_pass_nothing_changes() -> None:
@@ -159,8 +191,8 @@ def test_a_pass_says_of_other_angles_what_the_draws_correlate() -> None:
     ("level_db", "effects", "variance"),
     [
         (0.4, {}, 0.16),
-        (0.0, {"field_db": np.full(4000, 0.6)}, 0.36),
-        (0.0, {"cell_db": np.full(4000, 0.6)}, 0.36 * 0.5),
+        (0.0, {"field_db": np.full(900, 0.6)}, 0.36),
+        (0.0, {"cell_db": np.full(900, 0.5)}, 0.25),
     ],
 )
 def test_level_and_fields_limit_what_a_pass_says(level_db: float, effects: dict[str, Any], variance: float) -> None:
@@ -197,24 +229,28 @@ def test_what_a_pass_sees_of_a_material(geometry_of_slopes) -> None:
     assert found is not None
     usable = geometry.pixels("slope")[~geometry.layover.ravel()[geometry.pixels("slope")]]
     assert found.pixels.tolist() == usable.tolist()
-    assert (found.edges_deg[0], found.edges_deg[-1]) == (30.0, 40.0)
     assert found.incidence_deg == pytest.approx(geometry.incidence_deg.ravel()[usable])
-    assert found.weights.sum(axis=1) == pytest.approx(1.0)
-    means = found.weights @ GRID_DEG
-    assert (np.diff(means) > 0).all()
-    # 480 pixels, of 1.5 m by 2.5 m, in resolution cells of 2 m by 3.5 m
-    assert found.independent.sum() == pytest.approx(480.0 * 3.75 / 7.0)
-    assert found.noise_db == pytest.approx(-25.0)
-    # two fields of unequal size: a bin with shares s and 1 - s has the correlation s^2 + (1 - s)^2
-    assert found.in_common(found).diagonal() == pytest.approx(0.6**2 + 0.4**2, abs=0.03)
     # cells: fields in squares of 24 pixels and in 3 degrees
     row, column = np.divmod(usable, 24)
-    keys = np.stack([column >= 12, row // 24, found.incidence_deg // 3])
-    assert np.unique(np.vstack([keys, found.cell]), axis=1).shape[1] == np.unique(keys, axis=1).shape[1]
-    member = np.searchsorted(found.edges_deg, found.incidence_deg, side="right") - 1
-    first = [np.bincount(found.cell[member == 0], minlength=99), np.bincount(found.cell[member == 1], minlength=99)]
-    shared = float(first[0] @ first[1]) / (first[0].sum() * first[1].sum())
-    assert found.cells[0, 1] == pytest.approx(shared)
+    each = np.stack([column >= 12, row // 24, found.incidence_deg // 3])
+    _, keys, count = np.unique(each, axis=1, return_inverse=True, return_counts=True)
+    keys = keys.ravel()
+    assert count.size == found.patch.size == 10
+    assert np.unique(np.stack([keys, found.cell]), axis=1).shape[1] == 10
+    first = [int(np.flatnonzero(keys == k)[0]) for k in range(10)]
+    order = found.cell[first]
+    assert found.middle_deg[order] == pytest.approx(np.bincount(keys, found.incidence_deg) / count)
+    # pixels of 1.5 m by 2.5 m, in resolution cells of 2 m by 3.5 m
+    assert found.independent[order] == pytest.approx(count * 3.75 / 7.0)
+    assert found.noise_db == pytest.approx(-25.0)
+    assert np.unique(np.stack([column[first] >= 12, found.patch[order]]), axis=1).shape[1] == 2
+    # one pixel less in the cell of 8 in the last row
+    layover = geometry.layover.copy()
+    layover[24, 23] = True
+    fewer = sight_of("slope", replace(geometry, layover=layover), radar, 0)
+    assert fewer is not None
+    assert fewer.patch.size == 9
+    assert fewer.pixels.tolist() == usable[:-8].tolist()
     assert sight_of("patch", geometry, radar, 0) is None  # 40 pixels
 
 

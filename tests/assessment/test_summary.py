@@ -11,7 +11,7 @@ from assessment_samples import LINE, LINE_X, known_common, line_db, line_model, 
 from radcal.assessment import summary
 from radcal.assessment.calibrated import FORMS, Draws
 from radcal.assessment.cells import with_noise_db
-from radcal.assessment.curves import GRID_DEG, Curves
+from radcal.assessment.curves import GRID_DEG, curves_of
 from radcal.assessment.fixed_laws import Observed
 from radcal.assessment.sampling import Sample
 
@@ -27,7 +27,7 @@ def test_the_systematic_part_is_what_common_effects_explain():
 def test_the_nearest_law_is_that_of_least_squares_in_the_bounds():
     """To a bent median over 25 to 45 degrees; with whole numbers, the best of the draws."""
     x = LINE_X + np.random.default_rng(1).normal(0.0, 1.0, (200, 2))
-    curves = Curves(LINE)(x)
+    curves = curves_of(LINE, x)
     median = LINE(np.radians(GRID_DEG), LINE_X) + 0.002 * (GRID_DEG - 35.0) ** 2
     inside = (GRID_DEG >= 25.0) & (GRID_DEG <= 45.0)
     slope, level = np.polyfit(GRID_DEG[inside], median[inside], 1)
@@ -45,7 +45,7 @@ def made_draws(n=4000):
     level = rng.normal(0.0, 0.4, n)
     x = LINE_X + (level + rng.normal(0.0, np.sqrt(0.6**2 - 0.4**2), n))[:, None]
     common = np.column_stack([level, rng.normal(size=(n, 4))])
-    sample = Sample(np.zeros((n, 5)), 500.0, 1.02, 900, True, np.zeros(5))
+    sample = Sample(np.zeros((n, 5)), 500.0, 1.02, 900, True)
     return Draws(
         x, np.full(n, 0.5), np.full(n, 0.2), np.zeros((n, FORMS)), np.zeros((n, 14)), common,
         rng.normal(0.1, 0.3, n), sample,

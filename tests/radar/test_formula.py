@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radcal.assessment.curves import GRID_DEG, Curves
+from radcal.assessment.curves import GRID_DEG, curves_of
 from radcal.errors import ConfigError
 from radcal.radar.laws import LAWS, law_for
 from radcal.radar.laws.formula import FUNCTIONS, Formula, formula_law, refuse_infinite
@@ -61,8 +61,8 @@ def test_all_x_are_evaluated_at_once() -> None:
     x = np.random.default_rng(2).uniform(0.0, 9.0, (7, 4))
     together = law(np.radians(GRID_DEG)[:, None], x.T)
     assert together.shape == (361, 7)
-    np.testing.assert_array_equal(together.T, Curves(LAWS["mangia"])(x))
-    np.testing.assert_array_equal(Curves(law)(x), together.T)
+    np.testing.assert_array_equal(together.T, curves_of(LAWS["mangia"], x))
+    np.testing.assert_array_equal(curves_of(law, x), together.T)
     # without the angle, too
     assert formula_law("a", ["a"])(np.radians([10.0, 20.0]), [-12.0]).tolist() == [-12.0, -12.0]
     assert formula_law("a", ["a"])(np.radians(GRID_DEG)[:, None], x[:, :1].T).shape == (361, 7)

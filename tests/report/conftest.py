@@ -71,6 +71,7 @@ class Made:
                 at.case, at.stop, at.history, at.targets, at.geometry, at.runs, at.final, posteriors, image()
             ),
             image=image(),
+            final=at.final,
         )
         write_archive(path, archive)
         return read_archive(path)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from scipy.special import polygamma
 
-from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.posterior import WHOLE_DEG, Constant, KeptDraws, Predicted
 from radcal.assessment.preposterior import Sight
 from radcal.config import RegistrationConfig, Uncertainty, load_forward, load_measured
 from radcal.errors import ConfigError, StoreError
 from radcal.findings import Finding
+from radcal.measurement.classes import class_of, incidence_edges
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import Registered, registered_as, write_registered
 from radcal.radar.laws import LAWS, law_for
@@ -25,13 +25,11 @@ from radcal.report.applied import (
     _of_pass,
     _table,
     apply,
-    bin_levels_db,
-    by_constant_db,
     predictions,
-    predictive_db,
     where_seen,
     with_laws,
 )
+from radcal.report.applied_bins import Bins, by_constant_db, predictive_db
 from radcal.report.applied_figures import Prediction, draw_predictions
 from radcal.report.archive import write_archive
 from radcal.words import doubts
@@ -42,15 +40,26 @@ QUANTILE = 1.6449
 LOOKS = 4.0
 
 
-def sight(pixels: int = 400, noise_db: float = -300.0) -> Sight:
+def bins_of(pixels: int = 400, noise_db: float = -300.0) -> Bins:
     """Two bins about 30 and 50 degrees, in one field, each of one cell and with as many independent pixels."""
-    angles = np.repeat([30.0, 50.0], pixels)
-    weights = np.zeros((2, GRID_DEG.size))
-    weights[[0, 1], [120, 200]] = 1.0
-    cell, count = np.repeat([0, 1], pixels), np.full(2, float(pixels))
-    edges, noise = np.array([30.0, 40.0, 50.0]), np.full(2, noise_db)
-    fields, shares = np.array([1]), np.ones((2, 1))
-    return Sight(np.arange(angles.size), angles, edges, cell, weights, np.eye(2), count, noise, fields, shares)
+    middles = np.array([30.0, 50.0])
+    cell, count, noise = np.repeat([0, 1], pixels), np.full(2, float(pixels)), np.full(2, noise_db)
+    parts = Sight(np.arange(2 * pixels), middles[cell], cell, np.array([1, 1]), middles, count, noise)
+    return Bins(np.array([30.0, 40.0, 50.0]), parts, np.eye(2))
+
+
+def divided(bins: Bins, shares: list[float], patch: list[int]) -> Bins:
+    """Bins of which each consists of parts of cells with these shares of its pixels, in these fields."""
+    n, one = len(shares), bins.parts
+    parts = replace(
+        one,
+        cell=np.repeat(np.arange(2 * n), np.rint(shares * np.tile(one.pixels.size // 2, n)).astype(int).tolist() * 2),
+        patch=np.tile(patch, 2),
+        middle_deg=np.repeat(one.middle_deg, n),
+        independent=np.outer(one.independent, shares).ravel(),
+        noise_db=np.repeat(one.noise_db, n),
+    )
+    return replace(bins, parts=parts, weights=np.kron(np.eye(2), shares))
 
 
 def drawn(level_sd: float = 0.0, slope_sd: float = 0.0, field: float = 0.0, cell: float = 0.0) -> SimpleNamespace:
@@ -66,9 +75,9 @@ def by_law(draws: np.ndarray) -> Predicted:
     return Predicted(draws.mean(axis=0), *np.quantile(draws, [0.05, 0.95], axis=0))
 
 
-def predicted(posterior: SimpleNamespace, seen: Sight, **config: float) -> list[Prediction]:
+def predicted(posterior: SimpleNamespace, seen: Bins, **config: float) -> list[Prediction]:
     """Predictions by the law of an image simulated at X and 1.5 dB brighter, of which 0.4 dB less are measured."""
-    image = LAW(np.radians(seen.incidence_deg), X) + 1.5
+    image = LAW(np.radians(seen.parts.incidence_deg), X) + 1.5
     uncertainty = Uncertainty(**{"level_db": 0.0, "noise_db": 0.0, **config})
     moved = by_law(predictive_db(posterior, LAW, X, seen, uncertainty, np.random.default_rng(5)))
     return list(predictions("dyke", posterior, seen, image, moved, image - 0.4))
@@ -79,7 +88,7 @@ def half(one: Prediction) -> float:
 
 
 def test_the_interval_is_that_of_law_form_speckle_level_noise_and_fields() -> None:
-    many = sight(1000)
+    many = bins_of(1000)
     # of measured and simulated pixels: (10 / ln 10)^2 trigamma(looks n)
     rest = 2.0 * 18.861170 * float(polygamma(1, LOOKS * 1000.0))
 
@@ -93,23 +102,24 @@ def test_the_interval_is_that_of_law_form_speckle_level_noise_and_fields() -> No
     has(0.49, predicted(drawn(), many, level_db=0.7)[1])
     has(0.36, predicted(drawn(field=0.6), many)[0])
     has(0.36, predicted(drawn(cell=0.6), many)[0])
-    # a bin of four fields, and of two cells
-    four = replace(many, fields=np.arange(4), shares=np.full((2, 4), 0.25), cells=0.5 * many.cells)
-    has(0.36 / 4.0, predicted(drawn(field=0.6), four)[0])
-    has(0.36 / 2.0, predicted(drawn(cell=0.6), four)[0])
+    # a bin of three parts in two fields
+    three = divided(many, [0.5, 0.3, 0.2], [4, 7, 4])
+    has(0.36 * (0.7**2 + 0.3**2), predicted(drawn(field=0.6), three)[0])
+    has(0.36 * (0.5**2 + 0.3**2 + 0.2**2), predicted(drawn(cell=0.6), three)[0])
+    has(0.49, predicted(drawn(), three, level_db=0.7)[1])
     # noise as strong as the signal is half of the power
-    loud = replace(many, noise_db=np.full(2, float(LAW(np.radians(30.0), X))))
+    loud = replace(many, parts=replace(many.parts, noise_db=np.full(2, float(LAW(np.radians(30.0), X)))))
     has(1.0, predicted(drawn(), loud, noise_db=2.0)[0])
 
 
 def test_the_middle_is_the_image_moved_by_law_and_form() -> None:
-    first, second = predicted(drawn(), sight())
+    first, second = predicted(drawn(), bins_of())
     assert first.predicted_db == pytest.approx(float(LAW(np.radians(30.0), X)) + 1.5, abs=0.02)
     assert (first.measured_db, first.pixels) == (pytest.approx(float(LAW(np.radians(30.0), X)) + 1.1), 400)
     assert second.incidence_deg == 50.0
     posterior = drawn()
     posterior.draws = replace(posterior.draws, form_db=posterior.draws.form_db + 0.02 * WHOLE_DEG)
-    moved = predicted(posterior, sight())
+    moved = predicted(posterior, bins_of())
     assert moved[1].predicted_db - second.predicted_db == pytest.approx(1.0, abs=1e-6)
 
 
@@ -119,16 +129,16 @@ def test_the_interval_of_the_constant_is_that_of_its_mean_fields_cells_speckle_l
     The cells of a bin differ from a constant alike, those of different fields do not.
     """
     constant, exact = Constant(-12.0, 0.09, 0.6, 0.3), Uncertainty(level_db=0.0, noise_db=0.0)
-    clear = sight(1000)
+    clear = bins_of(1000)
     law = np.asarray(LAW(np.radians([30.0, 50.0]), X))
     rest = 2.0 * 18.861170 * float(polygamma(1, LOOKS * 1000.0))
     level, sd = by_constant_db(constant, LOOKS, LAW, X, clear, exact)
     assert level == pytest.approx(-12.0 - law)
     assert sd**2 == pytest.approx(np.full(2, 0.09 + 0.36 + 0.09 + rest), rel=0.02)
-    four = replace(clear, fields=np.arange(4), shares=np.full((2, 4), 0.25), cells=0.5 * clear.cells)
-    _, sd = by_constant_db(constant, LOOKS, LAW, X, four, exact)
-    assert sd**2 == pytest.approx(np.full(2, 0.09 + 0.09 + 0.09 + rest), rel=0.02)
-    noisy = replace(clear, noise_db=np.full(2, -12.0))
+    three = divided(clear, [0.5, 0.3, 0.2], [4, 7, 4])
+    _, sd = by_constant_db(constant, LOOKS, LAW, X, three, exact)
+    assert sd**2 == pytest.approx(np.full(2, 0.09 + 0.36 * 0.58 + 0.09 + rest), rel=0.01)
+    noisy = replace(clear, parts=replace(clear.parts, noise_db=np.full(2, -12.0)))
     level, sd = by_constant_db(constant, LOOKS, LAW, X, noisy, Uncertainty(level_db=0.4, noise_db=2.0))
     raised = 10.0 * np.log10(10.0 ** (law / 10.0) + 10.0**-1.2)
     assert level == pytest.approx(-12.0 + 10.0 * np.log10(2.0) - raised)
@@ -137,12 +147,13 @@ def test_the_interval_of_the_constant_is_that_of_its_mean_fields_cells_speckle_l
 
 def test_law_and_constant_count_alike(monkeypatch) -> None:
     """A material without a constant, of a law without a curve, is not predicted."""
-    seen, x = sight(1000), np.array([30.0, 50.0])
+    seen, x = bins_of(1000), np.array([30.0, 50.0])
     law = np.asarray(LAW(np.radians(x), X))
     posterior = drawn(level_sd=0.5)
     posterior.constant = Constant(-12.0, 0.01, 0.2, 0.1)
-    monkeypatch.setattr(applied, "sight_of", lambda *_: seen)
-    image = np.asarray(LAW(np.radians(seen.incidence_deg), X)).astype(np.float32)
+    monkeypatch.setattr(applied, "sight_of", lambda *_: seen.parts)
+    monkeypatch.setattr(Bins, "of", lambda _: seen)
+    image = np.asarray(LAW(np.radians(seen.parts.incidence_deg), X)).astype(np.float32)
     materials = {"dyke": posterior, "program": SimpleNamespace(constant=None), "other": posterior, "lost": None}
     archive = SimpleNamespace(materials={k: SimpleNamespace(posterior=one) for k, one in materials.items()})
     known = SimpleNamespace(start_parameters=X)
@@ -164,34 +175,56 @@ def test_law_and_constant_count_alike(monkeypatch) -> None:
     ]
 
 
-def test_the_level_of_a_bin_is_the_mean_power_of_its_cells_averaged_in_db() -> None:
-    seen = sight(3)
-    # two cells in the first bin, of two pixels and one; the second cell has a pixel in the second bin
-    seen = replace(seen, cell=np.array([0, 0, 1, 1, 2, 2]))
+def test_cells_are_divided_at_the_edges_of_the_bins() -> None:
+    """Three cells of 400 pixels each, of which the middle one reaches over three bins."""
+    angle = np.concatenate([np.linspace(20.0, 24.0, 400), np.linspace(23.0, 29.0, 400), np.linspace(29.5, 33.0, 400)])
+    cell, patch = np.repeat([0, 1, 2], 400), np.array([5, 8, 5])
+    middle, noise = np.bincount(cell, angle) / 400.0, np.array([-20.0, -21.0, -23.0])
+    bins = Bins.of(Sight(np.arange(1200), angle, cell, patch, middle, np.array([200.0, 100.0, 50.0]), noise))
+    assert bins.edges_deg.tolist() == incidence_edges(angle, "auto").tolist()
+    member = class_of(angle, bins.edges_deg)
+    pairs = np.unique(np.stack([cell, member]), axis=1)
+    assert len(bins.edges_deg) - 1 == 6
+    assert pairs.shape[1] == bins.parts.patch.size == 8
+    for k, (of, bin_) in enumerate(pairs.T):
+        own = (cell == of) & (member == bin_)
+        assert (bins.parts.cell[own] == k).all()
+        assert bins.parts.middle_deg[k] == pytest.approx(angle[own].mean())
+        assert (bins.parts.patch[k], bins.parts.noise_db[k]) == (patch[of], noise[of])
+        assert bins.parts.independent[k] == pytest.approx([0.5, 0.25, 0.125][of] * own.sum())
+        assert bins.weights[:, k] == pytest.approx(
+            np.where(np.arange(6) == bin_, own.sum() / (member == bin_).sum(), 0)
+        )
+
+
+def test_the_level_of_a_bin_is_the_mean_power_of_its_parts_averaged_in_db() -> None:
+    seen = bins_of(3)
+    # two parts of cells in the first bin, of two pixels and one
+    seen = replace(seen, parts=replace(seen.parts, cell=np.array([0, 0, 1, 2, 3, 3])))
     image = 10.0 * np.log10([2.0, 6.0, 1.0, 9.0, 3.0, np.nan])
-    found = bin_levels_db(seen, image)
-    assert found == pytest.approx([10.0 * np.log10(4.0) * 2.0 / 3.0, 5.0 * np.log10(27.0)])
-    assert bin_levels_db(seen, np.where(np.arange(6) < 3, np.nan, image))[0] != found[0]
-    assert np.isnan(bin_levels_db(seen, np.where(np.arange(6) < 3, np.nan, image))[0])
+    assert seen.levels_db(image) == pytest.approx([10.0 * np.log10(4.0) * 2.0 / 3.0, 5.0 * np.log10(27.0)])
+    none = seen.levels_db(np.where(np.arange(6) < 3, np.nan, image))
+    assert np.isnan(none[0])
+    assert none[1] == pytest.approx(5.0 * np.log10(27.0))
 
 
 def test_ground_in_the_noise_moves_less_with_its_law() -> None:
-    clear, noisy = (predicted(drawn(level_sd=0.4), sight(10**4, noise))[0] for noise in (-300.0, -8.5))
+    clear, noisy = (predicted(drawn(level_sd=0.4), bins_of(10**4, noise))[0] for noise in (-300.0, -8.5))
     # signal and noise have the same level at 30 degrees
     assert half(noisy) == pytest.approx(0.5 * half(clear), rel=0.1)
 
 
 def test_angles_are_called_what_they_are() -> None:
-    first, second = predicted(drawn(), sight())
+    first, second = predicted(drawn(), bins_of())
     assert (first.known, second.known) == ("known", "not known")
     posterior = drawn()
     posterior.seen_deg = np.array([[22.0, 45.0]])
-    assert [one.known for one in predicted(posterior, sight())] == ["known", "not seen"]
+    assert [one.known for one in predicted(posterior, bins_of())] == ["known", "not seen"]
     for ends in ((30.0, 35.0), (25.0, 30.0)):
         posterior.known_between_deg = ends
-        assert predicted(posterior, sight())[0].known == "known"
+        assert predicted(posterior, bins_of())[0].known == "known"
     posterior.known_between_deg = None
-    assert [one.known for one in predicted(posterior, sight())] == ["not known", "not seen"]
+    assert [one.known for one in predicted(posterior, bins_of())] == ["not known", "not seen"]
 
 
 def one(known: str, measured: float) -> tuple[int, Prediction]:
@@ -296,18 +329,15 @@ def test_other_contents_under_a_right_checksum_are_one_sentence(made, tmp_path, 
         apply(tmp_path, load_forward([other]), None, tmp_path / "out", tmp_path / "runs")
 
 
-def test_the_law_at_each_angle_is_taken_over_the_bin() -> None:
-    """A bin of two angles moves by the mean of the law's changes at both."""
-    seen = sight(10**6)
-    weights = seen.weights.copy()
-    weights[0] = 0.0
-    weights[0, [100, 140]] = 0.5
+def test_the_law_is_taken_at_the_incidence_of_each_part() -> None:
+    """A bin of parts at two angles moves by the mean of the law's changes at both, weighted by their pixels."""
+    seen, phi = divided(bins_of(10**6), [0.8, 0.2], [1, 1]), np.radians([25.0, 35.0])
+    seen = replace(seen, parts=replace(seen.parts, middle_deg=np.array([25.0, 35.0, 50.0, 50.0])))
     posterior, mangia, x = drawn(), LAWS["mangia"], np.array([-20.0, 8.0, 12.0, 4.0])
     posterior.draws = replace(posterior.draws, parameters=np.tile(x + [0.0, 0.0, 0.0, 1.5], (4000, 1)))
-    exact, seen = Uncertainty(level_db=0.0, noise_db=0.0), replace(seen, weights=weights)
+    exact = Uncertainty(level_db=0.0, noise_db=0.0)
     moved = predictive_db(posterior, mangia, x.tolist(), seen, exact, np.random.default_rng(5))
-    phi = np.radians(GRID_DEG[[100, 140]])
-    expected = float(np.mean(mangia(phi, x + [0.0, 0.0, 0.0, 1.5]) - mangia(phi, x)))
+    expected = float(np.average(mangia(phi, x + [0.0, 0.0, 0.0, 1.5]) - mangia(phi, x), weights=[0.8, 0.2]))
     assert np.median(moved[:, 0]) == pytest.approx(expected, abs=1e-3)
     found = next(predictions("dyke", posterior, seen, np.full(2 * 10**6, -5.0), by_law(moved)))
     assert (found.predicted_db, found.inside) == (pytest.approx(-5.0 + expected, abs=1e-3), None)

@@ -35,6 +35,18 @@ def test_every_run_is_there_in_order(made):
                 np.testing.assert_array_equal(group[key], [getattr(run.scores[name], key) for run in made.history.runs])
 
 
+def test_final_runs_that_the_search_has_made_are_no_new_ones_and_equal_pixels_are_told(made, tmp_path):
+    """The first final run is the best run of the search, the second one has fresh random numbers."""
+    assert made.archive.final_runs == 1
+    assert not any("another seed gives the same pixels" in note for note in made.archive.notes)
+    first = made.final[0]
+    again = made.gathered(tmp_path / "again.h5", final=(first, replace(first, key="fresh")))
+    assert again.final_runs == 1
+    assert any("another seed gives the same pixels" in note for note in again.notes)
+    third = replace(made.final[1], key="of another pass")
+    assert made.gathered(tmp_path / "third.h5", final=(*made.final, third)).final_runs == 1
+
+
 def test_promises_of_proposals_not_computed_are_nan(made):
     with h5py.File(made.path) as file:
         group = file["materials/stem beans"]

@@ -31,6 +31,7 @@ __all__ = [
     "area_db",
     "cell_keys",
     "cell_means",
+    "members",
     "weights_of_facets",
     "with_noise_db",
 ]
@@ -223,7 +224,7 @@ def cell_means(
     width = geometry.shape[1]
     angle = geometry.incidence_deg.ravel()[pixels].astype(np.float64)
     fold = np.zeros(pixels.size, dtype=np.int64) if fold is None else fold
-    inside, member, of_cell = _members(cell_keys(pixels, 2 * patch + fold, angle, width))
+    inside, member, of_cell = members(cell_keys(pixels, 2 * patch + fold, angle, width))
     pixels, angle, n = pixels[inside], angle[inside], of_cell.size
     count = np.bincount(member, minlength=n)
 
@@ -265,8 +266,8 @@ def cell_means(
     )
 
 
-def _members(keys: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.int64]]:
-    """Whether each pixel is in a cell, the cell of each of those that are, and the field of each cell."""
+def members(keys: NDArray[np.int64]) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.int64]]:
+    """Whether each pixel is in a cell of 8 or more, the cell of each of those that are, and the field of each cell."""
     found, member, count = np.unique(keys, axis=1, return_inverse=True, return_counts=True)
     kept = count >= _FEWEST
     inside = kept[member.ravel()]

@@ -1,4 +1,4 @@
-"""Conclusion of a calibration: decision on its end, findings, densities of the final runs, remarks."""
+"""Conclusion of a calibration: decision on its end, findings, densities of the final runs."""
 
 from __future__ import annotations
 
@@ -15,10 +15,8 @@ from radcal.assessment.posterior import Image, Posterior
 from radcal.assessment.program_check import another_law
 from radcal.assessment.registration_check import check_registration
 from radcal.calibration.history import History
-from radcal.calibration.noise import noise_sentence
 from radcal.calibration.objectives import make_objectives
 from radcal.calibration.scoring import with_texture
-from radcal.calibration.steps import not_fresh, repeatability
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Stop, stages
 from radcal.errors import StoreError
@@ -59,7 +57,7 @@ class MaterialPixels:
 
 @dataclass(frozen=True)
 class Conclusion:
-    """Results of a calibration: decision on its end, laws, pixels of the final runs, findings and remarks.
+    """Results of a calibration: decision on its end, laws, pixels of the final runs, and findings.
 
     Attributes
     ----------
@@ -71,10 +69,6 @@ class Conclusion:
         Image of the reference run, and image of the final run with fresh random numbers [dB].
     simulator : mapping
         Identity of the simulator.
-    new_runs : int
-        Number of final runs that the search had not simulated already.
-    notes : list of str
-        Remarks on the simulator's random numbers.
     posteriors : mapping
         Posterior of each law; after a refusal, sigma0 is determined at no angle.
     findings : list of Finding
@@ -86,8 +80,6 @@ class Conclusion:
     reference_db: NDArray[np.float32] | None
     calibrated_db: NDArray[np.float32] | None
     simulator: Mapping[str, Any]
-    new_runs: int
-    notes: list[str]
     posteriors: Mapping[str, Posterior]
     findings: list[Finding]
 
@@ -171,8 +163,6 @@ def conclude(
         reference_db=reference.image_db,
         calibrated_db=_picture(final[1], {name: fresh_db[name] for name in targets}, geometry),
         simulator=store.description(key).get("simulator", {}),
-        new_runs=len({record.key for record in final} - {run.key for run in history.runs}),
-        notes=_notes(case, history, targets, final),
         posteriors={
             name: replace(one, known_between_deg=None, known_half_width_db=None) if refused else one
             for name, one in posteriors.items()
@@ -206,13 +196,3 @@ def _materials(targets: Targets, each_db: Sequence[Pixels], final: Sequence[Reco
         differ = not np.array_equal(final[0].pixels_db[name], final[1].pixels_db[name])
         found[name] = MaterialPixels(start, calibrated, fresh, calibrated_dp, fresh_dp, differ)
     return found
-
-
-def _notes(case: stages.Archive, history: History, targets: Targets, final: Sequence[Record]) -> list[str]:
-    """Remarks on the random numbers of the simulator."""
-    notes = [repeatability(case.simulator, history.repeat_db)]
-    if (case.surrogate.outputs, case.surrogate.training) == ("centred", "posterior"):
-        known = {name: history.noise_variance(name) for name in targets}
-        notes += [noise_sentence(name, variance) for name, variance in known.items() if variance is not None]
-    notes.append(not_fresh(case.simulator, final))
-    return [note for note in notes if note]

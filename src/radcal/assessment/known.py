@@ -20,8 +20,8 @@ Doubles = NDArray[np.float64]
 
 _WRONG_LAW_DB = 1.0  # error of a fixed law that is named
 _LEVEL_DB = 0.2  # level that is named
-_MEANT = {1: {"sigma0_local": "sigma0_ref", "gamma0_rtc": "gamma0"}}
-_MEANT[-1] = {"sigma0_ref": "sigma0_local", "beta0": "sigma0_local", "gamma0": "gamma0_rtc"}
+_MEANT = {"sigma0_ref": "sigma0_local", "beta0": "sigma0_local", "gamma0": "gamma0_rtc"}
+_MEANT |= {"sigma0_local": "sigma0_ref", "gamma0_rtc": "gamma0"}
 
 
 def image_findings(case: stages.Archive, image: Image) -> Iterator[Finding]:
@@ -34,7 +34,7 @@ def image_findings(case: stages.Archive, image: Image) -> Iterator[Finding]:
         if shown.materials:
             numbers = {"exponent": shown.exponent, "error": shown.error}
         if shown.found:
-            meant = _MEANT[shown.found][one.radar.radiometry]
+            meant = _MEANT[one.radar.radiometry]
             numbers |= {"declared": one.radar.radiometry, "found": meant}
             yield Finding("radiometry", "refusal", about, numbers, f"radar.radiometry: {meant}")
         elif not shown.checked:

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from radcal.assessment.calibrated import FORMS, Draws, LawModel, Parameters
 from radcal.assessment.cells import CellMeans, with_noise_db
-from radcal.assessment.curves import Curves
+from radcal.assessment.curves import curves_of
 from radcal.assessment.fixed_laws import Observed, common_of
 from radcal.assessment.form_error import form_error, noticed_db
 from radcal.assessment.posterior import FormError, HeldOut, Image, Posterior
@@ -198,11 +198,11 @@ def _with_curve(
     def log_prior(x: Doubles) -> Doubles:
         if prior is None:
             return np.zeros(len(x))
-        curves = Curves(laws[0])(x, np.radians(prior.angles_deg))
+        curves = curves_of(laws[0], x, np.radians(prior.angles_deg))
         return np.asarray(-0.5 * (prior.of_curves(curves, x) ** 2).sum(axis=1))
 
     def levels(x: Doubles) -> Doubles:
-        return np.concatenate([with_noise_db(Curves(law)(x, phi), noise) for law, phi, noise in seen], axis=1)
+        return np.concatenate([with_noise_db(curves_of(law, x, phi), noise) for law, phi, noise in seen], axis=1)
 
     box = np.asarray(objective.material.box)
     parameters = Parameters(box, objective.material.integer, levels, log_prior)

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.assessment.curves import GRID_DEG, Curves
+from radcal.assessment.curves import GRID_DEG, curves_of
 from radcal.assessment.fixed_laws import Common
 from radcal.assessment.radiometry import Radiometry
 from radcal.radar.laws import Law
@@ -99,16 +99,11 @@ class KeptDraws:
     def laws_db(self, law: Law) -> Doubles:
         """Levels of median fields [dB] by each draw on the grid of incidence, shape (m, 361): law and form error."""
         forms = [np.interp(GRID_DEG, WHOLE_DEG, one) for one in self.form_db]
-        return np.asarray(Curves(law)(self.parameters) + np.stack(forms))
-
-    @property
-    def power_of_fields_db(self) -> Doubles:
-        """Excess of the mean power over the levels of median fields [dB], shape (m, 1)."""
-        return np.asarray(_MEAN_POWER * (self.field_db**2 + self.cell_db**2))[:, None]
+        return np.asarray(curves_of(law, self.parameters) + np.stack(forms))
 
     def curves_db(self, law: Law) -> Doubles:
         """Mean power of the ground [dB] by each draw on the grid of incidence, (m, 361); the law must have a curve."""
-        return np.asarray(self.laws_db(law) + self.power_of_fields_db)
+        return np.asarray(self.laws_db(law) + (_MEAN_POWER * (self.field_db**2 + self.cell_db**2))[:, None])
 
     def field_curves_db(self, law: Law) -> Doubles:
         """Mean power of the calibrated fields [dB] by each draw on the grid of incidence, (m, 361)."""

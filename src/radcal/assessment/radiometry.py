@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.cells import CellMeans, with_noise_db
+from radcal.assessment.cells import WITHOUT_AREA, CellMeans, with_noise_db
 from radcal.config import Uncertainty
 from radcal.storage.dataclass_groups import About
 
@@ -24,8 +24,6 @@ _CELL_DB = 0.15
 _SCATTER = 2.0  # times the stated standard error: scatter found among images of known radiometry
 _UNCERTAIN = 0.25
 _LEAST, _ERRORS = 0.6, 2.5  # exponent that shows another radiometry: smallest, and in standard errors
-# area term that the declared radiometry lacks (+1) or has too much (-1), if another one is meant
-_MAY_BE = {"sigma0_local": 1, "gamma0_rtc": 1, "sigma0_ref": -1, "beta0": -1, "gamma0": -1}
 
 
 @dataclass(frozen=True)
@@ -97,6 +95,6 @@ def radiometry_of(cells: Mapping[str, tuple[CellMeans, Doubles]], declared: str,
     if not counted:
         return Radiometry(float("nan"), float("inf"), 0, ())
     exponent, error = area_exponent(counted, config)
-    sign = _MAY_BE[declared]
+    sign = 1 if declared in WITHOUT_AREA else -1  # an area term that the declared radiometry lacks, or has too much
     found = len(counted) >= _MATERIALS and sign * exponent >= max(_LEAST, _ERRORS * error)
     return Radiometry(exponent, error, sign * found, tuple(counted))

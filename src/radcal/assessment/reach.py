@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.assessment.cells import with_noise_db
-from radcal.assessment.curves import Curves
+from radcal.assessment.curves import curves_of
 from radcal.config import Case, stages
 from radcal.errors import ConfigError
 from radcal.measurement.target import Targets
@@ -43,7 +43,7 @@ def law_range_db(law: Law, bounds: ArrayLike, incidence_deg: Doubles) -> tuple[D
     box = np.asarray(bounds, dtype=np.float64)
     unit = derived_rng(0, "reach").random((_SAMPLE, len(box)))
     x = box[:, 0] + np.concatenate([unit, np.round(unit)]) * np.ptp(box, axis=1)
-    levels = Curves(law)(x, np.radians(incidence_deg))
+    levels = curves_of(law, x, np.radians(incidence_deg))
     return levels.min(axis=0), levels.max(axis=0)
 
 

@@ -45,8 +45,6 @@ class Sample:
     converged : bool
         Whether the effective sample size is 400 or more, R-hat below 1.05 and the kept steps 15 autocorrelation times
         or more.
-    best : ndarray, shape (d,)
-        Point with the largest log density.
     """
 
     draws: Doubles
@@ -54,7 +52,6 @@ class Sample:
     r_hat: float
     steps: int
     converged: bool
-    best: Doubles
 
 
 def split_r_hat(chains: Doubles) -> Doubles:
@@ -76,8 +73,8 @@ def split_r_hat(chains: Doubles) -> Doubles:
     return np.where(within > 0.0, found, np.where(between > 0.0, np.inf, 1.0))
 
 
-def sample(log_prior: LogDensity, log_likelihood: LogDensity | None, start: Doubles, steps: int, seed: int) -> Sample:
-    """Sample the product of prior and likelihood or, without a likelihood, the prior alone.
+def sample(log_prior: LogDensity, log_likelihood: LogDensity, start: Doubles, steps: int, seed: int) -> Sample:
+    """Sample from the product of prior and likelihood.
 
     The walkers start dispersed over the prior. The exponent of the likelihood grows to 1 in stages, so that walkers
     reach all modes of notable probability. A walker moves by the difference of two other walkers (ter Braak 2006), by a
@@ -114,7 +111,7 @@ def sample(log_prior: LogDensity, log_likelihood: LogDensity | None, start: Doub
     def density(points: Doubles, power: float) -> Doubles:
         found = log_prior(points)
         inside = np.isfinite(found)
-        if log_likelihood is not None and inside.any():
+        if inside.any():
             found[inside] += power * log_likelihood(points[inside])
         return np.where(np.isnan(found), -np.inf, found)
 
@@ -125,7 +122,7 @@ def sample(log_prior: LogDensity, log_likelihood: LogDensity | None, start: Doub
         return EnsembleSampler(walkers, d, lambda points: density(points, power), moves=moves, vectorize=True)
 
     state = State(start, random_state=np.random.RandomState(seed % 2**32).get_state())
-    stages = [(power, _WARM_UP) for power in _POWERS if log_likelihood is not None] + [(1.0, n) for n in _FITTED]
+    stages = [(power, _WARM_UP) for power in _POWERS] + [(1.0, n) for n in _FITTED]
     for power, count in stages:
         walk = sampler(power)
         state = walk.run_mcmc(state, min(count, max(1, steps // 5)), skip_initial_state_check=True)
@@ -137,7 +134,7 @@ def sample(log_prior: LogDensity, log_likelihood: LogDensity | None, start: Doub
     walk = sampler(1.0)
     while True:
         state = walk.run_mcmc(state, min(_CHUNK, steps - walk.iteration), skip_initial_state_check=True)
-        found = _judged(walk.get_chain(), walk.get_log_prob())
+        found = _judged(walk.get_chain())
         if found.converged or walk.iteration >= steps:
             return found
 
@@ -181,7 +178,7 @@ def _mixture_move(points: Doubles, seed: int) -> Any:
     return MixtureMove()
 
 
-def _judged(chain: Doubles, log_density: Doubles) -> Sample:
+def _judged(chain: Doubles) -> Sample:
     """Sample from the steps of a chain without their first eighth, and the test of its convergence."""
     from emcee.autocorr import integrated_time
 
@@ -194,12 +191,10 @@ def _judged(chain: Doubles, log_density: Doubles) -> Sample:
     longest = float(np.nanmax(np.where(np.isfinite(times), times, np.inf)))
     ess, r_hat = kept.shape[0] * kept.shape[1] / longest, float(split_r_hat(kept).max())
     flat = kept.reshape(-1, kept.shape[-1])
-    place = np.unravel_index(int(np.argmax(log_density)), log_density.shape)
     return Sample(
         draws=flat[:: max(1, len(flat) // _DRAWS)],
         ess=ess,
         r_hat=r_hat,
         steps=len(chain),
         converged=ess >= ESS and r_hat < R_HAT and len(kept) >= _LEAST_TIMES * longest,
-        best=chain[place],
     )

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 from radcal.calibration.history import History, Proposal, Run, Score
+from radcal.calibration.noise import noise_sentence
 from radcal.calibration.objectives import OBJECTIVES, Comparison, make_objectives
 from radcal.calibration.scoring import score
 from radcal.calibration.search import Search
@@ -33,6 +34,7 @@ __all__ = [
     "not_fresh",
     "progress_line",
     "propose_all",
+    "random_notes",
     "reference_runs",
     "repeatability",
     "run_all_draws",
@@ -141,6 +143,16 @@ def not_fresh(simulator: SimulatorConfig, final: Sequence[Record]) -> str:
         "not reach the program's random numbers, or there are none (simulator.seedless: true says so). No rms with "
         "fresh random numbers is given."
     )
+
+
+def random_notes(case: stages.Archive, history: History, names: Iterable[str], final: Sequence[Record]) -> list[str]:
+    """Remarks on the simulator's random numbers, from the runs of the search and the two final runs."""
+    notes = [repeatability(case.simulator, history.repeat_db)]
+    if (case.surrogate.outputs, case.surrogate.training) == ("centred", "posterior"):
+        known = {name: history.noise_variance(name) for name in names}
+        notes += [noise_sentence(name, variance) for name, variance in known.items() if variance is not None]
+    notes.append(not_fresh(case.simulator, final))
+    return [note for note in notes if note]
 
 
 def _noisy(history: History, simulator: SimulatorConfig) -> bool:

@@ -11,19 +11,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.cells import DB
-from radcal.assessment.curves import GRID_DEG
-from radcal.assessment.posterior import Constant, Posterior, Predicted
+from radcal.assessment.posterior import Posterior, Predicted
 from radcal.assessment.prediction import predict
-from radcal.assessment.preposterior import Sight, sight_of
+from radcal.assessment.preposterior import sight_of
 from radcal.config import Case, Material, TargetConfig, Uncertainty, stages
 from radcal.errors import ConfigError, StoreError
-from radcal.measurement.classes import class_of
 from radcal.measurement.one_incidence import LEAST_SPAN_DEG
 from radcal.measurement.registration import registered_as
 from radcal.measurement.sources import make_measurement
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import Law
+from radcal.report.applied_bins import Bins, by_constant_db, predictive_db
 from radcal.report.applied_figures import KNOWN, OUTSIDE, SEEN, Prediction, draw_predictions
 from radcal.report.archive import Archive, read_archive
 from radcal.report.export import ground_layers
@@ -36,7 +33,7 @@ from radcal.simulators.sources import make_simulator
 from radcal.storage.records import understood
 from radcal.words import doubts
 
-__all__ = ["COLUMNS", "apply", "bin_levels_db", "predictions", "predictive_db", "where_seen", "with_laws"]
+__all__ = ["COLUMNS", "apply", "predictions", "where_seen", "with_laws"]
 
 Doubles = NDArray[np.float64]
 
@@ -86,77 +83,10 @@ def simulated_x(archive: Archive, name: str) -> list[float]:
     return [float(x) for x in (archive.laws[name].values if nearest is None else nearest)]
 
 
-def predictive_db(
-    posterior: Posterior, law: Law, start: Sequence[float], sight: Sight, config: Uncertainty, rng: np.random.Generator
-) -> Doubles:
-    """Draws of measured minus simulated means of the bins of a pass [dB], shape (m, n).
-
-    Each draw of the posterior moves the simulated means by its law and form error minus the simulated law. Effects of
-    fields and cells with the draw's standard deviations, speckle of measured and simulated pixels, and errors of the
-    image's level and noise floor are added.
-
-    Parameters
-    ----------
-    posterior : Posterior
-        Posterior of the law, with m draws.
-    law : Law
-        Law of the material.
-    start : sequence of float, shape (d,)
-        X with which the image was simulated.
-    sight : Sight
-        Usable pixels of the material in the pass, in n bins.
-    config : Uncertainty
-        Standard errors of level and noise floor.
-    rng : numpy.random.Generator
-        Generator of the random errors.
-    """
-    draws = posterior.draws
-    assert draws is not None  # noqa: S101 - asked for by the caller
-    means = sight.means_db(draws.laws_db(law))
-    # half the looks: speckle of the measured and of the simulated pixels
-    errors = sight.covariance(draws.field_db, draws.cell_db, 0.5 * posterior.looks, config, means.mean(axis=0))
-    deviates = rng.standard_normal((*means.shape, 1))
-    simulated = sight.means_db(np.asarray(law(np.radians(GRID_DEG), start))[None])
-    return np.asarray(means - simulated + (np.linalg.cholesky(errors) @ deviates)[..., 0])
-
-
-def by_constant_db(
-    constant: Constant, looks: float, law: Law, start: Sequence[float], sight: Sight, config: Uncertainty
-) -> tuple[Doubles, Doubles]:
-    """Measured minus simulated means of the bins by a constant level, and standard errors [dB], shape (n,) each.
-
-    ``looks`` are those of the measured pixels inside of cells; for the rest see :func:`predictive_db`.
-    """
-    level = sight.means_db(np.full((1, GRID_DEG.size), constant.mean_db))[0]
-    simulated = sight.means_db(np.asarray(law(np.radians(GRID_DEG), start))[None])[0]
-    errors = sight.covariance(np.array(constant.between_db), np.array(0.0), 0.5 * looks, config, level)
-    # cells of one incidence differ from a constant alike, by the slope of the law
-    return level - simulated, np.sqrt(np.diagonal(errors) + constant.within_db**2 + constant.variance)
-
-
-def bin_levels_db(sight: Sight, image_db: Doubles) -> Doubles:
-    """Mean of each bin [dB], shape (n,): mean power of the part of each cell inside of it, averaged in dB over pixels.
-
-    Parameters
-    ----------
-    sight : Sight
-        Pixels of a material, in n bins.
-    image_db : ndarray, shape (p,)
-        Values of these pixels [dB]; NaN for a pixel without a value. The mean of a bin without values is NaN.
-    """
-    bins, has = len(sight.edges_deg) - 1, np.isfinite(image_db)
-    member = class_of(sight.incidence_deg, sight.edges_deg)[has]
-    parts, of = np.unique(sight.cell[has] * bins + member, return_inverse=True)
-    count = np.bincount(of)
-    level = DB * np.log(np.bincount(of, 10.0 ** (image_db[has] / 10.0)) / count)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.bincount(parts % bins, level * count, bins) / np.bincount(member, minlength=bins))
-
-
 def predictions(
     name: str,
     posterior: Posterior,
-    sight: Sight,
+    bins: Bins,
     simulated_db: Doubles,
     moved: Predicted,
     measured_db: Doubles | None = None,
@@ -169,8 +99,8 @@ def predictions(
         Material.
     posterior : Posterior
         Posterior of the law.
-    sight : Sight
-        Usable pixels of the material in the pass, in n bins.
+    bins : Bins
+        Bins of the usable pixels of the material in the pass.
     simulated_db : ndarray, shape (p,)
         Simulated pixels [dB].
     moved : Predicted
@@ -178,15 +108,14 @@ def predictions(
     measured_db : ndarray, shape (p,), optional
         Measured pixels [dB]; NaN for a pixel without a measured value.
     """
-    member = class_of(sight.incidence_deg, sight.edges_deg)
-    levels = bin_levels_db(sight, simulated_db) + np.stack([moved.mean_db, moved.p05_db, moved.p95_db])
-    nothing = np.full(sight.incidence_deg.size, np.nan)
-    measured = bin_levels_db(sight, nothing if measured_db is None else measured_db)
+    member, edges = bins.member, bins.edges_deg.tolist()
+    levels = bins.levels_db(simulated_db) + np.stack([moved.mean_db, moved.p05_db, moved.p95_db])
+    nothing = np.full(simulated_db.shape, np.nan)
+    measured = bins.levels_db(nothing if measured_db is None else measured_db)
     for k, (mean, low, high) in enumerate(levels.T.tolist()):
-        angle = float(sight.incidence_deg[member == k].mean())
-        edges = (float(sight.edges_deg[k]), float(sight.edges_deg[k + 1]))
-        pixels, known = int((member == k).sum()), _known(posterior, angle)
-        yield Prediction(name, edges, angle, pixels, known, mean, low, high, float(measured[k]))
+        angle, pixels = float(bins.parts.incidence_deg[member == k].mean()), int((member == k).sum())
+        known = _known(posterior, angle)
+        yield Prediction(name, (edges[k], edges[k + 1]), angle, pixels, known, mean, low, high, float(measured[k]))
 
 
 def _known(posterior: Posterior, angle_deg: float) -> str:
@@ -355,9 +284,10 @@ def _of_pass(
         values = None if one.measured_db is None else one.measured_db.ravel()[sight.pixels].astype(np.float64)
         start, rng = changed.materials[name].start_parameters, derived_rng(changed.seed, "apply", name)
         law = case.laws[name]
-        constant = by_constant_db(posterior.constant, posterior.looks, law, start, sight, uncertainty)
-        moved = predict(predictive_db(posterior, law, start, sight, uncertainty, rng), *constant)
-        yield from predictions(name, posterior, sight, simulated, moved, values)
+        bins = Bins.of(sight)
+        constant = by_constant_db(posterior.constant, posterior.looks, law, start, bins, uncertainty)
+        moved = predict(predictive_db(posterior, law, start, bins, uncertainty, rng), *constant)
+        yield from predictions(name, posterior, bins, simulated, moved, values)
 
 
 def _cells(row: tuple[int, Prediction]) -> tuple[object, ...]:

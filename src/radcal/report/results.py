@@ -16,6 +16,7 @@ from radcal.assessment.conclusion import Conclusion
 from radcal.assessment.posterior import Image, Posterior
 from radcal.calibration.history import History, Run, Score
 from radcal.calibration.objectives import OBJECTIVES
+from radcal.calibration.steps import random_notes
 from radcal.config import Material, Radar, Stop, stages
 from radcal.config.sections import FURTHER
 from radcal.findings import to_json
@@ -62,8 +63,8 @@ def gather(
     targets: Targets,
     conclusion: Conclusion,
     image: Image,
+    final: Sequence[Record],
     passes: Sequence[Registered] = (),
-    final: Sequence[Record] = (),
 ) -> Archive:
     """Collect the results of a calibration.
 
@@ -85,10 +86,10 @@ def gather(
         Decision on the end of the search, posteriors, findings, and final runs.
     image : Image
         What the fixed materials say.
-    passes : sequence of Registered
-        Registered measured images of all passes.
     final : sequence of Record
         Final runs of all passes, two for each.
+    passes : sequence of Registered
+        Registered measured images of all passes.
 
     Returns
     -------
@@ -96,25 +97,25 @@ def gather(
         Results, with the materials in the order of the configuration.
     """
     parameters = _final_parameters(case, history, targets)
-    measurement, decision = registered.measurement, conclusion.decision
+    measurement, remarks = registered.measurement, random_notes(case, history, targets, final[:2])
     fronts = search_fronts(case, targets, history)
     return Archive(
         case=case.case,
         config=json.dumps(disclosed(_as_written(case, stop))),
         objective=case.objective,
-        reason=decision.reason or "running",
-        converged=decision.converged,
+        reason=conclusion.decision.reason or "running",
+        converged=conclusion.decision.converged,
         tolerance=stop.rms,
         max_runs=stop.max_runs,
         looks=case.radar.looks,
         measured_looks=targets.looks,
         measurement=measurement.source,
-        notes=(*measurement.notes, *conclusion.notes, *_pass_note(targets, case.objective)),
+        notes=(*measurement.notes, *remarks, *_pass_note(targets, case.objective)),
         law_notes=tuple(law_notes(case, geometry, parameters)),
-        sentences=tuple(decision.materials[name].sentence for name in targets),
+        sentences=tuple(conclusion.decision.materials[name].sentence for name in targets),
         simulator=json.dumps(conclusion.simulator),
         versions=json.dumps(_versions()),
-        final_runs=conclusion.new_runs,
+        final_runs=len({record.key for record in final[:2]} - {run.key for run in history.runs}),
         names=tuple(geometry.names),
         runs=_runs(history),
         registration=_registration(registered),
