@@ -13,7 +13,7 @@ from scipy.special import polygamma
 from radcal.assessment.cells import CellMeans, Simulated, area_db, cell_means, with_noise_db
 from radcal.config import Radar
 from radcal.measurement.correlation import Correlation
-from radcal.radar.laws import external_law
+from radcal.radar.laws import external_law, law_for
 from radcal.radar.projection import make_geometry
 from radcal.radar.radiometry import noise_floor_db
 
@@ -37,13 +37,13 @@ def uncorrelated(width):
     return Correlation(lags, width)
 
 
-def found(image, simulated, geometry, patch=None, law=LINE, **keys):
+def found(image, simulated, geometry, patch=None, law=LINE, radar=RADAR, **keys):
     """Cells of all pixels; the simulated images have X of the line."""
     pixels = np.arange(image.size)
     patch = np.ones(image.size, dtype=np.int64) if patch is None else patch.ravel()
     each = [one if isinstance(one, Simulated) else Simulated(one, {"a": LINE_X}) for one in simulated]
     keys = {"correlation": uncorrelated(image.shape[1]), "area": np.zeros(image.size), **keys}
-    return cell_means(pixels, patch, image, each, "a", law, geometry, RADAR, **keys)
+    return cell_means(pixels, patch, image, each, "a", law, geometry, radar, **keys)
 
 
 def speckled(level_db, looks, rng):
@@ -142,11 +142,10 @@ def test_the_simulated_mean_is_relative_to_law_and_noise():
     np.testing.assert_allclose(cells.beside_db, 0.7, atol=0.05)
     level = DB * np.log([np.mean(10.0 ** (floor[k : k + 24] / 10.0)) for k in (0, 24)])
     np.testing.assert_allclose(cells.noise_db, level)
-    shares = [
-        [np.mean(10.0 ** (floor[k : k + 24] / 10.0)) / np.mean(10.0 ** (one[k : k + 24] / 10.0)) for k in (0, 24)]
-        for one in images
-    ]
-    np.testing.assert_allclose(cells.share, np.mean(shares, axis=0), rtol=1e-4)
+    # of the expected power, and not of the images, which are 0.7 dB brighter
+    laws = 10.0 ** (np.array([LINE(np.radians(cells.incidence_deg), x) for x in xs]) / 10.0)
+    power = 10.0 ** (level / 10.0)
+    np.testing.assert_allclose(cells.share, np.mean(power / (laws + power), axis=0), rtol=1e-6)
     assert 0.05 < cells.share.min() < cells.share.max() < 0.9
     quiet = found(images[0], simulated[:1], geometry, noisy=False)
     np.testing.assert_array_equal(quiet.share, 0.0)
@@ -155,9 +154,28 @@ def test_the_simulated_mean_is_relative_to_law_and_noise():
 
 
 def test_noise_above_the_signal_has_a_share_of_one():
+    """A law without a curve, whose simulated image is 50 dB below the level of the law."""
     shape = (24, 24)
     dark = np.full(shape, -50.0, dtype=np.float32)
-    np.testing.assert_array_equal(found(dark, [dark], seen(np.full(shape, 40.0))).share, 1.0)
+    cells = found(dark, [dark], seen(np.full(shape, 40.0)), law=external_law(("k", "m")))
+    np.testing.assert_array_equal(cells.share, 1.0)
+
+
+def test_the_share_of_noise_does_not_follow_the_speckle_of_the_simulated_image():
+    """On slopes that double the area of the ground, a law of -20 dB gives -17 dB in sigma0_ref."""
+    shape, radar = (96, 96), RADAR.model_copy(update={"radiometry": "sigma0_ref"})
+    law, geometry = law_for("tabulated", angles_deg=(20.0, 60.0)), seen(np.full(shape, 40.0))
+    noise = noise_floor_db(RADAR, geometry.flat_incidence_deg)[:, None]
+    power = 2.0 * 0.01 + np.broadcast_to(10.0 ** (noise / 10.0), shape)
+    image = speckled(DB * np.log(power), 4.0, np.random.default_rng(7))
+    simulated, area = Simulated(image, {"a": [-20.0, -20.0]}), np.full(image.size, 10.0 * np.log10(2.0))
+    cells = found(image, [simulated], geometry, law=law, area=area, radar=radar)
+    assert cells.size == 16
+    assert np.ptp(cells.beside_db) > 0.2
+    of_noise = 10.0 ** (cells.noise_db / 10.0)
+    np.testing.assert_allclose(cells.share, of_noise / (0.02 + of_noise), rtol=1e-6)
+    local = found(image, [simulated], geometry, law=law, area=area)  # sigma0_local, without an area term
+    np.testing.assert_allclose(local.share, of_noise / (0.01 + of_noise), rtol=1e-6)
 
 
 def test_a_law_without_a_curve_counts_as_0_db():

@@ -85,7 +85,7 @@ class CellMeans:
     noise_db : ndarray, shape (n,)
         Mean noise floor [dB].
     share : ndarray, shape (n,)
-        Share of noise in the simulated power, from 0 to 1.
+        Share of noise in the expected power of the simulated image, from 0 to 1.
     variance : ndarray, shape (n,)
         Variance of ``measured_db - beside_db`` by the speckle of measured and simulated pixels [dB^2].
     pixels : ndarray of int64, shape (n,)
@@ -243,21 +243,24 @@ def cell_means(
         rows = noise_floor_db(radar, geometry.flat_incidence_deg)[pixels // width]
         noise = DB * np.log(mean(10.0 ** (rows / 10.0)))
     measured, variance, looks = level(image_db)
+    area = mean((area_db(geometry, radar) if area is None else area)[pixels])
+    on_ground = area * (law.has_curve and radar.radiometry not in WITHOUT_AREA)
     beside, of_draws, shares = [], [], []
     for one in simulated:
         db, own, _ = level(one.image_db)
         of_law = np.asarray(law(np.radians(incidence), one.parameters[name])) if law.has_curve else np.zeros(n)
         beside.append(db - with_noise_db(of_law, noise))
         of_draws.append(own)
-        shares.append(np.minimum(10.0 ** ((noise - db) / 10.0), 1.0))
-    area = area_db(geometry, radar) if area is None else area
+        # of the expected power: a share of the drawn one would be large where its speckle is weak
+        expected = with_noise_db(of_law + on_ground, noise) if law.has_curve else db
+        shares.append(np.minimum(10.0 ** ((noise - expected) / 10.0), 1.0))
     return CellMeans(
         patch=of_cell // 2,
         fold=of_cell % 2,
         incidence_deg=incidence,
         measured_db=measured,
         beside_db=np.mean(beside, axis=0),
-        area_db=mean(area[pixels]),
+        area_db=area,
         noise_db=noise,
         share=np.mean(shares, axis=0),
         variance=variance + np.mean(of_draws, axis=0) / len(simulated),
