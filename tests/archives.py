@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from radcal.assessment.effects import Shared
 from radcal.assessment.posterior import Curve, FormError, Image, Posterior
 from radcal.assessment.radiometry import Radiometry
 from radcal.findings import Finding, to_json
@@ -26,13 +27,13 @@ def changed_findings(archive: Archive, *findings: Finding) -> Archive:
 def image(**changes: Any) -> Image:
     """What one fixed material, ``unused``, says of an image, with changes to its fields."""
     keys: dict[str, Any] = {
-        "mean": np.array([0.12, 0.03, 0.2, -0.1, 0.3]),
-        "covariance": np.diag([0.05, 0.01, 0.6, 0.7, 0.8]),
-        "field": (-0.7, 0.3),
+        "shared": {
+            "0": Shared(1.0, np.array([0.12, 0.03, 0.2, -0.1, 0.3]), np.diag([0.05, 0.01, 0.6, 0.7, 0.8]), (-0.7, 0.3))
+        },
         "levels_db": np.array([[-0.31, 0.12, 0.43]]),
         "laws_db": {"unused": np.array([-0.52, 0.07, 0.61])},
         "apart_db": {"unused": np.array([-0.24, 0.19, 0.33])},
-        "radiometry": {"1": Radiometry(0.14, 0.08, 0, ("unused",))},
+        "radiometry": {"1": Radiometry(0.14, 0.08, 1, 0.0, ("unused",))},
         "sampled": True,
         **changes,
     }

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.assessment.calibrated import FORMS, LawModel, Parameters
 from radcal.assessment.cells import CellMeans
-from radcal.assessment.fixed_laws import Common, Observed, form_basis
+from radcal.assessment.effects import Observed, Shared, form_basis
 from radcal.assessment.posterior import Curve, FormError, HeldOut, Image, Posterior, Predicted
 from radcal.assessment.radiometry import Radiometry
 from radcal.config import Uncertainty
@@ -19,6 +19,10 @@ LINE = law_for("tabulated", angles_deg=(20.0, 60.0))
 LINE_BOX = np.array([[-30.0, 10.0], [-40.0, 0.0]])
 LINE_X = np.array([-6.0, -16.0])
 """Law that falls by a quarter of a decibel per degree."""
+
+BOTH = ("water", "wood")
+NOTHING_SHOWN = Radiometry(float("nan"), float("inf"), 1, 0.0, ())
+"""Fixed materials of an image, and radiometry of an image without any."""
 
 KNOTS = np.arange(26.0, 49.0)
 FORM_KNOTS = np.arange(26.0, 52.0, 2.0)
@@ -126,28 +130,33 @@ def made_form(**changes: Any) -> FormError:
     return FormError(**{**keys, **changes})
 
 
+def made_radiometry(chance: float = 0.001, term: int = 1, materials: tuple[str, ...] = BOTH) -> Radiometry:
+    """Radiometry of a pass that two fixed materials show to be right; the other one has a given probability."""
+    return Radiometry(0.1, 0.2, term, chance, materials)
+
+
 def made_image(**changes: Any) -> Image:
     """Image of one pass, of which two fixed materials say that all is right."""
     keys: dict[str, Any] = {
-        "mean": np.array([0.12, 0.03, 0.2, -0.1, 0.3]),
-        "covariance": np.diag([0.05, 0.01, 0.6, 0.7, 0.8]),
-        "field": (-0.7, 0.3),
+        "shared": {
+            "0": Shared(1.0, np.array([0.12, 0.03, 0.2, -0.1, 0.3]), np.diag([0.05, 0.01, 0.6, 0.7, 0.8]), (-0.7, 0.3))
+        },
         "levels_db": np.array([[-0.4, 0.1, 0.5]]),
         "laws_db": {"water": np.array([-0.6, 0.1, 0.7]), "wood": np.array([-0.5, -0.1, 0.4])},
         "apart_db": {"water": np.array([-0.3, 0.2, 0.7]), "wood": np.array([-0.4, 0.0, 0.4])},
-        "radiometry": {"1": Radiometry(0.1, 0.2, 0, ("water", "wood"))},
+        "radiometry": {"1": made_radiometry()},
         "sampled": True,
         **changes,
     }
     return Image(**keys)
 
 
-def known_common(level_db: float = 0.0, sd_db: float = 0.1, rng: np.random.Generator | None = None) -> Common:
+def known_common(level_db: float = 0.0, sd_db: float = 0.1, rng: np.random.Generator | None = None) -> Shared:
     """Common effects of one pass as if the fixed materials had shown them."""
     mean = np.array([level_db, 0.05, 0.2, -0.1, 0.3])
     root = np.zeros((5, 5)) if rng is None else 0.05 * rng.normal(size=(5, 5))
     covariance = np.diag([sd_db**2, 0.01, 0.5, 0.5, 0.5]) + root @ root.T
-    return Common(mean, covariance, (np.log(0.5), 0.3), {}, {}, np.zeros((1, 3)), True)
+    return Shared(1.0, mean, covariance, (np.log(0.5), 0.3))
 
 
 def line_db(x: NDArray[np.float64], incidence_deg: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -165,7 +174,7 @@ def line_parameters(error: Any = None, integer: tuple[bool, bool] = (False, Fals
 
 def line_model(
     cells: CellMeans,
-    common: Common,
+    common: Shared,
     config: Uncertainty | None = None,
     parameters: Parameters | None = None,
     forms: bool = True,

@@ -22,7 +22,7 @@ RADIOMETRY = Finding(
     "radiometry",
     "refusal",
     "pass 1",
-    {"exponent": 0.93, "error": 0.1, "declared": "sigma0_local", "found": "sigma0_ref"},
+    {"exponent": 0.93, "error": 0.1, "declared": "sigma0_local", "other": "sigma0_ref"},
     "radar.radiometry: sigma0_ref",
 )
 

@@ -41,9 +41,10 @@ _TEXTS: Mapping[str, str] = {
     "place": "{about} does not show the place of the scene: the mean levels of its squares of {square_px:.0f} pixels "
     "have a correlation of {correlation:.2f} with those of the simulated image, and of up to {shifted:.2f} if it is "
     "shifted by two squares or more",
-    "radiometry": "{about}: the fixed materials show that the image is {found}, and the case says {declared} (exponent "
-    "{exponent:+.2f} on the area of the ground, standard error {error:.2f}); the bands are given for {found}",
-    "radiometry_unchecked": "{about}: radiometry unchecked, because the fixed materials show too little of it",
+    "radiometry": "{about}: the fixed materials show that the image is {other}, and the case says {declared} (exponent "
+    "{exponent:+.2f} on the area of the ground, standard error {error:.2f}); the bands are given for {other}",
+    "radiometry_unchecked": "{about}: radiometry unchecked, because the fixed materials show too little of it; the "
+    "bands allow for {other} with a probability of {chance_percent:.0f} %",
     "fixed_law": "{about}: its fixed law and the image differ by {error_db:+.2f} dB (90 %: {p05_db:+.2f} to "
     "{p95_db:+.2f}), more than those of the other fixed materials",
     "fixed_law_and_image": "{about}: the fixed law and the image differ by {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "

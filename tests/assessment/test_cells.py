@@ -230,10 +230,8 @@ def test_leaks_are_simulated_means_away_from_the_median():
     assert flat.without_leaks(True).size < 4
 
 
-def test_the_area_is_taken_out_of_measured_values():
-    cells = made_cells([-7.0, -8.0, -9.0], [30.0, 40.0, 50.0], area_db=np.array([1.0, -2.0, 0.5]))
-    np.testing.assert_allclose(cells.moved(-1).measured_db, [-6.0, -10.0, -8.5])
-    assert cells.moved(1).beside_db is cells.beside_db
+def test_a_part_of_the_cells():
+    cells = made_cells([-7.0, -8.0, -9.0], [30.0, 40.0, 50.0])
     part = cells.part(np.array([True, False, True]))
     assert (part.size, part.looks) == (2, cells.looks)
     np.testing.assert_allclose(part.incidence_deg, [30.0, 50.0])

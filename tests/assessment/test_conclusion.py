@@ -7,13 +7,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from assessment_samples import made_curve, made_image, made_posterior
+from assessment_samples import made_curve, made_image, made_posterior, made_radiometry
 from calibration_samples import make_run, make_target
 from two_materials import X, geometry
 
 from radcal.assessment import conclusion
 from radcal.assessment.conclusion import conclude
-from radcal.assessment.radiometry import Radiometry
 from radcal.assessment.registration_check import moved_finding
 from radcal.calibration.history import History
 from radcal.config import Stop, case_from
@@ -136,7 +135,7 @@ def test_findings_on_the_image_come_before_those_on_each_material(parts, found):
 def test_a_refused_image_leaves_sigma0_determined_nowhere(parts):
     """The band stays; the radiometry that is declared is the default's."""
     *rest, image = parts[0]
-    wrong = replace(image, radiometry={"1": Radiometry(-0.9, 0.1, -1, ("water", "wood"))})
+    wrong = replace(image, radiometry={"1": made_radiometry(0.9, -1)})
     found = conclude(*rest, wrong)
     assert codes(found)[0] == ("radiometry", "refusal", "pass 1")
     assert ("withheld", "refusal", "area") in codes(found)

@@ -9,7 +9,7 @@ import pytest
 from assessment_samples import ANGLES, FORM_KNOTS, KNOTS, LINE_X, known_common, line_model, seen_cells
 
 from radcal.assessment.calibrated import FORMS
-from radcal.assessment.fixed_laws import form_basis
+from radcal.assessment.effects import form_basis
 from radcal.assessment.form_error import form_error, noticed_db
 from radcal.config import Uncertainty
 

@@ -6,16 +6,22 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from assessment_samples import LINE, LINE_X, made_curve, made_form, made_image, made_posterior
+from assessment_samples import (
+    LINE,
+    LINE_X,
+    NOTHING_SHOWN,
+    made_curve,
+    made_form,
+    made_image,
+    made_posterior,
+    made_radiometry,
+)
 from calibration_samples import make_target
 
 from radcal.assessment.known import image_findings, law_findings, material_findings
-from radcal.assessment.radiometry import Radiometry
 from radcal.config import Uncertainty
 from radcal.measurement.pixels import IN_THE_NOISE
 from radcal.measurement.target import Targets
-
-BOTH = ("water", "wood")
 
 
 def case(*declared, normalisation="none", **uncertainty):
@@ -73,8 +79,8 @@ def test_radiometry_then_fixed_laws_then_the_level():
         levels_db=np.array([[0.8, 1.4, 2.0], [-0.2, 0.0, 0.3]]),
         laws_db={"water": np.array([1.2, 1.9, 2.6]), "wood": np.array([-0.5, -0.1, 0.4])},
         radiometry={
-            "1": Radiometry(0.86, 0.13, 1, BOTH),
-            "2": Radiometry(0.3, 0.4, 0, BOTH),
+            "1": made_radiometry(0.9),
+            "2": made_radiometry(0.3, -1),
         },
         sampled=False,
     )
@@ -87,9 +93,10 @@ def test_radiometry_then_fixed_laws_then_the_level():
         ("level", "note", "pass 2"),
         ("not_sampled", "warning", "fixed laws"),
     ]
-    assert found[0].numbers == {"exponent": 0.86, "error": 0.13, "declared": "sigma0_local", "found": "sigma0_ref"}
+    numbers = {"chance_percent": 90.0, "exponent": 0.1, "error": 0.2}
+    assert found[0].numbers == {**numbers, "declared": "sigma0_local", "other": "sigma0_ref"}
     assert found[0].do == "radar.radiometry: sigma0_ref"
-    assert found[1].numbers == {"exponent": 0.3, "error": 0.4}
+    assert found[1].numbers == {**numbers, "chance_percent": 30.0, "other": "sigma0_local"}
     assert found[2].numbers == {"error_db": 1.9, "p05_db": 1.2, "p95_db": 2.6}
     assert found[2].do == "materials.water.parameters"
     assert of_image(wrong, "sigma0_local", "beta0", normalisation="image") == []
@@ -106,8 +113,8 @@ def test_radiometry_then_fixed_laws_then_the_level():
     ],
 )
 def test_the_radiometry_that_is_meant(declared, term, meant):
-    found = of_image(made_image(radiometry={"1": Radiometry(0.9 * term, 0.1, term, BOTH)}), declared)
-    assert found[0].numbers["found"] == meant
+    found = of_image(made_image(radiometry={"1": made_radiometry(0.9, term)}), declared)
+    assert found[0].numbers["other"] == meant
 
 
 @pytest.mark.parametrize(
@@ -123,7 +130,7 @@ def test_a_fixed_law_near_the_noise_is_not_named():
     """Radiometry counts the materials well above the noise in some pass."""
     wrong = {"water": np.array([1.2, 1.9, 2.6]), "wood": np.array([-0.5, -0.1, 0.4])}
     for shown, named in ((("wood",), False), (("wood", "water"), True)):
-        image = made_image(laws_db=wrong, radiometry={"1": Radiometry(0.1, 0.1, 0, shown)})
+        image = made_image(laws_db=wrong, radiometry={"1": made_radiometry(materials=shown)})
         assert ("fixed_law" in [one.code for one in of_image(image)]) is named
 
 
@@ -131,7 +138,7 @@ def test_a_fixed_law_near_the_noise_is_not_named():
 def test_one_fixed_law_is_not_told_from_a_level(apart, severity):
     """However many passes there are, it is said once, of the first."""
     lake = {"laws_db": {"lake": np.array([0.9, 1.3, 1.8])}, "apart_db": {"lake": np.array(apart)}}
-    shown = Radiometry(0.1, 0.1, 0, ("lake",))
+    shown = made_radiometry(0.0, materials=("lake",))
     for passes in (1, 2):
         image = made_image(
             levels_db=np.array([[0.1, 0.7, 1.2]] * passes),
@@ -146,11 +153,11 @@ def test_one_fixed_law_is_not_told_from_a_level(apart, severity):
 def test_without_fixed_laws_nothing_is_checked():
     nothing = made_image(
         laws_db={}, apart_db={}, levels_db=np.array([[-0.8, 0.0, 0.8]]),
-        radiometry={"1": Radiometry(float("nan"), float("inf"), 0, ())},
+        radiometry={"1": NOTHING_SHOWN},
     )  # fmt: skip
     found = of_image(nothing, level_db=0.45)
     assert codes(found) == [("radiometry_unchecked", "note", "pass 1"), ("level_unchecked", "note", "pass 1")]
-    assert found[0].numbers == {}
+    assert found[0].numbers == {"other": "sigma0_ref", "chance_percent": 0.0}
     assert found[1].numbers == {"level_db": 0.45}
 
 

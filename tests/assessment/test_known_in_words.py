@@ -6,12 +6,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from assessment_samples import LINE, LINE_X, made_curve, made_form, made_image, made_posterior
+from assessment_samples import (
+    LINE,
+    LINE_X,
+    NOTHING_SHOWN,
+    made_curve,
+    made_form,
+    made_image,
+    made_posterior,
+    made_radiometry,
+)
 from calibration_samples import make_target
 
 from radcal import words
 from radcal.assessment.known import image_findings, law_findings, material_findings
-from radcal.assessment.radiometry import Radiometry
 from radcal.assessment.registration_check import moved_finding
 from radcal.config import Uncertainty
 from radcal.findings import Finding
@@ -19,9 +27,8 @@ from radcal.measurement.pixels import IN_THE_NOISE
 from radcal.measurement.target import Targets
 from radcal.words import degrees, headline, next_steps, sentence, verdict
 
-BOTH = ("water", "wood")
-WRONG = {"1": Radiometry(0.86, 0.13, 1, BOTH)}
-UNCHECKED = {"1": Radiometry(float("nan"), float("inf"), 0, ())}
+WRONG = {"1": made_radiometry(0.9)}
+UNCHECKED = {"1": NOTHING_SHOWN}
 ONE = {"laws_db": {"lake": np.array([0.9, 1.3, 1.8])}, "apart_db": {"lake": np.array([1.4, 2.0, 2.5])}}
 LAW_OFF = {"laws_db": {"water": np.array([1.2, 1.9, 2.6]), "wood": np.array([-0.5, -0.1, 0.4])}}
 TOO_BRIGHT = {"levels_db": np.array([[0.8, 1.4, 2.0]])}
@@ -52,7 +59,7 @@ def every():
     """At least one finding of each code that the assessment gives."""
     yield from of_image(radiometry=WRONG, sampled=False, **LAW_OFF)
     yield from of_image(radiometry=UNCHECKED, laws_db={}, apart_db={})
-    yield from of_image(radiometry={"1": Radiometry(0.3, 0.4, 0, BOTH)}, **TOO_BRIGHT)
+    yield from of_image(radiometry={"1": made_radiometry(0.3)}, **TOO_BRIGHT)
     yield from of_image(**ONE)
     yield from of_material(sampled=False, left_out={IN_THE_NOISE: 20})
     yield from of_material(form=made_form(noticed=True), **WIDE)
@@ -87,7 +94,7 @@ def test_every_code_has_a_sentence_for_its_numbers():
         (
             of_image(radiometry=WRONG)[0],
             "refusal: pass 1: the fixed materials show that the image is sigma0_ref, and the case says sigma0_local "
-            "(exponent +0.86 on the area of the ground, standard error 0.13); the bands are given for sigma0_ref: set "
+            "(exponent +0.10 on the area of the ground, standard error 0.20); the bands are given for sigma0_ref: set "
             "radar.radiometry: sigma0_ref.",
         ),
         (

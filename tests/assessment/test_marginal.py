@@ -7,8 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from radcal.assessment import marginal
-from radcal.assessment.fixed_laws import normal_draws
-from radcal.assessment.marginal import Marginal, integrated
+from radcal.assessment.marginal import Marginal, integrated, normal_draws
 
 N, FIELDS = 70, 6
 GRID = np.log(np.geomspace(0.01, 3.0, 32)), np.log(np.geomspace(0.01, 8.0, 32))

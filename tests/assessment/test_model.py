@@ -7,7 +7,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from assessment_samples import LINE, LINE_BOX, LINE_X, known_common, line_db, made_cells, seen_cells
+from assessment_samples import (
+    LINE,
+    LINE_BOX,
+    LINE_X,
+    NOTHING_SHOWN,
+    known_common,
+    line_db,
+    made_cells,
+    made_radiometry,
+    seen_cells,
+)
 
 from radcal.assessment import model, prediction
 from radcal.assessment.cells import CellMeans, with_noise_db
@@ -15,7 +25,6 @@ from radcal.assessment.fixed_laws import common_of
 from radcal.assessment.model import image_of, posterior_of
 from radcal.assessment.posterior import Image
 from radcal.assessment.prediction import constant_of
-from radcal.assessment.radiometry import Radiometry
 from radcal.config import Uncertainty, Validation
 from radcal.radar.laws import external_law
 
@@ -23,12 +32,12 @@ BRIEF = Uncertainty(walkers=32, steps=100)
 
 
 def test_cells_of_several_passes():
-    """The first pass lacks the material; the second has an area term too much."""
+    """The first pass lacks the material."""
     cells = made_cells([-7.0, -9.0], [30.0, 40.0], area_db=np.array([1.0, -0.5]))
     passes = [{}, {"dyke": cells}, {"dyke": cells.part(np.array([True, False])), "rest": cells}]
-    found = model._observed("dyke", passes, [LINE] * 3, LINE_X).moved([1, -1, 0])
+    found = model._observed("dyke", passes, [LINE] * 3, LINE_X)
     assert [one.size for one in found.cells] == [0, 2, 1]
-    np.testing.assert_allclose(found.cells[1].measured_db, [-6.0, -9.5])
+    np.testing.assert_allclose(found.cells[1].measured_db, [-7.0, -9.0])
     np.testing.assert_allclose(found.cells[2].measured_db, [-7.0])
     np.testing.assert_allclose(found.law_db[1], [-8.5, -11.0])
     np.testing.assert_allclose(np.concatenate(found.slope_db), -0.25)
@@ -55,33 +64,59 @@ def case_of(normalisation="none", declared=("sigma0_local",), **changes):
     )
 
 
-def images(area, level_db=0.0, passes=1):
+def images(area, level_db=0.0, passes=1, mean_db=0.0, relief_db=1.5):
+    """Cells in some passes; the area of the ground has a mean, whose effect is in the image."""
     rng = np.random.default_rng(3)
     names = ("water", "wood", "dyke")
-    return [{name: seen_cells(rng, 100, area=area[k], added_db=level_db) for name in names} for k in range(passes)]
+    found = []
+    for k in range(passes):
+        keys = {"area": area[k], "added_db": level_db + area[k] * mean_db, "relief_db": relief_db}
+        of_pass = {name: seen_cells(rng, 100, **keys) for name in names}
+        found.append({name: replace(one, area_db=one.area_db + mean_db) for name, one in of_pass.items()})
+    return found
 
 
 def test_images_of_two_passes_with_another_radiometry_in_one():
-    """Its area is taken out before the shared effects are told."""
-    image = image_of(case_of(declared=("sigma0_ref", "sigma0_ref")), images((0.0, -1.0), 1.2, 2))
-    assert [image.radiometry[k].found for k in ("1", "2")] == [0, -1]
+    """Its area is expected in the shared effects, and its mean is no level of the image."""
+    image = image_of(case_of(declared=("sigma0_ref", "sigma0_ref")), images((-1.0, 0.0), 1.2, 2, mean_db=0.8))
+    assert [image.radiometry[k].found for k in ("1", "2")] == [-1, 0]
     assert list(image.laws_db) == list(image.apart_db) == ["water", "wood"]
     assert image.levels_db.shape == (2, 3)
     for apart in image.apart_db.values():
         assert apart[1] == pytest.approx(1.2, abs=0.6)
-    np.testing.assert_allclose(image.mean[[1, 5]], 0.0, atol=0.1)
-    assert image.mean.shape == (9,)
+    (shared,) = image.shared.items()
+    assert (shared[0], shared[1].chance) == ("-1 0", 1.0)
+    np.testing.assert_allclose(shared[1].mean[[1, 5]], [-1.0, 0.0], atol=0.1)
+    assert shared[1].mean[0] == pytest.approx(image.levels_db[0, 1] - 0.8, abs=0.2)
+    assert shared[1].mean.shape == (9,)
+
+
+def test_a_radiometry_in_doubt_leaves_both(monkeypatch):
+    """Levels and errors of the laws are then mixed from both with their probabilities."""
+    either = made_radiometry(0.3, -1)
+    monkeypatch.setattr(model, "radiometry_of", lambda *_: either)
+    cells = images((0.0,), mean_db=3.0, relief_db=0.02)
+    image = image_of(case_of(declared=("sigma0_ref",)), cells)
+    assert {terms: one.chance for terms, one in image.shared.items()} == pytest.approx({"0": 0.7, "-1": 0.3})
+    assert list(image.shared) == ["0", "-1"]
+    assert [one.mean[1] for one in image.shared.values()] == pytest.approx([0.0, -1.0], abs=0.1)
+    for chance in (0.0, 1.0):
+        monkeypatch.setattr(model, "radiometry_of", lambda *_, chance=chance: made_radiometry(chance, -1))
+        (one,) = image_of(case_of(declared=("sigma0_ref",)), cells).shared.values()
+        same = image.shared["-1" if chance else "0"]
+        np.testing.assert_array_equal(one.mean, same.mean)
+        np.testing.assert_array_equal(one.covariance, same.covariance)
 
 
 def test_normalised_images_and_absent_fixed_materials_tell_nothing():
     rescaled = image_of(case_of("image"), images((0.0,)))
     assert rescaled.laws_db == {}
     assert not rescaled.radiometry["1"].checked
-    assert rescaled.covariance[0, 0] == pytest.approx(20.0**2)
+    assert rescaled.shared["0"].covariance[0, 0] == pytest.approx(20.0**2)
     alone = {"dyke": images((0.0,))[0]["dyke"]}
     image = image_of(case_of(), [alone])
     assert image.laws_db == {}
-    assert image.covariance[0, 0] == pytest.approx(2.0 * BRIEF.level_db**2)
+    assert image.shared["0"].covariance[0, 0] == pytest.approx(2.0 * BRIEF.level_db**2)
 
 
 def test_levels_at_the_knots_are_weighed_in_the_cells():
@@ -134,7 +169,7 @@ def test_the_mean_area_of_a_pass_without_cells_is_zero():
     assert model._mean_areas([{}, {"a": cells}]) == pytest.approx([0.0, 0.625])
     image = image_of(case_of(declared=("sigma0_ref", "sigma0_local")), [*images((0.0,)), {}])
     assert image.levels_db.shape == (2, 3)
-    assert np.isfinite(image.mean).all()
+    assert np.isfinite(image.shared["0 0"].mean).all()
     assert image.radiometry["2"].materials == ()
 
 
@@ -161,7 +196,7 @@ def known_case(monkeypatch, passes=1):
 
 def posterior(known, cells):
     """Posterior of the dyke without fixed materials."""
-    radiometry = {str(k): Radiometry(float("nan"), float("inf"), 0, ()) for k in range(1, len(cells) + 1)}
+    radiometry = {str(k): NOTHING_SHOWN for k in range(1, len(cells) + 1)}
     common = common_of({}, [0.0] * len(cells), known.case.uncertainty, False, 1)
     image = Image(**vars(common), radiometry=radiometry)
     return posterior_of(known.case, known.targets, known.history, "dyke", cells, image)
@@ -242,7 +277,7 @@ def test_the_posterior_of_known_ground_holds_its_truth(normalisation, monkeypatc
     common = replace(known_common(level_db=1.2, sd_db=0.1), mean=np.array([1.2, 0.0, 0.0, 0.0, 0.0]))
     known.case.uncertainty = Uncertainty(walkers=48, steps=800, known_db=1.5)
     known.case.target.normalisation = normalisation
-    image = Image(**vars(common), radiometry={"1": Radiometry(float("nan"), float("inf"), 0, ())})
+    image = Image({"0": common}, {}, {}, np.zeros((1, 3)), True, {"1": NOTHING_SHOWN})
     found = posterior_of(known.case, known.targets, known.history, "dyke", [{"dyke": seen}], image)
     assert (found.cells, found.fields) == (240, 10)
     assert np.all((found.parameters_p05 < LINE_X) & (found.parameters_p95 > LINE_X))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from assessment_samples import LINE, LINE_X, held_cells, made_curve, made_image, made_posterior
+from assessment_samples import LINE, LINE_X, NOTHING_SHOWN, held_cells, made_curve, made_image, made_posterior
 
 from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.posterior import (
@@ -17,7 +17,6 @@ from radcal.assessment.posterior import (
     Posterior,
     known_between,
 )
-from radcal.assessment.radiometry import Radiometry
 from radcal.errors import StoreError
 from radcal.storage.dataclass_groups import same
 from radcal.storage.records import read_item, write_item
@@ -95,7 +94,7 @@ def test_files(tmp_path: Path):
     for one in (whole, bare):
         write_item(tmp_path / "posterior.h5", "posterior", one)
         assert same(read_item(tmp_path / "posterior.h5", "posterior", Posterior), one)
-    nothing = made_image(laws_db={}, apart_db={}, radiometry={"1": Radiometry(float("nan"), float("inf"), 0, ())})
+    nothing = made_image(laws_db={}, apart_db={}, radiometry={"1": NOTHING_SHOWN})
     for one in (made_image(), nothing):
         write_item(tmp_path / "image.h5", "image", one)
         read = read_item(tmp_path / "image.h5", "image", Image)

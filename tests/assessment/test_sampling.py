@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from radcal.assessment.sampling import _judged, _mixture_move, sample, split_r_hat
+from radcal.assessment.sampling import _judged, _mixture_move, mixed, sample, split_r_hat
 
 MEAN = np.array([0.3, -2.0, 5.0])
 COVARIANCE = np.array([[0.04, 0.03, 0.0], [0.03, 0.25, -0.2], [0.0, -0.2, 4.0]])
@@ -112,3 +112,15 @@ def test_the_mixture_tells_its_own_density():
     weights = [np.mean(stats.norm(0.0, sd).pdf(drawn).prod(axis=1) * np.exp(log_ratio)) for sd in (0.4, 0.8, 1.1)]
     np.testing.assert_allclose(weights, weights[1], rtol=0.06)
     assert drawn.std() > 1.05
+
+
+def test_samples_are_mixed_with_given_probabilities():
+    """As many draws as possible, spread evenly over each sample; of one sample, all."""
+    (every,) = mixed([1.0], [7])
+    np.testing.assert_array_equal(every, np.arange(7))
+    first, second = mixed([0.8, 0.2], [400, 1000])
+    assert (first.size, second.size) == (400, 100)
+    assert (second[0], second[-1]) == (0, 999)
+    assert np.diff(second).max() == 11
+    first, second = mixed([0.25, 0.75], [400, 300])
+    assert (first.size, second.size) == (100, 300)

@@ -12,7 +12,7 @@ from radcal.assessment import summary
 from radcal.assessment.calibrated import FORMS, Draws
 from radcal.assessment.cells import with_noise_db
 from radcal.assessment.curves import GRID_DEG, curves_of
-from radcal.assessment.fixed_laws import Observed
+from radcal.assessment.effects import Observed
 from radcal.assessment.sampling import Sample
 
 

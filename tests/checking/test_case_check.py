@@ -148,7 +148,10 @@ def test_a_fixed_law_and_the_image_are_compared_before_any_run(tmp_path: Path) -
     )
     assert lake.startswith("      lake: the image minus the fixed law is -2.1")
     assert lake.endswith(": check materials.lake.parameters and the calibration of the image.")
-    assert radiometry == "      pass 1: radiometry unchecked, because the fixed materials show too little of it."
+    assert radiometry == (
+        "      pass 1: radiometry unchecked, because the fixed materials show too little of it; the bands allow for "
+        "sigma0_local with a probability of 0 %."
+    )
     assert told(2.3)[0] == first.removeprefix("warning: ")
     found = check_case([path], {"target": {"normalisation": "image"}})
     assert [line for line in found.outlook if "fixed laws" in line] == []

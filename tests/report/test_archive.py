@@ -33,7 +33,7 @@ def test_the_file_has_what_the_table_lists_and_no_more(made):
         tuple(cell.strip().strip("`") for cell in line.split("|")[1:3]) for line in table(Archive).splitlines()[2:]
     }
     found = set()
-    groups = ("laws", "materials", "image/laws_db", "image/apart_db", "image/radiometry")
+    groups = ("laws", "materials", "image/laws_db", "image/apart_db", "image/radiometry", "image/shared")
 
     def look(path, item):
         # any name stands for all of them

@@ -121,7 +121,7 @@ RADIOMETRY = Finding(
     "radiometry",
     "refusal",
     "pass 1",
-    {"exponent": 0.93, "error": 0.1, "declared": "sigma0_local", "found": "sigma0_ref"},
+    {"exponent": 0.93, "error": 0.1, "declared": "sigma0_local", "other": "sigma0_ref"},
     "radar.radiometry: sigma0_ref",
 )
 
@@ -193,7 +193,7 @@ def test_fixed_laws_level_and_radiometry_have_tables(made, tmp_path):
     text = render(tmp_path / "report.html", made.archive)[1].text
     assert re.search(r"unused\s*0\.07 \(−0\.52 to 0\.61\)", text)
     assert re.search(r"1\s*0\.12 \(−0\.31 to 0\.43\)\s*0\.14\s*0\.08\s*unused", text)
-    nothing = image(radiometry={"1": Radiometry(float("nan"), float("inf"), 0, ())})
+    nothing = image(radiometry={"1": Radiometry(float("nan"), float("inf"), 1, 0.0, ())})
     text = render(tmp_path / "report.html", replace(made.archive, image=nothing))[1].text
     assert re.search(r"0\.43\)\s*–\s*–\s*no material \(unchecked\)", text)
     without = render(tmp_path / "report.html", replace(made.archive, image=image(laws_db={})))[1].text

@@ -84,7 +84,9 @@ def test_what_the_fixed_laws_say_is_listed(made):
     found = summarise(made.archive)["fixed_laws"]
     assert found["levels_db"] == [[-0.31, 0.12, 0.43]]
     assert found["errors_db"] == {"unused": [-0.52, 0.07, 0.61]}
-    assert found["radiometry"] == [{"exponent": 0.14, "error": 0.08, "found": 0, "materials": ["unused"]}]
+    assert found["radiometry"] == [
+        {"exponent": 0.14, "error": 0.08, "term": 1, "chance": 0.0, "materials": ["unused"], "found": 0}
+    ]
 
 
 def test_warnings_on_the_image_follow_the_verdicts(made):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -10,17 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from radcal.assessment.fixed_laws import (
-    CELL_DB,
-    FIELD_SPREAD,
-    Common,
-    Observed,
-    common_columns,
-    half_normal,
-    normal_draws,
-)
-from radcal.assessment.marginal import Marginal, integrated
-from radcal.assessment.sampling import Sample, sample
+from radcal.assessment.effects import Observed, Shared, common_columns
+from radcal.assessment.fixed_laws import CELL_DB, FIELD_SPREAD, half_normal
+from radcal.assessment.marginal import Marginal, integrated, normal_draws
+from radcal.assessment.sampling import Sample, mixed, sample
 from radcal.config import Uncertainty
 
 __all__ = ["Draws", "LawModel", "Parameters"]
@@ -81,7 +74,7 @@ class Draws:
     form : ndarray, shape (m, 8)
         Coefficients of the error of the form.
     linear : ndarray, shape (m, q)
-        Coefficients of all linear effects.
+        Coefficients of all linear effects, in the columns of the model from which the draws are.
     common : ndarray, shape (m, 4 p + 1)
         Effects that all materials share.
     fields_db : ndarray, shape (m,)
@@ -99,11 +92,21 @@ class Draws:
     fields_db: Doubles
     sample: Sample
 
+    def at(self, some: NDArray[np.intp]) -> Draws:
+        """Some of the draws."""
+        return replace(self, **{name: value[some] for name, value in vars(self).items() if name != "sample"})
+
     def thinned(self, most: int) -> Draws:
         """At most a number of draws, taken evenly."""
-        some = np.unique(np.linspace(0, len(self.field_db) - 1, most).round().astype(np.intp))
-        kept = {name: value[some] for name, value in vars(self).items() if name != "sample"}
-        return replace(self, **kept)
+        return self.at(np.unique(np.linspace(0, len(self.field_db) - 1, most).round().astype(np.intp)))
+
+    @classmethod
+    def mixed(cls, each: Sequence[Draws], chances: Sequence[float]) -> Draws:
+        """Draws from several posteriors with given probabilities, with the sample that has converged least."""
+        taken = mixed(chances, [len(one.field_db) for one in each])
+        parts = [vars(one.at(some)) for one, some in zip(each, taken, strict=True)]
+        together = {name: np.concatenate([part[name] for part in parts]) for name in parts[0] if name != "sample"}
+        return cls(**together, sample=min((one.sample for one in each), key=lambda one: one.ess))
 
 
 class LawModel:
@@ -124,8 +127,8 @@ class LawModel:
         Columns of the error of the form, zero without one.
     flattening : ndarray, shape (n,)
         Change of each cell if the standard error of the incidence is one standard deviation larger [dB].
-    common : Common
-        Effects that all materials share.
+    common : Shared
+        Effects that all materials share, given a radiometry.
     areas : sequence of float
         Mean area of the ground in each pass [dB].
     config : Uncertainty
@@ -139,7 +142,7 @@ class LawModel:
         parameters: Parameters,
         forms: Doubles,
         flattening: Doubles,
-        common: Common,
+        common: Shared,
         areas: list[float],
         config: Uncertainty,
     ) -> None:

@@ -7,7 +7,7 @@ not of dB values, are compared, because texture lowers the mean of dB values.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -132,9 +132,9 @@ class CellMeans:
         left = self.beside_db - (1.0 - self.share) * self.area_db * has_area
         return self.part(np.abs(left - np.median(left)) < _LEAK_DB) if self.size else self
 
-    def moved(self, area: float) -> CellMeans:
-        """Cells with ``area`` times the area of the ground taken out of the measured values."""
-        return replace(self, measured_db=self.measured_db - area * self.area_db)
+    def above_db(self, law_db: Doubles) -> Doubles:
+        """Measured minus simulated mean of each cell [dB], if the law has the levels ``law_db`` [dB] there."""
+        return self.measured_db - self.beside_db - with_noise_db(law_db, self.noise_db)
 
 
 def with_noise_db(law_db: Doubles, noise_db: Doubles | float) -> Doubles:

@@ -20,8 +20,8 @@ Doubles = NDArray[np.float64]
 
 _WRONG_LAW_DB = 1.0  # error of a fixed law that is named
 _LEVEL_DB = 0.2  # level that is named
-_MEANT = {"sigma0_ref": "sigma0_local", "beta0": "sigma0_local", "gamma0": "gamma0_rtc"}
-_MEANT |= {"sigma0_local": "sigma0_ref", "gamma0_rtc": "gamma0"}
+_OTHER = {"sigma0_ref": "sigma0_local", "beta0": "sigma0_local", "gamma0": "gamma0_rtc"}
+_OTHER |= {"sigma0_local": "sigma0_ref", "gamma0_rtc": "gamma0"}
 
 
 def image_findings(case: stages.Archive, image: Image) -> Iterator[Finding]:
@@ -29,14 +29,13 @@ def image_findings(case: stages.Archive, image: Image) -> Iterator[Finding]:
     if case.target.normalisation == "image":
         return
     for number, one in enumerate(case.passes, start=1):
-        about, shown = f"pass {number}", image.radiometry[str(number)]
-        numbers: dict[str, float | str] = {}
+        about, shown, other = f"pass {number}", image.radiometry[str(number)], _OTHER[one.radar.radiometry]
+        numbers: dict[str, float | str] = {"other": other, "chance_percent": 100.0 * shown.chance}
         if shown.materials:
-            numbers = {"exponent": shown.exponent, "error": shown.error}
+            numbers |= {"exponent": shown.exponent, "error": shown.error}
         if shown.found:
-            meant = _MEANT[one.radar.radiometry]
-            numbers |= {"declared": one.radar.radiometry, "found": meant}
-            yield Finding("radiometry", "refusal", about, numbers, f"radar.radiometry: {meant}")
+            numbers["declared"] = one.radar.radiometry
+            yield Finding("radiometry", "refusal", about, numbers, f"radar.radiometry: {other}")
         elif not shown.checked:
             yield Finding("radiometry_unchecked", "note", about, numbers)
     bright = {name for one in image.radiometry.values() for name in one.materials}  # well above the noise

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Marginal", "integrated"]
+__all__ = ["Marginal", "integrated", "normal_draws"]
 
 Doubles = NDArray[np.float64]
 
@@ -109,3 +109,24 @@ def integrated(gram: Doubles, prior: Doubles, count: int) -> tuple[Doubles, Doub
     left = np.linalg.solve(root, gram[:, :count, count:])
     half = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1) + of_prior
     return gram[:, count:, count:] - np.swapaxes(left, 1, 2) @ left, half
+
+
+def normal_draws(gram: Doubles, prior: Doubles, count: int, rng: np.random.Generator) -> Doubles:
+    """Draws of the first ``count`` coefficients from their normal distribution; the last column belongs to the values.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (m, count or more, k)
+        Gram matrices.
+    prior : ndarray, shape (m, count)
+        Prior variances.
+
+    Returns
+    -------
+    ndarray, shape (m, count)
+    """
+    inner = gram[:, :count, :count].copy()
+    inner[:, np.arange(count), np.arange(count)] += 1.0 / prior
+    mean = np.linalg.solve(inner, gram[:, :count, -1:])
+    root = np.swapaxes(np.linalg.cholesky(inner), 1, 2)
+    return np.asarray((mean + np.linalg.solve(root, rng.standard_normal((len(gram), count, 1))))[..., 0])

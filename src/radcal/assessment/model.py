@@ -13,11 +13,12 @@ from threadpoolctl import threadpool_limits
 from radcal.assessment.calibrated import FORMS, Draws, LawModel, Parameters
 from radcal.assessment.cells import CellMeans, with_noise_db
 from radcal.assessment.curves import curves_of
-from radcal.assessment.fixed_laws import Observed, common_of
+from radcal.assessment.effects import Observed
+from radcal.assessment.fixed_laws import common_of
 from radcal.assessment.form_error import form_error, noticed_db
 from radcal.assessment.posterior import FormError, HeldOut, Image, Posterior
 from radcal.assessment.prediction import constant_of, field_check, left_out
-from radcal.assessment.radiometry import Radiometry, radiometry_of
+from radcal.assessment.radiometry import Radiometry, chances_of, radiometry_of
 from radcal.assessment.summary import Form, points_of, summary, with_band, without_cells
 from radcal.calibration.history import History
 from radcal.calibration.objectives import Comparison, make_objectives
@@ -83,11 +84,11 @@ def image_of(case: stages.Posterior, cells: Cells) -> Image:
     for k, one in enumerate(case.passes):
         each = {name: (own.cells[k], own.law_db[k]) for name, own in observed.items() if own.cells[k].size}
         found[str(k + 1)] = radiometry_of(each, one.radar.radiometry, case.uncertainty)
-    moved = {name: own.moved([one.found for one in found.values()]) for name, own in observed.items()}
     offset = case.target.normalisation != "none"
     seed = derived_seed(case.seed, "posterior", "fixed laws")
     with threadpool_limits(1):  # one thread: sums then have a fixed order
-        common = common_of(moved, _mean_areas(cells), case.uncertainty, offset, seed)
+        chances = chances_of(list(found.values()))
+        common = common_of(observed, _mean_areas(cells), case.uncertainty, offset, seed, chances)
     return Image(**vars(common), radiometry=found)
 
 
@@ -121,7 +122,6 @@ def posterior_of(
     objective = make_objectives(case, targets)[name]
     best = np.asarray(history.best(name).scores[name].parameters, dtype=np.float64)
     laws = [one.laws[name] for one in case.passes]
-    areas = [one.found for one in image.radiometry.values()]
     seen = [
         (float(low), float(high))
         for one in targets.passes
@@ -129,7 +129,7 @@ def posterior_of(
         for low, high in [np.quantile(one[name].incidence_deg.astype(np.float64), [0.05, 0.95])]
     ]
     own = [one if name in target else {} for one, target in zip(cells, targets.passes, strict=True)]
-    observed = _observed(name, own, laws, best.tolist()).moved(areas)
+    observed = _observed(name, own, laws, best.tolist())
     if not observed.size:
         return without_cells(objective.material.box, seen)
     if laws[0].has_curve:
@@ -143,15 +143,20 @@ def posterior_of(
     flattening = _flattening(observed, _attenuation(targets, name), case.uncertainty.incidence_error)
     with threadpool_limits(1):
         seed = derived_seed(case.seed, "posterior", name)
-        whole = LawModel(observed, weights, parameters, forms, flattening, image, _mean_areas(cells), case.uncertainty)
+        areas, given = _mean_areas(cells), list(image.shared.values())
+        each = [LawModel(observed, weights, parameters, forms, flattening, k, areas, case.uncertainty) for k in given]
+        whole = each[0]  # of the most probable radiometry
         kept = observed.together("fold") == 0
         if case.validation is None or not case.validation.holds_out or np.count_nonzero(kept) < _FEWEST:
             kept = np.ones_like(kept)
-        model = whole if kept.all() else whole.part(kept, case.uncertainty)
-        draws = model.drawn(seed, best)
-        error = None if form is None else _form_error(model, draws, form, knots, seen)
+        models = each if kept.all() else [one.part(kept, case.uncertainty) for one in each]
+        model = models[0]
+        drawn = [one.drawn(seed, best) for one in models]
+        draws, middle = Draws.mixed(drawn, [one.chance for one in given]), np.median(drawn[0].sample.draws, axis=0)
+        error = None if form is None else _form_error(model, middle, draws, form, knots, seen)
         held, fields = _left_out(case.validation, whole, model, seed) if curved and case.validation else (None, None)
-        signal = whole.measured_db + np.concatenate(observed.law_db) - observed.simulated_db  # without noise
+        simulated = [with_noise_db(law, one.noise_db) for law, one in zip(observed.law_db, observed.cells, strict=True)]
+        signal = whole.measured_db + np.concatenate(observed.law_db) - np.concatenate(simulated)  # without noise
         constant = constant_of(signal[kept], model.variance, model.patch) if curved else None
     found = replace(summary(observed, draws, form, seen, error), held=held, left_out=fields, constant=constant)
     if not curved:
@@ -265,11 +270,11 @@ def _flattening(observed: Observed, attenuation: Sequence[tuple[float, float]], 
 
 
 def _form_error(
-    model: LawModel, draws: Draws, form: Form, knots: Doubles, seen: Sequence[tuple[float, float]]
+    model: LawModel, middle: Doubles, draws: Draws, form: Form, knots: Doubles, seen: Sequence[tuple[float, float]]
 ) -> FormError:
     """Error of the form over the incidence seen, and the smallest that would be noticed."""
     span = min(low for low, _ in seen), max(high for _, high in seen)
     columns = form.columns(np.linspace(*span, _ANGLES))
     found = draws.form @ columns.T
-    smallest = noticed_db(model, np.median(draws.sample.draws, axis=0), columns, knots, span)
+    smallest = noticed_db(model, middle, columns, knots, span)
     return form_error(found - found.mean(axis=1, keepdims=True), smallest)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.assessment.curves import GRID_DEG, curves_of
-from radcal.assessment.fixed_laws import Common
+from radcal.assessment.effects import Common
 from radcal.assessment.radiometry import Radiometry
 from radcal.radar.laws import Law
 from radcal.storage.dataclass_groups import About

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ESS", "R_HAT", "Sample", "sample", "split_r_hat"]
+__all__ = ["ESS", "R_HAT", "Sample", "mixed", "sample", "split_r_hat"]
 
 Doubles = NDArray[np.float64]
 LogDensity = Callable[[Doubles], Doubles]
@@ -137,6 +137,13 @@ def sample(log_prior: LogDensity, log_likelihood: LogDensity, start: Doubles, st
         found = _judged(walk.get_chain())
         if found.converged or walk.iteration >= steps:
             return found
+
+
+def mixed(chances: Sequence[float], sizes: Sequence[int]) -> list[NDArray[np.intp]]:
+    """Indices of draws to take, evenly, from each of several samples, so that together they have given chances."""
+    most = min(size / chance for size, chance in zip(sizes, chances, strict=True))
+    each = zip(chances, sizes, strict=True)
+    return [np.linspace(0, size - 1, round(chance * most)).round().astype(np.intp) for chance, size in each]
 
 
 def _mixture_move(points: Doubles, seed: int) -> Any:

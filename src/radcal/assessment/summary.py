@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.assessment.calibrated import FORMS, Draws, LawModel, Parameters
 from radcal.assessment.cells import STEP_DEG
 from radcal.assessment.curves import GRID_DEG, NORMAL_90, PER_DEG
-from radcal.assessment.fixed_laws import Observed, form_basis
+from radcal.assessment.effects import Observed, form_basis
 from radcal.assessment.posterior import WHOLE_DEG, Curve, FormError, KeptDraws, Points, Posterior, known_between
 from radcal.radar.laws import Law
 

@@ -101,7 +101,7 @@ def _level(case: Case, name: str, cells: CellMeans, which: str) -> Finding:
     """
     budget = case.uncertainty
     law_db = np.asarray(case.laws[name](np.radians(cells.incidence_deg), case.start_parameters[name]))
-    low, apart, high = apart_db(cells, law_db, budget.field_db).tolist()
+    low, apart, high = apart_db(cells, cells.above_db(law_db), budget.field_db).tolist()
     explained = np.hypot(0.5 * (high - low), NORMAL_90 * np.hypot(budget.fixed_law_db, budget.level_db))
     warned = case.target.normalisation == "none" and abs(apart) > explained
     numbers = {"apart_db": apart, "p05_db": low, "p95_db": high}

@@ -331,7 +331,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
             "levels_db": archive.image.levels_db.tolist(),
             "errors_db": {name: error.tolist() for name, error in archive.image.laws_db.items()},
             "radiometry": [
-                {"exponent": one.exponent, "error": one.error, "found": one.found, "materials": list(one.materials)}
+                {**vars(one), "found": one.found, "materials": list(one.materials)}
                 for one in archive.image.radiometry.values()
             ],
         },

@@ -29,9 +29,9 @@ SCHEMAS: Mapping[str, int] = {
     "target": 6,
     "surrogate": 6,
     "posterior": 4,
-    "image": 2,
+    "image": 3,
     "run": 2,
-    "calibration": 6,
+    "calibration": 7,
 }
 """Schema version of the layout of each kind of HDF5 file, by the name of the kind."""
 
