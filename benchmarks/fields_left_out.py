@@ -33,9 +33,10 @@ from radcal.assessment.calibrated import FORMS, LawModel, Parameters
 from radcal.assessment.cells import CellMeans, Simulated, cell_means
 from radcal.assessment.curves import curves_of
 from radcal.assessment.effects import Observed, form_basis
-from radcal.assessment.fixed_laws import common_of
+from radcal.assessment.fixed_laws import image_from
 from radcal.assessment.posterior import HeldOut, Predicted
 from radcal.assessment.prediction import left_out
+from radcal.assessment.radiometry import Radiometry
 from radcal.calibration.priors import CurvePrior
 from radcal.config import Uncertainty
 from radcal.measurement.ground import Ground
@@ -85,7 +86,8 @@ def model_of(cells: CellMeans) -> LawModel:
     )
     forms = form_basis(angle, np.arange(knots[0], knots[-1] + 2.0 * FORM_KNOT_DEG, FORM_KNOT_DEG), FORMS)
     observed = Observed([cells], [np.full(cells.size, cells.measured_db.mean())], [np.zeros(cells.size)])
-    common = common_of({}, [0.0], CONFIG, False, 1).shared["0"]
+    unknown = Radiometry(float("nan"), float("inf"), 1, 0.0, ())
+    common = image_from({}, [0.0], {"1": unknown}, CONFIG, False, 1).shared["0"]
     return LawModel(observed, weights, parameters, forms, np.zeros(cells.size), common, [0.0], CONFIG)
 
 

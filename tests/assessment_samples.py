@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.assessment.calibrated import FORMS, LawModel, Parameters
 from radcal.assessment.cells import CellMeans
 from radcal.assessment.effects import Observed, Shared, form_basis
+from radcal.assessment.fixed_laws import image_from
 from radcal.assessment.posterior import Curve, FormError, HeldOut, Image, Posterior, Predicted
 from radcal.assessment.radiometry import Radiometry
 from radcal.config import Uncertainty
@@ -149,6 +150,14 @@ def made_image(**changes: Any) -> Image:
         **changes,
     }
     return Image(**keys)
+
+
+def image_of_fixed(
+    fixed: dict[str, Observed], areas: list[float], config: Uncertainty, offset: bool = False, seed: int = 3
+) -> Image:
+    """What fixed materials say of passes whose radiometry is taken as declared."""
+    declared = {str(number): NOTHING_SHOWN for number in range(1, len(areas) + 1)}
+    return image_from(fixed, areas, declared, config, offset, seed)
 
 
 def known_common(level_db: float = 0.0, sd_db: float = 0.1, rng: np.random.Generator | None = None) -> Shared:

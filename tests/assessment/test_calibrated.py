@@ -13,6 +13,7 @@ from assessment_samples import (
     LINE,
     LINE_BOX,
     LINE_X,
+    image_of_fixed,
     known_common,
     line_db,
     line_model,
@@ -24,7 +25,6 @@ from scipy.stats import multivariate_normal, norm
 
 from radcal.assessment.calibrated import FORMS
 from radcal.assessment.effects import common_columns, form_basis
-from radcal.assessment.fixed_laws import common_of
 from radcal.assessment.form_error import form_error
 from radcal.config import Uncertainty
 
@@ -34,7 +34,7 @@ GRID = np.log(np.geomspace(0.01, 3.0, 32)), np.log(np.geomspace(0.01, 8.0, 32))
 
 
 def none_known(config=CONFIG):
-    return common_of({}, [0.0], config, False, 1).shared["0"]
+    return image_of_fixed({}, [0.0], config, False, 1).shared["0"]
 
 
 @pytest.mark.parametrize("error", [None, 0.4])

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from assessment_samples import LINE, LINE_X, made_cells, observed, seen_cells
+from assessment_samples import LINE, LINE_X, image_of_fixed, made_cells, observed, seen_cells
 from scipy.stats import halfnorm, lognorm, multivariate_normal, t
 
 from radcal.assessment import fixed_laws
 from radcal.assessment.effects import FORM_DEG, Observed, common_columns, form_basis
-from radcal.assessment.fixed_laws import _Scales, apart_db, common_of, half_normal
+from radcal.assessment.fixed_laws import _Scales, apart_db, half_normal
 from radcal.config import Uncertainty
 
 CONFIG = Uncertainty(walkers=64, steps=1500)
@@ -32,7 +32,7 @@ RIGHT = {"water": 0.1, "wood": -0.2, "road": 0.15, "grass": 0.0}
 
 
 def test_in_a_few_steps_there_is_a_level_and_no_convergence():
-    found = common_of(fixed(RIGHT, 1.6), [0.0], BRIEF, False, 3)
+    found = image_of_fixed(fixed(RIGHT, 1.6), [0.0], BRIEF, False, 3)
     assert found.levels_db[0][1] == pytest.approx(1.6, abs=0.4)
     assert not found.sampled
 
@@ -40,7 +40,7 @@ def test_in_a_few_steps_there_is_a_level_and_no_convergence():
 @pytest.mark.slow
 @pytest.mark.parametrize(("level", "area"), [(1.6, 0.15), (-0.8, -0.1)])
 def test_a_level_that_all_laws_agree_on_is_the_images(level, area):
-    found = common_of(fixed(RIGHT, level, area=area), [0.0], CONFIG, False, 3)
+    found = image_of_fixed(fixed(RIGHT, level, area=area), [0.0], CONFIG, False, 3)
     assert found.sampled
     low, middle, high = found.levels_db[0]
     assert low < level < high
@@ -61,7 +61,7 @@ def test_a_level_that_all_laws_agree_on_is_the_images(level, area):
 
 @pytest.mark.slow
 def test_one_wrong_law_is_named_and_is_no_level():
-    found = common_of(fixed({**RIGHT, "water": 2.1}), [0.0], CONFIG, False, 3)
+    found = image_of_fixed(fixed({**RIGHT, "water": 2.1}), [0.0], CONFIG, False, 3)
     low, middle, high = found.levels_db[0]
     assert low < 0.0 < high
     assert abs(middle) < 0.3
@@ -73,7 +73,7 @@ def test_one_wrong_law_is_named_and_is_no_level():
 @pytest.mark.slow
 def test_a_single_law_cannot_tell_its_error_from_a_level():
     """Both are uncertain, and their sum is not: image minus law."""
-    found = common_of(fixed({"lake": 2.0}), [0.0], CONFIG, False, 3)
+    found = image_of_fixed(fixed({"lake": 2.0}), [0.0], CONFIG, False, 3)
     level, law, apart = found.levels_db[0], found.laws_db["lake"], found.apart_db["lake"]
     assert apart[1] == pytest.approx(2.0, abs=0.45)
     assert apart[2] - apart[0] < 0.7 * min(level[2] - level[0], law[2] - law[0])
@@ -84,7 +84,7 @@ def test_a_single_law_cannot_tell_its_error_from_a_level():
 def test_an_offset_is_a_level_without_a_prior():
     """An error of all laws of 3 dB: with the prior of the calibration it is partly theirs."""
     alike = {"water": 3.1, "lake": 2.9}
-    removed, kept = (common_of(fixed(alike), [0.0], CONFIG, offset, 3).levels_db[0] for offset in (True, False))
+    removed, kept = (image_of_fixed(fixed(alike), [0.0], CONFIG, offset, 3).levels_db[0] for offset in (True, False))
     assert removed[1] > kept[1]
     assert removed[2] - removed[0] > 0.5
     assert removed[0] < 3.0 < removed[2]
@@ -93,7 +93,7 @@ def test_an_offset_is_a_level_without_a_prior():
 @pytest.mark.parametrize(("offset", "sd"), [(False, 0.4 * np.sqrt(2.0)), (True, 20.0)])
 def test_without_fixed_materials_there_are_the_priors(offset, sd):
     config = Uncertainty(level_db=0.4, area=0.07, field_db=0.6)
-    found = common_of({}, [0.3, -0.2], config, offset, 3)
+    found = image_of_fixed({}, [0.3, -0.2], config, offset, 3)
     (shared,) = found.shared.values()
     np.testing.assert_array_equal(shared.mean, np.zeros(9))
     wanted = [sd**2, 0.07**2, 1.0, 1.0, sd**2, 0.07**2, 1.0, 1.0, 1.0]
@@ -256,7 +256,7 @@ def test_materials_of_few_angles_have_fewer_components():
 def test_scales_of_zero_are_allowed(offset):
     """Fixed laws without any error, and an image whose level is exact."""
     config = BRIEF.model_copy(update={"fixed_law_db": 0.0, "level_db": 0.0, "area": 0.0, "steps": 20})
-    found = common_of(fixed(RIGHT), [0.0], config, offset, 3)
+    found = image_of_fixed(fixed(RIGHT), [0.0], config, offset, 3)
     (shared,) = found.shared.values()
     assert np.isfinite(shared.mean).all()
     assert np.isfinite(shared.covariance).all()

@@ -12,6 +12,7 @@ from assessment_samples import (
     LINE_BOX,
     LINE_X,
     NOTHING_SHOWN,
+    image_of_fixed,
     known_common,
     line_db,
     made_cells,
@@ -21,7 +22,6 @@ from assessment_samples import (
 
 from radcal.assessment import model, prediction
 from radcal.assessment.cells import CellMeans, with_noise_db
-from radcal.assessment.fixed_laws import common_of
 from radcal.assessment.model import image_of, posterior_of
 from radcal.assessment.posterior import Image
 from radcal.assessment.prediction import constant_of
@@ -197,8 +197,7 @@ def known_case(monkeypatch, passes=1):
 def posterior(known, cells):
     """Posterior of the dyke without fixed materials."""
     radiometry = {str(k): NOTHING_SHOWN for k in range(1, len(cells) + 1)}
-    common = common_of({}, [0.0] * len(cells), known.case.uncertainty, False, 1)
-    image = Image(**vars(common), radiometry=radiometry)
+    image = replace(image_of_fixed({}, [0.0] * len(cells), known.case.uncertainty), radiometry=radiometry)
     return posterior_of(known.case, known.targets, known.history, "dyke", cells, image)
 
 

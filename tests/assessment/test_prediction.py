@@ -6,14 +6,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from assessment_samples import held_cells
+from assessment_samples import held_cells, image_of_fixed
 
 from radcal.assessment import prediction
 from radcal.assessment.calibrated import FORMS, LawModel, Parameters
 from radcal.assessment.cells import CellMeans
 from radcal.assessment.curves import NORMAL_90
 from radcal.assessment.effects import Observed, form_basis
-from radcal.assessment.fixed_laws import common_of
 from radcal.assessment.prediction import constant_of, field_check, left_out, predict
 from radcal.config import Uncertainty
 from radcal.radar.laws import LAWS
@@ -44,7 +43,7 @@ def made(fields: int, seed: int, slope: float = 1.0) -> LawModel:
     )
     weights = np.maximum(0.0, 1.0 - np.abs(angle[:, None] - KNOTS))
     config = Uncertainty(walkers=64, steps=1000)
-    common = common_of({}, [0.0], config, False, 1).shared["0"]
+    common = image_of_fixed({}, [0.0], config, False, 1).shared["0"]
     forms = form_basis(angle, np.arange(20.0, 48.0, 2.0), FORMS)
     return LawModel(Observed([cells], [values], [zero]), weights, parameters, forms, zero, common, [0.0], config)
 

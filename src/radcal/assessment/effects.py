@@ -6,7 +6,7 @@ and a slope of its law, of a smooth error of the law's form, and of effects of f
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -19,7 +19,6 @@ from radcal.storage.dataclass_groups import About
 
 __all__ = [
     "FIXED_FORMS",
-    "Common",
     "Observed",
     "Shared",
     "common_columns",
@@ -81,23 +80,6 @@ class Shared:
     field: Annotated[
         tuple[float, ...], About("mean and standard deviation of the logarithm of the common sd of fields", "log dB")
     ]
-
-
-@dataclass(frozen=True)
-class Common:
-    """What the fixed materials say of the images of p passes."""
-
-    shared: Annotated[
-        Mapping[str, Shared], About("shared effects by the area terms of the passes, the most probable ones first")
-    ]
-    laws_db: Annotated[
-        Mapping[str, Doubles], About("5, 50 and 95 % quantile of image minus law, less the level, by material", "dB")
-    ]
-    apart_db: Annotated[
-        Mapping[str, Doubles], About("5, 50 and 95 % quantile of image minus law in its first pass, by material", "dB")
-    ]
-    levels_db: Annotated[Doubles, About("5, 50 and 95 % quantile of the level of each pass", "dB", "p, 3")]
-    sampled: Annotated[bool, About("sampler has converged")]
 
 
 def form_basis(angles_deg: Doubles, knots_deg: Doubles, count: int) -> Doubles:

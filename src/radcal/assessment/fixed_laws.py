@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,6 @@ from radcal.assessment.cells import CellMeans
 from radcal.assessment.curves import NORMAL_90
 from radcal.assessment.effects import (
     FIXED_FORMS,
-    Common,
     Observed,
     Shared,
     common_columns,
@@ -21,10 +19,12 @@ from radcal.assessment.effects import (
     law_columns,
 )
 from radcal.assessment.marginal import Marginal, integrated, normal_draws
+from radcal.assessment.posterior import Image
+from radcal.assessment.radiometry import Radiometry, chances_of
 from radcal.assessment.sampling import mixed, sample
 from radcal.config import Uncertainty
 
-__all__ = ["CELL_DB", "FIELD_SPREAD", "apart_db", "common_of", "half_normal"]
+__all__ = ["CELL_DB", "FIELD_SPREAD", "apart_db", "half_normal", "image_from"]
 
 Doubles = NDArray[np.float64]
 
@@ -50,14 +50,8 @@ def _scale_mixture(log: Doubles) -> Doubles:
     return np.asarray(-0.5 * _FREEDOM * (log + np.exp(-log)))
 
 
-@dataclass(frozen=True)
-class _Given:
-    """What fixed materials say, given a radiometry: fields of :class:`Shared`, draws of levels and of laws' errors."""
-
-    normal: tuple[Doubles, Doubles, tuple[float, float]]
-    levels_db: Doubles
-    errors_db: Mapping[str, Doubles]
-    converged: bool
+_Given = tuple[Shared, Doubles, dict[str, Doubles], bool]
+"""Shared effects, draws of levels and of the laws' errors [dB], and whether the sampler has converged."""
 
 
 class _Scales:
@@ -161,22 +155,22 @@ class _Scales:
         joined = np.concatenate([gram[:, :own, :own], right[..., None]], axis=2)
         return normal_draws(joined, self._own_variance(at, number), own, rng)[:, 0]
 
-    def given(self, seed: int) -> _Given:
+    def given(self, seed: int, chance: float) -> _Given:
         """Draws from the posterior, or from the prior if there are no fixed materials."""
         config, rng = self.config, np.random.default_rng(seed)
         if not self.tables:
             variance = np.ones(self.common)
             level = _UNKNOWN_DB if self.offset else config.level_db * np.sqrt(_FREEDOM / (_FREEDOM - 2.0))
             variance[0:-1:4], variance[1:-1:4] = level**2, config.area**2
-            normal = self.expected, np.diag(variance), (float(np.log(config.field_db)), _FIELD_LOG_SD)
-            return _Given(normal, np.repeat(level * _SCORES[:, None], self.passes, axis=1), {}, True)
+            shared = Shared(chance, self.expected, np.diag(variance), (float(np.log(config.field_db)), _FIELD_LOG_SD))
+            return shared, np.repeat(level * _SCORES[:, None], self.passes, axis=1), {}, True
         found = sample(self.log_prior, self.log_likelihood, self.start(config.walkers, rng), config.steps, seed)
         at = found.draws
         effects = self.effects(at, rng)
         errors = {name: self.law_errors(at, effects, k, rng) for k, name in enumerate(self.names)}
         field = float(at[:, 0].mean()), float(at[:, 0].std())
-        normal = self.expected + effects.mean(axis=0), np.cov(effects, rowvar=False), field
-        return _Given(normal, effects[:, 0:-1:4], errors, found.converged)
+        shared = Shared(chance, self.expected + effects.mean(axis=0), np.cov(effects, rowvar=False), field)
+        return shared, effects[:, 0:-1:4], errors, found.converged
 
 
 def apart_db(cells: CellMeans, above_db: Doubles, field_db: float) -> Doubles:
@@ -201,14 +195,14 @@ def apart_db(cells: CellMeans, above_db: Doubles, field_db: float) -> Doubles:
     return np.asarray(share @ above_db + half * np.array([-1.0, 0.0, 1.0]))
 
 
-def common_of(
+def image_from(
     fixed: Mapping[str, Observed],
     areas: Sequence[float],
+    radiometry: Mapping[str, Radiometry],
     config: Uncertainty,
     offset: bool,
     seed: int,
-    radiometries: Mapping[tuple[int, ...], float] | None = None,
-) -> Common:
+) -> Image:
     """What the fixed materials say of effects that all materials share; without any, the priors of these effects.
 
     Parameters
@@ -217,33 +211,31 @@ def common_of(
         Cells of each fixed material.
     areas : sequence of float
         Mean area of the ground in each pass [dB].
+    radiometry : mapping
+        Radiometry of each pass, by its number from 1.
     config : Uncertainty
         Scales of the priors, and settings of the sampler.
     offset : bool
         Whether the level of the image is unknown, because it is removed.
     seed : int
         Seed of the random numbers.
-    radiometries : mapping, optional
-        Probability of each exponent of the area in all passes, beside the declared radiometry; by default all are 0.
     """
-    chances = radiometries or {(0,) * len(areas): 1.0}
+    chances = chances_of(list(radiometry.values()))
     likeliest = sorted(chances, key=lambda terms: -chances[terms])
-    each = [_Scales(fixed, areas, config, offset, terms).given(seed) for terms in likeliest]
-    taken = mixed([chances[terms] for terms in likeliest], [len(one.levels_db) for one in each])
+    each = [_Scales(fixed, areas, config, offset, terms).given(seed, chances[terms]) for terms in likeliest]
+    taken = mixed([chances[terms] for terms in likeliest], [len(levels) for _, levels, _, _ in each])
 
     def quantiles(*draws: Doubles) -> Doubles:
         mixture = np.concatenate([one[some] for one, some in zip(draws, taken, strict=True)])
         return np.asarray(np.quantile(mixture, _QUANTILES, axis=0))
 
-    return Common(
-        shared={
-            " ".join(map(str, terms)): Shared(chances[terms], *one.normal)
-            for terms, one in zip(likeliest, each, strict=True)
-        },
-        laws_db={name: quantiles(*(one.errors_db[name] for one in each)) for name in fixed},
+    return Image(
+        shared={" ".join(map(str, terms)): one[0] for terms, one in zip(likeliest, each, strict=True)},
+        laws_db={name: quantiles(*(errors[name] for _, _, errors, _ in each)) for name in fixed},
         apart_db={name: _apart_db(one, areas, config, likeliest[0]) for name, one in fixed.items()},
-        levels_db=quantiles(*(one.levels_db for one in each)).T,
-        sampled=all(one.converged for one in each),
+        levels_db=quantiles(*(levels for _, levels, _, _ in each)).T,
+        sampled=all(converged for *_, converged in each),
+        radiometry=radiometry,
     )
 
 

@@ -14,11 +14,11 @@ from radcal.assessment.calibrated import FORMS, Draws, LawModel, Parameters
 from radcal.assessment.cells import CellMeans, with_noise_db
 from radcal.assessment.curves import curves_of
 from radcal.assessment.effects import Observed
-from radcal.assessment.fixed_laws import common_of
+from radcal.assessment.fixed_laws import image_from
 from radcal.assessment.form_error import form_error, noticed_db
 from radcal.assessment.posterior import FormError, HeldOut, Image, Posterior
 from radcal.assessment.prediction import constant_of, field_check, left_out
-from radcal.assessment.radiometry import Radiometry, chances_of, radiometry_of
+from radcal.assessment.radiometry import Radiometry, radiometry_of
 from radcal.assessment.summary import Form, points_of, summary, with_band, without_cells
 from radcal.calibration.history import History
 from radcal.calibration.objectives import Comparison, make_objectives
@@ -87,9 +87,7 @@ def image_of(case: stages.Posterior, cells: Cells) -> Image:
     offset = case.target.normalisation != "none"
     seed = derived_seed(case.seed, "posterior", "fixed laws")
     with threadpool_limits(1):  # one thread: sums then have a fixed order
-        chances = chances_of(list(found.values()))
-        common = common_of(observed, _mean_areas(cells), case.uncertainty, offset, seed, chances)
-    return Image(**vars(common), radiometry=found)
+        return image_from(observed, _mean_areas(cells), found, case.uncertainty, offset, seed)
 
 
 def posterior_of(

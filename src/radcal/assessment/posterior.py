@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.assessment.curves import GRID_DEG, curves_of
-from radcal.assessment.effects import Common
+from radcal.assessment.effects import Shared
 from radcal.assessment.radiometry import Radiometry
 from radcal.radar.laws import Law
 from radcal.storage.dataclass_groups import About
@@ -212,9 +212,20 @@ class Posterior:
 
 
 @dataclass(frozen=True)
-class Image(Common):
+class Image:
     """What the fixed materials say of the measured images of p passes."""
 
+    shared: Annotated[
+        Mapping[str, Shared], About("shared effects by the area terms of the passes, the most probable ones first")
+    ]
+    laws_db: Annotated[
+        Mapping[str, Doubles], About("5, 50 and 95 % quantile of image minus law, less the level, by material", "dB")
+    ]
+    apart_db: Annotated[
+        Mapping[str, Doubles], About("5, 50 and 95 % quantile of image minus law in its first pass, by material", "dB")
+    ]
+    levels_db: Annotated[Doubles, About("5, 50 and 95 % quantile of the level of each pass", "dB", "p, 3")]
+    sampled: Annotated[bool, About("sampler has converged")]
     radiometry: Annotated[Mapping[str, Radiometry], About("radiometry of each pass, by its number from 1")]
 
 
