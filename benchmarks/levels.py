@@ -23,10 +23,10 @@ from threadpoolctl import threadpool_limits
 from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import noise_seed
 from radcal.config import load
+from radcal.laws import LAWS
 from radcal.measurement.registration import register
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target_fit import make_targets
-from radcal.radar.laws import LAWS
 from radcal.radar.projection import make_geometry
 from radcal.scene.sources import make_scene
 from radcal.simulators.builtin import BuiltinSimulator

@@ -34,8 +34,8 @@ from radcal.calibration.objectives import make_objectives
 from radcal.calibration.scoring import score
 from radcal.calibration.steps import all_parameters, run_all_draws
 from radcal.config import Case, load, stages
+from radcal.laws import LAWS
 from radcal.measurement.target import Targets
-from radcal.radar.laws import LAWS
 from radcal.simulators.runner import Runner
 
 NAMES = ["X1", "X2", "X3", "X4"]

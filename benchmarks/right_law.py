@@ -23,10 +23,10 @@ from threadpoolctl import threadpool_limits
 
 from radcal.calibration.grounds import GroundLaw, fit_grounds
 from radcal.calibration.misfit import LikelihoodMisfit, Method
+from radcal.laws import LAWS
 from radcal.measurement.correlation import estimate_correlation
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import label_patches
-from radcal.radar.laws import LAWS
 from radcal.scene.slant_range import flat_incidence_deg
 
 LAW = LAWS["mangia"]

@@ -14,7 +14,7 @@ from radcal.assessment.fixed_laws import image_from
 from radcal.assessment.posterior import Curve, FormError, HeldOut, Image, Posterior, Predicted
 from radcal.assessment.radiometry import Radiometry
 from radcal.config import Uncertainty
-from radcal.radar.laws import Law, law_for
+from radcal.laws import Law, law_for
 
 LINE = law_for("tabulated", angles_deg=(20.0, 60.0))
 LINE_BOX = np.array([[-30.0, 10.0], [-40.0, 0.0]])

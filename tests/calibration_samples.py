@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.calibration.history import Proposal, Run, Score
 from radcal.calibration.objectives.objective import Material
+from radcal.laws import Law, external_law
 from radcal.measurement.goodness import Goodness
 from radcal.measurement.target import Target
-from radcal.radar.laws import Law, external_law
 from radcal.skewnormal import fit
 
 # hidden laws of the field and the lake in calibration/conftest.py, and their bounds

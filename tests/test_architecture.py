@@ -1,4 +1,4 @@
-"""Direction of imports and sizes: from the code of ``src/radcal``, no circle, no step against the flow of data.
+"""Direction of imports: from the code of ``src/radcal``, no circle, no step against the flow of data.
 
 A *room* is a package or a top-level module of ``radcal``. Every import counts, wherever it stands:
 
@@ -37,22 +37,6 @@ FLOW: list[tuple[str, list[str]]] = [
     ("assessment", ["assessment"]),
     ("report", ["report"]),
 ]
-
-# What is allowed all the same: importing room or module, imported module, reason. This list only shrinks.
-EXCEPTIONS: dict[Edge, str] = {
-    ("config", "radar.bands"): "letters of bands are checked against a table that knows no configuration",
-    ("config", "radar.laws"): "names, lengths and ranges of parameters are checked against the registry of laws",
-    (
-        "config",
-        "radar.speckle",
-    ): "resolutions are checked against the width of a band, a number that knows no configuration",
-    ("config", "scene.objects"): "kinds of objects are checked against a list that knows no configuration",
-}
-
-MODULE_LINES, FUNCTION_LINES = 400, 60  # the latter without its docstring
-
-# What is larger all the same: module or function, or the room of both, and the reason. This list only shrinks.
-LARGE: dict[str, str] = {}
 
 
 @functools.cache
@@ -121,29 +105,11 @@ def faults(edges: Collection[Edge]) -> list[str]:
     return found
 
 
-def excepted(edge: Edge, exceptions: Collection[Edge]) -> bool:
-    """Whether an import is listed, by its module or by the room of its module."""
-    return edge in exceptions or (room(edge[0]), edge[1]) in exceptions
-
-
-def unneeded(edges: Collection[Edge], exceptions: Mapping[Edge, str]) -> list[Edge]:
-    """Exceptions that may be deleted, each with the others kept."""
-    return [
-        one
-        for one in exceptions
-        if not faults({edge for edge in edges if not excepted(edge, exceptions.keys() - {one})})
-    ]
-
-
 def test_imports_follow_the_flow_and_make_no_circle() -> None:
     edges = imports(SOURCE)
     assert ("calibration.steps", "calibration.search") in edges
     assert len(edges) > 300
-    assert faults({edge for edge in edges if not excepted(edge, EXCEPTIONS)}) == []
-
-
-def test_every_exception_is_needed() -> None:
-    assert unneeded(imports(SOURCE), EXCEPTIONS) == [], "delete these from the list: it only shrinks"
+    assert faults(edges) == []
 
 
 def test_every_step_of_the_flow_has_its_modules() -> None:
@@ -198,60 +164,6 @@ def test_circles_and_steps_back_are_found(files: dict[str, str], sentence: str, 
     edges = drawn(tmp_path, files)
     assert sentence in [*faults(edges), ""]
     assert bool(faults(edges)) == bool(sentence)
-
-
-def test_an_exception_without_need_is_named(tmp_path: Path) -> None:
-    edges = drawn(
-        tmp_path,
-        {
-            "config.py": "from radcal.radar.laws import LAWS\nfrom radcal.seeds import derived_rng",
-            "radar/laws.py": "",
-            "radar/image.py": "def form():\n    from radcal.config import Radar",
-            "seeds.py": "",
-        },
-    )
-    needed, without_need, gone = ("config", "radar.laws"), ("config", "seeds"), ("config", "scene.objects")
-    assert faults(edges - {needed}) == []
-    assert unneeded(edges, dict.fromkeys((needed, without_need, gone), "a reason")) == [without_need, gone]
-
-
-def large(root: Path) -> dict[str, int]:
-    """Lines of every module and function that has more than it may, by its name without ``radcal.``."""
-    found: dict[str, int] = {}
-    for path in root.rglob("*.py"):
-        name = ".".join(path.relative_to(root).with_suffix("").parts)
-        text = path.read_text(encoding="utf-8")
-        if len(text.splitlines()) > MODULE_LINES:
-            found[name] = len(text.splitlines())
-        for node in ast.walk(ast.parse(text)):
-            if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                continue
-            first, last = node.lineno, node.end_lineno or 0
-            if ast.get_docstring(node) is not None:
-                first += (node.body[0].end_lineno or 0) - node.body[0].lineno + 1
-            code = last - first + 1
-            if code > FUNCTION_LINES:
-                found[f"{name}.{node.name}"] = code
-    return found
-
-
-def test_no_module_and_no_function_is_large() -> None:
-    found = large(SOURCE)
-    assert {name: size for name, size in found.items() if name not in LARGE and room(name) not in LARGE} == {}
-    small = [one for one in LARGE if one not in {*found, *map(room, found)}]
-    assert small == [], "delete these from the list: it only shrinks"
-
-
-def test_large_modules_and_functions_are_found(tmp_path: Path) -> None:
-    docstring = '    """Much said.\n' + "\n    of it" * 80 + '\n    """\n'
-    body = "    x = 1\n" * 59
-    (tmp_path / "scene").mkdir()
-    (tmp_path / "scene/model.py").write_text(f"class A:\n  def f():\n{docstring}{body}")
-    assert large(tmp_path) == {}
-    (tmp_path / "scene/model.py").write_text(f"class A:\n  def f():\n{docstring}{body}    return x\n")
-    assert large(tmp_path) == {"scene.model.f": 61}
-    (tmp_path / "scene/grid.py").write_text("x = 1\n" * 401)
-    assert large(tmp_path) == {"scene.model.f": 61, "scene.grid": 401}
 
 
 def drawn(folder: Path, files: Mapping[str, str]) -> frozenset[Edge]:

@@ -17,8 +17,8 @@ from radcal.assessment.registration_check import moved_finding
 from radcal.calibration.history import History
 from radcal.config import Stop, case_from
 from radcal.findings import Finding, to_json
+from radcal.laws import LAWS
 from radcal.measurement.target import Targets
-from radcal.radar.laws import LAWS
 from radcal.radar.texture import log_speckle_cumulants
 from radcal.skewnormal import centred
 from radcal.storage.runs import Record, RunStore

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from radcal.assessment.curves import GRID_DEG, curves_of, levels_at
-from radcal.radar.laws import LAWS, law_for
+from radcal.laws import LAWS, law_for
 
 
 @pytest.mark.parametrize(

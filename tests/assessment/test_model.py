@@ -26,7 +26,7 @@ from radcal.assessment.model import image_of, posterior_of
 from radcal.assessment.posterior import Image
 from radcal.assessment.prediction import constant_of
 from radcal.config import Uncertainty, Validation
-from radcal.radar.laws import external_law
+from radcal.laws import external_law
 
 BRIEF = Uncertainty(walkers=32, steps=100)
 

@@ -15,7 +15,7 @@ from radcal.assessment.curves import NORMAL_90
 from radcal.assessment.effects import Observed, form_basis
 from radcal.assessment.prediction import constant_of, field_check, left_out, predict
 from radcal.config import Uncertainty
-from radcal.radar.laws import LAWS
+from radcal.laws import LAWS
 
 LAW = LAWS["mangia"]
 X = np.array([-30.0, 12.0, 6.0, 4.0])

@@ -20,7 +20,7 @@ from radcal.assessment.preposterior import (
     sight_of,
 )
 from radcal.config import Radar, Uncertainty
-from radcal.radar.laws import LAWS, law_for
+from radcal.laws import LAWS, law_for
 
 EXACT = Uncertainty(level_db=0.0, noise_db=0.0)
 FLAT = law_for("tabulated", angles_deg=(20.0, 60.0))

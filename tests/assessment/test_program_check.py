@@ -14,8 +14,8 @@ from radcal.assessment.program_check import another_law, beyond_law_db
 from radcal.calibration.expected import law_cumulants
 from radcal.calibration.history import History
 from radcal.findings import Finding
+from radcal.laws import LAWS, external_law
 from radcal.measurement.classes import make_classes
-from radcal.radar.laws import LAWS, external_law
 from radcal.radar.texture import log_speckle_cumulants
 
 LAW, LOOKS = LAWS["mangia"], 4.0

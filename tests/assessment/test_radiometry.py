@@ -116,7 +116,7 @@ def test_the_exponent_is_that_of_least_squares_with_priors_on_slopes_and_forms()
             values.append(measured[j] - beside[j] - 10.0 * np.log10(10.0 ** (law[j] / 10.0) + 10.0**-3.0))
             weights.append(1.0 / (cells.variance[j] + 0.15**2))
     a, w = np.array(rows), np.array(weights)
-    each = [1.0 / 0.24**2, *[1.0 / 0.3**2] * 4]
+    each = [1.0 / 0.24**2, *[1.0 / (0.6745 * 0.3) ** 2] * 4]
     precise = a.T @ (w[:, None] * a) + np.diag([0.0, *each, *each, *[0.0] * 6])
     exponent, error = area_exponent(parts, config)
     assert exponent == pytest.approx(np.linalg.solve(precise, a.T @ (w * values))[0], abs=1e-3)
@@ -142,7 +142,7 @@ def test_outliers_count_as_by_the_loss_of_huber():
         [cells.area_db, law_columns(cells.incidence_deg)[:, 1:], cells.patch == 1, cells.patch == 2]
     )
     precise = 1.0 / np.sqrt(cells.variance + 0.15**2)
-    sd = np.array([CONFIG.fixed_slope * CONFIG.fixed_law_db, *[CONFIG.form_db] * 4])
+    sd = np.array([CONFIG.fixed_slope * CONFIG.fixed_law_db, *[0.6745 * CONFIG.form_db] * 4])
 
     def residuals(x):
         return np.append(precise * (cells.measured_db - law - columns @ x), x[1:6] / sd)
@@ -163,7 +163,7 @@ def test_the_exponent_scatters_as_its_error_says():
     for seed in range(120):
         parts = materials(0.0, seed=seed, relief_db=0.5, cell_db=0.15)
         for name, (cells, law) in parts.items():
-            error = law_columns(cells.incidence_deg)[:, 1:] @ rng.normal(0.0, [0.2, *[CONFIG.form_db] * 4])
+            error = law_columns(cells.incidence_deg)[:, 1:] @ rng.normal(0.0, [0.2, *[0.6745 * CONFIG.form_db] * 4])
             parts[name] = cells, law + error
         found.append(area_exponent(parts, CONFIG))
     exponents, errors = np.array(found).T

@@ -9,8 +9,8 @@ from calibration_samples import make_target
 from radcal.assessment.reach import check_reach, law_range_db
 from radcal.config import case_from
 from radcal.errors import ConfigError
+from radcal.laws import LAWS, law_for
 from radcal.measurement.target import Targets
-from radcal.radar.laws import LAWS, law_for
 
 LAW = LAWS["mangia"]
 

@@ -14,7 +14,7 @@ from scipy.ndimage import binary_dilation, gaussian_filter
 from scipy.special import polygamma
 
 from radcal.config import Radar
-from radcal.radar.laws import LAWS
+from radcal.laws import LAWS
 from radcal.radar.projection import make_geometry
 from radcal.simulators.builtin import BuiltinSimulator
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from radcal.calibration.expected import LawForward, expected_cumulants, law_cumulants
+from radcal.laws import LAWS
 from radcal.measurement.classes import class_cumulants, make_classes
-from radcal.radar.laws import LAWS
 
 LAW = LAWS["mangia"]
 X = np.array([-30.0, 18.0, 5.0, 5.0])

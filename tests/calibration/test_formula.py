@@ -11,10 +11,10 @@ from calibration_samples import BOUNDS, TRUTH
 from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.loop import calibrate
 from radcal.config import case_from, stages
+from radcal.laws import LAWS
 from radcal.measurement.registration import register
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.target_fit import make_targets
-from radcal.radar.laws import LAWS
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore

@@ -11,10 +11,10 @@ from scipy.special import polygamma
 from radcal.calibration.grounds import GroundLaw, fit_grounds
 from radcal.calibration.law_fit import LawFit, fit_law
 from radcal.calibration.misfit import BinMisfit, LikelihoodMisfit, Method
+from radcal.laws import LAWS
 from radcal.measurement.classes import make_classes
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import Spread, spreads
-from radcal.radar.laws import LAWS
 from radcal.radar.texture import log_speckle_cumulants
 
 LAW = LAWS["mangia"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from radcal.calibration.incidence_error import attenuation, registration_error_deg, true_nodes
-from radcal.radar.laws import law_for
+from radcal.laws import law_for
 
 LINE = law_for("tabulated", angles_deg=[0.0, 90.0])  # straight: two knots
 

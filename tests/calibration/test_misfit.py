@@ -12,11 +12,11 @@ from scipy.ndimage import gaussian_filter
 from radcal.calibration.expected import LawForward
 from radcal.calibration.misfit import SKEWNESS_SHAPE, BinMisfit, LikelihoodMisfit, Method, true_angles
 from radcal.calibration.moments import from_cumulants, sampling_covariance
+from radcal.laws import LAWS
 from radcal.measurement.classes import make_classes
 from radcal.measurement.correlation import Correlation, estimate_correlation, independent_pairs
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import Spread
-from radcal.radar.laws import LAWS
 
 LAW = LAWS["mangia"]
 X = np.array([-30.0, 18.0, 5.0, 5.0])

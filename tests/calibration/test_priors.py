@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from radcal.calibration.priors import CurvePrior, looks_residuals
-from radcal.radar.laws import LAWS, law_for
+from radcal.laws import LAWS, law_for
 
 MANGIA = LAWS["mangia"]
 

@@ -7,10 +7,10 @@ import pytest
 
 from radcal.calibration.misfit import BinMisfit, Method
 from radcal.calibration.shared_fields import SharedFields, together
+from radcal.laws import law_for
 from radcal.measurement.classes import make_classes
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import Spread
-from radcal.radar.laws import law_for
 
 LAW = law_for("tabulated", angles_deg=(20.0, 60.0))
 METHOD = Method(LAW, [[-30.0, 10.0], [-40.0, 0.0]], looks=4.0)

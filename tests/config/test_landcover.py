@@ -12,7 +12,7 @@ import pytest
 from radcal.config import Case, case_from
 from radcal.config.landcover import LANDCOVERS, landcover_remark, landcover_table, starting_keys, starting_levels
 from radcal.errors import ConfigError
-from radcal.radar.laws import law_for
+from radcal.laws import law_for
 
 
 def case(materials: dict[str, Any], landcover: str | None = "esa_worldcover", **keys: Any) -> Case:

@@ -13,11 +13,11 @@ from scipy import signal, special, stats
 
 from radcal.config import Radar
 from radcal.errors import ConfigError
+from radcal.laws import LAWS, Law
 from radcal.radar import compiled, image
 from radcal.radar.gaussian import circular_gaussian
 from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, decibels
-from radcal.radar.laws import LAWS, Law
 from radcal.radar.projection import make_geometry
 from radcal.radar.reflectivity import law_tables, reflectivity, uniform
 from radcal.radar.speckle import beta_share, impulse_response

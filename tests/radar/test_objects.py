@@ -13,15 +13,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
+from radcal.bands import WIDTH_FACTOR
 from radcal.config import Radar
 from radcal.errors import SceneError
+from radcal.laws import LAWS
 from radcal.radar.geometry import Geometry, Points, read_geometry, write_geometry
 from radcal.radar.image import ImageFormation
-from radcal.radar.laws import LAWS
 from radcal.radar.points import phased
 from radcal.radar.projection import make_geometry
 from radcal.radar.reflectivity import Reflectivity, law_tables, reflectivity, uniform
-from radcal.radar.speckle import WIDTH_FACTOR, impulse_response
+from radcal.radar.speckle import impulse_response
 from radcal.scene.model import Scene
 from radcal.scene.objects import Objects
 from radcal.simulators.builtin import BuiltinSimulator

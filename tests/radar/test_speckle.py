@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import windows
 
-from radcal.radar.speckle import (
-    WIDTH_FACTOR,
-    impulse_response,
-    speckle_correlation,
-    taylor_weights,
-)
+from radcal.bands import WIDTH_FACTOR
+from radcal.radar.speckle import impulse_response, speckle_correlation, taylor_weights
 
 
 @pytest.mark.parametrize("n", [8, 1024])

@@ -15,7 +15,7 @@ from radcal.assessment.posterior import WHOLE_DEG, KeptDraws
 from radcal.config import case_from
 from radcal.errors import ConfigError, StoreError
 from radcal.findings import Finding
-from radcal.radar.laws import law_for
+from radcal.laws import law_for
 from radcal.report import advice
 from radcal.report.advice import (
     ALIKE,

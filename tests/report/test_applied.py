@@ -14,10 +14,10 @@ from radcal.assessment.preposterior import Sight
 from radcal.config import RegistrationConfig, Uncertainty, load_forward, load_measured
 from radcal.errors import ConfigError, StoreError
 from radcal.findings import Finding
+from radcal.laws import LAWS, law_for
 from radcal.measurement.classes import class_of, incidence_edges
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import Registered, registered_as, write_registered
-from radcal.radar.laws import LAWS, law_for
 from radcal.report import applied, drawing
 from radcal.report.applied import (
     _conclusion,

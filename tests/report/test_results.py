@@ -14,9 +14,9 @@ import pytest
 from radcal.calibration.history import History, PassScore
 from radcal.config import case_from, stages
 from radcal.errors import StoreError
+from radcal.laws import LAWS
 from radcal.measurement.levels import Levels
 from radcal.measurement.target import Targets
-from radcal.radar.laws import LAWS
 from radcal.report.html import write_report
 from radcal.report.law_notes import law_notes
 from radcal.report.results import _difference_db, _pass_law, _pass_note, _passes, without_level

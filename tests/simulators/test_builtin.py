@@ -5,8 +5,8 @@ import pytest
 
 from radcal.config import Radar
 from radcal.errors import ConfigError
+from radcal.laws import external_law, law_for
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import external_law, law_for
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator

@@ -16,8 +16,8 @@ from sealed import changed
 
 from radcal.config import Case
 from radcal.errors import SimulatorError, StoreError
+from radcal.laws import LAWS, Law
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import LAWS, Law
 from radcal.simulators.runner import Runner
 from radcal.storage.files import digest
 from radcal.storage.runs import Record, RunStore, _checksum

@@ -16,12 +16,12 @@ from radcal.calibration.loop import calibrate
 from radcal.calibration.objectives import make_objectives
 from radcal.calibration.steps import noise_seed
 from radcal.config import Case, case_from
+from radcal.laws import LAWS
 from radcal.measurement.model import Measurement
 from radcal.measurement.registration import register
 from radcal.measurement.target import Targets
 from radcal.measurement.target_fit import make_targets, sampling_rms
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import LAWS
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import digamma, polygamma
 
 from radcal.config import Radar
-from radcal.radar.laws import Law
+from radcal.laws import Law
 from radcal.radar.radiometry import noise_floor_db, of_sigma0
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.radar.laws import Law
+from radcal.laws import Law
 
 __all__ = ["GRID_DEG", "NORMAL_90", "PER_DEG", "curves_of", "levels_at"]
 

@@ -25,8 +25,8 @@ from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.calibration.steps import train_all
 from radcal.calibration.surrogate import Surrogate
 from radcal.config import Validation, stages
+from radcal.laws import Law
 from radcal.measurement.target import Targets
-from radcal.radar.laws import Law
 from radcal.seeds import derived_seed
 
 __all__ = ["image_of", "posterior_of"]

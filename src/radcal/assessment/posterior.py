@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.assessment.curves import GRID_DEG, curves_of
 from radcal.assessment.effects import Shared
 from radcal.assessment.radiometry import Radiometry
-from radcal.radar.laws import Law
+from radcal.laws import Law
 from radcal.storage.dataclass_groups import About
 
 __all__ = [

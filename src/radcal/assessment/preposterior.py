@@ -14,9 +14,9 @@ from radcal.assessment.cells import DB, cell_keys, members, with_noise_db
 from radcal.assessment.curves import NORMAL_90, levels_at
 from radcal.assessment.posterior import KeptDraws
 from radcal.config import Radar, Uncertainty
+from radcal.laws import Law
 from radcal.measurement.target_fit import fields_of
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import Law
 from radcal.radar.radiometry import noise_floor_db
 from radcal.scene.model import Scene
 

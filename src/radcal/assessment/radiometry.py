@@ -25,6 +25,7 @@ _SNR_DB, _FEWEST = 10.0, 30  # of a fixed material that counts: level above the 
 _MATERIALS = 2
 _ROUNDS, _HUBER = 8, 2.0
 _CELL_DB = 0.15
+_MEDIAN = 0.6745  # of a half-normal distribution of scale 1
 _WRONG = 0.1  # share of images whose radiometry is declared wrongly
 _FOUND = 0.5  # chance of the other radiometry from which on it is found
 _LEFT_OUT = 0.05  # chance below which a radiometry may lie outside of a 90 % band altogether
@@ -68,8 +69,8 @@ def chances_of(passes: Sequence[Radiometry]) -> dict[tuple[int, ...], float]:
 def area_exponent(cells: Mapping[str, tuple[CellMeans, Doubles]], config: Uncertainty) -> tuple[float, float]:
     """Exponent on the area of the ground, and its standard error, from cells and law [dB] of fixed materials.
 
-    Each field has its own level, and each law errors of its slope and form with their priors. Outlying cells have less
-    weight.
+    Each field has its own level, and each law errors of its slope and form with their priors, that of the form at the
+    median of its scale. Outlying cells have less weight.
 
     References
     ----------
@@ -83,7 +84,7 @@ def area_exponent(cells: Mapping[str, tuple[CellMeans, Doubles]], config: Uncert
     of = np.repeat(np.arange(len(parts)), [one.size for one in parts])
     fields, member = np.unique([of, np.concatenate([one.patch for one in parts])], axis=1, return_inverse=True)
     columns = np.column_stack([area, own, np.equal(member.ravel()[:, None], np.arange(fields.shape[1]))])
-    slope, form = config.fixed_slope * config.fixed_law_db, config.form_db
+    slope, form = config.fixed_slope * config.fixed_law_db, _MEDIAN * config.form_db
     prior = np.zeros(columns.shape[1])
     prior[1 : 1 + own.shape[1]] = np.tile(np.maximum([slope, *[form] * FIXED_FORMS], 1e-3) ** -2.0, len(parts))
     weight = 1.0 / (np.concatenate([one.variance for one in parts]) + _CELL_DB**2)

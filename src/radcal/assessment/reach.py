@@ -9,8 +9,8 @@ from radcal.assessment.cells import with_noise_db
 from radcal.assessment.curves import curves_of
 from radcal.config import Case, stages
 from radcal.errors import ConfigError
+from radcal.laws import Law
 from radcal.measurement.target import Targets
-from radcal.radar.laws import Law
 from radcal.radar.texture import log_speckle_cumulants
 from radcal.seeds import derived_rng
 

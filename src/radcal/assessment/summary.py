@@ -13,7 +13,7 @@ from radcal.assessment.cells import STEP_DEG
 from radcal.assessment.curves import GRID_DEG, NORMAL_90, PER_DEG
 from radcal.assessment.effects import Observed, form_basis
 from radcal.assessment.posterior import WHOLE_DEG, Curve, FormError, KeptDraws, Points, Posterior, known_between
-from radcal.radar.laws import Law
+from radcal.laws import Law
 
 __all__ = ["Form", "points_of", "summary", "with_band", "without_cells"]
 

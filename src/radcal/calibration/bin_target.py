@@ -13,11 +13,11 @@ from radcal.calibration.misfit import BinMisfit, Method
 from radcal.calibration.objectives import OBJECTIVES
 from radcal.config import stages
 from radcal.config.objectives import DEFAULT
+from radcal.laws import law_for
 from radcal.measurement.class_target import ClassTarget
 from radcal.measurement.classes import incidence_edges
 from radcal.measurement.ground import Ground
 from radcal.measurement.target import Targets
-from radcal.radar.laws import law_for
 
 if TYPE_CHECKING:
     from radcal.measurement.registration import Registered

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.radar.laws import Law
+from radcal.laws import Law
 from radcal.radar.texture import log_speckle_cumulants
 
 __all__ = ["Forward", "LawForward", "expected_cumulants", "law_cumulants"]

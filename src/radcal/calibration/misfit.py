@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.calibration.expected import expected_cumulants, law_cumulants
 from radcal.calibration.incidence_error import attenuation, true_nodes
 from radcal.calibration.moments import from_cumulants, sampled_statistics, sampling_covariance
+from radcal.laws import Law
 from radcal.measurement.classes import Classes, class_of
 from radcal.measurement.ground import Ground
 from radcal.measurement.patches import Spread
-from radcal.radar.laws import Law
 from radcal.radar.texture import log_speckle_cumulants
 
 __all__ = ["SKEWNESS_SHAPE", "BinMisfit", "LikelihoodMisfit", "Method", "Misfit", "drawn", "true_angles"]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.radar.laws import Law
+from radcal.laws import Law
 
 __all__ = ["LOOKS_MOST", "CurvePrior", "looks_residuals"]
 

@@ -11,6 +11,7 @@ from typing import Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from radcal.bands import WIDTH_FACTOR, same_label
 from radcal.config.design import Design
 from radcal.config.fitting_defaults import (
     with_colours,
@@ -43,9 +44,7 @@ from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
 from radcal.config.uncertainty import Uncertainty
 from radcal.config.validation import Validation
-from radcal.radar.bands import same_label
-from radcal.radar.laws import EXTERNAL, laws_known
-from radcal.radar.speckle import WIDTH_FACTOR
+from radcal.laws import EXTERNAL, laws_known
 
 __all__ = ["Case"]
 

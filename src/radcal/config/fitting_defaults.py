@@ -9,7 +9,7 @@ from radcal.config.materials import DEFAULT_LAW
 from radcal.config.measurement import HIDDEN_DYKE, PUBLISHED_DYKE, SyntheticMeasurement, default_synthetic, within
 from radcal.config.objectives import DEFAULT, OBJECTIVES
 from radcal.config.sections import FURTHER, TAGS
-from radcal.radar.laws import LAWS
+from radcal.laws import LAWS
 
 __all__ = [
     "with_colours",

@@ -13,7 +13,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from radcal.config.limits import Parameter, Real
 from radcal.config.pydantic_errors import Contradictions, nearest, shown
 from radcal.config.sections import Section
-from radcal.radar.laws import EXTERNAL, FORMULA, LAWS, Law, external_law, formula_law, laws_known, refuse_infinite
+from radcal.laws import EXTERNAL, FORMULA, LAWS, Law, external_law, formula_law, laws_known, refuse_infinite
 
 __all__ = ["DEFAULT_LAW", "Material", "OtherLaw", "Start", "check_parameters", "default_materials"]
 

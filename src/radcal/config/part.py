@@ -12,7 +12,7 @@ from radcal.config.registration import RegistrationConfig
 from radcal.config.sections import DERIVED, FURTHER, Section
 from radcal.config.surrogate import SurrogateConfig
 from radcal.config.target import TargetConfig
-from radcal.radar.laws import EXTERNAL, Law, law_for
+from radcal.laws import EXTERNAL, Law, law_for
 from radcal.storage.disclosure import Undisclosed
 
 __all__ = ["Part"]

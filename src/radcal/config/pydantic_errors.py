@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from radcal.bands import letter_band
 from radcal.config.sections import EXAMPLES, FURTHER, MATERIALS_FROM, TAGS
 from radcal.errors import ConfigError, UnknownMaterial
-from radcal.radar.bands import letter_band
 
 __all__ = [
     "MISSING",

@@ -4,16 +4,27 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
+import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from radcal.config.landcover import LandCover
 from radcal.config.limits import Coordinate, Decibels, Integer, Length, Real, Seed
 from radcal.config.pydantic_errors import Contradictions
 from radcal.config.sections import Section
-from radcal.scene.objects import check_curve
 
-__all__ = ["BuiltinScene", "GeneratedObjects", "RasterScene", "SceneConfig", "SceneObjects", "SlantRangeScene"]
+__all__ = [
+    "DBSM_LIMITS",
+    "BuiltinScene",
+    "GeneratedObjects",
+    "RasterScene",
+    "SceneConfig",
+    "SceneObjects",
+    "SlantRangeScene",
+    "check_curve",
+]
 _SOURCE = "source of the scene: builtin, slant_range or raster; each source has its own keys"
+DBSM_LIMITS = (-100.0, 70.0)  # 70 dBsm (10 km2) is more than any object has; larger numbers must be square metres
 
 
 class GeneratedObjects(Section):
@@ -173,3 +184,30 @@ class RasterScene(Section):
 
 
 SceneConfig = Annotated[BuiltinScene | SlantRangeScene | RasterScene, Field(discriminator="source")]
+
+
+def check_curve(points: ArrayLike) -> str | None:
+    """Description of the first error in a curve of cross-section by aspect; None if the curve is valid.
+
+    Parameters
+    ----------
+    points : array_like, shape (k, 2)
+        Aspect [deg] and cross-section [dBsm] of each point of the curve.
+    """
+    curve = np.asarray(points, dtype=np.float64)
+    if curve.ndim != 2 or curve.shape[1] != 2 or len(curve) < 2:
+        return f"has shape {list(curve.shape)}, expected at least two pairs of aspect [deg] and cross-section [dBsm]"
+    if not np.isfinite(curve).all():
+        return "holds a number that is not finite"
+    if curve[:, 0].min() < -180.0 or curve[:, 0].max() > 360.0:
+        wrong = curve[np.argmax(np.abs(curve[:, 0] - 90.0)), 0]
+        return f"has an aspect of {wrong:g} degrees, expected -180 to 360"
+    turned, first = np.unique(curve[:, 0] % 360.0, return_index=True)
+    if len(turned) < len(curve):
+        twice = np.setdiff1d(np.arange(len(curve)), first)[0]
+        return f"gives the aspect {curve[twice, 0]:g} degrees twice (0 and 360 are one)"
+    low, high = DBSM_LIMITS
+    if curve[:, 1].min() < low or curve[:, 1].max() > high:
+        wrong = curve[np.argmax(np.abs(curve[:, 1])), 1]
+        return f"has a cross-section of {wrong:g}, expected {low:g} to {high:g} dBsm (10 log10 of square metres)"
+    return None

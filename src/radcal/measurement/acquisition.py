@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.bands import letter_band, within_band
 from radcal.config import Radar
 from radcal.config.sensors import SENSORS
-from radcal.radar.bands import letter_band, within_band
 from radcal.radar.radiometry import noise_floor_db
 
 __all__ = ["Acquisition", "contradictions", "differences", "radar_keys", "radar_section"]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.bands import WIDTH_FACTOR
 from radcal.config import Radar
 from radcal.errors import MeasurementError
 from radcal.measurement.small_areas import LEAST_LAGS, LEAST_PAIRS
-from radcal.radar.speckle import WIDTH_FACTOR
 
 __all__ = ["check_resolutions", "unchecked_note"]
 

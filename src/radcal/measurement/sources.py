@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from radcal import skewnormal
+from radcal.bands import LETTER_BANDS_GHZ, letter_band, within_band
 from radcal.config import FileMeasurement, Radar, TargetConfig, expand_path, stages, vrt_folders
 from radcal.config.measurement import RADIOMETRY_EXPECTED
 from radcal.errors import FitError, MeasurementError, MissingSign, RadcalError
@@ -35,7 +36,6 @@ from radcal.measurement.sentinel1 import sigma0_image
 from radcal.measurement.speckle_notes import speckle_notes
 from radcal.measurement.synthetic import make_synthetic
 from radcal.measurement.tags import Tags, incidence_band, tags_of
-from radcal.radar.bands import LETTER_BANDS_GHZ, letter_band, within_band
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
 from radcal.reading.arrays import is_raster

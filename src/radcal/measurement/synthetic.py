@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, label, maximum_filter, minimum_filter
 
+from radcal.bands import WIDTH_FACTOR
 from radcal.config import Radar, Synthetic, stages
 from radcal.errors import MeasurementError
 from radcal.measurement.displacement import invert, warp
@@ -22,7 +23,6 @@ from radcal.radar.geometry import Geometry
 from radcal.radar.lines import refined_elevation
 from radcal.radar.projection import make_geometry
 from radcal.radar.size import refinement
-from radcal.radar.speckle import WIDTH_FACTOR
 from radcal.radar.texture import order_of_texture, texture_db
 from radcal.scene.model import Scene
 from radcal.seeds import derived_rng, measurement_seed

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.errors import ConfigError
+from radcal.laws import Law
 from radcal.radar.compiled import threaded
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import Law
 
 __all__ = ["Reflectivity", "law_tables", "reflectivity", "uniform"]
 

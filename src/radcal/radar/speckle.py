@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.bands import WIDTH_FACTOR
+
 __all__ = [
-    "WIDTH_FACTOR",
     "beta_share",
     "border_gain",
     "impulse_response",
@@ -15,10 +16,6 @@ __all__ = [
 ]
 
 _NBAR, _SIDELOBE_DB = 4, 35
-# Product of -3 dB width and bandwidth of the Taylor-weighted impulse response, found by linear interpolation of its
-# power on 20,001 points from 0 to 1; a test computes the product again. The number is fixed because every simulated
-# pixel depends on its last digit, which would differ between BLAS libraries.
-WIDTH_FACTOR = 1.1841552900179924
 _SHARES = 20_001  # number of rows in a table of quantiles of the beta distribution
 _REACH = 8.0  # distance [resolution widths] at which the impulse response, there below -45 dB, is cut off
 

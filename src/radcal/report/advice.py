@@ -16,8 +16,8 @@ from radcal.assessment.posterior import Posterior
 from radcal.assessment.preposterior import Sight, half_widths_after, half_widths_now, sight_of
 from radcal.config import Case, Radar, case_from
 from radcal.errors import ConfigError, StoreError
+from radcal.laws import Law
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import Law
 from radcal.radar.projection import make_geometry
 from radcal.report.archive import Archive, read_archive
 from radcal.report.tables import write_csv

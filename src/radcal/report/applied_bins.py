@@ -13,8 +13,8 @@ from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.posterior import Constant, Posterior
 from radcal.assessment.preposterior import Sight, common_errors
 from radcal.config import Uncertainty
+from radcal.laws import Law
 from radcal.measurement.classes import class_of, incidence_edges
-from radcal.radar.laws import Law
 
 __all__ = ["Bins", "by_constant_db", "predictive_db"]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radcal.assessment.cells import STEP_DEG
 from radcal.assessment.posterior import Curve
-from radcal.radar.laws import Law
+from radcal.laws import Law
 from radcal.report.archive import Archive, MaterialResult
 from radcal.report.colours import head
 from radcal.report.drawing import (

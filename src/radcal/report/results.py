@@ -20,11 +20,11 @@ from radcal.calibration.steps import random_notes
 from radcal.config import Material, Radar, Stop, stages
 from radcal.config.sections import FURTHER
 from radcal.findings import to_json
+from radcal.laws import EXTERNAL, FORMULA, Law
 from radcal.measurement.levels import Levels, without_level
 from radcal.measurement.registration import Registered
 from radcal.measurement.target import Target, Targets
 from radcal.radar.geometry import Geometry
-from radcal.radar.laws import EXTERNAL, FORMULA, Law
 from radcal.report.archive import (
     Archive,
     Fidelity,

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from radcal.bands import WIDTH_FACTOR, letter_band
 from radcal.config import FILL_IN, Uncertainty
 from radcal.config.landcover import LANDCOVERS, landcover_remark
 from radcal.config.sections import check_case_name
@@ -15,8 +16,6 @@ from radcal.config.sensors import SENSORS
 from radcal.config.undecided import EXAMPLES
 from radcal.errors import ConfigError
 from radcal.measurement.acquisition import radar_keys
-from radcal.radar.bands import letter_band
-from radcal.radar.speckle import WIDTH_FACTOR
 from radcal.reading.safe import is_safe_name
 from radcal.running.file_facts import RasterFacts, check_overlap, landcover_codes, product_acquisition, raster_facts
 from radcal.running.new_materials import MaterialLines, Raw, fixed_laws, material_lines, scalar

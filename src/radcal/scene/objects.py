@@ -7,13 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from radcal.storage.files import digest
 
-__all__ = ["DBSM_LIMITS", "Objects", "check_curve"]
-
-DBSM_LIMITS = (-100.0, 70.0)  # 70 dBsm (10 km2) is more than any object has; larger numbers must be square metres
+__all__ = ["Objects"]
 
 
 @dataclass(frozen=True)
@@ -97,30 +95,3 @@ class Objects:
 
 
 _ARRAYS = tuple(item.name for item in fields(Objects) if item.name not in ("kinds", "curves"))
-
-
-def check_curve(points: ArrayLike) -> str | None:
-    """Description of the first error in a curve of cross-section by aspect; None if the curve is valid.
-
-    Parameters
-    ----------
-    points : array_like, shape (k, 2)
-        Aspect [deg] and cross-section [dBsm] of each point of the curve.
-    """
-    curve = np.asarray(points, dtype=np.float64)
-    if curve.ndim != 2 or curve.shape[1] != 2 or len(curve) < 2:
-        return f"has shape {list(curve.shape)}, expected at least two pairs of aspect [deg] and cross-section [dBsm]"
-    if not np.isfinite(curve).all():
-        return "holds a number that is not finite"
-    if curve[:, 0].min() < -180.0 or curve[:, 0].max() > 360.0:
-        wrong = curve[np.argmax(np.abs(curve[:, 0] - 90.0)), 0]
-        return f"has an aspect of {wrong:g} degrees, expected -180 to 360"
-    turned, first = np.unique(curve[:, 0] % 360.0, return_index=True)
-    if len(turned) < len(curve):
-        twice = np.setdiff1d(np.arange(len(curve)), first)[0]
-        return f"gives the aspect {curve[twice, 0]:g} degrees twice (0 and 360 are one)"
-    low, high = DBSM_LIMITS
-    if curve[:, 1].min() < low or curve[:, 1].max() > high:
-        wrong = curve[np.argmax(np.abs(curve[:, 1])), 1]
-        return f"has a cross-section of {wrong:g}, expected {low:g} to {high:g} dBsm (10 log10 of square metres)"
-    return None

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from radcal.config import Radar
 from radcal.errors import ConfigError
+from radcal.laws import EXTERNAL, Law, law_for, laws_known
 from radcal.radar import simulator_version
 from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, decibels
-from radcal.radar.laws import EXTERNAL, Law, law_for, laws_known
 from radcal.radar.radiometry import noise_floor_db
 from radcal.radar.reflectivity import Reflectivity, law_tables, reflectivity
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from radcal.config import Material, Radar, stages
 from radcal.errors import SimulatorError
-from radcal.radar.laws import EXTERNAL, FORMULA
+from radcal.laws import EXTERNAL, FORMULA
 from radcal.seeds import noise_seed as seed_of_noise
 from radcal.simulators.protocol import Simulator
 from radcal.simulators.texturing import orders_of, with_textures

@@ -21,7 +21,7 @@ from radcal.calibration.steps import noise_seed
 from radcal.calibration.surrogate import Surrogate, train_surrogate
 from radcal.config import Optimiser, Stop, SurrogateConfig
 from radcal.errors import MeasurementError
-from radcal.radar.laws import LAWS
+from radcal.laws import LAWS
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
 

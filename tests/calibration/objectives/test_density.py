@@ -13,7 +13,7 @@ from radcal.calibration.objectives.density import Density
 from radcal.calibration.objectives.objective import Points
 from radcal.calibration.surrogate import Surrogate, train_surrogate
 from radcal.config import SurrogateConfig
-from radcal.radar.laws import LAWS
+from radcal.laws import LAWS
 
 LAW = LAWS["mangia"]
 X = np.array(TRUTH["field"])

@@ -16,10 +16,10 @@ from radcal.calibration.law_fit import LOOKS
 from radcal.calibration.misfit import BinMisfit, Method, Misfit
 from radcal.calibration.priors import CurvePrior
 from radcal.config import Stop
+from radcal.laws import Law
 from radcal.measurement.classes import Classes
 from radcal.measurement.ground import Ground
 from radcal.measurement.target import Target
-from radcal.radar.laws import Law
 
 __all__ = [
     "Baseline",

@@ -2,6 +2,6 @@
 
 import sys
 
-from radcal.radar.laws import laws_table
+from radcal.laws import laws_table
 
 sys.stdout.write(laws_table())

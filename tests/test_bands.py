@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from radcal.radar.bands import letter_band, same_label, within_band
+from radcal.bands import letter_band, same_label, within_band
 
 
 @pytest.mark.parametrize(

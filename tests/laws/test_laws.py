@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from radcal.config import Case
 from radcal.errors import ConfigError
-from radcal.radar.laws import LAWS, Law, law_for, laws_table
-from radcal.radar.laws.curves import constant_gamma, mangia, tabulated, ulaby_dobson
+from radcal.laws import LAWS, Law, law_for, laws_table
+from radcal.laws.curves import constant_gamma, mangia, tabulated, ulaby_dobson
 
 X = (6.1, 14.2, 21.5, 3.3)
 FREQUENCY_GHZ = 9.5
@@ -247,7 +247,7 @@ def test_a_law_that_cannot_be_evaluated_is_a_sentence(name: str, known: dict, wo
 def test_the_documentation_has_the_table_of_the_code() -> None:
     page = (Path(__file__).parents[2] / "docs" / "laws.md").read_text(encoding="utf-8")
     assert laws_table() in page
-    done = subprocess.run([sys.executable, "-m", "radcal.radar.laws"], capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-m", "radcal.laws"], capture_output=True, text=True, check=True)
     assert done.stdout == laws_table()
 
 

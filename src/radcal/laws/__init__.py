@@ -7,7 +7,7 @@ function :func:`law_for` binds these conditions to the law. With its conditions 
 
 The law ``EXTERNAL`` is not in the registry: it has names and units of parameters, but no curve, because only an
 external simulator can compute its backscatter. The law ``FORMULA`` is not in the registry either: its curve is a
-formula in the case file (:mod:`radcal.radar.laws.formula`).
+formula in the case file (:mod:`radcal.laws.formula`).
 
 Every law of the registry is finite from 0 to 90 degrees. In laws whose power vanishes at grazing incidence, the cosine
 is limited to at least 1e-6 (an incidence of 89.99994 degrees). Outside of its valid angles a law is extrapolated by its
@@ -19,10 +19,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from radcal.errors import ConfigError
-from radcal.radar.laws.curves import CURVES
-from radcal.radar.laws.formula import FORMULA, formula_law, refuse_infinite
-from radcal.radar.laws.law import EXTERNAL, Law, seen_rad
-from radcal.radar.laws.soil import SOIL
+from radcal.laws.curves import CURVES
+from radcal.laws.formula import FORMULA, formula_law, refuse_infinite
+from radcal.laws.law import EXTERNAL, Law, seen_rad
+from radcal.laws.soil import SOIL
 
 __all__ = [
     "EXTERNAL",
