@@ -12,10 +12,10 @@ import sys
 from snakemake.logging import logger
 from snakemake.utils import min_version
 
-from radcal.running.planned_runs import planned_runs, runs_sentence
+from radcal.forecast.planned_runs import planned_runs, runs_sentence
 from radcal.config.stages import STAGES
-from radcal.running.session import is_dry_run, is_planned, open_session
-from radcal.running.slurm import job_name
+from radcal.session.session import is_dry_run, is_planned, open_session
+from radcal.session.slurm import job_name
 
 min_version("9.10")
 

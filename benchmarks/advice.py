@@ -57,9 +57,9 @@ from radcal.assessment.observation import observe
 from radcal.assessment.posterior import Posterior
 from radcal.assessment.preposterior import Sight, half_widths_after, half_widths_now, sight_of
 from radcal.config import Case, case_from, stages
+from radcal.products.advice import ALIKE, NONE, advice_on, judged
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
-from radcal.report.advice import ALIKE, NONE, advice_on, judged
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.seeds import derived_rng

@@ -31,18 +31,18 @@ import numpy as np
 from dyke_cases import Bench, hidden_laws, workflow_runs
 from threadpoolctl import threadpool_limits
 
-from radcal.calibration.history import History, Score
 from radcal.calibration.loop import calibrate
-from radcal.calibration.objectives import make_objectives
 from radcal.calibration.scoring import score
-from radcal.calibration.search import Search
 from radcal.calibration.steps import all_parameters, run_all_draws, train_all
 from radcal.calibration.stopping import decide
-from radcal.calibration.surrogate import Surrogate
 from radcal.config import Case, SurrogateConfig, load, stages
-from radcal.measurement.target import Targets
+from radcal.objectives import make_objectives
+from radcal.objectives.history import History, Score
+from radcal.proposals.search import Search
+from radcal.proposals.surrogate import Surrogate
 from radcal.seeds import derived_seed
 from radcal.simulators.runner import Runner
+from radcal.targets.target import Targets
 
 COUNT = 24
 MORE = 3  # runs after the stop

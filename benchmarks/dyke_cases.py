@@ -17,16 +17,16 @@ from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.steps import all_parameters, noise_seed, reference_runs
 from radcal.config import Case, load, stages
 from radcal.config.yaml_file import merged, read_case_file
-from radcal.measurement.registration import register
 from radcal.measurement.sources import make_measurement
-from radcal.measurement.target import Targets
-from radcal.measurement.target_fit import make_targets
 from radcal.radar.projection import make_geometry
+from radcal.registration.registered import register
 from radcal.scene.sources import make_scene
 from radcal.seeds import derived_rng
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
+from radcal.targets.target import Targets
+from radcal.targets.target_fit import make_targets
 
 __all__ = ["ROOT", "Bench", "by_workflow", "hidden_laws", "workflow_runs"]
 

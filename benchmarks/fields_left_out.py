@@ -37,9 +37,9 @@ from radcal.assessment.fixed_laws import image_from
 from radcal.assessment.posterior import HeldOut, Predicted
 from radcal.assessment.prediction import left_out
 from radcal.assessment.radiometry import Radiometry
-from radcal.calibration.priors import CurvePrior
 from radcal.config import Uncertainty
-from radcal.measurement.ground import Ground
+from radcal.ground.ground import Ground
+from radcal.inference.priors import CurvePrior
 
 SHAPE = (750, 1024)
 CONFIG = Uncertainty(walkers=64)

@@ -26,10 +26,10 @@ from radcal import skewnormal
 from radcal.calibration.steps import all_parameters, noise_seed
 from radcal.config import load
 from radcal.config.yaml_file import merged, read_case_file
-from radcal.measurement.target import read_targets
 from radcal.radar.geometry import read_geometry
 from radcal.seeds import derived_rng
 from radcal.simulators.sources import make_simulator
+from radcal.targets.target import read_targets
 
 
 def run(name: str, parameters: list[float], seed: int) -> dict[str, Any]:

@@ -24,14 +24,14 @@ from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import noise_seed
 from radcal.config import load
 from radcal.laws import LAWS
-from radcal.measurement.registration import register
 from radcal.measurement.sources import make_measurement
-from radcal.measurement.target_fit import make_targets
 from radcal.radar.projection import make_geometry
+from radcal.registration.registered import register
 from radcal.scene.sources import make_scene
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
+from radcal.targets.target_fit import make_targets
 
 PUBLISHED = Path(__file__).resolve().parents[1] / "config/dyke_published.yaml"
 TRUTH = {"dyke": [6.1, 14.2, 21.5, 3.3]}

@@ -30,13 +30,13 @@ from dyke_cases import Bench, hidden_laws
 from threadpoolctl import threadpool_limits
 
 from radcal.calibration.loop import calibrate
-from radcal.calibration.objectives import make_objectives
 from radcal.calibration.scoring import score
 from radcal.calibration.steps import all_parameters, run_all_draws
 from radcal.config import Case, load, stages
 from radcal.laws import LAWS
-from radcal.measurement.target import Targets
+from radcal.objectives import make_objectives
 from radcal.simulators.runner import Runner
+from radcal.targets.target import Targets
 
 NAMES = ["X1", "X2", "X3", "X4"]
 OTHER = "X1 + X2*cos(phi) + X3*exp(-X4*phi)"

@@ -20,23 +20,23 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from radcal.calibration.bin_target import bin_targets
-from radcal.calibration.history import History
 from radcal.calibration.loop import calibrate
 from radcal.calibration.stopping import Decision
 from radcal.config import Case, load, stages
 from radcal.config.yaml_file import read_case_file
-from radcal.measurement.registration import Registered, register
 from radcal.measurement.sources import make_measurement
-from radcal.measurement.target import Targets
-from radcal.measurement.target_fit import make_targets
+from radcal.objectives.history import History
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
+from radcal.registration.registered import Registered, register
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.seeds import derived_rng
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
+from radcal.targets.target import Targets
+from radcal.targets.target_fit import make_targets
 
 PUBLISHED = Path(__file__).resolve().parents[1] / "config/dyke_published.yaml"
 DEPRESSIONS = (45.0, 30.0)

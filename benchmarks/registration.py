@@ -7,7 +7,7 @@ The displacement field is white noise, smoothed by a Gaussian filter of sigma s.
 exp(-d^2 / (4 s^2)), falls to 1/e at the correlation length 2 s. The largest displacement is 2 to 6 pixels, or none
 (correlation length 0). The images are crops of 512 x 512 pixels at random places. The error of a draw is the mean
 end-point error without the outer 40 pixels; the table gives the median over 8 draws of each correlation length. The
-constants of ``radcal.measurement.gefolki`` were chosen on draws of even seeds (``--tune``); the results are for odd
+constants of ``radcal.registration.gefolki`` were chosen on draws of even seeds (``--tune``); the results are for odd
 seeds.
 
 scikit-image's methods receive the images in dB; its ILK method is also tried with the rank transforms that radcal uses.
@@ -37,10 +37,10 @@ from skimage.registration import optical_flow_ilk, optical_flow_tvl1
 from threadpoolctl import threadpool_limits
 
 from radcal.config import RegistrationConfig
-from radcal.measurement.displacement import invert
-from radcal.measurement.gefolki import find_flow, pyramid, rank_transform
-from radcal.measurement.model import Measurement
-from radcal.measurement.registration import register
+from radcal.image.model import Measurement
+from radcal.registration.displacement import invert
+from radcal.registration.gefolki import find_flow, pyramid, rank_transform
+from radcal.registration.registered import register
 
 SIZE, MARGIN = 512, 40
 INSIDE = (slice(MARGIN, -MARGIN),) * 2

@@ -21,12 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from radcal.calibration.grounds import GroundLaw, fit_grounds
-from radcal.calibration.misfit import LikelihoodMisfit, Method
+from radcal.ground.correlation import estimate_correlation
+from radcal.ground.ground import Ground
+from radcal.ground.patches import label_patches
+from radcal.inference.grounds import GroundLaw, fit_grounds
+from radcal.inference.misfit import LikelihoodMisfit, Method
 from radcal.laws import LAWS
-from radcal.measurement.correlation import estimate_correlation
-from radcal.measurement.ground import Ground
-from radcal.measurement.patches import label_patches
 from radcal.scene.slant_range import flat_incidence_deg
 
 LAW = LAWS["mangia"]

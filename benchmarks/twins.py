@@ -38,18 +38,16 @@ from radcal.assessment.conclusion import conclude
 from radcal.assessment.model import image_of, posterior_of
 from radcal.assessment.observation import observe, simulated_of
 from radcal.calibration.bin_target import bin_targets
-from radcal.calibration.history import History
 from radcal.calibration.loop import calibrate, register_rounds
 from radcal.calibration.steps import all_parameters, noise_seed
 from radcal.config import Case, case_from, stages
 from radcal.errors import RadcalError
-from radcal.measurement.patches import patches_seen
-from radcal.measurement.registration import Registered
+from radcal.ground.patches import patches_seen
 from radcal.measurement.sources import make_measurement
-from radcal.measurement.target import Targets
-from radcal.measurement.target_fit import make_targets
+from radcal.objectives.history import History
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
+from radcal.registration.registered import Registered
 from radcal.scene.builtin import builtin_scene
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
@@ -57,6 +55,8 @@ from radcal.seeds import derived_rng, derived_seed, draw_seeds
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
+from radcal.targets.target import Targets
+from radcal.targets.target_fit import make_targets
 from radcal.words import headline
 
 CROP = (slice(120, 280), slice(150, 270))  # cells of the scene: north, east

@@ -32,17 +32,17 @@ from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
 from radcal.calibration.loop import calibrate
-from radcal.calibration.objectives import make_objectives
 from radcal.calibration.scoring import score
 from radcal.calibration.steps import all_parameters, run_all_draws
 from radcal.config import Case, load, stages
 from radcal.config.yaml_file import read_case_file
 from radcal.measurement.sources import make_measurement
-from radcal.measurement.target import Targets
+from radcal.objectives import make_objectives
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.protocol import Simulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
+from radcal.targets.target import Targets
 
 NAMES = ("X1", "X2", "X3", "X4")
 FIXED = {"X1": 6.1, "X2": 14.2, "X3": 21.5, "X4": 3.3}

@@ -11,7 +11,7 @@ from radcal.assessment.effects import Shared
 from radcal.assessment.posterior import Curve, FormError, Image, Posterior
 from radcal.assessment.radiometry import Radiometry
 from radcal.findings import Finding, to_json
-from radcal.report.archive import Archive
+from radcal.results.archive import Archive
 
 
 def changed_material(archive: Archive, name: str, **changes: Any) -> Archive:

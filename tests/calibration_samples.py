@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.calibration.history import Proposal, Run, Score
-from radcal.calibration.objectives.objective import Material
+from radcal.ground.goodness import Goodness
 from radcal.laws import Law, external_law
-from radcal.measurement.goodness import Goodness
-from radcal.measurement.target import Target
+from radcal.objectives.history import Proposal, Run, Score
+from radcal.objectives.objective import Material
 from radcal.skewnormal import fit
+from radcal.targets.target import Target
 
 # hidden laws of the field and the lake in calibration/conftest.py, and their bounds
 TRUTH = {"field": [-30.0, 22.0, 6.0, 4.0], "lake": [-35.0, 12.0, 25.0, 6.0]}

@@ -20,7 +20,7 @@ SIMULATE = {"geometry", "reference", "design_chunk", "verify", "final_runs", "me
 def test_no_script_imports_what_takes_seconds_before_it_is_used() -> None:
     imports = imports_of(SCRIPTS)
     assert len(SCRIPTS) > 15
-    assert "from radcal.report.figures import write_figures" in imports
+    assert "from radcal.figures.figures import write_figures" in imports
     assert loaded(imports, LATE) == []
 
 

@@ -18,11 +18,11 @@ import radcal
 from radcal.calibration.loop import calibrate
 from radcal.cli import app
 from radcal.config import load, load_forward
-from radcal.measurement.target import read_targets
-from radcal.report.showing import show
-from radcal.report.simulated import forward
+from radcal.products.showing import show
+from radcal.products.simulated import forward
 from radcal.seeds import noise_seed
 from radcal.simulators.sources import make_runner
+from radcal.targets.target import read_targets
 
 
 def test_ends_within_the_tolerance_and_keeps_its_contracts(finished):

@@ -30,7 +30,7 @@ from typing import Any
 
 import numpy as np
 
-from radcal.running.jobs import die_with_parent
+from radcal.session.jobs import die_with_parent
 
 HERE = Path(__file__).resolve().parent
 SCRIPTS = HERE.parent / "workflow" / "scripts"
@@ -90,9 +90,9 @@ def rehearse() -> None:
     import matplotlib as mpl
 
     from radcal.config import Radar
+    from radcal.figures.drawing import STYLE, new_canvas
     from radcal.radar.image import ImageFormation
     from radcal.radar.reflectivity import uniform
-    from radcal.report.drawing import STYLE, new_canvas
 
     ImageFormation(Radar(), (20, 20), -20.0).intensity(uniform(np.ones((20, 20), np.float32)), 1)
     # Type 42, as users get it, takes a quarter of a report's time; the small calibration and the cluster write it

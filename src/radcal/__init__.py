@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from radcal.report.opening import Results
+    from radcal.products.opening import Results
 
 __all__ = ["open"]
 
@@ -33,6 +33,6 @@ def open(folder: str | Path) -> Results:  # noqa: A001 - called radcal.open
     StoreError
         The folder holds no finished calibration.
     """
-    from radcal.report.opening import open_results
+    from radcal.products.opening import open_results
 
     return open_results(folder)

@@ -14,14 +14,14 @@ from two_materials import X, geometry
 from radcal.assessment import conclusion
 from radcal.assessment.conclusion import conclude
 from radcal.assessment.registration_check import moved_finding
-from radcal.calibration.history import History
 from radcal.config import Stop, case_from
 from radcal.findings import Finding, to_json
 from radcal.laws import LAWS
-from radcal.measurement.target import Targets
+from radcal.objectives.history import History
 from radcal.radar.texture import log_speckle_cumulants
 from radcal.skewnormal import centred
 from radcal.storage.runs import Record, RunStore
+from radcal.targets.target import Targets
 
 AROUND = made_curve(1.0, LAWS["mangia"](np.radians(np.arange(86.0)), X))
 KNOWN = {"area": made_posterior(known_between_deg=(27.0, 40.0), known_half_width_db=0.8, curve=AROUND)}

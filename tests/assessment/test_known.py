@@ -20,8 +20,8 @@ from calibration_samples import make_target
 
 from radcal.assessment.known import image_findings, law_findings, material_findings
 from radcal.config import Uncertainty
-from radcal.measurement.pixels import IN_THE_NOISE
-from radcal.measurement.target import Targets
+from radcal.ground.pixels import IN_THE_NOISE
+from radcal.targets.target import Targets
 
 
 def case(*declared, normalisation="none", **uncertainty):

@@ -23,8 +23,8 @@ from radcal.assessment.known import image_findings, law_findings, material_findi
 from radcal.assessment.registration_check import moved_finding
 from radcal.config import Uncertainty
 from radcal.findings import Finding
-from radcal.measurement.pixels import IN_THE_NOISE
-from radcal.measurement.target import Targets
+from radcal.ground.pixels import IN_THE_NOISE
+from radcal.targets.target import Targets
 from radcal.words import degrees, headline, next_steps, sentence, verdict
 
 WRONG = {"1": made_radiometry(0.9)}

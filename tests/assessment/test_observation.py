@@ -11,10 +11,10 @@ from assessment_samples import LINE, LINE_X
 from radcal.assessment.cells import Simulated
 from radcal.assessment.observation import observe
 from radcal.config import BuiltinSimulation, Radar, RegistrationConfig, TargetConfig, Validation
+from radcal.image.model import Measurement
 from radcal.laws import external_law
-from radcal.measurement.model import Measurement
-from radcal.measurement.registration import register
 from radcal.radar.geometry import Geometry
+from radcal.registration.registered import register
 
 SHAPE = (96, 120)
 ROW, COLUMN = np.indices(SHAPE)

@@ -11,11 +11,11 @@ from calibration_samples import make_run, make_target
 from two_materials import X, geometry
 
 from radcal.assessment.program_check import another_law, beyond_law_db
-from radcal.calibration.expected import law_cumulants
-from radcal.calibration.history import History
 from radcal.findings import Finding
+from radcal.ground.classes import make_classes
+from radcal.inference.expected import law_cumulants
 from radcal.laws import LAWS, external_law
-from radcal.measurement.classes import make_classes
+from radcal.objectives.history import History
 from radcal.radar.texture import log_speckle_cumulants
 
 LAW, LOOKS = LAWS["mangia"], 4.0

@@ -10,7 +10,7 @@ from radcal.assessment.reach import check_reach, law_range_db
 from radcal.config import case_from
 from radcal.errors import ConfigError
 from radcal.laws import LAWS, law_for
-from radcal.measurement.target import Targets
+from radcal.targets.target import Targets
 
 LAW = LAWS["mangia"]
 

@@ -13,9 +13,9 @@ from two_materials import X, geometry
 from radcal.assessment import registration_check
 from radcal.assessment.registration_check import check_registration, moved_again, moved_finding
 from radcal.findings import Finding
+from radcal.image.model import Measurement
 from radcal.laws import LAWS, law_for
-from radcal.measurement.model import Measurement
-from radcal.measurement.registration import Registered
+from radcal.registration.registered import Registered
 
 LAW = LAWS["mangia"]
 

@@ -10,8 +10,8 @@ from calibration_samples import TRUTH
 
 from radcal.calibration.bin_target import bin_targets, laws_of_image
 from radcal.laws import LAWS, external_law
-from radcal.measurement.registration import Registered
-from radcal.measurement.target_fit import HELD_OUT
+from radcal.registration.registered import Registered
+from radcal.targets.target_fit import HELD_OUT
 
 
 def test_ground_is_held_out_in_whole_blocks(parts):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from radcal import skewnormal
-from radcal.calibration.moments import from_cumulants, from_dp
 from radcal.calibration.noise import noise_sentence, noise_variance
-from radcal.measurement.classes import class_cumulants
+from radcal.ground.classes import class_cumulants
+from radcal.inference.moments import from_cumulants, from_dp
 
 DP = np.array([-12.0, 3.0, -2.0])
 N = 800

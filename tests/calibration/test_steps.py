@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 from calibration_samples import TRUTH, make_run
 
-from radcal.calibration.history import History, Proposal, read_proposals, read_runs, write_proposals, write_runs
 from radcal.calibration.loop import calibrate
-from radcal.calibration.objectives import make_objectives
 from radcal.calibration.scoring import score, score_reference, with_texture
 from radcal.calibration.steps import (
     _noisy,
@@ -23,13 +21,15 @@ from radcal.calibration.steps import (
     train_all,
     verify,
 )
-from radcal.calibration.surrogate import read_trainings, write_trainings
 from radcal.config import Stop, stages
 from radcal.errors import MissingSign, SimulatorError
-from radcal.measurement.target import Targets, read_targets, write_targets
+from radcal.objectives import make_objectives
+from radcal.objectives.history import History, Proposal, read_proposals, read_runs, write_proposals, write_runs
+from radcal.proposals.surrogate import read_trainings, write_trainings
 from radcal.radar.texture import log_speckle_cumulants
 from radcal.storage.dataclass_groups import same
 from radcal.storage.runs import Record
+from radcal.targets.target import Targets, read_targets, write_targets
 
 
 @pytest.fixture(scope="module")

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 from calibration_samples import make_run
 
-from radcal.calibration.history import History, Proposal
 from radcal.calibration.stopping import decide
 from radcal.config import Stop
+from radcal.objectives.history import History, Proposal
 
 X = [1.0, 2.0]  # d = 2: no floor before the fourth run of design and infill
 

@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 from radcal.checking.hidden_by_noise import hidden_by_noise
 from radcal.checking.outlook import outlook
 from radcal.config import Case
-from radcal.measurement.model import Measurement
+from radcal.image.model import Measurement
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
 

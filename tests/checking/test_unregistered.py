@@ -14,7 +14,7 @@ from radcal.assessment.cells import CellMeans, with_noise_db
 from radcal.checking.unregistered import cells_of, fixed_laws, start_image, unreachable
 from radcal.config import Case
 from radcal.findings import Finding
-from radcal.measurement.model import Measurement
+from radcal.image.model import Measurement
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene

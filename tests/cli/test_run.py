@@ -22,7 +22,7 @@ from radcal.cli.run import _outputs, files_of_stages, sorted_words
 from radcal.config import load
 from radcal.config.yaml_file import check_words
 from radcal.errors import ConfigError
-from radcal.running import workflow_files
+from radcal.session import workflow_files
 
 ROOT = Path(__file__).parents[2]
 

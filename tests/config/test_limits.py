@@ -19,8 +19,8 @@ from pydantic.fields import FieldInfo
 
 from radcal.config import Case, case_from
 from radcal.errors import ConfigError
+from radcal.forecast.memory_and_time import memory_mb, runtime_minutes
 from radcal.radar.size import image_size
-from radcal.running.memory_and_time import memory_mb, runtime_minutes
 from radcal.scene.size import SceneSize
 
 Limit = tuple[str, str, str]  # key, lower and upper limit as docs/limits.md has them

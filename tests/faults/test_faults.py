@@ -20,7 +20,7 @@ from sealed import DAMAGES
 from workflow_project import Project
 
 from radcal.errors import RadcalError
-from radcal.running.salvage import salvage
+from radcal.session.salvage import salvage
 from radcal.storage.inspection import kind_of
 from radcal.storage.records import read_hdf5, read_json
 
@@ -253,7 +253,7 @@ def test_a_job_that_fails_with_nobody_to_read_it_ends(project):
 
 def test_out_of_memory_is_a_sentence(tmp_path):
     code = (
-        "from radcal.running.jobs import logged\nimport resource\n"
+        "from radcal.session.jobs import logged\nimport resource\n"
         "resource.setrlimit(resource.RLIMIT_AS, (2**31, 2**31))\n"
         "import numpy as np\n"
         f"with logged({str(tmp_path / 'job.log')!r}):\n    np.ones(2**40)\n"

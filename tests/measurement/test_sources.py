@@ -13,8 +13,8 @@ from scipy.ndimage import uniform_filter
 
 from radcal.config import Case, Radar
 from radcal.errors import ConfigError, MeasurementError
+from radcal.image.model import Measurement, read_measurement, write_measurement
 from radcal.measurement import sources as module
-from radcal.measurement.model import Measurement, read_measurement, write_measurement
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.synthetic import smooth_warp
 from radcal.radar.geometry import Geometry

@@ -11,7 +11,7 @@ import pytest
 
 from radcal.config import Case, Radar, Synthetic
 from radcal.errors import MeasurementError
-from radcal.measurement.model import Measurement
+from radcal.image.model import Measurement
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.synthetic import check_synthetic, relabelled, roughened, textured, varied
 from radcal.radar.geometry import Geometry

@@ -19,9 +19,9 @@ from sealed import changed
 
 from radcal.config import Radar, RasterScene
 from radcal.errors import ConfigError, SceneError
-from radcal.measurement.georeference import GeoreferencedImage, values_at_ground
+from radcal.image.georeference import GeoreferencedImage, values_at_ground
+from radcal.products.geotiff import Layer, map_grid, write_geotiff
 from radcal.radar.projection import make_geometry
-from radcal.report.geotiff import Layer, map_grid, write_geotiff
 from radcal.scene.crs import crs_from, named_datum, same_datum, transformation_note, transformer, vertical_datum
 from radcal.scene.model import Scene, read_scene, write_scene
 from radcal.scene.raster import raster_scene

@@ -13,20 +13,20 @@ import yaml
 from workflow_project import ROOT, tiny_case
 
 from radcal.calibration.loop import calibrate
-from radcal.calibration.moments import to_dp
-from radcal.calibration.objectives import make_objectives
-from radcal.calibration.smt_kriging import train_smt
 from radcal.calibration.steps import train_all
 from radcal.config import case_from, default_case, default_yaml, load, stages
+from radcal.inference.moments import to_dp
 from radcal.measurement.sources import make_measurement
-from radcal.measurement.target import Targets
-from radcal.measurement.target_fit import make_target
+from radcal.objectives import make_objectives
+from radcal.proposals.smt_kriging import train_smt
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
 from radcal.scene.slant_range import flat_incidence_deg
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
+from radcal.targets.target import Targets
+from radcal.targets.target_fit import make_target
 
 CASES = sorted((ROOT / "config").glob("*.yaml"))
 LABELS = np.where(np.arange(60) < 40, 1, 2).astype(np.uint8) * np.ones((50, 1), dtype=np.uint8)

@@ -14,9 +14,9 @@ import pytest
 import yaml
 from workflow_project import COLUMNS, ROOT, ROWS, Project, write_raster
 
-from radcal.calibration.design import design_points
 from radcal.config import input_files, load
 from radcal.errors import ConfigError
+from radcal.proposals.design import design_points
 from radcal.simulators.command import check_command
 from radcal.storage.records import read_json
 

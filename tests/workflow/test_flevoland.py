@@ -11,16 +11,16 @@ import pytest
 from scipy import stats
 
 from radcal.config import Case, FileMeasurement, load
-from radcal.measurement.looks import estimate_looks
-from radcal.measurement.model import Measurement
-from radcal.measurement.pixels import point_targets
-from radcal.measurement.readers import read_image
-from radcal.measurement.registration import register
-from radcal.measurement.target import Targets
-from radcal.measurement.target_fit import make_target, make_targets
+from radcal.ground.pixels import point_targets
+from radcal.image.looks import estimate_looks
+from radcal.image.model import Measurement
+from radcal.image.readers import read_image
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
+from radcal.registration.registered import register
 from radcal.scene.sources import make_scene
+from radcal.targets.target import Targets
+from radcal.targets.target_fit import make_target, make_targets
 
 pytestmark = pytest.mark.skipif("RADCAL_DATA" not in os.environ, reason="RADCAL_DATA is not set: no measured data")
 

@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radcal.calibration.history import History
 from radcal.calibration.loop import calibrate
-from radcal.calibration.objectives import make_objectives
 from radcal.calibration.steps import design_line, progress_line, propose_all, train_all
 from radcal.config import Stop, case_from
 from radcal.measurement.sources import make_measurement
-from radcal.measurement.target import Targets
-from radcal.measurement.target_fit import make_target
+from radcal.objectives import make_objectives
+from radcal.objectives.history import History
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
 from radcal.scene.slant_range import flat_incidence_deg
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
+from radcal.targets.target import Targets
+from radcal.targets.target_fit import make_target
 
 TRUTH = {"field": [6.1, 14.2, 21.5, 3.3], "lake": [10.0, 20.0, 5.0, 8.0]}
 

@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from radcal.calibration.history import History
 from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import noise_seed, repeatability
 from radcal.calibration.stopping import Decision
 from radcal.config import Case, case_from
-from radcal.measurement.model import Measurement
-from radcal.measurement.target import Target, Targets
-from radcal.measurement.target_fit import make_target
+from radcal.image.model import Measurement
+from radcal.objectives.history import History
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
@@ -24,6 +22,8 @@ from radcal.scene.slant_range import flat_incidence_deg
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import Parameters, RunStore
+from radcal.targets.target import Target, Targets
+from radcal.targets.target_fit import make_target
 
 LAWS: dict[str, tuple[dict[str, Any], list[float]]] = {
     "constant_gamma": ({"bounds": [[-30, 0]]}, [-11.3]),

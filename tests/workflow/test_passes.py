@@ -14,12 +14,12 @@ import yaml
 from workflow_project import tiny_case
 
 import radcal
-from radcal.calibration.history import read_runs
 from radcal.calibration.loop import calibrate
 from radcal.config import load
-from radcal.measurement.target import read_targets
+from radcal.objectives.history import read_runs
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import read_index
+from radcal.targets.target import read_targets
 
 TRUTH = {"parameters": {"field": [6.1, 14.2, 21.5, 3.3]}, "warp_px": 0}
 ONE = {

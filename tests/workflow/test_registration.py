@@ -9,15 +9,14 @@ import yaml
 from rasterio.transform import from_origin
 from workflow_project import COLUMNS, ROWS, write_raster
 
-from radcal.calibration.history import read_runs
 from radcal.calibration.loop import calibrate, register_rounds
 from radcal.config import load
-from radcal.measurement.displacement import warp
-from radcal.measurement.model import read_measurement
-from radcal.measurement.registration import read_registered
-from radcal.measurement.target import read_targets
+from radcal.image.model import read_measurement
+from radcal.objectives.history import read_runs
 from radcal.radar.geometry import read_geometry
 from radcal.radar.projection import make_geometry
+from radcal.registration.displacement import warp
+from radcal.registration.registered import read_registered
 from radcal.scene.model import read_scene
 from radcal.scene.sources import make_scene
 from radcal.simulators.builtin import BuiltinSimulator
@@ -25,6 +24,7 @@ from radcal.simulators.sources import make_runner
 from radcal.storage.dataclass_groups import same
 from radcal.storage.records import read_json
 from radcal.storage.run_index import read_index
+from radcal.targets.target import read_targets
 
 MOVED = {"parameters": {"field": [6.1, 14.2, 21.5, 3.3]}, "seed": 1, "warp_px": 1}
 # the start is nearly the lake's law, so that the reference run shows little of the field

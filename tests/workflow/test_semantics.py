@@ -18,10 +18,10 @@ import yaml
 from sealed import changed
 from workflow_project import COLUMNS, ROOT, ROWS, Project, make_project, tiny_case, write_raster
 
-from radcal.calibration.history import read_runs
 from radcal.config import case_from
 from radcal.config.stages import STAGES
-from radcal.running.reruns import reruns_table
+from radcal.objectives.history import read_runs
+from radcal.session.reruns import reruns_table
 from radcal.storage.inspection import SCHEMAS
 
 CASE = ("--configfile", "tiny.yaml")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from radcal.calibration.history import read_runs
 from radcal.calibration.stopping import decide
 from radcal.config import Stop
+from radcal.objectives.history import read_runs
 
 
 @pytest.fixture

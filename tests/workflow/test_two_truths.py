@@ -13,20 +13,20 @@ from scipy.optimize import least_squares
 from radcal import skewnormal
 from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.loop import calibrate
-from radcal.calibration.objectives import make_objectives
 from radcal.calibration.steps import noise_seed
 from radcal.config import Case, case_from
+from radcal.image.model import Measurement
 from radcal.laws import LAWS
-from radcal.measurement.model import Measurement
-from radcal.measurement.registration import register
-from radcal.measurement.target import Targets
-from radcal.measurement.target_fit import make_targets, sampling_rms
+from radcal.objectives import make_objectives
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
+from radcal.registration.registered import register
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
+from radcal.targets.target import Targets
+from radcal.targets.target_fit import make_targets, sampling_rms
 
 LAW = LAWS["mangia"]
 FIRST = [6.1, 14.2, 21.5, 3.3]

@@ -1,6 +1,6 @@
 # The loop: train(k), propose(k), verify(k), and on to k + 1 until the stop settings are met.
 
-from radcal.calibration.history import read_runs
+from radcal.objectives.history import read_runs
 from radcal.calibration.stopping import decide
 
 

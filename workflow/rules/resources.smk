@@ -3,7 +3,7 @@
 from functools import cache
 
 from radcal.errors import RadcalError
-from radcal.running.memory_and_time import memory_mb, runtime_minutes, values_of
+from radcal.forecast.memory_and_time import memory_mb, runtime_minutes, values_of
 
 
 @cache

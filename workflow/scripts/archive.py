@@ -1,19 +1,19 @@
 """Write every run and iteration to one file, ``calibration.h5``, and all runs to one table, ``runs.csv``."""
 
 from radcal.assessment.posterior import Image, Posterior
-from radcal.calibration.history import read_runs
 from radcal.config import Stop, stages
-from radcal.measurement.registration import read_registered
-from radcal.measurement.target import read_targets
+from radcal.objectives.history import read_runs
 from radcal.radar.geometry import read_geometry
-from radcal.report.archive import write_archive
-from radcal.report.concluded import archive_of
-from radcal.report.run_table import write_table
-from radcal.running.jobs import logged
+from radcal.registration.registered import read_registered
+from radcal.results.archive import write_archive
+from radcal.results.concluded import archive_of
+from radcal.results.run_table import write_table
 from radcal.scene.model import read_scene
+from radcal.session.jobs import logged
 from radcal.storage.listing import write_listing
 from radcal.storage.records import read_item, read_json, understood
 from radcal.storage.run_index import indexed
+from radcal.targets.target import read_targets
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Archive.model_validate(snakemake.params.case)

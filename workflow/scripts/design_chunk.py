@@ -1,13 +1,13 @@
 """Simulate one chunk of the design."""
 
-from radcal.calibration.design import design_points
 from radcal.calibration.steps import called, design_line, noise_seed, run_all_draws
 from radcal.config import stages
-from radcal.measurement.target import read_targets
-from radcal.running.jobs import logged, progress
-from radcal.running.time_left import FINAL_RUNS, at_most, most_need
+from radcal.forecast.time_left import FINAL_RUNS, at_most, most_need
+from radcal.proposals.design import design_points
+from radcal.session.jobs import logged, progress
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import IndexedRun, read_index, write_index
+from radcal.targets.target import read_targets
 
 with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     case = stages.DesignChunk.model_validate(snakemake.params.case)

@@ -1,15 +1,15 @@
 """Write tables, calibrated materials and images for other programs, from the archive."""
 
 from radcal.config import stages
-from radcal.measurement.registration import read_registered
-from radcal.measurement.target import read_targets
+from radcal.products.export import pass_images, write_export
 from radcal.radar.geometry import read_geometry
-from radcal.report.archive import read_archive
-from radcal.report.export import pass_images, write_export
-from radcal.running.jobs import logged, progress
+from radcal.registration.registered import read_registered
+from radcal.results.archive import read_archive
 from radcal.scene.model import read_scene
+from radcal.session.jobs import logged, progress
 from radcal.simulators.sources import make_simulator
 from radcal.storage.listing import write_listing
+from radcal.targets.target import read_targets
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Export.model_validate(snakemake.params.case)

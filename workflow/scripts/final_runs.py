@@ -1,9 +1,9 @@
 """Simulate the best parameters of all materials in one run, and in a second run with another noise seed."""
 
-from radcal.calibration.history import read_runs
 from radcal.calibration.steps import all_parameters, called, noise_seed, not_fresh
 from radcal.config import stages
-from radcal.running.jobs import logged, progress
+from radcal.objectives.history import read_runs
+from radcal.session.jobs import logged, progress
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import IndexedRun, write_index
 

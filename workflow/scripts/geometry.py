@@ -3,8 +3,8 @@
 from radcal.config import stages
 from radcal.radar.geometry import write_geometry
 from radcal.radar.projection import make_geometry
-from radcal.running.jobs import logged, progress
 from radcal.scene.model import read_scene
+from radcal.session.jobs import logged, progress
 
 with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     case = stages.Geometry.model_validate(snakemake.params.case)

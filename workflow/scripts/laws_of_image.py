@@ -3,13 +3,13 @@
 from radcal.assessment.reach import check_reach
 from radcal.calibration.bin_target import laws_of_image
 from radcal.config import stages
-from radcal.measurement.registration import read_registered
-from radcal.measurement.target_fit import make_targets
 from radcal.radar.geometry import read_geometry
-from radcal.running.jobs import logged
+from radcal.registration.registered import read_registered
 from radcal.scene.model import read_scene
+from radcal.session.jobs import logged
 from radcal.storage.records import write_json
 from radcal.storage.run_index import indexed
+from radcal.targets.target_fit import make_targets
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.LawsOfImage.model_validate(snakemake.params.case)

@@ -1,11 +1,11 @@
 """Read or make the measured image and check it against the scene."""
 
 from radcal.config import stages
-from radcal.measurement.model import write_measurement
+from radcal.image.model import write_measurement
 from radcal.measurement.sources import make_measurement
 from radcal.radar.geometry import read_geometry
-from radcal.running.jobs import logged, progress
 from radcal.scene.model import read_scene
+from radcal.session.jobs import logged, progress
 from radcal.simulators.sources import make_simulator
 
 with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):

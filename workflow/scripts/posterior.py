@@ -2,15 +2,15 @@
 
 from radcal.assessment.model import image_of, posterior_of
 from radcal.assessment.observation import observe, simulated_of
-from radcal.calibration.history import read_runs
 from radcal.config import stages
-from radcal.measurement.registration import read_registered
-from radcal.measurement.target import read_targets
+from radcal.objectives.history import read_runs
 from radcal.radar.geometry import read_geometry
-from radcal.running.jobs import logged, progress
+from radcal.registration.registered import read_registered
 from radcal.scene.model import read_scene
+from radcal.session.jobs import logged, progress
 from radcal.storage.records import write_item
 from radcal.storage.run_index import indexed
+from radcal.targets.target import read_targets
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Posterior.model_validate(snakemake.params.case)

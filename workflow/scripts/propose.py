@@ -1,12 +1,12 @@
 """Propose the next parameters of every material whose search has not ended."""
 
-from radcal.calibration.history import read_runs, write_proposals
-from radcal.calibration.objectives import make_objectives
 from radcal.calibration.steps import propose_all
-from radcal.calibration.surrogate import read_trainings
 from radcal.config import Stop, stages
-from radcal.measurement.target import read_targets
-from radcal.running.jobs import logged
+from radcal.objectives import make_objectives
+from radcal.objectives.history import read_runs, write_proposals
+from radcal.proposals.surrogate import read_trainings
+from radcal.session.jobs import logged
+from radcal.targets.target import read_targets
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Propose.model_validate(snakemake.params.case)

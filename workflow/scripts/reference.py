@@ -2,9 +2,9 @@
 
 from radcal.calibration.steps import reference_runs, repeatability
 from radcal.config import stages
-from radcal.measurement.model import read_measurement
-from radcal.running.jobs import logged, progress
-from radcal.running.time_left import FINAL_RUNS, at_most, most_need
+from radcal.forecast.time_left import FINAL_RUNS, at_most, most_need
+from radcal.image.model import read_measurement
+from radcal.session.jobs import logged, progress
 from radcal.simulators.command_plan import changed_links
 from radcal.simulators.declared_scale import check_scale
 from radcal.simulators.sources import make_runner

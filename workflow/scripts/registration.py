@@ -2,13 +2,13 @@
 
 from radcal.config import stages
 from radcal.findings import from_json
-from radcal.measurement.geometry_check import checked
-from radcal.measurement.model import read_measurement
-from radcal.measurement.registration import read_registered, register, write_registered
-from radcal.measurement.second_registration import register_again
+from radcal.image.model import read_measurement
 from radcal.radar.geometry import read_geometry
-from radcal.running.jobs import logged, progress
+from radcal.registration.geometry_check import checked
+from radcal.registration.registered import read_registered, register, write_registered
+from radcal.registration.second import register_again
 from radcal.scene.model import read_scene
+from radcal.session.jobs import logged, progress
 from radcal.storage.run_index import indexed
 from radcal.words import sentence
 

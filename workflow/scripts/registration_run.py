@@ -2,7 +2,7 @@
 
 from radcal.calibration.steps import all_parameters, called, run_all_draws
 from radcal.config import stages
-from radcal.running.jobs import logged, progress
+from radcal.session.jobs import logged, progress
 from radcal.simulators.sources import make_runner
 from radcal.storage.records import read_json, understood
 from radcal.storage.run_index import IndexedRun, write_index

@@ -1,9 +1,9 @@
 """Draw the figures and write the report from the archive."""
 
-from radcal.report.archive import read_archive
-from radcal.report.figures import write_figures
-from radcal.report.html import write_report
-from radcal.running.jobs import logged, progress
+from radcal.figures.figures import write_figures
+from radcal.page.html import write_report
+from radcal.results.archive import read_archive
+from radcal.session.jobs import logged, progress
 from radcal.storage.listing import write_listing
 
 with logged(snakemake.log[0]):

@@ -2,7 +2,7 @@
 
 from radcal.calibration.reuse import require_earlier, reuse_runs
 from radcal.config import stages
-from radcal.running.jobs import logged, progress
+from radcal.session.jobs import logged, progress
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import write_index
 

@@ -1,9 +1,9 @@
 """Build the scene."""
 
 from radcal.config import stages
-from radcal.running.jobs import logged, progress
 from radcal.scene.model import write_scene
 from radcal.scene.sources import make_scene
+from radcal.session.jobs import logged, progress
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Scene.model_validate(snakemake.params.case)

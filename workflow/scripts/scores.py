@@ -1,12 +1,12 @@
 """Score the reference run and the design against the targets."""
 
-from radcal.calibration.history import History, write_runs
-from radcal.calibration.objectives import make_objectives
 from radcal.calibration.scoring import score, score_reference
 from radcal.config import stages
-from radcal.measurement.target import read_targets
-from radcal.running.jobs import logged, progress
+from radcal.objectives import make_objectives
+from radcal.objectives.history import History, write_runs
+from radcal.session.jobs import logged, progress
 from radcal.storage.run_index import in_all_passes, indexed
+from radcal.targets.target import read_targets
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Scores.model_validate(snakemake.params.case)

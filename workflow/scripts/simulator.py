@@ -2,7 +2,7 @@
 
 from radcal.config import stages
 from radcal.radar.geometry import read_geometry
-from radcal.running.jobs import logged
+from radcal.session.jobs import logged
 from radcal.simulators.sources import make_simulator
 from radcal.storage.disclosure import disclosed
 from radcal.storage.records import write_json

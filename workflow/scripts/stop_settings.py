@@ -1,7 +1,7 @@
 """Write the stop settings to a file, so that a change of them affects only the readers of this file."""
 
 from radcal.config import stages
-from radcal.running.jobs import logged
+from radcal.session.jobs import logged
 from radcal.storage.records import write_json
 
 with logged(snakemake.log[0], snakemake.params.case):

@@ -1,8 +1,8 @@
 """Write ``summary.json``, and print how the calibration ended."""
 
-from radcal.report.archive import read_archive
-from radcal.report.summary import numbered_jobs, sentences, summarise, wall_seconds
-from radcal.running.jobs import logged, progress
+from radcal.results.archive import read_archive
+from radcal.results.summary import numbered_jobs, sentences, summarise, wall_seconds
+from radcal.session.jobs import logged, progress
 from radcal.storage.records import write_json
 
 with logged(snakemake.log[0]):

@@ -3,14 +3,14 @@
 from radcal.assessment.reach import check_reach
 from radcal.calibration.bin_target import bin_targets
 from radcal.config import stages
-from radcal.measurement.height_shift import height_warnings
-from radcal.measurement.registration import read_registered
-from radcal.measurement.target import write_targets
-from radcal.measurement.target_fit import make_targets
 from radcal.radar.geometry import read_geometry
-from radcal.running.jobs import logged, progress
+from radcal.registration.height_shift import height_warnings
+from radcal.registration.registered import read_registered
 from radcal.scene.model import read_scene
+from radcal.session.jobs import logged, progress
 from radcal.storage.run_index import indexed
+from radcal.targets.target import write_targets
+from radcal.targets.target_fit import make_targets
 
 with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     case = stages.Target.model_validate(snakemake.params.case)

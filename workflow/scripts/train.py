@@ -1,12 +1,12 @@
 """Train the surrogates of all calibrated materials."""
 
-from radcal.calibration.history import read_runs
-from radcal.calibration.objectives import make_objectives
 from radcal.calibration.steps import train_all
-from radcal.calibration.surrogate import write_trainings
 from radcal.config import stages
-from radcal.measurement.target import read_targets
-from radcal.running.jobs import logged
+from radcal.objectives import make_objectives
+from radcal.objectives.history import read_runs
+from radcal.proposals.surrogate import write_trainings
+from radcal.session.jobs import logged
+from radcal.targets.target import read_targets
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Train.model_validate(snakemake.params.case)

@@ -1,12 +1,12 @@
 """Simulate the proposals of all materials in one run and score this run."""
 
-from radcal.calibration.history import History, read_proposals, read_runs, write_runs
 from radcal.calibration.steps import progress_line, runs_left, verify
 from radcal.config import Stop, stages
-from radcal.measurement.target import read_targets
-from radcal.running.jobs import logged, progress
-from radcal.running.time_left import at_most, iteration_seconds, most_need
+from radcal.forecast.time_left import at_most, iteration_seconds, most_need
+from radcal.objectives.history import History, read_proposals, read_runs, write_runs
+from radcal.session.jobs import logged, progress
 from radcal.simulators.sources import make_runner
+from radcal.targets.target import read_targets
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Verify.model_validate(snakemake.params.case)

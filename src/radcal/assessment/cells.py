@@ -19,7 +19,7 @@ from radcal.laws import Law
 from radcal.radar.radiometry import noise_floor_db, of_sigma0
 
 if TYPE_CHECKING:
-    from radcal.measurement.correlation import Correlation
+    from radcal.ground.correlation import Correlation
     from radcal.radar.geometry import Geometry
 
 __all__ = [

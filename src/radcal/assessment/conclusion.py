@@ -14,17 +14,17 @@ from radcal.assessment.known import image_findings, law_findings, material_findi
 from radcal.assessment.posterior import Image, Posterior
 from radcal.assessment.program_check import another_law
 from radcal.assessment.registration_check import check_registration
-from radcal.calibration.history import History
-from radcal.calibration.objectives import make_objectives
 from radcal.calibration.scoring import with_texture
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Stop, stages
 from radcal.errors import StoreError
 from radcal.findings import Finding, from_json
-from radcal.measurement.registration import Registered
-from radcal.measurement.target import Targets
+from radcal.objectives import make_objectives
+from radcal.objectives.history import History
 from radcal.radar.geometry import Geometry
+from radcal.registration.registered import Registered
 from radcal.storage.runs import Record, RunStore
+from radcal.targets.target import Targets
 
 __all__ = ["Conclusion", "MaterialPixels", "conclude"]
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from radcal.assessment.posterior import Image, Posterior
 from radcal.config import stages
 from radcal.findings import Finding, Severity
+from radcal.ground.pixels import MANY_IN_NOISE, share_in_noise
 from radcal.laws import Law
-from radcal.measurement.pixels import MANY_IN_NOISE, share_in_noise
-from radcal.measurement.target import Targets
+from radcal.targets.target import Targets
 
 __all__ = ["image_findings", "law_findings", "material_findings"]
 

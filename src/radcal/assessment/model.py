@@ -20,14 +20,14 @@ from radcal.assessment.posterior import FormError, HeldOut, Image, Posterior
 from radcal.assessment.prediction import constant_of, field_check, left_out
 from radcal.assessment.radiometry import Radiometry, radiometry_of
 from radcal.assessment.summary import Form, points_of, summary, with_band, without_cells
-from radcal.calibration.history import History
-from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.calibration.steps import train_all
-from radcal.calibration.surrogate import Surrogate
 from radcal.config import Validation, stages
 from radcal.laws import Law
-from radcal.measurement.target import Targets
+from radcal.objectives import Comparison, make_objectives
+from radcal.objectives.history import History
+from radcal.proposals.surrogate import Surrogate
 from radcal.seeds import derived_seed
+from radcal.targets.target import Targets
 
 __all__ = ["image_of", "posterior_of"]
 

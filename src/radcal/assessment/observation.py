@@ -11,18 +11,18 @@ import numpy as np
 from radcal.assessment.cells import WITHOUT_AREA, CellMeans, Simulated, area_db, cell_means
 from radcal.config import BuiltinSimulation, stages
 from radcal.errors import MeasurementError
-from radcal.measurement.correlation import estimate_correlation
-from radcal.measurement.ground import Blocks
-from radcal.measurement.levels import Levels, median_and_range
-from radcal.measurement.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, point_targets
-from radcal.measurement.target_fit import fields_of
+from radcal.ground.correlation import estimate_correlation
+from radcal.ground.ground import Blocks
+from radcal.ground.levels import Levels, median_and_range
+from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, point_targets
 from radcal.radar.radiometry import noise_floor_db
 from radcal.seeds import derived_seed
 from radcal.simulators.sources import runner_of
+from radcal.targets.target_fit import fields_of
 
 if TYPE_CHECKING:
-    from radcal.measurement.registration import Registered
     from radcal.radar.geometry import Geometry
+    from radcal.registration.registered import Registered
     from radcal.scene.model import Scene
     from radcal.storage.runs import Record
 

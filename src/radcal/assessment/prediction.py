@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from radcal.assessment.calibrated import LawModel
 from radcal.assessment.curves import NORMAL_90
 from radcal.assessment.posterior import Constant, HeldOut, Predicted
-from radcal.measurement.patches import Residuals, Spread, gls_mean, patch_effects, spreads
+from radcal.ground.patches import Residuals, Spread, gls_mean, patch_effects, spreads
 
 __all__ = ["constant_of", "field_check", "left_out", "predict"]
 

@@ -15,10 +15,10 @@ from radcal.assessment.curves import NORMAL_90, levels_at
 from radcal.assessment.posterior import KeptDraws
 from radcal.config import Radar, Uncertainty
 from radcal.laws import Law
-from radcal.measurement.target_fit import fields_of
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
 from radcal.scene.model import Scene
+from radcal.targets.target_fit import fields_of
 
 __all__ = ["Sight", "common_errors", "half_widths_after", "half_widths_now", "sight_of"]
 

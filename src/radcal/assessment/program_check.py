@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.cells import weights_of_facets, with_noise_db
-from radcal.calibration.expected import LawForward
-from radcal.calibration.history import History
-from radcal.calibration.objectives import Comparison
 from radcal.findings import Finding
-from radcal.measurement.target import Target
+from radcal.inference.expected import LawForward
+from radcal.objectives import Comparison
+from radcal.objectives.history import History
 from radcal.radar.geometry import Geometry
+from radcal.targets.target import Target
 
 __all__ = ["another_law", "beyond_law_db"]
 

@@ -10,9 +10,9 @@ from radcal.assessment.curves import curves_of
 from radcal.config import Case, stages
 from radcal.errors import ConfigError
 from radcal.laws import Law
-from radcal.measurement.target import Targets
 from radcal.radar.texture import log_speckle_cumulants
 from radcal.seeds import derived_rng
+from radcal.targets.target import Targets
 
 __all__ = ["check_level", "check_reach", "law_range_db"]
 

@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.findings import Finding, Severity
 from radcal.laws import Law
-from radcal.measurement.gefolki import find_flow, pyramid
-from radcal.measurement.registration import Registered
-from radcal.measurement.target import Target
 from radcal.radar.geometry import Geometry
+from radcal.registration.gefolki import find_flow, pyramid
+from radcal.registration.registered import Registered
+from radcal.targets.target import Target
 
 __all__ = ["check_registration", "moved_again", "moved_finding"]
 

@@ -7,21 +7,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from radcal.calibration.grounds import fit_grounds
-from radcal.calibration.incidence_error import registration_error_deg
-from radcal.calibration.misfit import BinMisfit, Method
-from radcal.calibration.objectives import OBJECTIVES
 from radcal.config import stages
 from radcal.config.objectives import DEFAULT
+from radcal.ground.class_target import ClassTarget
+from radcal.ground.classes import incidence_edges
+from radcal.ground.ground import Ground
+from radcal.inference.grounds import fit_grounds
+from radcal.inference.incidence_error import registration_error_deg
+from radcal.inference.misfit import BinMisfit, Method
 from radcal.laws import law_for
-from radcal.measurement.class_target import ClassTarget
-from radcal.measurement.classes import incidence_edges
-from radcal.measurement.ground import Ground
-from radcal.measurement.target import Targets
+from radcal.objectives import OBJECTIVES
+from radcal.targets.target import Targets
 
 if TYPE_CHECKING:
-    from radcal.measurement.registration import Registered
     from radcal.radar.geometry import Geometry
+    from radcal.registration.registered import Registered
 
 __all__ = ["bin_targets", "laws_of_image"]
 
@@ -38,7 +38,7 @@ def bin_targets(
     """Divide the pixels of all targets into incidence-angle bins, and estimate the variance between fields.
 
     The variance is estimated from the measured image alone, without simulator runs
-    (:func:`radcal.calibration.grounds.fit_grounds`), and pooled over the materials.
+    (:func:`radcal.inference.grounds.fit_grounds`), and pooled over the materials.
 
     Parameters
     ----------

@@ -12,9 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.calibration.bin_target import laws_of_image
-from radcal.calibration.design import design_points
-from radcal.calibration.history import History
-from radcal.calibration.objectives import make_objectives
 from radcal.calibration.scoring import score, score_reference
 from radcal.calibration.steps import (
     all_parameters,
@@ -26,17 +23,20 @@ from radcal.calibration.steps import (
 )
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Case, stages
-from radcal.measurement.geometry_check import checked
-from radcal.measurement.model import Measurement
-from radcal.measurement.registration import Registered, register
-from radcal.measurement.second_registration import register_again
-from radcal.measurement.target import Targets
-from radcal.measurement.target_fit import make_targets
+from radcal.image.model import Measurement
+from radcal.objectives import make_objectives
+from radcal.objectives.history import History
+from radcal.proposals.design import design_points
 from radcal.radar.geometry import Geometry
+from radcal.registration.geometry_check import checked
+from radcal.registration.registered import Registered, register
+from radcal.registration.second import register_again
 from radcal.scene.model import Scene
 from radcal.simulators.declared_scale import check_scale
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import Parameters, Record
+from radcal.targets.target import Targets
+from radcal.targets.target_fit import make_targets
 
 __all__ = ["calibrate", "register_rounds"]
 

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.calibration.history import Kind, PassScore, Run, Score
 from radcal.calibration.noise import noise_variance
-from radcal.calibration.objectives import Comparison, make_objectives
 from radcal.config import stages
+from radcal.objectives import Comparison, make_objectives
+from radcal.objectives.history import Kind, PassScore, Run, Score
 from radcal.radar.texture import equal_texture, texture_order
 from radcal.seeds import derived_rng
 from radcal.simulators.texturing import textured
 from radcal.storage.runs import Parameters, Record
 
 if TYPE_CHECKING:
-    from radcal.measurement.target import Targets
+    from radcal.targets.target import Targets
 
 __all__ = ["score", "score_reference", "with_texture"]
 
@@ -39,7 +39,7 @@ def score(
     Parameters
     ----------
     kind, index
-        Kind of the run, and its number (:class:`radcal.calibration.history.Run`).
+        Kind of the run, and its number (:class:`radcal.objectives.history.Run`).
     record : Record
         Record of the run; the statistics of its draws of speckle are averaged.
     parameters : mapping

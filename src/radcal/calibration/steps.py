@@ -9,22 +9,22 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from radcal.calibration.history import History, Proposal, Run, Score
 from radcal.calibration.noise import noise_sentence
-from radcal.calibration.objectives import OBJECTIVES, Comparison, make_objectives
 from radcal.calibration.scoring import score
-from radcal.calibration.search import Search
 from radcal.calibration.stopping import decide
-from radcal.calibration.surrogate import Surrogate, Training, train_surrogate
 from radcal.config import CommandSimulation, Material, SimulatorConfig, Stop, stages
 from radcal.errors import SimulatorError
+from radcal.objectives import OBJECTIVES, Comparison, make_objectives
+from radcal.objectives.history import History, Proposal, Run, Score
 from radcal.processes import each
+from radcal.proposals.search import Search
+from radcal.proposals.surrogate import Surrogate, Training, train_surrogate
 from radcal.seeds import derived_seed, draw_seeds, noise_seed
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import Parameters, Record
 
 if TYPE_CHECKING:
-    from radcal.measurement.target import Targets
+    from radcal.targets.target import Targets
 
 __all__ = [
     "all_parameters",

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from radcal.calibration.history import History
-from radcal.calibration.objectives import OBJECTIVES, Objective
-from radcal.calibration.objectives.objective import Progress, Reason, Verdict, run_count
 from radcal.config import Stop
+from radcal.objectives import OBJECTIVES, Objective
+from radcal.objectives.history import History
+from radcal.objectives.objective import Progress, Reason, Verdict, run_count
 
 __all__ = ["Decision", "decide"]
 

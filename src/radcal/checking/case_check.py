@@ -25,16 +25,16 @@ from radcal.config import (
 )
 from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, MissingSign, NotInScene, RadcalError, UnknownMaterial
+from radcal.forecast.expected_memory import expected_mb
+from radcal.forecast.memory_and_time import Stage, memory_mb, values_of
+from radcal.forecast.time_left import largest_runs, runs_in_words
 from radcal.reading.safe import is_safe_name
-from radcal.running.expected_memory import expected_mb
-from radcal.running.memory_and_time import Stage, memory_mb, values_of
-from radcal.running.time_left import largest_runs, runs_in_words
 from radcal.scene.size import scene_size
 from radcal.simulators.command_plan import check_command, check_image_shape
 from radcal.words import rough
 
 if TYPE_CHECKING:
-    from radcal.measurement.model import Measurement
+    from radcal.image.model import Measurement
     from radcal.radar.geometry import Geometry
     from radcal.scene.model import Scene
 
@@ -380,8 +380,8 @@ def _by_annotation(one: Case, scene: Scene) -> tuple[list[str], list[str]]:
         Scene of the case.
     """
     from radcal.config import expand_path
-    from radcal.measurement.acquisition import differences, radar_section
-    from radcal.measurement.overpass import told
+    from radcal.image.acquisition import differences, radar_section
+    from radcal.sentinel1.overpass import told
 
     image = one.measurement
     if not isinstance(image, FileMeasurement) or not is_safe_name(image.path):

@@ -24,8 +24,8 @@ from radcal.config import (
 from radcal.config.landcover import LANDCOVERS
 from radcal.config.loading import listed_by, origin_of
 from radcal.errors import ConfigError, MissingFile, NotInScene, RadcalError, SceneError, UnknownMaterial
+from radcal.newcase.file_facts import code_counts, swapped_hint
 from radcal.reading.safe import is_safe_name
-from radcal.running.file_facts import code_counts, swapped_hint
 
 if TYPE_CHECKING:
     from radcal.scene.model import Scene
@@ -99,7 +99,7 @@ def with_hints(error: RadcalError, scene: SceneConfig, paths: Iterable[str | Pat
 
 def is_on_map(config: FileMeasurement) -> bool:
     """Whether a measured image is georeferenced, so that its place does not depend on section ``radar``."""
-    from radcal.measurement.georeference import is_georeferenced
+    from radcal.image.georeference import is_georeferenced
 
     with contextlib.suppress(RadcalError):
         product = is_safe_name(config.path)

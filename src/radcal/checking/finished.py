@@ -7,7 +7,7 @@ from pathlib import Path
 
 from radcal.config import Case
 from radcal.errors import RadcalError
-from radcal.running.replacement import check_replacement
+from radcal.session.replacement import check_replacement
 
 __all__ = ["kept_results"]
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from radcal.config import Case
 from radcal.errors import MeasurementError
-from radcal.measurement.model import Measurement
-from radcal.measurement.pixels import (
+from radcal.ground.pixels import (
     IN_THE_NOISE,
     MANY_IN_NOISE,
     eligible_pixels,
@@ -15,6 +14,7 @@ from radcal.measurement.pixels import (
     point_targets,
     share_in_noise,
 )
+from radcal.image.model import Measurement
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
 
@@ -28,7 +28,7 @@ _MUCH = 0.2
 def hidden_by_noise(case: Case, geometry: Geometry, measured: Measurement) -> list[str]:
     """Warnings on calibrated materials of which a part of the pixels is to be masked as noise.
 
-    The share of pixels is that of the report (:func:`radcal.measurement.pixels.share_in_noise`), but for an image that
+    The share of pixels is that of the report (:func:`radcal.ground.pixels.share_in_noise`), but for an image that
     is not registered, and for all ground, held out or not. If the level of the image is removed, its noise is not known
     before the reference run, and nothing is said.
 

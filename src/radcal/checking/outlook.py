@@ -18,15 +18,15 @@ from radcal.checking.hidden_by_noise import hidden_by_noise
 from radcal.checking.unregistered import start_image
 from radcal.config import Case, FileMeasurement, Radar, SyntheticMeasurement
 from radcal.config.landcover import brighter_than_terrain
-from radcal.measurement.model import Measurement
-from radcal.measurement.registration import LEAST_CONTRAST_DB, contrast_db
-from radcal.radar.geometry import Geometry
-from radcal.running.time_left import (
+from radcal.forecast.time_left import (
     duration,
     largest_runs,
     most_need,
     stored_iteration_seconds,
 )
+from radcal.image.model import Measurement
+from radcal.radar.geometry import Geometry
+from radcal.registration.registered import LEAST_CONTRAST_DB, contrast_db
 from radcal.scene.model import Scene
 from radcal.storage.runs import median_seconds
 

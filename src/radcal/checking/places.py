@@ -8,7 +8,7 @@ from typing import Any
 
 from radcal.config import FILL_IN, expand_path
 from radcal.errors import MeasurementError, NoCommonPlace, RadcalError
-from radcal.measurement.georeference import is_georeferenced
+from radcal.image.georeference import is_georeferenced
 from radcal.reading.rasters import open_raster
 from radcal.scene.crs import crs_of, horizontal
 from radcal.scene.grid import box_in

@@ -18,12 +18,12 @@ from radcal.assessment.reach import check_level
 from radcal.config import BuiltinSimulation, Case, stages
 from radcal.errors import ConfigError, MeasurementError
 from radcal.findings import Finding
-from radcal.measurement.levels import Levels
-from radcal.measurement.model import Measurement
-from radcal.measurement.pixels import eligible_pixels
-from radcal.measurement.registration import Registered
+from radcal.ground.levels import Levels
+from radcal.ground.pixels import eligible_pixels
+from radcal.image.model import Measurement
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
+from radcal.registration.registered import Registered
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
 

@@ -23,8 +23,8 @@ def main(
     results: Results = Path("results"),
 ) -> None:
     """Print how far further passes are expected to narrow the bands of a finished case."""
-    from radcal.report.advice import advise
-    from radcal.report.showing import results_folder
+    from radcal.products.advice import advise
+    from radcal.products.showing import results_folder
 
     with sentences():
         typer.echo("\n".join(advise(results_folder(case, results), depression or [], between)))

@@ -22,8 +22,8 @@ def main(
 ) -> None:
     """Predict the images of another case from the laws of a finished case."""
     from radcal.config import load_forward, load_measured
-    from radcal.report.applied import apply
-    from radcal.report.showing import results_folder
+    from radcal.products.applied import apply
+    from radcal.products.showing import results_folder
 
     with sentences():
         folder, other = results_folder(case, results), load_forward([to])

@@ -49,8 +49,8 @@ def main(cases: CaseFiles, settings: Settings = None, results: Results = Path("r
 def _is_right(case: Path, changed: dict[str, Any], results: Path) -> bool:
     """Whether a case can be run; the result of its check is printed."""
     from radcal.checking.case_check import check_case
-    from radcal.running.jobs import clock
-    from radcal.running.workflow_files import carried_case
+    from radcal.session.jobs import clock
+    from radcal.session.workflow_files import carried_case
 
     began = time.monotonic()
 

@@ -24,8 +24,8 @@ def main(
     results: Results = Path("results"),
 ) -> None:
     """Compare the laws of two finished cases."""
-    from radcal.report.comparison import compare
-    from radcal.report.showing import results_folder
+    from radcal.products.comparison import compare
+    from radcal.products.showing import results_folder
 
     with sentences():
         folders = [results_folder(case, results) for case in (first, second)]

@@ -14,7 +14,7 @@ from radcal.cli.new_entries import ENTRIES, Entry
 from radcal.errors import RadcalError
 
 if TYPE_CHECKING:
-    from radcal.running.new_case import NewCase
+    from radcal.newcase.new_case import NewCase
 
 __all__ = ["HELP", "main"]
 
@@ -37,7 +37,7 @@ def main(case: str, **answers: Any) -> None:
     """Write a new case."""
     from radcal.config import FILL_IN
     from radcal.config.sensors import SENSORS
-    from radcal.running.new_case import NewCase, case_path
+    from radcal.newcase.new_case import NewCase, case_path
 
     known = f"{', '.join(SENSORS)}; empty for another one"
     given = {entry.key: answers[entry.name] for entry in ENTRIES if answers[entry.name] not in (None, [], ())}

@@ -78,7 +78,7 @@ def main(
 ) -> None:
     """Check cases and calibrate them."""
     from radcal.errors import ConfigError
-    from radcal.running.workflow_files import carried_case, workflow_folder
+    from radcal.session.workflow_files import carried_case, workflow_folder
 
     cases, targets, further = sorted_words(words)
     here = Path.cwd()
@@ -100,7 +100,7 @@ def main(
             )
             for file, case in zip(files, checked, strict=True)
         ]
-    os.environ["RADCAL_RESULTS"] = str(results)  # radcal.running.jobs.RESULTS, whose import takes a second
+    os.environ["RADCAL_RESULTS"] = str(results)  # radcal.session.jobs.RESULTS, whose import takes a second
     if elsewhere is not None:
         typer.echo(f"radcal: results go to {(here / results).resolve()}", err=True)
     if len(commands) == 1:
@@ -143,7 +143,7 @@ def check_folder(folder: Path, targets: Iterable[str] = ()) -> None:
     """
     from radcal.config import nearest
     from radcal.errors import ConfigError
-    from radcal.running.workflow_files import holds_workflow
+    from radcal.session.workflow_files import holds_workflow
 
     if not holds_workflow(folder):
         raise ConfigError(f"{folder} is not the folder of radcal's workflow, with Snakefile, workflow and config.")

@@ -30,7 +30,7 @@ def main(
     results: Results = Path("results"),
 ) -> None:
     """Show the verdict, the runs and the files of cases."""
-    from radcal.report.showing import results_folder, show
+    from radcal.products.showing import results_folder, show
 
     failed = False
     for number, case in enumerate(cases):

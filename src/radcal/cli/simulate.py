@@ -42,8 +42,8 @@ def main(
     results: Results = Path("results"),
 ) -> None:
     """Simulate the images of a case without a measured image."""
-    from radcal.report.simulated import simulate
-    from radcal.running.forward_case import forward_case
+    from radcal.newcase.forward_case import forward_case
+    from radcal.products.simulated import simulate
 
     with sentences():
         found, remarks = forward_case(case, overrides(settings), materials)

@@ -37,7 +37,7 @@ OBJECTIVES: dict[str, Traits] = {
     "density": Traits(bins=False, compares="the histogram"),
     "likelihood": Traits(bins=True, curve=True, compares="the levels"),
 }
-"""Traits of each objective by name; ``radcal.calibration.objectives`` contains the classes of the objectives."""
+"""Traits of each objective by name; ``radcal.objectives`` contains the classes of the objectives."""
 
 DEFAULT = "classes"
 SINGLE = "density"

@@ -17,7 +17,8 @@ from radcal.bands import LETTER_BANDS_GHZ, letter_band, within_band
 from radcal.config import FileMeasurement, Radar, TargetConfig, expand_path, stages, vrt_folders
 from radcal.config.measurement import RADIOMETRY_EXPECTED
 from radcal.errors import FitError, MeasurementError, MissingSign, RadcalError
-from radcal.measurement.georeference import (
+from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited
+from radcal.image.georeference import (
     check_spacing,
     is_georeferenced,
     map_pixel_m,
@@ -26,16 +27,12 @@ from radcal.measurement.georeference import (
     read_georeferenced,
     values_at_ground,
 )
-from radcal.measurement.model import Measurement
-from radcal.measurement.pixels import IN_THE_NOISE, eligible_pixels, noise_limited
-from radcal.measurement.product import open_product
-from radcal.measurement.readers import ReadImage, image_of, read_image
-from radcal.measurement.relief import check_relief, relief_slope
-from radcal.measurement.resolution import check_resolutions
-from radcal.measurement.sentinel1 import sigma0_image
-from radcal.measurement.speckle_notes import speckle_notes
+from radcal.image.model import Measurement
+from radcal.image.readers import ReadImage, image_of, read_image
+from radcal.image.resolution import check_resolutions
+from radcal.image.speckle_notes import speckle_notes
+from radcal.image.tags import Tags, incidence_band, tags_of
 from radcal.measurement.synthetic import make_synthetic
-from radcal.measurement.tags import Tags, incidence_band, tags_of
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
 from radcal.reading.arrays import is_raster
@@ -43,7 +40,10 @@ from radcal.reading.images import Counts
 from radcal.reading.products import named_product
 from radcal.reading.rasters import open_raster
 from radcal.reading.safe import is_safe_name
+from radcal.registration.relief import check_relief, relief_slope
 from radcal.scene.model import Scene
+from radcal.sentinel1.product import open_product
+from radcal.sentinel1.reader import sigma0_image
 from radcal.simulators.protocol import Simulator
 
 __all__ = ["check_image", "make_measurement"]

@@ -16,14 +16,14 @@ from scipy.ndimage import gaussian_filter, label, maximum_filter, minimum_filter
 from radcal.bands import WIDTH_FACTOR
 from radcal.config import Radar, Synthetic, stages
 from radcal.errors import MeasurementError
-from radcal.measurement.displacement import invert, warp
-from radcal.measurement.model import Measurement
-from radcal.measurement.patches import patches_seen
+from radcal.ground.patches import patches_seen
+from radcal.image.model import Measurement
 from radcal.radar.geometry import Geometry
 from radcal.radar.lines import refined_elevation
 from radcal.radar.projection import make_geometry
 from radcal.radar.size import refinement
 from radcal.radar.texture import order_of_texture, texture_db
+from radcal.registration.displacement import invert, warp
 from radcal.scene.model import Scene
 from radcal.seeds import derived_rng, measurement_seed
 from radcal.simulators.builtin import BuiltinSimulator

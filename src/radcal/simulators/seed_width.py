@@ -55,7 +55,7 @@ def with_seed_bits(case: Case, results: str | Path) -> Case:
 def _recorded(folder: Path) -> int | None:
     """Number of bits of the seeds, from a case's simulator.json, else from the seeds of its runs; None if unknown."""
     path = folder / "simulator.json"
-    # radcal.running.salvage reports damaged files
+    # radcal.session.salvage reports damaged files
     with contextlib.suppress(Exception):
         inspect_file(path, None)
         return int(json.loads(path.read_text(encoding="utf-8"))["data"]["seed_bits"])

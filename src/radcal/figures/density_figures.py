@@ -1,0 +1,255 @@
+"""Figures of backscatter densities: of the target, of design runs, and of the runs before and after calibration."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal import skewnormal
+from radcal.figures.colours import colour_of, head
+from radcal.figures.drawing import (
+    DESIGN,
+    FOUND,
+    PALE,
+    START,
+    TARGET,
+    Array,
+    add_legend,
+    mark,
+    new_canvas,
+    short,
+    shortened,
+)
+from radcal.results.archive import Archive, MaterialResult
+from radcal.results.reasons import REASONS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["densities", "histogram", "overview", "quality"]
+
+_SEED = 4  # seed of the choice of ten design runs
+_TEXTURED = (
+    " Each simulated density includes the texture that gives the run the effective looks with which it fits best, so "
+    "that the density can be wider than that of the run with the looks of the sensor alone."
+)
+
+
+def _reach(dp: Array) -> tuple[float, float]:
+    mean, sd, _ = skewnormal.centred(dp)
+    return float(mean), float(sd)
+
+
+def _of_looks(material: MaterialResult, runs: NDArray[np.intp]) -> str:
+    """Part of the caption on the effective looks of the runs drawn; empty if texture is no part of the densities."""
+    if material.run_looks is None:
+        return ""
+    looks = material.run_looks[runs]
+    if not np.isfinite(looks).any():
+        return ""
+    low, high = short(float(np.nanmin(looks))), short(float(np.nanmax(looks)))
+    return f"{_TEXTURED} Effective looks of these runs: {low if low == high else f'{low} to {high}'}."
+
+
+class _Densities:
+    """Axes that show the target density and other densities.
+
+    The limits of the axes lie near the target density, so that other densities may be cut off.
+    """
+
+    def __init__(self, axes: Axes, material: MaterialResult) -> None:
+        self._axes = axes
+        self._dp = material.target_dp
+        mean, sd = _reach(self._dp)
+        values = material.measured_db[np.isfinite(material.measured_db)].astype(np.float64)
+        self._low, self._high = mean - 4.0 * sd, mean + 4.0 * sd
+        self._limits = (mean - 14.0 * sd, mean + 14.0 * sd)
+        inside = values[(values > self._limits[0]) & (values < self._limits[1])]
+        self.outside = 0
+        self.clipped = 0
+        peak = float(skewnormal.density(self._grid(self._dp), self._dp).max())
+        if inside.size:
+            bins = int(np.clip(np.sqrt(inside.size), 8, 36))
+            heights, edges = np.histogram(inside, bins=bins, density=True)
+            axes.stairs(heights, edges, fill=True, color=PALE, label="measured pixels")
+            peak = max(peak, float(heights.max()))
+            self._low, self._high = min(self._low, inside.min()), max(self._high, inside.max())
+        self._cap = 2.2 * peak
+        self._tops = [peak]
+
+    @staticmethod
+    def _grid(dp: Array) -> Array:
+        mean, sd = _reach(dp)
+        return np.linspace(mean - 6.0 * sd, mean + 6.0 * sd, 601)
+
+    def draw(self, dp: Array, label: str | None, style: Mapping[str, Any]) -> None:
+        mean, sd = _reach(dp)
+        if mean + sd < self._limits[0] or mean - sd > self._limits[1]:
+            self.outside += 1
+            self._axes.plot([], [], label=label, **style)
+            return
+        self._low = max(self._limits[0], min(self._low, mean - 3.0 * sd))
+        self._high = min(self._limits[1], max(self._high, mean + 3.0 * sd))
+        grid = self._grid(dp)
+        values = skewnormal.density(grid, dp)
+        top = float(values.max())
+        grid, values = grid[values > 2e-4 * top], values[values > 2e-4 * top]
+        self.clipped += top > self._cap
+        self._tops.append(min(top, self._cap))
+        self._axes.plot(grid, values, label=label, **style)
+
+    def finish(self) -> None:
+        self._axes.set_xlim(self._low, self._high)
+        self._axes.set_ylim(0.0, 1.06 * max(self._tops))
+
+    def remark(self) -> str:
+        """Sentence on the number of densities that lie outside the axes or are higher than the axes."""
+        parts = []
+        if self.outside:
+            parts.append(f"{self.outside} lie outside the axis" if self.outside > 1 else "one lies outside the axis")
+        if self.clipped:
+            parts.append(
+                f"{self.clipped} are higher than the axis" if self.clipped > 1 else "one is higher than the axis"
+            )
+        return f" Of the curves, {' and '.join(parts)}." if parts else ""
+
+
+def histogram(case: Archive, name: str) -> tuple[Canvas, str, str]:
+    """Figure of the histogram of the measured pixels, the target density, and the densities of some design runs."""
+    material = case.materials[name]
+    canvas = new_canvas(6.2, 4.2)
+    axes = canvas.subplots()
+    panel = _Densities(axes, material)
+    design = np.flatnonzero(case.runs.kind == "design")
+    chosen = np.random.default_rng(_SEED).choice(design, size=min(10, design.size), replace=False)
+    for n, run in enumerate(np.sort(chosen)):
+        label = f"{chosen.size} runs of the design" if n == 0 else None
+        panel.draw(material.dp[run], label, {"color": DESIGN, "linewidth": 1.1, "alpha": 0.9})
+    panel.draw(material.target_dp, "target: fitted skew normal", TARGET | {"linewidth": 3.2})
+    panel.finish()
+    head(axes, case, name)
+    axes.set_xlabel(f"backscatter [{case.levels.unit}]")
+    axes.set_ylabel(f"density [1/{case.levels.unit}]")
+    add_legend(canvas, axes.get_legend_handles_labels(), 3)
+    caption = (
+        f"Grey: the {material.measured_db.size:,} measured pixels of {name}. Black: the skew normal fitted to "
+        f"them, which is the target. Thin: the densities of {chosen.size} of the {design.size} runs of the design, "
+        f"drawn at random (seed {_SEED}).{_of_looks(material, np.sort(chosen))}{panel.remark()}"
+    )
+    alt = f"Histogram of {name}'s measured backscatter, its fitted density and those of some runs."
+    return canvas, caption, alt
+
+
+def densities(case: Archive, name: str) -> tuple[Canvas, str, str]:
+    """Figure of three densities: of the target, of the run at the start, and of the calibrated run."""
+    material = case.materials[name]
+    canvas = new_canvas(6.2, 4.2)
+    axes = canvas.subplots()
+    panel = _before_after(axes, material)
+    head(axes, case, name, f"rms {short(material.rms[material.best])} 1/{case.levels.unit}")
+    axes.set_xlabel(f"backscatter [{case.levels.unit}]")
+    axes.set_ylabel(f"density [1/{case.levels.unit}]")
+    add_legend(canvas, axes.get_legend_handles_labels(), 4)
+    caption = (
+        "Density of the backscatter at the starting parameters (orange, dashed), by the law of the search (blue) and "
+        "in the measurement (black: fitted; grey: its pixels). Where blue lies on black the distributions agree."
+        + _of_looks(material, np.array([0, material.best]))
+        + panel.remark()
+    )
+    alt = f"Densities of {name}'s backscatter: target, start and calibrated."
+    return canvas, caption, alt
+
+
+def _before_after(axes: Axes, material: MaterialResult) -> _Densities:
+    panel = _Densities(axes, material)
+    panel.draw(material.target_dp, "target", TARGET | {"linewidth": 4.5})
+    panel.draw(material.dp[0], "start", START)
+    panel.draw(material.dp[material.best], "calibrated", FOUND)
+    panel.finish()
+    return panel
+
+
+def overview(case: Archive) -> tuple[Canvas, str, str]:
+    """Figure of the densities of all materials, with one small panel for each material."""
+    n = len(case.materials)
+    columns = 2 if n <= 4 else 3 if n <= 9 else 4
+    rows = -(-n // columns)
+    canvas = new_canvas(9.5, 2.2 * rows + 1.0)
+    grid = canvas.subplots(rows, columns, squeeze=False).ravel()
+    outside = 0
+    for axes, (name, material) in zip(grid, case.materials.items(), strict=False):
+        panel = _before_after(axes, material)
+        outside += bool(panel.outside or panel.clipped)
+        width = 88 // columns
+        lines = textwrap.wrap(shortened(name, 2 * width - 4), width)
+        axes.set_title(
+            "\n".join(line.replace("$", r"\$") for line in lines)
+            + f"\nrms {short(material.rms[material.best])}: {REASONS[material.reason].label}",
+            fontsize=10.0,
+        )
+        mark(axes, colour_of(case, name))
+        axes.tick_params(labelsize=9.5)
+    for axes in grid[n:]:
+        axes.set_axis_off()
+    for axes in grid[:n]:  # each panel has limits of its own
+        axes.set_xlabel(f"backscatter [{case.levels.unit}]")
+    for axes in grid[:n:columns]:
+        axes.set_ylabel(f"density [1/{case.levels.unit}]")
+    add_legend(canvas, grid[0].get_legend_handles_labels(), 4)
+    caption = (
+        "Density of each material at the starting parameters (orange, dashed), by the laws of the search (blue) and in "
+        f"the measurement (black: fitted; grey: its pixels); rms in 1/{case.levels.unit}."
+        + (_TEXTURED if any(one.run_looks is not None for one in case.materials.values()) else "")
+        + (f" In {outside} of them a curve leaves the axes." if outside else "")
+    )
+    return canvas, caption, f"Small densities of {n} materials: target, start and calibrated."
+
+
+def quality(case: Archive, name: str) -> tuple[Canvas, str, str]:
+    """Quantile-quantile figure of the measured pixels and the skew-normal density fitted to them."""
+    material = case.materials[name]
+    from scipy.special import betaincinv
+
+    canvas = new_canvas(6.2, 4.4)
+    axes = canvas.subplots()
+    values = np.sort(material.measured_db.astype(np.float64))
+    n = values.size
+    dp = material.target_dp
+    mean, sd = _reach(dp)
+    grid = np.linspace(mean - 10.0 * sd, mean + 10.0 * sd, 8001)
+    below = skewnormal.cdf(grid, dp)
+    rising = np.concatenate([[True], np.diff(below) > 0.0])
+
+    def quantile(share: Array) -> Array:
+        return np.asarray(np.interp(share, below[rising], grid[rising]))
+
+    expected = quantile((np.arange(n) + 0.5) / n)
+    # order statistics of as many independent values as the effective sample size (David and Nagaraja, "Order
+    # Statistics", section 2.1)
+    m = max(8, round(material.effective))
+    rank = np.arange(1, m + 1)
+    shares = np.stack([betaincinv(rank, m + 1 - rank, tail) for tail in (0.025, 0.975)])
+    axes.fill_between(
+        quantile((rank - 0.5) / m), *quantile(shares), color=DESIGN, alpha=0.35, linewidth=0, label="95 % of samples"
+    )
+    ends = np.array([expected[0], expected[-1]])
+    axes.plot(ends, ends, label="fitted skew normal", **TARGET | {"linewidth": 1.6})
+    axes.plot(
+        expected, values, color=FOUND["color"], marker=".", markersize=4, linestyle="none", label="measured pixels"
+    )
+    head(axes, case, name, f"distance {short(material.fit_ks)}, p = {short(material.fit_ad_p)}")
+    axes.set_xlabel(f"quantile of the skew normal [{case.levels.unit}]")
+    axes.set_ylabel(f"measured quantile [{case.levels.unit}]")
+    add_legend(canvas, axes.get_legend_handles_labels(), 3)
+    caption = (
+        f"The {n:,} measured pixels in order against what the skew normal fitted to them expects; points on the line "
+        f"are described by it. Shaded: where 95 % of samples of the density lie at each place, as many as the pixels "
+        f"stand for ({m:,} independent ones). Distance: Kolmogorov-Smirnov; p: share of samples that lie further from "
+        "their own fit (Anderson-Darling)."
+    )
+    return canvas, caption, f"Quantiles of {name}'s measured backscatter against those of the fitted density."

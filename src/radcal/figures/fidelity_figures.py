@@ -1,0 +1,113 @@
+"""Figure of the surrogate's predictions against the runs that verified them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from radcal.figures.colours import head
+from radcal.figures.drawing import FOUND, MUTED, PALE, START, Array, add_legend, new_canvas
+from radcal.results.archive import Archive, Fidelity
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["differences", "fidelity"]
+
+_STATISTICS = (("mean", "#0072B2", "o"), ("log sd", "#D55E00", "s"), ("skewness", "#009E73", "^"))
+_MOST = 6.0  # largest difference drawn [standard deviations]; larger differences are drawn at this value
+_NARROW = 0.13
+_REPEATED = ", made for other materials after the search of this material had ended, with its best X"
+_EACH = 8  # largest number of runs with a tick for each run
+
+
+def differences(found: Fidelity) -> Array:
+    """Verified minus predicted statistics of m runs and b bins, in kriging standard deviations, shape (m, b, 3).
+
+    The difference is NaN for a statistic that was not predicted.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = (found.verified - found.predicted) / found.error
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
+    """Figure of predicted and verified cost of each infill run, and of verified minus predicted statistics."""
+    material = case.materials[name]
+    found = material.fidelity
+    if found is None or not np.isfinite(found.predicted_cost).any():
+        return None
+    canvas = new_canvas(6.2, 6.2)
+    upper, lower = canvas.subplots(2, 1, sharex=True)
+    every, predicted_runs = np.flatnonzero(case.runs.kind == "infill"), np.isfinite(found.predicted_cost)
+    runs = every[predicted_runs]
+    # same unit as in the figure of the misfits of all runs; the cost of bins is half the sum of squared residuals
+    bins = material.cost is not None
+    what = "squared residuals, priors included" if bins else f"densities, rms [1/{case.levels.unit}]"
+    predicted, verified = (
+        (2.0 if bins else 1.0) * cost[predicted_runs] for cost in (found.predicted_cost, found.verified_cost)
+    )
+    positive = np.concatenate([predicted, verified])
+    positive = positive[np.isfinite(positive) & (positive > 0)]
+    bottom = float(positive.min()) if positive.size else 1e-6
+    for values, label, style in (
+        (predicted, "predicted", {"color": START["color"], "marker": "D", "markerfacecolor": "none"}),
+        (verified, "verified", {"color": FOUND["color"], "marker": "^"}),
+    ):
+        upper.plot(runs, np.maximum(values, bottom), linestyle="none", markersize=7, label=label, **style)
+    upper.set_yscale("log")
+    if positive.size:  # at least a decade, so that equal costs are seen to be equal
+        middle, reach = np.log10(positive).mean(), max(0.5, 0.6 * float(np.ptp(np.log10(positive))))
+        upper.set_ylim(10.0 ** (middle - reach), 10.0 ** (middle + reach))
+    upper.set_ylabel(what.replace(", ", ",\n", 1))
+    head(upper, case, name, "surrogate's predictions and verifying runs")
+    lower.axhspan(-2.0, 2.0, color=PALE, alpha=0.6, linewidth=0, label="two standard deviations")
+    lower.axhline(0.0, color=MUTED, linewidth=0.8)
+    values = differences(found)[predicted_runs]
+    for k, (label, color, marker) in enumerate(_STATISTICS):
+        at = np.repeat(runs + (k - 1) * _NARROW, values.shape[1])
+        lower.plot(
+            at, np.clip(values[..., k].ravel(), -_MOST, _MOST), color=color, marker=marker, linestyle="none",
+            markersize=4, alpha=0.8, label=label,
+        )  # fmt: skip
+    lower.set_ylim(-_MOST - 0.5, _MOST + 0.5)
+    lower.set_ylabel("verified - predicted\n[standard deviations]")
+    lower.set_xlabel("run (0: reference)")
+    from matplotlib.ticker import MaxNLocator
+
+    if len(runs) <= _EACH:
+        lower.set_xticks(runs)
+    else:
+        lower.xaxis.set_major_locator(MaxNLocator(integer=True))
+    lower.set_xlim(runs.min() - 0.6, runs.max() + 0.6)
+    handles = [axes.get_legend_handles_labels() for axes in (upper, lower)]
+    add_legend(canvas, (handles[0][0] + handles[1][0], handles[0][1] + handles[1][1]), 3)
+    caption = _caption(case, name, what, values)
+    return canvas, caption, f"Predicted and verified cost of the infill runs of {name}, and differences of statistics."
+
+
+def _caption(case: Archive, name: str, what: str, values: Array) -> str:
+    """Caption of the figure; ``what`` is the cost, and ``values`` the differences of the runs that are drawn."""
+    material = case.materials[name]
+    found = material.fidelity
+    assert found is not None  # noqa: S101
+    predicted = np.isfinite(found.predicted_cost)
+    known = np.isfinite(values)
+    inside = f"{int((np.abs(values[known]) <= 2.0).sum())} of {int(known.sum())}"
+    left_out = [str(run) for run in np.flatnonzero(case.runs.kind == "infill")[~predicted]]
+    q2 = found.q2[np.isfinite(found.q2).all(axis=1)]
+    caption = (
+        f"Above: {what}, as the surrogate predicted it for each infill run, and as the run has it. Below: the "
+        "statistics of the run minus their prediction, in kriging standard deviations, one point for each statistic"
+        f"{' and incidence-angle bin' if values.shape[1] > 1 else ''}; {inside} lie within two. The kriging standard "
+        "deviation guides the search; it is not the uncertainty of the law."
+    )
+    if left_out:
+        caption += f" Without prediction, and not drawn: run{'s' * (len(left_out) > 1)} {', '.join(left_out)}"
+        ended = all(material.mode[k] == "ended" for k in np.flatnonzero(~predicted))
+        caption += f"{_REPEATED if ended else ''}."
+    if len(q2):
+        each = ", ".join(f"{label} {value:.2f}" for (label, *_), value in zip(_STATISTICS, q2[-1], strict=True))
+        caption += f" Leave-one-out Q2 of the last surrogate: {each}."
+    return caption

@@ -1,0 +1,45 @@
+"""Figure of held-out ground: measured and predicted means of its cells."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from radcal.figures.colours import head
+from radcal.figures.drawing import BAND, MUTED, START, TARGET, add_legend, new_canvas
+from radcal.results.archive import Archive
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["held_out"]
+
+
+def held_out(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
+    """Figure of held-out cells against the incidence, measured and predicted; None if none were held out."""
+    posterior = case.materials[name].posterior
+    if posterior is None or posterior.held is None:
+        return None
+    held, predicted = posterior.held, posterior.held.predicted
+    canvas = new_canvas(6.2, 4.8)
+    axes = canvas.subplots()
+    band: dict[str, Any] = {"color": "#E3D3EE", "linewidth": 2.5, "label": "predicted, 90 % band"}
+    axes.vlines(held.incidence_deg, predicted.p05_db, predicted.p95_db, **band)
+    each = (
+        ("law alone", held.law.mean_db, MUTED, "x"),
+        ("constant alone", held.constant.mean_db, START["color"], "_"),
+        ("predicted", predicted.mean_db, BAND["color"], "D"),
+        ("measured", held.measured_db, TARGET["color"], "."),
+    )
+    for label, level_db, colour, marker in each:
+        axes.plot(held.incidence_deg, level_db, marker, color=colour, markersize=4.0, label=label)
+    rmse, by_law, by_constant = (f"{held.rmse_db(by):.2f} dB" for by in (predicted, held.law, held.constant))
+    head(axes, case, name, f"held-out cells, rms error {rmse}")
+    axes.set(xlabel="local incidence [deg]", ylabel="mean of the cell [dB]")
+    add_legend(canvas, axes.get_legend_handles_labels(), 3)
+    caption = (
+        f"Mean power of {held.patch.size} cells, less what the simulator adds to its law, as predicted from the other "
+        "cells: the average (predicted) of the law's model and of one constant level, each with the effects of those "
+        f"fields with other cells. The rms error is {rmse} ({by_law} and {by_constant} by law and constant alone), and "
+        f"{100.0 * held.coverage_90(predicted):.0f} % of the cells lie inside of the band."
+    )
+    return canvas, caption, f"Means of held-out cells of {name} against local incidence, measured and predicted, in dB."

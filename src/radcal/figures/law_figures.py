@@ -1,0 +1,354 @@
+"""Figures of the calibrated law, and of each run's misfit to the target (its cost)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.assessment.cells import STEP_DEG
+from radcal.assessment.posterior import Curve
+from radcal.figures.colours import head
+from radcal.figures.drawing import (
+    BAND,
+    FOUND,
+    HIDDEN,
+    MODEL,
+    MUTED,
+    PALE,
+    RUNS,
+    SAMPLING,
+    START,
+    TOLERANCE,
+    Array,
+    add_legend,
+    new_canvas,
+    short,
+)
+from radcal.laws import Law
+from radcal.results.archive import Archive, MaterialResult
+from radcal.words import state, verdict, widths
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["cost", "law"]
+
+_GRAZING_DB = -60.0
+_LAST_DEG = 85.0  # largest incidence at which bands and curves are drawn
+_SEARCH, _NEAREST = "law of the search", "law nearest to the median"
+_CONTEXT_DEG = 5.0  # smallest margin of the angle axis on each side of the incidence seen
+
+
+def _runs(axes: Axes, case: Archive, material: MaterialResult, shown: Array) -> None:
+    """Draw one value for each run, marked by the kind of run, and the smallest value up to each run."""
+    runs = np.arange(shown.size)
+    counted = np.isfinite(material.parameters.values).all(axis=1)  # a run of another law is never the best
+    best = np.minimum.accumulate(shown[counted])
+    axes.step(runs[counted], best, where="post", color="black", linewidth=1.6, label="best so far")
+    ended = _ended(case, material)
+    markers = [(label, (case.runs.kind == kind) & ~ended, style) for kind, (label, style) in RUNS.items()]
+    for label, which, style in (*markers, ("infill after it ended", ended, {"color": PALE, "marker": "^", "s": 26})):
+        if which.any():
+            axes.scatter(
+                runs[which], shown[which], label=label, edgecolors="black", linewidths=0.4, zorder=3, clip_on=False,
+                **style,
+            )  # fmt: skip
+    axes.set_yscale("log")
+
+
+def _ended(case: Archive, material: MaterialResult) -> NDArray[np.bool_]:
+    """Mask of the infill runs after the end of a material's search, which repeat its best X for other materials."""
+    ended = np.zeros(case.runs.kind.size, dtype=bool)
+    ended[np.flatnonzero(case.runs.kind == "infill")[[mode == "ended" for mode in material.mode]]] = True
+    return ended
+
+
+def _run_words(case: Archive, material: MaterialResult) -> tuple[str, str]:
+    """Remark for the title on the last run of a material's search, and sentences on the numbers of the runs."""
+    kinds, ended = case.runs.kind, _ended(case, material)
+    reused, design = np.flatnonzero(kinds == "reused"), np.flatnonzero(kinds == "design")
+    said = "Run 0 is the reference run"
+    if (again := np.flatnonzero(kinds == "registration")).size:
+        said += f", run {again[0]} the registration run"
+    if reused.size:
+        which = f"runs {reused[0]} to {reused[-1]} are" if reused.size > 1 else f"run {reused[0]} is"
+        said += f", {which} from an earlier case"
+    if design.size:
+        said += f", run {design[0]} the first of the design"
+    said = f" {said}."
+    if not ended.any():
+        return "", said
+    last = int(np.flatnonzero(ended)[0]) - 1
+    count = int(np.isin(kinds[: last + 1], ("design", "infill")).sum())
+    said += (
+        f" The search of this material ended after run {last} (runs of design and infill until then: {count}); the "
+        "runs after it (grey) were made for other materials and repeat its best X."
+    )
+    return f", search ended after run {last}", said
+
+
+def _number_runs(axes: Axes, number: int) -> None:
+    """Label the axis of the runs."""
+    from matplotlib.ticker import MaxNLocator
+
+    axes.set_xlim(-0.5, max(number - 0.5, 1.0))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlabel("run (0: reference)")
+
+
+def cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
+    """Figure of each run's misfit to the target (its cost)."""
+    costs = case.materials[name].cost
+    return _density_cost(case, name) if costs is None else _law_cost(case, name, costs)
+
+
+def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]:
+    """Draw, for each run, the misfit of the incidence-angle bins and the rms difference from the target density."""
+    material = case.materials[name]
+    canvas = new_canvas(6.2, 6.2)
+    upper, lower = canvas.subplots(2, 1, sharex=True)
+    squares = np.maximum(2.0 * costs, 1e-3)
+    ended, numbered = _run_words(case, material)
+    _runs(upper, case, material, squares)
+    upper.set_ylabel("squared residuals,\npriors included")
+    head(upper, case, name, f"best misfit {short(squares[material.best])} in run {material.best}{ended}")
+    rms = material.rms
+    _runs(lower, case, material, np.where(rms > 0, rms, rms[rms > 0].min() / 3.0 if (rms > 0).any() else 1.0))
+    if material.rms_sampling > 0:
+        lower.axhline(
+            material.rms_sampling, label=f"sampling error of {material.measured_db.size:,} pixels", **SAMPLING
+        )
+    lower.set_ylabel(f"densities, rms [1/{case.levels.unit}]")
+    _number_runs(lower, rms.size)
+    entries: dict[str, Any] = {}
+    for axes in (upper, lower):
+        entries |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
+    add_legend(canvas, (list(entries.values()), list(entries)), 3)
+    caption = (
+        "Above: sum of the squared residuals of the incidence-angle bins, in standard deviations, at the effective "
+        "looks that suit each run best, with the squares of the priors' residuals. "
+    )
+    caption += (
+        "Below: root mean square difference of the simulated and the target density, which the search does not "
+        f"minimise; another sample of {material.measured_db.size:,} pixels would move the target itself by about "
+        f"{short(material.rms_sampling)} 1/{case.levels.unit} (dotted).{numbered}"
+    )
+    return (
+        canvas,
+        caption,
+        f"Misfit of each run of {name} on logarithmic axes: incidence-angle bins, density.",
+    )
+
+
+def _density_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
+    """Draw the rms difference between each run's density and the target density."""
+    material = case.materials[name]
+    canvas = new_canvas(6.2, 4.8)
+    axes = canvas.subplots()
+    rms = material.rms
+    runs, infill = np.arange(rms.size), np.flatnonzero(case.runs.kind == "infill")
+    positive = np.concatenate([rms[rms > 0], [case.tolerance, material.rms_sampling]])
+    positive = positive[np.isfinite(positive) & (positive > 0)]
+    # a cost of exactly 0 is drawn on the lower edge of the logarithmic axis
+    bottom = float(positive.min()) / 3.0
+    shown = np.where(rms > 0, rms, bottom)
+    _runs(axes, case, material, shown)
+    axes.axhline(case.tolerance, label=f"tolerance {short(case.tolerance)}", **TOLERANCE)
+    pixels = material.measured_db.size
+    if material.rms_sampling > 0:
+        axes.axhline(material.rms_sampling, label=f"sampling error of {pixels:,} pixels", **SAMPLING)
+    floor = np.full(rms.size, np.nan)
+    floor[infill] = material.floor_rms
+    known = np.isfinite(floor) & (floor > 0)
+    if known.any():
+        axes.plot(runs[known], np.maximum(floor[known], bottom), color=MUTED, linestyle="none", marker="_",
+                  markersize=9, markeredgewidth=1.8, label="lower bound by the surrogate")  # fmt: skip
+    top = max(float(shown.max()), float(positive.max()))
+    axes.set_ylim(bottom, 2.0 * top)
+    _number_runs(axes, rms.size)
+    ended, numbered = _run_words(case, material)
+    head(axes, case, name, f"best rms {short(rms[material.best])} 1/{case.levels.unit} in run {material.best}{ended}")
+    axes.set_ylabel(f"difference of the densities, rms [1/{case.levels.unit}]")
+    add_legend(canvas, axes.get_legend_handles_labels(), 3)
+    caption = (
+        "Root mean square difference between the simulated and the target density, run by run; the line is the best so "
+        f"far. Below the dotted line ({short(material.rms_sampling)} 1/{case.levels.unit}) a smaller cost is numerical "
+        f"convergence: another sample of {pixels:,} pixels would move the target itself by about that much.{numbered}"
+    )
+    if known.any():
+        caption += " Short bars: lower bound of the rms inside the bounds, by the surrogate and two standard errors."
+    if not np.all(rms > 0):
+        caption += " Runs on the lower edge have a cost of 0."
+    return canvas, caption, f"Cost of each run of {name} on a logarithmic axis, with the tolerance."
+
+
+def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
+    """Figure of the band of sigma0 and of the laws over the incidence angle; None for laws without a curve."""
+    material = case.materials[name]
+    if not material.parameters.curve().has_curve:
+        return None
+    shares = (4.0, 1.0) if material.hidden is None else (4.0, 1.6, 1.0)
+    canvas = new_canvas(6.2, 4.6 + 0.4 * sum(shares[1:]))
+    panels = canvas.subplots(len(shares), 1, sharex=True, height_ratios=shares)
+    each_seen = _seen(case, material)
+    seen, view = [np.linspace(low, high, 101) for low, high in each_seen], _view(each_seen.min(), each_seen.max())
+    angles = np.linspace(*view, 361)
+    for axes in panels:
+        for low, high in each_seen:
+            axes.axvspan(low, high, color="#EFEFEF", zorder=0, linewidth=0)
+    laws = _laws(material)
+    _curves(panels[0], material, laws, seen, angles)
+    head(panels[0], case, name, state(name, case.found) or "law of the search")
+    panels[0].set_ylabel("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
+    incidence_deg = material.incidence_deg.astype(np.float64)
+    remark = ""
+    if material.hidden is not None:
+        _truth(panels[1], material, laws, seen, angles)
+        found = [
+            f"{words} by at most {curve.largest_difference_db(x, material.hidden, incidence_deg):.2g} dB"
+            for words, curve, x, _ in laws
+            if words in (_SEARCH, _NEAREST)
+        ]
+        where = "the incidence of pass 1" if case.passes else "the incidence seen"
+        remark = f" Over {where} the hidden truth (middle panel) differs from the {' and from the '.join(found)}."
+    _pixels(panels[-1], incidence_deg, view)
+    add_legend(canvas, panels[0].get_legend_handles_labels(), 2)
+    shaded = " and ".join(f"{low:.1f} to {high:.1f}" for low, high in each_seen)
+    histogram = "in each pass (histogram of pass 1 below)" if case.passes else "(histogram below)"
+    caption = (
+        f"Backscatter against local incidence. Shaded, thick: {shaded} deg, where 90 % of the material's pixels lie "
+        f"{histogram}; outside, every law is an extrapolation.{_of_band(case, name)}{remark}"
+    )
+    if material.posterior is not None and material.posterior.points is not None:
+        caption += (
+            f" Dots, with bars of 95 %: mean level of the measured cells in each {STEP_DEG:g} deg of incidence, less "
+            "the level of the image and what the simulator adds to its law (area of the ground, noise, other ground); "
+            "the bars hold speckle and the effects of fields and cells."
+        )
+    return canvas, caption, f"Backscatter laws of {name} in dB against local incidence in degrees."
+
+
+def _seen(case: Archive, material: MaterialResult) -> Array:
+    """5 and 95 % quantile of the incidence at which a material is seen [deg], shape (passes, 2)."""
+    if case.passes and material.posterior is not None:
+        return np.asarray(material.posterior.seen_deg)
+    return np.percentile(material.incidence_deg.astype(np.float64), [5.0, 95.0])[None]
+
+
+def _of_band(case: Archive, name: str) -> str:
+    """Part of the caption that describes the bands, with the verdict on the material; empty without a band."""
+    posterior = case.materials[name].posterior
+    if posterior is None or posterior.curve is None:
+        return ""
+    said = (
+        " Violet: 90 % band of the mean power of the ground, pale for the material and darker for its fields in this "
+        "image, and its median (dotted)."
+    )
+    if width := widths(name, case.found):
+        said += f" Half-widths where sigma0 is determined (bar): {width}."
+    return f"{said} Verdict on {verdict(name, case.found)}" if state(name, case.found) else said
+
+
+def _view(low_deg: float, high_deg: float) -> tuple[float, float]:
+    """Ends of the angle axis [deg]; each margin is as wide as the incidence interval seen, at least 5 degrees."""
+    margin = max(_CONTEXT_DEG, high_deg - low_deg)
+    return max(0.0, np.floor(low_deg - margin)), min(_LAST_DEG, np.ceil(high_deg + margin))
+
+
+def _laws(material: MaterialResult) -> list[tuple[str, Law, Array, dict[str, Any]]]:
+    """Label, law, X and style of the laws to draw: start, search, nearest to the median, and hidden truth."""
+    parameters, start, posterior = material.parameters, material.start, material.posterior
+    curve = parameters.curve()
+    # where the first run has no X of the calibrated law, the start has another law
+    begun = f"start ({start.law})" if np.isnan(parameters.values[0]).any() else "start"
+    laws = [(begun, start.curve(), start.values, START), (_SEARCH, curve, parameters.values[material.best], FOUND)]
+    if posterior is not None and posterior.parameters_model is not None:
+        laws.append((_NEAREST, curve, posterior.parameters_model, MODEL))
+    if material.hidden is not None:
+        laws.append(("hidden truth", curve, material.hidden, HIDDEN))
+    return laws
+
+
+def _curves(
+    axes: Axes,
+    material: MaterialResult,
+    laws: Sequence[tuple[str, Law, Array, dict[str, Any]]],
+    seen: Sequence[Array],
+    angles: Array,
+) -> None:
+    """Draw bands and laws, with thick lines at each pass's angles [deg], and the measured levels."""
+    posterior = material.posterior
+    if posterior is not None and posterior.curve is not None:
+        _bands(axes, posterior.curve, angles)
+        if (known := posterior.known_between_deg) is not None:
+            axes.plot(
+                known, [0.015, 0.015], transform=axes.get_xaxis_transform(), color=BAND["color"], linewidth=5.0,
+                solid_capstyle="butt", label="determined",
+            )  # fmt: skip
+    for label, curve, x, style in laws:
+        axes.plot(angles, curve(np.radians(angles), x), **style | {"linewidth": 0.8})
+        for k, there in enumerate(seen):
+            named = label if k == 0 else None
+            axes.plot(there, curve(np.radians(there), x), label=named, **style | {"linewidth": 2.6})
+    if posterior is not None and (points := posterior.points) is not None:
+        axes.errorbar(
+            points.incidence_deg, points.level_db, 1.96 * points.error_db, color="black", linestyle="none",
+            marker="o", markersize=4.5, elinewidth=1.2, zorder=4, label="measured levels, 95 %",
+        )  # fmt: skip
+    axes.margins(x=0)
+    if axes.get_ylim()[0] < _GRAZING_DB:  # a law that falls steeply at grazing incidence would flatten all other curves
+        values = np.concatenate([curve(np.radians(np.concatenate(seen)), x) for _, curve, x, _ in laws])
+        axes.set_ylim(float(values.min()) - 3.0, float(values.max()) + 3.0)
+
+
+def _bands(axes: Axes, curve: Curve, angles: Array, less: Array | float = 0.0) -> None:
+    """Draw the 90 % bands of the material and of its fields, and the median, minus ``less`` [dB] at each angle."""
+    for low, high, alpha, label in (
+        (curve.p05_db, curve.p95_db, 0.15, "90 % band"),
+        (curve.field_p05_db, curve.field_p95_db, 0.3, "its fields in this image"),
+    ):
+        lower, upper = (np.interp(angles, curve.incidence_deg, edge) - less for edge in (low, high))
+        axes.fill_between(angles, lower, upper, color=BAND["color"], alpha=alpha, linewidth=0, label=label)
+    axes.plot(angles, np.interp(angles, curve.incidence_deg, curve.median_db) - less, label="median", **BAND)
+
+
+def _truth(
+    axes: Axes,
+    material: MaterialResult,
+    laws: Sequence[tuple[str, Law, Array, dict[str, Any]]],
+    seen: Sequence[Array],
+    angles: Array,
+) -> None:
+    """Draw bands and laws minus the hidden law, thin at all ``angles`` of the axis [deg] and thick at those seen."""
+    hidden, curve = material.hidden, material.parameters.curve()
+    assert hidden is not None  # noqa: S101
+    reach = [0.05]
+    for label, _, x, style in laws:
+        if label not in (_SEARCH, _NEAREST):
+            continue
+        for there, width in ((angles, 0.8), *((one, 2.6) for one in seen)):
+            gap = curve(np.radians(there), x) - curve(np.radians(there), hidden)
+            axes.plot(there, gap, **style | {"linewidth": width})
+            reach.append(float(np.abs(gap).max()) if width > 1.0 else 0.0)
+    if material.posterior is not None and (band := material.posterior.curve) is not None:
+        _bands(axes, band, angles, curve(np.radians(angles), hidden))
+        at = np.concatenate(seen)
+        truth = curve(np.radians(at), hidden)
+        reach += [
+            float(np.abs(np.interp(at, band.incidence_deg, edge) - truth).max()) for edge in (band.p05_db, band.p95_db)
+        ]
+    axes.axhline(0.0, **HIDDEN)
+    axes.set_ylim(-1.2 * max(reach), 1.2 * max(reach))
+    axes.set_ylabel("minus\ntruth [dB]")
+
+
+def _pixels(axes: Axes, incidence_deg: Array, view: tuple[float, float]) -> None:
+    """Draw a histogram of the pixels' incidence, and label the axis of the angles."""
+    axes.hist(incidence_deg, bins=np.linspace(*view, 86).tolist(), color=MUTED)
+    axes.set_ylabel("pixels")
+    axes.set_xlabel("local incidence [deg]")
+    axes.set_xlim(*view)

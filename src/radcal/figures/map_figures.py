@@ -1,0 +1,321 @@
+"""Maps of the measured and simulated images, of the registration and of the residual."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.figures.colours import colours_of
+from radcal.figures.drawing import Array, add_legend, label, new_canvas
+from radcal.results.archive import Archive
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["axis_labels", "image_extent", "images", "panels_for", "registration", "residual"]
+
+Aspect = Literal["equal", "auto"]
+
+_BOXCAR = 9  # side of the blocks over which the residual is averaged [pixels]
+_BEYOND = 0.1  # share of a simulated image beyond the measured image's gray scale, and
+_MOVED = 0.25  # difference of the medians in parts of this scale, above which the simulated image has its own scale
+_LARGEST = 1600  # largest number of pixels per side of an image in a figure; larger images are averaged
+
+
+def _power(image_db: NDArray[Any]) -> tuple[Array, NDArray[np.bool_]]:
+    """Linear power, 0 for missing pixels, and mask of the pixels with a value."""
+    valid = np.isfinite(image_db)
+    return np.where(valid, 10.0 ** (np.where(valid, image_db, 0.0).astype(np.float64) / 10.0), 0.0), valid
+
+
+def _db(power: Array, valid: NDArray[np.bool_]) -> Array:
+    good = valid & (power > 0)
+    return np.where(good, 10.0 * np.log10(np.where(good, power, 1.0)), np.nan)
+
+
+def _blocks(values: NDArray[Any], k: int) -> NDArray[Any]:
+    """Sums over blocks of k x k pixels; an incomplete block at the end is dropped."""
+    rows, columns = values.shape[0] // k, values.shape[1] // k
+    return np.asarray(values[: rows * k, : columns * k].reshape(rows, k, columns, k).sum(axis=(1, 3)))
+
+
+def _factor(shape: tuple[int, ...]) -> int:
+    k = -(-max(shape) // _LARGEST)
+    return k if min(shape) >= k else 1
+
+
+def _shown(image_db: NDArray[Any]) -> NDArray[Any]:
+    """Image for a figure, averaged in power over blocks of pixels if the image is large."""
+    k = _factor(image_db.shape)
+    if k == 1:
+        return image_db
+    power, valid = _power(image_db)
+    count = _blocks(valid.astype(np.float64), k)
+    return _db(_blocks(power, k) / np.maximum(count, 1.0), count > 0)
+
+
+def panels_for(shape: tuple[int, ...], n: int, below: float = 0.0) -> tuple[Canvas, list[Axes], bool, Aspect]:
+    """Figure with n empty panels: stacked for wide images, else side by side; very long images are stretched."""
+    ratio = shape[0] / shape[1]
+    aspect: Aspect = "equal" if 0.2 <= ratio <= 2.5 else "auto"
+    ratio = float(np.clip(ratio, 0.2, 2.5))
+    width = 9.5
+    if ratio < 0.6:
+        canvas = new_canvas(width, n * ((width - 1.9) * ratio + 0.55) + 0.45 + below, "compressed")
+        axes = canvas.subplots(n, 1, sharex=True, sharey=True, squeeze=False)
+    else:
+        canvas = new_canvas(width, (width - 1.9) / n * ratio + 0.85 + below, "compressed")
+        axes = canvas.subplots(1, n, sharex=True, sharey=True, squeeze=False)
+    for panel in axes.ravel():
+        panel.grid(False)
+        panel.set_facecolor("#F6E9D8")
+        for spine in panel.spines.values():
+            spine.set_visible(True)
+    return canvas, list(axes.ravel()), ratio < 0.6, aspect
+
+
+def axis_labels(panels: Sequence[Axes], stacked: bool) -> None:
+    """Label the axes of image panels with azimuth and slant range [pixel]."""
+    for panel in panels if not stacked else panels[-1:]:
+        panel.set_xlabel("azimuth [pixel]")
+    for panel in panels if stacked else panels[:1]:
+        panel.set_ylabel("slant range [pixel]")
+    for panel in panels:
+        panel.locator_params(axis="x", nbins=4, integer=True)
+        panel.locator_params(axis="y", nbins=5, integer=True)
+
+
+def image_extent(shape: tuple[int, ...]) -> tuple[float, float, float, float]:
+    """Extent of an image on axes where pixel centres are whole numbers."""
+    return (-0.5, shape[1] - 0.5, shape[0] - 0.5, -0.5)
+
+
+def images(case: Archive) -> tuple[Canvas, str, str] | None:
+    """Figure of the measured image and of the simulated images before (start) and after calibration."""
+    kept = case.images
+    titled = {"measured": kept.measured_db, "start": kept.reference_db, "calibrated": kept.calibrated_db}
+    there = {title: image for title, image in titled.items() if image is not None}
+    if not there:
+        return None
+    first = next(iter(there.values()))
+    common = _gray_scale(first)
+    own = "start" in there and _unreadable(there["start"], first)
+    canvas, panels, stacked, aspect = panels_for(first.shape, len(there))
+    extent = image_extent(first.shape)
+    for panel, (title, image) in zip(panels, there.items(), strict=True):
+        alone = own and title == "start"
+        low, high = _gray_scale(image) if alone else common
+        shown = panel.imshow(_shown(image), cmap="gray", vmin=low, vmax=high, aspect=aspect, extent=extent)
+        panel.set_title(f"start, own scale:\n{low:.0f} to {high:.0f} dB" if alone else title)
+        if not alone:
+            of_bar = shown
+    bar = canvas.colorbar(of_bar, ax=panels, extend="both", fraction=0.05, pad=0.02, aspect=30)
+    bar.set_label("backscatter [dB]")
+    axis_labels(panels, stacked)
+    caption = _images_caption(first, own)
+    scales = "the start in a gray scale of its own" if own else "in the same gray scale"
+    return canvas, caption, f"Measured, starting and calibrated radar image side by side, {scales}."
+
+
+def _gray_scale(image_db: NDArray[Any]) -> tuple[float, float]:
+    """Ends of the gray scale of an image: its 1 % and 99.5 % quantile [dB], at least 1 dB apart."""
+    finite = image_db[np.isfinite(image_db)]
+    low, high = (float(v) for v in np.percentile(finite, [1.0, 99.5])) if finite.size else (-30.0, 0.0)
+    return low, max(high, low + 1.0)
+
+
+def _unreadable(image_db: NDArray[Any], other_db: NDArray[Any]) -> bool:
+    """Whether an image would be nearly black or white in the gray scale of another image."""
+    values, others = (one[np.isfinite(one)] for one in (image_db, other_db))
+    if not values.size or not others.size:
+        return False
+    low, high = _gray_scale(other_db)
+    beyond = float(((values < low) | (values > high)).mean())
+    return beyond > _BEYOND or abs(float(np.median(values) - np.median(others))) > _MOVED * (high - low)
+
+
+def _images_caption(first: NDArray[Any], own: bool) -> str:
+    """Caption of the figure of the images; ``own`` if the start has a gray scale of its own."""
+    images = "Measured and calibrated image" if own else "The three images"
+    caption = f"{images} in one gray scale (1 to 99.5 % of the measured pixels), near range on top. "
+    if own:
+        caption += "The start would be nearly black or white there, and has a scale of its own, given in its title. "
+    caption += (
+        "The calibrated image, that of the laws of the search, has speckle of its own: compare levels and textures, "
+        "not pixels."
+    )
+    if missing := int(np.count_nonzero(~np.isfinite(first))):
+        caption += f" {missing:,} measured pixels have no value (pale)."
+    if (k := _factor(first.shape)) > 1:
+        caption += f" Shown as means over {k} x {k} pixels."
+    return caption
+
+
+def registration(case: Archive) -> tuple[Canvas, str, str] | None:
+    """Figure of the measured image before and after registration, and of the displacement."""
+    before, moved_px = case.registration.unregistered_db, case.registration.displacement_px
+    simulated, after = case.images.reference_db, case.images.measured_db
+    if before is None or moved_px is None or simulated is None or after is None:
+        return None
+    field = moved_px.astype(np.float64)
+    canvas, panels, stacked, aspect = panels_for(simulated.shape, 3)
+    extent, k = image_extent(simulated.shape), _factor(simulated.shape)
+    # chequerboard of both images, in which roads and borders must continue from square to square
+    rows, columns = np.indices(simulated.shape) // (max(simulated.shape) // 9)
+    squares = (rows + columns) % 2 == 0
+    levelled = _levelled(simulated)
+    for panel, title, image in zip(panels, ("as measured", "registered"), (before, after), strict=False):
+        both = np.where(squares, levelled, _levelled(image))
+        panel.imshow(both[::k, ::k], cmap="gray", vmin=-2.0, vmax=2.0, aspect=aspect, extent=extent)
+        panel.set_title(title)
+    length = np.hypot(*field)
+    largest = max(float(length.max()), 1e-6)
+    shown = panels[2].imshow(length[::k, ::k], cmap="viridis", vmin=0.0, aspect=aspect, extent=extent)
+    step = max(simulated.shape) // 14
+    y, x = np.mgrid[step // 2 : simulated.shape[0] : step, step // 2 : simulated.shape[1] : step]
+    arrows = {"color": "white", "angles": "xy", "scale_units": "xy", "scale": largest / step, "width": 0.005}
+    panels[2].quiver(x, y, field[1][y, x], field[0][y, x], **arrows)
+    panels[2].set_title("displacement")
+    bar = canvas.colorbar(shown, ax=panels, fraction=0.05, pad=0.02, aspect=30)
+    bar.set_label("displacement [pixel]")
+    axis_labels(panels, stacked)
+    caption = (
+        "Squares of the starting simulation between squares of the measured image, before and after registration, each "
+        "image in a gray scale of its own and averaged over 5 x 5 pixels: borders must continue across the squares. "
+        f"Right: displacement of each pixel to its place in the measured image; the longest arrow stands for "
+        f"{largest:.1f} pixels."
+    )
+    if case.registration.misregistration_px is not None:
+        error = np.hypot(*(field - case.registration.misregistration_px)).mean()
+        caption += f" The true displacement of this synthetic image is known: the mean error is {error:.2f} pixels."
+    alt = "Chequerboards of simulated and measured image before and after registration, and the displacement field."
+    return canvas, caption, alt
+
+
+def _levelled(image_db: NDArray[Any]) -> Array:
+    """Image averaged over 5 x 5 pixels, shifted to zero median, and divided by half the width of the middle 68 %."""
+    from scipy.ndimage import uniform_filter
+
+    power, valid = _power(image_db)
+    count = uniform_filter(valid.astype(np.float64), 5)
+    smooth = _db(uniform_filter(power, 5) / np.maximum(count, 1e-9), count > 0.02)
+    low, middle, high = np.nanpercentile(smooth, [16.0, 50.0, 84.0])
+    return np.asarray((smooth - middle) / max(0.5 * float(high - low), 1e-6))
+
+
+def residual(case: Archive) -> tuple[Canvas, str, str] | None:
+    """Figure of the residual (calibrated minus measured image) beside the materials."""
+    from scipy.special import polygamma
+
+    images = case.images
+    if images.measured_db is None or images.calibrated_db is None or images.material is None:
+        return None
+    difference = _smoothed(images.calibrated_db - images.measured_db, images.incidence_deg)
+    material = images.material.astype(np.int64)
+    present = [int(number) for number in np.unique(material) if 0 < number <= len(case.names)]
+    labels = [
+        f"{number}  {label(case.names[number - 1], 34)}" + (" *" if case.names[number - 1] in case.materials else "")
+        for number in present
+    ]
+    columns = max(1, min(4, int(105 / (max(map(len, labels), default=1) + 9))))
+    rows = -(-(len(labels) + 1) // columns)
+    canvas, panels, stacked, aspect = panels_for(difference.shape, 2, below=0.215 * rows)
+    _difference_map(canvas, panels[0], difference, aspect)
+    colours = ["#FFFFFF", *colours_of(case)]
+    _material_map(panels[1], material, present, colours, aspect)
+    if not stacked:
+        canvas.set_layout_engine("compressed", wspace=0.05, h_pad=0.08)
+    _numbered_legend(canvas, [colours[number] for number in present], labels, columns)
+    axis_labels(panels, stacked)
+    # Oliver and Quegan 2004: variance of log intensity is trigamma(looks); neighbours are correlated, so that this is a
+    # lower bound
+    speckle = 10.0 / np.log(10.0) * np.sqrt(2.0 * float(polygamma(1, case.looks))) / _BOXCAR
+    caption = (
+        f"Left: calibrated minus measured image, mean of the dB values over {_BOXCAR} x {_BOXCAR} pixels; red: "
+        f"too bright, blue: too dark. With {case.looks:g} looks speckle alone leaves a standard deviation of at least "
+        f"{speckle:.2g} dB there. White: no ground of the scene, or no measured value. Right: the materials of the "
+        "scene; those marked * were calibrated, the others kept their laws."
+    )
+    if stacked:
+        caption = caption.replace("Left:", "Above:").replace("Right:", "Below:")
+    return canvas, caption, "Map of the difference between calibrated and measured image in dB, and the material map."
+
+
+def _smoothed(pixels: NDArray[Any], incidence_deg: NDArray[Any] | None) -> NDArray[Any]:
+    """Moving average of a difference [dB]; NaN where too few pixels of the window have a value."""
+    from scipy.ndimage import uniform_filter
+
+    # where no material is visible the simulation holds only noise and was not compared
+    valid = np.isfinite(pixels) & np.isfinite(pixels if incidence_deg is None else incidence_deg)
+    share = uniform_filter(valid.astype(np.float32), _BOXCAR, mode="constant")
+    total = uniform_filter(np.where(valid, pixels, 0.0), _BOXCAR, mode="constant")
+    enough = valid & (share > 0.25)
+    return np.where(enough, total / np.where(enough, share, 1.0), np.nan)
+
+
+def _difference_map(canvas: Canvas, panel: Axes, difference: NDArray[Any], aspect: Aspect) -> None:
+    """Map of a difference [dB], red above zero and blue below."""
+    k = _factor(difference.shape)
+    finite = difference[np.isfinite(difference)]
+    limit = float(np.clip(np.ceil(np.percentile(np.abs(finite), 98.0)), 1.0, 40.0)) if finite.size else 1.0
+    shown = panel.imshow(
+        difference[k // 2 :: k, k // 2 :: k], cmap="RdBu_r", vmin=-limit, vmax=limit, aspect=aspect,
+        extent=image_extent(difference.shape),
+    )  # fmt: skip
+    panel.set_title("calibrated minus measured")
+    bar = canvas.colorbar(shown, ax=panel, extend="both", fraction=0.05, pad=0.02, aspect=30)
+    bar.set_label("difference [dB]")
+
+
+def _material_map(
+    panel: Axes, material: NDArray[np.int64], present: Sequence[int], colours: Sequence[str], aspect: Aspect
+) -> None:
+    """Map of the materials, each with its number."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    k = _factor(material.shape)
+    norm = BoundaryNorm((np.arange(len(colours) + 1) - 0.5).tolist(), len(colours))
+    panel.imshow(
+        material[k // 2 :: k, k // 2 :: k], cmap=ListedColormap(colours), norm=norm, aspect=aspect,
+        extent=image_extent(material.shape), interpolation="nearest",
+    )  # fmt: skip
+    panel.set_title("materials")
+    places: list[tuple[int, int]] = []
+    for number in present:
+        places.append(_middle(material == number, places))
+        row, column = places[-1]
+        panel.text(
+            column, row, str(number), ha="center", va="center", fontsize=10.0, fontweight="bold",
+            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "black", "linewidth": 0.6},
+        )  # fmt: skip
+
+
+def _numbered_legend(canvas: Canvas, colours: Sequence[str], labels: Sequence[str], columns: int) -> None:
+    """Legend that names the material of each number on the map."""
+    from matplotlib.patches import Patch
+
+    handles = [Patch(facecolor=colour, edgecolor="black", linewidth=0.5) for colour in (*colours, "#FFFFFF")]
+    add_legend(canvas, (handles, [*labels, "mixed or unseen"]), columns)
+
+
+def _middle(inside: NDArray[np.bool_], taken: Sequence[tuple[int, int]] = ()) -> tuple[int, int]:
+    """Row and column of a point far inside a region and far from the points in ``taken``."""
+    from scipy.ndimage import distance_transform_cdt
+
+    k = max(1, max(inside.shape) // 400)
+    coarse = inside[k // 2 :: k, k // 2 :: k]
+    if not coarse.any():
+        k, coarse = 1, inside
+    depth = distance_transform_cdt(np.pad(coarse, 1), metric="taxicab")[1:-1, 1:-1]
+    rows, columns = np.nonzero(depth >= 0.6 * depth.max())
+    merit = depth[rows, columns] / depth.max()
+    merit = merit - 0.2 * np.hypot((rows - rows.mean()) / coarse.shape[0], (columns - columns.mean()) / coarse.shape[1])
+    for row, column in taken:
+        gap = np.hypot((rows - row / k) / coarse.shape[0], (columns - column / k) / coarse.shape[1])
+        merit = merit - 2.0 * np.maximum(0.0, 1.0 - gap / 0.08)
+    best = int(np.argmax(merit))
+    return int(rows[best]) * k + k // 2, int(columns[best]) * k + k // 2

@@ -1,0 +1,272 @@
+"""Figures of the scene and of the local incidence angle."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.figures.colours import colours_of
+from radcal.figures.drawing import Array, add_legend, label, new_canvas
+from radcal.figures.map_figures import axis_labels, image_extent, panels_for
+from radcal.results.archive import Archive
+
+if TYPE_CHECKING:
+    from matplotlib.colors import LightSource
+    from matplotlib.figure import Figure as Canvas
+
+__all__ = ["incidence", "scene"]
+
+_SURFACE = 110  # number of cells per side of the view in three dimensions
+_LEAST_SCALE = 0.01  # smallest range of a colour scale [deg or dB]
+_LISTED = 8  # largest number of materials named in the caption
+_LEAST_DEG = 0.01  # smaller slopes are not stated as a number
+_FLAT_DEG = 1.0  # ground whose slopes are below this angle at 99 % of the cells has no relief to show
+_LARGEST_TIMES = 20  # largest factor by which heights are exaggerated in the view in three dimensions
+
+
+def _colours(case: Archive) -> tuple[Any, Any]:
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    colours = ["#FFFFFF", *colours_of(case)]
+    return ListedColormap(colours), BoundaryNorm((np.arange(len(colours) + 1) - 0.5).tolist(), len(colours))
+
+
+def _material_legend(canvas: Canvas, case: Archive, present: NDArray[Any]) -> None:
+    from matplotlib.patches import Patch
+
+    numbers = [int(k) for k in np.unique(present) if 0 < k <= len(case.names)]
+    colours = colours_of(case)
+    handles = [Patch(facecolor=colours[k - 1], edgecolor="black", linewidth=0.5) for k in numbers]
+    add_legend(canvas, (handles, [label(case.names[k - 1], 30) for k in numbers]), 6)
+
+
+def scene(case: Archive) -> tuple[Canvas, str, str] | None:
+    """Figure of the scene: materials and elevation and, unless the ground is flat, relief and a view in 3-D."""
+    view = case.scene
+    if view.elevation_m is None or view.material is None:
+        return None
+    elevation = view.elevation_m.astype(np.float64)
+    cell_m = view.cell_m * view.step
+    objects_m = None if view.objects is None else view.objects.places_m
+    steepest_deg = _steepest_deg(elevation, cell_m)
+    flat = steepest_deg < _FLAT_DEG
+    canvas = new_canvas(9.5, 5.0 if flat else 9.1)
+    _plans(canvas, elevation, view.material, objects_m, cell_m, _colours(case), _directions(case), flat)
+    if not flat:
+        _view(canvas, elevation, view.material, cell_m, _colours(case), _directions(case))
+    _material_legend(canvas, case, view.material)
+    ny, nx = elevation.shape
+    # a low relief needs a digit after the point
+    digits = 1 if np.ptp(elevation) < 10.0 else 0
+    caption = (
+        f"The scene: {nx * cell_m / 1000.0:.3g} by {ny * cell_m / 1000.0:.3g} km, heights from "
+        f"{elevation.min():.{digits}f} to {elevation.max():.{digits}f} m."
+    )
+    if flat:
+        slopes = f"{steepest_deg:.2g} deg or less" if steepest_deg >= _LEAST_DEG else f"below {_LEAST_DEG:g} deg"
+        caption += f" Slopes are {slopes} at 99 % of the cells, so that no relief is drawn."
+    if objects_m is not None:
+        caption += " Objects are dots, whatever their size."
+    if flat:
+        return canvas, caption, "Material map and elevation map."
+    return canvas, caption, "Shaded relief, material map, elevation map and a view of the terrain."
+
+
+def _steepest_deg(elevation: Array, cell_m: float) -> float:
+    """99 % quantile of the slope of the ground [deg]."""
+    if min(elevation.shape) < 2:
+        return 0.0
+    return float(np.degrees(np.arctan(np.percentile(np.hypot(*np.gradient(elevation, cell_m)), 99.0))))
+
+
+@dataclass(frozen=True)
+class _Directions:
+    """Words for directions of the scene's grid: its two axes, and the corners from which light and view come."""
+
+    across: str = "east [km]"
+    along: str = "north [km]"
+    light: str = "north-west"
+    view: str = "south-west"
+
+
+def _directions(case: Archive) -> _Directions:
+    """Words for directions of a scene's grid, which points north or, with a heading, along the track."""
+    radar = json.loads(case.config).get("radar", {})
+    heading = float((radar[0] if isinstance(radar, list) else radar).get("heading_deg", 0.0))
+    if not heading:
+        return _Directions()
+    return _Directions(
+        "right of the track [km]", f"along the track, {heading:g} deg [km]", "ahead on the left", "behind on the left"
+    )
+
+
+def _light() -> LightSource:
+    """Light source in the north-west, for the shading of the relief."""
+    from matplotlib.colors import LightSource
+
+    return LightSource(azdeg=315.0, altdeg=40.0)
+
+
+def _sides_km(shape: tuple[int, ...], cell_m: float) -> tuple[float, float, float, float]:
+    """West, east, south and north bounds of the scene's axes [km]."""
+    return (0.0, shape[1] * cell_m / 1000.0, 0.0, shape[0] * cell_m / 1000.0)
+
+
+def _plans(
+    canvas: Canvas,
+    elevation: Array,
+    material: NDArray[Any],
+    objects_m: NDArray[Any] | None,
+    cell_m: float,
+    colours: tuple[Any, Any],
+    directions: _Directions,
+    flat: bool,
+) -> None:
+    """Draw plans of the scene: shaded relief unless the ground is flat, materials with objects, and elevation."""
+    sides = _sides_km(elevation.shape, cell_m)
+    cmap, norm = colours
+    plans = [canvas.add_subplot(1, 2, k) for k in (1, 2)] if flat else [canvas.add_subplot(2, 2, k) for k in (2, 3, 1)]
+    if not flat:
+        shade = _light().hillshade(elevation, dx=cell_m, dy=cell_m)
+        plans[2].imshow(shade, cmap="gray", origin="lower", extent=sides)
+        plans[2].set_title(f"shaded relief, light from {directions.light}")
+    plans[0].imshow(material, cmap=cmap, norm=norm, origin="lower", extent=sides, interpolation="nearest")
+    if objects_m is not None:
+        plans[0].plot(
+            *objects_m.T / 1000.0, ",", color="black", rasterized=True
+        )  # drawn as single pixels, so that their number does not matter
+        plans[0].set(xlim=sides[:2], ylim=sides[2:])
+    plans[0].set_title("materials" if objects_m is None else "materials and objects (black)")
+    shown = plans[1].imshow(elevation, cmap="terrain", origin="lower", extent=sides)
+    plans[1].set_title("elevation")
+    bar = canvas.colorbar(shown, ax=plans[1], fraction=0.046, pad=0.03)
+    bar.set_label("elevation [m]")
+    for panel in plans:
+        panel.grid(False)
+        panel.set_xlabel(directions.across)
+        panel.set_ylabel(directions.along)
+        panel.locator_params(nbins=5)
+
+
+def _view(
+    canvas: Canvas,
+    elevation: Array,
+    material: NDArray[Any],
+    cell_m: float,
+    colours: tuple[Any, Any],
+    directions: _Directions,
+) -> None:
+    """Draw the terrain in three dimensions, in the colours of its materials."""
+    solid = cast(Any, canvas.add_subplot(2, 2, 4, projection="3d"))
+    ny, nx = elevation.shape
+    sides = _sides_km(elevation.shape, cell_m)
+    cmap, norm = colours
+    k = max(1, max(ny, nx) // _SURFACE)
+    y, x = (np.mgrid[:ny:k, :nx:k] + 0.5) * cell_m / 1000.0
+    low = elevation[::k, ::k]
+    rgb = cmap(norm(material[::k, ::k]))[..., :3]
+    shaded = _light().shade_rgb(rgb, low, dx=k * cell_m, dy=k * cell_m, vert_exag=2.0, blend_mode="soft")
+    surface = solid.plot_surface(
+        x, y, low, facecolors=shaded, rstride=1, cstride=1, linewidth=0, antialiased=False, shade=False
+    )
+    surface.set_rasterized(True)  # rasterised, since thousands of faces would be slow and large as vectors
+    height = float(np.ptp(elevation))
+    span = max(sides[1], sides[3])
+    times = min(max(1, round(0.25 * span * 1000.0 / height)), _LARGEST_TIMES)
+    solid.set_box_aspect((sides[1] / span, sides[3] / span, height / 1000.0 * times / span))
+    solid.view_init(elev=32.0, azim=-120.0)
+    seen = f"seen from {directions.view}"
+    solid.set_title(f"{seen}, heights {times} times" if times > 1 else seen)
+    # the plans name the heading; a longer name would leave the axis
+    solid.set_xlabel(directions.across, labelpad=9.0)
+    solid.set_ylabel(re.sub(", .* deg", "", directions.along), labelpad=9.0)
+    solid.locator_params(nbins=4)
+    solid.tick_params(axis="z", labelsize=8.5)
+
+
+def _expected_db(case: Archive, incidence_deg: NDArray[Any], material: NDArray[Any]) -> Array:
+    """Sigma0 [dB] by the calibrated or fixed law of each pixel, at its mean incidence; NaN without a law's curve."""
+    angle = np.radians(incidence_deg.astype(np.float64))
+    expected = np.full(angle.shape, np.nan)
+    for k, name in enumerate(case.names, start=1):
+        law = case.laws[name].curve() if name in case.laws else None
+        if law is not None and law.has_curve:  # the curve of an external law is not known
+            inside = material == k
+            expected[inside] = law(angle[inside], case.laws[name].values)
+    return expected
+
+
+def incidence(case: Archive) -> tuple[Canvas, str, str] | None:
+    """Figure of two maps: local incidence angle, and sigma0 that the calibrated laws give at this angle."""
+    angle, material = case.images.incidence_deg, case.images.material
+    if angle is None or material is None:
+        return None
+    finite = angle[np.isfinite(angle)]
+    if not finite.size:
+        return None
+    expected = _expected_db(case, angle, material)
+    seen = expected[np.isfinite(expected)]
+    canvas, panels, stacked, aspect = panels_for(angle.shape, 2 if seen.size else 1)
+    where = image_extent(angle.shape)
+    k = max(1, max(angle.shape) // 1600)
+    low, high = _scale(finite)
+    first = panels[0].imshow(angle[::k, ::k], cmap="viridis", vmin=low, vmax=high, aspect=aspect, extent=where)
+    # a label along the bar would stand beside the right panel like the label of its axis
+    panels[0].set_title("local incidence [deg]")
+    canvas.colorbar(first, ax=panels[0], extend=_extend(finite, low, high), fraction=0.05, pad=0.02)
+    if not seen.size:
+        axis_labels(panels, stacked)
+        return canvas, *_incidence_words(case, angle, material, expected)
+    low, high = _scale(seen)
+    second = panels[1].imshow(expected[::k, ::k], cmap="gray", vmin=low, vmax=high, aspect=aspect, extent=where)
+    panels[1].set_title("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} of the calibrated laws [dB]")
+    canvas.colorbar(second, ax=panels[1], extend=_extend(seen, low, high), fraction=0.05, pad=0.02)
+    axis_labels(panels, stacked)
+    return canvas, *_incidence_words(case, angle, material, expected)
+
+
+def _incidence_words(case: Archive, angle: NDArray[Any], material: NDArray[Any], expected: Array) -> tuple[str, str]:
+    """Caption and alternative text of the figure of the local incidence."""
+    spans = []
+    for name in list(case.materials)[:_LISTED]:
+        inside = (material == case.names.index(name) + 1) & np.isfinite(angle)
+        if inside.any():
+            angles = _span_deg(*np.percentile(angle[inside], [5.0, 95.0]))
+            s = expected[inside][np.isfinite(expected[inside])]
+            ends = dict.fromkeys(f"{v:.1f}" for v in np.percentile(s, [5.0, 95.0])) if s.size else ()
+            level = f", {' to '.join(ends)} dB" * bool(ends)
+            spans.append(f"{name} {angles}{level}")
+    more = f", and {len(case.materials) - _LISTED} more" if len(case.materials) > _LISTED else ""
+    listed = f"From 5 to 95 %: {'; '.join(spans)}{more}."
+    if not np.isfinite(expected).any():
+        return f"Mean local incidence of each pixel's ground. {listed}", "Map of the local incidence angle."
+    caption = (
+        "Left: mean local incidence of each pixel's ground. Right: the calibrated (or fixed) law of its material at "
+        f"that incidence, without speckle, noise or resolution. {listed}"
+    )
+    return caption, "Maps of the local incidence angle and of the backscatter that the laws expect there."
+
+
+def _span_deg(low: float, high: float) -> str:
+    """Text of two angles with as few decimals as make them differ, at most two."""
+    texts = ((f"{low:.{digits}f}", f"{high:.{digits}f}") for digits in (0, 1, 2))
+    return " to ".join(next((each for each in texts if each[0] != each[1]), (f"{low:.2f}", f"{high:.2f}"))) + " deg"
+
+
+def _scale(values: NDArray[Any]) -> tuple[float, float]:
+    """Ends of a colour scale: 1 % and 99 % quantile of the values, widened to 0.01 about their middle if closer."""
+    low, high = (float(v) for v in np.percentile(values, [1.0, 99.0]))
+    middle = 0.5 * (low + high)
+    return (low, high) if high - low >= _LEAST_SCALE else (middle - 0.5 * _LEAST_SCALE, middle + 0.5 * _LEAST_SCALE)
+
+
+def _extend(values: NDArray[Any], low: float, high: float) -> str:
+    """Ends of a colour bar with an arrow, because values lie beyond them: neither, min, max or both."""
+    return {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[
+        bool(values.min() < low), bool(values.max() > high)
+    ]

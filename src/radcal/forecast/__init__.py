@@ -1,0 +1,1 @@
+"""Memory, time and runs that a command will take."""

@@ -1,0 +1,147 @@
+"""Largest number of simulator runs that the planned jobs of a command make, without runs in the run store."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from radcal.config import Case, stages
+from radcal.errors import RadcalError
+from radcal.forecast.time_left import FINAL_RUNS, reference_count, runs_in_words
+from radcal.objectives.history import read_runs
+from radcal.proposals.design import design_points
+from radcal.radar import SIMULATOR_VERSION
+from radcal.scene.model import read_scene
+from radcal.seeds import noise_seed
+from radcal.simulators.runner import Runner
+from radcal.storage.records import read_json, understood
+from radcal.storage.runs import RunStore
+
+__all__ = ["planned_runs", "runs_sentence"]
+
+Jobs = Sequence[tuple[str, Mapping[str, str]]]
+
+
+@dataclass(frozen=True)
+class _Known:
+    """Object in place of a simulator, which has the simulator's identity but cannot make runs."""
+
+    identity: Mapping[str, Any]
+
+
+class _Flat:
+    """Object in place of the geometry, which only tells that the earth is flat (no earth radius)."""
+
+    earth_radius_m = None
+
+
+def planned_runs(case: Case, jobs: Jobs, folder: str | Path) -> dict[str, int]:
+    """Largest number of simulator runs that planned jobs make, by kind of run.
+
+    Parameters
+    ----------
+    case : Case
+        Configuration of the case.
+    jobs : sequence of (str, mapping)
+        Rule and wildcards of each planned job.
+    folder : path
+        Results folder of the case.
+
+    Returns
+    -------
+    dict
+        Number of runs by kind: measurement (synthetic), reference, design, infill, final.
+    """
+    folder = Path(folder)
+    planned = {rule for rule, _ in jobs}
+    counts = dict.fromkeys(("measurement", "reference", "design", "infill", "final"), 0)
+    # beside a finished calibration, jobs that would write another scene are refused (radcal.session.replacement)
+    kept = not case.replace and (folder / "calibration.h5").is_file()
+    unsure = {"simulator", "reuse"} | (set() if kept else {"scene", "geometry"})
+    passes = {f"passes/{number}/" if number > 1 else "": one for number, one in enumerate(case.passes, start=1)}
+    for at, one in passes.items():
+        of_pass = [(rule, words) for rule, words in jobs if words.get("at", "") == at]
+        if ("measurement", at) in [(rule, words.get("at", "")) for rule, words in of_pass]:
+            counts["measurement"] += one.measurement.source == "synthetic"
+        known = None if planned & unsure else _known(case, folder, at)
+        if any(rule == "reference_run" for rule, _ in of_pass):
+            start = stages.ReferenceRun.of(one).at_start
+            stored = known is not None and known(start).is_recorded(one.start_parameters, noise_seed(start))
+            counts["reference"] += reference_count(case.simulator) - stored
+        counts["reference"] += sum(rule == "registration_run" for rule, _ in of_pass)
+        chunks = [int(words["chunk"]) for rule, words in of_pass if rule == "design_chunk"]
+        if chunks:
+            counts["design"] += _of_design(case, chunks, None if known is None else known(stages.DesignChunk.of(one)))
+    if "final_runs" in planned:
+        counts["final"] = FINAL_RUNS * len(passes)
+        counts["infill"] = len(passes) * _infill(case, jobs, folder)
+    return counts
+
+
+def _of_design(case: Case, chunks: Sequence[int], runner: Runner | None) -> int:
+    """Number of design runs that given chunks of the design still need in one pass."""
+    size, step = case.design_size, case.design.chunk
+    numbers = [k for chunk in chunks for k in range(chunk * step, min((chunk + 1) * step, size))]
+    if runner is None or case.design.reuse is not None:  # reused runs replace an unknown number of them
+        return len(numbers)
+    stage = stages.DesignChunk.of(case)
+    points, seed = design_points(stage, size), noise_seed(stage)
+    return sum(not runner.is_recorded(points[k], seed) for k in numbers if k < len(points))
+
+
+def _infill(case: Case, jobs: Jobs, folder: Path) -> int:
+    """Largest number of infill runs in one pass: ``stop.max_runs`` minus design runs and finished iterations."""
+    most = max(case.stop.max_runs - case.design_size, 0)
+    if any(rule == "scores" for rule, _ in jobs):
+        return most
+    first = min((int(words["k"]) for rule, words in jobs if rule in ("train", "propose", "verify")), default=None)
+    if first is None:
+        return 0
+    try:
+        design = read_runs([folder / "scores.json"]).count("design")
+    except RadcalError:
+        return most
+    return max(case.stop.max_runs - design - first, 0)
+
+
+def _known(case: Case, folder: Path, at: str) -> Callable[[stages.Simulation], Runner] | None:
+    """Function that makes a runner which only computes hashes of runs; None if hashes cannot be computed yet."""
+    try:
+        identity: dict[str, Any] = {"kind": "builtin", "version": SIMULATOR_VERSION}
+        if case.simulator.kind == "command":
+            with understood(folder / f"{at}simulator.json"):
+                held = read_json(folder / f"{at}simulator.json")
+                identity = {key: x for key, x in held.items() if key != "seed_bits"}
+        scene = read_scene(folder / "scene.h5").identity
+    except (RadcalError, OSError):
+        return None
+    if any(one.radar.earth != "flat" for one in case.passes):  # a run's hash holds the radius, which the geometry gives
+        return None
+    simulator: Any = _Known(identity)
+    geometry: Any = _Flat()
+    return lambda one: Runner(RunStore(folder / "runs"), simulator, geometry, scene, one, first=case.radar)
+
+
+def runs_sentence(counts: Mapping[str, int], draws: int = 1, registration: int = 0) -> str:
+    """Sentence on the largest number of simulator runs.
+
+    Parameters
+    ----------
+    counts : mapping
+        Largest number of runs by kind.
+    draws : int
+        Number of speckle draws in each run.
+    registration : int
+        Number of the reference runs onto which the image is registered again.
+    """
+    kinds = runs_in_words(counts, registration, ("infill", "final"))
+    if not kinds:
+        return "no simulator run would be made."
+    each = f", each of {draws} speckle draws" if draws > 1 else ""
+    # which infill runs a search asks for, and so which of them are stored, is not known beforehand
+    search = "a search that meets its stop criterion ends earlier, and repeats no stored run"
+    rest = search if counts.get("infill") else "stored ones are left out"
+    most = sum(counts.values())
+    return f"at most {most} simulator runs would be made ({kinds}{each}); {rest}."

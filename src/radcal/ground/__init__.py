@@ -1,0 +1,1 @@
+"""Ground of a material in the image: usable pixels, fields, intervals of incidence, correlation, levels."""

@@ -1,0 +1,1 @@
+"""Measured images: readers of formats, and what their pixels and metadata say."""

@@ -1,0 +1,345 @@
+"""Point spread of a measured image, from the autocorrelation of its speckle, and recognition of filtered speckle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.config import Radar
+from radcal.image.looks import SIDE, Looks, independent_steps, most_frequent_variance
+from radcal.image.small_areas import pairs_of_areas
+from radcal.radar.speckle import speckle_correlation
+
+__all__ = ["PointSpread", "estimate_point_spread", "is_filtered", "point_spread_note"]
+
+_WINDOWS = (20, 2000)  # smallest number of windows, and largest number that is not thinned out
+_HOMOGENEOUS = (0.5, 2.0)  # times the most frequent variance; other windows have edges, texture or point targets
+_FAR = 2.0  # widths beyond which speckle is uncorrelated; what is correlated further is texture
+_DRAWS = 100
+_WAYS = ("range", "azimuth")
+_NARROW = 1.0  # pixel spacings
+_SHAPE = 0.05  # relative error that other weightings than Taylor's (Hamming 3 %, Kaiser 10 %) and texture leave
+_UNWEIGHTED = 0.66  # least width of an impulse response without weighting, in widths of a weighted one (estimate)
+_CERTAIN = 2.0  # standard errors
+_REACH = 7  # distance in pixels over which the correlation area is summed: that of the usual filters
+_MORE_LOOKS, _WIDER = 1.5, 1.5  # smallest ratios of looks and of areas to the configured ones for filtered speckle
+# smallest ratios for smoothed speckle that has about the configured looks. An area of the point spread above 2.25 could
+# only come from resolutions that are wrong (both by half, or one by more). A correlation area above 3 could only come
+# from texture, which would also lower the looks below 0.9 times the configured ones.
+_COARSE, _SMOOTHED, _AS_MANY_LOOKS = 2.25, 3.0, 0.9
+# width that resampling adds in quadrature, in sides of a pixel of the image before it (a map), from the variance of its
+# kernels: 1/12 of the nearest neighbour (radcal's), 1/6 of a linear interpolation (of the program that made the map),
+# and 2.355 standard deviations in a width
+_RESAMPLED = 2.355 * math.sqrt(1.0 / 12.0 + 1.0 / 6.0)
+# trial widths in pixel spacings: from sampling far below the bandwidth to filters far wider than any window
+_WIDTHS = np.geomspace(0.4, 30.0, 600)
+
+
+@dataclass(frozen=True)
+class PointSpread:
+    """Point spread of an image in slant range and in azimuth.
+
+    Attributes
+    ----------
+    range_m, azimuth_m : float
+        -3 dB widths [m] of the impulse response that, with the simulator's weighting, gives speckle the same
+        correlation as in the image.
+    range_error_m, azimuth_error_m : float
+        Standard errors [m].
+    smoothing : float
+        Ratio of the correlation area of the image's power to the correlation area for the configured resolutions. A
+        correlation area is the sum of the autocorrelation over both directions. Averaging over an area multiplies
+        ``smoothing`` by about the number of independent pixels in this area. Unlike the widths, ``smoothing`` also
+        grows if a filter keeps a part of each pixel's own value.
+    windows : int
+        Number of windows used, or of tiles with pairs of pixels if the areas are too small for windows.
+    at_least : (bool, bool)
+        Whether each width is only a lower limit, because speckle is correlated over half the windows.
+    """
+
+    range_m: float
+    azimuth_m: float
+    range_error_m: float
+    azimuth_error_m: float
+    smoothing: float
+    windows: int
+    at_least: tuple[bool, bool] = (False, False)
+
+    def cells(self, radar: Radar) -> float:
+        """Ratio of the area of the point spread to the area of the configured resolution cell."""
+        return self.range_m * self.azimuth_m / (radar.range_resolution_m * radar.azimuth_resolution_m)
+
+
+def estimate_point_spread(
+    image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar
+) -> PointSpread | None:
+    r"""Point spread from the semivariances of the power in homogeneous windows of one material, or in small areas.
+
+    For any number of looks, the power of speckle has the autocorrelation :math:`\rho(d) = |\mu(d)|^2`, where
+    :math:`\mu` is the autocorrelation of the complex amplitude. The same :math:`\mu` is the autocorrelation of the
+    impulse response (:func:`radcal.radar.speckle.speckle_correlation`). The function estimates :math:`\rho(d)` as
+    :math:`1 - \gamma(d) / \gamma(D)`, where :math:`\gamma` is the semivariance of the power divided by the window's
+    mean power, and D is a distance just beyond the correlation of speckle. Semivariances need no removal of a mean, and
+    texture that is correlated over longer distances has no effect. The width is fitted by least squares to
+    :math:`\rho(d)` at the distances below D.
+
+    If fewer than 20 homogeneous windows fit into the materials, the semivariances are those of pairs of pixels of the
+    same area (:func:`radcal.image.small_areas.pairs_of_areas`), whatever the configured resolutions.
+
+    Parameters
+    ----------
+    image_db : ndarray, shape (rows, columns)
+        Backscatter [dB], NaN where a pixel has no value.
+    material : ndarray of uint8, shape (rows, columns)
+        Material id of each pixel, 0 where a pixel holds no material or several.
+    radar : Radar
+        Pass with its resolutions and pixel spacings.
+
+    Returns
+    -------
+    PointSpread or None
+        Estimated point spread; None if the areas are too small for pairs of pixels, too, or if the widths are half of
+        the largest distance of pairs or more. The standard errors of the widths combine the sampling error of the
+        windows or tiles (bootstrap) with 5 % for other weightings and texture. For
+        an impulse response without any weighting, the estimate is only 0.66 to 0.76 of the estimate for a weighted
+        impulse response of equal width.
+
+    References
+    ----------
+    Goodman, "Speckle Phenomena in Optics" (2007), section 4.4: autocorrelation of the intensity from that of the
+    amplitude. Madsen, "Spectral properties of homogeneous and nonhomogeneous radar images", IEEE TAES 23 (1987).
+    Matheron, "Principles of geostatistics", Economic Geology 58 (1963): semivariance.
+    """
+    return _of_windows(_windows(image_db, material, radar), radar) or _of_small_areas(image_db, material, radar)
+
+
+def _of_windows(windows: NDArray[np.float64], radar: Radar) -> PointSpread | None:
+    """Point spread from the power in windows, shape (windows, rows, columns); None if fewer than 20 are homogeneous."""
+    if len(windows) < _WINDOWS[0]:
+        return None
+    both = [_semivariances(windows), _semivariances(windows.swapaxes(1, 2))]
+    sill = 0.5 * (both[0][:, -1] + both[1][:, -1])
+    mode = most_frequent_variance(sill)
+    usual = (sill > _HOMOGENEOUS[0] * mode) & (sill < _HOMOGENEOUS[1] * mode)
+    if np.count_nonzero(usual) < _WINDOWS[0]:
+        return None
+    rng = np.random.default_rng(0)  # seed of the bootstrap only: the estimate itself is not random
+    found = []
+    for semivariances, way in zip(both, _WAYS, strict=True):
+        each = semivariances[usual]
+        draws = rng.integers(len(each), size=(_DRAWS, len(each)))
+        start = getattr(radar, f"{way}_resolution_m") / getattr(radar, f"{way}_spacing_m")
+        found.append(_Width.of(each.mean(axis=0), [each[draw].mean(axis=0) for draw in draws], start, way, radar))
+    return _Width.both(found, int(np.count_nonzero(usual)))
+
+
+def _of_small_areas(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> PointSpread | None:
+    """Point spread from pairs of pixels of the same area; None if too few pairs are far enough apart."""
+    both = pairs_of_areas(image_db, material)
+    if both is None:
+        return None
+    rng = np.random.default_rng(0)  # seed of the bootstrap only: the estimate itself is not random
+    found = []
+    for pairs, way in zip(both, _WAYS, strict=True):
+        tiles = len(pairs.sums)
+        draws = rng.integers(tiles, size=(_DRAWS, tiles))
+        # the first guess is one pixel, because a guess beyond the distances would make them all count as correlated
+        width = _Width.of(pairs.semivariances(), [pairs.semivariances(draw) for draw in draws], _NARROW, way, radar)
+        if width.at_least:  # a limit would not tell whether the image is finer than the resolutions
+            return None
+        found.append(width)
+    return _Width.both(found, len(both[0].sums))
+
+
+@dataclass(frozen=True)
+class _Width:
+    """Width along one axis, its standard error [m], its factor of ``smoothing``, and whether it is a lower limit."""
+
+    width_m: float
+    error_m: float
+    smoothing: float
+    at_least: bool
+
+    @classmethod
+    def of(
+        cls, seen: NDArray[np.float64], again: Sequence[NDArray[np.float64]], start: float, way: str, radar: Radar
+    ) -> _Width:
+        """Width from semivariances, and its error from those of bootstrap samples; ``start`` is a first guess."""
+        spacing, resolution = getattr(radar, f"{way}_spacing_m"), getattr(radar, f"{way}_resolution_m")
+        expected = speckle_correlation(np.arange(1, seen.size) / _WIDTHS[:, None])
+        width = _width(seen, expected, start)
+        scatter = float(np.std([_width(one, expected, start) for one in again]))
+        error = spacing * float(np.hypot(scatter, _SHAPE * width))
+        far = bool(np.ceil(_FAR * width) > seen.size - 1)  # the largest distances are correlated, too
+        return cls(width * spacing, error, _correlation_length(seen, resolution / spacing), far)
+
+    @staticmethod
+    def both(found: Sequence[_Width], windows: int) -> PointSpread:
+        """Point spread of the widths in range and azimuth."""
+        one, other = found
+        smoothing = one.smoothing * other.smoothing
+        limits = (one.at_least, other.at_least)
+        return PointSpread(one.width_m, other.width_m, one.error_m, other.error_m, smoothing, windows, limits)
+
+
+def _windows(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> NDArray[np.float64]:
+    """Power divided by the window's mean power, in windows of one material, shape (windows, rows, columns)."""
+    height, width = (SIDE * step for step in independent_steps(radar))
+    rows, columns = image_db.shape[0] // height, image_db.shape[1] // width
+
+    def cut(values: NDArray[np.generic]) -> NDArray[np.generic]:
+        parts = values[: rows * height, : columns * width].reshape(rows, height, columns, width)
+        return parts.swapaxes(1, 2).reshape(rows * columns, height, width)
+
+    labels, values = cut(material), cut(image_db)
+    first = labels[:, :1, :1]
+    whole = np.flatnonzero(((labels == first) & (first != 0) & np.isfinite(values)).all(axis=(1, 2)))
+    power = 10.0 ** (values[whole[:: max(1, -(-whole.size // _WINDOWS[1]))]].astype(np.float64) / 10.0)
+    return np.asarray(power / power.mean(axis=(1, 2), keepdims=True))
+
+
+def _semivariances(windows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Semivariances at distances from 1 pixel to half a window along axis 1, shape (windows, distances)."""
+    n = windows.shape[1]
+    lags = range(1, n // 2 + 1)
+    return np.stack([0.5 * np.mean((windows[:, k:] - windows[:, : n - k]) ** 2, axis=(1, 2)) for k in lags], axis=1)
+
+
+def _width(semivariances: NDArray[np.float64], expected: NDArray[np.float64], start: float) -> float:
+    """Width of the impulse response in pixel spacings; ``start`` is a first guess.
+
+    The observed autocorrelation is compared with ``expected``, the autocorrelations for the widths ``_WIDTHS``, shape
+    (widths, distances). The distance beyond which speckle is assumed to be uncorrelated grows with the estimated width.
+    """
+    width, far = start, 0
+    while (wanted := min(semivariances.size - 1, max(2, int(np.ceil(_FAR * width))))) > far:
+        far = wanted
+        seen = 1.0 - semivariances[: far - 1] / semivariances[far - 1 : far + 1].mean()
+        width = float(_WIDTHS[int(np.argmin(((expected[:, : far - 1] - seen) ** 2).sum(axis=1)))])
+    return width
+
+
+def _correlation_length(semivariances: NDArray[np.float64], resolution: float) -> float:
+    """Ratio of the sums of two autocorrelations over distances of both signs: observed, and for a given resolution."""
+    reach = min(semivariances.size - 2, _REACH)
+    seen = 1.0 - semivariances[:reach] / semivariances[reach : reach + 2].mean()
+    expected = speckle_correlation(np.arange(1, reach + 1) / resolution)
+    return float((1.0 + 2.0 * np.maximum(seen, 0.0).sum()) / (1.0 + 2.0 * expected.sum()))
+
+
+def is_filtered(found: PointSpread | None, looks: Looks | None, radar: Radar) -> bool:
+    """Whether an image is speckle-filtered, that is, has far more looks and a far larger point spread than configured.
+
+    Smoothing of a detected image multiplies the number of looks and the correlation area by about the same factor.
+    Other causes do not raise both: more looks of the sensor do not change the correlation, a coarser resolution does
+    not change the looks, texture lowers the looks, and a wrong ``measurement.scale`` changes only the looks.
+
+    Parameters
+    ----------
+    found, looks : PointSpread, Looks or None
+        Estimates of point spread and looks of the image; the function returns False if one of them is missing.
+    radar : Radar
+        Resolutions and looks.
+
+    References
+    ----------
+    Lee, "Digital image enhancement and noise filtering by use of local statistics", IEEE TPAMI 2 (1980).
+    Oliver and Quegan, "Understanding Synthetic Aperture Radar Images", section 6.2: filters and their equivalent looks.
+    """
+    if found is None or looks is None:
+        return False
+    return looks.looks > _MORE_LOOKS * radar.looks and found.cells(radar) > _WIDER
+
+
+def point_spread_note(
+    found: PointSpread, looks: Looks | None, radar: Radar, source: str, pixel_m: tuple[float, float] | None = None
+) -> str | None:
+    """Sentence about a point spread that differs from the configured resolutions; None if there is no difference.
+
+    The sentence is a warning if the image is filtered, smoothed or coarser than the resolutions, because the simulated
+    image then differs from the measured one; it is a note if the image is only finer, unless the configured resolution
+    cell has more than 2.25 times the area of the possible one that is nearest to the image's.
+
+    If ``radar.looks`` has been set to the number of looks after filtering, only the correlation shows the filter. If
+    the image does not have more looks than configured, the sentence calls the image smoothed in two cases:
+
+    - The area of the point spread exceeds 2.25 times the area of the configured resolution cell.
+    - The area of the point spread exceeds 1.5 times the area of the configured resolution cell, the correlation area
+      exceeds 3 times the configured correlation area, and the number of looks is not reduced (texture reduces it).
+
+    Parameters
+    ----------
+    found, looks, radar
+        Arguments of :func:`is_filtered`.
+    source : str
+        Name of the image.
+    pixel_m : (float, float), optional
+        Sides along slant range and azimuth of the pixels of an image that was resampled by nearest neighbour, such as a
+        georeferenced image [m]. The resampling widens the configured cell, so that only a width beyond the widened cell
+        leads to an advice.
+    """
+    configured = (radar.range_resolution_m, radar.azimuth_resolution_m)
+    sides = pixel_m or (0.0, 0.0)
+    explained = [math.hypot(one, _RESAMPLED * side) for one, side in zip(configured, sides, strict=True)]
+    widths = ((found.range_m, found.range_error_m), (found.azimuth_m, found.azimuth_error_m))
+    finer, wider, unexplained = (
+        any(sign * (width - one) > _CERTAIN * error for (width, error), one in zip(widths, limits, strict=True))
+        for sign, limits in ((-1.0, configured), (1.0, configured), (1.0, explained))
+    )
+    least = ["at least " * limit for limit in found.at_least]
+    said = (
+        f"by its speckle the point spread of {source} is {least[0]}{found.range_m:.3g} +- {found.range_error_m:.2g} m "
+        f"in slant range and {least[1]}{found.azimuth_m:.3g} +- {found.azimuth_error_m:.2g} m in azimuth, "
+        f"radar.range_resolution_m is {radar.range_resolution_m:g} and radar.azimuth_resolution_m "
+        f"{radar.azimuth_resolution_m:g}"
+    )
+    area = f"the sum of its speckle's correlations is {found.smoothing:.2g} times the one that these resolutions give"
+    if looks is not None and is_filtered(found, looks, radar):
+        more = f"{looks.looks / radar.looks:.2g} times radar.looks"
+        return (
+            f"warning: {source} is speckle-filtered: {said}; {area}, and it has {more}. Use the image before "
+            "filtering, unless radar.looks and the resolutions are both wrong."
+        )
+    as_many = looks is not None and looks.looks > _AS_MANY_LOOKS * radar.looks
+    cells = found.range_m * found.azimuth_m / math.prod(explained)
+    coarse = cells > _COARSE or (cells > _WIDER and found.smoothing > _SMOOTHED and as_many)
+    if coarse and unexplained:
+        guess = "speckle-filtered or smoothed in another way, unless the resolutions are wrong"
+        return f"warning: {source} is {guess}: {said}; {area}."
+    if not (finer or wider):
+        return None
+    if pixel_m is not None:
+        said += (
+            f"; the widths contain the resampling by nearest neighbour, with which these resolutions give up to "
+            f"{explained[0]:.3g} and {explained[1]:.3g} m"
+        )
+        if not (finer or unexplained):
+            return f"{said}: no key need be changed."
+    ways = {"range": found.range_m, "azimuth": found.azimuth_m}
+    possible = {way: radar.possible_resolution_m(way, width) for way, width in ways.items()}
+    limits = [
+        f"radar.{way}_spacing_m of {getattr(radar, f'{way}_spacing_m'):g} allows {possible[way]:g} at the finest"
+        for way, width in ways.items()
+        if possible[way] > 1.01 * width  # smaller differences come from rounding
+    ]
+    limited = f" ({' and '.join(limits)})" * bool(limits)
+    if all(abs(possible[way] / getattr(radar, f"{way}_resolution_m") - 1.0) <= _SHAPE for way in ways):
+        return f"{said}: no resolutions nearer to the image's are possible{limited}."
+    far_finer = _COARSE * math.prod(possible.values()) < math.prod(configured)
+    return "warning: " * (unexplained or far_finer) + (
+        f"{said}: set them to {possible['range']:g} and {possible['azimuth']:g}{limited}, unless the image "
+        f"{'was resampled' if pixel_m is None else 'was resampled before, too,'} or has texture of a few pixels."
+        f"{'' if unexplained else _bias(widths, configured)}"
+    )
+
+
+def _bias(widths: Sequence[tuple[float, float]], configured: Sequence[float]) -> str:
+    """Sentence on the bias of an estimate that an impulse response without weighting explains; else empty."""
+    ratios = [(width + _CERTAIN * error) / one for (width, error), one in zip(widths, configured, strict=True)]
+    if min(ratios) < _UNWEIGHTED:
+        return ""
+    return " An impulse response without weighting seems 24 to 34 % finer than it is: then no key need be changed."

@@ -1,0 +1,1 @@
+"""A case written from answers and from what its files say."""

@@ -1,0 +1,80 @@
+"""Objectives: classes with a common interface that compare runs with the target."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from radcal.config import stages
+from radcal.ground.patches import pooled
+from radcal.objectives.bins import Bins, Likelihood
+from radcal.objectives.density import Density
+from radcal.objectives.joint import Joint
+from radcal.objectives.objective import Comparison, Material, Objective
+from radcal.targets.target import Target, Targets
+
+__all__ = ["OBJECTIVES", "Comparison", "Objective", "make_objectives"]
+
+OBJECTIVES: dict[str, type[Objective]] = {"classes": Bins, "density": Density, "likelihood": Likelihood}
+"""Class of each objective, by its name in the configuration (``radcal.config.objectives``)."""
+
+
+def make_objectives(case: stages.Scores | stages.Archive, targets: Targets) -> Mapping[str, Comparison]:
+    """Objective of every calibrated material, in all passes of the case.
+
+    Parameters
+    ----------
+    case : stages.Scores or stages.Archive
+        Name of the objective, laws, bounds and looks.
+    targets : Targets
+        Targets of the calibrated materials in all passes.
+
+    Returns
+    -------
+    mapping
+        Objective by material, in the order of the targets.
+    """
+    if not targets.further:
+        return _of_pass(case, targets)
+    passes: Sequence[stages.Scores | stages.Archive] = case.passes
+    each = [
+        _of_pass(one, found, priors=number == 0)
+        for number, (one, found) in enumerate(zip(passes, _of_common_spread(targets), strict=True))
+    ]
+    return {name: Joint([objectives.get(name) for objectives in each]) for name in targets}
+
+
+def _of_common_spread(targets: Targets) -> list[Targets]:
+    """Targets of all passes, with one spread of fields for each material: all passes show the same fields."""
+
+    def common(name: str, target: Target) -> Target:
+        if target.classes is None:
+            return target
+        each = [one[name].classes for one in targets.passes if name in one]
+        spread = pooled([bins.spread for bins in each if bins is not None])
+        return replace(target, classes=replace(target.classes, spread=spread))
+
+    each = ({name: common(name, target) for name, target in one.items()} for one in targets.passes)
+    return [Targets(found, one.levels, one.looks) for found, one in zip(each, targets.passes, strict=True)]
+
+
+def _of_pass(case: stages.Scores | stages.Archive, targets: Targets, priors: bool = True) -> dict[str, Objective]:
+    """Objective of each material in one pass; ``priors`` tells whether the priors enter."""
+    laws, kind = case.laws, OBJECTIVES[case.objective]
+    return {
+        name: kind(
+            Material(
+                name=name,
+                target=target,
+                law=laws[name],
+                box=np.array(case.materials[name].box, dtype=np.float64),
+                integer=np.array(case.materials[name].integers, dtype=np.bool_),
+                looks=float(case.radar.looks),
+                decibels=targets.levels.normalisation != "image",
+                priors=priors,
+            )
+        )
+        for name, target in targets.items()
+    }

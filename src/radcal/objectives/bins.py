@@ -1,0 +1,186 @@
+"""Objectives in incidence-angle bins: ``classes`` (statistics of each bin), ``likelihood`` (pixels of each bin)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.config import Stop
+from radcal.errors import MeasurementError
+from radcal.inference.expected import LawForward
+from radcal.inference.grounds import curve_prior, law_prior, limited
+from radcal.inference.misfit import BinMisfit, LikelihoodMisfit, Method, Misfit
+from radcal.inference.moments import from_cumulants, to_cumulants
+from radcal.objectives.history import History
+from radcal.objectives.objective import (
+    Compared,
+    Doubles,
+    Material,
+    Objective,
+    Points,
+    Progress,
+    Verdict,
+    run_count,
+)
+
+__all__ = ["Bins", "Likelihood"]
+
+_SETTLED = 0.03  # difference in cost for a law that is a quarter of its standard error from the minimum
+_REFUTED = 3.0  # ratio of a verified to the predicted cost, above which the surrogate does not predict the simulator
+_EXPLORED = 0.05  # the same for a law without a curve, whose search also asks what the surrogate's errors may hide
+
+
+class Bins(Objective):
+    """Objective ``classes``: mean, log sd and skewness of each incidence-angle bin, with weak priors."""
+
+    looks_ahead = True
+    tolerance = 1e-6
+    improvement = _SETTLED
+    misfit: ClassVar[type[Misfit]] = BinMisfit
+    part_names = ("means and priors", "log sds and skewnesses")
+
+    def __init__(self, material: Material) -> None:
+        super().__init__(material)
+        bins, target = material.target.classes, material.target
+        if bins is None:
+            raise MeasurementError(f"the target of {material.name} has no incidence-angle bins; make it again.")
+        self.bins, self.free_looks = bins, bins.free_looks
+        self.ground = limited(target.ground, bins.classes.member)
+        self.method = Method(
+            material.law,
+            material.box,
+            material.looks,
+            misfit=self.misfit,
+            classes=bins.classes.size,
+            free_looks=bins.free_looks,
+            priors=bins.priors and material.priors,
+            incidence_error_deg=bins.incidence_error_deg,
+        )
+        self._misfit = self.misfit.of(self.ground, bins.classes, self.method, bins.spread)
+        self._prior = curve_prior(self.ground, self.method)
+        self.explores = not material.law.has_curve
+        if material.law.has_curve:
+            expected = self.expected = LawForward(material.law, bins.classes.nodes_deg, material.looks, target.noise_db)
+            self.baseline = lambda x: from_cumulants(expected(x))
+            self.starts = [(bins.first, bins.first_looks)]
+
+    @cached_property
+    def moments(self) -> BinMisfit:
+        """Misfit of mean, log sd and skewness in each bin, also if the objective minimises another misfit."""
+        return BinMisfit.of(self.ground, self.bins.classes, self.method, self.bins.spread)
+
+    @property
+    def of_fields(self) -> BinMisfit | None:
+        """Attribute :attr:`moments`, if the minimised misfit includes effects of fields; otherwise None."""
+        return self.moments if self.misfit.of_fields else None
+
+    @property
+    def scale(self) -> Doubles:
+        """Standard deviations of mean [dB], log sd and skewness of the measured bins, shape (n, 3)."""
+        return np.asarray(np.sqrt(np.diag(self.moments.covariance)).reshape(3, -1).T)
+
+    def compared(self) -> Compared:
+        """Measured pixels of the material, with the statistics of their incidence-angle bins."""
+        measured = from_cumulants(self.bins.classes.cumulants)
+        prior = law_prior(self.ground, self.method)
+        return Compared(self.ground, self.bins.classes, self.method, measured, prior)
+
+    def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
+        """Mean [dB], log sd and skewness of the pixels in each bin, shape (n, 3)."""
+        return from_cumulants(self.bins.cumulants(values_db, pixels))
+
+    def residuals(self, points: Points) -> Doubles:
+        """Residuals of the misfit, followed by the residuals of the priors, shape (m, k)."""
+        slack = np.broadcast_to(points.slack, points.statistics.shape)
+        each = zip(to_cumulants(points.statistics), points.parameters, points.looks, slack, strict=True)
+        return np.stack(
+            [
+                np.concatenate([self._misfit(x, float(n), simulated, reach), self._prior(x, float(n))])
+                for simulated, x, n, reach in each
+            ]
+        )
+
+    def parts(self, points: Points) -> Doubles:
+        """Squares of the means with the priors, and of the other statistics, shape (m, 2)."""
+        n = self.bins.classes.size
+        squares = self.residuals(points) ** 2
+        first, second, weak = np.split(squares, [n, 3 * n], axis=1)
+        return np.stack([first.sum(axis=1) + weak.sum(axis=1), second.sum(axis=1)], axis=-1)
+
+    def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
+        """Mask of the costs that are clearly below the best verified cost, and about as good as the smallest one."""
+        near = _EXPLORED if self.explores else _SETTLED
+        return costs <= min(best - near, float(costs.min()) + near)
+
+    @staticmethod
+    def leaves_open(floor: float, best: float) -> bool:
+        """Whether the floor is more than 0.05 below the best verified cost."""
+        return best - floor > _EXPLORED
+
+    @classmethod
+    def ending(cls, progress: Progress, stop: Stop) -> Verdict | None:
+        """End of a search if the surrogate of all runs predicts no better law, or one that hardly differs."""
+        score, name = progress.score, progress.name
+        if progress.proposal.mode == "exhausted":
+            text = "every combination of whole parameters inside the bounds has been simulated."
+            return Verdict("settled", f"{name}: stop criterion met after {run_count(progress.runs)}: {text}")
+        if score.gain is None:
+            return None
+        predicted, fewest = progress.proposal.cost, len(score.parameters) + 2
+        if predicted is not None and score.cost > _REFUTED * predicted and progress.runs < fewest:
+            return None  # what such a surrogate promises, few runs cannot tell
+        if score.floor is not None and cls.leaves_open(score.floor, progress.best):
+            return None
+        if score.gain <= (_SETTLED if score.floor is None else _EXPLORED):
+            text = f"the surrogate of all runs predicts no clearly better {'X' if score.moved_db is None else 'law'}."
+        elif score.moved_db is not None and score.moved_db <= stop.law_db:
+            text = (
+                f"the best law that the surrogate of all runs predicts differs from that of the best run by "
+                f"{score.moved_db:.2g} dB over the incidence seen."
+            )
+        else:
+            return None
+        return Verdict("settled", f"{name}: stop criterion met after {run_count(progress.runs)}: {text}")
+
+    @classmethod
+    def standing(cls, name: str, best: float, stop: Stop) -> str:
+        """Start of the sentence which says that a material does not meet the stop criterion."""
+        return f"{name}: stop criterion not met"
+
+    @classmethod
+    def progress_line(cls, history: History, materials: Sequence[str], ended: Sequence[str], stop: Stop) -> str:
+        """Text on the number of laws that meet the stop criterion, and on the law that may still change most."""
+        text = f"{len(ended)} of {len(materials)} laws {'meets' if len(ended) == 1 else 'meet'} the stop criterion"
+        if ended:
+            text += (
+                " (the surrogate of all runs predicts no law that is clearly better and differs by more than "
+                f"stop.law_db, {stop.law_db:g} dB)"
+            )
+        # a law that meets the criterion may move by more than law_db, but is then predicted to become hardly better
+        moved = {name: history.infill[-1].scores[name].moved_db for name in materials if name not in ended}
+        known = {name: value for name, value in moved.items() if value is not None}
+        if known:
+            worst = max(known, key=lambda name: known[name])
+            text += f", the law of {worst} may still move most, by {known[worst]:.2g} dB from that of its best run"
+        return text
+
+
+class Likelihood(Bins):
+    """Objective ``likelihood``: gamma likelihood of the pixels in each incidence-angle bin."""
+
+    misfit: ClassVar[type[Misfit]] = LikelihoodMisfit
+    part_names = ("pixels of small incidence, priors", "pixels of large incidence")
+
+    def parts(self, points: Points) -> Doubles:
+        """Sums of squared residuals: bins of small incidence with priors, and bins of large incidence, shape (m, 2)."""
+        n = self.bins.classes.size
+        weak = self._prior(self.material.box.mean(axis=1), self.material.looks).size
+        squares = self.residuals(points) ** 2
+        data = squares.shape[1] - weak
+        half = n // 2 * (data // n)
+        first, second, rest = np.split(squares, [half, data], axis=1)
+        return np.stack([first.sum(axis=1) + rest.sum(axis=1), second.sum(axis=1)], axis=-1)

@@ -1,0 +1,178 @@
+"""Objective ``density``: the skew-normal density of all pixels of a material (the histogram)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal import skewnormal
+from radcal.config import Stop
+from radcal.ground.classes import Classes
+from radcal.inference.expected import LawForward
+from radcal.inference.grounds import bins_of
+from radcal.inference.misfit import Method, drawn
+from radcal.inference.moments import from_cumulants, from_dp, to_dp
+from radcal.objectives.history import History, Proposal
+from radcal.objectives.objective import (
+    Compared,
+    Doubles,
+    Material,
+    Objective,
+    Points,
+    Progress,
+    Verdict,
+    run_count,
+)
+
+__all__ = ["UNREACHABLE_SHARE", "Density"]
+
+UNREACHABLE_SHARE = 0.9  # share of the best verified rms; with a floor above it, no X is clearly better
+_PROMISING_SHARE = 0.5
+_GRID = 200  # points on which the search compares densities; the score uses 1,000
+_NODES = 64  # incidence angles that represent the pixels
+_OF_SAMPLING = 1.0 / 3.0  # share of the sampling error; an rms below it adds at most a ninth to the variance
+_PATIENCE = 5  # runs without improvement after which a search below that rms ends
+_KEPT = 0.2  # relative difference of predicted and verified rms, up to which the prediction was right
+
+
+class Density(Objective):
+    """Objective ``density``: rms difference between a material's density and the target's density.
+
+    The search first minimises scaled differences of mean, log sd and skewness, because the rms hardly changes with X
+    far from its minimum. The rms is 0 if the differences of the statistics are 0.
+    """
+
+    refines = True
+
+    def __init__(self, material: Material) -> None:
+        super().__init__(material)
+        target = material.target
+        self._target_dp = np.asarray(target.dp, dtype=np.float64)
+        self._target = from_dp(self._target_dp)
+        self._grid = skewnormal.target_grid(self._target_dp, _GRID)
+        self._density = skewnormal.density(self._grid, self._target_dp)
+        if material.law.has_curve and material.decibels:
+            shares = (np.arange(_NODES) + 0.5) / _NODES
+            nodes = np.quantile(np.asarray(target.incidence_deg, dtype=np.float64), shares)[None]
+            expected = self.expected = LawForward(material.law, nodes, material.looks, target.noise_db)
+            self.baseline = lambda x: from_cumulants(expected(x))
+
+    @cached_property
+    def _method(self) -> Method:
+        return Method(self.material.law, self.material.box, self.material.looks, classes=1)
+
+    @cached_property
+    def _classes(self) -> Classes:
+        return bins_of(self.material.target.ground, 1)
+
+    @property
+    def scale(self) -> Doubles:
+        """Standard errors of mean, log sd and skewness of n normal values, times sqrt(n), shape (1, 3)."""
+        return np.array([[np.exp(self._target[1]), np.sqrt(0.5), np.sqrt(6.0)]])
+
+    def compared(self) -> Compared:
+        """Measured pixels and the centred parameters of their density."""
+        # the simulated pixels have their own speckle, which adds to the variance of the difference
+        ground = self.material.target.ground
+        return Compared(ground, self._classes.compared(1), self._method, self._target[None], None)
+
+    def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
+        """Mean [dB], log sd and skewness of the density fitted to the pixels, shape (1, 3)."""
+        values = values_db if pixels is None else values_db[pixels]
+        return from_dp(skewnormal.fit(values, self.material.target.penalised).dp)[None]
+
+    def residuals(self, points: Points) -> Doubles:
+        """Differences of mean, log sd and skewness from the target's, divided by ``scale``, shape (m, 3)."""
+        return (drawn(points.statistics, self._target, points.slack) / self.scale)[:, 0]
+
+    def refined(self, points: Points) -> Doubles:
+        """Differences of predicted densities from the target's, divided by the target's maximum, shape (m, 200)."""
+        dp = to_dp(self._target + drawn(points.statistics, self._target, points.slack)[:, 0])
+        found = np.stack([skewnormal.density(self._grid, row) for row in dp])
+        return np.asarray((found - self._density) / self._density.max())
+
+    def cost(self, points: Points) -> Doubles:
+        """Density rms [1/dB], shape (m,)."""
+        differences = self.refined(points) * self._density.max()
+        return np.asarray(np.sqrt(np.mean(differences**2, axis=1)))
+
+    def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
+        """Number of looks of the simulated speckle, and None, because the cost is the density rms."""
+        return self.material.looks, None
+
+    def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
+        """Mask of the costs that are below half of the best verified cost."""
+        return costs < _PROMISING_SHARE * best
+
+    @staticmethod
+    def leaves_open(floor: float, best: float) -> bool:
+        """Whether the floor is below nine tenths of the best verified rms."""
+        return floor < UNREACHABLE_SHARE * best
+
+    def together(self, costs: Doubles) -> Doubles:
+        """Root mean square of the costs of several passes."""
+        return np.asarray(np.sqrt(np.mean(costs**2, axis=0)))
+
+    @classmethod
+    def ending_before_infill(cls, name: str, best: float, stop: Stop) -> Verdict | None:
+        """End of a search if the rms of the best run is within the tolerance."""
+        if best <= stop.rms:
+            sentence = f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} before any infill."
+            return Verdict("rms", sentence)
+        return None
+
+    @classmethod
+    def ending(cls, progress: Progress, stop: Stop) -> Verdict | None:
+        """End of a search: rms within the tolerance, target unreachable, or rms well below the sampling error."""
+        name, best, proposal = progress.name, progress.best, progress.proposal
+        if best <= stop.rms:
+            sentence = f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} after {run_count(progress.runs)}."
+            return Verdict("rms", sentence)
+        known = len(progress.score.parameters) + 2 <= progress.runs and _kept(proposal, progress.score.cost)
+        if proposal.floor is not None and not cls.leaves_open(proposal.floor, best) and known:
+            return Verdict(
+                "unreachable",
+                f"{name}: rms {best:.2g} after {run_count(progress.runs)}, above the tolerance {stop.rms:.2g}; a "
+                "multi-start search of the surrogate, two standard errors in favour, finds no rms below "
+                f"{proposal.floor:.2g} inside the bounds: the target seems out of reach there.",
+            )
+        if proposal.mode == "exhausted":
+            return Verdict(
+                "unreachable",
+                f"{name}: rms {best:.2g}, above the tolerance {stop.rms:.2g}: every combination of whole parameters "
+                "inside the bounds has been simulated.",
+            )
+        if stop.at_sampling_error and progress.idle >= _PATIENCE and best < _OF_SAMPLING * progress.sampling:
+            return Verdict(
+                "stagnation",
+                f"{name}: rms {best:.2g}, no better for {run_count(progress.idle)} and below a third of the sampling "
+                f"error {progress.sampling:.2g}: a better fit would not be significant (stop.at_sampling_error: false "
+                "continues).",
+            )
+        return None
+
+    @classmethod
+    def standing(cls, name: str, best: float, stop: Stop) -> str:
+        """Start of the sentence on the state of a search: best rms of the material, and tolerance."""
+        return f"{name}: rms {best:.2g}, above the tolerance {stop.rms:.2g}"
+
+    @classmethod
+    def progress_line(cls, history: History, materials: Sequence[str], ended: Sequence[str], stop: Stop) -> str:
+        """Text on the best rms; of several materials, on the material whose best rms is largest."""
+        best = {name: history.best(name).scores[name].cost for name in materials}
+        if len(best) == 1:
+            text = f"best rms {next(iter(best.values())):.2e}"
+        else:
+            worst = max(best, key=lambda name: best[name])
+            within = sum(value <= stop.rms for value in best.values())
+            text = f"{within} of {len(best)} materials within tolerance, worst {worst} at rms {best[worst]:.2e}"
+        return f"{text}, tolerance {stop.rms:.1e}"
+
+
+def _kept(proposal: Proposal, rms: float) -> bool:
+    """Whether a verified rms agrees with its prediction; otherwise the floor of the surrogate is not used."""
+    predicted = proposal.cost
+    return proposal.mode == "exploit" and predicted is not None and abs(rms - predicted) <= _KEPT * predicted

@@ -1,0 +1,400 @@
+"""Advice on a further pass: how far each candidate is expected to narrow the 90 % bands of a finished calibration."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.assessment.curves import GRID_DEG, NORMAL_90
+from radcal.assessment.posterior import Posterior
+from radcal.assessment.preposterior import Sight, half_widths_after, half_widths_now, sight_of
+from radcal.config import Case, Radar, case_from
+from radcal.errors import ConfigError, StoreError
+from radcal.laws import Law
+from radcal.products.tables import write_csv
+from radcal.radar.geometry import Geometry
+from radcal.radar.projection import make_geometry
+from radcal.results.archive import Archive, read_archive
+from radcal.scene.model import Scene, read_scene
+from radcal.words import doubts
+
+__all__ = ["ALIKE", "NONE", "Advised", "advice_on", "advise", "candidates", "common_ratio", "judged", "of_archive"]
+
+Doubles = NDArray[np.float64]
+
+_STEP_DEG = 15.0
+_DEPRESSIONS = (10.0, 75.0)
+_INCIDENCES = (15.0, 80.0)
+_SIDES = ("right", "left")
+_EQUAL = 1.05  # ratio of two half-widths after a pass up to which the passes count as equally good
+_LITTLE = 0.9  # ratio of the half-width after a pass to that now above which the pass hardly narrows the band
+NONE, ALIKE = "none", "alike"
+_ALL = "all materials"
+COLUMNS = (
+    "depression_deg", "look_side", "material", "incidence_p05_deg", "incidence_p95_deg", "half_width_now_db",
+    "half_width_after_db", "after_over_now", "over_from_deg", "over_to_deg", "layover", "shadow",
+)  # fmt: skip
+_HEADINGS = ("pass", "material", "incidence 5-95 %", "half-width now", "after", "layover", "shadow")
+
+
+@dataclass(frozen=True)
+class Advised:
+    """Expected effect of one further pass on the 90 % band of one material.
+
+    Attributes
+    ----------
+    radar : Radar
+        The further pass.
+    material : str
+        Calibrated material.
+    incidence_deg : (float, float) or None
+        5 and 95 % quantile of the local incidence of the material's usable pixels in this pass [deg]; None for fewer
+        than 50 pixels.
+    now_db, after_db : float
+        Mean half-width of the 90 % band of sigma0 [dB] over ``over_deg``, now and expected after this pass.
+    over_deg : (float, float)
+        Incidence over which the half-widths are averaged [deg].
+    layover, shadow : float
+        Shares of the image's pixels in layover, and with ground in shadow.
+    """
+
+    radar: Radar
+    material: str
+    incidence_deg: tuple[float, float] | None
+    now_db: float
+    after_db: float
+    over_deg: tuple[float, float]
+    layover: float
+    shadow: float
+
+    @property
+    def name(self) -> str:
+        """Depression or incidence angle and look side of the pass, in words."""
+        if self.radar.incidence_deg is not None:
+            return f"incidence {self.radar.incidence_deg:g} deg {self.radar.look_side}"
+        return f"{self.radar.depression_deg:g} deg {self.radar.look_side}"
+
+
+def candidates(case: Case, depressions: Sequence[float] = ()) -> list[Radar]:
+    """Candidate passes: depression angles on both look sides, without the passes that the case already has.
+
+    Parameters
+    ----------
+    case : Case
+        Case whose first pass gives the other settings.
+    depressions : sequence of float
+        Depression angles [deg]; by default that of the first pass, and 15 degrees more and less. In a case with
+        ``incidence_deg``, a candidate has the incidence 90 degrees minus depression angle.
+    """
+    first = case.radar
+    if first.incidence_deg is not None:
+        return _of_orbit(case, first.incidence_deg, depressions)
+    if not depressions:
+        around = (first.depression_deg + step for step in (0.0, -_STEP_DEG, _STEP_DEG))
+        depressions = [angle for angle in around if _DEPRESSIONS[0] <= angle <= _DEPRESSIONS[1]]
+    for angle in depressions:
+        if not 5.0 < angle < 85.0:
+            raise ConfigError(f"--depression is {angle:g}, expected an angle above 5 and below 85 degrees.")
+    taken = {(one.radar.depression_deg, one.radar.look_side) for one in case.passes}
+    return [
+        first.model_copy(update={"depression_deg": float(angle), "look_side": side})
+        for angle in depressions
+        for side in _SIDES
+        if (angle, side) not in taken
+    ]
+
+
+def _of_orbit(case: Case, incidence_deg: float, depressions: Sequence[float]) -> list[Radar]:
+    """Candidate passes of a case with ``incidence_deg``, as for a satellite: incidence angles on both look sides."""
+    given = [90.0 - angle for angle in depressions]
+    around = [incidence_deg + step for step in (0.0, -_STEP_DEG, _STEP_DEG)]
+    incidences = given or [angle for angle in around if _INCIDENCES[0] <= angle <= _INCIDENCES[1]]
+    for angle in incidences:
+        if not 5.0 < angle < 85.0:
+            raise ConfigError(f"--depression is {90.0 - angle:g}, expected an angle above 5 and below 85 degrees.")
+    taken = {(one.radar.incidence_deg, one.radar.look_side) for one in case.passes}
+    return [
+        case.radar.model_copy(update={"incidence_deg": round(angle, 2), "look_side": side})
+        for angle in incidences
+        for side in _SIDES
+        if (round(angle, 2), side) not in taken
+    ]
+
+
+def _opposite(radar: Radar) -> str:
+    """Sentence on the heading of a satellite that sees the scene from the other side, with the same look side."""
+    heading = (180.0 - radar.heading_deg) % 360.0
+    return (
+        f"All passes have heading_deg {radar.heading_deg:g}, that of the scene's grid. A satellite that sees the scene "
+        f"from the other side with the same look side, half a day apart, heads to about {heading:.1f} deg: the other "
+        "look side of the table stands for it, in a direction that differs by "
+        f"{abs((2.0 * radar.heading_deg + 180.0) % 360.0 - 180.0):.1f} deg."
+    )
+
+
+def advice_on(
+    case: Case,
+    scene: Scene,
+    found: Mapping[str, tuple[Posterior, Law]],
+    passes: Sequence[Radar],
+    over_deg: tuple[float, float] | None = None,
+    removed_db: float | None = None,
+) -> list[Advised]:
+    """Expected half-widths of the bands of calibrated materials after each candidate pass, one pass at a time.
+
+    Parameters
+    ----------
+    case : Case
+        Passes, target settings and uncertainties of the calibration.
+    scene : Scene
+        Scene of the calibration, with elevations.
+    found : mapping
+        Posterior, with draws, and law of each material.
+    passes : sequence of Radar
+        Passes to compare.
+    over_deg : (float, float), optional
+        Incidence of interest [deg]. By default, it reaches from the lowest 5 % quantile to the highest 95 % quantile of
+        the material's incidence, over the passes of the case and the passes compared.
+    removed_db : float, optional
+        Standard error of a level that the fixed laws give in all passes [dB] (``normalisation: offset``). By default,
+        each pass has its own error of ``uncertainty.level_db``.
+
+    Returns
+    -------
+    list of Advised
+        One item for each pass and material. Passes are in ascending order of :func:`common_ratio`; the items of one
+        pass are adjacent.
+    """
+    geometries = [make_geometry(scene, radar) for radar in passes]
+    own = [(one.radar, make_geometry(scene, one.radar)) for one in case.passes]
+    rows: list[list[Advised]] = [[] for _ in passes]
+    removed, margin_px = removed_db is not None, case.target.margin_px
+    config = case.uncertainty.model_copy(update={"level_db": removed_db} if removed else {})
+    for name, (posterior, law) in found.items():
+        draws = posterior.draws
+        assert draws is not None  # noqa: S101 - asked for by the caller
+        sights = [sight_of(name, made, radar, margin_px, scene) for radar, made in zip(passes, geometries, strict=True)]
+        known = [sight_of(name, made, radar, margin_px, scene) for radar, made in own]
+        measured = [one for one in known if one is not None]
+        seen = [_seen(one) for one in (*sights, *measured) if one is not None]
+        over = over_deg or (min(low for low, _ in seen), max(high for _, high in seen))
+        of = np.flatnonzero((over[0] <= GRID_DEG) & (over[1] >= GRID_DEG)).astype(np.int64)
+        now = float(half_widths_now(draws.curves_db(law)[:, of]).mean())
+        for each, radar, made, sight in zip(rows, passes, geometries, sights, strict=True):
+            after = now
+            if sight is not None:
+                widths = half_widths_after(draws, law, measured, [sight], posterior.looks, config, of, removed)
+                after = float(widths.mean())
+            incidence = None if sight is None else _seen(sight)
+            each.append(Advised(radar, name, incidence, now, after, over, *_hidden(made)))
+    return [row for each in sorted(rows, key=common_ratio) for row in each]
+
+
+def common_ratio(rows: Sequence[Advised]) -> float:
+    """Ratio of the half-width after one pass to the half-width now: geometric mean over the materials.
+
+    The geometric mean gives the ratios of wide and narrow bands the same weight.
+
+    Parameters
+    ----------
+    rows : sequence of Advised
+        Rows of one pass, one for each material.
+    """
+    return float(np.exp(np.mean([np.log(row.after_db / row.now_db) for row in rows])))
+
+
+def _passes(rows: Sequence[Advised]) -> Iterator[list[Advised]]:
+    """Lists of rows, one list for each pass."""
+    for _, each in itertools.groupby(rows, key=lambda row: id(row.radar)):
+        yield list(each)
+
+
+def _seen(sight: Sight) -> tuple[float, float]:
+    low, high = np.quantile(sight.incidence_deg, [0.05, 0.95])
+    return float(low), float(high)
+
+
+def _hidden(geometry: Geometry) -> tuple[float, float]:
+    return float(geometry.layover.mean()), float(geometry.shadow.mean())
+
+
+def of_archive(archive: Archive, folder: str | Path) -> dict[str, tuple[Posterior, Law]]:
+    """Posterior and law of each calibrated material whose law has a curve in dB.
+
+    Raises
+    ------
+    ConfigError
+        No material has draws and a law with a curve in dB.
+    """
+    found = {}
+    for name, material in archive.materials.items():
+        posterior = material.posterior
+        if posterior is not None and posterior.curve is not None and posterior.draws is not None:
+            found[name] = (posterior, archive.laws[name].curve())
+    if not found:
+        raise ConfigError(
+            f"{folder}: no calibrated material has a band of sigma0 in dB, expected a law with a curve and "
+            "target.normalisation none or offset."
+        )
+    return found
+
+
+def advise(
+    folder: str | Path, depressions: Sequence[float] = (), over_deg: tuple[float, float] | None = None
+) -> list[str]:
+    """Lines on further passes, with a table that is also written to a file in the results folder.
+
+    The file is ``advice.csv``, or, with given angles, for example ``advice_depression_30_between_20_50.csv``.
+
+    Parameters
+    ----------
+    folder : path
+        Results folder of a finished case.
+    depressions : sequence of float
+        Depression angles to compare [deg]; see :func:`candidates`.
+    over_deg : (float, float), optional
+        Incidence of interest [deg]; see :func:`advice_on`.
+
+    Returns
+    -------
+    list of str
+
+    Raises
+    ------
+    ConfigError
+        The scene has no elevations, no law has a band, or an angle is impossible.
+    DamagedError, StoreError
+        A file is damaged, or is missing because the calibration is not finished.
+    """
+    folder = Path(folder)
+    if not (folder / "calibration.h5").is_file():
+        raise StoreError(f"{folder}: the calibration is not finished, expected calibration.h5; radcal show says more.")
+    if over_deg is not None and not 0.0 <= over_deg[0] < over_deg[1] <= 90.0:
+        raise ConfigError(f"--between is {over_deg[0]:g} {over_deg[1]:g}, expected two increasing angles in 0 to 90.")
+    archive, scene = read_archive(folder / "calibration.h5", images=False), read_scene(folder / "scene.h5")
+    if scene.elevation_m is None:
+        raise ConfigError(
+            f"{folder}: the scene is in slant range, whose incidence is the same in every pass, expected a scene with "
+            "elevations."
+        )
+    case = case_from(json.loads(archive.config), f"{folder}/calibration.h5")
+    passes = candidates(case, depressions)
+    if not passes:
+        raise ConfigError("--depression names only passes that the case has, expected at least one other.")
+    found = of_archive(archive, folder)
+    low, _, high = archive.image.levels_db.T
+    removed_db = float(0.5 * (high - low).mean() / NORMAL_90) if case.target.normalisation == "offset" else None
+    rows = advice_on(case, scene, found, passes, over_deg, removed_db)
+    # tables of other angles lie side by side
+    named = [("depression", depressions), ("between", over_deg or ())]
+    words = ["advice", *("_".join([key, *(f"{x:g}" for x in angles)]) for key, angles in named if angles)]
+    table = folder / f"{'_'.join(words)}.csv"
+    write_csv(table, COLUMNS, _rows(rows))
+    orbit = [_opposite(case.radar)] if case.radar.incidence_deg is not None else []
+    return [*_table(rows), *_sentences(rows), *doubts(found, archive.found), *orbit, f"table: {table}"]
+
+
+def _rows(rows: Sequence[Advised]) -> Iterator[tuple[object, ...]]:
+    nothing = float("nan")
+    for each in _passes(rows):
+        for row in each:
+            seen = row.incidence_deg or (nothing, nothing)
+            widths = (row.now_db, row.after_db, row.after_db / row.now_db, *row.over_deg, row.layover, row.shadow)
+            yield (float(row.radar.centre_depression_deg), row.radar.look_side, row.material, *seen, *widths)
+        if len(each) > 1:
+            radar, hidden = each[0].radar, (each[0].layover, each[0].shadow)
+            numbers = (*[nothing] * 4, common_ratio(each), nothing, nothing, *hidden)
+            yield (float(radar.centre_depression_deg), radar.look_side, _ALL, *numbers)
+
+
+def _table(rows: Sequence[Advised]) -> Iterator[str]:
+    cells = [_HEADINGS]
+    for each in _passes(rows):
+        for row in each:
+            seen = "too few pixels" if row.incidence_deg is None else "{:.1f}-{:.1f} deg".format(*row.incidence_deg)
+            widths = (f"+-{row.now_db:.2f} dB", f"+-{row.after_db:.2f} dB")
+            hidden = (f"{100 * row.layover:.1f} %", f"{100 * row.shadow:.1f} %")
+            cells.append((row.name, row.material, seen, *widths, *hidden))
+        if len(each) > 1:
+            cells.append((each[0].name, _ALL, "", "", f"times {common_ratio(each):.2f}", "", ""))
+    sizes = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    for line in cells:
+        yield "  ".join(cell.ljust(size) for cell, size in zip(line, sizes, strict=True)).rstrip()
+
+
+def judged(ratios: Sequence[float]) -> tuple[str | int, list[int]]:
+    """Index of the pass that narrows a band most, and of those as good within 5 %, best first.
+
+    In place of the first index, :data:`NONE` if no pass narrows the band by a tenth, and :data:`ALIKE` if several
+    passes are all as good as the best one within 5 %.
+
+    Parameters
+    ----------
+    ratios : sequence of float
+        Ratio of the half-width after each pass to that now.
+    """
+    best, *others = sorted(range(len(ratios)), key=ratios.__getitem__)
+    equal = [k for k in others if ratios[k] <= _EQUAL * ratios[best]]
+    if ratios[best] > _LITTLE:
+        return NONE, equal
+    return (ALIKE if others and len(equal) == len(others) else best), equal
+
+
+def _sentences(rows: Sequence[Advised]) -> Iterator[str]:
+    """Sentences that name the best further pass: for each material, and once if it is the same for all materials."""
+    passes = list(_passes(rows))
+    names = [each[0].name for each in passes]
+    said = []
+    for each in zip(*passes, strict=True):
+        ratios, after = [row.after_db / row.now_db for row in each], [f"+-{row.after_db:.2f} dB" for row in each]
+        change = f"from +-{each[0].now_db:.2f} dB to {{}}"
+        mean = "mean half-width between {:.1f} and {:.1f} degrees".format(*each[0].over_deg)
+        said.append(_said(each[0].material, "the band", "the band most,", names, ratios, after, change, mean))
+    same = False
+    if len(said) > 1:
+        common = [common_ratio(each) for each in passes]
+        best, _ = judged(common)
+        same = isinstance(best, int) and {one for one, _ in said} == {best}
+        most = "the band of each material most, and all bands" if same else "the bands most,"
+        after, change = [f"{ratio:.2f}" for ratio in common], "to {} times their half-widths"
+        said.append(_said(_ALL, "the bands", most, names, common, after, change, "geometric mean over the materials"))
+    for number, (_, sentences) in enumerate(said, start=1):
+        yield from sentences[same and number < len(said) :]
+    yield (
+        "Expected of a linear-Gaussian model with the draws of the posterior: an image that cannot be registered and a "
+        "wrong radiometry are not part of it."
+    )
+
+
+def _said(
+    name: str,
+    bands: str,
+    most: str,
+    names: Sequence[str],
+    ratios: Sequence[float],
+    after: Sequence[str],
+    change: str,
+    mean: str,
+) -> tuple[str | int, list[str]]:
+    """First result of :func:`judged`, and sentences: the best of the passes ``names``, and those as good as it.
+
+    ``after`` gives the half-width after each pass in words, of which ``change`` says what it was before.
+    """
+    best, equal = judged(ratios)
+    first, last = after[int(np.argmin(ratios))], after[int(np.argmax(ratios))]
+    if best == NONE:
+        return best, [f"{name}: no pass of the table is expected to narrow {bands} by a tenth ({mean})."]
+    if best == ALIKE:
+        to = change.format(first if first == last else f"between {first} and {last}")
+        return best, [
+            f"{name}: the passes of the table do not differ by more than 5 %, so that other reasons may decide: each "
+            f"is expected to narrow {bands} {to} ({mean})."
+        ]
+    found = f"{name}: a pass of {names[int(best)]} is expected to narrow {most} {change.format(first)} ({mean})."
+    return best, [found, *[f"{name}: as good within 5 %: {', '.join(names[k] for k in equal)}."] * bool(equal)]

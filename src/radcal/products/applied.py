@@ -1,0 +1,329 @@
+"""Prediction of another scene or pass from the laws of a finished calibration, and its comparison with measurements."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.assessment.posterior import Posterior, Predicted
+from radcal.assessment.prediction import predict
+from radcal.assessment.preposterior import sight_of
+from radcal.config import Case, Material, TargetConfig, Uncertainty, stages
+from radcal.errors import ConfigError, StoreError
+from radcal.figures.applied_figures import KNOWN, OUTSIDE, SEEN, Prediction, draw_predictions
+from radcal.ground.one_incidence import LEAST_SPAN_DEG
+from radcal.measurement.sources import make_measurement
+from radcal.products.applied_bins import Bins, by_constant_db, predictive_db
+from radcal.products.export import ground_layers
+from radcal.products.geotiff import Layer, map_grid, write_geotiff
+from radcal.products.simulated import Forward, forward
+from radcal.products.tables import calibrated_materials, write_csv
+from radcal.radar.geometry import Geometry
+from radcal.registration.registered import registered_as
+from radcal.results.archive import Archive, read_archive
+from radcal.scene.model import Scene
+from radcal.seeds import derived_rng
+from radcal.simulators.sources import make_simulator
+from radcal.storage.records import understood
+from radcal.words import doubts
+
+__all__ = ["COLUMNS", "apply", "predictions", "where_seen", "with_laws"]
+
+Doubles = NDArray[np.float64]
+
+COLUMNS = (
+    "pass", "material", "incidence_from_deg", "incidence_to_deg", "incidence_deg", "pixels", "known", "predicted_db",
+    "p05_db", "p95_db", "measured_db", "inside",
+)  # fmt: skip
+
+
+def with_laws(archive: Archive, source: Mapping[str, Any], other: stages.Forward) -> stages.Forward:
+    """Settings of another case's forward run, in which materials have the laws and looks calibrated in an archive.
+
+    The law of a material with a band is the one nearest to the band's median (:func:`simulated_x`).
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of a calibration.
+    source : mapping
+        Section ``materials`` of the calibrated case, as plain data or models.
+    other : stages.Forward
+        Scene, passes, simulator and materials of the other case.
+
+    Raises
+    ------
+    ConfigError
+        The other case has none of the calibrated materials.
+    """
+    own = {name: Material.model_validate(value) for name, value in source.items()}
+    found = calibrated_materials(archive, own)
+    shared = [name for name in archive.materials if name in other.materials]
+    if not shared:
+        raise ConfigError(
+            f"{archive.case} has calibrated {', '.join(archive.materials)}, of which {other.case} has no material: "
+            f"it has {', '.join(other.materials)}."
+        )
+    changed = {
+        name: Material.model_validate({**found[name], "parameters": simulated_x(archive, name)}) for name in shared
+    }
+    return other.model_copy(update={"materials": {**other.materials, **changed}})
+
+
+def simulated_x(archive: Archive, name: str) -> list[float]:
+    """X at which a material is simulated: the one nearest to the median of its band; without a band, the search's."""
+    posterior = archive.materials[name].posterior
+    nearest = None if posterior is None else posterior.parameters_model
+    return [float(x) for x in (archive.laws[name].values if nearest is None else nearest)]
+
+
+def predictions(
+    name: str,
+    posterior: Posterior,
+    bins: Bins,
+    simulated_db: Doubles,
+    moved: Predicted,
+    measured_db: Doubles | None = None,
+) -> Iterator[Prediction]:
+    """Predicted level of a material in each incidence-angle bin of a pass, with the measured one.
+
+    Parameters
+    ----------
+    name : str
+        Material.
+    posterior : Posterior
+        Posterior of the law.
+    bins : Bins
+        Bins of the usable pixels of the material in the pass.
+    simulated_db : ndarray, shape (p,)
+        Simulated pixels [dB].
+    moved : Predicted
+        Predicted measured minus simulated means of the bins.
+    measured_db : ndarray, shape (p,), optional
+        Measured pixels [dB]; NaN for a pixel without a measured value.
+    """
+    member, edges = bins.member, bins.edges_deg.tolist()
+    levels = bins.levels_db(simulated_db) + np.stack([moved.mean_db, moved.p05_db, moved.p95_db])
+    nothing = np.full(simulated_db.shape, np.nan)
+    measured = bins.levels_db(nothing if measured_db is None else measured_db)
+    for k, (mean, low, high) in enumerate(levels.T.tolist()):
+        angle, pixels = float(bins.parts.incidence_deg[member == k].mean()), int((member == k).sum())
+        known = _known(posterior, angle)
+        yield Prediction(name, (edges[k], edges[k + 1]), angle, pixels, known, mean, low, high, float(measured[k]))
+
+
+def _known(posterior: Posterior, angle_deg: float) -> str:
+    known = posterior.known_between_deg
+    if known is not None and known[0] <= angle_deg <= known[1]:
+        return KNOWN
+    return SEEN if any(low <= angle_deg <= high for low, high in posterior.seen_deg) else OUTSIDE
+
+
+@dataclass(frozen=True)
+class _Pass:
+    """Predicted image of one pass and, if there is one, its measured image [dB]."""
+
+    geometry: Geometry
+    predicted_db: NDArray[np.float32]
+    measured_db: NDArray[np.float32] | None
+    said: tuple[str, ...]
+
+
+def apply(
+    folder: str | Path, other: stages.Forward, measured: Case | None, out: str | Path, runs: str | Path
+) -> list[str]:
+    """Predict the images of another case from the laws of a finished calibration, and compare them with measurements.
+
+    Parameters
+    ----------
+    folder : path
+        Results folder of the finished case.
+    other : stages.Forward
+        The other case.
+    measured : Case or None
+        The other case with its measured images; None if it has none.
+    out : path
+        Folder of the files written: ``predicted.tif``, masks, ``predictions.csv`` and ``predictions.png``.
+    runs : path
+        Folder of the other case's run store.
+
+    Returns
+    -------
+    list of str
+        A table, with one line for each material and incidence-angle bin, remarks, and paths.
+
+    Raises
+    ------
+    ConfigError
+        The two cases have no material in common, or no material has both a posterior in dB and 50 usable pixels.
+    StoreError
+        The calibration is not finished.
+    RadcalError
+        The other case cannot be simulated, or its image cannot be read.
+    """
+    folder, out = Path(folder), Path(out)
+    if not (folder / "calibration.h5").is_file():
+        raise StoreError(f"{folder}: the calibration is not finished, expected calibration.h5; radcal show says more.")
+    archive = read_archive(folder / "calibration.h5", images=False)
+    with understood(folder / "calibration.h5"):
+        config = json.loads(archive.config)
+        changed = with_laws(archive, config["materials"], other)
+    scene, passes = forward(changed, out, runs)
+    rows: list[tuple[int, Prediction]] = []
+    lines: list[str] = []
+    files: list[Path] = []
+    for number, made in enumerate(passes, start=1):
+        one = _measured(measured, number, made, scene, out, Path(runs).parent)
+        lines += one.said
+        files += _images(out, number, other.passes[number - 1], scene, one)
+        with understood(folder / "calibration.h5"):
+            rows += [(number, row) for row in _of_pass(archive, config, changed, number, one)]
+    shared = [name for name in archive.materials if name in other.materials]
+    said = [*_few_pixels(archive, shared, {one.material for _, one in rows}), *doubts(shared, archive.found)]
+    rows, left_out = where_seen(archive, rows)
+    said += left_out
+    if not rows:
+        raise ConfigError(f"{folder}: nothing can be predicted of {other.case}: {' '.join(said)}")
+    files += [out / "predictions.csv", out / "predictions.png"]
+    write_csv(files[-2], COLUMNS, map(_cells, rows))
+    draw_predictions(files[-1], [row for _, row in rows], archive.case, other.case)
+    return [*_table(rows, len(passes) > 1), *lines, *said, *_conclusion(rows), *map(str, files)]
+
+
+def where_seen(
+    archive: Archive, rows: Sequence[tuple[int, Prediction]]
+) -> tuple[list[tuple[int, Prediction]], list[str]]:
+    """Predictions without those at incidences where a level is not known, and sentences on the bins left out.
+
+    The level of a material that was seen at one incidence is known only within 1 degree of the incidence seen.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of a calibration.
+    rows : sequence of (int, Prediction)
+        Number of the pass, and prediction of a bin.
+
+    Returns
+    -------
+    rows, left_out : list of (int, Prediction), list of str
+        Predictions that are kept, and sentences.
+    """
+    kept, count = list[tuple[int, Prediction]](), dict[str, int]()
+    for number, one in rows:
+        material = archive.materials[one.material]
+        seen = np.empty((0, 2)) if material.posterior is None else material.posterior.seen_deg
+        near = any(low - LEAST_SPAN_DEG <= one.incidence_deg <= high + LEAST_SPAN_DEG for low, high in seen)
+        if material.level_only and not near:
+            count[one.material] = count.get(one.material, 0) + 1
+        else:
+            kept.append((number, one))
+    return kept, [
+        f"{name}: {number} bin{'s' if number > 1 else ''} left out, more than {LEAST_SPAN_DEG:g} degree from the one "
+        "incidence at which the calibration has seen it: its level is known there alone."
+        for name, number in count.items()
+    ]
+
+
+def _few_pixels(archive: Archive, names: Iterable[str], predicted: Collection[str]) -> Iterator[str]:
+    """Sentences on materials that could be predicted, but have too few pixels in each pass."""
+    for name in names:
+        posterior = archive.materials[name].posterior
+        if name not in predicted and posterior is not None and posterior.constant is not None:
+            yield f"{name}: not predicted, because no pass has 50 usable pixels of it."
+
+
+def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: Path, own: Path) -> _Pass:
+    """Measured image of a pass, registered as in the results folder ``own`` of its case or onto the predicted image."""
+    if case is None:
+        return _Pass(made.geometry, made.image_db, None, ())
+    one = case.passes[number - 1]
+    path = (out / f"passes/{number}" if number > 1 else out) / "geometry.h5"
+    simulator = make_simulator(stages.Simulator.of(one), made.geometry, path)
+    found = make_measurement(stages.Measurement.of(one), made.geometry, simulator, scene, partly=True)
+    below = own / f"passes/{number}" if number > 1 else own
+    registered, by = registered_as(below / "registered.h5", made.image_db, found, one.registration)
+    said = (f"pass {number}: {found.source}; {by}: {registered.verdict}", *found.notes)
+    return _Pass(made.geometry, made.image_db, registered.measurement.image_db, said)
+
+
+def _images(out: Path, number: int, case: stages.Forward, scene: Scene, one: _Pass) -> list[Path]:
+    """Write the GeoTIFFs of a pass, and return their paths."""
+    ending, tags = f"_pass{number}" if number > 1 else "", {"case": case.case, "radiometry": case.radar.radiometry}
+    layers = {"predicted": Layer(one.predicted_db, "dB", "image predicted from the laws of another case", tags)}
+    if one.measured_db is not None:
+        layers["measured"] = Layer(one.measured_db, "dB", "measured image, registered", tags)
+    grid, paths = map_grid(scene, one.geometry), []
+    for name, layer in {**layers, **ground_layers(one.geometry, tags)}.items():
+        paths.append(out / f"{name}{ending}.tif")
+        write_geotiff(paths[-1], layer, grid)
+    return paths
+
+
+def _of_pass(
+    archive: Archive, config: Mapping[str, Any], changed: stages.Forward, number: int, one: _Pass
+) -> Iterator[Prediction]:
+    """Predictions of all calibrated materials in a pass."""
+    case = changed.passes[number - 1]
+    margin_px = TargetConfig.model_validate(config["target"]).margin_px
+    uncertainty = Uncertainty.model_validate(config["uncertainty"])
+    for name, material in archive.materials.items():
+        posterior = material.posterior
+        if name not in changed.materials or posterior is None or posterior.constant is None:
+            continue
+        sight = sight_of(name, one.geometry, case.radar, margin_px)
+        if sight is None:
+            continue
+        simulated = one.predicted_db.ravel()[sight.pixels].astype(np.float64)
+        values = None if one.measured_db is None else one.measured_db.ravel()[sight.pixels].astype(np.float64)
+        start, rng = changed.materials[name].start_parameters, derived_rng(changed.seed, "apply", name)
+        law = case.laws[name]
+        bins = Bins.of(sight)
+        constant = by_constant_db(posterior.constant, posterior.looks, law, start, bins, uncertainty)
+        moved = predict(predictive_db(posterior, law, start, bins, uncertainty, rng), *constant)
+        yield from predictions(name, posterior, bins, simulated, moved, values)
+
+
+def _cells(row: tuple[int, Prediction]) -> tuple[object, ...]:
+    number, one = row
+    band = (one.predicted_db, one.p05_db, one.p95_db, one.measured_db)
+    return (number, one.material, *one.edges_deg, one.incidence_deg, one.pixels, one.known, *band, one.inside)
+
+
+def _table(rows: Sequence[tuple[int, Prediction]], several: bool) -> Iterator[str]:
+    cells = [("pass", "material", "incidence", "pixels", "law there", "predicted (90 %)", "measured", "inside")]
+    for number, one in rows:
+        band = f"{one.predicted_db:.2f} ({one.p05_db:.2f} to {one.p95_db:.2f}) dB"
+        measured = "-" if one.inside is None else f"{one.measured_db:.2f} dB"
+        inside = {True: "yes", False: "no", None: "-"}[one.inside]
+        angles = f"{one.edges_deg[0]:.1f}-{one.edges_deg[1]:.1f} deg"
+        cells.append((str(number), one.material, angles, str(one.pixels), one.known, band, measured, inside))
+    shown = [line if several else line[1:] for line in cells]
+    sizes = [max(map(len, column)) for column in zip(*shown, strict=True)]
+    for line in shown:
+        yield "  ".join(cell.ljust(size) for cell, size in zip(line, sizes, strict=True)).rstrip()
+
+
+def _conclusion(rows: Sequence[tuple[int, Prediction]]) -> Iterator[str]:
+    """Sentences on how many bins of each material lie inside the predicted 90 % interval."""
+    for name in dict.fromkeys(one.material for _, one in rows):
+        for known, where in (
+            (KNOWN, "where sigma0 is determined"),
+            (SEEN, "at angles that the calibration has seen, where sigma0 is not determined"),
+            (OUTSIDE, "at angles that the calibration has not seen (an extrapolation)"),
+        ):
+            of = [one for _, one in rows if (one.material, one.known) == (name, known)]
+            compared = [one for one in of if one.inside is not None]
+            if compared:
+                held = sum(bool(one.inside) for one in compared)
+                lie = "bin lies inside of its" if len(compared) == 1 else "bins lie inside of their"
+                yield f"{name}: {held} of {len(compared)} {lie} 90 % interval {where}."
+            elif of:
+                are, them = ("bin is", "it") if len(of) == 1 else ("bins are", "them")
+                yield f"{name}: {len(of)} {are} predicted {where}; nothing measured to compare {them} with."

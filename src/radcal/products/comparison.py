@@ -1,0 +1,237 @@
+"""Comparison of two finished calibrations: one table of the materials in both, and one figure of their laws."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.errors import ConfigError, StoreError
+from radcal.figures.drawing import FOUND, START, law_panels
+from radcal.results.archive import Archive, MaterialResult, read_archive
+from radcal.results.summary import summarise
+from radcal.storage.records import understood
+from radcal.words import degrees as between
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["LawDifference", "compare", "law_difference"]
+
+Doubles = NDArray[np.float64]
+Intervals = tuple[tuple[float, float], ...]
+
+_ANGLES = 101  # angles at which two laws are compared
+
+_HEADINGS = ("material", "seen by both", "mean B-A", "largest", "bands meet", "law", "determined", "runs of search")
+
+
+@dataclass(frozen=True)
+class _Band:
+    """Sigma0 of one material: median and 90 % band [dB], and incidence seen [deg]."""
+
+    incidence_deg: Doubles
+    median_db: Doubles
+    p05_db: Doubles
+    p95_db: Doubles
+    seen_deg: Intervals
+
+    def at(self, degrees: Doubles) -> tuple[Doubles, Doubles, Doubles]:
+        """Median, 5 % and 95 % quantile of sigma0 [dB] at the incidence angles ``degrees``."""
+        low, middle, high = (
+            np.interp(degrees, self.incidence_deg, db) for db in (self.p05_db, self.median_db, self.p95_db)
+        )
+        return middle, low, high
+
+
+@dataclass(frozen=True)
+class LawDifference:
+    """Difference between the laws of one material in two calibrations, over the incidence that both have seen.
+
+    Attributes
+    ----------
+    seen_deg : tuple of (float, float)
+        Intervals of incidence seen by both [deg]: 5 to 95 % quantile of the pixels' local incidence in each pass.
+    mean_db, largest_db : float
+        Difference between the medians, second minus first: its mean, and its value where its magnitude is largest [dB].
+    bands_meet : float
+        Share of the incidence ``seen_deg`` at which the two 90 % bands overlap.
+    """
+
+    seen_deg: Intervals
+    mean_db: float
+    largest_db: float
+    bands_meet: float
+
+
+def _band(archive: Archive, name: str) -> _Band | None:
+    """Sigma0 of a material; None for a law without a curve."""
+    posterior = archive.materials[name].posterior
+    if posterior is None or posterior.curve is None:
+        return None
+    curve, seen = posterior.curve, _united(posterior.seen_deg.tolist())
+    return _Band(curve.incidence_deg, curve.median_db, curve.p05_db, curve.p95_db, seen)
+
+
+def _united(intervals: Sequence[Sequence[float]]) -> Intervals:
+    """Union of intervals, as separate intervals in ascending order."""
+    found: list[tuple[float, float]] = []
+    for low, high in sorted(map(tuple, intervals)):
+        if found and low <= found[-1][1]:
+            found[-1] = (found[-1][0], max(found[-1][1], high))
+        else:
+            found.append((low, high))
+    return tuple(found)
+
+
+def _angles(intervals: Intervals) -> Doubles:
+    """About 101 angles [deg], distributed evenly over all intervals, with the ends of each interval."""
+    whole = sum(high - low for low, high in intervals)
+    shares = [(high - low) / whole if whole > 0.0 else 1.0 for low, high in intervals]
+    parts = zip(intervals, shares, strict=True)
+    return np.concatenate([np.linspace(low, high, max(2, round(_ANGLES * share))) for (low, high), share in parts])
+
+
+def law_difference(first: Archive, second: Archive, name: str) -> LawDifference | None:
+    """Difference between the laws of a material.
+
+    Parameters
+    ----------
+    first, second : Archive
+        Results of two calibrations.
+    name : str
+        A material that both have calibrated.
+
+    Returns
+    -------
+    LawDifference or None
+        None if a law has no curve, or if the two calibrations have seen no incidence in common.
+    """
+    a, b = _band(first, name), _band(second, name)
+    if a is None or b is None:
+        return None
+    pairs = ((max(one[0], two[0]), min(one[1], two[1])) for one in a.seen_deg for two in b.seen_deg)
+    both = _united([(low, high) for low, high in pairs if low <= high])
+    if not both:
+        return None
+    degrees = _angles(both)
+    (middle_a, low_a, high_a), (middle_b, low_b, high_b) = a.at(degrees), b.at(degrees)
+    difference = middle_b - middle_a
+    meet = float(np.mean((low_a <= high_b) & (low_b <= high_a)))
+    largest = float(difference[np.argmax(np.abs(difference))])
+    return LawDifference(both, float(difference.mean()), largest, meet)
+
+
+def compare(folders: Sequence[str | Path], figure: str | Path) -> list[str]:
+    """Compare two calibrations: return a table as lines, and write a figure of the laws with their bands.
+
+    Parameters
+    ----------
+    folders : sequence of two paths
+        Results folders of two finished cases.
+    figure : path
+        PNG file, written atomically.
+
+    Returns
+    -------
+    list of str
+        Table, with one line for each material that both have calibrated, and the path of the figure.
+
+    Raises
+    ------
+    ConfigError
+        The cases have no calibrated material in common, or the levels of a case are not in dB.
+    DamagedError, StoreError
+        An archive is damaged, or is missing because the calibration is not finished.
+    """
+    for folder in folders:
+        if not (Path(folder) / "calibration.h5").is_file():
+            raise StoreError(
+                f"{folder}: the calibration is not finished, so that there are no laws to compare: radcal show "
+                f"{Path(folder).name} says what is missing."
+            )
+    first, second = (read_archive(Path(folder) / "calibration.h5", images=False) for folder in folders)
+    shared = [name for name in first.materials if name in second.materials]
+    if not shared:
+        raise ConfigError(
+            f"{folders[0]} and {folders[1]} have calibrated no material in common: found {', '.join(first.materials)} "
+            f"and {', '.join(second.materials)}, expected at least one of the same name."
+        )
+    for folder, archive in zip(folders, (first, second), strict=True):
+        if archive.levels.unit != "dB":
+            raise ConfigError(
+                f"{folder}: levels are in {archive.levels.unit}, expected dB, in which laws are compared."
+            )
+        with understood(Path(folder) / "calibration.h5"):
+            for name in shared:
+                _row(archive, archive, name)
+    rows = [_HEADINGS, *(_row(first, second, name) for name in shared)]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [f"A: {folders[0]}", f"B: {folders[1]}", ""]
+    lines += ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    for one, other, letter in ((first, second, "A"), (second, first, "B")):
+        if alone := [name for name in one.materials if name not in other.materials]:
+            lines.append(f"only in {letter}: {', '.join(alone)}")
+    _draw(first, second, shared, figure)
+    return [*lines, f"figure: {figure}"]
+
+
+def _row(first: Archive, second: Archive, name: str) -> tuple[str, ...]:
+    """Cells of the table for one material."""
+    found = law_difference(first, second, name)
+    cells = ("-",) * 4
+    if found is not None:
+        seen = f"{', '.join(f'{low:.1f}-{high:.1f}' for low, high in found.seen_deg)} deg"
+        cells = (seen, f"{found.mean_db:+.2f} dB", f"{found.largest_db:+.2f} dB", f"{100 * found.bands_meet:.0f} %")
+    pair = [(archive, archive.materials[name]) for archive in (first, second)]
+    fits = [_fits(material) for _, material in pair]
+    known = [_known(material) for _, material in pair]
+    runs = [str(summarise(archive)["runs"]["search"]) for archive, _ in pair]
+    return (name, *cells, *(" | ".join(each) for each in (fits, known, runs)))
+
+
+def _fits(material: MaterialResult) -> str:
+    """Cell of the table on the form of the law."""
+    if material.fits is None:
+        return "level only" if material.level_only else "unknown"
+    return "not refuted" if material.fits else "refuted"
+
+
+def _known(material: MaterialResult) -> str:
+    """Cell of the table on the incidence at which sigma0 is determined."""
+    posterior = material.posterior
+    if posterior is None or posterior.curve is None:
+        return "-"
+    if material.level_only:
+        return "level only"
+    known = posterior.known_between_deg
+    if known is None:
+        return "nowhere"
+    return between(*known).removeprefix("between ").replace(" and ", "-").replace("degrees", "deg")
+
+
+def _draw(first: Archive, second: Archive, names: Sequence[str], path: str | Path) -> None:
+    """Draw the laws in one panel for each material, and write the figure as PNG."""
+    with law_panels(path, names, "\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]") as panels:
+        for axes, name in panels:
+            for archive, letter, style in ((first, "A", START), (second, "B", FOUND)):
+                _panel(axes, _band(archive, name), f"{letter}: {archive.case}", style)
+
+
+def _panel(axes: Axes, band: _Band | None, label: str, style: Mapping[str, Any]) -> None:
+    """Draw one law with its 90 % band; the line is thick over the incidence seen, and dashed lines lie on top."""
+    if band is None:
+        return
+    low, high = band.seen_deg[0][0], band.seen_deg[-1][1]
+    around = np.linspace(max(low - 10.0, 0.0), min(high + 10.0, 90.0), 201)
+    middle, lowest, highest = band.at(around)
+    line = {"color": style["color"], "linestyle": style["linestyle"], "zorder": 2 if style["linestyle"] == "-" else 3}
+    axes.plot(around, middle, linewidth=1.0, **line)
+    for k, seen in enumerate(band.seen_deg):
+        inside = np.linspace(*seen, _ANGLES)
+        axes.plot(inside, band.at(inside)[0], linewidth=3.0, label=label if k == 0 else None, **line)
+    axes.fill_between(around, lowest, highest, color=style["color"], alpha=0.25, linewidth=0)

@@ -1,0 +1,219 @@
+"""Exports of a calibration, which other programs read: tables, calibrated materials and images."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.config import Radar, stages
+from radcal.errors import StoreError
+from radcal.ground.levels import Levels, without_level
+from radcal.products.geotiff import Layer, map_grid, write_geotiff
+from radcal.products.tables import (
+    LAWS,
+    PARAMETERS,
+    calibrated_materials,
+    calibrated_yaml,
+    law_rows,
+    parameter_rows,
+    write_csv,
+)
+from radcal.radar.geometry import Geometry
+from radcal.registration.registered import Registered
+from radcal.results.archive import Archive
+from radcal.results.summary import sentences
+from radcal.scene.model import Scene
+from radcal.seeds import noise_seed
+from radcal.simulators.command import CommandSimulator
+from radcal.simulators.protocol import Simulator
+from radcal.storage.files import atomic
+from radcal.storage.run_index import read_index
+from radcal.storage.runs import RunStore
+
+__all__ = ["PassImages", "ground_layers", "image_layers", "pass_images", "write_export"]
+
+_INPUT = "simulator_input"
+
+
+@dataclass(frozen=True)
+class PassImages:
+    """Images of the second or a later pass [dB], and description of the measured image; the archive has the first."""
+
+    radar: Radar
+    geometry: Geometry
+    measured_db: NDArray[np.float32]
+    calibrated_db: NDArray[np.float32]
+    said: str
+
+
+def pass_images(
+    case: stages.Export,
+    geometries: Sequence[Geometry],
+    registered: Sequence[Registered],
+    levels: Sequence[Levels],
+    final: str | Path,
+    runs: str | Path,
+) -> list[PassImages]:
+    """Measured and calibrated images of the second and later passes.
+
+    Parameters
+    ----------
+    case : stages.Export
+        Passes of the case.
+    geometries, registered, levels : sequence
+        Geometry, registered image and level of each pass, the first one included.
+    final, runs : path
+        Index of the final runs, two for each pass, and folder of the run store.
+
+    Raises
+    ------
+    StoreError
+        The record of a final run is missing or lacks its image.
+    """
+    found, store, index = [], RunStore(runs), read_index(final)
+    each = zip(case.passes, geometries, registered, levels, strict=True)
+    for number, (one, geometry, image, level) in list(enumerate(each))[1:]:
+        key = index[2 * number + 1].key
+        record = store.get(key, case.calibrated, image=True)
+        if record is None or record.image_db is None:
+            raise StoreError(
+                f"{store.path(key)}: missing or without the whole image, though {final} lists it; delete {final} and "
+                "type the same command again to make this run again."
+            )
+        said = _measured_words(image.applied, level.normalisation)
+        measured_db = without_level(image.measurement.image_db, level)
+        found.append(PassImages(one.radar, geometry, measured_db, record.image_db, said))
+    return found
+
+
+def _measured_words(registered: bool, normalisation: str) -> str:
+    """Description of a measured image, for the tags of its file."""
+    level = "" if normalisation == "none" else ", after subtraction of its assumed level"
+    return f"measured image, {'registered' if registered else 'not registered'}{level}"
+
+
+def write_export(
+    folder: str | Path,
+    case: stages.Export,
+    archive: Archive,
+    scene: Scene,
+    geometry: Geometry,
+    further: Sequence[PassImages] = (),
+    simulator: Simulator | None = None,
+) -> list[Path]:
+    """Write the folder ``export``, each file atomically.
+
+    Parameters
+    ----------
+    folder : path
+        The folder, which is created.
+    case : stages.Export
+        Materials, passes and seed of the case.
+    archive : Archive
+        Results of the calibration, with images.
+    scene, geometry : Scene, Geometry
+        Scene of the case, and geometry of the first pass.
+    further : sequence of PassImages
+        Images of the second and later passes.
+    simulator : Simulator, optional
+        Simulator of the first pass, whose input is exported if it is an external program.
+
+    Returns
+    -------
+    list of path
+        Paths of the files.
+
+    Raises
+    ------
+    StoreError
+        A file cannot be written.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [folder / name for name in ("laws.csv", "parameters.csv", "calibrated.yaml")]
+    write_csv(files[0], LAWS, law_rows(archive))
+    write_csv(files[1], PARAMETERS, parameter_rows(archive))
+    materials = calibrated_materials(archive, case.materials)
+    seed = noise_seed(case, fresh=True)
+    with atomic(files[2]) as partial:
+        text = calibrated_yaml(archive, materials, sentences(archive)[0], seed)
+        partial.write_text(text, encoding="utf-8")
+    if isinstance(simulator, CommandSimulator):
+        parameters = {name: archive.laws[name].values.tolist() for name in case.materials}
+        files += simulator.write_input(folder / _INPUT, parameters, seed)
+    images = archive.images
+    said = _measured_words(archive.registration.applied, archive.levels.normalisation)
+    first = image_layers(images.measured_db, images.calibrated_db, _tags(archive, case.radar), said)
+    passes = [("", geometry, case.radar, first)]
+    for number, one in enumerate(further, start=2):
+        layers = image_layers(one.measured_db, one.calibrated_db, _tags(archive, one.radar), one.said)
+        passes.append((f"_pass{number}", one.geometry, one.radar, layers))
+    for ending, made, radar, layers in passes:
+        grid = map_grid(scene, made)
+        for name, layer in {**layers, **ground_layers(made, _tags(archive, radar))}.items():
+            files.append(folder / f"{name}{ending}.tif")
+            write_geotiff(files[-1], layer, grid)
+    return files
+
+
+def _tags(archive: Archive, radar: Radar) -> dict[str, str]:
+    return {"case": archive.case, "radiometry": radar.radiometry}
+
+
+def image_layers(
+    measured_db: NDArray[np.float32] | None,
+    calibrated_db: NDArray[np.float32] | None,
+    tags: Mapping[str, str],
+    said: str,
+) -> dict[str, Layer]:
+    """Measured, calibrated and difference image of a pass, by file name; an image that is not known has no entry.
+
+    Parameters
+    ----------
+    measured_db : ndarray, shape (rows, columns), optional
+        Measured image [dB].
+    calibrated_db : ndarray, shape (rows, columns), optional
+        Simulated image with the laws of the search and textures [dB].
+    tags : mapping
+        Further tags of the files.
+    said : str
+        Description of the measured image.
+    """
+    found = {}
+    if measured_db is not None:
+        found["measured"] = Layer(measured_db, "dB", said, tags)
+    if calibrated_db is not None:
+        found["calibrated"] = Layer(
+            calibrated_db, "dB", "simulated image with the laws of the search and textures", tags
+        )
+    if measured_db is not None and calibrated_db is not None:
+        found["difference"] = Layer(calibrated_db - measured_db, "dB", "calibrated minus measured image", tags)
+    return found
+
+
+def ground_layers(geometry: Geometry, tags: Mapping[str, str]) -> dict[str, Layer]:
+    """Images of local incidence, materials and mask of a pass in slant range, by file name.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Geometry of the pass.
+    tags : mapping
+        Further tags of the files.
+    """
+    names = {str(k): name for k, name in enumerate(geometry.names, start=1)}
+    alone = "material of pixels of one material alone, by number (tag materials); 0: mixed, or none"
+    hidden = "1: clear; 2: in layover; 3: with ground in shadow; 4: both; 0: no ground (on a map: no pixel shows it)"
+    material = np.where(geometry.visible, geometry.material, 0).astype(np.uint8)
+    seen = geometry.visible | geometry.shadow
+    mask = np.where(seen, 1 + geometry.layover + 2 * geometry.shadow, 0).astype(np.uint8)
+    return {
+        "incidence": Layer(geometry.incidence_deg, "deg", "mean local incidence of the pixel's ground", tags),
+        "material": Layer(material, "1", alone, {**tags, "materials": json.dumps(names)}),
+        "mask": Layer(mask, "1", hidden, tags),
+    }

@@ -1,0 +1,185 @@
+"""Results of a finished calibration for Python scripts: pandas tables, and images with their units."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.errors import StoreError
+from radcal.products.geotiff import SLANT_RANGE
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Results", "open_results"]
+
+_INSTALL = "pip install 'radcal[xarray]'"
+
+
+@dataclass(frozen=True)
+class Results:
+    """Results of a finished calibration; a file of the results folder is read when its content is used.
+
+    Attributes
+    ----------
+    folder : Path
+        ``results/<case>``.
+    """
+
+    folder: Path
+
+    @cached_property
+    def summary(self) -> dict[str, Any]:
+        """Content of ``summary.json`` (``docs/records.md``)."""
+        data = json.loads((self.folder / "summary.json").read_text(encoding="utf-8"))
+        return {key: value for key, value in data.items() if key != "sha256"}
+
+    @property
+    def verdict(self) -> str:
+        """Verdict on the laws of all materials, in a sentence."""
+        return str(self.summary["verdict"])
+
+    @cached_property
+    def materials(self) -> pd.DataFrame:
+        """Parameters of the calibrated materials, indexed by material and parameter (``docs/exports.md``)."""
+        return self._table("export/parameters.csv").set_index(["material", "parameter"])
+
+    @cached_property
+    def laws(self) -> pd.DataFrame:
+        """Sigma0 [dB] with its 90 % band, indexed by material and local incidence [deg] (``docs/exports.md``)."""
+        return self._table("export/laws.csv").set_index(["material", "incidence_deg"])
+
+    @cached_property
+    def runs(self) -> pd.DataFrame:
+        """Table of the reference run and of all runs of the search, indexed by run and material."""
+        return self._table("runs.csv").set_index(["run", "material"])
+
+    @property
+    def run_counts(self) -> dict[str, int]:
+        """Number of simulator runs of each kind, and of the search (design and infill); keys: ``docs/records.md``."""
+        return dict(self.summary["runs"])
+
+    @property
+    def images(self) -> list[str]:
+        """Names of the exported images."""
+        return sorted(path.stem for path in (self.folder / "export").glob("[!.]*.tif"))
+
+    def array(self, name: str) -> NDArray[Any]:
+        """Values of an exported image.
+
+        Parameters
+        ----------
+        name : str
+            One of :attr:`images`.
+
+        Returns
+        -------
+        ndarray, shape (rows, columns)
+            Pixels in the unit that :meth:`unit` gives. North is up on a map; in slant range, row 0 is nearest to the
+            radar. Pixels of which nothing is known are NaN, or 0 in images of whole numbers.
+
+        Raises
+        ------
+        StoreError
+            No exported image has this name, or the file cannot be read.
+        """
+        return self._read(name)[0]
+
+    def unit(self, name: str) -> str:
+        """Unit of an exported image: dB, deg, or 1 for whole numbers; errors as for :meth:`array`."""
+        return str(self._read(name)[1]["unit"])
+
+    def image(self, name: str) -> Any:
+        """Exported image with its coordinates and unit.
+
+        Parameters
+        ----------
+        name : str
+            One of :attr:`images`.
+
+        Returns
+        -------
+        xarray.DataArray
+            On a map, the dimensions y and x have the coordinates of the pixel centres in ``attrs["crs"]``; in slant
+            range, the dimensions are slant_range and azimuth, in pixels.
+
+        Raises
+        ------
+        ImportError
+            xarray is not installed; the message says how to install it.
+        StoreError
+            No exported image has this name, or the file cannot be read.
+        """
+        try:
+            import xarray
+        except ImportError:
+            raise ImportError(
+                f"image({name!r}) needs the package xarray, which is not installed: type {_INSTALL}, or call "
+                f"array({name!r}) for a numpy array."
+            ) from None
+        values, attributes, (a, b, c, d, e, f) = self._read(name)
+        rows, columns = (np.arange(n) + 0.5 for n in values.shape)
+        attributes["units"] = attributes["unit"]
+        if attributes["grid"] == SLANT_RANGE:
+            coordinates = {"slant_range": rows - 0.5, "azimuth": columns - 0.5}
+            return xarray.DataArray(values, coordinates, ("slant_range", "azimuth"), name, attributes)
+        if b or d:
+            places = {"x": (("row", "column"), a * columns + b * rows[:, None] + c)}
+            places["y"] = (("row", "column"), d * columns + e * rows[:, None] + f)
+            return xarray.DataArray(values, places, ("row", "column"), name, attributes)
+        return xarray.DataArray(values, {"y": e * rows + f, "x": a * columns + c}, ("y", "x"), name, attributes)
+
+    def _table(self, name: str) -> pd.DataFrame:
+        import pandas as pd
+
+        try:
+            return pd.read_csv(self.folder / name)
+        except OSError as error:
+            raise _missing(self.folder / name, error) from error
+
+    def _read(self, name: str) -> tuple[NDArray[Any], dict[str, Any], tuple[float, ...]]:
+        """Values of an exported image, its tags and CRS, and the six coefficients of its affine transform."""
+        from rasterio.errors import RasterioError
+
+        from radcal.reading.rasters import open_raster
+
+        if name not in self.images:
+            raise StoreError(f"{self.folder / 'export'}: no image {name!r}, expected one of {self.images}.")
+        path = self.folder / "export" / f"{name}.tif"
+        try:
+            with open_raster(path) as raster:
+                tags = {key: value for key, value in raster.tags().items() if key.islower()}
+                crs = {} if raster.crs is None else {"crs": raster.crs.to_string()}
+                return raster.read(1), {**tags, **crs}, tuple(raster.transform)[:6]
+        except (OSError, RasterioError) as error:
+            raise StoreError(f"{path}: cannot be read ({error}).") from error
+
+
+def _missing(path: Path, error: OSError) -> StoreError:
+    return StoreError(f"{path}: cannot be read ({error.strerror or error}); the case's command makes it.")
+
+
+def open_results(folder: str | Path) -> Results:
+    """Results of a finished calibration.
+
+    Parameters
+    ----------
+    folder : path
+        Results folder of a case, ``results/<case>``.
+
+    Raises
+    ------
+    StoreError
+        The folder has no ``summary.json``: it is no results folder, or its calibration is not finished.
+    """
+    folder = Path(folder)
+    if not (folder / "summary.json").is_file():
+        why = "has no summary.json: its calibration is not finished" if folder.is_dir() else "is no folder"
+        raise StoreError(f"{folder} {why}, expected the results folder of a finished case, as results/dyke.")
+    return Results(folder)

@@ -1,0 +1,167 @@
+"""Verdict, runs and files of a case, from its results folder."""
+
+from __future__ import annotations
+
+import json
+import socket
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from radcal.errors import StoreError
+from radcal.forecast.time_left import duration, runs_in_words
+from radcal.results.law_notes import found_words
+from radcal.results.reasons import REASONS
+from radcal.storage.lock import holder
+from radcal.storage.records import understood
+from radcal.words import untold
+
+__all__ = ["results_folder", "show"]
+
+# names of the workflow's steps, by a file that the step writes in every case
+_STEPS = {
+    "scene.h5": "scene",
+    "reference.json": "reference run",
+    "scores.json": "design",
+    "final.json": "search and final runs",
+    "calibration.h5": "archive",
+    "export.json": "exports",
+    "report.json": "report",
+    "summary.json": "summary",
+}
+_FILES = {"report.html": "report", "export": "exports", "summary.json": "summary", "runs.csv": "table of runs"}
+
+_SAID = " INFO radcal: "  # text that precedes a line of progress in a job's log file
+_RECENT_LOGS = 20
+_AGAIN = "type the command that began the case again (radcal run with its YAML file): finished runs are kept"
+
+
+def results_folder(case: str | Path, results: str | Path = "results") -> Path:
+    """Results folder of a case.
+
+    Parameters
+    ----------
+    case : str or path
+        Results folder, case file (YAML), or name of a case.
+    results : path
+        Folder that contains the results folders of all cases.
+
+    Raises
+    ------
+    ConfigError
+        The case file is wrong.
+    StoreError
+        The results folder does not exist.
+    """
+    path = Path(case)
+    if path.is_file():
+        from radcal.config import load
+
+        folder = Path(results) / load([path]).case
+    else:
+        named = Path(results) / path
+        folder = named if len(path.parts) == 1 and (named.is_dir() or not path.is_dir()) else path
+    if not folder.is_dir():
+        raise StoreError(
+            f"{case}: there is no folder {folder}, expected the name of a case that has been run, its results folder "
+            "or its YAML file."
+        )
+    return folder
+
+
+def show(folder: str | Path) -> list[str]:
+    """Lines on the results of a case: verdict, materials, runs and files, or what is missing.
+
+    Parameters
+    ----------
+    folder : path
+        ``results/<case>``.
+
+    Returns
+    -------
+    list of str
+        The first line is the verdict on all materials, or says that the case is not finished.
+
+    Raises
+    ------
+    StoreError
+        ``summary.json`` cannot be read.
+    """
+    folder = Path(folder)
+    missing = [name for file, name in _STEPS.items() if not (folder / file).is_file()]
+    there = [f"{title}: {folder / file}" for file, title in _FILES.items() if (folder / file).exists()]
+    failed, running = _failure(folder), _running(folder)
+    if not missing:
+        with understood(folder / "summary.json"):
+            return [*_finished(_read(folder / "summary.json")), *there, *failed, *running]
+    kept = len(list((folder / "runs").glob("[!.]*.h5")))
+    iterations = len(list((folder / "iterations").glob("*/verified.json")))
+    lines = [f"{folder.name}: not finished; missing: {', '.join(missing)}."]
+    lines.append(f"records of runs: {kept} in {folder / 'runs'}; iterations verified: {iterations}.")
+    return [*lines, *there, *(running or failed or [f"To continue, {_AGAIN}."])]
+
+
+def _running(folder: Path) -> list[str]:
+    """Lines on the command that is working on a case, and on its progress; empty if no command is working on it."""
+    found = holder(folder)
+    if found is None:
+        return []
+    place = "" if found.host == socket.gethostname() else f" on {found.host}"
+    lines = [f"running now: process {found.process}{place}, for {duration(time.time() - found.since)}."]
+    logs = sorted((folder / "logs").rglob("*.log"), key=lambda path: path.stat().st_mtime)
+    recent = [path for path in logs[-_RECENT_LOGS:] if path.stat().st_mtime >= found.since]
+    if recent:
+        names = ", ".join(path.relative_to(folder / "logs").with_suffix("").as_posix() for path in recent[:-4:-1])
+        ago = duration(max(0.0, time.time() - recent[-1].stat().st_mtime))
+        lines.append(f"jobs that wrote a log last: {names} ({ago} ago).")
+    said = [line for path in recent for line in path.read_text("utf-8", "replace").splitlines() if _SAID in line]
+    if said:
+        # each line begins with its time, so that the largest is the latest
+        lines.append(f"last progress: {max(said).partition(_SAID)[2].strip()}")
+    return lines
+
+
+def _failure(folder: Path) -> list[str]:
+    """Lines on the failure that ended the last command on a case, and on what to type next; empty without failure."""
+    try:
+        said = (folder / "logs" / "failure.txt").read_text(encoding="utf-8").split("\n")[0].strip()
+    except (OSError, ValueError):
+        return []
+    if not said:
+        return []
+    return [f"the last command failed: {said}", f"Once the cause is removed, {_AGAIN}."]
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if isinstance(data, dict) and isinstance(data.get("materials"), dict):
+            return data
+    except (OSError, ValueError):
+        pass
+    raise StoreError(f"{path}: cannot be read; the case's command makes it again.")
+
+
+def _finished(summary: Mapping[str, Any]) -> list[str]:
+    """Lines on verdict, parameters and runs of a finished calibration."""
+    materials, runs = summary["materials"], summary["runs"]
+    reused = f"; {runs['reused']} reused" if runs.get("reused") else ""
+    lines = [str(summary["verdict"]), *(f"next: {step}." for step in summary.get("next", [])[:1])]
+    for name, material in materials.items():
+        interval = (material.get(f"parameters_{end}") for end in ("p05", "p95"))
+        parameters = found_words(material["parameters"], material["bounds"], *interval)
+        # in a case of one material, the first line is its verdict
+        said = f"{material['verdict']}" if len(materials) > 1 else f"{name}:"
+        law = material.get("formula", material["law"])
+        lines.append(f"{said} {law} with {parameters}.")
+        if (model := material.get("parameters_model")) is not None:
+            lines.append(f"{name}: parameters_model, nearest to the band: {found_words(model, material['bounds'])}.")
+    lines += untold(summary.get("warnings", []), lines[0])  # files of earlier versions have none
+    search = runs["design"] + runs["infill"]
+    others = runs_in_words({kind: runs[kind] for kind in ("reference", "final")}, runs.get("registration", 0))
+    return [
+        *lines,
+        f"simulator runs of the search: {search} ({runs['design']} design, {runs['infill']} infill{reused}), besides "
+        f"{others}; end: {REASONS[summary['stop_reason']].clause}.",
+    ]

@@ -1,0 +1,188 @@
+"""Forward run of a case with given materials, without a measurement: simulated images, incidence and masks."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.config import nearest, stages
+from radcal.errors import ConfigError, RadcalError, SceneError
+from radcal.products.export import ground_layers
+from radcal.products.geotiff import Layer, map_grid, write_geotiff
+from radcal.radar.geometry import Geometry, write_geometry
+from radcal.radar.projection import make_geometry
+from radcal.reading.rasters import open_raster
+from radcal.scene.model import Scene, write_scene
+from radcal.scene.sources import make_scene
+from radcal.seeds import noise_seed
+from radcal.simulators.sources import runner_of
+from radcal.storage.files import digest
+from radcal.storage.provenance import provenance
+from radcal.storage.runs import RunStore
+
+__all__ = ["Forward", "forward", "simulate"]
+
+
+@dataclass(frozen=True)
+class Forward:
+    """Geometry and simulated image of one pass of a forward run.
+
+    Attributes
+    ----------
+    geometry : Geometry
+        Geometry of the pass.
+    image_db : ndarray of float32, shape (rows, columns)
+        Simulated image [dB].
+    key : str
+        Hash of the run, which names its record.
+    kept : bool
+        Whether the run store had the record already, so that nothing was simulated.
+    """
+
+    geometry: Geometry
+    image_db: NDArray[np.float32]
+    key: str
+    kept: bool
+
+
+def forward(
+    case: stages.Forward,
+    folder: str | Path,
+    runs: str | Path,
+    check: Callable[[Sequence[str]], None] = lambda _: None,
+) -> tuple[Scene, list[Forward]]:
+    """Simulate all passes of a case at the parameters of its materials, with the noise seed of the final check run.
+
+    Parameters
+    ----------
+    case : stages.Forward
+        Scene, passes, simulator and materials. A material to be calibrated has its starting parameters.
+    folder : path
+        Folder of ``scene.h5`` and ``geometry.h5``. From pass 2 on, ``geometry.h5`` of pass p lies in ``passes/<p>/``.
+    runs : path
+        Folder of the run store; a run that has a record there is not simulated.
+    check : callable
+        Function that receives the hash of the run of each pass before any file is written, and may raise an error.
+
+    Returns
+    -------
+    scene : Scene
+        Scene of the case.
+    passes : list of Forward
+        Passes in their order.
+
+    Raises
+    ------
+    RadcalError
+        The scene cannot be made, the simulator fails, or a file cannot be written.
+    """
+    folder, started = Path(folder), case.at_start
+    with provenance(case.case, case.sections(*type(case).model_fields)):
+        scene = make_scene(case.scene, None, case.radar.heading_deg)
+        _check_materials(scene, list(case.materials))
+        geometries = [make_geometry(scene, one.radar) for one in case.passes]
+        folders = [folder / f"passes/{number}" if number > 1 else folder for number in range(1, len(geometries) + 1)]
+        paths = [each / "geometry.h5" for each in folders]
+        runner = runner_of(started, scene.identity, geometries, paths, runs)
+        runners, seed, store = (runner, *runner.further), noise_seed(case, fresh=True), RunStore(runs)
+        keys = [digest(each.description(case.start_parameters, seed)) for each in runners]
+        check(keys)
+        write_scene(folder / "scene.h5", scene)
+        for path, geometry, one in zip(paths, geometries, case.passes, strict=True):
+            write_geometry(path, geometry, one.radar)
+        found = []
+        for each, geometry, key in zip(runners, geometries, keys, strict=True):
+            kept = store.get(key, case.calibrated, image=True) is not None
+            record = each.run(case.start_parameters, seed, image=True)
+            assert record.image_db is not None  # noqa: S101 - asked for
+            found.append(Forward(geometry, record.image_db, record.key, kept))
+    return scene, found
+
+
+def _check_materials(scene: Scene, materials: list[str]) -> None:
+    """Raise an error with a sentence for each material that the scene lacks; see also :meth:`Scene.require`."""
+    if wrong := [name for name in materials if name not in scene.names]:
+        said = (f"materials.{name}: not in the scene{nearest(name, scene.names)}." for name in wrong)
+        raise SceneError("\nradcal: ".join(said))
+    scene.require(materials)
+
+
+def simulate(case: stages.Forward, folder: str | Path, runs: str | Path, replace: bool = False) -> list[str]:
+    """Simulate all passes of a case, and write the images as GeoTIFF.
+
+    Parameters
+    ----------
+    case, folder, runs
+        As for :func:`forward`. ``folder`` receives ``simulated.tif``, ``incidence.tif``, ``material.tif`` and
+        ``mask.tif``; from pass 2 on, the file names of pass p end in ``_pass<p>``.
+    replace : bool
+        Whether images of other runs in the folder are replaced.
+
+    Returns
+    -------
+    list of str
+        Lines on the simulated passes, and the paths of the images.
+
+    Raises
+    ------
+    ConfigError
+        The folder has the image of another run, and ``replace`` is false. No file was written then.
+    RadcalError
+        As for :func:`forward`.
+    """
+    folder = Path(folder)
+
+    def check(keys: Sequence[str]) -> None:
+        if not replace:
+            _check_former(folder, keys)
+
+    scene, passes = forward(case, folder, runs, check)
+    lines = [f"scene: {note}" for note in scene.notes]
+    for number, (one, made) in enumerate(zip(case.passes, passes, strict=True), start=1):
+        ending = _ending(number)
+        tags = {"case": case.case, "radiometry": one.radar.radiometry, "run": made.key}
+        layers = {
+            "simulated": Layer(made.image_db, "dB", "simulated image", tags),
+            **ground_layers(made.geometry, tags),
+        }
+        written = _written(folder, ending, layers, scene, made.geometry)
+        how = "was in the run store" if made.kept else "simulated"
+        lines.append(f"pass {number}: {made.image_db.shape[0]} x {made.image_db.shape[1]} pixels, run {made.key} {how}")
+        lines += [f"  {path}" for path in written]
+    return lines
+
+
+def _written(folder: Path, ending: str, layers: dict[str, Layer], scene: Scene, geometry: Geometry) -> Sequence[Path]:
+    grid = map_grid(scene, geometry)
+    paths = []
+    for name, layer in layers.items():
+        paths.append(folder / f"{name}{ending}.tif")
+        write_geotiff(paths[-1], layer, grid)
+    return paths
+
+
+def _ending(number: int) -> str:
+    """End of the file names of a pass, before the extension."""
+    return f"_pass{number}" if number > 1 else ""
+
+
+def _check_former(folder: Path, keys: Sequence[str]) -> None:
+    """Raise an error if the folder has the image of another run than those with the given hashes."""
+    for number, key in enumerate(keys, start=1):
+        path = folder / f"simulated{_ending(number)}.tif"
+        if not path.exists():
+            continue
+        former = None
+        with contextlib.suppress(RadcalError, OSError), open_raster(path) as raster:
+            former = raster.tags().get("run")
+        if former != key:
+            run = "is no readable image of a run" if former is None else f"is the image of run {former}"
+            raise ConfigError(
+                f"{path}: {run}, and not of run {key}, which differs in laws, scene, pass, seed or simulator: give "
+                "--replace to replace it, or --out with another folder."
+            )

@@ -1,0 +1,206 @@
+"""Tables of the calibrated laws and parameters, and the calibrated materials as a section of a case file."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.config import Material
+from radcal.results.archive import Archive, MaterialResult
+from radcal.storage.files import atomic
+
+__all__ = ["calibrated_materials", "calibrated_yaml", "law_rows", "parameter_rows", "write_csv"]
+
+LAWS = (
+    "material", "incidence_deg", "median_db", "p05_db", "p95_db", "known", "calibrated_db", "parameters_model_db",
+    "level",
+)  # fmt: skip
+PARAMETERS = (
+    "material", "law", "parameter", "unit", "calibrated", "parameters_model", "p05", "p95", "lower", "upper", "looks",
+    "fits", "known_from_deg", "known_to_deg",
+)  # fmt: skip
+
+_HEADING = """\
+# Materials of the case {case}, as radcal calibrated them: {verdict}
+# To simulate with these laws, use this section as the section materials of a case of your own, and replace there the
+# materials that the new case calibrates. Parameters are those of the search (column calibrated of parameters.csv, where
+# parameters_model gives the law nearest to the median of sigma0), with all digits: scene, radar, simulator and seed of
+# the case {case} give its calibrated image again{exactly} with the noise seed {noise_seed}.
+# looks are the effective looks of a material's pixels in an image of {looks} looks (radar.looks). Where they are fewer
+# than the image's, gamma texture is multiplied onto the simulated pixels. Without this key, pixels have speckle alone.
+"""
+
+
+def law_rows(archive: Archive) -> Iterator[Sequence[Any]]:
+    """Rows of ``laws.csv``, with the columns :data:`LAWS`.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of a calibration.
+
+    Yields
+    ------
+    sequence
+        Material, local incidence [deg], median, 5 % and 95 % quantile of sigma0 [dB] (the ground's mean power), whether
+        sigma0 is determined at this incidence, the law at the X of the search [dB], the law nearest to the median
+        [dB], and whether the row is the level of a material seen at one incidence. A law without a curve has no rows;
+        of a normalised image there are neither median and quantiles nor a nearest law.
+    """
+    for name, material in archive.materials.items():
+        law = archive.laws[name].curve()
+        if not law.has_curve:
+            continue
+        posterior = material.posterior
+        curve = None if posterior is None else posterior.curve
+        degrees, levels = np.arange(91.0) if curve is None else curve.incidence_deg, np.empty(0)
+        if posterior is not None and curve is not None and material.level_only:
+            levels = posterior.middles_deg
+            degrees = np.union1d(degrees, levels)
+        low_db, median_db, high_db = np.full((3, degrees.size), np.nan) if curve is None else curve.at(degrees)
+        low, high = _known(material)
+        known = (degrees >= low) & (degrees <= high)
+        each_x = (archive.laws[name].values, _model(material))
+        laws = [np.asarray(law(np.radians(degrees), x)) for x in each_x]
+        for row in zip(degrees, median_db, low_db, high_db, known, *laws, np.isin(degrees, levels), strict=True):
+            yield (name, *row)
+
+
+def parameter_rows(archive: Archive) -> Iterator[Sequence[Any]]:
+    """Rows of ``parameters.csv``, with the columns :data:`PARAMETERS`.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of a calibration.
+
+    Yields
+    ------
+    sequence
+        One row for each parameter of each calibrated material, with unit, value of the search, value of the law nearest
+        to the median of sigma0, 5 % and 95 % quantile, and bounds. Each row also contains the effective looks of the
+        material, whether its law is not refuted, and the lowest and highest incidence at which sigma0 is determined
+        [deg].
+    """
+    for name, material in archive.materials.items():
+        posterior = material.posterior
+        unknown = np.full(len(material.parameter_names), np.nan)
+        low, high = (unknown, unknown) if posterior is None else (posterior.parameters_p05, posterior.parameters_p95)
+        each = zip(
+            material.parameter_names,
+            material.parameter_units,
+            archive.laws[name].values,
+            _model(material),
+            low,
+            high,
+            *material.bounds.T,
+            strict=True,
+        )
+        for row in each:
+            yield (name, material.law, *row, material.best_looks, material.fits, *_known(material))
+
+
+def _model(material: MaterialResult) -> NDArray[np.float64]:
+    """X whose law is nearest to the median of sigma0; NaN if there is none."""
+    posterior = material.posterior
+    if posterior is None or posterior.parameters_model is None:
+        return np.full(len(material.parameter_names), np.nan)
+    return posterior.parameters_model
+
+
+def _known(material: MaterialResult) -> tuple[float, float]:
+    """Lowest and highest incidence at which sigma0 of a material is determined [deg]; NaN if at none."""
+    known = None if material.posterior is None else material.posterior.known_between_deg
+    return (math.nan, math.nan) if known is None else (known[0], known[1])
+
+
+def write_csv(path: str | Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Write a table, atomically; unknown values are empty, and numbers have all their digits."""
+    with atomic(path) as partial, partial.open("w", newline="", encoding="utf-8") as handle:
+        writer = csv.writer(handle, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows([_cell(value) for value in row] for row in rows)
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool | np.bool_):
+        return str(bool(value)).lower()
+    if isinstance(value, float | np.floating):
+        return "" if math.isnan(value) else repr(float(value))
+    return str(value)
+
+
+def calibrated_materials(archive: Archive, materials: Mapping[str, Material]) -> dict[str, dict[str, Any]]:
+    """Materials of a case with their calibrated laws and effective looks, as materials that are not to be calibrated.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of a calibration.
+    materials : mapping
+        Section ``materials`` of the calibrated case.
+
+    Returns
+    -------
+    dict
+        Section ``materials`` as plain data. A material has ``looks`` if the calibration found texture, and ``colour``
+        if the case gives one.
+    """
+    found, written = {}, json.loads(archive.config).get("materials", {})
+    for name, material in materials.items():
+        kept = ("law", "angles_deg", "formula", "names", "units", "integer")
+        data = {"calibrate": False, **material.model_dump(mode="json", include=set(kept), exclude_none=True)}
+        data["parameters"] = [float(x) for x in archive.laws[name].values]
+        if colour := written.get(name, {}).get("colour"):
+            data["colour"] = colour
+        looks = material.looks
+        if name in archive.materials:
+            result = archive.materials[name]
+            # looks of the best run, which gave the calibrated image its texture; objective density finds no looks
+            effective = np.inf if result.run_looks is None else float(result.run_looks[result.best])
+            looks = effective if effective < archive.looks else None
+        found[name] = data if looks is None else {**data, "looks": looks}
+    return found
+
+
+def _repeats(simulator: Mapping[str, Any]) -> bool:
+    """Whether equal runs are known to give equal images: built-in simulator, or declared by the section."""
+    return simulator.get("kind") != "command" or simulator.get("deterministic") is True
+
+
+def calibrated_yaml(archive: Archive, materials: Mapping[str, Mapping[str, Any]], verdict: str, noise_seed: int) -> str:
+    """Text of ``calibrated.yaml``: a heading that explains it, and the section ``materials``.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of a calibration.
+    materials : mapping
+        From :func:`calibrated_materials`.
+    verdict : str
+        Verdict on all materials.
+    noise_seed : int
+        Seed of the calibrated image's speckle.
+    """
+    import yaml
+
+    heading = _HEADING.format(
+        case=archive.case,
+        verdict=" ".join(verdict.split()),
+        looks=f"{archive.looks:g}",
+        noise_seed=noise_seed,
+        exactly=", bit for bit," * _repeats(json.loads(archive.config).get("simulator", {})),
+    )
+    plain = {name: dict(material) for name, material in materials.items()}
+    return heading + yaml.safe_dump(
+        {"materials": plain}, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True
+    )

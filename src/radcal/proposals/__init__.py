@@ -1,0 +1,1 @@
+"""Design, surrogate, and the search for proposals on it."""

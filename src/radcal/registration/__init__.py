@@ -1,0 +1,1 @@
+"""Registration of the measured image onto the simulated one, and checks of the geometry that it shows."""

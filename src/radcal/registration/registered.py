@@ -1,0 +1,400 @@
+"""Registration of the measured image onto the simulated image, checked on squares that are held out."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.config import RegistrationConfig
+from radcal.errors import MeasurementError, RadcalError
+from radcal.image.model import Measurement
+from radcal.registration.displacement import warp
+from radcal.registration.gefolki import Flow, Level, find_flow, local_correlation, pyramid, rank_transform
+from radcal.registration.spline_field import Prior
+from radcal.storage.dataclass_groups import put, take
+from radcal.storage.records import read_hdf5, write_hdf5
+
+__all__ = [
+    "LEAST_CONTRAST_DB",
+    "Registered",
+    "contrast_db",
+    "read_registered",
+    "register",
+    "registered_as",
+    "write_registered",
+]
+
+_SIGNIFICANT = 4.0  # standard errors
+_SMALLEST_PX = 64
+_LEAST_GAIN = 0.001  # smallest rise of the held-out correlation: the last digit that the sentence shows
+_SIGN_WINDOW_PX = 65
+_CONTRAST_PX = 16  # side of the squares whose levels show a contrast under the speckle
+_TREND = 3  # degree of the polynomial in slant range that is removed from both halves of the squares
+LEAST_CONTRAST_DB = 0.3
+"""Smallest contrast of a simulated image onto which a measured image can be registered [dB]."""
+_FITS = 3.0  # an image is called mirrored if a mirrored version has more than this many times its correlation
+_MIRRORED = 1.5  # times the correlation of mirrored images, which is due to chance
+
+
+@dataclass(frozen=True)
+class Registered:
+    """Measured image on the pixels of the simulated image, with the result of the registration.
+
+    Attributes
+    ----------
+    measurement : Measurement
+        Measurement with the registered image. The registered image takes the values of nearest pixels, which keeps the
+        statistics of speckle, and NaN where the measured image has no pixel.
+    unregistered_db : ndarray of float32, shape (rows, columns)
+        Image before registration [dB].
+    displacement_px : ndarray of float32, shape (2, rows, columns)
+        Displacement of each pixel to its place in the measured image, along rows and columns [pixels].
+    uncertainty_px : ndarray of float32, shape (rows, columns)
+        Standard error of the displacement's length [pixels]; 0 without registration.
+    correlation : ndarray of float32, shape (rows, columns)
+        Local correlation of the ranks of both images, after registration.
+    method : str
+        gefolki, ilk or none.
+    applied : bool
+        Whether the image was moved.
+    verdict : str
+        Sentence on the result of the registration.
+    refused_px : ndarray of float32, shape (2, rows, columns), or None
+        Displacement that was found but not applied [pixels]; None if it was applied, or none was sought.
+    findings : str
+        Findings on the geometry of the pass, as JSON (:func:`radcal.findings.to_json`).
+    """
+
+    measurement: Measurement
+    unregistered_db: NDArray[np.float32]
+    displacement_px: NDArray[np.float32]
+    uncertainty_px: NDArray[np.float32]
+    correlation: NDArray[np.float32]
+    method: str
+    applied: bool
+    verdict: str
+    refused_px: NDArray[np.float32] | None = None
+    findings: str = "[]"
+
+    @property
+    def found_px(self) -> NDArray[np.float32] | None:
+        """Displacement that the registration has found [pixels], applied or not; None if none was sought."""
+        return self.displacement_px if self.applied else self.refused_px
+
+
+def contrast_db(image_db: NDArray[np.float32]) -> float:
+    """Contrast of an image [dB]: standard deviation, without speckle, of the mean level of squares of 16 x 16 pixels.
+
+    The contrast is the square root of the covariance between the mean levels of the left and right halves of the
+    squares. Independent speckle does not contribute to the covariance of the halves. A smooth change of the level from
+    the first row to the last, such as the decrease of a law over the swath, is removed first.
+
+    Parameters
+    ----------
+    image_db : ndarray, shape (rows, columns)
+        Image [dB]; NaN where a pixel has no value.
+    """
+    side = _CONTRAST_PX
+    rows, columns = (n // side for n in image_db.shape)
+    parts = np.asarray(image_db, dtype=np.float64)[: rows * side, : columns * side]
+    parts = np.where(np.isfinite(parts), parts, np.nan).reshape(rows, side, columns, side)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # squares without a pixel
+        # speckle of pixels that are two apart is independent
+        halves = [
+            np.nanmean(parts[..., cut], axis=(1, 3)) for cut in (slice(0, side // 2 - 1), slice(side // 2 + 1, side))
+        ]
+    whole = np.isfinite(halves[0]) & np.isfinite(halves[1])
+    if np.count_nonzero(whole) <= 2 * (_TREND + 1):
+        return float("nan")
+    row = np.nonzero(whole)[0] / max(rows - 1, 1)
+    degree = min(_TREND, len(np.unique(row)) - 1)  # a polynomial of a higher degree is not determined
+    left, right = (half[whole] - np.polynomial.Polynomial.fit(row, half[whole], degree)(row) for half in halves)
+    return float(np.sqrt(max(0.0, float(np.mean(left * right)))))
+
+
+def register(
+    fixed_db: NDArray[np.float32], measurement: Measurement, config: RegistrationConfig, same_area: bool = False
+) -> Registered:
+    """Register a measured image onto a simulated one.
+
+    The displacement field is estimated three times: from all pixels, and, with the same prior, from the squares of each
+    of the two colours of a chequerboard. The squares of the other colour are held out, and the correlation of the two
+    images on the held-out squares answers two questions. The first question is whether the images have anything in
+    common; for comparison, mirrored images are registered, too. The second question is whether the registration
+    improves the agreement; the correlation on the held-out squares must rise by at least 0.001. The standard error of
+    the displacement field is the standard deviation of its posterior distribution.
+
+    Parameters
+    ----------
+    fixed_db : ndarray, shape (rows, columns)
+        Simulated image [dB].
+    measurement : Measurement
+        Measured image of the same size as the simulated image.
+    config : RegistrationConfig
+        Method and limits of the registration.
+    same_area : bool
+        Whether the images are known to show the same area, so that no comparison with mirrored images is needed.
+
+    Returns
+    -------
+    Registered
+        Registered image. If the registration does not raise the correlation, or would move the image by more than
+        ``max_displacement_px``, the image is returned unregistered, with the reason.
+
+    Raises
+    ------
+    MeasurementError
+        The measured image has nothing in common with the simulated image, or is too small.
+    """
+    moving_db, source = measurement.image_db, measurement.source
+    nothing = np.zeros((2, *fixed_db.shape))
+    if config.method == "none":
+        ranks = rank_transform(fixed_db), rank_transform(moving_db)
+        return _kept(measurement, ranks, "none", "not registered, because registration.method is none.")
+    if min(fixed_db.shape) < _SMALLEST_PX:
+        raise MeasurementError(
+            f"registration.method is {config.method}, the image has {fixed_db.shape[0]} x {fixed_db.shape[1]} pixels, "
+            f"expected at least {_SMALLEST_PX} in both directions: set registration.method: none."
+        )
+    levels = pyramid(fixed_db, moving_db)
+    ranks = levels[0].fixed, levels[0].moving
+    start = _global_shift(*ranks) if config.global_shift else None
+    squares = _chequerboard((fixed_db.shape[0], fixed_db.shape[1]))
+    flow = find_flow(levels, start=start)
+    both, prior = flow.displacement_px, flow.posterior.prior
+    halves = [find_flow(levels, keep, start, prior).displacement_px for keep in (squares, ~squares)]
+    field = both if config.method == "gefolki" else _ilk(*ranks, start)
+
+    before = _held_out(ranks, (nothing, nothing), squares)
+    after = _held_out(ranks, (halves[0], halves[1]), squares)
+    found = f"correlation {before.mean():.3f} before and {after.mean():.3f} after, on squares not used to find it"
+    furthest = float(np.hypot(*field).max())
+    raised = float((after - before).mean()) >= _LEAST_GAIN
+    # an image that is used unregistered must agree with the simulated image without any displacement
+    correlation = after if raised and furthest <= config.max_displacement_px else before
+    found_out = f"{found}, standard error {_standard_error(after):.3f}"
+    if not same_area:
+        _check_agreement(source, levels, flow, correlation, found_out, contrast_db(fixed_db))
+    kept = partial(_kept, measurement, ranks, config.method, found_px=field.astype(np.float32))
+    if furthest > config.max_displacement_px:
+        return kept(
+            f"the registration would move {source} by up to {furthest:.1f} pixels, more than "
+            f"registration.max_displacement_px = {config.max_displacement_px:g}: the image is used unregistered.",
+        )
+    if not raised:
+        return kept(
+            f"the registration did not raise the correlation of {source} with the simulated image ({found}): "
+            "the image is used unregistered.",
+        )
+    # the posterior belongs to the field of GeFolki: for another method, the distance between both fields is added
+    variance = np.square(flow.standard_error_px()) + np.square(field - both).sum(axis=0)
+    uncertainty = np.sqrt(variance)
+    typical = float(np.sqrt(np.mean(np.square(field).sum(axis=0))))
+    return Registered(
+        measurement=replace(measurement, image_db=warp(moving_db, field)),
+        unregistered_db=moving_db,
+        displacement_px=field.astype(np.float32),
+        uncertainty_px=uncertainty.astype(np.float32),
+        correlation=local_correlation(ranks[0], np.nan_to_num(warp(ranks[1], field))),
+        method=config.method,
+        applied=True,
+        verdict=f"registered with {config.method}: moved by {typical:.1f} pixels (rms, at most {furthest:.1f}) with a "
+        f"standard error of {np.median(uncertainty):.2f}; {found}.",
+    )
+
+
+def _check_agreement(
+    source: str, levels: list[Level], flow: Flow, correlation: NDArray[np.float64], found: str, contrast: float
+) -> None:
+    """Raise an error if the correlation is not significant, or not clearly above the correlation of mirrored images."""
+    common = _common((levels[0].fixed, levels[0].moving), flow.displacement_px)
+    mirrored = _mirrored(levels, flow.posterior.prior)
+    best = max(mirrored, key=lambda name: mirrored[name])
+    if _z(correlation) < _SIGNIFICANT or common < _MIRRORED * mirrored[best]:
+        if contrast < LEAST_CONTRAST_DB:
+            raise MeasurementError(
+                f"registration: the image simulated at the start has no contrast between materials (the level of its "
+                f"squares varies by {contrast:.2f} dB), so that {source} cannot be laid on it ({found}): give the "
+                "materials starts that differ (materials.*.start, as radcal new writes them), or, if the image lies on "
+                "the simulated image's pixels already, set registration.method: none."
+            )
+        fits = mirrored[best] > _FITS * common
+        if _z(correlation) >= _SIGNIFICANT and not fits:
+            raise MeasurementError(
+                f"registration: {source} agrees with the simulated image ({found}), but not clearly better than its "
+                f"mirrored versions, which agree by chance (mean local correlation {common:.3f}, mirrored "
+                f"{mirrored[best]:.3f}, expected at least {_MIRRORED:g} times as much): are starting or fixed laws "
+                "wrong (materials.*.start, materials.*.parameters), or is it another area, turned or mirrored? If it "
+                "lies on the simulated image's pixels already, set registration.method: none."
+            )
+        hint = f"it fits {best}" if fits else "is it the same area, seen from the same side, not turned or mirrored?"
+        raise MeasurementError(
+            f"registration: {source} has nothing in common with the simulated image ({found}): {hint} If it lies on "
+            "the simulated image's pixels already, set registration.method: none."
+        )
+
+
+def _kept(
+    measurement: Measurement,
+    ranks: tuple[NDArray[np.float32], NDArray[np.float32]],
+    method: str,
+    verdict: str,
+    found_px: NDArray[np.float32] | None = None,
+) -> Registered:
+    """Measured image that is used unregistered, with the reason as its verdict."""
+    return Registered(
+        measurement=measurement,
+        unregistered_db=measurement.image_db,
+        displacement_px=np.zeros((2, *ranks[0].shape), dtype=np.float32),
+        uncertainty_px=np.zeros(ranks[0].shape, dtype=np.float32),
+        correlation=local_correlation(*ranks),
+        method=method,
+        applied=False,
+        verdict=verdict,
+        refused_px=found_px,
+    )
+
+
+def _chequerboard(shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Mask of the squares of one colour of a chequerboard."""
+    rows, columns = np.indices(shape) // _square(shape)
+    return np.asarray((rows + columns) % 2 == 0)
+
+
+def _square(shape: tuple[int, ...]) -> int:
+    """Side of a chequerboard square [pixels]; small images get small squares, to have enough for a standard error."""
+    return 32 if min(shape) >= 256 else 16
+
+
+def _held_out(
+    ranks: tuple[NDArray[np.float32], NDArray[np.float32]],
+    fields: tuple[NDArray[np.float64], NDArray[np.float64]],
+    squares: NDArray[np.bool_],
+) -> NDArray[np.float64]:
+    """Correlation of both images in each square, with the field found from the squares of the other colour."""
+    fixed, moving = ranks
+    total = np.zeros(fixed.shape)
+    for field, used in zip(fields, (squares, ~squares), strict=True):
+        moved = np.nan_to_num(warp(moving, field))
+        # the sign of the contrast is also estimated on the squares that are not held out
+        sign = np.sign(local_correlation(fixed * used, moved * used, _SIGN_WINDOW_PX))
+        total += np.where(used, 0.0, fixed * moved * sign)
+    side = _square(fixed.shape)
+    rows, columns = (n // side for n in fixed.shape)
+    cut = (slice(0, rows * side), slice(0, columns * side))
+    blocks = total[cut].reshape(rows, side, columns, side).mean(axis=(1, 3)).ravel()
+    return np.asarray(blocks / (fixed.std() * moving.std() + 1e-12))
+
+
+def _standard_error(values: NDArray[np.float64]) -> float:
+    return float(values.std(ddof=1) / np.sqrt(values.size))
+
+
+def _z(values: NDArray[np.float64]) -> float:
+    """Ratio of a mean to its standard error."""
+    return float(values.mean() / (_standard_error(values) + 1e-12))
+
+
+def _common(ranks: tuple[NDArray[np.float32], NDArray[np.float32]], field: NDArray[np.float64]) -> float:
+    """Mean absolute local correlation of the fixed image and the moving image displaced by a field."""
+    moved = np.nan_to_num(warp(ranks[1], field))
+    return float(np.abs(local_correlation(ranks[0], moved, _SIGN_WINDOW_PX)).mean())
+
+
+def _mirrored(levels: list[Level], prior: Prior) -> dict[str, float]:
+    """Correlation with mirrored moving images, which is due to chance unless the measured image is mirrored itself."""
+    as_it_is, turned = slice(None), slice(None, None, -1)
+    found = {}
+    for name, (along, across) in {
+        "mirrored in slant range.": (turned, as_it_is),
+        "mirrored in azimuth.": (as_it_is, turned),
+        "turned by 180 degrees.": (turned, turned),
+    }.items():
+        images = [level.mirrored(along, across) for level in levels]
+        found[name] = _common((images[0].fixed, images[0].moving), find_flow(images, prior=prior).displacement_px)
+    return found
+
+
+def _global_shift(fixed: NDArray[np.float32], moving: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Shift of the whole image [pixels], found by phase correlation."""
+    from skimage.registration import phase_cross_correlation
+
+    shift, *_ = phase_cross_correlation(fixed, moving, upsample_factor=4, normalization=None)
+    return -np.asarray(shift, dtype=np.float64)
+
+
+def _ilk(
+    fixed: NDArray[np.float32], moving: NDArray[np.float32], start: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
+    """Displacement field between the rank transforms, from scikit-image's iterative Lucas-Kanade optical flow."""
+    from skimage.registration import optical_flow_ilk
+
+    shift = np.zeros((2, *fixed.shape))
+    if start is not None:
+        shift += np.round(start)[:, None, None]
+        moving = np.nan_to_num(warp(moving, shift))
+    return np.asarray(shift + optical_flow_ilk(fixed, moving, radius=32))
+
+
+def write_registered(path: str | Path, registered: Registered) -> None:
+    """Write a registered image to HDF5, atomically."""
+    with write_hdf5(path, "registered") as file:
+        put(file, registered)
+
+
+def read_registered(path: str | Path) -> Registered:
+    """Read a registered image that :func:`write_registered` wrote; raises the errors of :func:`.read_hdf5`."""
+    with read_hdf5(path, "registered") as file:
+        return take(file, Registered)
+
+
+def registered_as(
+    path: Path, predicted_db: NDArray[np.float32], found: Measurement, config: RegistrationConfig
+) -> tuple[Registered, str]:
+    """Registration of a measured image for the comparison with a predicted image.
+
+    If the case of the measured image has already registered this image with this method, that registration is taken.
+    Otherwise the measured image is registered onto the predicted one.
+
+    Parameters
+    ----------
+    path : path
+        ``registered.h5`` of the image's case, which need not exist.
+    predicted_db : ndarray, shape (rows, columns)
+        Predicted image [dB], onto which the measured image is registered if necessary.
+    found : Measurement
+        Measured image.
+    config : RegistrationConfig
+        Method and limits.
+
+    Returns
+    -------
+    registered : Registered
+        Registered measured image.
+    by : str
+        Words that name the simulated image onto which the measured image is registered.
+
+    Raises
+    ------
+    MeasurementError
+        The image has nothing in common with the predicted one.
+    """
+    why = ""
+    if path.is_file():
+        try:
+            stored = read_registered(path)
+            if stored.method != config.method:
+                why = f", not as in {path.parent}, whose registration.method was {stored.method}"
+            elif not np.array_equal(stored.unregistered_db, found.image_db, equal_nan=True):
+                why = f", not as in {path.parent}, which has registered another image"
+            else:
+                return stored, f"as in {path.parent}"
+        except RadcalError as error:
+            why = f", because the registration of its case cannot be used: {error}"
+    return register(predicted_db, found, config), f"onto the predicted image{why}"

@@ -1,1 +1,0 @@
-"""Results of a calibration: archive, table of runs, summary, figures and HTML report."""

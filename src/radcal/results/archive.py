@@ -1,0 +1,370 @@
+"""Archive of all results of a calibration, ``calibration.h5``; the classes of this module define its layout.
+
+``python -m radcal.results.archive`` prints the layout as a table, which ``docs/records.md`` contains.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.assessment.posterior import Image, Posterior
+from radcal.findings import Finding, from_json
+from radcal.laws import Law, law_for
+from radcal.results.search_front import SearchFront
+from radcal.storage.dataclass_groups import About, Attribute, Main, put, table, take
+from radcal.storage.records import read_hdf5, write_hdf5
+
+__all__ = [
+    "Archive",
+    "Images",
+    "LawParameters",
+    "LevelSummary",
+    "MaterialResult",
+    "ObjectPlaces",
+    "PassLaw",
+    "PassSummary",
+    "RegistrationSummary",
+    "Runs",
+    "SceneView",
+    "read_archive",
+    "write_archive",
+]
+
+_KIND = "calibration"
+_UNIT = "dB or IQR"  # levels.unit says which of the two applies
+_DENSITY = "1/dB or 1/IQR"
+
+Bytes = NDArray[np.uint8]
+Doubles = NDArray[np.float64]
+Floats = NDArray[np.float32]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Runs:
+    """All n runs of a calibration, in the order reference, reused, design, infill."""
+
+    kind: Annotated[NDArray[np.str_], About("reference, registration, reused, design or infill", shape="n")]
+    index: Annotated[Integers, About("number of the run within its kind", shape="n")]
+    key: Annotated[NDArray[np.str_], About("hash of the run, which names its record in `runs/`", shape="n", scale=True)]
+    seconds: Annotated[Doubles, About("wall time of the simulator", "s", "n")]
+
+
+@dataclass(frozen=True)
+class LawParameters:
+    """Parameters of a law, with the conditions (polarisation, frequency, knots) that its evaluation needs."""
+
+    values: Annotated[Doubles, Main()]
+    law: Annotated[str, About("name of the law")]
+    polarisation: Annotated[str, About("transmitted and received polarisation")]
+    frequency_ghz: Annotated[float | None, About("carrier frequency", "GHz")] = None
+    angles_deg: Annotated[tuple[float, ...] | None, About("knots of a tabulated law", "deg")] = None
+    names: Annotated[tuple[str, ...] | None, About("names of the parameters of an external law or formula")] = None
+    units: Annotated[tuple[str, ...] | None, About("units of the parameters of an external law or formula")] = None
+    formula: Annotated[str | None, About("formula of a law of the case file, phi in radians")] = None
+
+    def curve(self) -> Law:
+        """Law as a function of incidence angle and parameters, for the stored polarisation, frequency and knots.
+
+        Raises
+        ------
+        ConfigError
+            This version of radcal does not know the law.
+        """
+        return law_for(
+            self.law,
+            polarisation=self.polarisation,
+            frequency_ghz=self.frequency_ghz,
+            angles_deg=self.angles_deg,
+            names=self.names,
+            units=self.units,
+            formula=self.formula,
+        )
+
+
+@dataclass(frozen=True)
+class Fidelity:
+    """Predictions of the surrogate for each infill run, and results of the run; NaN without a prediction."""
+
+    predicted_cost: Annotated[Doubles, About("cost that the surrogate predicted", shape="m")]
+    verified_cost: Annotated[Doubles, About("cost of the run", shape="m")]
+    predicted: Annotated[
+        Doubles, About("predicted mean, log sd and skewness of each incidence-angle bin", _UNIT, "m, b, 3")
+    ]
+    error: Annotated[Doubles, About("kriging standard deviation of each predicted statistic", _UNIT, "m, b, 3")]
+    verified: Annotated[
+        Doubles, About("mean, log sd and skewness of each incidence-angle bin in the run", _UNIT, "m, b, 3")
+    ]
+    q2: Annotated[Doubles, About("leave-one-out Q2 of the surrogate, by statistic", shape="m, 3")]
+
+
+@dataclass(frozen=True)
+class MaterialResult:
+    """Target and results of one calibrated material: d parameters, n runs, m infill runs, p pixels of the target."""
+
+    law: Annotated[str, About("name of the calibrated law")]
+    parameter_names: Annotated[tuple[str, ...], Attribute(), About("names of its d parameters")]
+    parameter_units: Annotated[tuple[str, ...], Attribute(), About("units of the parameters")]
+    reason: Annotated[str, About("reason for the end, or running")]
+    sentence: Annotated[str, About("reason for the end in words")]
+    eligible: Annotated[int, About("number of pixels from which the target's pixels were drawn")]
+    at_boundary: Annotated[bool, About("target has the largest skewness of a skew normal")]
+    rms_sampling: Annotated[float, About("density rms that sampling alone causes", _DENSITY)]
+    effective: Annotated[float, About("effective sample size of the target's pixels")]
+    looks: Annotated[float, About("equivalent number of looks (ENL) among neighbouring pixels")]
+    textured: Annotated[bool, About("material has far fewer looks than the image's homogeneous areas")]
+    fresh: Annotated[bool, About("simulated pixels depend on the noise seed")]
+    left_out: Annotated[str, About("number of masked visible pixels by reason (JSON)")]
+    fit_ks: Annotated[float, About("Kolmogorov-Smirnov distance of the target's pixels from their density")]
+    fit_ks_p: Annotated[float, About("p-value of `fit_ks`, by bootstrap")]
+    fit_ad: Annotated[float, About("Anderson-Darling statistic of the target's pixels and their density")]
+    fit_ad_p: Annotated[float, About("p-value of `fit_ad`, by bootstrap")]
+    best: Annotated[int, About("best run, an index into `runs`")]
+    parameters: Annotated[LawParameters, About("X of each run; NaN for a run with another law", shape="n, d")]
+    dp: Annotated[Doubles, About("xi, omega and alpha (no unit) of each run's density", _UNIT, "n, 3")]
+    rms: Annotated[Doubles, About("rms difference of each run's density from the target's", _DENSITY, "n")]
+    bounds: Annotated[Doubles, About("lower and upper bound of each parameter", shape="d, 2")]
+    start: Annotated[LawParameters, About("starting X, possibly of another law", shape="d")]
+    target_dp: Annotated[Doubles, About("xi, omega and alpha (no unit) of the target", _UNIT, "3")]
+    target_cp_error: Annotated[
+        Doubles, About("standard errors of the target's mean, standard deviation and skewness (no unit)", _UNIT, "3")
+    ]
+    target_cp_interval: Annotated[
+        Doubles,
+        About("95 % intervals of the target's mean, standard deviation and skewness (no unit)", _UNIT, "3, 2"),
+    ]
+    pixels: Annotated[Integers, About("flat indices of the target's pixels in the image", shape="p", scale=True)]
+    incidence_deg: Annotated[Floats, About("local incidence of the target's pixels", "deg", "p")]
+    measured_db: Annotated[Doubles, About("target's pixels in the measured image", _UNIT, "p")]
+    start_db: Annotated[Doubles, About("target's pixels in the reference run", _UNIT, "p")]
+    calibrated_db: Annotated[Doubles, About("target's pixels in the calibrated run", _UNIT, "p")]
+    fresh_db: Annotated[Doubles, About("target's pixels in the calibrated run with another seed", _UNIT, "p")]
+    level_only: Annotated[bool, About("material is seen at one incidence: only its level can be determined")]
+    best_looks: Annotated[float, About("effective number of looks with which the best run fits the target")]
+    incidence_error_deg: Annotated[float, About("standard error assumed for the local incidence; 0 for none", "deg")]
+    final_dp: Annotated[Doubles, About("xi, omega and alpha (no unit) of the calibrated run", _UNIT, "3")]
+    fresh_dp: Annotated[
+        Doubles, About("xi, omega and alpha (no unit) of the calibrated run with another seed", _UNIT, "3")
+    ]
+    predicted_rms: Annotated[
+        Doubles, About("rms predicted by the surrogate for each infill run; NaN if not predicted", _DENSITY, "m")
+    ]
+    floor_rms: Annotated[
+        Doubles,
+        About("smallest rms that the surrogate allows within two standard errors; NaN if unknown", _DENSITY, "m"),
+    ]
+    mode: Annotated[tuple[str, ...], About("mode of each proposal: exploit, explore, exhausted or ended", shape="m")]
+    hidden: Annotated[Doubles | None, About("true X of a synthetic measurement", shape="d")] = None
+    cost: Annotated[
+        Doubles | None, About("half the sum of squared residuals of incidence-angle bins, by run", shape="n")
+    ] = None
+    run_looks: Annotated[
+        Doubles | None, About("effective number of looks at which each run fits the target best", shape="n")
+    ] = None
+    fidelity: Annotated[Fidelity | None, About("predictions of the surrogate and the runs that verified them")] = None
+    front: Annotated[SearchFront | None, About("front of the last search, if it had several objectives")] = None
+    posterior: Annotated[Posterior | None, About("posterior of the law")] = None
+
+    @property
+    def fits(self) -> bool | None:
+        """Whether the form of the law is not refuted; None where it cannot be told."""
+        if self.posterior is None or self.posterior.form is None:
+            return None
+        return not self.posterior.form.refuted
+
+
+@dataclass(frozen=True)
+class Images:
+    """Whole images, with rows along slant range and columns along azimuth; None for an image that is not archived."""
+
+    measured_db: Annotated[
+        Floats | None, About("measured image after subtraction of its assumed level", "dB", "rows, columns")
+    ] = None
+    reference_db: Annotated[Floats | None, About("reference run", "dB", "rows, columns")] = None
+    calibrated_db: Annotated[Floats | None, About("calibrated run with another seed", "dB", "rows, columns")] = None
+    material: Annotated[
+        Bytes | None, About("material id k of `names[k - 1]`, 0 for mixed pixels", shape="rows, columns")
+    ] = None
+    incidence_deg: Annotated[Floats | None, About("mean local incidence", "deg", "rows, columns")] = None
+
+
+@dataclass(frozen=True)
+class ObjectPlaces:
+    """Centres of the scene's objects; if the scene has many objects, those of every n-th object."""
+
+    places_m: Annotated[Floats, Main()]
+    count: Annotated[int, About("number of objects in the scene")]
+
+
+@dataclass(frozen=True)
+class SceneView:
+    """Scene, reduced to the resolution of the figures; row 0 is in the south."""
+
+    step: Annotated[int, About("step between the cells of the scene that are archived, in rows and columns")]
+    cell_m: Annotated[float, About("width of a cell of the scene", "m")]
+    material: Annotated[Bytes | None, About("material id k of `names[k - 1]`", shape="y, x")] = None
+    elevation_m: Annotated[Floats | None, About("elevation", "m", "y, x")] = None
+    objects: Annotated[
+        ObjectPlaces | None, About("centres of objects, east and north of the south-west corner", "m", "objects, 2")
+    ] = None
+
+
+@dataclass(frozen=True)
+class RegistrationSummary:
+    """Outcome of the registration of the measured image; the arrays are None if no displacement was applied."""
+
+    method: Annotated[str, About("method: gefolki, ilk or none")]
+    applied: Annotated[bool, About("displacement applied to the measured image")]
+    verdict: Annotated[str, About("outcome in words")]
+    unregistered_db: Annotated[Floats | None, About("measured image before registration", "dB", "rows, columns")] = None
+    displacement_px: Annotated[
+        Floats | None,
+        About("displacement of each pixel to its place in the measured image", "pixel", "2, rows, columns"),
+    ] = None
+    uncertainty_px: Annotated[Floats | None, About("standard error of the displacement", "pixel", "rows, columns")] = (
+        None
+    )
+    misregistration_px: Annotated[
+        Floats | None, About("true displacement of a synthetic image", "pixel", "2, rows, columns")
+    ] = None
+
+
+@dataclass(frozen=True)
+class LevelSummary:
+    """Level of the measured image relative to the simulated image (:class:`radcal.ground.levels.Levels`)."""
+
+    normalisation: Annotated[str, About("normalisation: none, offset or image")]
+    offset_db: Annotated[float, About("level of the measured image above the simulated; NaN if unknown", "dB")]
+    offset_error_db: Annotated[float, About("standard error of `offset_db`", "dB")]
+    scale: Annotated[float, About("ratio of the interquartile ranges of measured and simulated image, or 1")]
+    sentence: Annotated[str, About("level and its consequences in words")]
+    unit: Annotated[str, About("unit of densities and of the target's pixels: dB or IQR")]
+
+
+@dataclass(frozen=True)
+class PassLaw:
+    """Law of a material over the incidence of one pass, from 5 to 95 % of the pixels of its target."""
+
+    low_deg: Annotated[float, About("5 % quantile of the local incidence of the target's pixels", "deg")]
+    high_deg: Annotated[float, About("95 % quantile of the local incidence of the target's pixels", "deg")]
+    rms: Annotated[float, About("rms difference of the best run's density from the target's in this pass", _DENSITY)]
+    half_width_db: Annotated[
+        float | None,
+        About("largest half-width of the 90 % band of sigma0 over the pass's incidence; absent without a curve", "dB"),
+    ]
+    pixels: Annotated[int, About("number of the target's pixels")]
+    difference_db: Annotated[
+        float | None, About("largest difference of the law from the hidden law of a synthetic measurement", "dB")
+    ] = None
+
+
+@dataclass(frozen=True)
+class PassSummary:
+    """Summary of one pass of a case of several passes."""
+
+    depression_deg: Annotated[float, About("depression angle", "deg")]
+    look_side: Annotated[str, About("look side")]
+    polarisation: Annotated[str, About("transmitted and received polarisation")]
+    looks: Annotated[float, About("number of looks of the simulation")]
+    measurement: Annotated[str, About("source of the measured image")]
+    registration: Annotated[str, About("outcome of the registration in words")]
+    levels: Annotated[str, About("level of the measured image and its consequences in words")]
+    notes: Annotated[tuple[str, ...], Attribute(), About("remarks on the measurement and on missing materials")]
+    keys: Annotated[NDArray[np.str_], About("hash of each run in this pass", shape="n")]
+    final_runs: Annotated[int, About("final runs that were not simulated before")]
+    materials: Annotated[Mapping[str, PassLaw], About("laws over the incidence of this pass")]
+
+
+@dataclass(frozen=True)
+class Archive:
+    """Results of a calibration at its end."""
+
+    case: Annotated[str, About("name of the case")]
+    config: Annotated[str, About("configuration (JSON)")]
+    objective: Annotated[str, About("objective of the configuration")]
+    reason: Annotated[str, About("reason for the end, or running")]
+    converged: Annotated[bool, About("every material is within the tolerance or meets its stop criterion")]
+    tolerance: Annotated[float, About("density rms up to which a material is within the tolerance", _DENSITY)]
+    max_runs: Annotated[int, About("largest number of runs, design and infill together")]
+    looks: Annotated[float, About("number of looks of the simulation")]
+    measured_looks: Annotated[
+        float, About("equivalent number of looks (ENL) of the measured image's homogeneous areas")
+    ]
+    measurement: Annotated[str, About("source of the measured image")]
+    notes: Annotated[tuple[str, ...], Attribute(), About("remarks on measurement and simulator")]
+    law_notes: Annotated[tuple[str, ...], Attribute(), About("sentences on laws used outside of their validity")]
+    sentences: Annotated[tuple[str, ...], Attribute(), About("reason for the end in words, for each material")]
+    simulator: Annotated[str, About("identity of the simulator (JSON)")]
+    versions: Annotated[str, About("versions of Python and packages (JSON)")]
+    final_runs: Annotated[int, About("final runs that were not simulated before")]
+    names: Annotated[tuple[str, ...], About("names of all materials, in the order of their ids")]
+    runs: Annotated[Runs, About("all n runs in their order: reference, registration, reused, design, infill")]
+    registration: Annotated[RegistrationSummary, About("registration of the measured image")]
+    levels: Annotated[LevelSummary, About("level of the measured image relative to the simulated")]
+    image: Annotated[Image, About("what the fixed materials say of the images")]
+    findings: Annotated[str, About("findings on images and materials (JSON)")]
+    scene: Annotated[SceneView, About("scene at the resolution of the figures; row 0 is in the south")]
+    laws: Annotated[Mapping[str, LawParameters], About("X of every material's law in the final runs", shape="d")]
+    materials: Annotated[
+        Mapping[str, MaterialResult],
+        About("calibrated materials: d parameters, p pixels, m infill runs, b or c incidence-angle bins"),
+    ]
+    passes: Annotated[
+        Mapping[str, PassSummary] | None, About("passes by their number; absent in a case of one pass")
+    ] = None
+    images: Annotated[Images, About("whole images; rows: slant range, columns: azimuth")] = field(
+        default_factory=Images
+    )
+
+    @property
+    def found(self) -> list[Finding]:
+        """Findings on images and materials."""
+        return from_json(self.findings)
+
+
+def write_archive(path: str | Path, archive: Archive) -> None:
+    """Write ``calibration.h5``, atomically.
+
+    Parameters
+    ----------
+    path : path
+        Path of the file.
+    archive : Archive
+        Results of a calibration.
+    """
+    with write_hdf5(path, _KIND) as file:
+        put(file, archive)
+
+
+def read_archive(path: str | Path, images: bool = True) -> Archive:
+    """Read ``calibration.h5``.
+
+    Parameters
+    ----------
+    path : path
+        Path of the file.
+    images : bool
+        Whether the whole images are read, too; otherwise the fields of ``Archive.images`` are None.
+
+    Returns
+    -------
+    Archive
+        Results of the calibration, with the materials in the order of the configuration.
+
+    Raises
+    ------
+    DamagedError, StoreError
+        As for :func:`.read_hdf5`.
+    """
+    with read_hdf5(path, _KIND) as file:
+        return take(file, Archive, without=() if images else ("images",))
+
+
+if __name__ == "__main__":
+    print(table(Archive), end="")  # noqa: T201 - the module's output is the table

@@ -1,0 +1,46 @@
+"""Conclusion of a calibration, and its results in one archive."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from radcal.assessment.conclusion import conclude
+from radcal.assessment.posterior import Image, Posterior
+from radcal.objectives.history import History
+from radcal.config import Stop, stages
+from radcal.registration.height_shift import with_height_warning
+from radcal.registration.registered import Registered
+from radcal.targets.target import Targets
+from radcal.radar.geometry import Geometry
+from radcal.results.archive import Archive
+from radcal.results.results import gather
+from radcal.scene.model import Scene
+from radcal.storage.runs import Record
+
+__all__ = ["archive_of"]
+
+
+def archive_of(
+    case: stages.Archive,
+    stop: Stop,
+    history: History,
+    scene: Scene,
+    geometry: Geometry,
+    passes: Sequence[Registered],
+    targets: Targets,
+    runs: str,
+    final: Sequence[Record],
+    posteriors: Sequence[Posterior],
+    image: Image,
+) -> Archive:
+    """Conclude a calibration (:func:`.conclude`) and collect its results (:func:`.gather`, with the same arguments).
+
+    ``runs`` is the folder of the run store; ``posteriors`` are in the order of the calibrated materials.
+    """
+    images = [with_height_warning(passes[0], geometry, scene, case.radar), *passes[1:]]
+    of_each = dict(zip(case.calibrated, posteriors, strict=True))
+    found = conclude(case, stop, history, targets, geometry, runs, final[:2], of_each, image, images)
+    return gather(
+        case=case, stop=stop, history=history, scene=scene, geometry=geometry, registered=images[0], targets=targets,
+        conclusion=found, image=image, passes=images, final=final,
+    )  # fmt: skip

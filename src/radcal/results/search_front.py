@@ -1,0 +1,68 @@
+"""Part of the archive that contains the front of a search with several objectives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.objectives.history import History
+from radcal.objectives import make_objectives
+from radcal.config import stages
+from radcal.targets.target import Targets
+from radcal.storage.dataclass_groups import About, Attribute
+
+__all__ = ["SearchFront", "search_fronts"]
+
+Doubles = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SearchFront:
+    """Front of NSGA-II in the last search for a material: f points with p objectives, and the objectives of n runs."""
+
+    objectives: Annotated[
+        tuple[str, ...],
+        Attribute(),
+        About("names of the sums of squared residuals that NSGA-II minimises as objectives"),
+    ]
+    parameters: Annotated[Doubles, About("X of the points of the front", shape="f, d")]
+    looks: Annotated[Doubles, About("effective number of looks of each point of the front", shape="f")]
+    predicted: Annotated[
+        Doubles, About("objectives of the points of the front, predicted by the last surrogate", shape="f, p")
+    ]
+    verified: Annotated[Doubles, About("objectives of each run; NaN for a run with another law", shape="n, p")]
+
+
+def search_fronts(case: stages.Archive, targets: Targets, history: History) -> dict[str, SearchFront]:
+    """Front of the last search of each material; materials whose search has a single objective are left out.
+
+    Parameters
+    ----------
+    case : stages.Archive
+        Configuration of the case.
+    targets : Targets
+        Targets of the calibrated materials.
+    history : History
+        All scored runs.
+    """
+    last = {}
+    for run in history.infill:
+        last.update({name: proposal.front for name, proposal in run.proposals.items() if proposal.front.objectives})
+    if not last:
+        return {}
+    comparisons, found = make_objectives(case, targets), {}
+    for name, front in last.items():
+        comparison = comparisons[name]
+        nothing = np.full(len(comparison.part_names), np.nan)
+        scores = [run.scores[name] for run in history.runs]
+        found[name] = SearchFront(
+            objectives=tuple(comparison.part_names),
+            parameters=np.array(front.parameters),
+            looks=np.array(front.looks),
+            predicted=np.array(front.objectives),
+            verified=np.array([comparison.parts_of(score) if score.own_law else nothing for score in scores]),
+        )
+    return found

@@ -1,0 +1,352 @@
+"""Summary of a calibration for scripts, ``summary.json``."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import json
+import math
+from collections import defaultdict
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal import skewnormal
+from radcal.assessment.posterior import HeldOut, Posterior
+from radcal.config import stages
+from radcal.findings import Finding
+from radcal.results.archive import Archive, MaterialResult, PassSummary, RegistrationSummary
+from radcal.results.law_notes import found_words
+from radcal.words import headline, next_steps, remarks, sentence, untold, verdict
+
+__all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
+
+_WARNING = "warning: "  # start of a note on the measured image that the verdict counts
+
+
+def numbered_jobs(archive: Archive) -> dict[str, int]:
+    """Number of jobs of each workflow stage whose jobs are numbered.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of a calibration.
+
+    Returns
+    -------
+    dict
+        Number of chunks for the stage design, and number of iterations for train, propose and verify.
+    """
+    iterations = int(np.count_nonzero(archive.runs.kind == "infill"))
+    config = json.loads(archive.config)
+    sizes = stages.DesignSize.model_validate({key: config[key] for key in stages.DesignSize.model_fields})
+    chunks = -(-sizes.design_size // sizes.design.chunk)
+    return {"design": chunks, **dict.fromkeys(("train", "propose", "verify"), iterations)}
+
+
+def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> dict[str, float]:
+    """Wall time by stage, from Snakemake's benchmark files ``<stage>[_number].tsv``.
+
+    Parameters
+    ----------
+    folder : path
+        Folder of the benchmark files.
+    jobs : mapping, optional
+        Number of jobs of each numbered stage. Jobs are numbered from 0, and files with higher numbers, left over from
+        an earlier calibration of the case, are ignored. For a stage that is not in ``jobs``, all files are counted.
+
+    Returns
+    -------
+    dict
+        Wall time by stage [s]; stages without a file are absent.
+    """
+    seconds: dict[str, float] = defaultdict(float)
+    for file in sorted(Path(folder).rglob("*.tsv")):
+        stage, _, number = file.stem.rpartition("_")
+        if not number.isdigit():
+            stage, number = file.stem, "0"
+        if int(number) >= (jobs or {}).get(stage, math.inf):
+            continue
+        # Snakemake does not write these files atomically, so that a file may be incomplete after a kill
+        with file.open(encoding="utf-8") as handle, contextlib.suppress(KeyError, TypeError, ValueError):
+            seconds[stage] += sum(float(row["s"]) for row in csv.DictReader(handle, delimiter="\t"))
+    return {stage: round(value, 3) for stage, value in seconds.items()}
+
+
+def sentences(archive: Archive) -> list[str]:
+    """Sentences on a calibration: verdicts, what to do next, warnings, and reasons why the search ended.
+
+    The first sentence is the verdict on all materials; in a case of several materials, a verdict on each follows.
+    The parameters of a law without a curve are told with their intervals.
+    """
+    findings = archive.found
+    each = [verdict(name, findings) for name in archive.materials]
+    lines = [_verdict(archive), *(each if len(each) > 1 else [])]
+    lines += [f"next: {step}." for step in next_steps(findings)[:1]]
+    found = [said for name, material in archive.materials.items() if (said := _without_curve(name, material))]
+    return [*lines, *untold(_warnings(archive), lines[0]), *archive.sentences, *found]
+
+
+def _without_curve(name: str, material: MaterialResult) -> str:
+    """Sentence on the parameters of a law without a curve and their 90 % intervals; empty without a posterior."""
+    if material.posterior is None or material.parameters.curve().has_curve:
+        return ""
+    found = dict(zip(material.parameter_names, map(float, material.parameters.values[material.best]), strict=True))
+    interval = [
+        dict(zip(material.parameter_names, map(float, ends), strict=True))
+        for ends in (material.posterior.parameters_p05, material.posterior.parameters_p95)
+    ]
+    return f"{name}: {found_words(found, material.bounds.tolist(), *interval)}."
+
+
+def _warnings(archive: Archive) -> list[str]:
+    """Warnings and refusals: notes on the measured images of all passes, and findings that no verdict tells."""
+    further = [note for one in (archive.passes or {}).values() for note in one.notes]
+    notes = [note for note in dict.fromkeys([*archive.notes, *further]) if note.startswith(_WARNING)]
+    return [*notes, *(sentence(one) for one in remarks(archive.found) if one.severity != "note")]
+
+
+def _verdict(archive: Archive) -> str:
+    return headline(list(archive.materials), archive.found, archive.converged)
+
+
+def _overall(archive: Archive) -> dict[str, Any]:
+    """Whether all laws fit, and the verdict on all materials."""
+    fits = [material.fits for material in archive.materials.values()]
+    return {"fits": False if False in fits else None if None in fits else True, "verdict": _verdict(archive)}
+
+
+def _posterior(material: MaterialResult) -> dict[str, Any]:
+    """Posterior of a law: incidence at which sigma0 is determined, curve, parameters, and error of the form."""
+    known = material.posterior
+    if known is None:
+        return {}
+    curve, names, form = known.curve, material.parameter_names, known.form
+
+    def named(values: NDArray[np.float64]) -> dict[str, float]:
+        return dict(zip(names, map(float, values), strict=True))
+
+    return {
+        "identified": None if curve is None else known.known_between_deg is not None,
+        "known_between_deg": None if known.known_between_deg is None else list(known.known_between_deg),
+        "sigma0_curve": None if curve is None else {key: values.tolist() for key, values in vars(curve).items()},
+        "levels": _levels(known) if material.level_only else None,
+        "parameters_p05": named(known.parameters_p05),
+        "parameters_p95": named(known.parameters_p95),
+        "parameters_model": None if known.parameters_model is None else named(known.parameters_model),
+        "misfit": None
+        if form is None
+        else {
+            "form_rms_db": form.rms_db.tolist(),
+            "noticed": form.noticed,
+            "refuted": form.refuted,
+            "noticed_db": form.noticed_db,
+        },
+        "validation": None if known.held is None else _validation(known.held),
+        "fields_left_out": None if known.left_out is None else _validation(known.left_out),
+        "posterior": {
+            "known_half_width_db": known.known_half_width_db,
+            "sampled": known.sampled,
+            "effective_sample_size": known.ess,
+            "r_hat": known.r_hat,
+            "cells": known.cells,
+            "fields": known.fields,
+            "looks": known.looks,
+            "field_sd_db": known.between_db.tolist(),
+            "cell_sd_db": known.within_db.tolist(),
+        },
+    }
+
+
+def _levels(known: Posterior) -> list[dict[str, float]]:
+    """Sigma0 at the middle incidence of each pass; empty for a law without a curve."""
+    if known.curve is None:
+        return []
+    keys = ("incidence_deg", "p05_db", "median_db", "p95_db")
+    return [dict(zip(keys, map(float, (deg, *known.curve.at(deg))), strict=True)) for deg in known.middles_deg]
+
+
+def _validation(held: HeldOut) -> dict[str, Any]:
+    """Errors of the predictions of cells that were left out."""
+    each = {"": held.predicted, "law_": held.law, "constant_": held.constant}
+    return {
+        "n_cells": held.patch.size,
+        "n_fields": int(np.unique(held.patch).size),
+        **{f"rmse_{which}db": held.rmse_db(by) for which, by in each.items()},
+        **{f"coverage_{which}90": held.coverage_90(by) for which, by in each.items()},
+    }
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    return {**vars(finding), "numbers": dict(finding.numbers), "text": sentence(finding, prefix=False)}
+
+
+def _theta(dp: NDArray[np.float64]) -> dict[str, float]:
+    return dict(zip(("xi", "omega", "alpha"), map(float, dp), strict=True))
+
+
+def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: float, nominal: float) -> dict[str, Any]:
+    best, rms, x = material.best, material.rms, material.parameters.values
+    dp, target = material.dp[best], material.target_dp
+    # a reference run with another law is never within the tolerance
+    within = np.flatnonzero((rms <= tolerance) & np.isfinite(x).all(axis=1))
+    summary = {
+        "parameters": dict(zip(material.parameter_names, map(float, x[best]), strict=True)),
+        "bounds": material.bounds.tolist(),
+        "law": material.law,
+        **({"formula": material.parameters.formula} if material.parameters.formula is not None else {}),
+        "start_law": material.start.law,
+        "stop_reason": material.reason,
+        "sentence": material.sentence,
+        "looks": material.best_looks,
+        "looks_nominal": nominal,
+        "incidence_error_deg": material.incidence_error_deg,
+        **_posterior(material),
+        "fits": material.fits,
+        "level_only": material.level_only,
+        "target": _theta(target),
+        "calibrated": _theta(dp),
+        "rms": float(rms[best]),
+        "mse": float(rms[best] ** 2),
+        "rms_start": float(rms[0]),
+        "rms_final": skewnormal.density_rms(material.final_dp, target),
+        "rms_fresh": skewnormal.density_rms(material.fresh_dp, target) if material.fresh else None,
+        "rms_sampling": material.rms_sampling,
+        "effective_pixels": material.effective,
+        "left_out": json.loads(material.left_out),
+        "measured_looks": material.looks,
+        "textured": material.textured,
+        "target_error": dict(zip(("mean", "sd", "skewness"), map(float, material.target_cp_error), strict=True)),
+        "target_interval": dict(zip(("mean", "sd", "skewness"), material.target_cp_interval.tolist(), strict=True)),
+        # goodness of fit of the density to the measured pixels
+        "fit": {
+            "ks": material.fit_ks, "ks_p": material.fit_ks_p, "ad": material.fit_ad, "ad_p": material.fit_ad_p,
+        },
+        "hellinger": skewnormal.hellinger(dp, target),
+        "ks": skewnormal.kolmogorov_smirnov(dp, target),
+        # the reference run is not counted, so that the number is zero where it is within the tolerance already
+        "runs_to_tolerance": int(np.count_nonzero(counted[: within[0] + 1])) if within.size else None,
+    }  # fmt: skip
+    if material.hidden is not None:
+        summary["hidden"] = dict(zip(material.parameter_names, map(float, material.hidden), strict=True))
+        law = material.parameters.curve()
+        # external laws have no curve to compare
+        if law.has_curve:
+            summary["law_difference_db"] = law.largest_difference_db(x[best], material.hidden, material.incidence_deg)
+            if material.posterior is not None and (model := material.posterior.parameters_model) is not None:
+                difference = law.largest_difference_db(model, material.hidden, material.incidence_deg)
+                summary["law_difference_model_db"] = difference
+    return summary
+
+
+def _registration(registration: RegistrationSummary) -> dict[str, Any]:
+    """Registration: method, verdict, and rms, standard error and true error of the displacement [pixels]."""
+    summary: dict[str, Any] = {
+        "method": registration.method,
+        "applied": registration.applied,
+        "verdict": registration.verdict,
+    }
+    if registration.displacement_px is not None and registration.uncertainty_px is not None:
+        field = registration.displacement_px.astype(np.float64)
+        summary["rms_px"] = float(np.sqrt((field**2).sum(axis=0).mean()))
+        summary["uncertainty_px"] = float(np.median(registration.uncertainty_px))
+        if registration.misregistration_px is not None:
+            summary["error_px"] = float(np.hypot(*(field - registration.misregistration_px)).mean())
+    return summary
+
+
+def _pass(one: PassSummary) -> dict[str, Any]:
+    """Summary of one pass of several, with the standard deviations of the laws over its incidence."""
+    known = {key: value for key, value in vars(one).items() if key not in ("keys", "materials", "final_runs")}
+    return {
+        **known,
+        "notes": list(one.notes),
+        "runs": int(np.unique(one.keys).size) + one.final_runs,
+        "materials": {name: dict(vars(law)) for name, law in one.materials.items()},
+    }
+
+
+def _finite(value: Any) -> Any:
+    """Plain data, with None in place of NaN and infinite numbers."""
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """Data of ``summary.json``, computed from the archive.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of a calibration; the images are not needed.
+    seconds : mapping, optional
+        Wall time by stage [s].
+
+    Returns
+    -------
+    dict
+        Keys of ``summary.json``; rms in 1/dB, mse in 1/dB^2, all numbers finite or None.
+    """
+    kinds = archive.runs.kind
+    passes = archive.passes or {}
+    keys = np.concatenate([one.keys for one in passes.values()] or [archive.runs.key])
+    # a proposal whose run was simulated before does not count as a run; each pass of an X is a run
+    made = np.isin(np.arange(keys.size), np.unique(keys, return_index=True)[1])
+    each = np.tile(kinds, keys.size // kinds.size)
+    runs = {kind: int(np.count_nonzero((each == kind) & made)) for kind in ("reference", "design", "infill")}
+    again = int(np.count_nonzero((each == "registration") & made))
+    runs["reference"] += again
+    runs["final"] = sum(one.final_runs for one in passes.values()) if passes else archive.final_runs
+    search = runs["design"] + runs["infill"]
+    reused = int(np.count_nonzero(kinds == "reused"))
+    summary: dict[str, Any] = {
+        "case": archive.case,
+        "objective": archive.objective,
+        **_overall(archive),
+        "converged": archive.converged,
+        "stop_reason": archive.reason,
+        "tolerance": archive.tolerance,
+        "runs": {**runs, "total": sum(runs.values()), "registration": again, "search": search, "reused": reused},
+        "iterations": int(np.count_nonzero(kinds == "infill")),
+        "measurement": archive.measurement,
+        "looks": {
+            "simulated": int(archive.looks) if archive.looks.is_integer() else archive.looks,
+            "measured": archive.measured_looks,
+        },
+        "simulator": json.loads(archive.simulator),
+        "notes": list(archive.notes),
+        "warnings": _warnings(archive),
+        "next": next_steps(archive.found),
+        "findings": [_finding(one) for one in archive.found],
+        "law_notes": list(archive.law_notes),
+        "registration": _registration(archive.registration),
+        "levels": dict(vars(archive.levels)),
+        "fixed_laws": {
+            "levels_db": archive.image.levels_db.tolist(),
+            "errors_db": {name: error.tolist() for name, error in archive.image.laws_db.items()},
+            "radiometry": [
+                {**vars(one), "found": one.found, "materials": list(one.materials)}
+                for one in archive.image.radiometry.values()
+            ],
+        },
+        "wall_seconds": dict(seconds or {}),
+        "versions": json.loads(archive.versions),
+        "materials": {
+            name: {
+                **_material(material, np.isin(kinds, ("design", "infill")), archive.tolerance, archive.looks),
+                "verdict": verdict(name, archive.found),
+            }
+            for name, material in archive.materials.items()
+        },
+    }
+    if passes:
+        summary["passes"] = [_pass(one) for one in passes.values()]
+    result = _finite(summary)
+    assert isinstance(result, dict)  # noqa: S101 - the type checker cannot infer that a dict stays a dict
+    return result

@@ -1,0 +1,1 @@
+"""Sentinel-1 products: annotation, geolocation, overpass, and the image on the scene."""

@@ -1,0 +1,1 @@
+"""One command on a case: check, lock, repair, jobs, progress."""

@@ -1,0 +1,62 @@
+"""Table in ``docs/reruns.md``: rules and simulator runs that are repeated after a change of each configuration key.
+
+``python -m radcal.session.reruns`` prints the table, derived from the models in :mod:`radcal.config.stages`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from radcal.config import Case
+from radcal.config.sections import DERIVED
+from radcal.config.stages import STAGES
+
+__all__ = ["reruns_table"]
+
+_RUNS: Mapping[str, str] = {
+    "case": "all, in `results/<case>`; `design.reuse` takes those of another case",
+    "replace": "none",
+    "seed": "all, because design and speckle change",
+    "scene": "all, where the scene differs",
+    "radar": "all; none for `looks`, `nesz_db` and resolutions where an external program does not receive them",
+    "simulator": "none for `keep_images`; all where the simulator's identity changes (its program, its files)",
+    "materials": "those with changed parameters: a new start is a new reference run, new bounds are a new design; "
+    "all for a new law or another material's parameters",
+    "measurement": "none of the design; the registration run, and infill towards the new target",
+    "registration": "none of the design; the registration run where it is new, and infill towards the new target",
+    "objective": "further draws of speckle in the design where `simulator.draws` is not configured; infill for the new "
+    "objective",
+    "target": "none of the design, which is larger with normalisation `image` (`design.size: auto`); the registration "
+    "run, and infill towards the new target",
+    "validation": "none of the design; the registration run, and infill towards the new target",
+    "design": "those by which a larger design, or another sampler, differs",
+    "surrogate": "those by which the design without a baseline is larger (`design.size: auto`); infill where the "
+    "proposals differ",
+    "optimiser": "none of the design; infill where the proposals differ",
+    "uncertainty": "none",
+    "stop": "none; more infill where the new settings ask for it",
+}
+
+
+def _first(section: str) -> list[str]:
+    """Rules that read a section of the configuration, except rule ``archive``, which reads nearly all sections."""
+    return [rule for rule, stage in STAGES.items() if section in stage.model_fields and rule != "archive"]
+
+
+def reruns_table() -> str:
+    """Table in ``docs/reruns.md``: rules and simulator runs that are repeated after a change of each configuration key.
+
+    Returns
+    -------
+    str
+        Table in Markdown, with one row for each top-level key of the configuration.
+    """
+    lines = ["| key | stages that read it | new runs of the simulator |", "|---|---|---|"]
+    for section in (name for name in Case.model_fields if name not in DERIVED):
+        rules = ", ".join(_first(section)) or ("archive" if section in STAGES["archive"].model_fields else "none")
+        lines.append(f"| `{section}` | {rules} | {_RUNS[section]} |")
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    print(reruns_table(), end="")  # noqa: T201 - the module's output is the table

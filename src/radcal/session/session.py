@@ -1,0 +1,260 @@
+"""Session of one Snakemake command on a case, which handles lock, damaged files, old Slurm jobs and messages."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import sys
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from radcal.config import Case, check_reuse, input_files, load, starts_as_truth
+from radcal.config.yaml_file import check_words
+from radcal.errors import RadcalError, StoreError
+from radcal.session.jobs import CASE, FAILURE, OWNER, PASSES, PROGRESS, RESULTS, STARTED, Follower
+from radcal.session.replacement import check_replacement
+from radcal.session.salvage import files_of, salvage
+from radcal.session.simulator_change import simulator_change
+from radcal.session.slurm import cancel_leftovers, remember
+from radcal.session.terminal import Messages, guard
+from radcal.simulators.command import check_command
+from radcal.simulators.seed_width import with_seed_bits
+from radcal.storage.files import sweep_scripts, unwritable
+from radcal.storage.lock import CaseLock, leave
+from radcal.storage.records import REPLACE
+
+__all__ = ["Session", "is_dry_run", "is_planned", "open_session"]
+
+_SNAKEMAKE = Path(".snakemake")
+_RESULTS = "results"
+
+
+def open_session(
+    files: Sequence[str | Path],
+    config: Mapping[str, Any],
+    words: Sequence[str],
+    remote: bool,
+    logger: logging.Logger,
+    main: bool = True,
+) -> Session:
+    """Load and check the case of a Snakemake command, and return the session of this command.
+
+    If the case is invalid, the process exits with a one-line error message.
+
+    Parameters
+    ----------
+    files : sequence of path
+        Configuration files.
+    config : mapping
+        Configuration that Snakemake has merged from the files and the command line.
+    words : sequence of str
+        Arguments of Snakemake's option ``--config`` on the command line.
+    remote : bool
+        Whether this process is a job on a cluster.
+    logger : logging.Logger
+        Snakemake's logger, to which the session adds its filter of messages.
+    main : bool
+        Whether this process plans the jobs. Only this process checks that finished results are not replaced.
+    """
+    guard(logger)
+    results = os.environ.get(RESULTS) or _RESULTS
+    try:
+        check_words(words)
+        case = with_seed_bits(load(files, config), results)
+        inputs = input_files(case)
+        check_command(case)
+        check_reuse(case, results)
+        if main:
+            check_replacement(case, Path(results) / case.case, inputs)
+        session = Session(case, remote, results, inputs)
+    except RadcalError as error:
+        sys.exit(f"radcal: {error}")
+    for sentence in starts_as_truth(case.calibrated, [one.measurement for one in case.passes]) if main else ():
+        _say(sentence)
+    logger.addFilter(session.messages)
+    return session
+
+
+def is_dry_run(words: Iterable[str]) -> bool:
+    """Whether a command line contains the dry-run option, which a Snakefile cannot query from Snakemake."""
+    return any(re.fullmatch("--dry-?run|-[a-z]*n[a-z]*", word) for word in words)
+
+
+def is_planned(workflow: Any) -> bool:
+    """Whether a Snakemake command is a dry run for which Snakemake has planned the jobs.
+
+    Parameters
+    ----------
+    workflow : snakemake.workflow.Workflow
+        Workflow at the end of its command.
+    """
+    # a command that lists rules or unlocks has no executor, and a command that failed early has no scheduler
+    return workflow._executor_plugin is not None and workflow.dryrun and workflow.scheduler is not None
+
+
+class Session:
+    """Session of one Snakemake command: it locks the results folder, prepares it for the jobs, and filters messages.
+
+    Environment variables (:mod:`radcal.session.jobs`) pass the settings of the session to the jobs.
+
+    Parameters
+    ----------
+    case : Case
+        Configuration of the case.
+    remote : bool
+        Whether this process is a job on a cluster; such a job executes the Snakefile again.
+    results : path
+        Folder that contains the results folders of all cases.
+    inputs : mapping, optional
+        Input files of the case by configuration key.
+
+    Attributes
+    ----------
+    case, inputs
+        Configuration and input files, the same as the parameters of these names.
+    folder : Path
+        Results folder of the case, ``results/<case>``.
+    messages : Messages
+        Filter for Snakemake's log.
+
+    Raises
+    ------
+    StoreError
+        ``results`` or ``results/<case>`` is a file instead of a folder.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        remote: bool = False,
+        results: str | Path = _RESULTS,
+        inputs: Mapping[str, Path] | None = None,
+    ) -> None:
+        self.folder = Path(results) / case.case
+        for path in (self.folder.parent, self.folder):
+            if os.path.lexists(path) and not path.is_dir():
+                raise StoreError(
+                    f"{path} is a file, expected a folder, where results go: rename it, or give the case another name "
+                    "(case: ...)."
+                )
+        self.case, self.inputs = case, dict(inputs or {})
+        self._lock = CaseLock(self.folder)
+        self._follower: Follower | None = None
+        self._failure = (self.folder / "logs" / "failure.txt").absolute()
+        self._slurm = self.folder / ".slurm"
+        self._patterns: list[str] = []
+        self._started = remote
+        # before the first job starts, an existing file of failures belongs to an earlier command
+        self.messages = Messages(lambda: self._started and self._failure.exists())
+        os.environ[CASE] = case.case
+        os.environ[PASSES] = str(len(case.passes))
+        os.environ[OWNER] = str(os.getpid())
+        os.environ[FAILURE] = str(self._failure)
+        for name, value in (
+            (REPLACE, "1" if case.replace else None),
+            (PROGRESS, str(self._progress) if remote else None),
+        ):
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+        if not remote:  # a remote job keeps the start time of the process that submitted it
+            os.environ.pop(STARTED, None)
+        os.environ.setdefault(STARTED, str(time.time()))
+
+    @property
+    def _progress(self) -> Path:
+        return (self.folder / "logs" / "progress.txt").absolute()
+
+    def set_damaged_aside(self, outputs: Iterable[str]) -> None:
+        """Rename damaged results and print a message for each, before Snakemake plans the jobs that make them again.
+
+        A message is also printed if the version of the built-in simulator has changed since the earlier runs.
+
+        Parameters
+        ----------
+        outputs : iterable of str
+            Paths of the outputs of all workflow rules, with wildcards in braces.
+        """
+        self._patterns = [Path(path).relative_to(self.folder).as_posix() for path in outputs]
+        try:
+            sentences = salvage(self.folder, self.case.case, self._patterns)
+        except OSError as error:
+            path, why = error.filename or self.folder, error.strerror or error
+            leave(f"{path} cannot be read ({why}); results are there, so make it readable.")
+        for sentence in [*sentences, *simulator_change(self.folder, self.case)]:
+            _say(sentence)
+
+    def start(self, cluster: str | None = None, remote_jobs: bool = False) -> None:
+        """Lock the results folder of the case and prepare this folder for the first job.
+
+        The preparation also cancels jobs of an earlier command that are still in Slurm's queue. If the lock or the
+        preparation fails, the process exits with a one-line error message.
+
+        Parameters
+        ----------
+        cluster : str, optional
+            Common name of all jobs of this command in Slurm's queue.
+        remote_jobs : bool
+            Whether jobs run on other machines.
+        """
+        self._lock.acquire()
+        if refusal := self._refusal():
+            leave(refusal)
+        try:
+            if cancelled := cancel_leftovers(self._slurm):
+                _say(f"{cancelled} jobs of an earlier snakemake cancelled; finished runs are kept.")
+        except RadcalError as error:
+            leave(str(error))
+        sweep_scripts(_SNAKEMAKE / "scripts", self.folder)
+        self._failure.unlink(missing_ok=True)
+        self._started = True
+        if remote_jobs:
+            self._follower = Follower(self._progress)
+        if cluster is not None:
+            remember(self._slurm, cluster)
+
+    def end(self, failed: bool = False) -> None:
+        """Release the lock after the last job; after a failure, Ctrl-C or SIGTERM, also print how to continue."""
+        if self._follower is not None:
+            self._follower.stop()
+            self._follower = None
+        self._slurm.unlink(missing_ok=True)
+        self._lock.release()
+        runs = self.folder / "runs"
+        by = "Ctrl-C" if self.messages.interrupted else "SIGTERM" if self.messages.terminated else None
+        if by is not None:
+            kept = len(list(runs.glob("[!.]*.h5")))
+            _say(f"stopped by {by}. {kept} finished runs are kept in {runs}; the same command goes on from there.")
+        elif failed:
+            _say(
+                f"stopped. Finished runs are kept in {runs}, logs in {self.folder / 'logs'}; once the cause is "
+                "removed, the same command continues."
+            )
+
+    def say(self, sentence: str) -> None:
+        """Print a sentence on the terminal."""
+        _say(sentence)
+
+    def _refusal(self) -> str | None:
+        """Message about the first folder or result file that is not writable; None if all are writable."""
+        if (path := unwritable(self.folder)) is not None:
+            return f"{path} cannot be written (Permission denied); results go there, so make it writable."
+        if (path := unwritable(_SNAKEMAKE)) is not None:
+            return f"{path} cannot be written (Permission denied); Snakemake's records go there, so make it writable."
+        # Snakemake detects a write-protected file only when the job that writes it starts, perhaps after hours
+        for path in files_of(self.folder, self._patterns):
+            if not os.access(path, os.W_OK):
+                return (
+                    f"{path} is write-protected, and results of this case are to be made again: make it writable "
+                    "(chmod u+w), or give the case another name (case: ...)."
+                )
+        return None
+
+
+def _say(sentence: str) -> None:
+    sys.stderr.write(f"radcal: {sentence}\n")
+    sys.stderr.flush()

@@ -1,0 +1,1 @@
+"""Targets: what the calibration of each material must reproduce."""

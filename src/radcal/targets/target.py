@@ -1,0 +1,260 @@
+"""Targets of all calibrated materials, the levels at which they are compared with runs, and their HDF5 file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal import skewnormal
+from radcal.ground.class_target import ClassTarget
+from radcal.ground.correlation import Correlation
+from radcal.ground.goodness import Goodness
+from radcal.ground.ground import Ground
+from radcal.ground.levels import Levels
+from radcal.ground.one_incidence import LEAST_SPAN_DEG, seen_at_one_incidence
+from radcal.storage.dataclass_groups import put, take
+from radcal.storage.records import read_hdf5, write_hdf5
+
+__all__ = ["Target", "Targets", "read_targets", "write_targets"]
+
+_UNLIKELY = 0.01  # smallest p-value that the number of bootstrap samples can resolve
+_SMALL_DEG = 0.01  # a smaller error of the incidence is not stated as a number
+_TEXTURED = 0.7  # a textured material has fewer looks than this share of the looks of homogeneous areas
+
+
+@dataclass(frozen=True)
+class Target:
+    """Target density of one material.
+
+    Attributes
+    ----------
+    pixels : ndarray of int64, shape (n,)
+        Flat indices, in the image, of the pixels drawn.
+    order : ndarray of int64, shape (n,)
+        Indices of the drawn pixels among the material's pixels in a run record.
+    values_db : ndarray, shape (n,)
+        Measured backscatter after level normalisation, in the unit of the levels (dB, or IQR for ``image``).
+    incidence_deg : ndarray of float32, shape (n,)
+        Local incidence angle [deg].
+    dp : ndarray, shape (3,)
+        Direct parameters xi [dB], omega [dB] and alpha of the fitted skew normal.
+    eligible : int
+        Number of pixels from which the target's pixels were drawn.
+    at_boundary : bool
+        Whether the fitted skewness has the largest absolute value that a skew normal can have.
+    effective : float
+        Effective sample size: number of independent pixels with the information of the correlated pixels.
+    rms_sampling : float
+        Density rms that sampling alone causes at the effective sample size [1/dB].
+    cp_error : ndarray, shape (3,)
+        Standard errors of mean [dB], standard deviation [dB] and skewness; NaN at the boundary.
+    cp_interval : ndarray, shape (3, 2)
+        95 % confidence intervals of mean [dB], standard deviation [dB] and skewness, at the
+        effective sample size.
+    goodness : Goodness
+        Goodness of fit of the density to the pixels.
+    left_out : mapping
+        Number of the material's visible pixels that are masked, by reason.
+    looks : float
+        Equivalent number of looks of the material, from neighbouring pixels; NaN if unknown.
+    penalised : bool
+        Whether the densities of the target and of every run are fitted by penalised likelihood.
+    patch, block : ndarray of int, shape (n,)
+        Connected area of the material (patch), and part of a block of the image, of each pixel.
+    correlation : Correlation or None
+        Correlation of the material's pixels; None for independent pixels.
+    kept_out : Ground or None
+        Held-out pixels, to which no law is fitted; None without validation.
+    noise_db : float
+        Mean noise-equivalent backscatter that the simulator adds at these pixels [dB]; -inf where no noise is known.
+    classes : ClassTarget or None
+        Statistics of the pixels by incidence-angle bin; None where the objective uses no bins.
+    """
+
+    pixels: NDArray[np.int64]
+    order: NDArray[np.int64]
+    values_db: NDArray[np.float64]
+    incidence_deg: NDArray[np.float32]
+    dp: NDArray[np.float64]
+    eligible: int
+    at_boundary: bool
+    effective: float
+    rms_sampling: float
+    cp_error: NDArray[np.float64]
+    cp_interval: NDArray[np.float64]
+    goodness: Goodness
+    left_out: Mapping[str, int] = field(default_factory=dict)
+    looks: float = float("nan")
+    penalised: bool = False
+    patch: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    block: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    correlation: Correlation | None = None
+    kept_out: Ground | None = None
+    noise_db: float = float("-inf")
+    classes: ClassTarget | None = None
+
+    @property
+    def ground(self) -> Ground:
+        """Pixels of the target with their patches and blocks."""
+        return Ground(
+            values_db=np.asarray(self.values_db, dtype=np.float64),
+            incidence_deg=np.asarray(self.incidence_deg, dtype=np.float64),
+            patch=self.patch,
+            block=self.block,
+            pixels=self.pixels,
+            correlation=self.correlation,
+            error_deg=self.classes.error_deg if self.classes is not None else None,
+        )
+
+    @property
+    def _error_deg(self) -> float:
+        """Standard error of the local incidence [deg]; 0 without incidence-angle bins."""
+        return self.classes.incidence_error_deg if self.classes is not None else 0.0
+
+    @property
+    def level_only(self) -> bool:
+        """Whether the material is seen at one incidence angle, so that its level can be determined, but not its law."""
+        return seen_at_one_incidence(self.incidence_deg, self._error_deg)
+
+    @property
+    def seen(self) -> str:
+        """Text of the 5 and 95 % quantiles of the local incidence, and of its standard error if it is known."""
+        low, high = np.percentile(self.incidence_deg.astype(np.float64), [5.0, 95.0])
+        error = f"{self._error_deg:.2g} deg" if self._error_deg >= _SMALL_DEG else f"< {_SMALL_DEG:g} deg"
+        return f"{low:.2f} to {high:.2f} deg" + f", error {error}" * (self._error_deg > 0.0)
+
+    @property
+    def cp(self) -> NDArray[np.float64]:
+        """Centred parameters of the target density."""
+        return skewnormal.centred(self.dp)
+
+    def score(
+        self, pixels_db: NDArray[np.float32], mapping: tuple[float, float] = (0.0, 1.0)
+    ) -> tuple[NDArray[np.float64], float]:
+        """Density fitted to the target's pixels in a run, and its rms difference from the target density.
+
+        Parameters
+        ----------
+        pixels_db : ndarray
+            Visible pixels of the material in the run [dB].
+        mapping : (float, float)
+            Shift [dB] subtracted from the run's values, and scale by which they are then divided.
+
+        Returns
+        -------
+        dp : ndarray, shape (3,)
+            Direct parameters of the run's density.
+        rms : float
+            Root-mean-square difference of the run's density from the target's [1/dB].
+        """
+        dp = skewnormal.fit(Levels.apply(pixels_db[self.order], mapping), self.penalised).dp
+        return dp, skewnormal.density_rms(dp, self.dp)
+
+
+class Targets(dict[str, Target]):
+    """Target of each calibrated material, with the level normalisation for the comparison with runs.
+
+    Parameters
+    ----------
+    targets : mapping
+        Target by material.
+    levels : Levels, optional
+        Level normalisation of both images; by default none.
+    looks : float
+        Equivalent number of looks of the measured image's homogeneous areas; NaN if unknown.
+    further : sequence of Targets
+        Targets of the second and later passes, which may lack a material.
+    """
+
+    def __init__(
+        self,
+        targets: Mapping[str, Target],
+        levels: Levels | None = None,
+        looks: float = float("nan"),
+        further: Sequence[Targets] = (),
+    ) -> None:
+        super().__init__(targets)
+        self.further = tuple(further)
+        self.levels = levels or Levels()
+        self.looks = looks
+
+    @property
+    def passes(self) -> tuple[Targets, ...]:
+        """Targets of all passes, in the order of the passes."""
+        return (self, *self.further)
+
+    def level_only(self, name: str) -> bool:
+        """Whether a material is seen at one incidence angle only, in each pass that shows it."""
+        return all(one[name].level_only for one in self.passes if name in one)
+
+    def textured(self, name: str) -> bool:
+        """Whether a material has far fewer looks than the image's homogeneous areas, and hence texture."""
+        return self[name].looks < _TEXTURED * self.looks
+
+    def score(self, pixels_db: Mapping[str, NDArray[np.float32]]) -> dict[str, tuple[NDArray[np.float64], float]]:
+        """Direct parameters and density rms [1/dB] of every material, from the visible pixels of a run [dB]."""
+        mapping = self.levels.simulated(pixels_db)
+        return {name: target.score(pixels_db[name], mapping) for name, target in self.items()}
+
+    def sentences(self) -> list[str]:
+        """Lines for the terminal about levels, the target of each material, and warnings."""
+        levels = self.levels
+        lines = [f"levels: {levels.sentence}"] if levels.normalisation != "none" or levels.references else []
+        for name, target in self.items():
+            mean, sd, skewness = target.cp
+            size = f"target of {name}: {len(target.pixels)} pixels"
+            classes = f", {target.classes.classes.size} incidence-angle bins" if target.classes is not None else ""
+            lines.append(f"{size}, {mean:.2f} +- {sd:.2f} {levels.unit}, skewness {skewness:.2f}{classes}")
+        return [*lines, *self.warnings()]
+
+    def warnings(self) -> list[str]:
+        """Warnings on materials whose values do not follow a skew normal, or for which no law can be determined."""
+        lines = []
+        if level_only := {name: target for name, target in self.items() if target.level_only}:
+            lines.append(
+                f"level only, seen at one incidence (5 to 95 % of the pixels within {LEAST_SPAN_DEG:g} deg, less the "
+                "incidence's error), so that no law can be known from this pass alone: "
+                f"{', '.join(f'{name} ({target.seen})' for name, target in level_only.items())}."
+            )
+        for name, target in self.items():
+            if target.goodness.ad_p <= _UNLIKELY:
+                lines.append(
+                    f"target of {name}: a skew normal describes its pixels only roughly (Kolmogorov-Smirnov distance "
+                    f"{target.goodness.ks:.3f}, p {target.goodness.ad_p:.2g}): mixed ground, or incidence?"
+                )
+            if self.textured(name):
+                lines.append(
+                    f"target of {name}: its neighbours have the speckle of {target.looks:.1f} looks, the image's "
+                    f"homogeneous areas {self.looks:.1f}: texture, buildings or point targets."
+                )
+        return lines
+
+
+@dataclass(frozen=True)
+class _Stored:
+    """Content of a target file: targets, level normalisation and number of looks of one pass."""
+
+    materials: Mapping[str, Target]
+    levels: Levels
+    looks: float
+
+
+def write_targets(path: str | Path, targets: Targets) -> None:
+    """Write the targets of all materials, and the level normalisation of both images, to HDF5, atomically."""
+    with write_hdf5(path, "target") as file:
+        put(file, _Stored(targets, targets.levels, targets.looks))
+
+
+def read_targets(*paths: str | Path) -> Targets:
+    """Read the targets of all passes, one file for each pass; raises the errors of :func:`.read_hdf5`."""
+    found = []
+    for path in paths:
+        with read_hdf5(path, "target") as file:
+            found.append(take(file, _Stored))
+    further = [Targets(stored.materials, stored.levels, stored.looks) for stored in found[1:]]
+    first = found[0]
+    return Targets(first.materials, first.levels, first.looks, further)

@@ -1,0 +1,291 @@
+"""Fit of targets: a skew normal is fitted to level-normalised measured values of pixels drawn from each material."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal import skewnormal
+from radcal.config import BuiltinSimulation, Radar, TargetConfig, Validation, stages
+from radcal.errors import MeasurementError
+from radcal.ground.correlation import estimate_correlation
+from radcal.ground.goodness import goodness_of_fit
+from radcal.ground.ground import Blocks, Ground
+from radcal.ground.levels import Levels, image_levels, offset_levels
+from radcal.ground.patches import label_patches, patches_seen
+from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, point_targets
+from radcal.image.looks import estimate_looks, local_looks
+from radcal.image.model import Measurement
+from radcal.radar.radiometry import noise_floor_db
+from radcal.seeds import derived_rng
+from radcal.targets.target import Target, Targets
+
+if TYPE_CHECKING:
+    from radcal.radar.geometry import Geometry
+    from radcal.registration.registered import Registered
+    from radcal.scene.model import Scene
+
+__all__ = ["HELD_OUT", "fields_of", "make_levels", "make_target", "make_targets", "sampling_rms"]
+
+# Step to which a target's parameters are rounded, relative to its standard deviation; a thousandth of the sampling
+# error of 1,000 pixels. Numerical noise, for example after a constant is added to the image, then changes no
+# calibration.
+_ROUNDING = 1e-5
+_LEVEL_PIXELS = 1000  # pixels drawn of each reference material
+HELD_OUT = "held out to check the law"  # reason for masking
+
+
+def sampling_rms(
+    dp: NDArray[np.float64], n: int, rng: np.random.Generator, draws: int = 40, penalised: bool = False
+) -> float:
+    """Density rms between a skew normal and the fits to samples drawn from it (parametric bootstrap).
+
+    Parameters
+    ----------
+    dp : ndarray, shape (3,)
+        Direct parameters of the skew normal.
+    n : int
+        Number of independent values in each sample.
+    rng : Generator
+        Random number generator of the samples.
+    draws : int
+        Number of samples.
+    penalised : bool
+        Whether the samples are fitted by penalised likelihood.
+
+    Returns
+    -------
+    float
+        Median, over the samples, of the density rms [1/dB].
+
+    References
+    ----------
+    Efron and Tibshirani, "An Introduction to the Bootstrap" (1993), section 6.5.
+    """
+    fits = (skewnormal.fit(skewnormal.sample(dp, n, rng), penalised) for _ in range(draws))
+    return float(np.median([skewnormal.density_rms(found.dp, dp) for found in fits]))
+
+
+def _rounded(dp: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Direct parameters computed from the rounded centred parameters of ``dp``."""
+    mean, sd, skewness = skewnormal.centred(dp)
+    step = _ROUNDING * 2.0 ** np.floor(np.log2(sd))
+    rounded = [np.round(mean / step) * step, np.round(sd / step) * step, np.round(skewness / _ROUNDING) * _ROUNDING]
+    return skewnormal.direct(rounded)
+
+
+def make_target(
+    name: str,
+    geometry: Geometry,
+    measurement: Measurement,
+    config: TargetConfig,
+    seed: int,
+    uncertainty_px: NDArray[np.float32] | None = None,
+    *,
+    levels: Levels | None = None,
+    flags: Mapping[str, NDArray[np.bool_]] | None = None,
+    radar: Radar | None = None,
+    validation: Validation | None = None,
+    scene: Scene | None = None,
+) -> Target:
+    """Target of one material: pixels drawn at random without replacement, and the density fitted to their values.
+
+    Parameters
+    ----------
+    name, geometry, measurement, config, uncertainty_px, flags
+        Arguments of :func:`~radcal.ground.pixels.eligible_pixels`.
+    seed : int
+        Seed of the case, from which the seed of the random draw is derived.
+    levels : Levels, optional
+        Level normalisation of the measured values; by default none.
+    radar : Radar, optional
+        Pass with resolutions and pixel spacings, from which the number of looks is estimated; without it, no estimate
+        is made.
+    validation : Validation, optional
+        Blocks to hold out; none if missing.
+    scene : Scene, optional
+        Scene whose connected areas are the material's fields; by default, connected areas of the image are the fields.
+
+    Raises
+    ------
+    MeasurementError
+        Too few pixels are eligible.
+    FitError
+        The density cannot be fitted to the pixels.
+    """
+    blocks = Blocks.of(validation, geometry.shape[0])
+    part = blocks.parts_of(np.arange(geometry.incidence_deg.size), geometry.shape[1])
+    out = np.zeros(part.shape, dtype=np.bool_)
+    if validation is not None and validation.holds_out:
+        out = ~blocks.kept(part, validation.keep)
+        flags = {**(flags or {}), HELD_OUT: out.reshape(geometry.shape)}
+    eligible = eligible_pixels(name, geometry, measurement, config, uncertainty_px, flags)
+    rng = derived_rng(seed, "target", name)
+    drawn = np.sort(rng.choice(eligible.pixels, size=min(config.pixels, eligible.pixels.size), replace=False))
+    values = Levels.apply(measurement.image_db.ravel()[drawn], (levels or Levels()).measured)
+    penalised = config.fit == "penalised"
+    fit = skewnormal.fit(values, penalised)
+    correlation = estimate_correlation(measurement.image_db, eligible.pixels, geometry.incidence_deg)
+    effective = correlation.effective(drawn)
+    patches = fields_of(name, geometry, scene)
+    held_out = None
+    if out.any():
+        others = {reason: flag for reason, flag in (flags or {}).items() if reason != HELD_OUT}
+        with_it = eligible_pixels(name, geometry, measurement, config, uncertainty_px, others).pixels
+        held_out = _ground(with_it[out[with_it]], geometry, measurement, levels, patches, part)
+    return Target(
+        pixels=drawn,
+        order=np.searchsorted(geometry.pixels(name), drawn),
+        values_db=values,
+        incidence_deg=geometry.incidence_deg.ravel()[drawn],
+        dp=fit.dp if fit.at_boundary else _rounded(fit.dp),
+        eligible=int(eligible.pixels.size),
+        at_boundary=fit.at_boundary,
+        effective=effective,
+        rms_sampling=sampling_rms(fit.dp, max(8, round(effective)), rng, penalised=penalised),
+        cp_error=np.sqrt(np.diagonal(skewnormal.covariance(values, fit, effective))),
+        cp_interval=skewnormal.intervals(values, fit, effective=effective),
+        goodness=goodness_of_fit(values, fit.dp, rng, effective, penalised=penalised),
+        penalised=penalised,
+        left_out=eligible.masked,
+        looks=local_looks(measurement.image_db, eligible.pixels, radar) if radar is not None else float("nan"),
+        patch=patches[drawn],
+        block=part[drawn],
+        correlation=correlation,
+        kept_out=held_out,
+    )
+
+
+def _ground(
+    pixels: NDArray[np.int64], geometry: Geometry, measurement: Measurement, levels: Levels | None,
+    patches: NDArray[np.int64], parts: NDArray[np.int64],
+) -> Ground:  # fmt: skip
+    """Ground of given pixels; ``patches`` and ``parts`` hold the patch and block part of every pixel of the image."""
+    return Ground(
+        values_db=Levels.apply(measurement.image_db.ravel()[pixels], (levels or Levels()).measured),
+        incidence_deg=geometry.incidence_deg.ravel()[pixels].astype(np.float64),
+        patch=patches[pixels],
+        block=parts[pixels],
+        pixels=pixels,
+        correlation=estimate_correlation(measurement.image_db, pixels, geometry.incidence_deg),
+    )
+
+
+def make_targets(
+    case: stages.Target,
+    geometry: Geometry,
+    registered: Registered,
+    reference_db: NDArray[np.float32],
+    partly: bool = False,
+    scene: Scene | None = None,
+) -> Targets:
+    """Targets of all calibrated materials, with the level normalisation.
+
+    Parameters
+    ----------
+    case : stages.Target
+        Materials, pass, seed, and settings of the target.
+    geometry : Geometry
+        Geometry of the pass.
+    registered : Registered
+        Registered measured image.
+    reference_db : ndarray, shape (rows, columns)
+        Image of the reference run [dB].
+    partly : bool
+        Whether materials with too few pixels are left out, as long as one has enough; for further passes.
+    scene : Scene, optional
+        Scene whose connected areas are the materials' fields; by default, connected areas of the image are the fields.
+
+    Raises
+    ------
+    MeasurementError
+        A material has too few pixels, or the level cannot be estimated from any reference material.
+    FitError
+        The density of a material cannot be fitted to its pixels.
+    """
+    measurement, config = registered.measurement, case.target
+    levels = make_levels(case, geometry, registered, reference_db)
+    level = 0.0 if config.normalisation == "none" else levels.offset_db
+    noise_db = noise_floor_db(case.radar, geometry.flat_incidence_deg) + level
+    flags = {IN_THE_NOISE: noise_limited(measurement.image_db, noise_db, config.snr_db)}
+    looks = estimate_looks(measurement.image_db, geometry.material, case.radar)
+    if config.leave_out_point_targets:
+        flags["point targets"] = point_targets(measurement.image_db, geometry.material, case.radar)
+    targets: dict[str, Target] = {}
+    for number, name in enumerate(case.calibrated, start=1):
+        try:
+            targets[name] = make_target(
+                name,
+                geometry,
+                measurement,
+                config,
+                case.seed,
+                registered.uncertainty_px,
+                levels=levels,
+                flags=flags,
+                radar=case.radar,
+                validation=case.validation,
+                scene=scene,
+            )
+        except MeasurementError:
+            if not partly or (number == len(case.calibrated) and not targets):
+                raise
+    if isinstance(case.simulator, BuiltinSimulation):
+        simulated_db = noise_floor_db(case.radar, geometry.flat_incidence_deg)
+        rows = {name: target.pixels // geometry.shape[1] for name, target in targets.items()}
+        targets = {
+            name: replace(target, noise_db=float(10.0 * np.log10(np.mean(10.0 ** (simulated_db[rows[name]] / 10.0)))))
+            for name, target in targets.items()
+        }
+    return Targets(
+        targets,
+        levels,
+        looks.looks if looks is not None else float("nan"),
+    )
+
+
+def fields_of(name: str, geometry: Geometry, scene: Scene | None) -> NDArray[np.int64]:
+    """Number of the field of each pixel of the image, shape (pixels,); 0 where the pixel is of another material."""
+    number = geometry.names.index(name) + 1
+    shown = geometry.material == number
+    fields = label_patches(shown) if scene is None else patches_seen(shown, scene.material == number, geometry.ground)
+    return fields.ravel()
+
+
+def make_levels(
+    case: stages.Target, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]
+) -> Levels:
+    """Level normalisation from the measured image and the reference run; parameters as in :func:`make_targets`.
+
+    Raises
+    ------
+    MeasurementError
+        The normalisation is ``offset`` and no reference material has enough pixels.
+    """
+    measurement, config = registered.measurement, case.target
+    if config.normalisation == "image":
+        calibrated = {name: geometry.names.index(name) + 1 for name in case.calibrated}
+        return image_levels(measurement.image_db, reference_db, geometry.material, calibrated)
+    differences, refused = {}, ""
+    for name in case.reference_materials:
+        try:
+            eligible = eligible_pixels(name, geometry, measurement, config, registered.uncertainty_px)
+        except MeasurementError as error:
+            refused = str(error)
+            continue
+        rng = derived_rng(case.seed, "levels", name)
+        drawn = np.sort(rng.choice(eligible.pixels, size=min(_LEVEL_PIXELS, eligible.pixels.size), replace=False))
+        effective = estimate_correlation(measurement.image_db, eligible.pixels).effective(drawn)
+        measured, simulated = (
+            image.ravel()[drawn].astype(np.float64) for image in (measurement.image_db, reference_db)
+        )
+        error_db = float(np.sqrt((measured.var() + simulated.var()) / effective))
+        if error_db > 0.0:
+            differences[name] = (float(measured.mean() - simulated.mean()), error_db)
+    if config.normalisation == "offset" and not differences:
+        raise MeasurementError(f"target.normalisation: offset needs a material that says the level; {refused}")
+    return offset_levels(config.normalisation, differences)

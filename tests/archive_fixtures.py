@@ -1,0 +1,244 @@
+"""Small archives, written by the library from made-up runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from archives import image, posterior, without_curve
+
+from radcal import skewnormal
+from radcal.assessment.conclusion import conclude
+from radcal.config import Case, RegistrationConfig, Stop, case_from, stages
+from radcal.ground.goodness import Goodness
+from radcal.image.model import Measurement
+from radcal.inference.moments import from_dp
+from radcal.objectives.history import History, Proposal, Run, Score
+from radcal.radar.geometry import Geometry
+from radcal.registration.registered import Registered, register
+from radcal.results.archive import Archive, read_archive, write_archive
+from radcal.results.results import gather
+from radcal.scene.model import Scene
+from radcal.storage.runs import Record, RunStore
+from radcal.targets.target import Target, Targets
+
+HIDDEN = [6.1, 14.2, 21.5, 3.3]
+# the density's xi is this far from the target's in successive runs, per material
+SHIFTS = {
+    "dyke": {"reference": [9.0], "design": [5.0, -6.0, 2.0, 4.0], "infill": [0.2, 1e-6]},
+    "stem beans": {"reference": [-40.0], "design": [3.0, 1.0, -7.0, 2.0], "infill": [0.5, 0.6]},
+}
+
+
+@dataclass(frozen=True)
+class Made:
+    """An archive and what it was made from."""
+
+    path: Path
+    case: Case
+    stop: Stop
+    history: History
+    targets: Targets
+    final: tuple[Record, Record]
+    registered: Registered
+    geometry: Geometry
+    scene: Scene
+
+    @property
+    def archive(self) -> Archive:
+        """What the file holds."""
+        return read_archive(self.path)
+
+    def gathered(self, path: Path, **changes: Any) -> Archive:
+        """Results of the same calibration but for some arguments, written and read back."""
+        at = SimpleNamespace(**{**vars(self), "runs": self.path.parent / "runs", **changes})
+        laws = stages.Archive.of(at.case).laws
+        posteriors = {name: posterior() if laws[name].has_curve else without_curve() for name in at.targets}
+        archive = gather(
+            case=at.case,
+            stop=at.stop,
+            history=at.history,
+            scene=at.scene,
+            geometry=at.geometry,
+            registered=at.registered,
+            targets=at.targets,
+            conclusion=conclude(
+                at.case, at.stop, at.history, at.targets, at.geometry, at.runs, at.final, posteriors, image()
+            ),
+            image=image(),
+            final=at.final,
+        )
+        write_archive(path, archive)
+        return read_archive(path)
+
+
+def make_archive(
+    folder: Path,
+    *,
+    shifts: dict[str, dict[str, list[float]]] | None = None,
+    hidden: Sequence[str] = ("dyke",),
+    floors: dict[str, list[float | None]] | None = None,
+    shape: tuple[int, int] = (40, 30),
+    source: str = "synthetic, seed 2",
+    stop: Stop | None = None,
+    omega: float = 3.0,
+    nan: bool = False,
+    pixels: int = 120,
+    moved: bool = False,
+    external: Sequence[str] = (),
+    other_start: Sequence[str] = (),
+) -> Made:
+    """Write an archive: every material a stripe, all numbers made up but consistent."""
+    shifts = SHIFTS if shifts is None else shifts
+    floors = {"stem beans": [None, 0.05]} if floors is None else floors
+    stop = stop or Stop(rms=1e-4, max_runs=50, stagnation_runs=20)
+    names = [*shifts, "unused"]
+    rng = np.random.default_rng(7)
+    materials: dict[str, Any] = {
+        **{name: {"calibrate": True, "start": [10.0, 10.0, 10.0, 10.0]} for name in shifts},
+        "unused": {"parameters": [1.0, 2.0, 3.0, 4.0]},
+    }
+    for name in other_start:
+        materials[name]["start"] = {"law": "constant_gamma", "parameters": [-12.0]}
+    for name in external:
+        if name == "unused":
+            materials[name] = {"law": "external"}
+        else:
+            materials[name] |= {"law": "external", "names": ["mv", "s", "l", "t"], "bounds": [[0, 50]] * 4}
+    command = {"kind": "command", "command": ["sim"], "output": {"file": "i.npy", "scale": "db"}}
+    case = case_from(
+        {
+            "case": "small",
+            "simulator": command if external else {},
+            "materials": materials,
+            "objective": "density",
+            "measurement": {"source": "synthetic", "synthetic": {"parameters": dict.fromkeys(other_start, HIDDEN)}},
+            "design": {"size": len(next(iter(shifts.values()))["design"])},
+        }
+    )
+
+    stripe = (np.arange(max(shape)) * len(names)) // max(shape) + 1
+    axis = 0 if shape[0] >= shape[1] else 1
+    material = np.broadcast_to(np.expand_dims(stripe, 1 - axis), shape).astype(np.uint8).copy()
+    material[0, 0] = 0
+    incidence = np.linspace(20.0, 50.0, material.size).reshape(shape).astype(np.float32)
+    geometry = Geometry(
+        shape=shape,
+        names=tuple(names),
+        cell_start=np.arange(material.size + 1, dtype=np.int32),
+        cell_material=material.ravel(),
+        facet_start=np.arange(material.size + 1, dtype=np.int32),
+        facet_incidence=(incidence.ravel() / 90 * 65535).astype(np.uint16),
+        facet_weight=np.ones(material.size, dtype=np.float32),
+        material=material,
+        incidence_deg=incidence,
+        layover=np.zeros(shape, dtype=bool),
+        shadow=np.zeros(shape, dtype=bool),
+        flat_incidence_deg=np.linspace(20.0, 50.0, shape[0]),
+        ground=np.full((2, *shape), np.nan, dtype=np.float32),
+    )
+
+    def simulated() -> Any:
+        u = np.abs(rng.standard_normal(shape))
+        return (-12.0 + material + omega * (-0.8 * u + 0.6 * rng.standard_normal(shape))).astype(np.float32)
+
+    measured = simulated()
+    if nan:
+        np.moveaxis(measured, axis, 0)[:, : min(shape) // 5] = np.nan
+        measured[rng.random(shape) < 0.02] = np.nan
+    measurement = Measurement(measured, source, dict.fromkeys(hidden, HIDDEN))
+
+    targets = Targets({}, looks=3.1)
+    for name in shifts:
+        visible = geometry.pixels(name)
+        eligible = visible[np.isfinite(measured.ravel()[visible])]
+        drawn = np.sort(rng.choice(eligible, size=min(pixels, eligible.size), replace=False))
+        fit = skewnormal.fit(measured.ravel()[drawn])
+        targets[name] = Target(
+            pixels=drawn,
+            order=np.searchsorted(visible, drawn),
+            values_db=measured.ravel()[drawn],
+            incidence_deg=incidence.ravel()[drawn],
+            dp=fit.dp,
+            eligible=int(eligible.size),
+            at_boundary=name == "stem beans",
+            effective=100.0,
+            rms_sampling=0.004,
+            cp_error=np.array([0.2, 0.1, 0.15]) * (1.0 if name != "stem beans" else np.nan),
+            looks=1.2 if name == "stem beans" else 3.0,
+            left_out={"near other ground": 12, "without data": 3},
+            cp_interval=np.add.outer(skewnormal.centred(fit.dp), [-0.3, 0.3]),
+            patch=np.zeros(drawn.size, dtype=np.int64),
+            block=np.zeros(drawn.size, dtype=np.int64),
+            goodness=Goodness(0.04, 0.4, 0.5, 0.01 if name == "stem beans" else 0.3),
+        )
+
+    def record(key: str) -> Record:
+        values = simulated()
+        return Record(key, {name: values.ravel()[geometry.pixels(name)] for name in shifts}, values, 0.5)
+
+    runs = []
+    ended = dict.fromkeys(shifts, False)
+    for kind in ("reference", "design", "infill"):
+        for index in range(len(next(iter(shifts.values()))[kind])):
+            dp = {
+                name: (t.dp + np.array([shifts[name][kind][index], 0.0, 0.0])).tolist() for name, t in targets.items()
+            }
+            proposals = {}
+            if kind == "infill":
+                for name in shifts:
+                    floor = floors.get(name, [None] * 99)[index]
+                    promised = 1e-9 if floor is None else skewnormal.density_rms(dp[name], targets[name].dp)
+                    mode = "ended" if ended[name] else "exploit"
+                    proposals[name] = Proposal([1.0] * 4, mode, cost=promised, floor=floor)
+                    ended[name] |= abs(shifts[name][kind][index]) < 1e-4
+            scores = {}
+            for name, target in targets.items():
+                start = [-12.0] if name in other_start else [10.0, 10.0, 10.0, 10.0]
+                rms = skewnormal.density_rms(dp[name], target.dp)
+                scores[name] = Score(
+                    parameters=start if kind == "reference" else [50.0, *rng.uniform(1, 49, 3).tolist()],
+                    dp=dp[name],
+                    rms=rms,
+                    statistics=from_dp(dp[name])[None].tolist(),
+                    looks=float(case.radar.looks),
+                    cost=rms,
+                    own_law=kind != "reference" or name not in other_start,
+                )
+            key = f"{kind}{index:04d}"
+            runs.append(Run(kind, index, key, seconds=0.1 + 0.2 * index, scores=scores, proposals=proposals))
+    history = History(runs)
+    registered = register(measured, measurement, RegistrationConfig(method="none"))
+    if moved:
+        field = np.full((2, *shape), 1.5, dtype=np.float32)
+        registered = replace(
+            registered,
+            method="gefolki",
+            applied=True,
+            verdict="registered with gefolki: moved.",
+            displacement_px=field,
+            uncertainty_px=np.full(shape, 0.2, dtype=np.float32),
+            measurement=replace(measurement, misregistration_px=field + 0.5),
+        )
+    RunStore(folder / "runs").put(record(runs[0].key), {})
+    final = (record(runs[-1].key), record("fresh"))
+    scene = Scene("made up", geometry.names, material, np.hypot(*np.indices(shape)), 5.0)
+    made = Made(folder / "calibration.h5", case, stop, history, targets, final, registered, geometry, scene)
+    made.gathered(made.path)
+    return made
+
+
+@pytest.fixture(scope="session")
+def build_archive() -> Callable[..., Made]:
+    return make_archive
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    """Two materials: the dyke converges and is known, stem beans cannot be reached."""
+    return make_archive(tmp_path_factory.mktemp("archive"), source="synthetic <b>seed</b> 2 & more")

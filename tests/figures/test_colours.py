@@ -1,0 +1,100 @@
+"""Colours of materials: configured, usual for the name, else in the order of the palette."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radcal.config.landcover import LANDCOVERS
+from radcal.figures.colours import FILLS, colour_of, colours_of, head, material_colours
+from radcal.figures.drawing import new_canvas
+from radcal.results.archive import Archive
+
+
+def lightness(colour: str) -> float:
+    """CIE L* of an sRGB colour."""
+    values = np.array([int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5)])
+    linear = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+    y = float(linear @ [0.2126, 0.7152, 0.0722])
+    return 116.0 * y ** (1.0 / 3.0) - 16.0 if y > 0.008856 else 903.3 * y
+
+
+def deuteranopic(colour: str) -> np.ndarray:
+    """Linear RGB as a reader without green cones sees it (Vienot, Brettel and Mollon 1999)."""
+    values = np.array([int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5)]) ** 2.2
+    both = 0.292750 * values[0] + 0.707250 * values[1]
+    return np.clip([both, both, -0.022336 * values[0] + 0.022336 * values[1] + values[2]], 0.0, 1.0)
+
+
+def test_unknown_names_keep_the_order_of_the_palette() -> None:
+    names = [f"material {k}" for k in range(20)]
+    assert material_colours(names) == [FILLS[k % len(FILLS)] for k in range(20)]
+
+
+def test_names_have_their_usual_colours() -> None:
+    found = dict(zip(names := ["dyke", "water", "Mixed forest", "dike", "crops"], material_colours(names), strict=True))
+    assert found["dyke"] == FILLS[0]
+    assert found["dike"] == FILLS[3]
+    red, green, blue = (int(found["water"][k : k + 2], 16) for k in (1, 3, 5))
+    assert blue > green > red
+    red, green, blue = (int(found["Mixed forest"][k : k + 2], 16) for k in (1, 3, 5))
+    assert green > max(red, blue)
+
+
+def test_words_count_and_not_parts_of_them() -> None:
+    assert material_colours(["waterproof"]) == [FILLS[0]]
+    assert material_colours(["permanent_water_bodies"]) == material_colours(["water"])
+    # a wetland is no water, and woody wetlands are no forest
+    assert material_colours(["woody_wetlands"]) == material_colours(["salt marsh"])
+
+
+def test_materials_of_one_kind_have_different_shades() -> None:
+    names = [f"forest {k}" for k in "abcde"]
+    assert len(set(material_colours(names))) == 5
+
+
+def test_configured_colours_come_first_and_are_no_one_elses() -> None:
+    water = material_colours(["water"])[0]
+    found = material_colours(["lake", "water", "a"], {"a": water, "water": "#010203"})
+    assert found[1:] == ["#010203", water]
+    assert found[0] not in found[1:]
+    # a colour of the palette that is taken is passed over
+    assert material_colours(["a", "b"], {"b": FILLS[0]}) == [FILLS[1], FILLS[0]]
+
+
+@pytest.mark.parametrize("landcover", LANDCOVERS)
+def test_covers_of_a_map_have_colours_of_their_own(landcover: str) -> None:
+    names = [cover.name for cover in LANDCOVERS[landcover].values()][: len(FILLS)]
+    found = material_colours(names)
+    assert len(set(found)) == len(found)
+
+
+def test_kinds_of_ground_differ_for_colour_blind_readers() -> None:
+    kinds = ["wetland", "water", "snow", "urban", "road", "forest", "shrub", "grass", "crops", "bare soil"]
+    colours = material_colours(kinds)
+    assert len(set(colours)) == 10
+    seen = [deuteranopic(colour) ** (1 / 2.2) for colour in colours]
+    for k in range(10):
+        for n in range(k):
+            apart = 255.0 * float(np.linalg.norm(seen[k] - seen[n]))
+            assert apart > 25.0 or abs(lightness(colours[k]) - lightness(colours[n])) > 8.0, (kinds[k], kinds[n], apart)
+
+
+def test_archives_say_the_configured_colours(made: object, tmp_path: Path) -> None:
+    archive: Archive = made.archive  # type: ignore[attr-defined]
+    assert colours_of(archive) == material_colours(archive.names)
+    config = json.loads(archive.config)
+    name = archive.names[1]
+    config["materials"][name]["colour"] = "#123456"
+    changed = replace(archive, config=json.dumps(config))
+    assert colour_of(changed, name) == "#123456"
+    canvas = new_canvas(4, 3)
+    axes = canvas.subplots()
+    head(axes, changed, name, "a remark")
+    (square,) = axes.patches
+    assert np.array(square.get_facecolor()[:3]) * 255 == pytest.approx([0x12, 0x34, 0x56])
+    assert name in axes.get_title("left") + axes.get_title()

@@ -1,0 +1,653 @@
+"""Figures are there, complete and drawn without a warning, also at the edges."""
+
+from __future__ import annotations
+
+import json
+import re
+import warnings
+from dataclasses import replace
+
+import h5py
+import matplotlib as mpl
+import numpy as np
+import pytest
+from archives import changed_material, posterior
+from assessment_samples import held_cells
+from matplotlib.text import Text
+from scipy import stats
+
+from radcal import skewnormal
+from radcal.assessment.posterior import Points
+from radcal.figures import drawing, law_figures, map_figures, scene_figures
+from radcal.figures import figures as module
+from radcal.figures.density_figures import densities, overview
+from radcal.figures.fidelity_figures import differences, fidelity
+from radcal.figures.figures import write_figures
+from radcal.figures.front_figures import front
+from radcal.figures.held_out_figures import held_out
+from radcal.figures.law_figures import cost, law
+from radcal.results.archive import Fidelity, Images
+from radcal.results.search_front import SearchFront
+from radcal.scene.objects import Objects
+
+HIDDEN = [6.1, 14.2, 21.5, 3.3]
+MANY = [f"material {n}" for n in range(13)] + ["a_name_" * 8, "two words", "two_words"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _no_warnings():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
+
+
+@pytest.fixture(scope="module")
+def figures(made, tmp_path_factory):
+    """Figures in files, of few pixels and with fonts that are not cut to their letters, which takes half as long.
+
+    The small calibration writes them with the pixels and the fonts that users get.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(drawing.STYLE, "pdf.fonttype", 3)
+        patch.setattr(module, "_DPI", 50)
+        with mpl.rc_context({"text.usetex": True}):  # a user's matplotlibrc has no effect
+            figures = write_figures(made.archive, tmp_path_factory.mktemp("case") / "figures")
+        yield figures
+
+
+def drawn(canvas):
+    """Render a figure and return the texts that leave it."""
+    canvas.draw_without_rendering()
+    width, height = canvas.bbox.width, canvas.bbox.height
+    outside = []
+    texts = [t for axes in canvas.axes for t in (*axes.texts, axes.title, axes.xaxis.label, axes.yaxis.label)]
+    texts += [t for axes in canvas.axes if axes.axison for t in axes.get_children() if isinstance(t, Text)]
+    texts += [t for legend in canvas.legends for t in legend.get_texts()]
+    for text in texts:
+        if text and text.get_text():
+            box = text.get_window_extent()
+            if box.x0 < -1 or box.y0 < -1 or box.x1 > width + 1 or box.y1 > height + 1:
+                outside.append(text.get_text())
+    return outside
+
+
+@pytest.mark.slow
+def test_every_figure_as_png_and_pdf(figures):
+    names = [figure.name for figure in figures]
+    kinds = ("densities", "law", "cost", "fidelity", "histogram", "quality")
+    assert names[:5] == ["scene", "incidence", "images", "residual", "overview"]
+    assert names[5:] == [f"{kind}_{m}" for m in ("dyke", "stem_beans") for kind in kinds]
+    folder = figures[0].png.parent
+    assert sorted(p.name for p in folder.iterdir()) == sorted(
+        f"{name}.{ending}" for name in names for ending in ("png", "pdf")
+    )
+    for figure in figures:
+        assert figure.png.read_bytes().startswith(b"\x89PNG")
+        pdf = figure.pdf.read_bytes()
+        assert pdf.startswith(b"%PDF")
+        assert b"CreationDate" not in pdf
+        assert figure.title
+        assert figure.caption
+        assert figure.alt
+    assert {figure.material for figure in figures} == {None, "dyke", "stem beans"}
+
+
+@pytest.mark.slow
+def test_captions_say_what_is_seen(figures):
+    captions = {figure.name: figure.caption for figure in figures}
+    assert "4 of the 4 runs of the design, drawn at random (seed 4)" in captions["histogram_dyke"]
+    assert "the hidden truth (middle panel) differs from the law of the search by at most" in captions["law_dyke"]
+    assert "hidden truth" not in captions["law_stem_beans"]
+    assert "Verdict on stem beans: sigma0 is determined to +-1.5 dB" in captions["law_stem_beans"]
+    assert "lower bound of the rms" in captions["cost_stem_beans"]
+    assert "lower bound of the rms" not in captions["cost_dyke"]
+    # the start is 40 dB away, on an axis for a density of 2 dB
+    assert "one lies outside the axis" in captions["densities_stem_beans"]
+
+
+def test_captions_give_the_looks_of_the_densities(made):
+    dyke = made.archive.materials["dyke"]
+    assert "texture" not in densities(made.archive, "dyke")[1]
+    looks = np.linspace(0.5, 3.5, dyke.rms.size)
+    looks[dyke.best] = 2.25
+    archive = changed_material(made.archive, "dyke", run_looks=looks)
+    assert "the texture that gives the run" in overview(archive)[1]
+    assert densities(archive, "dyke")[1].count("Effective looks of these runs: 0.5 to 2.2.") == 1
+    looks[0] = np.nan
+    archive = changed_material(made.archive, "dyke", run_looks=looks)
+    assert "Effective looks of these runs: 2.2." in densities(archive, "dyke")[1]
+    archive = changed_material(made.archive, "dyke", run_looks=np.full_like(looks, np.nan))
+    assert "texture" not in densities(archive, "dyke")[1]
+
+
+@pytest.mark.slow
+def test_registration_is_shown_where_the_image_was_moved(build_archive, tmp_path, made, monkeypatch):
+    assert module.registration(made.archive) is None
+    archive = build_archive(tmp_path, moved=True, nan=True).archive
+
+    def rendered(canvas, path):
+        """The picture without its files, which take most of the time and are another test's."""
+        if path.name == "registration.png":
+            assert drawn(canvas) == []
+        return path
+
+    monkeypatch.setattr(module, "_save", rendered)
+    figures = {figure.name: figure for figure in write_figures(archive, tmp_path / "figures")}
+    assert list(figures)[2:5] == ["images", "registration", "residual"]
+    # 0.5 pixels off in both directions
+    assert "the mean error is 0.71 pixels" in figures["registration"].caption
+    assert "the longest arrow stands for 2.1 pixels" in figures["registration"].caption
+
+
+@pytest.mark.slow
+def test_global_settings_are_left_alone(figures):
+    assert mpl.rcParams["axes.spines.top"] == mpl.rcParamsDefault["axes.spines.top"]
+
+
+def test_the_users_matplotlibrc_has_no_effect(tmp_path):
+    """A user may typeset texts by LaTeX, which need not be installed here and fails on names such as a_b."""
+
+    def panels(path, users):
+        with mpl.rc_context(users), drawing.law_panels(path, ["a_b"], "sigma0 [dB]") as each:
+            for axes, _ in each:
+                axes.plot([20.0, 40.0], [-7.0, -12.0], label="law")
+        return path.read_bytes()
+
+    users = {"text.usetex": True, "lines.linewidth": 7.0, "savefig.bbox": "tight", "figure.facecolor": "red"}
+    assert panels(tmp_path / "a.png", users) == panels(tmp_path / "b.png", {})
+
+
+@pytest.mark.slow
+def test_edges_of_one_material(build_archive, tmp_path):
+    made = build_archive(
+        tmp_path,
+        shifts={"dyke": {"reference": [0.0], "design": [5.0, 0.0, 2000.0], "infill": []}},
+        hidden=(),
+        shape=(300, 20),
+        nan=True,
+        omega=0.02,
+    )
+    case = made.archive
+    with mpl.rc_context(drawing.STYLE):
+        figures = {
+            "images": module.images(case),
+            "residual": module.residual(case),
+            "densities": module.densities(case, "dyke"),
+            "law": module.law(case, "dyke"),
+            "cost": module.cost(case, "dyke"),
+            "histogram": module.histogram(case, "dyke"),
+            "quality": module.quality(case, "dyke"),
+            "scene": module.scene(case),
+            "incidence": module.incidence(case),
+        }
+        for canvas, _, _ in figures.values():
+            assert drawn(canvas) == []
+    assert "measured pixels have no value" in figures["images"][1]
+    assert "have a cost of 0" in figures["cost"][1]
+    assert "2 lie outside the axis" in figures["histogram"][1]
+
+
+@pytest.mark.slow
+def test_only_laws_with_a_curve_are_drawn(build_archive, tmp_path):
+    case = build_archive(tmp_path, external=("dyke", "unused")).archive
+    with mpl.rc_context(drawing.STYLE):
+        assert module.law(case, "dyke") is None
+        assert module.law(case, "stem beans") is not None
+        _, caption, _ = module.incidence(case)
+    # levels of the law that has a curve, none of the other's
+    assert re.search(r"dyke \d+ to \d+ deg; stem beans \d+ to \d+ deg, -?\d", caption)
+
+
+@pytest.mark.parametrize("references", [1, 2])
+@pytest.mark.parametrize("others", [[], ["dyke"], ["stem beans"], ["dyke", "stem beans"]])
+def test_the_best_run_is_never_one_of_another_law(build_archive, tmp_path, others, references):
+    """The reference run meets every target; it counts only where it is of the law that is calibrated."""
+    numbers = {"reference": [1e-9] * references, "design": [5.0, -6.0, 2.0], "infill": [0.2]}
+    made = build_archive(tmp_path, shifts={"dyke": numbers, "stem beans": numbers}, floors={}, other_start=others)
+    case = made.archive
+    for name, material in case.materials.items():
+        with mpl.rc_context(drawing.STYLE):
+            canvas, _, _ = module.cost(case, name)
+        (best,) = [line for line in canvas.axes[0].lines if line.get_label() == "best so far"]
+        start = references if name in others else 0
+        np.testing.assert_array_equal(best.get_xdata(), np.arange(start, references + 4))
+        expected = np.minimum.accumulate([made.history.runs[k].scores[name].rms for k in best.get_xdata()])
+        np.testing.assert_allclose(best.get_ydata(), expected)
+        assert material.best == (references + 3 if name in others else 0)
+
+
+@pytest.mark.slow
+def test_same_archive_gives_same_bytes(made, figures, tmp_path):
+    case = made.archive
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = module.cost(case, "dyke")
+        draws = []
+        canvas.canvas.mpl_connect("draw_event", draws.append)
+        for count, ending in enumerate(("png", "pdf"), start=1):
+            again = module._save(canvas, tmp_path / f"again.{ending}")
+            assert again.read_bytes() == (figures[0].png.parent / f"cost_dyke.{ending}").read_bytes()
+            # a layout engine has matplotlib draw the figure once more before it saves a file
+            assert len(draws) == count
+
+
+@pytest.mark.slow
+def test_many_materials(build_archive, tmp_path):
+    made = build_archive(
+        tmp_path,
+        shifts={
+            name: {"reference": [8.0], "design": [4.0] * 12, "infill": [2.0, 10.0**-n]} for n, name in enumerate(MANY)
+        },
+        hidden=MANY[:2],
+        floors={MANY[13]: [None, 0.05]},
+        shape=(34, 340),
+    )
+    case = made.archive
+    slugs = list(drawing.slugs(case.materials))
+    assert len({slug.lower() for slug in slugs}) == len(MANY)
+    assert {"two_words", "two_words_2"} <= set(slugs)
+    longest = next(name for name in case.materials if name == MANY[13])
+    with mpl.rc_context(drawing.STYLE):
+        for canvas, caption, alt in (
+            module.overview(case),
+            module.images(case),
+            module.residual(case),
+            module.scene(case),
+            module.incidence(case),
+            *(
+                draw(case, longest)
+                for draw in (module.densities, module.law, module.cost, module.histogram, module.quality)
+            ),
+        ):
+            assert drawn(canvas) == []
+            assert caption
+            assert alt
+
+
+@pytest.mark.slow
+def test_images_without_a_value_or_missing(made):
+    images = made.archive.images
+    blank = np.full_like(images.measured_db, np.nan)
+    case = replace(made.archive, images=replace(images, measured_db=blank, reference_db=None))
+    with mpl.rc_context(drawing.STYLE):
+        for canvas, _, _ in (module.images(case), module.residual(case)):
+            assert drawn(canvas) == []
+    case = replace(made.archive, images=Images())
+    assert module.images(case) is None
+    assert module.residual(case) is None
+
+
+@pytest.mark.parametrize(("shift_db", "own"), [(-1.0, False), (-25.0, True), (25.0, True)])
+def test_a_start_far_from_the_measured_level_has_a_gray_scale_of_its_own(made, shift_db, own):
+    measured = np.random.default_rng(5).normal(-12.0, 3.0, (60, 50))
+    images = replace(made.archive.images, measured_db=measured, reference_db=measured + shift_db)
+    case = replace(made.archive, images=replace(images, calibrated_db=measured[::-1]))
+    with mpl.rc_context(drawing.STYLE):
+        canvas, caption, alt = module.images(case)
+        assert drawn(canvas) == []
+    limits = [axes.images[0].get_clim() for axes in canvas.axes[:3]]
+    low, high = np.percentile(measured, [1.0, 99.5])
+    np.testing.assert_allclose([limits[0], limits[2]], [[low, high]] * 2)
+    np.testing.assert_allclose(limits[1], np.array([low, high]) + shift_db * own)
+    text = canvas.axes[1].get_title("left")
+    title = f"start, own scale:\n{low + shift_db:.0f} to {high + shift_db:.0f} dB" if own else "start"
+    assert text == title
+    assert ("scale of its own, given in its title" in caption) is own
+    assert ("gray scale of its own" in alt) is own
+
+
+def test_large_images_are_averaged_in_power(monkeypatch):
+    monkeypatch.setattr(map_figures, "_LARGEST", 4)
+    image = np.full((8, 7), 10.0)
+    image[:2, :2] = [[0.0, np.nan], [np.nan, np.nan]]
+    image[2:4, :2] = np.nan
+    shown = map_figures._shown(image)
+    assert shown.shape == (4, 3)
+    assert shown[0, 0] == pytest.approx(0.0)
+    assert np.isnan(shown[1, 0])
+    assert shown[2:] == pytest.approx(10.0)
+
+
+def test_every_panel_of_the_overview_names_its_axis(made):
+    """The panels have limits of their own, so that one below does not explain another."""
+    case = made.archive
+    materials = {**case.materials, "third": case.materials["dyke"]}
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = module.overview(replace(case, materials=materials, names=(*case.names, "third")))
+    assert [axes.get_xlabel() for axes in canvas.axes if axes.axison] == ["backscatter [dB]"] * 3
+
+
+def test_label_points_lie_inside():
+    inside = np.zeros((50, 90), dtype=bool)
+    inside[20:30] = True
+    row, column = map_figures._middle(inside)
+    assert inside[row, column]
+    other = map_figures._middle(inside, [(row, column)])
+    assert inside[other]
+    assert abs(other[1] - column) > 4
+
+
+@pytest.mark.slow
+def test_objects_are_dots_in_the_scene(made, tmp_path):
+    places = np.random.default_rng(3).uniform(0.0, 100.0, (2, 45_001))
+    n = places.shape[1]
+    zero = np.zeros(n)
+    objects = Objects(*places, zero, zero, zero, zero, zero, np.full(n, -1, np.int16), np.zeros(n, np.int16))
+    path = tmp_path / "calibration.h5"
+    case = made.gathered(path, scene=replace(made.scene, objects=objects))
+    with h5py.File(path) as file:
+        assert file["scene/objects"].attrs["count"] == n
+        np.testing.assert_allclose(file["scene/objects"], places.T[::3], rtol=1e-6)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, caption, _ = module.scene(case)
+        assert not drawn(canvas)
+    dots = [line for axes in canvas.axes for line in axes.lines if line.get_marker() == ","]
+    assert len(dots) == 1
+    np.testing.assert_allclose(dots[0].get_xydata(), places.T[::3] / 1000.0, rtol=1e-6)
+    assert "Objects are dots" in caption
+    plain, caption, _ = module.scene(made.archive)
+    assert not any(axes.lines for axes in plain.axes if axes.get_title() == "materials")
+    assert "Objects" not in caption
+
+
+def test_axes_of_a_turned_scene_are_those_of_the_track(made):
+    config = json.loads(made.archive.config)
+    config["radar"]["heading_deg"] = 192.5
+    rows, columns = np.indices((20, 30))
+    hilly = (100.0 + 4.0 * rows * np.sin(columns / 4.0)).astype(np.float32)
+    view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=hilly, cell_m=15.0)
+    case = replace(made.archive, scene=view)
+    with mpl.rc_context(drawing.STYLE):
+        turned, _, _ = module.scene(replace(case, config=json.dumps(config)))
+        plain, caption, _ = module.scene(case)
+        assert drawn(turned) == []
+    assert "no relief" not in caption
+    for canvas, across, along in (
+        (turned, "right of the track [km]", ("along the track, 192.5 deg [km]", "along the track [km]")),
+        (plain, "east [km]", ("north [km]", "north [km]")),
+    ):
+        labels = [(axes.get_xlabel(), axes.get_ylabel()) for axes in canvas.axes if axes.get_xlabel()]
+        assert labels == [(across, along[0])] * 3 + [(across, along[1])]
+    (solid,) = [axes for axes in turned.axes if hasattr(axes, "get_zlabel")]
+    # with the usual distance the labels lie on the numbers of the ticks
+    assert solid.xaxis.labelpad == solid.yaxis.labelpad == 9.0
+    assert "light from ahead on the left" in turned.axes[2].get_title("left")
+
+
+def test_measured_levels_are_drawn(made):
+    points = Points(np.array([25.0, 35.0]), np.array([-9.0, -12.0]), np.array([0.5, 0.8]))
+    case = changed_material(made.archive, "dyke", posterior=posterior(points=points))
+    with mpl.rc_context(drawing.STYLE):
+        canvas, caption, _ = law(case, "dyke")
+        assert drawn(canvas) == []
+        assert "Dots" in caption
+        # bars of 95 %
+        (bars,) = [one for one in canvas.axes[0].containers if one.get_label() == "measured levels, 95 %"]
+        wanted = ((25.0, -9.98, -8.02), (35.0, -13.568, -10.432))
+        for segment, (angle, low, high) in zip(bars[2][0].get_segments(), wanted, strict=True):
+            np.testing.assert_allclose(segment, [[angle, low], [angle, high]])
+        assert "Dots" not in law(case, "stem beans")[1]
+
+
+def test_the_misfit_of_classes_is_drawn_beside_the_densities(made):
+    costs = np.linspace(400.0, 8.0, len(made.history.runs))
+    case = changed_material(replace(made.archive, objective="classes"), "dyke", cost=costs)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = cost(case, "dyke")
+        assert drawn(canvas) == []
+    upper, lower = canvas.axes
+    best = [next(line for line in axes.lines if line.get_label() == "best so far") for axes in (upper, lower)]
+    np.testing.assert_allclose(best[0].get_ydata(), 2.0 * costs)
+    assert not any("tolerance" in str(line.get_label()) for line in lower.lines)
+
+
+def test_the_figure_of_the_runs_says_how_they_are_counted(made):
+    material = made.archive.materials["dyke"]
+    kinds = np.array(["reference", "reused", "reused", "design", "design", "infill", "infill", "infill"])
+    case = replace(made.archive, runs=replace(made.archive.runs, kind=kinds))
+    ended = replace(material, mode=("exploit", "ended", "ended"))
+    title, words = law_figures._run_words(case, ended)
+    assert title == ", search ended after run 5"
+    assert words.startswith(" Run 0 is the reference run, runs 1 to 2 are from an earlier case, run 3 the first of the")
+    assert "ended after run 5 (runs of design and infill until then: 3); the runs after it (grey)" in words
+    twice = kinds.astype("<U12")
+    twice[1] = "registration"
+    again = replace(case, runs=replace(case.runs, kind=twice))
+    said = " Run 0 is the reference run, run 1 the registration run, run 2 is from an earlier case, run 3 the first of"
+    assert law_figures._run_words(again, ended)[1].startswith(said)
+    title, words = law_figures._run_words(case, replace(material, mode=("exploit", "explore", "exploit")))
+    assert title == ""
+    assert "ended" not in words
+
+
+def test_densities_of_a_histogram_are_those_of_design_runs(made):
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = module.histogram(made.archive, "dyke")
+    curves = [line for line in canvas.axes[0].lines if line.get_color() == drawing.DESIGN]
+    found = [np.average(line.get_xdata(), weights=line.get_ydata()) for line in curves]
+    dp = [run.scores["dyke"].dp for run in made.history.runs if run.kind == "design"]
+    np.testing.assert_allclose(found, [skewnormal.centred(one)[0] for one in dp], atol=0.02)
+
+
+def test_quantiles_and_their_band_are_scipys(made):
+    """Places (k + 1/2) / n of the fitted density; order statistics of 100 values have beta laws."""
+    material = made.archive.materials["dyke"]
+    xi, omega, alpha = material.target_dp
+    fitted = stats.skewnorm(alpha, xi, omega)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = module.quality(made.archive, "dyke")
+    (axes,) = canvas.axes
+    (dots,) = [line for line in axes.lines if line.get_label() == "measured pixels"]
+    n = material.measured_db.size
+    np.testing.assert_allclose(dots.get_xdata(), fitted.ppf((np.arange(n) + 0.5) / n), atol=0.01)
+    np.testing.assert_array_equal(dots.get_ydata(), np.sort(material.measured_db))
+    (band,) = axes.collections
+    edges = {tuple(row) for row in np.round(band.get_paths()[0].vertices, 1)}
+    for rank in (3, 50, 99):
+        for tail in (0.025, 0.975):
+            edge = fitted.ppf([(rank - 0.5) / 100, stats.beta(rank, 101 - rank).ppf(tail)])
+            assert tuple(np.round(edge, 1)) in edges
+
+
+def test_a_surrogate_is_judged_by_verified_minus_predicted():
+    one = np.array([[[2.0, 0.5, -1.0]], [[1.0, 1.0, 1.0]]])
+    error = np.array([[[0.5, 0.1, 2.0]], [[0.0, 0.0, 0.0]]])
+    found = differences(Fidelity(np.zeros(2), np.zeros(2), one, error, one + 1.0, np.zeros((2, 3))))
+    np.testing.assert_allclose(found, [[[2.0, 10.0, 0.5]], [[np.nan] * 3]])
+
+
+def test_the_front_is_drawn_with_the_runs_and_the_chosen_one(made):
+    """Of three objectives, the first against each of the others; a run of another law has no place."""
+    case = made.archive
+    assert front(case, "dyke") is None
+    count = case.runs.kind.size
+    verified = np.geomspace(900.0, 9.0, 3 * count).reshape(count, 3)
+    verified[0] = np.nan
+    predicted = np.array([[4.0, 9.0, 12.0], [2.0, 30.0, 10.5], [8.0, 5.0, 9.0]])
+    names = ("pass 1", "pass 2", "pass 4")
+    found = SearchFront(names, np.ones((3, 4)), np.full(3, 2.5), predicted, verified)
+    case = changed_material(case, "dyke", front=found, best=count - 1)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, caption, _ = front(case, "dyke")
+        assert drawn(canvas) == []
+    assert "of which 5 lie outside of the axes" in caption
+    for axes, other in zip(canvas.axes, (1, 2), strict=True):
+        (line,) = axes.lines
+        np.testing.assert_array_equal(line.get_xydata(), predicted[[1, 0, 2]][:, [0, other]])
+        dots = {one.get_label(): one.get_offsets().data for one in axes.collections}
+        np.testing.assert_array_equal(dots["chosen run"], verified[-1:, [0, other]])
+        np.testing.assert_array_equal(dots["infill"], verified[case.runs.kind == "infill"][:, [0, other]])
+        assert "reference (start)" not in dots
+        # runs of the design lie far from the front
+        assert "design" not in dots
+        assert axes.get_ylabel() == f"squared residuals: {names[other]}"
+        for ticks, (low, high) in ((axes.get_xticks(), axes.get_xlim()), (axes.get_yticks(), axes.get_ylim())):
+            assert np.count_nonzero((ticks >= low) & (ticks <= high)) >= 2
+    assert f"the sums {verified[-1, 0]:.2g} (pass 1), {verified[-1, 1]:.2g} (pass 2)" in caption
+
+
+def test_the_truth_is_subtracted_from_the_law_found(made):
+    material = made.archive.materials["dyke"]
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = law(made.archive, "dyke")
+    line = canvas.axes[1].lines[0]
+    curve, phi = material.parameters.curve(), np.radians(line.get_xdata())
+    gap = curve(phi, made.history.runs[material.best].scores["dyke"].parameters) - curve(phi, HIDDEN)
+    np.testing.assert_allclose(line.get_ydata(), gap)
+    assert abs(gap.mean()) > 1.0
+
+
+def test_speckle_of_the_mean_over_a_window_is_said(made):
+    """Of two images of 4 looks: the root of twice trigamma(4), 0.284, in dB, over 9."""
+    with mpl.rc_context(drawing.STYLE):
+        _, caption, _ = module.residual(made.archive)
+    assert "leaves a standard deviation of at least 0.36 dB there" in caption
+
+
+def test_residuals_are_means_where_a_quarter_of_the_window_has_values():
+    rows, columns = np.indices((36, 36))
+    half, few = ((rows + columns) % 2 == 0), (rows % 3 == 0) & (columns % 3 == 0)
+    for valid in (half, few):
+        found = map_figures._smoothed(np.where(valid, 2.5, np.nan), None)
+        inside = np.zeros(valid.shape, dtype=bool)
+        inside[9:-9, 9:-9] = True
+        np.testing.assert_array_equal(np.isfinite(found[inside]), valid[inside] if valid is half else False)
+    np.testing.assert_allclose(map_figures._smoothed(np.where(half, 2.5, np.nan), None)[half & inside], 2.5)
+
+
+def test_names_of_files_are_all_different():
+    assert list(drawing.slugs(["a b", "A_b", "a/b", "a_b_2", "c"])) == ["a_b", "A_b_2", "a_b_3", "a_b_2_2", "c"]
+
+
+@pytest.mark.parametrize(
+    ("rise_m", "heights", "slopes"), [(0.0, "120.0 to 120.0 m", "below 0.01 deg"), (0.04, "120.0 to 121.2 m", "0.15")]
+)
+def test_a_scene_without_relief_has_plans_of_materials_and_heights_only(made, rise_m, heights, slopes):
+    level = np.tile(120.0 + rise_m * np.arange(30.0), (20, 1)).astype(np.float32)
+    view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=level, cell_m=15.0, step=1)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, caption, _ = scene_figures.scene(replace(made.archive, scene=view))
+        assert drawn(canvas) == []
+    assert f"heights from {heights}. Slopes are {slopes}" in caption
+    assert "no relief is drawn" in caption
+    assert [axes.get_title("left") for axes in canvas.axes][:2] == ["materials", "elevation"]
+    assert len(canvas.axes) == 3  # with the colour bar
+
+
+def test_heights_are_exaggerated_twenty_times_at_most(made):
+    low = np.zeros((20, 30), dtype=np.float32)
+    low[5:15, 7] = 0.8
+    view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=low, cell_m=15.0, step=1)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = scene_figures.scene(replace(made.archive, scene=view))
+    assert canvas.axes[-1].title.get_text() == "seen from south-west, heights 20 times"
+
+
+def test_a_colour_bar_has_arrows_where_values_lie_beyond_it():
+    values = np.linspace(2.0, 5.0, 31)
+    ends = {(2.0, 5.0): "neither", (2.1, 5.0): "min", (2.0, 4.9): "max", (2.1, 4.9): "both"}
+    for (low, high), extend in ends.items():
+        assert scene_figures._extend(values, low, high) == extend
+
+
+def test_the_unit_of_a_colour_bar_does_not_stand_beside_the_next_panel(made):
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = scene_figures.incidence(made.archive)
+    assert canvas.axes[0].get_title("left") == "local incidence [deg]"
+    assert [axes.get_ylabel() for axes in canvas.axes] == ["slant range [pixel]", "", "", ""]
+
+
+def test_angles_have_the_decimals_that_make_them_differ():
+    for ends, text in {
+        (22.1, 67.8): "22 to 68",
+        (38.92, 39.08): "38.9 to 39.1",
+        (39.01, 39.03): "39.01 to 39.03",
+    }.items():
+        assert scene_figures._span_deg(*ends) == f"{text} deg"
+
+
+def test_one_incidence_has_the_middle_of_a_scale():
+    assert scene_figures._scale(np.linspace(31.0, 45.0, 101)) == pytest.approx((31.14, 44.86))
+    assert scene_figures._scale(np.linspace(38.9, 39.1, 101)) == pytest.approx((38.902, 39.098))
+    assert scene_figures._scale(np.full(50, 38.75)) == pytest.approx((38.745, 38.755))
+
+
+@pytest.mark.parametrize(
+    ("angles", "view"),
+    [((38.9, 39.1), (33.0, 45.0)), ((22.0, 45.0), (0.0, 68.0)), ((29.4, 60.0), (0.0, 85.0))],
+)
+def test_the_axis_of_a_law_is_about_the_angles_seen_and_all_curves_end_with_it(made, angles, view):
+    n = made.archive.materials["dyke"].incidence_deg.size
+    # 5 and 95 % quantiles at these angles
+    seen = np.interp(np.linspace(0.0, 1.0, n), [0.05, 0.95], angles).astype(np.float32)
+    case = changed_material(made.archive, "dyke", incidence_deg=seen, posterior=posterior())
+    canvas, *_ = law(case, "dyke")
+    upper = canvas.axes[0]
+    assert upper.get_xlim() == view
+    assert canvas.axes[-1].get_xlim() == view
+    band = upper.collections[0].get_paths()[0].vertices[:, 0]
+    lines = [line.get_xdata() for line in upper.lines if line.get_linewidth() == 0.8]
+    assert lines
+    for one in [band, *lines]:
+        assert (one.min(), one.max()) == view
+
+
+def test_predicted_and_verified_misfit_have_the_scale_of_the_figure_of_the_runs(made):
+    values = np.array([[[0.1, 0.2, 0.3]], [[0.3, 0.1, 0.2]]])
+    found = Fidelity(np.array([9.0, 7.5]), np.array([8.0, 7.0]), values, values + 1.0, values, np.zeros((2, 3)))
+    bins = changed_material(made.archive, "dyke", fidelity=found, cost=np.linspace(9.0, 7.0, len(made.history.runs)))
+    with mpl.rc_context(drawing.STYLE):
+        canvas, caption, _ = fidelity(bins, "dyke")
+        assert drawn(canvas) == []
+        density, words, _ = fidelity(changed_material(made.archive, "dyke", fidelity=found), "dyke")
+    upper, other = canvas.axes[0], density.axes[0]
+    assert upper.get_ylabel() == "squared residuals,\npriors included"
+    assert caption.startswith("Above: squared residuals, priors included, as the surrogate predicted it")
+    np.testing.assert_allclose([line.get_ydata() for line in upper.lines], [[18.0, 15.0], [16.0, 14.0]])
+    np.testing.assert_allclose([line.get_ydata() for line in other.lines], [[9.0, 7.5], [8.0, 7.0]])
+    assert words.startswith("Above: densities, rms [1/dB], as")
+
+
+def test_an_infill_run_without_prediction_is_left_out_and_named(made):
+    values = np.array([[[0.1, 0.2, 0.3]], [[0.3, 0.1, 0.2]]])
+    found = Fidelity(np.array([9.0, np.nan]), np.array([8.0, 7.0]), values, values + 1.0, values, np.zeros((2, 3)))
+    first, second = np.flatnonzero(made.archive.runs.kind == "infill")
+    for mode, repeated in (("ended", True), ("exploit", False)):
+        case = changed_material(made.archive, "dyke", fidelity=found, mode=("exploit", mode))
+        with mpl.rc_context(drawing.STYLE):
+            canvas, caption, _ = fidelity(case, "dyke")
+        for line in canvas.axes[0].lines:
+            np.testing.assert_array_equal(line.get_xdata(), [first])
+        assert f"Without prediction, and not drawn: run {second}" in caption
+        assert ("after the search of this material had ended" in caption) is repeated
+
+
+def test_held_out_cells_are_drawn_as_measured_and_as_each_predicts_them(made):
+    assert held_out(made.archive, "dyke") is None
+    cells = held_cells()
+    case = changed_material(made.archive, "dyke", posterior=posterior(held=cells))
+    with drawing.styled():
+        canvas, caption, alt = held_out(case, "dyke")
+    (axes,) = canvas.axes
+    drawn = {line.get_label(): line for line in axes.lines}
+    assert {label: line.get_ydata().tolist() for label, line in drawn.items()} == {
+        "law alone": [-9.0, -10.0, -11.0],
+        "constant alone": [-13.0] * 3,
+        "predicted": [-11.0, -11.5, -12.0],
+        "measured": [-9.6, -10.5, -14.5],
+    }
+    assert all(line.get_xdata().tolist() == [25.0, 30.0, 40.0] for line in drawn.values())
+    (band,) = axes.collections
+    np.testing.assert_allclose(
+        band.get_segments(), [[[25, -12.05], [25, -8.75]], [[30, -12.8], [30, -9.0]], [[40, -13.3], [40, -9.5]]]
+    )
+    assert len({line.get_marker() for line in drawn.values()}) == 4
+    assert "Mean power of 3 cells, less" in caption
+    assert "1.75 dB (2.07 dB and 2.59 dB by law and constant alone), and 67 % of the cells" in caption
+    assert "dyke" in alt
+
+
+def test_the_held_out_figure_is_written_where_ground_is_held_out(made, tmp_path):
+    case = changed_material(made.archive, "dyke", posterior=posterior(held=held_cells()))
+    names = {figure.name for figure in write_figures(case, tmp_path)}
+    assert "held_out_dyke" in names
+    assert "held_out_stem_beans" not in names

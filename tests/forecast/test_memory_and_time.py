@@ -1,0 +1,159 @@
+"""What jobs ask for, against scenes and geometries that are made."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+from hypothesis import given
+from hypothesis import strategies as st
+from rasterio.transform import from_origin
+
+from radcal.config import BuiltinScene, Radar, RasterScene, SlantRangeScene, case_from
+from radcal.errors import ConfigError, SceneError
+from radcal.forecast.memory_and_time import memory_mb, runtime_minutes, values_of
+from radcal.radar.projection import make_geometry
+from radcal.radar.size import ImageSize, check_size, image_size, refinement
+from radcal.scene.builtin import builtin_scene
+from radcal.scene.raster import raster_scene
+from radcal.scene.size import SceneSize, scene_size
+
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning"),
+    pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning"),  # of rasterio about affine
+]
+
+
+def write(path: Path, values: np.ndarray, pixel_m: float | None) -> str:
+    where = {} if pixel_m is None else {"crs": "EPSG:32631", "transform": from_origin(6e5, 5.8e6, pixel_m, pixel_m)}
+    height, width = values.shape
+    with rasterio.open(
+        path, "w", driver="GTiff", height=height, width=width, count=1, dtype=values.dtype, **where
+    ) as raster:
+        raster.write(values, 1)
+    return str(path)
+
+
+@pytest.fixture
+def rasters(tmp_path: Path):
+    """A scene of 40 x 60 pixels of 10 m, its materials twice as fine."""
+    (tmp_path / "names.json").write_text('{"1": "dyke"}')
+    return {
+        "elevation": write(tmp_path / "e.tif", np.zeros((40, 60), dtype=np.float32), 10.0),
+        "materials": write(tmp_path / "m.tif", np.ones((80, 120), dtype=np.uint8), 5.0),
+        "names": str(tmp_path / "names.json"),
+        "vertical_datum": "EGM96",
+    }
+
+
+@pytest.mark.parametrize(
+    "keys", [{}, {"cell_m": 2.5}, {"cell_m": 20.0}, {"bounds": [6.001e5, 5.7997e6, 6.003e5, 5.8e6]}]
+)
+def test_the_size_of_a_raster_scene_is_what_it_is_made_with(rasters, keys):
+    config = RasterScene(**rasters, **keys)
+    made = raster_scene(config)
+    size = scene_size(config)
+    assert (size.cells, size.cell_m) == (made.material.size, made.cell_m)
+    # materials are sampled at 5 m
+    assert size.resampled == size.cells * max(1.0, made.cell_m / 5.0) ** 2
+
+
+def test_the_size_of_the_builtin_scene_is_what_it_is_made_with():
+    made = builtin_scene(1)
+    assert scene_size(BuiltinScene()) == SceneSize(made.material.size, made.cell_m, made.material.size)
+
+
+def test_the_size_of_a_slant_range_scene_is_that_of_its_labels(tmp_path):
+    labels = write(tmp_path / "labels.tif", np.ones((30, 20), dtype=np.uint8), None)
+    config = SlantRangeScene(labels=labels, names="-", near_incidence_deg=20, far_incidence_deg=40)
+    size = scene_size(config)
+    assert size == SceneSize(600, None, 600)
+    assert image_size(size, Radar()) == ImageSize(600, 600)
+
+
+def test_a_file_that_is_no_raster_is_named(tmp_path):
+    (tmp_path / "labels.tif").write_text("no raster")
+    config = SlantRangeScene(
+        labels=str(tmp_path / "labels.tif"), names="-", near_incidence_deg=20, far_incidence_deg=40
+    )
+    with pytest.raises(SceneError, match=r"^scene\.labels: .*labels\.tif cannot be read as a raster"):
+        scene_size(config)
+
+
+@pytest.mark.parametrize(
+    ("range_m", "azimuth_m", "parts"), [(1.5, 2.5, 3), (5.0, 6.0, 1), (0.71, 1.0, 5), (4.0, 2.0, 3)]
+)
+def test_pixels_are_about_those_of_the_geometry(scene, range_m, azimuth_m, parts):
+    """The scene of 40 x 40 cells of 5 m, seen from far."""
+    radar = Radar(altitude_m=20_000.0, range_spacing_m=range_m, azimuth_spacing_m=azimuth_m)
+    size = image_size(SceneSize(1600, 5.0, 1600), radar)
+    assert size.facets == 1600 * parts**2
+    pixels = np.prod(make_geometry(scene, radar).shape)
+    assert 0.8 * size.pixels < pixels <= size.pixels
+
+
+@given(st.floats(0.1, 50), st.floats(0.1, 20), st.floats(0.1, 20), st.floats(20, 70))
+def test_no_facet_is_larger_than_a_pixel_and_none_needlessly_small(cell_m, range_m, azimuth_m, depression_deg):
+    radar = Radar(range_spacing_m=range_m, azimuth_spacing_m=azimuth_m, depression_deg=depression_deg)
+    k = refinement(cell_m, radar)
+    ground_m = range_m / np.sin(np.radians(90.0 - depression_deg))
+    assert cell_m / k <= min(ground_m, azimuth_m) * (1 + 1e-6)
+    assert k == 1 or cell_m / (k - 1) > min(ground_m, azimuth_m) * (1 - 1e-6)
+
+
+# peaks measured in whole workflows and in benchmarks/simulator_scale.py, which has objects [MB]
+@pytest.mark.parametrize(
+    ("stage", "values", "peak_mb"),
+    [
+        ("scene", 9_000_000, 552),
+        ("geometry", 9_000_000, 785),
+        ("geometry", 56_250_000, 5530),
+        ("measurement", 9_000_000, 1325),
+        ("run", 9_000_000, 788),
+        ("run", 56_250_000, 3072),
+        ("target", 9_000_000, 1102),
+        ("report", 9_000_000, 971),
+        ("geometry", 2_250_000, 415),
+        ("measurement", 2_250_000, 548),
+        ("registration", 2_250_000, 817),
+    ],
+)
+def test_memory_is_enough_for_what_was_measured_and_not_much_more(stage, values, peak_mb):
+    assert 1.2 * peak_mb < memory_mb(stage, values) < 2.0 * peak_mb + 1000
+    assert memory_mb(stage, values, attempt=3) == 4 * memory_mb(stage, values)
+
+
+def test_time_is_that_of_the_runs_and_of_the_scene():
+    assert runtime_minutes("light", 10**8) == 10
+    assert runtime_minutes("run", 0, simulation_s=4 * 900) == 70
+    assert runtime_minutes("geometry", 56_250_000) == 10 + 29  # 30 s for a million, and it takes one
+
+
+def test_a_case_has_the_values_of_its_finest_array(rasters):
+    def case(**radar: float):
+        return case_from(
+            {
+                "scene": {"source": "raster", **rasters},
+                "radar": radar,
+                "materials": {"dyke": {"calibrate": True}},
+            }
+        )
+
+    coarse = case(range_spacing_m=40.0, azimuth_spacing_m=40.0, range_resolution_m=60.0, azimuth_resolution_m=60.0)
+    assert values_of(coarse) == {"scene": 4 * 2400, "image": 2400}
+    fine = case(range_spacing_m=5.0, azimuth_spacing_m=2.5, range_resolution_m=60.0, azimuth_resolution_m=60.0)
+    assert values_of(fine)["image"] == 16 * 2400
+    assert json.dumps(values_of(fine))
+
+
+def test_pixels_too_small_for_any_machine_are_refused_before_any_is_made(scene):
+    fine = Radar(altitude_m=20_000.0, range_spacing_m=0.003, azimuth_spacing_m=2.0)
+    facets = scene.material.size * refinement(scene.cell_m, fine) ** 2
+    with pytest.raises(ConfigError, match=rf"^radar\.range_spacing_m is 0\.003 and .*_m 2: .* {facets:,} facets and"):
+        make_geometry(scene, fine)
+    with pytest.raises(ConfigError, match=r"expected at most 1,000,000,000\.$"):
+        check_size(SceneSize(10**7, 5.0, 10**7), Radar(range_spacing_m=0.2, azimuth_spacing_m=0.2))
+    check_size(SceneSize(10**6, 5.0, 10**6), Radar(range_spacing_m=0.2, azimuth_spacing_m=0.2))

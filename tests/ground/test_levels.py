@@ -1,0 +1,102 @@
+"""Levels against numpy's quantiles, known offsets and a published example."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from radcal.ground.levels import Levels, image_levels, median_and_range, offset_levels, pooled_offset
+
+
+def test_equal_materials_are_averaged_by_their_errors() -> None:
+    # no more scatter than sampling explains: inverse-variance weights
+    offset, error = pooled_offset([1.0, 1.0, 1.0], [0.1, 0.2, 0.4])
+    assert offset == pytest.approx(1.0)
+    assert error == pytest.approx((1 / 0.01 + 1 / 0.04 + 1 / 0.16) ** -0.5)
+
+
+def test_scatter_beyond_sampling_evens_the_weights() -> None:
+    found = np.array([-3.0, 1.0, 5.0])
+    offset, error = pooled_offset(found, [0.02, 0.02, 0.02])
+    assert offset == pytest.approx(found.mean(), abs=0.01)
+    assert error == pytest.approx(found.std(ddof=1) / np.sqrt(3), rel=0.01)
+
+
+def test_dersimonian_and_laird_by_hand() -> None:
+    # w = 4, 1: mean 1.6, Q = 4 x 0.16 + 1 x 2.56 = 3.2... by the formula tau2 = (Q - 1) / (5 - 17/5)
+    offset, error = pooled_offset([2.0, 0.0], [0.5, 1.0])
+    between = (4 * 0.4**2 + 1 * 1.6**2 - 1) / (5 - 17 / 5)
+    weights = np.array([1 / (0.25 + between), 1 / (1.0 + between)])
+    assert offset == pytest.approx(2.0 * weights[0] / weights.sum())
+    assert error == pytest.approx(weights.sum() ** -0.5)
+
+
+@given(shift=st.floats(-30, 30), values=st.lists(st.floats(-5, 5), min_size=1, max_size=6))
+def test_an_offset_moves_with_the_measurement(shift: float, values: list[float]) -> None:
+    errors = 0.1 + 0.1 * np.arange(len(values))
+    one, other = (pooled_offset(np.array(values) + s, errors) for s in (0.0, shift))
+    assert other[0] - one[0] == pytest.approx(shift, abs=1e-9)
+    assert other[1] == pytest.approx(one[1], rel=1e-6)
+
+
+def test_offset_is_taken_from_the_measured_image_only() -> None:
+    levels = offset_levels("offset", {"grass": (3.0, 0.1)})
+    np.testing.assert_allclose(levels.apply([1.0, 5.0], levels.measured), [-2.0, 2.0])
+    assert levels.simulated({}) == (0.0, 1.0)
+    assert levels.unit == "dB"
+    assert levels.sentence == (
+        "the measured image lies +3.00 +- 0.10 dB from the reference run on grass; this offset is subtracted."
+    )
+
+
+def test_none_takes_nothing_but_says_what_it_sees() -> None:
+    levels = offset_levels("none", {"grass": (-7.0, 0.13), "crops": (-7.0, 0.26)})
+    assert levels.measured == (0.0, 1.0)
+    error = (0.13**-2 + 0.26**-2) ** -0.5
+    assert levels.finding.severity == "note"
+    assert levels.finding.numbers == {"offset_db": pytest.approx(-7.0), "error_db": pytest.approx(error)}
+    assert levels.sentence == f"the measured image lies -7.00 +- {error:.2f} dB from the reference run on grass, crops."
+    assert "no material" in offset_levels("none", {}).sentence
+
+
+@pytest.fixture
+def images() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(1)
+    material = rng.integers(0, 4, size=(30, 40)).astype(np.uint8)
+    reference = rng.normal(-10, 4, size=material.shape).astype(np.float32)
+    measured = (2.0 * reference + 5.0).astype(np.float32)
+    measured[:3] = np.nan
+    return measured, reference, material
+
+
+def test_image_levels_are_median_and_quartiles(images: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+    measured, reference, material = images
+    levels = image_levels(measured, reference, material, {"a": 1, "b": 3})
+    valid = (material > 0) & np.isfinite(measured)
+    mapped = levels.apply(measured[valid], levels.measured)
+    assert np.median(mapped) == pytest.approx(0.0, abs=1e-6)
+    assert np.subtract(*np.percentile(mapped, [75, 25])) == pytest.approx(1.0, rel=1e-6)
+    assert levels.scale == pytest.approx(2.0, rel=1e-5)
+    assert levels.offset_db == pytest.approx(np.median(measured[valid]) - np.median(reference[valid]), abs=1e-5)
+    assert "not identified" not in levels.sentence
+    said = image_levels(measured, reference, material, {"a": 1, "b": 2, "c": 3}).sentence
+    assert "all materials are calibrated, so that a level common to all laws is not identified" in said
+
+
+def test_a_run_is_mapped_by_its_own_whole_image(images: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+    measured, reference, material = images
+    levels = image_levels(measured, reference, material, {"a": 1, "b": 3})
+    run = reference.copy()
+    run[material == 1] += 7.0
+    run[material == 3] -= 2.0
+    record = {name: run[material == k] for name, k in {"a": 1, "b": 3}.items()}
+    valid = (material > 0) & np.isfinite(measured)
+    assert levels.simulated(record) == pytest.approx(median_and_range(run[valid]), rel=1e-6)
+
+
+def test_no_levels_change_nothing() -> None:
+    levels = Levels()
+    np.testing.assert_array_equal(levels.apply([1.0, 2.0], levels.measured), [1.0, 2.0])
+    assert levels.simulated({}) == (0.0, 1.0)

@@ -1,0 +1,236 @@
+"""Georeferenced images of known functions of the place, seen from the scene's pixels."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+from affine import Affine
+from pyproj import CRS, Transformer
+from rasterio.errors import NotGeoreferencedWarning
+from rasterio.windows import Window
+
+from radcal.config import FileMeasurement, Radar
+from radcal.errors import MeasurementError
+from radcal.image.georeference import (
+    GeoreferencedImage,
+    is_georeferenced,
+    map_pixel_m,
+    places_on_ground,
+    read_georeferenced,
+    values_at_ground,
+)
+
+pytestmark = pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning")  # of rasterio about affine
+
+UTM = "EPSG:32631"
+WEST, SOUTH, CELL_M = 600_000.0, 5_780_000.0, 5.0
+SCENE = (CELL_M, 0.0, WEST, 0.0, CELL_M, SOUTH)
+CONFIG = FileMeasurement(path="image.tif", scale="power", radiometry="sigma0_ref")
+
+
+def ground_of(rows: int = 30, columns: int = 40) -> np.ndarray:
+    """Ground of an image whose range grows to the east and azimuth to the north, with fractions and gaps."""
+    rng = np.random.default_rng(1)
+    ground = np.stack(
+        [
+            np.linspace(2.0, 70.0, columns) + rng.uniform(-0.4, 0.4, (rows, columns)),  # scene rows: north
+            np.linspace(5.0, 90.0, rows)[:, None] + rng.uniform(-0.4, 0.4, (rows, columns)),  # scene columns: east
+        ]
+    ).astype(np.float32)
+    ground[:, 4, 7] = np.nan
+    return ground
+
+
+def place(ground: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """UTM coordinates, cell centres at integers."""
+    return WEST + (ground[1].astype(float) + 0.5) * CELL_M, SOUTH + (ground[0].astype(float) + 0.5) * CELL_M
+
+
+def image(crs: str, transform: Affine, shape: tuple[int, int]) -> GeoreferencedImage:
+    """An image whose pixels hold their own number."""
+    values = np.arange(shape[0] * shape[1], dtype=np.float64).reshape(shape)
+    return GeoreferencedImage(Path("image.tif"), values, transform, CRS.from_user_input(crs))
+
+
+SAME = (UTM, Affine(3.0, 0, WEST - 30.0, 0, -3.0, SOUTH + 420.0), (160, 200))
+PLACES = {
+    "same CRS, north up": SAME,
+    "south up": (UTM, Affine(3.0, 0, WEST - 30.0, 0, 3.0, SOUTH - 30.0), (160, 200)),
+    "rotated": (UTM, Affine.translation(WEST - 250.0, SOUTH + 150.0) @ Affine.rotation(-30.0) @ Affine.scale(4.0, 4.0),
+                (250, 250)),
+    "degrees": ("EPSG:4326", Affine(5e-5, 0, 4.4615, 0, -4e-5, 52.1655), (120, 180)),
+    "another datum": ("EPSG:28992", Affine(4.0, 0, 0.0, 0, -4.0, 0.0), (150, 190)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_each_pixel_takes_the_nearest_value(name: str) -> None:
+    crs, transform, shape = PLACES[name]
+    ground = ground_of()
+    x, y = Transformer.from_crs(UTM, crs, always_xy=True).transform(*place(ground))
+    if name == "another datum":
+        known = np.isfinite(ground[0])
+        transform = Affine.translation(x[known].min() - 20.0, y[known].max() + 20.0) @ transform
+    one = image(crs, transform, shape)
+    found = values_at_ground(one, UTM, SCENE, ground)
+    assert found.shape == ground.shape[1:]
+    assert np.isnan(found[4, 7])
+    assert np.isfinite(found).sum() == found.size - 1
+    # by search: the centre of the pixel found is the nearest of all
+    row, column = np.indices(shape)
+    centre_x, centre_y = transform @ (column.ravel() + 0.5, row.ravel() + 0.5)
+    rng = np.random.default_rng(2)
+    for i, j in zip(rng.integers(0, 30, 60), rng.integers(0, 40, 60), strict=True):
+        if (i, j) == (4, 7):
+            continue
+        # in units of pixels along the image's own axes, where squares have their nearest centre
+        across, along = (~transform) @ (centre_x - x[i, j] + transform.c, centre_y - y[i, j] + transform.f)
+        assert found[i, j] == np.argmin(np.hypot(across, along))
+
+
+def test_a_map_of_the_scene_itself_gives_each_cell() -> None:
+    """Cells as pixels: the value of the cell whose number is nearest."""
+    numbers = np.arange(80 * 100, dtype=np.float64).reshape(80, 100)  # row 0 in the south
+    one = GeoreferencedImage(
+        Path("image.tif"), numbers[::-1], Affine(CELL_M, 0, WEST, 0, -CELL_M, SOUTH + 80 * CELL_M), CRS(UTM)
+    )
+    ground = ground_of()
+    shown = np.isfinite(ground[0])
+    cell = np.round(ground[:, shown]).astype(int)
+    np.testing.assert_array_equal(values_at_ground(one, UTM, SCENE, ground)[shown], numbers[cell[0], cell[1]])
+
+
+def test_speckle_keeps_its_spread() -> None:
+    values = np.random.default_rng(3).gamma(1.0, 1.0, (400, 400))
+    one = GeoreferencedImage(Path("image.tif"), values, Affine(1.0, 0, WEST, 0, -1.0, SOUTH + 400.0), CRS(UTM))
+    found = values_at_ground(one, UTM, SCENE, ground_of(200, 200))
+    # exponential: standard deviation over mean is 1, with a standard error of 1 / sqrt(n) = 0.005
+    assert np.nanstd(found) / np.nanmean(found) == pytest.approx(1.0, abs=0.03)
+
+
+def test_outside_the_image_there_is_nothing() -> None:
+    crs, transform, _ = SAME
+    ground = ground_of()
+    found = values_at_ground(image(crs, transform, (160, 100)), UTM, SCENE, ground)
+    x, _ = place(ground)
+    np.testing.assert_array_equal(np.isnan(found), ~(x < WEST - 30.0 + 300.0))
+    with pytest.raises(
+        MeasurementError, match=r"image\.tif \(WGS 84 / UTM zone 31N\) covers no place of the scene's im"
+    ):
+        values_at_ground(image(crs, Affine.translation(1e5, 0) @ transform, (160, 200)), UTM, SCENE, ground)
+    with pytest.raises(MeasurementError, match="covers no place"):
+        values_at_ground(image("EPSG:32601", transform, (160, 200)), UTM, SCENE, ground)
+
+
+def test_gaps_and_complex_values_are_kept() -> None:
+    one = image(*SAME)
+    values = one.values * (1.0 + 0.5j)
+    values[::2] = np.nan
+    found = values_at_ground(GeoreferencedImage(one.path, values, one.transform, one.crs), UTM, SCENE, ground_of())
+    number = values_at_ground(one, UTM, SCENE, ground_of())
+    expected = np.isnan(number) | (number // 200 % 2 == 0)
+    np.testing.assert_array_equal(np.isnan(found), expected)
+    np.testing.assert_array_equal(found[~expected], number[~expected] * (1.0 + 0.5j))
+    with pytest.raises(TypeError, match="int64, expected floating-point"):
+        values_at_ground(
+            GeoreferencedImage(one.path, one.values.astype(int), one.transform, one.crs), UTM, SCENE, ground_of()
+        )
+
+
+def write(path: Path, values: np.ndarray, **profile: Any) -> Path:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        bands = values if values.ndim == 3 else values[None]
+        with rasterio.open(
+            path, "w", driver="GTiff", count=len(bands), height=bands.shape[1], width=bands.shape[2],
+            dtype=values.dtype, **profile,
+        ) as raster:  # fmt: skip
+            raster.write(bands)
+    return path
+
+
+def test_files_are_read_with_their_place(tmp_path: Path) -> None:
+    crs, transform, shape = SAME
+    values = np.arange(np.prod(shape), dtype=np.int32).reshape(shape)
+    path = write(tmp_path / "image.tif", np.stack([values, 2 * values]), crs=crs, transform=transform, nodata=0)
+    config = CONFIG.model_copy(update={"band": 2})
+    assert is_georeferenced(path)
+    read = read_georeferenced(path, config)
+    np.testing.assert_array_equal(read.values, np.where(values > 0, 2.0 * values, np.nan))
+    assert np.isnan(read.values[0, 0])
+    assert read.crs == CRS(UTM)
+    found = values_at_ground(read, UTM, SCENE, ground_of())
+    np.testing.assert_array_equal(found, 2 * values_at_ground(image(*SAME), UTM, SCENE, ground_of()))
+    with pytest.raises(MeasurementError, match="2 bands, expected one: .*measurement.band"):
+        read_georeferenced(path, CONFIG)
+
+
+def test_of_a_large_image_the_scenes_part_is_read(tmp_path: Path) -> None:
+    crs, transform, shape = SAME
+    path = tmp_path / "large.tif"
+    large = transform @ Affine.translation(-30_000, -20_000)
+    with rasterio.open(
+        path, "w", driver="GTiff", count=1, height=60_000, width=70_000, dtype="float32", crs=crs, transform=large,
+        tiled=True, SPARSE_OK=True, compress="deflate",
+    ) as raster:  # fmt: skip
+        raster.write(image(*SAME).values.astype(np.float32), 1, window=Window(30_000, 20_000, shape[1], shape[0]))
+    with pytest.raises(MeasurementError, match=r"60000 x 70000 pixels, expected at most 1e\+08"):
+        read_georeferenced(path, CONFIG)
+    read = read_georeferenced(path, CONFIG, partial(places_on_ground, UTM, SCENE, ground_of()))
+    assert max(read.values.shape) < 250
+    np.testing.assert_array_equal(
+        values_at_ground(read, UTM, SCENE, ground_of()), values_at_ground(image(*SAME), UTM, SCENE, ground_of())
+    )
+    # of one that lies elsewhere nothing is read, and it is said
+    far = write(tmp_path / "far.tif", np.ones((9, 9)), crs=crs, transform=Affine.translation(1e5, 0) @ transform)
+    read = read_georeferenced(far, CONFIG, partial(places_on_ground, UTM, SCENE, ground_of()))
+    with pytest.raises(MeasurementError, match="covers no place"):
+        values_at_ground(read, UTM, SCENE, ground_of())
+
+
+def test_the_vertical_part_of_a_crs_does_not_matter(tmp_path: Path) -> None:
+    _, transform, _ = SAME
+    path = write(tmp_path / "image.tif", image(*SAME).values, crs="EPSG:32631+5773", transform=transform)
+    read = read_georeferenced(path, CONFIG)
+    np.testing.assert_array_equal(
+        values_at_ground(read, UTM, SCENE, ground_of()), values_at_ground(image(*SAME), UTM, SCENE, ground_of())
+    )
+
+
+def test_files_without_a_place_are_told_apart(tmp_path: Path) -> None:
+    values = np.ones((20, 30), dtype=np.float32)
+    plain = write(tmp_path / "plain.tif", values)
+    no_transform = write(tmp_path / "crs.tif", values, crs=UTM)
+    no_crs = write(tmp_path / "transform.tif", values, transform=SAME[1])
+    local = write(
+        tmp_path / "local.tif", values, transform=SAME[1],
+        crs=rasterio.crs.CRS.from_wkt('LOCAL_CS["radar",UNIT["metre",1]]'),
+    )  # fmt: skip
+    np.save(tmp_path / "image.npy", values)
+    (tmp_path / "text.tif").write_text("no raster")
+    for path in (plain, no_transform, no_crs, local):
+        assert not is_georeferenced(path), path
+        with pytest.raises(MeasurementError, match=rf"{path.name} has no coordinate reference system or no transform"):
+            read_georeferenced(path, CONFIG)
+    assert not is_georeferenced(tmp_path / "image.npy")
+    assert not is_georeferenced(tmp_path / "text.tif")
+    with pytest.raises(MeasurementError, match=r"text\.tif cannot be read as a raster"):
+        read_georeferenced(tmp_path / "text.tif", CONFIG)
+
+
+def test_pixels_are_turned_into_range_and_azimuth(tmp_path: Path) -> None:
+    """Pixels of 3 m to the east and 5 m to the north, seen by a track to the north, the east and the north-east."""
+    settings = {"height": 9, "width": 9, "count": 1, "dtype": "uint8", "crs": UTM, "driver": "GTiff"}
+    with rasterio.open(tmp_path / "a.tif", "w", transform=Affine(3.0, 0, WEST, 0, -5.0, SOUTH), **settings):
+        pass
+    half = math.cos(math.radians(60.0))
+    for heading, across, along in ((0.0, 3.0, 5.0), (90.0, 5.0, 3.0), (45.0, math.sqrt(17.0), math.sqrt(17.0))):
+        sides = map_pixel_m(tmp_path / "a.tif", Radar(heading_deg=heading, depression_deg=60.0))
+        assert sides == pytest.approx((half * across, along), rel=1e-3)

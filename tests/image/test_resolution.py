@@ -1,0 +1,50 @@
+"""Resolutions against the widths of areas, and the note on those that were not checked."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from radcal.config import Radar
+from radcal.errors import MeasurementError
+from radcal.image.resolution import check_resolutions, unchecked_note
+
+MATERIAL = np.zeros((40, 60), dtype=np.uint8)
+MATERIAL[3:21, 5:40] = 1
+MATERIAL[10, 20:30] = 0  # mixed pixels do not end an area
+MATERIAL[21:30, 4:40] = 2
+
+
+def radar(**keys: float) -> Radar:
+    return Radar(range_spacing_m=1.5, azimuth_spacing_m=2.5, **keys)
+
+
+def test_a_resolution_wider_than_every_area_is_refused() -> None:
+    check_resolutions(MATERIAL, radar(range_resolution_m=26.9, azimuth_resolution_m=89.0))  # 18 rows and 36 columns
+    with pytest.raises(MeasurementError) as caught:
+        check_resolutions(MATERIAL, radar(range_resolution_m=28.0))
+    assert str(caught.value) == (
+        "radar.range_resolution_m is 28: no area of a single material in the image is wider than 27 m in slant range, "
+        "so that no pixel would show one material, expected at most 27 (radar.range_spacing_m is 1.5)."
+    )
+    with pytest.raises(MeasurementError, match=r"^radar\.azimuth_resolution_m is 91: .* 90 m in azimuth"):
+        check_resolutions(MATERIAL, radar(azimuth_resolution_m=91.0))
+    # the extent of an image of one material
+    check_resolutions(np.ones((40, 60), np.uint8), radar(range_resolution_m=59.0))
+    with pytest.raises(MeasurementError, match=r"60 m in slant range"):
+        check_resolutions(np.ones((40, 60), np.uint8), radar(range_resolution_m=61.0))
+    check_resolutions(np.zeros((40, 60), np.uint8), radar(range_resolution_m=61.0))  # other errors tell that
+
+
+def test_the_note_on_unchecked_resolutions_warns_of_unusual_ones() -> None:
+    said = (
+        "radar.range_resolution_m and radar.azimuth_resolution_m could not be checked by the speckle of a.tif, nor "
+        "whether it was filtered: the areas of single materials are too small (fewer than 150 pairs of their pixels "
+        "are 4 pixels apart in slant range or in azimuth), or the speckle is correlated over most of their width"
+    )
+    assert unchecked_note(radar(range_resolution_m=7.0), "a.tif") == f"{said}."
+    # four times 1.184
+    assert unchecked_note(radar(azimuth_resolution_m=12.0), "a.tif") == (
+        f"warning: {said}; radar.azimuth_resolution_m of 12 is 4.8 times radar.azimuth_spacing_m, expected at most "
+        "about 4.7."
+    )

@@ -1,0 +1,518 @@
+"""SICD files written with the library read back to sigma0; damaged ones end in their sentence."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import lxml.etree
+import numpy as np
+import pytest
+import rasterio
+import sarkit.sicd
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rasterio.errors import NotGeoreferencedWarning
+
+from radcal.config import FileMeasurement
+from radcal.errors import MeasurementError
+from radcal.image.readers import read_image
+from radcal.image.sicd import is_sicd
+from radcal.measurement.sources import make_measurement
+from radcal.reading.images import Counts
+
+pytestmark = pytest.mark.filterwarnings("ignore:(read|open)_text is deprecated:DeprecationWarning")  # in sarkit
+
+ROWS, COLUMNS = 24, 18
+SHAPE = (ROWS, COLUMNS)
+SPACING = {"Row": 1.5, "Col": 2.5}
+EARTH_M = 6378137.0  # the scene centre point lies on the equator: up is X, east is Y, north is Z
+HEIGHT_M, GROUND_M = 4000.0, 3000.0
+SLANT_M = np.hypot(HEIGHT_M, GROUND_M)
+# of slant plane and ground; the flight is level and the look broadside: also the complement of incidence
+SLOPE_DEG = float(np.degrees(np.arctan2(HEIGHT_M, GROUND_M)))
+COEFFICIENTS = np.array([[2e-4, 1e-6, 2e-8], [-3e-6, 1e-8, 0.0]])
+AMPLITUDES = np.linspace(0.5, 9.0, 256) ** 2
+
+
+def pixels_of(pixel_type, shape=SHAPE):
+    rng = np.random.default_rng(4)
+    pixels = np.zeros(shape, dtype=sarkit.sicd.PIXEL_TYPES[pixel_type]["dtype"])
+    if pixel_type == "RE32F_IM32F":
+        return (rng.normal(size=shape) + 1j * rng.normal(size=shape)).astype(np.complex64)
+    for name in pixels.dtype.names:
+        limits = np.iinfo(pixels.dtype[name])
+        pixels[name] = rng.integers(limits.min, limits.max, shape, endpoint=True)
+    return pixels
+
+
+def polynomial(name, coefficients):
+    terms = "".join(
+        f'<Coef exponent1="{i}" exponent2="{j}">{float(c)!r}</Coef>' for (i, j), c in np.ndenumerate(coefficients)
+    )
+    orders = np.array(coefficients.shape) - 1
+    return f'<{name} order1="{orders[0]}" order2="{orders[1]}">{terms}</{name}>'
+
+
+def xyz(name, vector):
+    return f"<{name}>" + "".join(f"<{a}>{float(v)!r}</{a}>" for a, v in zip("XYZ", vector, strict=True)) + f"</{name}>"
+
+
+def xml_of(
+    *, shape=SHAPE, first=(0, 0), scp=(9, 5), side="R", pixel_type="RE32F_IM32F", table=None, radiometric=None,
+    polarisation="V:V", frequency_ghz=(9.4, 9.8), plane="SLANT", reference_frequency="",
+):  # fmt: skip
+    """A schema-valid SICD XML of a level flight to the north, looking east (R) or west (L)."""
+    east = 1.0 if side == "R" else -1.0
+    row = np.array([-HEIGHT_M, east * GROUND_M, 0.0]) / SLANT_M
+    normal = np.array([GROUND_M, east * HEIGHT_M, 0.0]) / SLANT_M  # of the slant plane, away from the earth
+    column = np.cross(normal, row)
+    grid = "".join(
+        f"<{axis}>{xyz('UVectECF', vector)}<SS>{SPACING[axis]}</SS><ImpRespWid>2</ImpRespWid><Sgn>-1</Sgn>"
+        f"<ImpRespBW>0.5</ImpRespBW><KCtr>0</KCtr><DeltaK1>-0.25</DeltaK1><DeltaK2>0.25</DeltaK2></{axis}>"
+        for axis, vector in (("Row", row), ("Col", column))
+    )
+    amplitudes = ""
+    if table is not None:
+        entries = "".join(f'<Amplitude index="{k}">{float(a)!r}</Amplitude>' for k, a in enumerate(table))
+        amplitudes = f'<AmpTable size="{len(table)}">{entries}</AmpTable>'
+    corners = "".join(
+        f'<ICP index="{name}"><Lat>0.1</Lat><Lon>0.1</Lon></ICP>' for name in ("1:FRFC", "2:FRLC", "3:LRLC", "4:LRFC")
+    )
+    levels = "".join(polynomial(name, np.atleast_2d(value)) for name, value in (radiometric or {}).items())
+    low, high = (ghz * 1e9 for ghz in frequency_ghz)
+    constant = '<Coef exponent1="0">1</Coef>'
+    text = f"""<SICD xmlns="urn:SICD:1.4.0">
+    <CollectionInfo><CollectorName>a</CollectorName><CoreName>b</CoreName><RadarMode><ModeType>STRIPMAP</ModeType>
+    </RadarMode><Classification>UNCLASSIFIED</Classification></CollectionInfo>
+    <ImageData><PixelType>{pixel_type}</PixelType>{amplitudes}<NumRows>{shape[0]}</NumRows><NumCols>{shape[1]}</NumCols>
+    <FirstRow>{first[0]}</FirstRow><FirstCol>{first[1]}</FirstCol><FullImage><NumRows>1000</NumRows>
+    <NumCols>1000</NumCols></FullImage><SCPPixel><Row>{scp[0]}</Row><Col>{scp[1]}</Col></SCPPixel></ImageData>
+    <GeoData><EarthModel>WGS_84</EarthModel><SCP>{xyz("ECF", (EARTH_M, 0, 0))}<LLH><Lat>0</Lat><Lon>0</Lon><HAE>0</HAE>
+    </LLH></SCP><ImageCorners>{corners}</ImageCorners></GeoData>
+    <Grid><ImagePlane>{plane}</ImagePlane><Type>RGZERO</Type>{polynomial("TimeCOAPoly", np.ones((1, 1)))}{grid}</Grid>
+    <Timeline><CollectStart>2024-01-01T00:00:00Z</CollectStart><CollectDuration>2</CollectDuration></Timeline>
+    <Position><ARPPoly>{"".join(f'<{a} order1="0">{constant}</{a}>' for a in "XYZ")}</ARPPoly></Position>
+    <RadarCollection><TxFrequency><Min>{low}</Min><Max>{high}</Max></TxFrequency>{reference_frequency}
+    <TxPolarization>V</TxPolarization>
+    <RcvChannels size="1"><ChanParameters index="1"><TxRcvPolarization>V:V</TxRcvPolarization></ChanParameters>
+    </RcvChannels></RadarCollection>
+    <ImageFormation><RcvChanProc><NumChanProc>1</NumChanProc><ChanIndex>1</ChanIndex></RcvChanProc>
+    <TxRcvPolarizationProc>{polarisation}</TxRcvPolarizationProc><TStartProc>0</TStartProc><TEndProc>2</TEndProc>
+    <TxFrequencyProc><MinProc>{low}</MinProc><MaxProc>{high}</MaxProc></TxFrequencyProc>
+    <ImageFormAlgo>RMA</ImageFormAlgo><STBeamComp>NO</STBeamComp><ImageBeamComp>NO</ImageBeamComp>
+    <AzAutofocus>NO</AzAutofocus><RgAutofocus>NO</RgAutofocus></ImageFormation>
+    <SCPCOA><SCPTime>1</SCPTime>{xyz("ARPPos", (EARTH_M + HEIGHT_M, -east * GROUND_M, 0))}{xyz("ARPVel", (0, 0, 100))}
+    {xyz("ARPAcc", (0, 0, 0))}<SideOfTrack>{side}</SideOfTrack><SlantRange>{SLANT_M}</SlantRange>
+    <GroundRange>{GROUND_M}</GroundRange><DopplerConeAng>90</DopplerConeAng><GrazeAng>{SLOPE_DEG}</GrazeAng>
+    <IncidenceAng>{90 - SLOPE_DEG}</IncidenceAng><TwistAng>0</TwistAng><SlopeAng>{SLOPE_DEG}</SlopeAng>
+    <AzimAng>0</AzimAng><LayoverAng>0</LayoverAng></SCPCOA>
+    {f"<Radiometric>{levels}</Radiometric>" if levels else ""}</SICD>"""
+    return lxml.etree.ElementTree(lxml.etree.fromstring(text))
+
+
+def write(path, pixels, **keys):
+    """Write a SICD file; the writer's warning that the XML breaks the schema is an error."""
+    security = sarkit.sicd.NitfSecurityFields(clas="U")
+    metadata = sarkit.sicd.NitfMetadata(
+        xmltree=xml_of(shape=pixels.shape, **keys),
+        file_header_part=sarkit.sicd.NitfFileHeaderPart(ostaid="test", security=security),
+        im_subheader_part=sarkit.sicd.NitfImSubheaderPart(isorce="test", security=security),
+        de_subheader_part=sarkit.sicd.NitfDeSubheaderPart(security=security),
+    )
+    with warnings.catch_warnings(), path.open("wb") as file:
+        warnings.simplefilter("error", UserWarning)
+        with sarkit.sicd.NitfWriter(file, metadata) as writer:
+            writer.write_image(pixels)
+    return path
+
+
+def read(path, scale="complex", shape=None, **keys):
+    return read_image(path, FileMeasurement(path=str(path), scale=scale, **keys), shape)
+
+
+def factor_of(coefficients, shape=SHAPE, first=(0, 0), scp=(9, 5)):
+    """The polynomial's definition: c_ij (row distance [m])^i (column distance [m])^j, summed pixel by pixel."""
+    factor = np.zeros(shape)
+    for r, c in np.ndindex(shape):
+        x = (first[0] + r - scp[0]) * SPACING["Row"]
+        y = (first[1] + c - scp[1]) * SPACING["Col"]
+        factor[r, c] = sum(value * x**i * y**j for (i, j), value in np.ndenumerate(np.atleast_2d(coefficients)))
+    return factor
+
+
+def db(power):
+    with np.errstate(divide="ignore"):
+        return np.where(power > 0, 10 * np.log10(power), np.nan)
+
+
+def test_sigma0_is_the_polynomial_times_power(tmp_path):
+    pixels = pixels_of("RE32F_IM32F")
+    found = read(write(tmp_path / "a.nitf", pixels, radiometric={"SigmaZeroSFPoly": COEFFICIENTS}))
+    factor = factor_of(COEFFICIENTS)
+    assert factor.max() / factor.min() > 1.3
+    assert found.image_db.dtype == np.float32
+    np.testing.assert_allclose(found.image_db, db(np.abs(pixels.astype(complex)) ** 2 * factor), atol=1e-4)
+    assert found.notes == ("a.nitf: sigma0 by its SigmaZeroSFPoly, for level ground (radiometry sigma0_ref).",)
+    assert (found.polarisation, found.frequency_hz) == ("VV", pytest.approx(9.6e9))
+    assert found.counts == Counts(ROWS * COLUMNS, 0, 0, 0)
+
+
+@pytest.mark.parametrize("ending", [".NITF", ".ntf", ".sicd"])
+def test_integer_pixels(tmp_path, ending):
+    pixels = pixels_of("RE16I_IM16I")
+    pixels[3, 4] = (-32768, -32768)  # whose square no 16-bit integer holds
+    path = write(tmp_path / f"a{ending}", pixels, pixel_type="RE16I_IM16I", radiometric={"SigmaZeroSFPoly": 1e-9})
+    expected = np.array([[1e-9 * (int(p["real"]) ** 2 + int(p["imag"]) ** 2) for p in row] for row in pixels])
+    np.testing.assert_allclose(read(path).image_db, db(expected), atol=1e-4)
+
+
+@pytest.mark.parametrize("table", [AMPLITUDES, None])
+def test_amplitude_and_phase_pixels(tmp_path, table):
+    pixels = pixels_of("AMP8I_PHS8I")
+    pixels["amp"][0, :2] = 0, 255
+    path = write(
+        tmp_path / "a.ntf", pixels, pixel_type="AMP8I_PHS8I", table=table, radiometric={"SigmaZeroSFPoly": 1e-3}
+    )
+    amplitudes = [float(k) for k in range(256)] if table is None else list(table)
+    expected = np.array([[1e-3 * amplitudes[p["amp"]] ** 2 for p in row] for row in pixels])
+    found = read(path)
+    np.testing.assert_allclose(found.image_db, db(expected), atol=1e-4)
+    assert found.counts.zero == np.count_nonzero(expected == 0)
+
+
+def test_chip_keeps_the_polynomial_of_the_whole_image(tmp_path):
+    pixels, first, scp = pixels_of("RE32F_IM32F"), (120, 40), (130, 95)
+    path = write(
+        tmp_path / "a.nitf", pixels, first=first, scp=scp, side="L", radiometric={"SigmaZeroSFPoly": COEFFICIENTS}
+    )
+    expected = np.abs(pixels.astype(complex)) ** 2 * factor_of(COEFFICIENTS, first=first, scp=scp)
+    np.testing.assert_allclose(read(path).image_db, db(expected)[:, ::-1], atol=1e-4)
+
+
+@pytest.mark.parametrize("side", ["R", "L"])
+def test_rows_grow_in_range_and_columns_along_the_flight(tmp_path, side):
+    places = [(2, 3), (7, 11), (20, 6)]
+    pixels = np.full(SHAPE, 1e-3, dtype=np.complex64)
+    for k, place in enumerate(places):
+        pixels[place] = 10.0 + k
+    image_db = read(write(tmp_path / "a.nitf", pixels, side=side)).image_db
+    found = [np.argwhere(np.abs(image_db - 20 * np.log10(10 + k)) < 1e-3)[0] for k in range(3)]
+    # where the pixels lie on the earth, from the file's own vectors: the library projects them
+    xml = xml_of(side=side)
+    helper = sarkit.sicd.XmlHelper(xml)
+    scp, row, column, radar, velocity = (
+        helper.load("./" + name)
+        for name in (
+            "{*}GeoData/{*}SCP/{*}ECF", "{*}Grid/{*}Row/{*}UVectECF", "{*}Grid/{*}Col/{*}UVectECF",
+            "{*}SCPCOA/{*}ARPPos", "{*}SCPCOA/{*}ARPVel",
+        )
+    )  # fmt: skip
+    points = sarkit.sicd.projection.image_grid_to_image_plane_point(
+        scp, row, column, sarkit.sicd.rowcol_to_xrowycol(xml, np.array(places))
+    )
+    flown = (points - scp) @ velocity / np.linalg.norm(velocity)
+    to_track = points - radar - flown[:, None] * velocity / np.linalg.norm(velocity)
+    slant = np.linalg.norm(to_track, axis=1)
+    np.testing.assert_allclose(np.diff([f[0] for f in found]) * SPACING["Row"], np.diff(slant), atol=1e-6)
+    np.testing.assert_allclose(np.diff([f[1] for f in found]) * SPACING["Col"], np.diff(flown), atol=1e-6)
+
+
+def test_sigma0_from_beta0(tmp_path):
+    pixels = pixels_of("RE32F_IM32F")
+    found = read(write(tmp_path / "a.nitf", pixels, radiometric={"BetaZeroSFPoly": COEFFICIENTS}))
+    incidence = np.radians(90 - SLOPE_DEG)
+    expected = np.abs(pixels.astype(complex)) ** 2 * factor_of(COEFFICIENTS) * np.sin(incidence)
+    np.testing.assert_allclose(found.image_db, db(expected), atol=1e-4)
+    (note,) = found.notes
+    for words in (
+        "a.nitf: it has no SigmaZeroSFPoly",
+        "sigma0 is beta0 by its BetaZeroSFPoly",
+        "-2.22 dB",
+        "53.13 deg",
+    ):
+        assert words in note
+
+
+def test_sigma0_from_gamma0(tmp_path):
+    pixels = pixels_of("RE32F_IM32F")
+    found = read(write(tmp_path / "a.nitf", pixels, radiometric={"GammaZeroSFPoly": 0.01}))
+    expected = np.abs(pixels.astype(complex)) ** 2 * 0.01 * np.sin(np.radians(SLOPE_DEG))  # the grazing angle
+    np.testing.assert_allclose(found.image_db, db(expected), atol=1e-4)
+    assert "GammaZeroSFPoly" in found.notes[0]
+
+
+@pytest.mark.parametrize("polynomial", ["SigmaZeroSFPoly", "BetaZeroSFPoly", "GammaZeroSFPoly", "RCSSFPoly"])
+def test_the_file_says_its_radiometry(tmp_path, polynomial):
+    path = write(tmp_path / "a.nitf", pixels_of("RE32F_IM32F"), radiometric={polynomial: 2.0})
+    assert read(path).radiometry == (None if polynomial == "RCSSFPoly" else "sigma0_ref")
+
+
+def test_sigma0_is_preferred_to_beta0(tmp_path):
+    levels = {"SigmaZeroSFPoly": 2.0, "BetaZeroSFPoly": 50.0, "GammaZeroSFPoly": 80.0}
+    path = write(tmp_path / "a.nitf", np.ones(SHAPE, dtype=np.complex64), radiometric=levels)
+    np.testing.assert_allclose(read(path).image_db, db(2.0), atol=1e-5)
+
+
+def test_without_calibration_levels_are_relative(tmp_path):
+    pixels = pixels_of("RE32F_IM32F")
+    for radiometric in (None, {"RCSSFPoly": 2.0}):
+        found = read(write(tmp_path / "a.nitf", pixels, radiometric=radiometric))
+        np.testing.assert_allclose(found.image_db, db(np.abs(pixels.astype(complex)) ** 2), atol=1e-4)
+        assert "levels are relative: use target.normalisation: offset or image" in found.notes[0]
+
+
+def test_zero_and_missing_pixels_are_counted(tmp_path):
+    pixels = np.ones(SHAPE, dtype=np.complex64)
+    pixels[0, :3], pixels[1, :2], pixels[1, 2] = 0, np.nan, 1j * np.inf
+    found = read(write(tmp_path / "a.nitf", pixels))
+    assert found.counts == Counts(ROWS * COLUMNS, 3, 3, 0)
+    assert np.count_nonzero(np.isnan(found.image_db)) == 6
+    with pytest.raises(MeasurementError, match=r"a\.nitf holds no power: 432 of its pixels are 0"):
+        read(write(tmp_path / "a.nitf", np.zeros(SHAPE, dtype=np.complex64)))
+
+
+@pytest.mark.parametrize("scale", ["db", "power", "amplitude"])
+def test_scale_must_be_complex(tmp_path, scale):
+    path = write(tmp_path / "a.nitf", pixels_of("RE32F_IM32F"))
+    with pytest.raises(MeasurementError, match=rf"scale is {scale}, .*a\.nitf is SICD.*set .*scale: complex"):
+        read(path, scale)
+
+
+def test_band_shape_and_plane(tmp_path):
+    path = write(tmp_path / "a.nitf", pixels_of("RE32F_IM32F"), plane="GROUND")
+    assert "its rows lie in the image plane GROUND" in read(path, band=1).notes[-1]
+    with pytest.raises(MeasurementError, match=r"measurement\.band is 2, .*a\.nitf has 1"):
+        read(path, band=2)
+    with pytest.raises(MeasurementError, match="has 24 x 18 pixels, the scene's image 18 x 24: crop"):
+        read(path, shape=(COLUMNS, ROWS))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            b'<SICD xmlns="urn:SICD:1.4.0">',
+            b'<SICD xmlns="urn:SICD:0.4.0">',
+            "version is urn:SICD:0.4.0, expected one of",
+        ),
+        (b"<NumRows>24<", b"<NumRows>25<", "gives 25 x 18 pixels, its image segments hold 24 x 18"),
+        (b"<NumRows>24<", b"<NumRows>23<", "gives 23 x 18 pixels, its image segments hold 24 x 18"),
+        (b"<NumCols>18<", b"<NumCols>81<", "gives 24 x 81 pixels, its image segments hold 24 x 18"),
+        (b"RE32F_IM32F", b"RE64F_IM64F", "pixel type is RE64F_IM64F, expected one of RE32F_IM32F"),
+        (b"RE32F_IM32F", b"RE16I_IM16I", "24 x 18 pixels has 3456 bytes, expected 1728"),
+        (b"<SideOfTrack>R", b"<SideOfTrack>L", "columns grow along the flight, SideOfTrack is L"),
+        (b"<SideOfTrack>R", b"<SideOfTrack>B", "SideOfTrack is B, expected L or R"),
+        (b"<ARPPos><X>6", b"<ARPPos><X>5", "rows do not grow away from the radar"),
+        (b">0.0002<", b">-0.002<", "SigmaZeroSFPoly is not positive in 432 of 432 pixels"),
+        (b"</SICD>", b"</CISD>", "tag mismatch"),
+        # what the library would take for tens of thousands of bands
+        (b"NC2", b"NC0", "compression and bands of image segment 1 are b'NC0', expected NC and 2"),
+        (b"NC2", b"C82", "compression and bands of image segment 1 are b'C82'"),
+        (b"000417001", b"000418001", "its header gives a length of 418 bytes and contents of 417"),
+    ],
+)
+def test_files_that_contradict_themselves(tmp_path, old, new, words):
+    path = write(tmp_path / "a.nitf", pixels_of("RE32F_IM32F"), radiometric={"SigmaZeroSFPoly": COEFFICIENTS})
+    content = path.read_bytes()
+    assert old in content
+    assert len(old) == len(new)  # lengths are in the headers
+    path.write_bytes(content.replace(old, new))
+    with pytest.raises(MeasurementError, match=rf"^measurement\.path: .*a\.nitf cannot be read as SICD \(.*{words}"):
+        read(path)
+
+
+def test_a_document_type_is_refused(tmp_path):
+    """The library would parse it by its own defaults."""
+    path = write(tmp_path / "a.nitf", pixels_of("RE32F_IM32F"), radiometric={"SigmaZeroSFPoly": COEFFICIENTS})
+    content = path.read_bytes()
+    start, room = content.index(b"<SICD"), content.index(b"<CollectionInfo>") - content.index(b"<SICD")
+    kept = content[start : start + room].rstrip()
+    name, end = content.index(b"<CollectorName>"), content.index(b"</RadarMode>")
+    declared = b'<!DOCTYPE SICD [<!ENTITY e "1">]>'
+    changed = declared + content[start:name] + content[end + len(b"</RadarMode>") :]
+    changed = changed.replace(b"</SICD>", b"</SICD>" + b" " * (len(content) - start - len(changed)), 1)
+    assert kept.startswith(b"<SICD")
+    path.write_bytes(content[:start] + changed)
+    with pytest.raises(MeasurementError, match=r"cannot be read as SICD \(its XML declares a document type"):
+        read(path)
+
+
+def test_amplitude_table_of_another_size(tmp_path):
+    path = write(tmp_path / "a.ntf", pixels_of("AMP8I_PHS8I"), pixel_type="AMP8I_PHS8I", table=AMPLITUDES)
+    content = path.read_bytes()
+    last = f'<Amplitude index="255">{float(AMPLITUDES[255])!r}</Amplitude>'.encode()
+    path.write_bytes(
+        content.replace(last, b" " * len(last)).replace(b'<AmpTable size="256">', b'<AmpTable size="255">')
+    )
+    with pytest.raises(MeasurementError, match="AmpTable has 255 amplitudes, expected 256"):
+        read(path)
+
+
+def test_other_nitf_files_are_rasters(tmp_path):
+    power = np.random.default_rng(5).gamma(4, 0.025, SHAPE).astype(np.float32)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        with rasterio.open(
+            tmp_path / "a.ntf", "w", driver="NITF", count=1, height=ROWS, width=COLUMNS, dtype="float32"
+        ) as raster:
+            raster.write(power, 1)
+    assert not is_sicd(tmp_path / "a.ntf")
+    found = read(tmp_path / "a.ntf", "power")
+    np.testing.assert_allclose(found.image_db, db(power), atol=1e-4)
+    assert found.notes == ()
+
+
+@pytest.mark.parametrize("name", ["a.nitf", "a.ntf", "a.sicd"])
+@pytest.mark.parametrize("content", [b"", b"no image at all", b"NITF02.10", b"NITF02.10IMSICD000"])
+def test_empty_and_wrong_files_end_in_a_sentence(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(MeasurementError, match=r"^measurement\.path: .* cannot be read as (a raster|SICD) \(.+\)\.$"):
+        read(tmp_path / name)
+
+
+@pytest.fixture(scope="module", params=["RE32F_IM32F", "RE16I_IM16I", "AMP8I_PHS8I"])
+def content(request, tmp_path_factory):
+    path = tmp_path_factory.mktemp("sicd") / "a.nitf"
+    table = AMPLITUDES if request.param == "AMP8I_PHS8I" else None
+    pixels = pixels_of(request.param, (8, 6))
+    write(path, pixels, pixel_type=request.param, table=table, radiometric={"SigmaZeroSFPoly": COEFFICIENTS})
+    return path.read_bytes()
+
+
+@given(data=st.data())
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_truncated_files_end_in_a_sentence(tmp_path, content, data):
+    (tmp_path / "a.nitf").write_bytes(content[: data.draw(st.integers(0, len(content) - 1))])
+    with pytest.raises(MeasurementError, match=r"^measurement\.path: .*a\.nitf cannot be read as"):
+        read(tmp_path / "a.nitf")
+
+
+@given(data=st.data())
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_flipped_bits_give_an_image_or_a_sentence(tmp_path, content, data):
+    damaged = bytearray(content)
+    # half of the flips in the headers, where they do most
+    reach = st.one_of(st.integers(0, len(content) - 1), st.integers(0, 1100))
+    for _ in range(data.draw(st.integers(1, 4))):
+        damaged[data.draw(reach)] ^= 1 << data.draw(st.integers(0, 7))
+    (tmp_path / "a.nitf").write_bytes(bytes(damaged))
+    # anything but a MeasurementError gets through and fails
+    with contextlib.suppress(MeasurementError):
+        assert read(tmp_path / "a.nitf").image_db.ndim == 2
+
+
+class NoSimulator:
+    """A file needs no simulator."""
+
+    identity: Mapping[str, Any] = {}
+
+    def run(self, parameters, noise_seed):
+        raise AssertionError("called")
+
+
+@pytest.fixture
+def measure(tmp_path, geometry, build_case):
+    """Write a SICD file of the tiny case's size and make it the measurement of a case with such a radar."""
+
+    def measure(section, pixels=None, radiometry=None, radiometric=(("SigmaZeroSFPoly", 0.01),), **keys):
+        pixels = pixels_of("RE32F_IM32F", geometry.shape) if pixels is None else pixels
+        path = write(tmp_path / "a.nitf", pixels, radiometric=dict(radiometric), **keys)
+        case = build_case(
+            radar={"altitude_m": 1000.0, "looks": 1, "polarisation": "VV", **section},
+            measurement={"source": "file", "path": str(path), "scale": "complex", "radiometry": radiometry},
+        )
+        return make_measurement(case, geometry, NoSimulator())
+
+    return measure
+
+
+def test_notes_of_a_measurement(measure, geometry):
+    pixels = pixels_of("RE32F_IM32F", geometry.shape)
+    pixels[0, :5], pixels[1, 1] = 0, np.nan
+    level = "a.nitf: sigma0 by its SigmaZeroSFPoly, for level ground (radiometry sigma0_ref)."
+    total = f"{pixels.size:,}"
+    counts, levels, looks, spread = measure({}, pixels).notes
+    assert counts == f"a.nitf: {total} pixels, 1 without data, 5 zero, 0 negative: NaN in the image."
+    assert levels == level
+    assert re.search(r"speckle of a\.nitf is that of (0\.[89]|1\.[0-3])\d* looks .*; radar\.looks is 1\.$", looks)
+    assert spread.startswith("by its speckle the point spread of a.nitf is 0.6")  # of independent pixels
+    with pytest.raises(
+        MeasurementError, match=r"scale is complex, but .*; radar\.looks is 9; set radar\.looks to what"
+    ):
+        measure({"looks": 9})
+    few = {"looks": 4, "range_resolution_m": 40.0}
+    single, spread = measure(few).notes[2:]
+    assert single == "a.nitf: complex pixels have a single look, radar.looks is 4."
+    assert spread.startswith("warning: by its speckle the point spread of a.nitf is 0.6")
+
+
+@pytest.mark.parametrize(
+    ("section", "keys", "words"),
+    [
+        ({"polarisation": "HH"}, {}, "polarisation of .*a.nitf is VV, radar.polarisation is HH"),
+        ({"polarisation": "VH"}, {"polarisation": "H:V"}, "is HV, radar.polarisation is VH"),
+        ({}, {"polarisation": "RHC:LHC"}, "is RHC:LHC, radar.polarisation is VV"),
+        ({"band": "C"}, {}, r"carrier of .*a.nitf is 9.6 GHz \(band X\), radar.band is C"),
+        ({"band": "X"}, {"frequency_ghz": (200, 202)}, r"201 GHz \(band without a letter\), radar.band is X"),
+    ],
+)
+def test_another_pass_is_refused(measure, section, keys, words):
+    with pytest.raises(MeasurementError, match=words):
+        measure(section, **keys)
+
+
+@pytest.mark.parametrize(
+    ("section", "keys", "words"),
+    [
+        ({}, {"polarisation": "UNKNOWN"}, "its polarisation is unknown"),
+        ({}, {"polarisation": "V:OTHER"}, "its polarisation is unknown"),
+        ({"band": "L"}, {"reference_frequency": "<RefFreqIndex>1</RefFreqIndex>"}, "its carrier frequency is unknown"),
+        ({"band": "9.6 GHz"}, {}, "its carrier of 9.6 GHz is not compared with radar.band = 9.6 GHz"),
+    ],
+)
+def test_what_cannot_be_compared_is_told(measure, section, keys, words):
+    assert any(words in note for note in measure(section, **keys).notes[2:])
+
+
+@pytest.mark.parametrize(
+    ("of_pass", "configured", "radiometric", "words"),
+    [
+        (
+            "sigma0_local",
+            None,
+            {"SigmaZeroSFPoly": 1.0},
+            "radiometry of .*a.nitf is sigma0_ref, radar.radiometry is sigm",
+        ),
+        (
+            "gamma0",
+            "gamma0",
+            {"GammaZeroSFPoly": 1.0},
+            "radiometry is gamma0, .*a.nitf is read as sigma0_ref: leave th",
+        ),
+        (
+            "sigma0_ref",
+            None,
+            {"RCSSFPoly": 1.0},
+            "measurement.radiometry is missing: .*a.nitf does not say it .*expect",
+        ),
+        ("sigma0_ref", None, {}, "measurement.radiometry is missing: .*a.nitf does not say it"),
+    ],
+)
+def test_another_radiometry_is_refused(measure, of_pass, configured, radiometric, words):
+    with pytest.raises(MeasurementError, match=words):
+        measure({"radiometry": of_pass}, radiometry=configured, radiometric=radiometric)
+
+
+def test_radiometry_of_relative_levels_is_configured(measure):
+    notes = measure({"radiometry": "beta0"}, radiometry="beta0", radiometric={}).notes
+    assert "levels are relative" in notes[1]
+    assert measure({}, radiometry="sigma0_ref").notes[1].endswith("(radiometry sigma0_ref).")
+
+
+@pytest.mark.parametrize(("band", "frequency_ghz"), [("x-band", (9.4, 9.8)), ("P", (0.4, 0.47)), ("UHF", (0.4, 0.47))])
+def test_the_same_band(measure, band, frequency_ghz):
+    assert not any("carrier" in note for note in measure({"band": band}, frequency_ghz=frequency_ghz).notes)

@@ -1,0 +1,103 @@
+"""Tags and band names of rasters, against the keys of a case."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+
+from radcal.config import Case
+from radcal.errors import MeasurementError
+from radcal.image.model import Measurement
+from radcal.image.tags import Tags, tags_of
+from radcal.measurement.sources import make_measurement
+from radcal.radar.geometry import Geometry
+
+pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+
+NORMALISATION = "PROCESSING_INFORMATION_OUTPUT_BACKSCATTER_NORMALIZATION_CONVENTION"
+
+
+def write(path: Path, shape: tuple[int, int], names: list[str | None], **tags: str) -> Path:
+    with rasterio.open(
+        path, "w", driver="GTiff", count=len(names), height=shape[0], width=shape[1], dtype="float32"
+    ) as raster:
+        values = np.random.default_rng(1).normal(-12.0, 3.0, (len(names), *shape))
+        raster.write(values.astype(np.float32))
+        raster.descriptions = tuple(names)
+        raster.update_tags(**tags)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("names", "band", "tags", "expected"),
+    [
+        (["VV", "VH"], 2, {}, Tags("VH")),
+        (["VV", "angle"], 2, {}, Tags()),
+        (["Sigma0_VH_db"], None, {}, Tags("VH", decibels=True)),
+        (["Gamma0_HH"], None, {NORMALISATION: "gamma0"}, Tags("HH", "gamma0")),
+        ([None], None, {}, Tags()),
+    ],
+)
+def test_bands_and_tags_are_read(
+    tmp_path: Path, names: list[str | None], band: int | None, tags: dict[str, str], expected: Tags
+) -> None:
+    assert tags_of(write(tmp_path / "a.tif", (4, 5), names, **tags), band) == expected
+
+
+def test_files_without_tags_say_nothing(tmp_path: Path) -> None:
+    (tmp_path / "a.tif").write_text("no raster")
+    assert tags_of(tmp_path / "a.tif", None) == Tags()
+    assert tags_of(tmp_path / "a.npy", None) == Tags()
+
+
+@pytest.mark.parametrize(
+    ("names", "tags", "keys", "words"),
+    [
+        (["VH"], {}, {}, r"the polarisation of .*a\.tif is VH, radar\.polarisation is HH"),
+        (["Sigma0_HH_db"], {}, {"scale": "power"}, "measurement.scale is power, the name of the band of .* says dB"),
+        ([None], {NORMALISATION: "gamma0"}, {}, "measurement.radiometry is sigma0_local, the tags of .* say gamma0"),
+    ],
+)
+def test_contradictions_are_refused(
+    tmp_path: Path,
+    geometry: Geometry,
+    build_case: Callable[..., Case],
+    names: list[str | None],
+    tags: dict[str, str],
+    keys: dict[str, Any],
+    words: str,
+) -> None:
+    path = write(tmp_path / "a.tif", geometry.shape, names, **tags)
+    file = {"source": "file", "path": str(path), "scale": "db", "radiometry": "sigma0_local", **keys}
+    if keys:
+        with rasterio.open(path, "r+") as raster:
+            raster.write(10.0 ** (raster.read() / 10.0))
+    with pytest.raises(MeasurementError, match=words):
+        measured(build_case(measurement=file), geometry)
+    right = write(tmp_path / "b.tif", geometry.shape, ["HH"], **{NORMALISATION: "sigma0"})
+    file = {"source": "file", "path": str(right), "scale": "db", "radiometry": "sigma0_local"}
+    assert measured(build_case(measurement=file), geometry).source == "b.tif"
+
+
+@pytest.mark.parametrize(("letters", "filtered"), [("gpuned", False), ("gpufed", True)])
+def test_what_a_name_says_is_told(
+    tmp_path: Path, geometry: Geometry, build_case: Callable[..., Case], letters: str, filtered: bool
+) -> None:
+    path = write(tmp_path / f"S1A_IW_20180128T161201_DVP_RTC30_G_{letters}_FD6A_HH.tif", geometry.shape, [None])
+    with rasterio.open(path, "r+") as raster:
+        raster.write(10.0 ** (raster.read() / 10.0))
+    case = build_case(measurement={"source": "file", "path": str(path)}, radar={"radiometry": "gamma0_rtc"})
+    notes = measured(case, geometry).notes
+    (said,) = (note for note in notes if "by its name" in note)
+    assert "a HyP3 RTC product, read as scale power, radiometry gamma0_rtc, polarisation HH" in said
+    assert ("speckle was filtered" in said) == filtered
+
+
+def measured(case: Case, geometry: Geometry) -> Measurement:
+    nothing: Any = None  # a file needs no simulator
+    return make_measurement(case, geometry, nothing)

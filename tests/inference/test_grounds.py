@@ -1,0 +1,192 @@
+"""Laws from measured pixels, and held-out ground, on simulated fields."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import polygamma
+
+from radcal.ground.classes import make_classes
+from radcal.ground.ground import Ground
+from radcal.ground.patches import Spread, spreads
+from radcal.inference.grounds import GroundLaw, fit_grounds
+from radcal.inference.law_fit import LawFit, fit_law
+from radcal.inference.misfit import BinMisfit, LikelihoodMisfit, Method
+from radcal.laws import LAWS
+from radcal.radar.texture import log_speckle_cumulants
+
+LAW = LAWS["mangia"]
+BOUNDS = [[-80.0, 10.0], [0.0, 60.0], [0.0, 60.0], [0.0, 20.0]]
+TRUTH = np.array([-32.0, 20.0, 6.0, 4.0])
+METHOD = Method(LAW, BOUNDS, looks=4.0)
+
+
+def fields(rng, x=TRUTH, looks=2.8, between=0.0, within=0.0, rows=120, columns=96, width=8, height=1000):
+    """Fields over rows of incidence, blocks of 5 rows."""
+    row, column = np.indices((rows, columns))
+    row, column = row.ravel(), column.ravel()
+    incidence = 25.0 + 25.0 * row / rows
+    patch, block = column // width + 1 + 100 * (row // height), row // 5
+    effect = between * rng.normal(size=patch.max() + 1)
+    cell = within * rng.normal(size=(patch.max() + 1, block.max() + 1))
+    values = LAW(np.radians(incidence), x) + effect[patch] + cell[patch, block]
+    values = values + 10.0 * np.log10(rng.gamma(looks, 1.0 / looks, row.size))
+    return Ground(values, incidence, patch, block)
+
+
+def law_error(found, x=TRUTH):
+    phi = np.radians(np.linspace(26.0, 49.0, 50))
+    return np.abs(LAW(phi, found.fit.parameters) - LAW(phi, x)).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("misfit", [BinMisfit, LikelihoodMisfit])
+def test_law_and_looks_are_found(misfit):
+    found = fit_grounds({"field": fields(np.random.default_rng(1))}, {"field": replace(METHOD, misfit=misfit)})
+    assert law_error(found["field"]) < 0.35
+    assert found["field"].fit.looks == pytest.approx(2.8, rel=0.08)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("looks", [4.0, 2.5])
+def test_the_prior_hardly_moves_the_looks_of_a_single_field(looks):
+    """Its bins tell the spread of a field, and not of how many looks other fields are."""
+    grounds = {str(k): fields(np.random.default_rng(k), looks=looks, rows=40, width=96) for k in range(6)}
+    found = fit_grounds(grounds, dict.fromkeys(grounds, METHOD))
+    mean = np.exp(np.mean([np.log(law.fit.looks) for law in found.values()]))
+    assert mean == pytest.approx(looks, rel=0.05)
+
+
+def test_one_bin_takes_missing_looks_for_a_law():
+    """At looks that are held for known: what one density of all pixels tells."""
+    ground = fields(np.random.default_rng(1), looks=2.0)
+    methods = {"bins": METHOD, "one": replace(METHOD, classes=1, free_looks=False, priors=False)}
+    found = fit_grounds(dict.fromkeys(methods, ground), methods)
+    assert law_error(found["one"]) > 2.0 * law_error(found["bins"])
+    assert found["one"].fit.looks == 4.0
+    assert found["one"].classes.size == 1
+
+
+@pytest.mark.slow
+def test_an_error_of_the_incidence_is_undone_where_it_is_known():
+    rng = np.random.default_rng(3)
+    n = 20_000
+    true = rng.normal(42.0, 6.0, n)
+    line = np.array([-40.0, 30.0, 0.0, 5.0])
+    values = LAW(np.radians(true), line) + 10.0 * np.log10(rng.gamma(4.0, 0.25, n))
+    block = np.arange(n) % 10
+    ground = Ground(values, true + rng.normal(0.0, 4.0, n), np.ones(n, dtype=int), block)
+    methods = {"without": METHOD, "with": replace(METHOD, incidence_error_deg=4.0)}
+    found = fit_grounds(dict.fromkeys(methods, ground), methods)
+    slope = {name: float(-np.diff(LAW(np.radians([37.0, 47.0]), f.fit.parameters))[0]) for name, f in found.items()}
+    wanted = float(-np.diff(LAW(np.radians([37.0, 47.0]), line))[0])
+    assert slope["without"] == pytest.approx(36.0 / 52.0 * wanted, rel=0.1)
+    assert slope["with"] == pytest.approx(wanted, rel=0.1)
+
+
+@pytest.mark.parametrize("classes", ["auto", 1])
+def test_blocks_of_a_pixel_or_two_do_not_end_in_an_error(classes):
+    ground = fields(np.random.default_rng(5), rows=10, columns=12)
+    block = np.zeros(ground.block.size, dtype=int)
+    block[0] = 1  # the rest of its fold is one pixel
+    ground = replace(ground, block=block)
+    found = fit_grounds({"field": ground}, {"field": replace(METHOD, classes=classes)})["field"]
+    assert np.isfinite(found.fit.parameters).all()
+
+
+def test_cells_of_one_pixel_each():
+    ground = fields(np.random.default_rng(5), rows=20, columns=12)
+    alone = replace(ground, block=np.arange(ground.block.size))
+    found = fit_grounds({"alone": alone, "other": ground}, dict.fromkeys(("alone", "other"), METHOD))
+    for law in found.values():
+        assert np.isfinite([law.spread.between, law.spread.within, *law.fit.parameters]).all()
+
+
+def test_pixels_that_are_all_equal_in_a_class():
+    ground = fields(np.random.default_rng(5), rows=20, columns=12)
+    filled = replace(ground, values_db=np.where(ground.incidence_deg < 30.0, -5.0, ground.values_db))
+    found = fit_grounds({"field": filled}, {"field": METHOD})["field"]
+    assert np.isfinite(found.fit.parameters).all()
+
+
+def known_law(ground, looks=2.8, classes=3):
+    """The true law of a ground, as if it had been found."""
+    made = make_classes(ground.values_db, ground.incidence_deg, classes)
+    return GroundLaw(ground, METHOD, made, Spread(0.5, 0.3), LawFit(TRUTH, looks, 0.0, np.eye(5), np.eye(5)))
+
+
+def test_levels_and_their_derivatives():
+    law = known_law(fields(np.random.default_rng(8), rows=30, columns=24))
+    angle = np.array([26.0, 37.0, 48.5])
+    phi = np.radians(angle)
+    # of X1 + X2 cos(phi) + X3 exp(-X4 phi^2), and of the mean of log speckle (psi(L) - ln L) by ln L
+    curve = np.exp(-4.0 * phi**2)
+    of_looks = 10.0 / np.log(10.0) * (2.8 * polygamma(1, 2.8) - 1.0)
+    wanted = np.stack([np.ones(3), np.cos(phi), curve, -6.0 * phi**2 * curve, np.full(3, of_looks)], axis=-1)
+    np.testing.assert_allclose(law.slopes(angle), wanted, rtol=1e-5)
+    speckle = 10.0 / np.log(10.0) * (polygamma(0, 2.8) - np.log(2.8))
+    np.testing.assert_allclose(law.levels_db(angle), LAW(phi, TRUTH) + speckle)
+
+
+def test_the_covariance_is_that_of_repeated_fits():
+    # a linear problem, where it is known: mean and slope of a line in 11 points
+    rng = np.random.default_rng(6)
+    t = np.linspace(-1.0, 1.0, 11)
+    design = np.stack([np.ones(11), t], axis=-1)
+    y = design @ [3.0, -2.0] + rng.normal(0.0, 0.1, 11)
+    fit = fit_law(lambda x, _: (design @ x - y) / 0.1, [[-50.0, 50.0]] * 2, 4.0, free_looks=False)
+    np.testing.assert_allclose(fit.parameters, np.linalg.lstsq(design, y, rcond=None)[0], atol=1e-6)
+    np.testing.assert_allclose(fit.covariance[:2, :2], 0.01 * np.linalg.inv(design.T @ design), rtol=1e-3, atol=1e-8)
+
+
+def test_a_prior_pulls_and_looks_stay_inside():
+    wanted = log_speckle_cumulants(30.0)[1]
+    fit = fit_law(
+        lambda x, looks: np.array([x[0] - 1.0, log_speckle_cumulants(looks)[1] - wanted]),
+        [[-5.0, 5.0]],
+        4.0,
+        prior=lambda x, _: np.array([x[0] - 3.0]),
+    )
+    assert fit.parameters[0] == pytest.approx(2.0, abs=1e-4)
+    assert fit.looks == pytest.approx(4.4, rel=1e-3)
+
+
+def test_what_priors_say_is_told_from_what_the_data_say():
+    """A linear problem: inverse covariances of bounds (uniform laws), of the prior and of the data add."""
+    data = np.array([[2.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.0, 0.0, 3.0]])
+
+    def residuals(x, looks):
+        return data @ [x[0] - 1.0, x[1] + 0.3, np.log(looks / 2.0)]
+
+    fit = fit_law(residuals, [[-5.0, 5.0], [-2.0, 2.0]], 4.0, prior=lambda x, _: np.array([1.25 * (x[0] - 1.0)]))
+    known = np.diag([12.0 / 10.0**2, 12.0 / 4.0**2, 12.0 / np.log(1.1 * 4.0 / 0.3) ** 2])
+    known[0, 0] += 1.25**2
+    np.testing.assert_allclose(fit.prior_information, known, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(fit.covariance, np.linalg.inv(known + data.T @ data), rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("right", [3.0, -3.0])
+def test_of_several_minima_the_lowest_is_taken(right):
+    fit = fit_law(
+        lambda x, _: np.array([0.5 * (x[0] ** 2 - 9.0), 0.2 * (x[0] - right)]), [[-5.0, 5.0]], 4.0, free_looks=False
+    )
+    assert fit.parameters[0] == pytest.approx(right, abs=1e-4)
+    assert fit.cost == pytest.approx(0.0, abs=1e-9)
+
+
+def test_law_and_spread_of_fields_agree_with_each_other():
+    """The spread that the last law's residuals tell is that with which it was fitted."""
+    ground = fields(np.random.default_rng(3), between=3.0, within=0.2, rows=60, columns=48, height=30)
+    law = fit_grounds({"field": ground}, {"field": METHOD})["field"]
+    (again,) = spreads([law.cell_residuals()])
+    assert (law.spread.between, law.spread.within) == pytest.approx((again.between, again.within), rel=1e-4)
+    assert law.spread.between > 2.0
+
+
+def test_looks_that_are_not_searched_are_those_of_the_start():
+    """Without a start, they are those of the sensor."""
+    box = [[-5.0, 5.0]]
+    for start, looks in (((np.array([1.0]), 2.5), 2.5), (None, 4.0)):
+        assert fit_law(lambda x, n: np.array([x[0] - n]), box, 4.0, False, start).parameters == pytest.approx([looks])

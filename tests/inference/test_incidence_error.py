@@ -1,0 +1,90 @@
+"""Errors of the incidence, against simulated maps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from radcal.inference.incidence_error import attenuation, registration_error_deg, true_nodes
+from radcal.laws import law_for
+
+LINE = law_for("tabulated", angles_deg=[0.0, 90.0])  # straight: two knots
+
+
+def test_classical_error_draws_the_true_angle_to_the_mean():
+    rng = np.random.default_rng(1)
+    true = rng.normal(45.0, 6.0, 400_000)
+    mapped = true + rng.normal(0.0, 4.0, true.size)
+    share = attenuation(mapped, 4.0)
+    assert share == pytest.approx(36.0 / 52.0, rel=0.01)
+    near = np.abs(mapped - 52.0) < 0.5
+    nodes = true_nodes([[52.0]], 4.0, float(mapped.mean()), share)
+    assert nodes.mean() == pytest.approx(true[near].mean(), abs=0.1)
+    assert nodes.std() == pytest.approx(true[near].std(), rel=0.03)
+
+
+def test_without_attenuation_the_angles_only_spread():
+    nodes = true_nodes([[40.0, 50.0]], 3.0, 45.0, 1.0).reshape(2, 5)
+    np.testing.assert_allclose(nodes.mean(axis=1), [40.0, 50.0])
+    np.testing.assert_allclose(nodes.std(axis=1), 3.0)
+    slope = -0.3
+    level = LINE(np.radians(nodes[0]), [0.0, 90.0 * slope])
+    assert level.var() == pytest.approx((slope * 3.0) ** 2)
+
+
+def test_no_error_changes_nothing():
+    np.testing.assert_array_equal(true_nodes([[40.0, 50.0]], 0.0, 45.0, 1.0), [[40.0, 50.0]])
+    assert attenuation([40.0, 50.0], 0.0) == 1.0
+
+
+def test_an_error_beyond_the_spread_leaves_something():
+    assert attenuation([44.0, 46.0], 10.0) == pytest.approx(0.1)
+
+
+def test_angles_stay_possible():
+    nodes = true_nodes([[1.0, 89.0]], 5.0, 45.0, 1.0)
+    assert nodes.min() == 0.0
+    assert nodes.max() == 90.0
+
+
+def test_the_error_that_a_registration_leaves():
+    """On an even slope of 2 degrees a row, half a pixel of displacement in any direction is 0.71 degrees."""
+    incidence = np.broadcast_to(20.0 + 2.0 * np.arange(30.0)[:, None], (30, 20)).astype(np.float32)
+    pixels = np.arange(600)
+    uncertainty = np.full((30, 20), 0.5, dtype=np.float32)
+    np.testing.assert_allclose(registration_error_deg(incidence, uncertainty, pixels), 2.0 * 0.5 / np.sqrt(2.0))
+    assert not registration_error_deg(incidence, np.zeros_like(uncertainty), pixels).any()
+    # displacements drawn at random say the same
+    rng = np.random.default_rng(1)
+    length = 0.5 * rng.standard_normal(100_000)
+    direction = rng.uniform(0.0, 2.0 * np.pi, length.size)
+    assert np.std(2.0 * length * np.cos(direction)) == pytest.approx(0.7071, rel=0.02)
+
+
+def test_edges_have_most_of_the_error_of_a_registration():
+    """A ridge: slopes of 0.5 degrees a row, and a jump of 8 degrees between rows 9 and 10."""
+    rows = 30.0 + 0.5 * np.arange(20.0) + 8.0 * (np.arange(20) >= 10)
+    incidence = np.broadcast_to(rows[:, None], (20, 6)).astype(np.float32).copy()
+    incidence[0, 0] = np.nan
+    found = registration_error_deg(incidence, np.full((20, 6), 0.4, dtype=np.float32), np.arange(120)).reshape(20, 6)
+    np.testing.assert_allclose(found[[4, 15], 3], 0.5 * 0.4 / np.sqrt(2.0), rtol=1e-6)
+    np.testing.assert_allclose(found[[9, 10], 3], 4.5 * 0.4 / np.sqrt(2.0), rtol=1e-6)  # central difference
+    # beside a place without incidence: root mean square of the rest
+    rest = np.ones((20, 6), dtype=bool)
+    rest[[0, 1, 0], [0, 0, 1]] = False
+    assert found[1, 0] == pytest.approx(np.sqrt((found[rest] ** 2).mean()))
+
+
+def test_each_place_is_attenuated_by_its_own_error():
+    """Two halves of a map, with errors of 2 and of 5 degrees."""
+    rng = np.random.default_rng(3)
+    true = rng.normal(45.0, 6.0, 400_000)
+    error = np.where(np.arange(true.size) % 2, 2.0, 5.0)
+    mapped = true + error * rng.normal(size=true.size)
+    share = attenuation(mapped, [2.0, 5.0], float(np.sqrt(np.mean(error**2))))
+    np.testing.assert_allclose(share, [36.0 / 40.0, 36.0 / 61.0], rtol=0.01)
+    nodes = true_nodes([[52.0], [52.0]], [2.0, 5.0], float(mapped.mean()), share)
+    for row, size in zip(nodes, (2.0, 5.0), strict=True):
+        near = (np.abs(mapped - 52.0) < 0.5) & (error == size)
+        assert row.mean() == pytest.approx(true[near].mean(), abs=0.1)
+        assert row.std() == pytest.approx(true[near].std(), rel=0.03)

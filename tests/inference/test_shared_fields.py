@@ -1,0 +1,111 @@
+"""Two passes over the same fields, against effects that are drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from radcal.ground.classes import make_classes
+from radcal.ground.ground import Ground
+from radcal.ground.patches import Spread
+from radcal.inference.misfit import BinMisfit, Method
+from radcal.inference.shared_fields import SharedFields, together
+from radcal.laws import law_for
+
+LAW = law_for("tabulated", angles_deg=(20.0, 60.0))
+METHOD = Method(LAW, [[-30.0, 10.0], [-40.0, 0.0]], looks=4.0)
+X = np.array([-6.0, -16.0])
+SPREAD = Spread(1.2, 0.3)
+
+
+def seen(rng, low_deg, high_deg, effects, pixels=900, label=None, mixed=False):
+    """Ground of one pass: fields of these effects [dB], each at its own angles, or all at all angles."""
+    fields = len(effects)
+    field = rng.integers(0, fields, pixels)
+    place = rng.random(pixels) if mixed else (field + rng.random(pixels)) / fields
+    angle = low_deg + (high_deg - low_deg) * place
+    level = LAW(np.radians(angle), X) + np.asarray(effects)[field]
+    values = level + 10.0 * np.log10(rng.gamma(4.0, 0.25, pixels))
+    labels = np.arange(fields) if label is None else np.asarray(label)
+    return Ground(values, angle, labels[field], rng.integers(0, 5, pixels))
+
+
+def misfit_of(ground, bins=3):
+    return BinMisfit.of(ground, make_classes(ground.values_db, ground.incidence_deg, bins), METHOD, SPREAD)
+
+
+@pytest.fixture(scope="module")
+def passes():
+    """The second pass shows the fields 12 and 15 of the first, and one more."""
+    rng = np.random.default_rng(4)
+    first = seen(rng, 25.0, 40.0, [0.0, 0.0, 0.0], label=[15, 12, 40])
+    second = seen(rng, 38.0, 55.0, [0.0, 0.0, 0.0], 700, label=[12, 7, 15])
+    return [misfit_of(first), misfit_of(second, 2)]
+
+
+def test_the_covariance_of_the_means_is_that_of_effects_that_are_drawn(passes):
+    joined = together(passes)
+    n = joined.classes.size
+    assert n == 5
+    rng = np.random.default_rng(8)
+    effect = dict(zip([7, 12, 15, 40], SPREAD.between * rng.normal(size=(4, 40_000)), strict=True))
+    drawn = []
+    for one in passes:
+        fields = np.stack([effect[label] for label in one.patches])
+        cells = fields[one.patch_of_cell] + SPREAD.within * rng.normal(size=(len(one.patch_of_cell), 40_000))
+        noise = np.sqrt(np.diag(one.sampling)[: one.classes.size])[:, None]
+        drawn.append(one.cell_share @ cells + noise * rng.normal(size=(one.classes.size, 40_000)))
+    wanted = np.cov(np.concatenate(drawn))
+    sd = np.sqrt(np.diag(wanted))
+    np.testing.assert_allclose(joined.covariance[:n, :n] / np.outer(sd, sd), wanted / np.outer(sd, sd), atol=0.02)
+    assert np.abs(wanted[:3, 3:] / np.outer(sd[:3], sd[3:])).max() > 0.4
+    # each pass keeps what it has by itself
+    for one, at in zip(passes, (np.arange(3), np.arange(3, 5)), strict=True):
+        of_all = np.concatenate([at, at + n, at + 2 * n])
+        np.testing.assert_allclose(joined.covariance[np.ix_(of_all, of_all)], one.covariance, rtol=1e-12)
+
+
+def test_replicates_have_unit_variance_in_all_passes_together(passes):
+    drawn = together(passes).replicates(3000, np.random.default_rng(3))
+    np.testing.assert_allclose(np.cov(drawn.T)[:10, :10], np.eye(10), atol=0.12)
+
+
+def test_two_passes_over_one_field_know_its_level_no_better_and_the_step_between_them_well():
+    """A field of 1.2 dB: the level of the law stays unknown by 1.2 dB; what both passes share cancels in the step."""
+    rng = np.random.default_rng(6)
+    fields = [misfit_of(seen(rng, *ends, [0.0], 40_000)) for ends in ((25.0, 35.0), (45.0, 55.0))]
+    apart = misfit_of(seen(rng, 45.0, 55.0, [0.0], 40_000, label=[9]))
+    level = np.ones(6)
+    step = np.repeat([-0.5, 0.5], 3)
+
+    def sd_db(pair, of_interest):
+        """Standard deviation of one number that the means depend on, by generalised least squares."""
+        information = np.linalg.inv(together(pair).covariance[:6, :6])
+        design = np.stack([level, step], axis=-1)
+        covariance = np.linalg.inv(design.T @ information @ design)
+        return float(np.sqrt(covariance[of_interest, of_interest]))
+
+    assert sd_db(fields, 0) == pytest.approx(1.2, rel=0.05)
+    assert sd_db(fields, 1) < 0.35
+    # other fields average, and differ
+    assert sd_db([fields[0], apart], 0) == pytest.approx(1.2 / np.sqrt(2.0), rel=0.05)
+    assert sd_db([fields[0], apart], 1) == pytest.approx(1.2 * np.sqrt(2.0), rel=0.05)
+
+
+def test_an_effect_that_both_passes_show_costs_as_much_as_one(passes):
+    """Differences that a field explains in both passes are no more unlikely than in one of them."""
+    shared = SharedFields(passes)
+    same = [np.zeros((one.classes.size, 3)) for one in passes]
+    for one, away in zip(passes, same, strict=True):
+        away[:, 0] = 2.0 * one.patch_share[:, list(one.patches).index(12)]
+    each = [one.whitened(away) for one, away in zip(passes, same, strict=True)]
+    alone = [float((own**2).sum()) for own in each]
+    assert float((shared.residuals(each) ** 2).sum()) < 0.7 * sum(alone)
+    opposed = [each[0], -each[1]]
+    assert float((shared.residuals(opposed) ** 2).sum()) > 1.4 * sum(alone)
+    stacked = np.stack([np.concatenate(own) for own in (each, opposed)])
+    together_ = shared.residuals([stacked[:, :9], stacked[:, 9:]])
+    np.testing.assert_allclose(together_[1], shared.residuals(opposed), rtol=1e-12)
+    one = SharedFields(passes[:1])
+    assert one.joined is passes[0]
+    assert one.residuals(each[:1]) is each[0]

@@ -1,0 +1,21 @@
+"""What files say of themselves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+
+from radcal.newcase.file_facts import code_counts
+
+
+@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+def test_codes_are_those_of_the_file_as_it_is(tmp_path: Path) -> None:
+    path, cover = tmp_path / "cover.tif", np.full((6, 7), 3, np.uint8)
+    for code, expected in ((9, {3: 35, 9: 7}), (4, {3: 35, 4: 7})):
+        cover[0] = code
+        with rasterio.open(path, "w", driver="GTiff", height=6, width=7, count=1, dtype="uint8") as raster:
+            raster.write(cover, 1)
+        assert code_counts(path) == expected

@@ -1,0 +1,120 @@
+"""Objective of one density, against the definition of its rms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from calibration_samples import BOUNDS, TRUTH, make_material, make_target
+
+from radcal import skewnormal
+from radcal.config import SurrogateConfig
+from radcal.inference.misfit import drawn
+from radcal.inference.moments import from_dp, to_dp
+from radcal.laws import LAWS
+from radcal.objectives.density import Density
+from radcal.objectives.objective import Points
+from radcal.proposals.surrogate import Surrogate, train_surrogate
+
+LAW = LAWS["mangia"]
+X = np.array(TRUTH["field"])
+N = 20_000
+
+
+def made(law=LAW, noise_db=-np.inf, **changes):
+    rng = np.random.default_rng(1)
+    incidence = np.clip(rng.normal(40.0, 6.0, N), 15.0, 70.0)
+    level = 10.0 ** (LAW(np.radians(incidence), X) / 10.0) + 10.0 ** (noise_db / 10.0)
+    values = 10.0 * np.log10(level * rng.gamma(4.0, 0.25, N))
+    target = make_target(values, incidence, noise_db=noise_db)
+    return Density(make_material(target, BOUNDS, law, **changes))
+
+
+@pytest.fixture(scope="module")
+def density():
+    return made()
+
+
+def points(statistics, slack=0.0):
+    rows = np.atleast_2d(statistics)[:, None]
+    return Points(rows, np.tile(X, (len(rows), 1)), np.full(len(rows), 4.0), slack)
+
+
+def test_residuals_vanish_where_mean_spread_and_skewness_agree(density):
+    at = from_dp(density.material.target.dp)
+    assert np.abs(density.residuals(points(at))).max() < 1e-12
+    assert density.cost(points(at))[0] < 1e-12
+    # standard errors of a normal sample but for 1/sqrt(n): sd, 1/sqrt(2), sqrt(6)
+    moved = density.residuals(points(at + [1.0, 0.1, -0.2]))[0]
+    np.testing.assert_allclose(moved, [np.exp(-at[1]), 0.1 * np.sqrt(2.0), -0.2 / np.sqrt(6.0)], rtol=1e-9)
+
+
+def test_cost_is_the_rms_of_the_densities_and_refined_residuals_have_it_as_their_square(density):
+    at = from_dp(density.material.target.dp) + [0.7, 0.1, 0.3]
+    rms = skewnormal.density_rms(to_dp(at), density.material.target.dp)
+    assert density.cost(points(at))[0] == pytest.approx(rms, rel=5e-3)  # 200 points in place of 1,000
+    differences = density.refined(points(at))[0]
+    largest = skewnormal.density(np.linspace(-60.0, 10.0, 5000), density.material.target.dp).max()
+    assert np.sqrt(np.mean(differences**2)) * largest == pytest.approx(density.cost(points(at))[0], rel=1e-3)
+
+
+def test_slack_makes_differences_smaller(density):
+    assert drawn(np.array([3.0, -3.0, 0.1]), np.zeros(3), 0.5).tolist() == [2.5, -2.5, 0.0]
+    at = from_dp(density.material.target.dp)
+    slack = np.array([[[0.4, 0.0, 0.0]]])
+    lower = density.cost(points(at + [0.3, 0.0, 0.0]))[0]
+    assert density.cost(points(at + [0.7, 0.0, 0.0], slack))[0] == pytest.approx(lower, rel=1e-9)
+    assert density.cost(points(at - [0.7, 0.0, 0.0], slack))[0] == pytest.approx(
+        density.cost(points(at - [0.3, 0.0, 0.0]))[0], rel=1e-9
+    )
+
+
+@pytest.mark.parametrize("noise_db", [-np.inf, -22.0])
+def test_the_baseline_is_what_pixels_of_law_noise_and_speckle_show(noise_db):
+    """Noise is added to the backscatter, and both have speckle."""
+    objective = made(noise_db=noise_db)
+    shown = objective.statistics(objective.material.target.values_db)
+    expected = objective.baseline(X)
+    np.testing.assert_allclose(expected[0, 0], shown[0, 0], atol=0.08)
+    np.testing.assert_allclose(expected[0, 1], shown[0, 1], atol=0.02)
+    np.testing.assert_allclose(expected[0, 2], shown[0, 2], atol=0.1)
+    assert np.abs(made().baseline(X)[0, 0] - expected[0, 0]) > 0.3 or noise_db < -30.0
+
+
+def test_statistics_are_those_of_the_fitted_density_of_any_pixels(density):
+    values = density.material.target.values_db
+    some = np.arange(0, N, 3)
+    np.testing.assert_allclose(density.statistics(values, some), density.statistics(values[some]))
+    np.testing.assert_allclose(density.statistics(values)[0], from_dp(density.material.target.dp), atol=1e-9)
+
+
+def test_a_law_of_the_simulator_alone_and_normalised_images_have_no_baseline():
+    assert made(law=None).baseline is None
+    assert made(decibels=False).baseline is None
+
+
+def test_passes_together_have_their_root_mean_square(density):
+    found = density.together(np.array([[3.0, 1.0], [4.0, 7.0], [5.0, 0.0]]))
+    np.testing.assert_allclose(found, np.sqrt(np.array([50.0, 50.0]) / 3.0))
+
+
+def test_half_the_best_rms_is_promising(density):
+    assert density.promising(np.array([0.049, 0.051]), 0.1).tolist() == [True, False]
+
+
+def test_moved_is_the_largest_difference_over_the_incidence_seen(density):
+    other = X + [1.0, 0.0, 3.0, 0.0]
+    seen = np.radians(np.linspace(*np.quantile(density.material.target.incidence_deg, [0.05, 0.95]), 91))
+    wanted = np.abs(LAW(seen, X) - LAW(seen, other)).max()
+    assert density.moved_db(X, other) == pytest.approx(wanted, rel=1e-3)
+    assert made(law=None).moved_db(X, other) is None
+
+
+def test_one_run_of_another_level_is_followed_everywhere(density):
+    """Area of facets, say: 0.8 dB more at every X."""
+
+    def run(x):
+        return density.baseline(x) + [0.8, 0.0, 0.0]
+
+    found = Surrogate(train_surrogate(density, X[None], run(X)[None], SurrogateConfig()), density)
+    other = np.array(TRUTH["lake"])
+    np.testing.assert_allclose(found.predict(found.unit(other))[0], run(other), atol=1e-9)

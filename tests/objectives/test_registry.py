@@ -1,0 +1,170 @@
+"""One contract for all objectives: a further one needs its class, its traits and its entry."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from calibration_samples import BOUNDS, TRUTH
+
+from radcal import objectives
+from radcal.calibration.loop import calibrate
+from radcal.calibration.steps import progress_line
+from radcal.config import case_from
+from radcal.config import objectives as traits
+from radcal.inference.expected import LawForward
+from radcal.inference.moments import from_cumulants
+from radcal.objectives import Objective, make_objectives
+from radcal.objectives.density import Density
+from radcal.objectives.objective import Verdict
+from radcal.simulators.runner import Runner
+from radcal.storage.runs import RunStore
+from radcal.targets.target import Targets
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCE = ROOT / "src" / "radcal"
+ROOMS = (SOURCE / "objectives", SOURCE / "config" / "objectives.py")
+# the same word for something else: a way of fitting a density, and its name in a module's list
+OTHER = {("config/target.py", "likelihood"), ("skewnormal/__init__.py", "density")}
+OTHER |= {("skewnormal/distribution.py", "density")}
+
+
+@pytest.fixture(scope="module")
+def outside():
+    """Files of the library that are no objective's own, and the nodes of their code."""
+    files = (path for path in SOURCE.rglob("*.py") if not any(path == room or room in path.parents for room in ROOMS))
+    return {path: list(ast.walk(ast.parse(path.read_text()))) for path in files}
+
+
+def test_both_registries_hold_the_same_names():
+    assert set(objectives.OBJECTIVES) == set(traits.OBJECTIVES)
+    for name, kind in objectives.OBJECTIVES.items():
+        assert (kind.misfit is not None) == traits.OBJECTIVES[name].bins
+
+
+def test_no_name_of_an_objective_stands_anywhere_else(outside):
+    found = set()
+    for path, nodes in outside.items():
+        for node in nodes:
+            if isinstance(node, ast.Constant) and node.value in traits.OBJECTIVES:
+                found.add((path.relative_to(SOURCE).as_posix(), node.value))
+    assert found - OTHER == set()
+    assert found >= OTHER, "an exception that is none any more"
+
+
+def test_no_class_of_an_objective_is_asked_for_anywhere_else(outside):
+    """Neither by isinstance nor by an import."""
+    classes = {kind.__name__ for kind in objectives.OBJECTIVES.values()}
+    modules = tuple(f"radcal.objectives.{name}" for name in ("bins", "density"))
+    asked = set()
+    for path, nodes in outside.items():
+        for node in nodes:
+            if isinstance(node, ast.ImportFrom) and node.module in modules:
+                asked.add((path.name, node.module))
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("isinstance", "issubclass"):
+                names = {inner.id for inner in ast.walk(node.args[1]) if isinstance(inner, ast.Name)}
+                asked |= {(path.name, name) for name in names & (classes | {"Objective"})}
+    assert asked == set()
+
+
+def test_rules_scripts_and_the_report_compare_no_objective():
+    files = [ROOT / "Snakefile", *(ROOT / "workflow").rglob("*.smk"), *(ROOT / "workflow").rglob("*.py")]
+    files += SOURCE.rglob("*.j2")
+    assert len(files) > 20
+    for path in files:
+        for line in path.read_text().splitlines():
+            assert not re.search(r"objective\w*[\"'\]]*\s*(==|!=|\bin\b)", line), (path.name, line)
+
+
+class Quartiles(Objective):
+    """Median and interquartile range of all pixels; ends where the surrogate of all runs predicts nothing better."""
+
+    looks_ahead = True
+    explores = False
+    tolerance = 1e-6
+
+    def __init__(self, material):
+        super().__init__(material)
+        self._measured = self.statistics(material.target.values_db)
+        nodes = np.quantile(material.target.incidence_deg, (np.arange(64) + 0.5) / 64)[None]
+        expected = LawForward(material.law, nodes, material.looks, material.target.noise_db)
+        self.baseline = lambda x: from_cumulants(expected(x))
+
+    @property
+    def scale(self):
+        return np.array([[1.0, 0.1, 1.0]])
+
+    def compared(self):
+        return Density(self.material).compared()
+
+    def statistics(self, values_db, pixels=None):
+        values = values_db if pixels is None else values_db[pixels]
+        low, median, high = np.quantile(np.asarray(values, dtype=np.float64), [0.25, 0.5, 0.75])
+        return np.array([[median, np.log((high - low) / 1.349), (high + low - 2.0 * median) / (high - low)]])
+
+    def residuals(self, points):
+        return ((points.statistics - self._measured) / self.scale)[:, 0, :2]
+
+    def worth(self, parameters, statistics):
+        left = ((statistics - self._measured) / self.scale)[0, :2]
+        return self.material.looks, 0.5 * float(left @ left)
+
+    def promising(self, costs, best):
+        return costs < 0.5 * best
+
+    def leaves_open(self, floor, best):
+        return floor < 0.9 * best
+
+    @classmethod
+    def ending(cls, progress, stop):
+        if progress.score.gain > 0.01:
+            return None
+        return Verdict("settled", f"{progress.name}: quartiles agree best after {progress.runs} runs.")
+
+    @classmethod
+    def standing(cls, name, best, stop):
+        return f"{name}: quartiles differ"
+
+    @classmethod
+    def progress_line(cls, history, materials, ended, stop):
+        return f"quartiles of {len(ended)} of {len(materials)} materials agree best"
+
+
+@pytest.mark.slow
+def test_a_fourth_objective_is_one_class_and_two_entries(parts, monkeypatch, tmp_path):
+    """From the configuration to the check of its laws, with whole runs of the simulator in between."""
+    given, simulator, geometry, scene, both = parts
+    targets = Targets({"lake": both["lake"]}, both.levels, both.looks)
+    monkeypatch.setitem(traits.OBJECTIVES, "quartiles", traits.Traits(bins=False, compares="the quartiles"))
+    monkeypatch.setitem(objectives.OBJECTIVES, "quartiles", Quartiles)
+    case = case_from(
+        {
+            "scene": given.scene.model_dump(),
+            "radar": {"looks": 4, "nesz_db": -40},
+            "objective": "quartiles",
+            "materials": {name: {"calibrate": True, "bounds": BOUNDS} for name in TRUTH},
+            "measurement": {"source": "synthetic", "synthetic": {"parameters": TRUTH}},
+            "design": {"size": 1},
+            "optimiser": {"population": 10, "evaluations": 40},
+            "stop": {"max_runs": 15},
+        }
+    )
+    runner = Runner(RunStore(tmp_path), simulator, geometry, scene.identity, case)
+    history, decision = calibrate(case, runner, targets)
+    assert decision.reason == "settled"
+    assert decision.materials["lake"].sentence.startswith("lake: quartiles agree best after ")
+    for name, objective in make_objectives(case, targets).items():
+        best, measured = history.best(name).scores[name], objective._measured[0]
+        np.testing.assert_allclose(best.statistics[0][0], measured[0], atol=0.3)
+        np.testing.assert_allclose(best.statistics[0][1], measured[1], atol=0.05)
+        assert best.cost < 0.02 * history.runs[0].scores[name].cost
+    line = progress_line(history, list(targets), case.stop, "quartiles")
+    assert line.endswith("quartiles of 1 of 1 materials agree best")
+
+
+def test_an_unknown_objective_is_named(parts):
+    with pytest.raises(Exception, match=r"'quartiles', expected 'classes', 'density' or 'likelihood'"):
+        case_from({"objective": "quartiles", "materials": {"a": {"calibrate": True}}})

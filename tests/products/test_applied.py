@@ -1,0 +1,388 @@
+"""Laws of a calibration on another image: the interval of each bin, and what is said of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.special import polygamma
+
+from radcal.assessment.posterior import WHOLE_DEG, Constant, KeptDraws, Predicted
+from radcal.assessment.preposterior import Sight
+from radcal.config import RegistrationConfig, Uncertainty, load_forward, load_measured
+from radcal.errors import ConfigError, StoreError
+from radcal.figures import drawing
+from radcal.figures.applied_figures import Prediction, draw_predictions
+from radcal.findings import Finding
+from radcal.ground.classes import class_of, incidence_edges
+from radcal.image.model import Measurement
+from radcal.laws import LAWS, law_for
+from radcal.products import applied
+from radcal.products.applied import (
+    _conclusion,
+    _few_pixels,
+    _of_pass,
+    _table,
+    apply,
+    predictions,
+    where_seen,
+    with_laws,
+)
+from radcal.products.applied_bins import Bins, by_constant_db, predictive_db
+from radcal.registration.registered import Registered, registered_as, write_registered
+from radcal.results.archive import write_archive
+from radcal.words import doubts
+
+LAW = law_for("tabulated", angles_deg=(20.0, 60.0))
+X = [-6.0, -16.0]
+QUANTILE = 1.6449
+LOOKS = 4.0
+
+
+def bins_of(pixels: int = 400, noise_db: float = -300.0) -> Bins:
+    """Two bins about 30 and 50 degrees, in one field, each of one cell and with as many independent pixels."""
+    middles = np.array([30.0, 50.0])
+    cell, count, noise = np.repeat([0, 1], pixels), np.full(2, float(pixels)), np.full(2, noise_db)
+    parts = Sight(np.arange(2 * pixels), middles[cell], cell, np.array([1, 1]), middles, count, noise)
+    return Bins(np.array([30.0, 40.0, 50.0]), parts, np.eye(2))
+
+
+def divided(bins: Bins, shares: list[float], patch: list[int]) -> Bins:
+    """Bins of which each consists of parts of cells with these shares of its pixels, in these fields."""
+    n, one = len(shares), bins.parts
+    parts = replace(
+        one,
+        cell=np.repeat(np.arange(2 * n), np.rint(shares * np.tile(one.pixels.size // 2, n)).astype(int).tolist() * 2),
+        patch=np.tile(patch, 2),
+        middle_deg=np.repeat(one.middle_deg, n),
+        independent=np.outer(one.independent, shares).ravel(),
+        noise_db=np.repeat(one.noise_db, n),
+    )
+    return replace(bins, parts=parts, weights=np.kron(np.eye(2), shares))
+
+
+def drawn(level_sd: float = 0.0, slope_sd: float = 0.0, field: float = 0.0, cell: float = 0.0) -> SimpleNamespace:
+    """Posterior in which the law has an uncertain level, and its form error an uncertain slope about 30 degrees."""
+    rng = np.random.default_rng(3)
+    a, b = rng.normal(0.0, level_sd, (4000, 1)), rng.normal(0.0, slope_sd, (4000, 1))
+    every = np.ones(4000)
+    draws = KeptDraws(X + a, field * every, cell * every, b * (WHOLE_DEG - 30.0), 0.0 * every)
+    return SimpleNamespace(draws=draws, looks=LOOKS, known_between_deg=(25.0, 35.0), seen_deg=np.array([[22.0, 52.0]]))
+
+
+def by_law(draws: np.ndarray) -> Predicted:
+    return Predicted(draws.mean(axis=0), *np.quantile(draws, [0.05, 0.95], axis=0))
+
+
+def predicted(posterior: SimpleNamespace, seen: Bins, **config: float) -> list[Prediction]:
+    """Predictions by the law of an image simulated at X and 1.5 dB brighter, of which 0.4 dB less are measured."""
+    image = LAW(np.radians(seen.parts.incidence_deg), X) + 1.5
+    uncertainty = Uncertainty(**{"level_db": 0.0, "noise_db": 0.0, **config})
+    moved = by_law(predictive_db(posterior, LAW, X, seen, uncertainty, np.random.default_rng(5)))
+    return list(predictions("dyke", posterior, seen, image, moved, image - 0.4))
+
+
+def half(one: Prediction) -> float:
+    return 0.5 * (one.p95_db - one.p05_db)
+
+
+def test_the_interval_is_that_of_law_form_speckle_level_noise_and_fields() -> None:
+    many = bins_of(1000)
+    # of measured and simulated pixels: (10 / ln 10)^2 trigamma(looks n)
+    rest = 2.0 * 18.861170 * float(polygamma(1, LOOKS * 1000.0))
+
+    def has(variance: float, one: Prediction) -> None:
+        assert half(one) == pytest.approx(QUANTILE * np.sqrt(variance + rest), rel=0.05)
+
+    has(0.0, predicted(drawn(), many)[0])
+    law = predicted(drawn(level_sd=0.5, slope_sd=0.05), many)
+    has(0.25, law[0])
+    has(0.25 + 1.0, law[1])  # 20 degrees further
+    has(0.49, predicted(drawn(), many, level_db=0.7)[1])
+    has(0.36, predicted(drawn(field=0.6), many)[0])
+    has(0.36, predicted(drawn(cell=0.6), many)[0])
+    # a bin of three parts in two fields
+    three = divided(many, [0.5, 0.3, 0.2], [4, 7, 4])
+    has(0.36 * (0.7**2 + 0.3**2), predicted(drawn(field=0.6), three)[0])
+    has(0.36 * (0.5**2 + 0.3**2 + 0.2**2), predicted(drawn(cell=0.6), three)[0])
+    has(0.49, predicted(drawn(), three, level_db=0.7)[1])
+    # noise as strong as the signal is half of the power
+    loud = replace(many, parts=replace(many.parts, noise_db=np.full(2, float(LAW(np.radians(30.0), X)))))
+    has(1.0, predicted(drawn(), loud, noise_db=2.0)[0])
+
+
+def test_the_middle_is_the_image_moved_by_law_and_form() -> None:
+    first, second = predicted(drawn(), bins_of())
+    assert first.predicted_db == pytest.approx(float(LAW(np.radians(30.0), X)) + 1.5, abs=0.02)
+    assert (first.measured_db, first.pixels) == (pytest.approx(float(LAW(np.radians(30.0), X)) + 1.1), 400)
+    assert second.incidence_deg == 50.0
+    posterior = drawn()
+    posterior.draws = replace(posterior.draws, form_db=posterior.draws.form_db + 0.02 * WHOLE_DEG)
+    moved = predicted(posterior, bins_of())
+    assert moved[1].predicted_db - second.predicted_db == pytest.approx(1.0, abs=1e-6)
+
+
+def test_the_interval_of_the_constant_is_that_of_its_mean_fields_cells_speckle_level_and_noise() -> None:
+    """In noise as strong as the constant, its level is raised by 3 dB, and an error of the noise counts by half.
+
+    The cells of a bin differ from a constant alike, those of different fields do not.
+    """
+    constant, exact = Constant(-12.0, 0.09, 0.6, 0.3), Uncertainty(level_db=0.0, noise_db=0.0)
+    clear = bins_of(1000)
+    law = np.asarray(LAW(np.radians([30.0, 50.0]), X))
+    rest = 2.0 * 18.861170 * float(polygamma(1, LOOKS * 1000.0))
+    level, sd = by_constant_db(constant, LOOKS, LAW, X, clear, exact)
+    assert level == pytest.approx(-12.0 - law)
+    assert sd**2 == pytest.approx(np.full(2, 0.09 + 0.36 + 0.09 + rest), rel=0.02)
+    three = divided(clear, [0.5, 0.3, 0.2], [4, 7, 4])
+    _, sd = by_constant_db(constant, LOOKS, LAW, X, three, exact)
+    assert sd**2 == pytest.approx(np.full(2, 0.09 + 0.36 * 0.58 + 0.09 + rest), rel=0.01)
+    noisy = replace(clear, parts=replace(clear.parts, noise_db=np.full(2, -12.0)))
+    level, sd = by_constant_db(constant, LOOKS, LAW, X, noisy, Uncertainty(level_db=0.4, noise_db=2.0))
+    raised = 10.0 * np.log10(10.0 ** (law / 10.0) + 10.0**-1.2)
+    assert level == pytest.approx(-12.0 + 10.0 * np.log10(2.0) - raised)
+    assert sd**2 == pytest.approx(np.full(2, 0.09 + 0.36 + 0.09 + 0.16 + 1.0 + rest), rel=0.02)
+
+
+def test_law_and_constant_count_alike(monkeypatch) -> None:
+    """A material without a constant, of a law without a curve, is not predicted."""
+    seen, x = bins_of(1000), np.array([30.0, 50.0])
+    law = np.asarray(LAW(np.radians(x), X))
+    posterior = drawn(level_sd=0.5)
+    posterior.constant = Constant(-12.0, 0.01, 0.2, 0.1)
+    monkeypatch.setattr(applied, "sight_of", lambda *_: seen.parts)
+    monkeypatch.setattr(Bins, "of", lambda _: seen)
+    image = np.asarray(LAW(np.radians(seen.parts.incidence_deg), X)).astype(np.float32)
+    materials = {"dyke": posterior, "program": SimpleNamespace(constant=None), "other": posterior, "lost": None}
+    archive = SimpleNamespace(materials={k: SimpleNamespace(posterior=one) for k, one in materials.items()})
+    known = SimpleNamespace(start_parameters=X)
+    changed = SimpleNamespace(
+        passes=[SimpleNamespace(radar=None, laws={"dyke": LAW})],
+        materials={"dyke": known, "program": known, "lost": known},
+        seed=3,
+    )
+    config = {"target": {}, "uncertainty": {"level_db": 0.3, "noise_db": 0.0}}
+    found = list(
+        _of_pass(archive, config, changed, 1, SimpleNamespace(geometry=None, predicted_db=image, measured_db=None))
+    )
+    assert [one.material for one in found] == ["dyke", "dyke"]
+    assert [one.predicted_db for one in found] == pytest.approx(0.5 * (law - 12.0), abs=0.03)
+    sds = np.sqrt(0.5**2 + 0.3**2) + np.sqrt(0.01 + 0.04 + 0.01 + 0.3**2)
+    assert [half(one) for one in found] == pytest.approx([0.5 * QUANTILE * sds] * 2, rel=0.05)
+    assert list(_few_pixels(archive, ["dyke", "program", "lost"], {"other"})) == [
+        "dyke: not predicted, because no pass has 50 usable pixels of it."
+    ]
+
+
+def test_cells_are_divided_at_the_edges_of_the_bins() -> None:
+    """Three cells of 400 pixels each, of which the middle one reaches over three bins."""
+    angle = np.concatenate([np.linspace(20.0, 24.0, 400), np.linspace(23.0, 29.0, 400), np.linspace(29.5, 33.0, 400)])
+    cell, patch = np.repeat([0, 1, 2], 400), np.array([5, 8, 5])
+    middle, noise = np.bincount(cell, angle) / 400.0, np.array([-20.0, -21.0, -23.0])
+    bins = Bins.of(Sight(np.arange(1200), angle, cell, patch, middle, np.array([200.0, 100.0, 50.0]), noise))
+    assert bins.edges_deg.tolist() == incidence_edges(angle, "auto").tolist()
+    member = class_of(angle, bins.edges_deg)
+    pairs = np.unique(np.stack([cell, member]), axis=1)
+    assert len(bins.edges_deg) - 1 == 6
+    assert pairs.shape[1] == bins.parts.patch.size == 8
+    for k, (of, bin_) in enumerate(pairs.T):
+        own = (cell == of) & (member == bin_)
+        assert (bins.parts.cell[own] == k).all()
+        assert bins.parts.middle_deg[k] == pytest.approx(angle[own].mean())
+        assert (bins.parts.patch[k], bins.parts.noise_db[k]) == (patch[of], noise[of])
+        assert bins.parts.independent[k] == pytest.approx([0.5, 0.25, 0.125][of] * own.sum())
+        assert bins.weights[:, k] == pytest.approx(
+            np.where(np.arange(6) == bin_, own.sum() / (member == bin_).sum(), 0)
+        )
+
+
+def test_the_level_of_a_bin_is_the_mean_power_of_its_parts_averaged_in_db() -> None:
+    seen = bins_of(3)
+    # two parts of cells in the first bin, of two pixels and one
+    seen = replace(seen, parts=replace(seen.parts, cell=np.array([0, 0, 1, 2, 3, 3])))
+    image = 10.0 * np.log10([2.0, 6.0, 1.0, 9.0, 3.0, np.nan])
+    assert seen.levels_db(image) == pytest.approx([10.0 * np.log10(4.0) * 2.0 / 3.0, 5.0 * np.log10(27.0)])
+    none = seen.levels_db(np.where(np.arange(6) < 3, np.nan, image))
+    assert np.isnan(none[0])
+    assert none[1] == pytest.approx(5.0 * np.log10(27.0))
+
+
+def test_ground_in_the_noise_moves_less_with_its_law() -> None:
+    clear, noisy = (predicted(drawn(level_sd=0.4), bins_of(10**4, noise))[0] for noise in (-300.0, -8.5))
+    # signal and noise have the same level at 30 degrees
+    assert half(noisy) == pytest.approx(0.5 * half(clear), rel=0.1)
+
+
+def test_angles_are_called_what_they_are() -> None:
+    first, second = predicted(drawn(), bins_of())
+    assert (first.known, second.known) == ("known", "not known")
+    posterior = drawn()
+    posterior.seen_deg = np.array([[22.0, 45.0]])
+    assert [one.known for one in predicted(posterior, bins_of())] == ["known", "not seen"]
+    for ends in ((30.0, 35.0), (25.0, 30.0)):
+        posterior.known_between_deg = ends
+        assert predicted(posterior, bins_of())[0].known == "known"
+    posterior.known_between_deg = None
+    assert [one.known for one in predicted(posterior, bins_of())] == ["not known", "not seen"]
+
+
+def one(known: str, measured: float) -> tuple[int, Prediction]:
+    return 1, Prediction("dyke", (20.0, 24.5), 22.0, 310, known, -7.0, -8.25, -6.5, measured)
+
+
+def test_table_and_conclusion_say_only_what_was_shown() -> None:
+    rows = [one("known", -8.0), one("known", -8.5), one("not seen", -6.9), one("not known", float("nan"))]
+    lines = list(_table(rows, several=False))
+    assert lines[1].split("  ")[0] == "dyke"
+    assert "20.0-24.5 deg" in lines[1]
+    assert "-7.00 (-8.25 to -6.50) dB  -8.00 dB  yes" in lines[1]
+    assert lines[2].endswith("-8.50 dB  no")
+    assert lines[4].endswith("-         -")
+    assert list(_table(rows, several=True))[1].startswith("1     dyke")
+    said = list(_conclusion(rows))
+    assert said[0] == "dyke: 1 of 2 bins lie inside of their 90 % interval where sigma0 is determined."
+    assert said[1].startswith("dyke: 1 bin is predicted at angles that the calibration has seen, where sigma0 is not")
+    assert said[2].startswith(
+        "dyke: 1 of 1 bin lies inside of its 90 % interval at angles that the calibration has not"
+    )
+
+
+def test_what_limits_a_prediction_is_told() -> None:
+    numbers = {"p05_db": 1.2, "rms_db": 1.9, "p95_db": 3.0}
+    found = [Finding("refuted", "warning", name, numbers) for name in ("dyke", "lake")]
+    found += [Finding("not_refuted", "note", "dyke")]
+    found += [Finding("undetermined", "warning", "dyke", {"narrowest_db": 1.8, "known_db": 1.5})]
+    first, second = doubts({"dyke"}, found)
+    assert first.startswith("warning: dyke: the form of the law is refuted: it is wrong by 1.9 dB")
+    assert second.startswith("warning: dyke: sigma0 is determined at no angle")
+
+
+def test_bins_of_different_knowledge_have_markers_of_their_own(tmp_path, monkeypatch) -> None:
+    legends = []
+    monkeypatch.setattr(drawing, "add_legend", lambda canvas, entries, columns: legends.append(entries))
+    rows = [row for known in ("known", "not known", "not seen") for _, row in (one(known, -8.0),)]
+    draw_predictions(tmp_path / "a.png", rows, "a", "b")
+    ((handles, labels),) = legends
+    markers = {
+        label.rpartition(": ")[2]: handle.lines[0].get_marker()
+        for handle, label in zip(handles, labels, strict=True)
+        if label.startswith("predicted from a")
+    }
+    assert list(markers) == ["known", "not known", "not seen"]
+    assert len(set(markers.values())) == 3
+    assert not {".", "None"} & set(markers.values())
+
+
+def test_the_legend_names_only_knowledge_that_some_material_has(tmp_path, monkeypatch) -> None:
+    legends = []
+    monkeypatch.setattr(drawing, "add_legend", lambda canvas, entries, columns: legends.append(entries))
+    first, second = one("known", -8.0)[1], replace(one("not seen", -6.9)[1], material="of the second panel")
+    draw_predictions(tmp_path / "a.png", [first, second], "a", "b")
+    ((_, labels),) = legends
+    laws = [label.rpartition(": ")[2] for label in labels if label.startswith("predicted from a")]
+    assert laws == ["known", "not seen"], "the legend is that of the first panel, and serves all panels"
+
+
+def test_figure(tmp_path) -> None:
+    draw_predictions(tmp_path / "a.png", [row for _, row in (one("known", -8.0), one("not seen", -6.9))], "a", "b")
+    assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def archive_of(**dyke: object) -> SimpleNamespace:
+    """Archive of two calibrated materials, of which the dyke has effective looks."""
+    values = {"parameters_model": None, "seen_deg": np.array([[38.9, 39.1]])}
+    posterior = SimpleNamespace(**{**values, **dyke.pop("posterior", {})})
+    result = {"posterior": posterior, "level_only": False, "run_looks": np.array([4.0, 2.5]), "best": 1, **dyke}
+    other = SimpleNamespace(posterior=None, level_only=False, run_looks=None, best=0)
+    laws = {name: SimpleNamespace(values=np.array([6.0, 14.0, 21.0, 3.0])) for name in ("dyke", "stem beans")}
+    materials = {"dyke": SimpleNamespace(**result), "stem beans": other}
+    return SimpleNamespace(case="small", config="{}", looks=4.0, laws=laws, materials=materials)
+
+
+def test_calibrated_materials_replace_those_of_the_other_case(tmp_path) -> None:
+    path = tmp_path / "other.yaml"
+    path.write_text("case: other\nmaterials: {dyke: {parameters: [1, 2, 3, 4]}, lake: {parameters: [4, 3, 2, 1]}}\n")
+    other, source = load_forward([path]), {name: {"calibrate": True} for name in ("dyke", "stem beans")}
+    changed = with_laws(archive_of(), source, other)
+    assert list(changed.materials) == ["dyke", "lake"]
+    assert changed.materials["dyke"].parameters == [6.0, 14.0, 21.0, 3.0]
+    assert changed.materials["dyke"].looks == 2.5
+    assert changed.materials["lake"] == other.materials["lake"]
+    # the law nearest to the band's median, if there is a band
+    nearest = archive_of(posterior={"parameters_model": np.array([5.0, 13.0, 20.0, 2.0])})
+    assert with_laws(nearest, source, other).materials["dyke"].parameters == [5.0, 13.0, 20.0, 2.0]
+    path.write_text("case: other\nmaterials: {lake: {parameters: [4, 3, 2, 1]}}\n")
+    with pytest.raises(ConfigError, match="calibrated dyke, stem beans, of which other has no material: it has lake"):
+        with_laws(archive_of(), source, load_forward([path]))
+    assert load_measured([path]) is None
+    with pytest.raises(StoreError, match=r"the calibration is not finished, expected calibration.h5"):
+        apply(tmp_path, load_forward([path]), None, tmp_path / "out", tmp_path / "runs")
+
+
+@pytest.mark.parametrize("config", ["no JSON", "[1]", "{}", '{"materials": {"dyke": {"law": "none"}}}'])
+def test_other_contents_under_a_right_checksum_are_one_sentence(made, tmp_path, config) -> None:
+    write_archive(tmp_path / "calibration.h5", replace(made.archive, config=config))
+    other = tmp_path / "other.yaml"
+    other.write_text("case: other\nmaterials: {dyke: {parameters: [1, 2, 3, 4]}}\n")
+    with pytest.raises(StoreError, match=r"calibration\.h5: holds other contents than radcal writes"):
+        apply(tmp_path, load_forward([other]), None, tmp_path / "out", tmp_path / "runs")
+
+
+def test_the_law_is_taken_at_the_incidence_of_each_part() -> None:
+    """A bin of parts at two angles moves by the mean of the law's changes at both, weighted by their pixels."""
+    seen, phi = divided(bins_of(10**6), [0.8, 0.2], [1, 1]), np.radians([25.0, 35.0])
+    seen = replace(seen, parts=replace(seen.parts, middle_deg=np.array([25.0, 35.0, 50.0, 50.0])))
+    posterior, mangia, x = drawn(), LAWS["mangia"], np.array([-20.0, 8.0, 12.0, 4.0])
+    posterior.draws = replace(posterior.draws, parameters=np.tile(x + [0.0, 0.0, 0.0, 1.5], (4000, 1)))
+    exact = Uncertainty(level_db=0.0, noise_db=0.0)
+    moved = predictive_db(posterior, mangia, x.tolist(), seen, exact, np.random.default_rng(5))
+    expected = float(np.average(mangia(phi, x + [0.0, 0.0, 0.0, 1.5]) - mangia(phi, x), weights=[0.8, 0.2]))
+    assert np.median(moved[:, 0]) == pytest.approx(expected, abs=1e-3)
+    found = next(predictions("dyke", posterior, seen, np.full(2 * 10**6, -5.0), by_law(moved)))
+    assert (found.predicted_db, found.inside) == (pytest.approx(-5.0 + expected, abs=1e-3), None)
+
+
+def test_an_image_lies_where_its_own_case_has_registered_it(tmp_path) -> None:
+    image = np.random.default_rng(2).normal(-12.0, 2.0, (30, 40)).astype(np.float32)
+    image[3, 5] = np.nan
+    moved, zero = np.roll(image, 1, axis=0), np.zeros((2, 30, 40), np.float32)
+    verdict = "registered with gefolki."
+    own = Registered(Measurement(moved, "a.tif"), image, zero + 1, zero[0] + 0.5, zero[0], "gefolki", True, verdict)
+    path = tmp_path / "registered.h5"
+    write_registered(path, own)
+    found, by = registered_as(path, image, Measurement(image, "a.tif"), RegistrationConfig())
+    assert np.array_equal(found.measurement.image_db, moved, equal_nan=True)
+    assert (found.verdict, by) == (verdict, f"as in {tmp_path}")
+    # another image, another method, and no results of the other case
+    none = RegistrationConfig(method="none")
+    (tmp_path / "broken.h5").write_bytes(b"not HDF5")
+    for place, values, why in (
+        (path, image, f", not as in {tmp_path}, whose registration.method was gefolki"),
+        (tmp_path / "gone.h5", image, ""),
+        (tmp_path / "broken.h5", image, f", because the registration of its case cannot be used: {tmp_path}/broken.h5"),
+    ):
+        found, by = registered_as(place, image, Measurement(values, "a.tif"), none)
+        assert np.array_equal(found.measurement.image_db, values, equal_nan=True)
+        assert not found.applied
+        assert by.startswith(f"onto the predicted image{why}")
+        assert why or by == "onto the predicted image"
+    write_registered(path, replace(own, method="none"))
+    _, by = registered_as(path, image, Measurement(image + 1, "a.tif"), none)
+    assert by == f"onto the predicted image, not as in {tmp_path}, which has registered another image"
+
+
+def test_a_level_is_predicted_where_it_is_known_alone() -> None:
+    archive = archive_of(level_only=True)
+    bins = [
+        (1, Prediction("dyke", (x - 0.5, x + 0.5), x, 90, "not seen", -9.0, -10.0, -8.0)) for x in (37.5, 40.0, 45.0)
+    ]
+    kept, (said,) = where_seen(archive, bins)
+    assert [one.incidence_deg for _, one in kept] == [40.0]
+    assert said == (
+        "dyke: 2 bins left out, more than 1 degree from the one incidence at which the calibration has seen it: its "
+        "level is known there alone."
+    )
+    law = archive_of(level_only=False)
+    assert where_seen(law, bins) == (bins, [])

@@ -1,0 +1,153 @@
+"""What is said of a case at the terminal."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+
+import pytest
+from typer.testing import CliRunner
+
+from radcal.cli import app
+from radcal.errors import StoreError
+from radcal.products.showing import results_folder, show
+from radcal.results.summary import summarise
+from radcal.storage.lock import CaseLock
+from radcal.storage.records import write_json
+
+FILES = ("scene.h5", "reference.json", "scores.json", "final.json", "calibration.h5", "export.json", "report.json")
+
+
+@pytest.fixture
+def folder(made, tmp_path, monkeypatch):
+    """Folder ``results/small`` of a finished case, in the working folder."""
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "results" / "small"
+    (folder / "export").mkdir(parents=True)
+    for name in (*FILES, "report.html", "runs.csv"):
+        (folder / name).touch()
+    write_json(folder / "summary.json", summarise(made.archive), flat=True)
+    return folder
+
+
+def test_a_finished_case(folder, made):
+    lines = show(folder)
+    assert lines[0] == summarise(made.archive)["verdict"]
+    # the verdict begins with the name
+    verdict = summarise(made.archive)["materials"]["dyke"]["verdict"]
+    assert verdict.startswith("dyke")
+    assert lines[1].startswith(f"{verdict} mangia with X1 ")
+    assert lines[2] == "dyke: parameters_model, nearest to the band: X1 1.8, X2 2.8, X3 3.8, X4 4.8."
+    counts = "simulator runs of the search: 6 (4 design, 2 infill), besides 1 reference, 1 final"
+    assert lines[5:7] == summarise(made.archive)["warnings"]
+    assert lines[7] == f"{counts}; end: no parameters inside the bounds seem to reach the target."
+    assert lines[8:] == [
+        f"report: {folder / 'report.html'}",
+        f"exports: {folder / 'export'}",
+        f"summary: {folder / 'summary.json'}",
+        f"table of runs: {folder / 'runs.csv'}",
+    ]
+
+
+def test_registration_runs_are_counted_apart(folder):
+    data = json.loads((folder / "summary.json").read_text())
+    data["runs"] |= {"reference": 3, "registration": 2}
+    (folder / "summary.json").write_text(json.dumps(data))
+    assert "besides 3 reference (2 of them for the registration), 1 final; end" in show(folder)[7]
+    # a file of an earlier version
+    del data["runs"]["registration"], data["warnings"], data["next"]
+    (folder / "summary.json").write_text(json.dumps(data))
+    assert "besides 3 reference, 1 final; end" in show(folder)[5]
+
+
+def test_warnings_and_the_next_step_are_shown(folder):
+    data = json.loads((folder / "summary.json").read_text())
+    changed = {"warnings": ["warning: no relief", f"warning: {data['verdict']}"], "next": ["do this", "do that"]}
+    (folder / "summary.json").write_text(json.dumps(data | changed))
+    lines = show(folder)
+    assert lines[1] == "next: do this."
+    # the verdict itself is not repeated
+    assert lines[6] == "warning: no relief"
+    assert lines[7].startswith("simulator runs")
+
+
+def test_a_value_at_a_bound_is_printed_as_the_bound(folder):
+    data = json.loads((folder / "summary.json").read_text())
+    dyke = data["materials"]["dyke"]
+    dyke["bounds"][1:3] = [[0.0, 20.0], [2.0, 25.0]]
+    dyke["parameters"] |= {"X2": 5.202e-22, "X3": 24.999}
+    (folder / "summary.json").write_text(json.dumps(data))
+    assert "X2 0 (at its lower bound; 5 to 95 %: 2 to 3.9), X3 25 (at its upper bound; 5 to 95" in show(folder)[1]
+
+
+def test_an_unfinished_case_says_what_is_missing(folder):
+    for name in ("final.json", "calibration.h5", "export.json", "report.json", "report.html", "summary.json"):
+        (folder / name).unlink()
+    (folder / "export").rmdir()
+    for name in ("runs/aa.h5", "runs/bb.h5", "runs/.partial-x-cc.h5", "iterations/0/verified.json"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).touch()
+    lines = show(folder)
+    missing = "search and final runs, archive, exports, report, summary"
+    assert lines[0] == f"small: not finished; missing: {missing}."
+    assert lines[1] == f"records of runs: 2 in {folder / 'runs'}; iterations verified: 1."
+    again = "type the command that began the case again (radcal run with its YAML file): finished runs are kept."
+    assert lines[-1] == f"To continue, {again}"
+    (folder / "logs").mkdir()
+    (folder / "logs/failure.txt").write_text("registration: a.tif has nothing in common.\n")
+    failed = show(folder)
+    assert failed[-2] == "the last command failed: registration: a.tif has nothing in common."
+    assert failed[-1] == f"Once the cause is removed, {again}"
+
+
+def test_a_command_at_work_is_told_with_where_it_stands(folder):
+    (folder / "summary.json").unlink()
+    logs = {"reference.log": "09:00:00,1 INFO radcal: reference run: 3.0 s", "measure/train_1.log": "a warning"}
+    assert not any("running" in line for line in show(folder))
+    lock = CaseLock(folder)
+    lock.acquire()
+    for name, text in logs.items():
+        (folder / "logs" / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / "logs" / name).write_text(f"{text}\n")
+    later = time.time() + 1.0
+    os.utime(folder / "logs/measure/train_1.log", (later, later))
+    lines = show(folder)
+    assert lines[-3].startswith(f"running now: process {os.getpid()}, for ")
+    assert lines[-2].startswith("jobs that wrote a log last: measure/train_1, reference (")
+    assert lines[-1] == "last progress: reference run: 3.0 s"
+    assert not any("To continue" in line for line in lines)
+    lock.release()
+    assert "To continue" in show(folder)[-1]
+
+
+def test_a_case_is_found_by_name_folder_or_file(folder, tmp_path):
+    (tmp_path / "mine.yaml").write_text("case: small\n")
+    (tmp_path / "small").mkdir()  # a folder of this name is not meant
+    for case in ("small", "results/small", str(folder), "mine.yaml"):
+        assert results_folder(case).resolve() == folder
+    with pytest.raises(StoreError, match=r"gone: there is no folder results/gone, expected the name of a case"):
+        results_folder("gone")
+    done = CliRunner().invoke(app, ["show", "mine.yaml"])
+    assert (done.exit_code, done.stdout.splitlines()[7]) == (0, show(folder)[7])
+    both = CliRunner().invoke(app, ["show", "gone", "small", "mine.yaml"])
+    assert (both.exit_code, both.stdout.strip()) == (1, f"{done.stdout}\n{done.stdout}".strip())
+    elsewhere = CliRunner().invoke(app, ["show", "small", "--results", str(tmp_path)])
+    assert elsewhere.stdout.startswith("small: not finished; missing: scene,")
+    failed = CliRunner().invoke(app, ["show", "gone"])
+    assert (failed.exit_code, failed.stdout) == (1, "")
+    assert failed.stderr.startswith("radcal: gone: there is no folder")
+
+
+def test_a_summary_without_runs_is_one_sentence(folder):
+    summary = json.loads((folder / "summary.json").read_text())
+    del summary["runs"]
+    (folder / "summary.json").write_text(json.dumps(summary))
+    with pytest.raises(StoreError, match=r"summary\.json: holds other contents .* \(KeyError: 'runs'\)"):
+        show(folder)
+
+
+def test_a_damaged_summary_is_one_sentence(folder):
+    (folder / "summary.json").write_text("[1")
+    with pytest.raises(StoreError, match=r"summary.json: cannot be read"):
+        show(folder)

@@ -1,0 +1,153 @@
+"""Forward runs without a measurement."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+import yaml
+from typer.testing import CliRunner, Result
+
+from radcal.cli import app
+from radcal.config import load_forward
+from radcal.errors import ConfigError
+from radcal.newcase.forward_case import forward_case
+from radcal.products.simulated import forward
+from radcal.seeds import noise_seed
+from radcal.storage.runs import RunStore
+
+pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+
+
+@pytest.fixture
+def case(tmp_path: Path) -> Path:
+    """Case with two passes over a scene in slant range."""
+    labels = np.ones((30, 40), dtype=np.uint8)
+    labels[:, 25:] = 2
+    with rasterio.open(tmp_path / "labels.tif", "w", "GTiff", 40, 30, 1, dtype="uint8") as raster:
+        raster.write(labels, 1)
+    (tmp_path / "names.json").write_text(json.dumps({"1": "field", "2": "lake"}))
+    path = tmp_path / "case.yaml"
+    path.write_text(
+        f"case: small\nscene: {{source: slant_range, labels: {tmp_path}/labels.tif, names: {tmp_path}/names.json, "
+        "near_incidence_deg: 20, far_incidence_deg: 45}\n"
+        "radar: [{polarisation: HH}, {polarisation: VV}]\n"
+        "materials: {field: {parameters: [-20, 8, 6, 4]}, lake: {parameters: [-30, 5, 20, 9]}}\n"
+    )
+    return path
+
+
+def simulate(case: Path, *options: str | Path) -> Result:
+    words = ["simulate", case, "--results", case.parent / "results", *options]
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def write_materials(folder: Path, **materials: object) -> Path:
+    path = folder / "other.yaml"
+    path.write_text(yaml.safe_dump({"materials": materials}))
+    return path
+
+
+def test_a_run_that_is_stored_is_not_made_again(tmp_path: Path, case: Path) -> None:
+    """Two passes with the random numbers of final runs; the second time both come from the store."""
+    other = load_forward([case])
+    first, second = (forward(other, tmp_path / "out", tmp_path / "runs")[1] for _ in range(2))
+    assert [one.kept for one in first] == [False, False]
+    assert [one.kept for one in second] == [True, True]
+    store = RunStore(tmp_path / "runs")
+    for one, again in zip(first, second, strict=True):
+        assert one.key == again.key
+        np.testing.assert_array_equal(one.image_db, again.image_db)
+        assert store.description(one.key)["noise_seed"] == noise_seed(other, fresh=True)
+    assert first[0].key != first[1].key
+    assert first[0].image_db[:, :25].mean() > first[0].image_db[:, 25:].mean() + 3.0
+
+
+def test_materials_of_a_file_replace_those_of_the_same_names(tmp_path: Path, case: Path) -> None:
+    other = write_materials(tmp_path, field={"law": "constant_gamma", "parameters": [-8]})
+    done = simulate(case, "--materials", other)
+    assert done.exit_code == 0, done.output
+    assert done.stdout.startswith(
+        f"{other} has the laws of field; the other materials keep the laws of {case}: lake.\n"
+    )
+    box = {"calibrate": True, "bounds": [[-40, 0], [0, 9], [0, 9], [0, 9]], "start": [-17, 1, 2, 3]}
+    both = write_materials(tmp_path, field={"law": "constant_gamma", "parameters": [-8]}, lake=box)
+    done = simulate(case, "--materials", both, "--replace")
+    assert done.exit_code == 0, done.output
+    assert done.stdout.startswith("Simulated at the start, because of calibrate: true: lake.\n")
+
+
+def test_an_image_of_another_run_is_replaced_only_on_demand(tmp_path: Path, case: Path) -> None:
+    folder = tmp_path / "results/small/simulated"
+    assert simulate(case).exit_code == 0
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    assert folder / "simulated_pass2.tif" in before
+    assert simulate(case).exit_code == 0  # the same image
+    darker = ("--set", "materials.field.parameters=[-25, 8, 6, 4]", "--set", "scene.far_incidence_deg=44")
+    done = simulate(case, *darker)
+    assert (done.exit_code, done.stderr.count("\n")) == (1, 1)
+    assert f"radcal: {folder}/simulated.tif: is the image of run " in done.stderr
+    assert "give --replace to replace it, or --out with another folder." in done.stderr
+    assert {path: path.read_bytes() for path in folder.rglob("*.tif")}.items() <= before.items()
+    assert (folder / "geometry.h5").read_bytes() == before[folder / "geometry.h5"]
+    assert simulate(case, *darker, "--out", tmp_path / "dark").exit_code == 0
+    (folder / "simulated.tif").unlink()  # of the second pass, too
+    assert "simulated_pass2.tif: is the image of run " in simulate(case, *darker).stderr
+    (folder / "simulated.tif").write_bytes(b"no raster")
+    assert "simulated.tif: is no readable image of a run, and not of run " in simulate(case).stderr
+    assert simulate(case, *darker, "--replace").exit_code == 0
+    assert (folder / "simulated.tif").read_bytes() == (tmp_path / "dark/simulated.tif").read_bytes()
+
+
+def test_all_mistakes_of_a_file_of_materials_are_told_at_once(tmp_path: Path, case: Path) -> None:
+    other = write_materials(
+        tmp_path,
+        field={"law": "constant_gama", "parameters": [-8]},
+        lake={"law": "constant_gamma", "parameters": [-8, 2]},
+        shore={"paramters": [1, 2, 3, 4]},
+    )
+    done = simulate(case, "--materials", other)
+    assert done.exit_code == 1
+    assert [line.partition(": ")[2].split(",")[0] for line in done.stderr.splitlines()] == [
+        f"{other}: unknown key materials.shore.paramters (did you mean 'parameters'?).",
+        f"{other}: materials.field: law is 'constant_gama'",
+        f"{other}: materials.lake: parameters has 2 numbers",
+    ]
+    law = {"law": "constant_gamma", "parameters": [-8]}
+    done = simulate(case, "--materials", write_materials(tmp_path, feld=law, lake=law, shore=law))
+    assert done.stderr.splitlines() == [
+        "radcal: materials.feld: not in the scene (did you mean 'field'?).",
+        "radcal: materials.shore: not in the scene (known: field, lake).",
+    ]
+    open_ones = write_materials(tmp_path, field={**law, "parameters": ["FILL_IN"]}, lake={"parameters": "FILL_IN"})
+    assert simulate(case, "--materials", open_ones).stderr.count("is FILL_IN (line ") == 2
+    assert simulate(case, "--materials", tmp_path / "names.json").stderr.endswith(
+        f"--materials: {tmp_path}/names.json has no section materials, expected one, as calibrated.yaml has it.\n"
+    )
+
+
+def test_all_values_to_be_decided_are_told_at_once_but_those_that_are_not_read(tmp_path: Path, case: Path) -> None:
+    text = case.read_text().replace("[-20, 8, 6, 4]", "[FILL_IN]").replace("[-30, 5, 20, 9]", "[FILL_IN]")
+    case.write_text(f"{text}measurement: {{path: FILL_IN}}\n")
+    said = simulate(case).stderr.splitlines()
+    assert [line.split()[2] for line in said] == ["materials.field.parameters", "materials.lake.parameters"]
+    law = {"law": "constant_gamma", "parameters": [-8]}
+    (line,) = simulate(case, "--materials", write_materials(tmp_path, lake=law)).stderr.splitlines()
+    assert line.startswith(f"radcal: {case}: materials.field.parameters is FILL_IN (line 4), expected its value")
+    case.write_text("materials: [field]\n")
+    done = simulate(case, "--materials", write_materials(tmp_path, lake=law))
+    assert done.stderr == f"radcal: {case}: materials is ['field'], expected keys and values.\n"
+
+
+def test_laws_of_a_land_cover_map_are_those_of_the_case(tmp_path: Path) -> None:
+    case = tmp_path / "map.yaml"
+    scene = {"source": "raster", "elevation": "a.tif", "materials": "b.tif", "landcover": "nlcd", "vertical_datum": "x"}
+    case.write_text(yaml.safe_dump({"scene": scene}))
+    materials = {"moss": {}, "open_water": {"parameters": [-17], "law": "constant_gamma"}}
+    found, remarks = forward_case(case, None, write_materials(tmp_path, **materials))
+    assert (found.materials["moss"].parameters, remarks) == ([-20.0], [])
+    with pytest.raises(ConfigError, match=r"other.yaml: materials.mos: a material that is not calibrated needs param"):
+        forward_case(case, None, write_materials(tmp_path, mos={}))

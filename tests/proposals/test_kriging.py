@@ -1,0 +1,237 @@
+"""Kriging of several outputs, against smt, scikit-learn and the formulas written out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import approx_fprime
+from scipy.stats import multivariate_normal
+
+from radcal.errors import SurrogateError
+from radcal.proposals.kriging import JITTER, Kriging, _minus_log_posterior, train
+
+SCALES = np.array([0.45, 0.7])
+
+
+def example(n=15, d=2, seed=None):
+    rng = np.random.default_rng(n if seed is None else seed)
+    x = rng.random((n, d))
+    return x, np.stack([3.0 * np.sin(4.0 * x[:, 0]) - x[:, -1] ** 2, 1.0 + np.exp(x[:, 0] - 2.0 * x[:, -1])], axis=-1)
+
+
+NEW = np.random.default_rng(5).random((40, 2))
+
+
+@pytest.mark.parametrize("output", [0, 1])
+def test_mean_and_variance_are_smts(output):
+    """At the same length scales; the restricted likelihood has k - 1 degrees of freedom where smt counts k points."""
+    from smt.surrogate_models import KRG
+
+    x, values = example()
+    y = values[:, [output]]
+    # smt divides the points by their standard deviations
+    theta = 0.5 * (x.std(axis=0, ddof=1) / SCALES) ** 2
+    model = KRG(print_global=False, theta0=theta.tolist(), theta_bounds=[1e-6, 1e3], nugget=JITTER, hyper_opt="NoOp")
+    model.set_training_values(x, y)
+    model.train()
+    ours = Kriging(x, y, SCALES)
+    np.testing.assert_allclose(ours.mean(NEW), model.predict_values(NEW), rtol=1e-6, atol=1e-6)
+    wanted = model.predict_variances(NEW)[:, 0] * len(x) / (len(x) - 1)
+    np.testing.assert_allclose(ours.variance(NEW), wanted, rtol=1e-4, atol=1e-9)
+
+
+def test_mean_and_variance_are_scikit_learns():
+    """Of a process with a known constant variance, its constant with a flat law: one of a huge variance."""
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel
+
+    x, values = example()
+    y, nugget, large = values[:, 0], 0.02, 1e5
+    ours = Kriging(x, y[:, None], SCALES, nugget)
+    kernel = RBF(SCALES, "fixed") + ConstantKernel(large, "fixed")
+    model = GaussianProcessRegressor(kernel, alpha=nugget, optimizer=None).fit(x, y)
+    mean, sd = model.predict(NEW, return_std=True)
+    np.testing.assert_allclose(ours.mean(NEW)[:, 0], mean, rtol=1e-3, atol=1e-4)
+    np.testing.assert_allclose(ours.variance(NEW) / ours.process, sd**2, rtol=1e-3, atol=1e-6)
+
+
+def test_the_variance_of_the_process_is_pooled_over_outputs():
+    x, y = example()
+    alone = [Kriging(x, y[:, [k]], SCALES, 0.01).process for k in range(2)]
+    both = Kriging(x, y, SCALES, 0.01)
+    assert alone[0] > 3.0 * alone[1]
+    assert both.process == pytest.approx(np.mean(alone), rel=1e-10)
+    # written out: y' P y over the degrees of freedom, P without the constant
+    correlation = np.exp(-0.5 * (((x[:, None] - x[None]) / SCALES) ** 2).sum(axis=-1)) + 0.01 * np.eye(len(x))
+    inverse = np.linalg.inv(correlation)
+    one = np.ones(len(x))
+    projected = inverse - inverse @ np.outer(one, one) @ inverse / (one @ inverse @ one)
+    assert both.process == pytest.approx(np.trace(y.T @ projected @ y) / (2 * (len(x) - 1)), rel=1e-8)
+
+
+def test_it_passes_through_its_points_and_is_sure_there():
+    x, y = example()
+    model = Kriging(x, y, SCALES)
+    np.testing.assert_allclose(model.mean(x), y, atol=1e-6)
+    assert model.variance(x).max() < 1e-6 * model.variance(np.array([[2.0, 2.0]]))[0]
+    # far from all points nothing is known but the constant
+    far = model.variance(np.array([[50.0, 50.0]]))[0]
+    assert model.process < far < 1.5 * model.process
+
+
+def test_one_point_gives_its_own_value_everywhere():
+    model = Kriging([[0.3, 0.4]], [[2.0, -1.0, 7.0]], [1.0, 1.0])
+    np.testing.assert_allclose(model.mean(NEW), np.tile([2.0, -1.0, 7.0], (len(NEW), 1)), atol=1e-9)
+    np.testing.assert_array_equal(model.variance(NEW), 0.0)
+
+
+@pytest.mark.parametrize("nugget", [JITTER, 0.05])
+def test_leave_one_out_equals_leaving_one_out(nugget):
+    x, y = example(12)
+    found = Kriging(x, y, SCALES, nugget).leave_one_out()
+    assert np.abs(found).max() > 0.05
+    for i in range(len(x)):
+        keep = np.arange(len(x)) != i
+        wanted = y[i] - Kriging(x[keep], y[keep], SCALES, nugget).mean(x[[i]])[0]
+        np.testing.assert_allclose(found[i], wanted, rtol=1e-5, atol=1e-6)
+
+
+def test_a_singular_correlation_ends_in_a_sentence():
+    x, y = example(13, 4)
+    with pytest.raises(SurrogateError, match="kriging of 14 points is impossible"):
+        Kriging(np.vstack([x, x[:1]]), np.vstack([y, y[:1]]), np.ones(4), 0.0)
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_the_gradient_is_that_of_finite_differences(free):
+    x, y = example(9, 3)
+    squares = (x[:, None] - x[None]) ** 2
+    for log in ([0.2, -0.5, 0.9, -3.0], [-1.0, 0.4, -0.2, -1.0]):
+        at = np.array(log if free else log[:3])
+        value, gradient = _minus_log_posterior(at, squares, y, 0.02)
+        numeric = approx_fprime(at, lambda p: _minus_log_posterior(p, squares, y, 0.02)[0], 1e-6)
+        assert np.isfinite(value)
+        assert np.abs(gradient).min() > 0.01
+        np.testing.assert_allclose(gradient, numeric, rtol=1e-3, atol=1e-3)
+
+
+def test_the_posterior_is_restricted_likelihood_times_prior():
+    """Likelihood of the contrasts of each output, in closed form with the best variance, and the log-normal prior."""
+    x, y = example(8)
+    squares, k = (x[:, None] - x[None]) ** 2, len(x)
+    contrasts = np.linalg.svd(np.ones((1, k)))[2][1:]  # orthogonal to the constant
+
+    def direct(log, nugget):
+        correlation = np.exp(-0.5 * (squares / np.exp(2.0 * np.asarray(log))).sum(axis=-1)) + nugget * np.eye(k)
+        inside, seen = contrasts @ correlation @ contrasts.T, contrasts @ y
+        variance = np.trace(seen.T @ np.linalg.solve(inside, seen)) / seen.size
+        likelihood = multivariate_normal(np.zeros(k - 1), variance * inside).logpdf(seen.T).sum()
+        return -likelihood + 0.5 * (np.asarray(log) ** 2).sum()
+
+    places = [([0.0, 0.0], 0.01), ([-0.7, 0.3], 0.01), ([-0.7, 0.3], 0.1), ([0.5, -1.0], 0.01)]
+    found = [_minus_log_posterior(np.array(log), squares, y, nugget)[0] for log, nugget in places]
+    wanted = [direct(log, nugget) for log, nugget in places]
+    assert np.ptp(wanted) > 3.0
+    np.testing.assert_allclose(np.diff(found), np.diff(wanted), rtol=1e-6, atol=1e-8)
+    # with a free nugget the same value
+    again = _minus_log_posterior(np.array([-0.7, 0.3, np.log(0.1)]), squares, y, 0.5)[0]
+    assert again == pytest.approx(found[2], rel=1e-12)
+
+
+def test_a_run_or_few_leave_length_scales_at_the_width_of_the_box():
+    scales, nugget = train(np.array([[0.2, 0.7]]), np.array([[3.0]]))
+    np.testing.assert_array_equal(scales, 1.0)
+    assert nugget == JITTER
+    rng = np.random.default_rng(2)
+    for k in (2, 3):
+        for _ in range(4):
+            scales, _ = train(rng.random((k, 4)), rng.normal(size=(k, 2)))
+            assert (scales > 0.1).all()
+            assert (scales < 5.0).all()
+
+
+def test_many_runs_tell_the_length_scales():
+    """A sample of the process itself, short in one parameter and long in the other, in several outputs."""
+    rng = np.random.default_rng(4)
+    x, wanted = rng.random((40, 2)), np.array([0.25, 1.2])
+    correlation = np.exp(-0.5 * (((x[:, None] - x[None]) / wanted) ** 2).sum(axis=-1)) + JITTER * np.eye(40)
+    y = 5.0 + 3.0 * np.linalg.cholesky(correlation) @ rng.normal(size=(40, 4))
+    scales, nugget = train(x, y)
+    np.testing.assert_allclose(scales, wanted, rtol=0.2)
+    assert nugget == JITTER
+    # of 39 contrasts in four outputs: two and a half standard errors
+    assert Kriging(x, y, wanted, nugget).process == pytest.approx(9.0, rel=0.28)
+
+
+def noisy(n, sd, outputs=1):
+    rng = np.random.default_rng(2)
+    x = rng.random((n, 2))
+    truth = 10.0 * np.sin(2.0 * x[:, [0]]) + 5.0 * x[:, [1]] ** 2
+    return x, truth + sd * rng.standard_normal((n, outputs)), truth
+
+
+def test_a_measured_noise_is_honoured():
+    """Six runs pass for exact ones in the likelihood: only what was measured says otherwise."""
+    x, y, _ = noisy(6, 0.5)
+    exact, told = train(x, y), train(x, y, 0.25)
+    assert exact[1] == JITTER
+    model = Kriging(x, y, *told)
+    assert told[1] * model.process == pytest.approx(0.25, rel=0.05)
+    left = np.abs(model.mean(x) - y).max()
+    assert np.abs(Kriging(x, y, *exact).mean(x) - y).max() < 1e-3 < 0.02 < left
+    assert model.variance(x).min() > 0.1**2
+
+
+def test_unknown_noise_is_found_out():
+    x, y, truth = noisy(40, 0.5, outputs=2)
+    scales, nugget = train(x, y, None)
+    model = Kriging(x, y, scales, nugget)
+    assert np.sqrt(nugget * model.process) == pytest.approx(0.5, rel=0.25)
+    # it leaves about the noise between itself and the runs, and is nearer to the truth than they are
+    assert (y - model.mean(x)).std() == pytest.approx(0.5, rel=0.3)
+    error = np.sqrt(np.mean((model.mean(x) - truth) ** 2))
+    assert error < 0.3
+    # and says so
+    assert 0.4 * error < np.sqrt(model.variance(x).mean()) < 2.5 * error
+
+
+def test_excess_is_the_mean_square_of_standardised_leave_one_out_errors():
+    """Points that scatter, at a length scale that is far too long: each left out in turn."""
+    x, y = example(10)[0], np.random.default_rng(8).normal(size=(10, 2))
+    scales, nugget = [1.5, 2.0], 0.01
+    whole, squares = Kriging(x, y, scales, nugget), []
+    for i in range(len(x)):
+        keep = np.arange(len(x)) != i
+        rest = Kriging(x[keep], y[keep], scales, nugget)
+        variance = whole.process * (rest.variance(x[[i]])[0] / rest.process + nugget)
+        squares.append((y[i] - rest.mean(x[[i]])[0]) ** 2 / variance)
+    assert whole.excess == pytest.approx(np.mean(squares), rel=1e-6)
+    assert whole.excess > 1.05
+    # smooth outputs at a short length scale are predicted better than expected
+    assert Kriging(*example(15), [0.2, 0.2], nugget).excess == 1.0
+
+
+@pytest.mark.parametrize(("seed", "n"), [(39, 10), (50, 14), (10, 10)])
+def test_of_several_maxima_the_largest_posterior_is_taken(seed, n):
+    """Waves with noise: all of it noise of a slow process, or all of it a fast process."""
+    rng = np.random.default_rng(seed)
+    x = rng.random((n, 1))
+    y = (np.sin(16.0 * x[:, 0]) + 0.5 * x[:, 0] + 0.15 * rng.normal(size=n))[:, None]
+    squares, logs = (x[:, None] - x[None]) ** 2, np.linspace(np.log(0.02), np.log(50.0), 400)
+    every = [_minus_log_posterior(np.array([log]), squares, y, JITTER)[0] for log in logs]
+    (scale,), _ = train(x, y)
+    found = _minus_log_posterior(np.log([scale]), squares, y, JITTER)[0]
+    assert found == pytest.approx(min(every), abs=0.1)
+    inner = np.array(every[1:-1])
+    minima = inner[(inner < every[:-2]) & (inner < every[2:])]
+    assert len(minima) > 1
+    assert minima.max() > minima.min() + 5.0
+
+
+def test_a_line_with_a_little_noise_has_the_longest_of_its_scales():
+    """Maxima of the posterior at 0.6, 2.7 and 8.9 widths of the box."""
+    rng = np.random.default_rng(2003)
+    x = rng.random((6, 1))
+    line = x + 1e-3 * rng.normal(size=(6, 1))
+    (scale,), _ = train(x, np.concatenate([line, line**2, np.cos(line)], axis=1))
+    assert scale == pytest.approx(8.94, rel=0.02)

@@ -1,0 +1,208 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.stats import rankdata
+from threadpoolctl import threadpool_limits
+
+from radcal.registration.displacement import invert
+from radcal.registration.gefolki import (
+    Level,
+    _halved,
+    _step,
+    find_flow,
+    gefolki,
+    local_correlation,
+    pyramid,
+    rank_transform,
+)
+from radcal.registration.spline_field import Prior
+
+SHAPE = (240, 260)
+
+
+def ground(seed):
+    """Mean backscatter of fields with straight borders [dB]."""
+    rng = np.random.default_rng(seed)
+    image = np.zeros(SHAPE)
+    for _ in range(60):
+        row, column = rng.integers(0, SHAPE[0]), rng.integers(0, SHAPE[1])
+        image[row : row + rng.integers(15, 70), column : column + rng.integers(15, 70)] = rng.normal(0.0, 6.0)
+    return image
+
+
+def speckled(image, seed, looks=4):
+    """Independent multilook speckle on a mean image [dB]."""
+    gain = np.random.default_rng(seed).gamma(looks, 1.0 / looks, image.shape)
+    return (image + 10.0 * np.log10(gain)).astype(np.float32)
+
+
+def smooth_field(seed, length, sigma=50.0):
+    noise = np.random.default_rng(seed).standard_normal((2, *SHAPE))
+    field = np.stack([gaussian_filter(part, sigma, mode="reflect") for part in noise])
+    return field * length / np.hypot(*field).max()
+
+
+def pair(field, seed=1):
+    """Two images with speckle of their own, the second displaced."""
+    mean = ground(seed)
+    at = np.indices(SHAPE) + invert(field)
+    return speckled(mean, 10), speckled(map_coordinates(mean, at, order=1, mode="nearest"), 11)
+
+
+def error(found, field, margin=20):
+    return np.hypot(*(found - field))[margin:-margin, margin:-margin].mean()
+
+
+@pytest.mark.parametrize("length", [2.0, 6.0])
+def test_a_smooth_field_is_found_under_independent_speckle(length):
+    field = smooth_field(3, length)
+    fixed, moving = pair(field)
+    assert error(gefolki(fixed, moving), field) < 0.35 < 0.5 * error(np.zeros_like(field), field)
+
+
+@pytest.mark.slow
+def test_the_field_is_as_smooth_as_the_images_say():
+    priors = {}
+    for sigma, most in ((25.0, 0.75), (90.0, 0.3)):
+        field = smooth_field(6, 5.0, sigma)
+        fixed, moving = pair(field)
+        flow = find_flow(pyramid(fixed, moving))
+        priors[sigma] = flow.posterior.prior
+        assert error(flow.displacement_px, field) < most
+        # neither does as well with a field 4 times as stiff or as soft
+        for times in (0.25, 4.0):
+            other = Prior(priors[sigma].spread_px, times * priors[sigma].length_px)
+            assert error(find_flow(pyramid(fixed, moving), prior=other).displacement_px, field) > 1.1 * error(
+                flow.displacement_px, field
+            )
+    assert priors[90.0].length_px > 2.0 * priors[25.0].length_px
+
+
+def test_two_images_in_place_stay_there():
+    fixed, moving = pair(np.zeros((2, *SHAPE)))
+    assert np.hypot(*gefolki(fixed, moving)).mean() < 0.12
+
+
+def test_threads_change_nothing():
+    fixed, moving = pair(smooth_field(3, 4.0))
+    with threadpool_limits(1):
+        alone = gefolki(fixed, moving)
+    with threadpool_limits(2):
+        np.testing.assert_array_equal(gefolki(fixed, moving), alone)
+
+
+def test_contrast_turned_over_is_registered_alike():
+    field = smooth_field(4, 4.0)
+    fixed, moving = pair(field)
+    assert error(gefolki(fixed, -moving), field) < 0.4
+    # half of the image turned over
+    mixed = moving.copy()
+    mixed[:, SHAPE[1] // 2 :] *= -1.0
+    assert error(gefolki(fixed, mixed), field) < 0.45
+
+
+def test_a_monotonic_change_of_scale_changes_next_to_nothing():
+    field = smooth_field(5, 3.0)
+    fixed, moving = pair(field)
+    other = gefolki(fixed, 0.3 * moving - 20.0)
+    assert np.abs(other - gefolki(fixed, moving)).max() < 0.05
+
+
+def test_gaps_and_bright_points_do_no_harm():
+    field = smooth_field(6, 4.0)
+    fixed, moving = pair(field)
+    rng = np.random.default_rng(0)
+    moving[50:90, 60:140] = np.nan
+    fixed[rng.random(SHAPE) < 0.02] = np.nan
+    moving[rng.random(SHAPE) < 0.002] += 40.0
+    found = gefolki(fixed, moving)
+    assert np.isfinite(found).all()
+    assert error(found, field) < 0.5
+
+
+def test_pixels_that_do_not_count_pull_nothing():
+    field = smooth_field(7, 3.0)
+    fixed, moving = pair(field)
+    keep = np.ones(SHAPE, dtype=bool)
+    keep[:, 170:] = False
+    spoilt = moving.copy()
+    spoilt[:, 190:] = speckled(ground(99), 12)[:, 190:]
+    found = gefolki(fixed, spoilt, keep=keep)
+    assert np.hypot(*(found - field))[20:-20, 20:150].mean() < 0.5
+
+
+def test_a_large_shift_is_found_from_a_start_near_it():
+    fixed = speckled(ground(8), 1)
+    moving = np.roll(speckled(ground(8), 2), (25, -18), axis=(0, 1))
+    found = gefolki(fixed, moving, start=np.array([24.0, -17.0]))
+    np.testing.assert_allclose(found[:, 60:-60, 60:-60].mean(axis=(1, 2)), [25.0, -18.0], atol=0.2)
+
+
+def test_images_without_anything_in_common_give_a_finite_field():
+    rng = np.random.default_rng(0)
+    found = gefolki(*rng.normal(size=(2, 64, 70)).astype(np.float32))
+    assert np.isfinite(found).all()
+    np.testing.assert_array_equal(gefolki(*np.full((2, 64, 70), np.nan, dtype=np.float32)), 0.0)
+
+
+def test_rank_transform_is_the_rank_in_the_window():
+    # 256 grey levels: values that the quantisation keeps apart
+    image = np.random.default_rng(0).permutation(np.arange(13 * 13)).reshape(13, 13).astype(np.float32)
+    image[2, 3] = np.nan
+    found = rank_transform(image, radius=6)[6, 6]
+    there = image[np.isfinite(image)]
+    expected = rankdata(there, method="max")[there == image[6, 6]][0] / there.size * 2.0 - 1.0
+    assert found == pytest.approx(expected, abs=0.03)
+    assert rank_transform(image)[2, 3] == 0.0
+    np.testing.assert_array_equal(rank_transform(np.full((9, 9), np.nan, dtype=np.float32)), 0.0)
+
+
+def test_local_correlation_is_that_of_numpy_in_a_window():
+    one, two = np.random.default_rng(0).normal(size=(2, 33, 33)).astype(np.float32)
+    two += 0.5 * one
+    expected = (one * two).sum() / np.sqrt((one**2).sum() * (two**2).sum())
+    assert local_correlation(one, two)[16, 16] == pytest.approx(expected, abs=1e-5)
+    assert local_correlation(one, np.zeros_like(one)).max() == 0.0
+
+
+def test_halves_are_means_of_what_is_there():
+    image = np.array([[1.0, 2.0, np.nan, 7.0, 9.0], [5.0, 4.0, np.nan, 10.0, 9.0], [3.0, 3.0, 3.0, 3.0, 3.0]])
+    np.testing.assert_array_equal(_halved(image.astype(np.float32)), [[3.0, 8.5]])
+    image[:2, 3] = np.nan
+    np.testing.assert_array_equal(_halved(image.astype(np.float32)), [[3.0, np.nan]])
+
+
+def waves(row, column):
+    return (np.sin(row / 5.0) + np.cos(column / 4.0 + 0.3) + np.sin((row + column) / 7.0)).astype(np.float32)
+
+
+@pytest.mark.parametrize(("scale", "contrast"), [(1, 1.0), (4, 1.0), (2, -1.0)])
+def test_one_step_finds_a_small_shift_in_pixels_of_the_full_image(scale, contrast):
+    shift = np.array([0.21, -0.34])  # in pixels of the level
+    rows, columns = np.indices((96, 120), dtype=float)
+    noise = 0.05 * np.random.default_rng(3).normal(size=(2, 96, 120)).astype(np.float32)
+    fixed = waves(rows, columns) + noise[0]
+    moving = contrast * waves(rows - shift[0], columns - shift[1]) + noise[1]
+    ones = np.ones_like(fixed)
+    parts = _step(Level(scale, fixed, moving, ones, ones), np.zeros((2, 96, 120)))
+    a00, a01, a11, b0, b1 = (float(part[2:-2, 2:-2].sum()) for part in parts)
+    found = np.linalg.solve([[a00, a01], [a01, a11]], [b0, b1])
+    # central differences are too flat by 1 %; correlations count up to 0.8, in the curvature once more than in the pull
+    np.testing.assert_allclose(found, scale * shift / 0.8, rtol=0.08)
+
+
+def test_pixels_count_as_their_surroundings_correlate():
+    """Curvature of a cell: squared gradient over the variance, times r^2 / (1 - r^2)."""
+    rows, columns = np.indices((96, 120), dtype=float)
+    noise = np.random.default_rng(3).normal(size=(2, 96, 120)).astype(np.float32)
+    one, two = waves(rows, columns) + noise
+    ones = np.ones_like(one)
+    found = _step(Level(3, one, two, ones, ones), np.zeros((2, 96, 120)))[0]
+    r = np.corrcoef(one.ravel(), two.ravel())[0, 1]
+    assert 0.4 < r < 0.7
+    gradient = np.gradient(0.5 * (one + two))[0]
+    expected = (gradient**2).mean() / (0.5 * (one.var() + two.var())) / 3**2 * r**2 / (1.0 - r**2)
+    # correlations in windows of 33 pixels scatter about that of the image
+    assert found[2:-2, 2:-2].mean() / 64 == pytest.approx(expected, rel=0.15)

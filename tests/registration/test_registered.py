@@ -1,0 +1,247 @@
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from radcal.config import RegistrationConfig
+from radcal.errors import MeasurementError
+from radcal.image.model import Measurement
+from radcal.registration import registered as module
+from radcal.registration.displacement import invert
+from radcal.registration.registered import LEAST_CONTRAST_DB, contrast_db, read_registered, register, write_registered
+from radcal.storage.dataclass_groups import same
+
+SHAPE = (200, 230)
+GEFOLKI = RegistrationConfig()
+
+
+def ground(seed=1):
+    rng = np.random.default_rng(seed)
+    image = np.zeros(SHAPE)
+    for _ in range(60):
+        row, column = rng.integers(0, SHAPE[0]), rng.integers(0, SHAPE[1])
+        image[row : row + rng.integers(15, 70), column : column + rng.integers(15, 70)] = rng.normal(0.0, 6.0)
+    return image
+
+
+def speckled(mean, seed):
+    gain = np.random.default_rng(seed).gamma(4, 0.25, mean.shape)
+    return (mean + 10.0 * np.log10(gain)).astype(np.float32)
+
+
+def field(length, seed=3):
+    noise = np.random.default_rng(seed).standard_normal((2, *SHAPE))
+    smooth = np.stack([gaussian_filter(part, 45.0, mode="reflect") for part in noise])
+    return smooth * length / np.hypot(*smooth).max()
+
+
+def measured(displacement, seed=11):
+    at = np.indices(SHAPE) + invert(displacement)
+    return Measurement(speckled(map_coordinates(ground(), at, order=1, mode="nearest"), seed), "image.tif")
+
+
+FIXED = speckled(ground(), 10)
+
+
+@pytest.fixture(scope="module")
+def registered():
+    return register(FIXED, measured(field(4.0)), GEFOLKI)
+
+
+def test_a_displaced_image_is_brought_back(registered):
+    assert registered.applied
+    error = np.hypot(*(registered.displacement_px - field(4.0)))
+    assert error[15:-15, 15:-15].mean() < 0.4
+    length = np.hypot(*registered.displacement_px)
+    said = re.search(
+        r"registered with gefolki: moved by (\S+) pixels \(rms, at most (\S+)\) with a standard error of (\S+);",
+        registered.verdict,
+    )
+    expected = (np.sqrt(np.mean(length**2)), length.max(), np.median(registered.uncertainty_px))
+    np.testing.assert_allclose([float(number) for number in said.groups()], expected, atol=0.051)
+    # a pixel's value is a measured one: speckle keeps its statistics
+    moved = registered.measurement.image_db
+    assert np.isin(moved[np.isfinite(moved)], registered.unregistered_db).all()
+
+
+@pytest.mark.slow
+def test_the_uncertainty_is_that_of_the_error():
+    errors, said = [], []
+    for seed in range(4):
+        found = register(FIXED, measured(field(4.0, seed), 20 + seed), GEFOLKI)
+        assert found.applied
+        errors.append(np.hypot(*(found.displacement_px - field(4.0, seed)))[15:-15, 15:-15])
+        said.append(found.uncertainty_px[15:-15, 15:-15])
+    ratio = np.sqrt(np.mean(np.square(said)) / np.mean(np.square(errors)))
+    assert 0.8 < ratio < 1.25
+
+
+def test_squares_are_judged_by_the_field_of_the_other_squares():
+    """The field of one half is right, that of the other wrong: only squares not used for the right one agree."""
+    fixed = np.random.default_rng(2).normal(size=(96, 130)).astype(np.float32)
+    squares = module._chequerboard(fixed.shape)
+    right, wrong = np.zeros((2, 96, 130)), np.full((2, 96, 130), 7.0)
+    found = module._held_out((fixed, fixed), (right, wrong), squares).reshape(6, 8)
+    used = squares[8::16, 8:128:16]
+    assert used[0, 0]
+    assert not used[0, 1]
+    # mean products of 256 values in a square
+    assert found[~used].mean() == pytest.approx(1.0, abs=4 * np.sqrt(2 / 256 / 24))
+    assert abs(found[used].mean()) < 4 * np.sqrt(1 / 256 / 24)
+    other = module._held_out((fixed, fixed), (wrong, right), squares).reshape(6, 8)
+    assert other[used].mean() == pytest.approx(1.0, abs=4 * np.sqrt(2 / 256 / 24))
+
+
+def test_standard_error_of_the_squares_mean():
+    values = np.array([1.0, 2.0, 4.0, 9.0, 4.0])
+    assert module._standard_error(values) == pytest.approx(np.sqrt(38.0 / 4 / 5))
+    assert module._z(values) == pytest.approx(4.0 / np.sqrt(38.0 / 4 / 5))
+
+
+def test_an_image_in_its_place_is_left_there():
+    in_place = Measurement(speckled(ground(), 31), "in_place.tif")
+    found = register(FIXED, in_place, GEFOLKI)
+    assert not found.applied
+    assert found.measurement is in_place
+    assert not found.displacement_px.any()
+    said = re.search(
+        r"did not raise the correlation of in_place\.tif .* \(correlation (\S+) before and (\S+) after,", found.verdict
+    )
+    assert said is not None
+    assert float(said[2]) - float(said[1]) < 0.0015
+
+
+def test_registration_raises_the_correlation(registered):
+    as_it_lies = register(FIXED, measured(field(4.0)), RegistrationConfig(method="none"))
+    assert not as_it_lies.applied
+    assert registered.correlation.mean() > as_it_lies.correlation.mean()
+
+
+def test_none_takes_the_image_as_it_lies():
+    measurement = measured(field(4.0))
+    found = register(FIXED, measurement, RegistrationConfig(method="none"))
+    assert found.measurement is measurement
+    assert not found.displacement_px.any()
+    assert not found.uncertainty_px.any()
+    assert found.found_px is None
+
+
+@pytest.mark.slow
+def test_ilk_is_an_alternative_with_a_wider_uncertainty(registered):
+    found = register(FIXED, measured(field(4.0)), RegistrationConfig(method="ilk"))
+    assert found.applied
+    assert np.hypot(*(found.displacement_px - field(4.0)))[15:-15, 15:-15].mean() < 0.8
+    assert np.median(found.uncertainty_px) > np.median(registered.uncertainty_px)
+
+
+@pytest.mark.slow
+def test_a_large_shift_is_found_by_phase_correlation_first():
+    shift = np.array([31.0, -22.0])
+    moving = Measurement(np.roll(speckled(ground(), 12), shift.astype(int), axis=(0, 1)), "shifted.tif")
+    found = register(FIXED, moving, RegistrationConfig(global_shift=True, max_displacement_px=60))
+    inside = found.displacement_px[:, 60:-60, 60:-60].mean(axis=(1, 2))
+    np.testing.assert_allclose(inside, shift, atol=0.5)
+
+
+@pytest.mark.slow
+def test_a_registration_that_moves_too_far_is_not_used():
+    found = register(FIXED, measured(field(6.0)), RegistrationConfig(max_displacement_px=2.0))
+    assert not found.applied
+    assert "max_displacement_px = 2" in found.verdict
+    np.testing.assert_array_equal(found.measurement.image_db, measured(field(6.0)).image_db)
+    assert not found.displacement_px.any()
+    assert found.found_px is not None
+    assert np.hypot(*(found.found_px - field(6.0)))[15:-15, 15:-15].mean() < 0.6
+
+
+def other_images():
+    rng = np.random.default_rng(0)
+    square = speckled(ground(), 13)[:200, :200]
+    return {
+        "noise": (FIXED, rng.normal(0.0, 3.0, SHAPE)),
+        "another place": (FIXED, speckled(ground(77), 14)),
+        "turned": (FIXED[:200, :200], np.rot90(square)),
+        "mirrored": (FIXED[:200, :200], square[:, ::-1]),
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", other_images())
+def test_an_image_of_something_else_is_refused(name):
+    fixed, moving = other_images()[name]
+    image = Measurement(moving.astype(np.float32), "other.tif")
+    with pytest.raises(MeasurementError, match=r"other\.tif has nothing in common .*method: none") as said:
+        register(fixed, image, GEFOLKI)
+    assert ("it fits mirrored in azimuth." in str(said.value)) == (name == "mirrored")
+
+
+def test_an_image_too_small_is_refused():
+    small = Measurement(FIXED[:40, :100], "small.tif")
+    with pytest.raises(MeasurementError, match="40 x 100 pixels, expected at least 64"):
+        register(FIXED[:40, :100], small, GEFOLKI)
+
+
+def test_file_round_trip(tmp_path, registered):
+    write_registered(tmp_path / "r.h5", registered)
+    back = read_registered(tmp_path / "r.h5")
+    assert same(back, registered)
+    assert back.found_px is back.displacement_px
+    refused = replace(registered, applied=False, refused_px=2 * registered.displacement_px, findings='[{"code": "a"}]')
+    write_registered(tmp_path / "r.h5", refused)
+    assert same(read_registered(tmp_path / "r.h5"), refused)
+    assert back.applied
+
+
+def test_contrast_is_that_under_speckle_and_beside_a_trend():
+    rows, columns = np.indices((250, 330))
+    trend = (-0.03 * rows).astype(np.float32)
+    blank = speckled(trend, seed=5)
+    assert contrast_db(trend) < 0.01
+    assert contrast_db(blank) < LEAST_CONTRAST_DB
+    # two levels 2.4 dB apart in patches of 48 pixels that fill half of the image: an sd of 1.2 dB
+    patches = np.where((rows // 48 + columns // 48) % 2, 2.4, 0.0).astype(np.float32)
+    assert contrast_db(patches) == pytest.approx(1.2, rel=0.1)
+    assert contrast_db(speckled(trend + patches, seed=5)) == pytest.approx(contrast_db(patches), abs=0.1)
+    hidden = np.where(rows < 100, np.nan, trend + patches)
+    assert contrast_db(hidden) == pytest.approx(1.2, rel=0.15)
+    # a border along a row or a column is contrast, too
+    for border in (rows < 90, columns < 90):
+        assert contrast_db(np.where(border, 2.4, 0.0)) > LEAST_CONTRAST_DB
+    assert np.isnan(contrast_db(patches[:30, :30]))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("squares", [1, 2, 3, 4, 5])
+def test_contrast_of_few_rows_is_that_beside_the_mean_of_each_row(squares):
+    """Squares of 16 pixels with levels of their own; up to four rows of squares, the trend takes each row's mean."""
+    levels = np.random.default_rng(7).normal(-12.0, 2.0, (squares, 20))
+    levels += np.arange(squares)[:, None] ** 2
+    image = np.kron(levels, np.ones((16, 16))).astype(np.float32)
+    beside = np.sqrt(np.mean((levels - levels.mean(axis=1, keepdims=True)) ** 2))
+    assert contrast_db(image) == pytest.approx(beside, rel=1e-5) if squares < 5 else contrast_db(image) > beside
+
+
+def test_a_start_without_contrast_is_blamed_and_not_the_image():
+    blank = speckled(np.full((192, 208), -12.0, dtype=np.float32), seed=8)
+    image = speckled(ground(), seed=4)[:192, :208]
+    with pytest.raises(
+        MeasurementError, match=r"simulated at the start has no contrast between materials \(the level"
+    ) as e:
+        register(blank, Measurement(image, "a.tif"), RegistrationConfig())
+    assert "give the materials starts that differ (materials.*.start, as radcal new writes them), or" in str(e.value)
+    assert "is it the same area" not in str(e.value)
+
+
+def test_a_significant_correlation_is_not_called_nothing(monkeypatch):
+    monkeypatch.setattr(module, "_mirrored", lambda *_: {"turned by 180 degrees.": 0.9})
+    monkeypatch.setattr(module, "_FITS", 9.0)
+    with pytest.raises(
+        MeasurementError, match=r"^registration: image\.tif agrees with the simulated image \(corr"
+    ) as e:
+        register(FIXED, measured(field(4.0)), GEFOLKI)
+    assert "nothing in common" not in str(e.value)
+    assert "mirrored 0.900, expected at least 1.5 times as much): are starting or fixed laws wrong" in str(e.value)

@@ -1,0 +1,89 @@
+"""Second registration: the better of two simulated images decides, and the sentence says which."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from radcal.config import RegistrationConfig
+from radcal.image.model import Measurement
+from radcal.registration import registered as registration
+from radcal.registration.displacement import invert, warp
+from radcal.registration.registered import register
+from radcal.registration.second import register_again
+from radcal.storage.dataclass_groups import same
+
+pytestmark = pytest.mark.slow
+
+SHAPE = (120, 150)
+CONFIG = RegistrationConfig()
+
+
+def relief(seed):
+    return gaussian_filter(np.random.default_rng(seed).standard_normal(SHAPE), 6.0) * 30.0
+
+
+def speckled(mean_db, seed):
+    gain = np.random.default_rng(seed).gamma(4, 0.25, SHAPE)
+    return (mean_db + 10.0 * np.log10(gain)).astype(np.float32)
+
+
+RIGHT = relief(1)
+# half of the pattern of the real law, half of another one
+START, FOUND, OTHER = speckled(0.5 * RIGHT + relief(2), 3), speckled(RIGHT, 4), speckled(relief(5), 6)
+
+
+@pytest.fixture(scope="module")
+def moved():
+    rows, columns = np.indices(SHAPE)
+    return np.stack([1.5 + np.sin(columns / 60.0), -2.0 + 0.5 * np.cos(rows / 50.0)])
+
+
+@pytest.fixture(scope="module")
+def first(moved):
+    image = warp(speckled(RIGHT, 7), invert(moved)).astype(np.float32)
+    return register(START, Measurement(image, "a.tif", notes=("a note",)), CONFIG)
+
+
+@pytest.fixture(scope="module")
+def alone(first):
+    return register(FOUND, replace(first.measurement, image_db=first.unregistered_db), CONFIG)
+
+
+def error_px(registered, moved):
+    return np.sqrt(np.mean(np.sum((registered.displacement_px - moved) ** 2, axis=0)[20:-20, 20:-20]))
+
+
+def test_a_run_that_is_more_like_the_image_takes_the_place_of_the_reference_run(first, alone, moved):
+    again = register_again(FOUND, replace(first, findings='["of the first"]'), CONFIG)
+    assert again.findings == '["of the first"]'
+    assert error_px(again, moved) < 0.6 * error_px(first, moved)
+    assert same(replace(again, verdict=alone.verdict, findings="[]"), alone)
+    before, after = (float(np.mean(one.correlation)) for one in (first, again))
+    assert after > before
+    assert again.verdict == (
+        f"{alone.verdict} This is the second registration, onto a run of the laws found with the first one (mean local "
+        f"correlation {after:.3f}, with the reference run {before:.3f})."
+    )
+
+
+def test_a_run_that_is_less_like_the_image_changes_nothing_but_the_sentence(first, alone):
+    again = register_again(START, alone, CONFIG)
+    numbers = f"mean local correlation {np.mean(first.correlation):.3f}, with the reference run "
+    numbers += f"{np.mean(alone.correlation):.3f}"
+    assert again.verdict == (
+        f"{alone.verdict} The image agrees less with a run of the laws found with it ({numbers}), and this "
+        "registration is kept."
+    )
+    assert same(replace(again, verdict=alone.verdict), alone)
+
+
+def test_a_run_that_has_nothing_in_common_with_the_image_is_not_used(first, monkeypatch):
+    # the first registration has compared the image with mirrored ones
+    monkeypatch.setattr(registration, "_mirrored", None)
+    again = register_again(OTHER, first, CONFIG)
+    assert "The image agrees less with a run of the laws found with it (mean local correlation 0.0" in again.verdict
+    assert same(replace(again, verdict=first.verdict), first)

@@ -1,0 +1,74 @@
+"""The archive is what its types say, in the file and in the documents."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from radcal.results.archive import Archive, Images, read_archive
+from radcal.storage.dataclass_groups import table
+from radcal.storage.inspection import SCHEMAS
+
+# of any dataset: description, unit, and what HDF5 needs for dimension scales
+GENERAL = ("description", "unit", "CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "DIMENSION_LABELS")
+
+
+def test_the_table_in_the_documents_is_that_of_the_types():
+    page = (Path(__file__).resolve().parents[2] / "docs" / "records.md").read_text()
+    assert table(Archive) in page
+    assert f"| `calibration.h5` | calibration {SCHEMAS['calibration']} |" in page
+
+
+def test_every_field_has_a_description():
+    lines = table(Archive).splitlines()[2:]
+    assert len(lines) > 120
+    assert [line for line in lines if not line.split("|")[5].strip()] == []
+
+
+def test_the_file_has_what_the_table_lists_and_no_more(made):
+    listed = {
+        tuple(cell.strip().strip("`") for cell in line.split("|")[1:3]) for line in table(Archive).splitlines()[2:]
+    }
+    found = set()
+    groups = ("laws", "materials", "image/laws_db", "image/apart_db", "image/radiometry", "image/shared")
+
+    def look(path, item):
+        # any name stands for all of them
+        place = re.sub(rf"^({'|'.join(groups)})/[^/]+", r"\1/<name>", path)
+        if place not in groups:
+            found.add((place, ""))
+        found.update((place or "/", key) for key in item.attrs if key not in GENERAL)
+
+    with h5py.File(made.path) as file:
+        file.visititems(look)
+        look("", file)
+        assert file["materials/dyke/dp"].attrs["unit"] == "dB or IQR"
+        assert file["materials/dyke/dp"].attrs["description"].startswith("xi, omega and alpha")
+        assert file["materials/dyke/measured_db"].dims[0][0] == file["materials/dyke/pixels"]
+        assert file["runs/seconds"].dims[0][0].asstr()[0] == file["runs/key"].asstr()[0]
+        assert [one.label for one in file["images/measured_db"].dims] == ["rows", "columns"]
+        assert file["laws/dyke"].attrs["description"].startswith("X of every material")
+    provenance = {("/", key) for key in ("kind", "schema", "content", "created", "radcal")}
+    assert found - listed == provenance | {("", "")}
+    assert {
+        ("materials/<name>/posterior/curve/p05_db", ""),
+        ("materials/<name>", "best"),
+        ("laws/<name>", "law"),
+    } <= found
+
+
+def test_what_is_gathered_is_what_is_read(made):
+    """Materials in their order, arrays with their types, None as None."""
+    archive = made.archive
+    assert list(archive.materials) == ["dyke", "stem beans"]
+    assert list(archive.laws) == ["dyke", "stem beans", "unused"]
+    assert archive.materials["stem beans"].hidden is None
+    assert archive.materials["stem beans"].cost is None
+    assert archive.image.radiometry["1"].materials == ("unused",)
+    assert archive.images.measured_db.dtype == np.float32
+    np.testing.assert_array_equal(archive.images.measured_db, made.registered.measurement.image_db)
+    assert read_archive(made.path, images=False).images == Images()
+    assert archive.names == made.geometry.names

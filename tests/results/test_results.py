@@ -1,0 +1,237 @@
+"""The results hold what they were gathered from."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+
+from radcal.objectives.history import History, PassScore
+from radcal.config import case_from, stages
+from radcal.errors import StoreError
+from radcal.laws import LAWS
+from radcal.ground.levels import Levels
+from radcal.targets.target import Targets
+from radcal.page.html import write_report
+from radcal.results.law_notes import law_notes
+from radcal.results.results import _difference_db, _pass_law, _pass_note, _passes, without_level
+from radcal.results.run_table import write_table
+from radcal.results.summary import summarise
+
+
+def test_every_run_is_there_in_order(made):
+    with h5py.File(made.path) as file:
+        assert file["runs/kind"].asstr()[()].tolist() == ["reference", *["design"] * 4, *["infill"] * 2]
+        assert file["runs/index"][()].tolist() == [0, 0, 1, 2, 3, 0, 1]
+        assert file["runs/key"].asstr()[()].tolist() == [run.key for run in made.history.runs]
+        for name in made.targets:
+            group = file[f"materials/{name}"]
+            for key in ("parameters", "dp", "rms"):
+                np.testing.assert_array_equal(group[key], [getattr(run.scores[name], key) for run in made.history.runs])
+
+
+def test_final_runs_that_the_search_has_made_are_no_new_ones_and_equal_pixels_are_told(made, tmp_path):
+    """The first final run is the best run of the search, the second one has fresh random numbers."""
+    assert made.archive.final_runs == 1
+    assert not any("another seed gives the same pixels" in note for note in made.archive.notes)
+    first = made.final[0]
+    again = made.gathered(tmp_path / "again.h5", final=(first, replace(first, key="fresh")))
+    assert again.final_runs == 1
+    assert any("another seed gives the same pixels" in note for note in again.notes)
+    third = replace(made.final[1], key="of another pass")
+    assert made.gathered(tmp_path / "third.h5", final=(*made.final, third)).final_runs == 1
+
+
+def test_promises_of_proposals_not_computed_are_nan(made):
+    with h5py.File(made.path) as file:
+        group = file["materials/stem beans"]
+        np.testing.assert_array_equal(group["floor_rms"], [np.nan, 0.05])
+        np.testing.assert_array_equal(file["materials/dyke/floor_rms"], [np.nan, np.nan])
+        assert group["mode"].asstr()[()].tolist() == ["exploit", "exploit"]
+
+
+def test_pixels_are_those_of_the_images(made):
+    with h5py.File(made.path) as file:
+        measured = file["images/measured_db"][()].ravel()
+        fresh = file["images/calibrated_db"][()].ravel()
+        for name, target in made.targets.items():
+            group = file[f"materials/{name}"]
+            pixels = group["pixels"][()]
+            np.testing.assert_array_equal(pixels, target.pixels)
+            np.testing.assert_array_equal(group["measured_db"], measured[pixels])
+            np.testing.assert_array_equal(group["fresh_db"], fresh[pixels])
+            np.testing.assert_array_equal(group["start_db"], file["images/reference_db"][()].ravel()[pixels])
+            np.testing.assert_array_equal(group["calibrated_db"], made.final[0].pixels_db[name][target.order])
+            assert (file["images/material"][()].ravel()[pixels] == list(file["names"].asstr()).index(name) + 1).all()
+
+
+def test_how_it_ended(made):
+    with h5py.File(made.path) as file:
+        assert file.attrs["reason"] == "unreachable"
+        assert not file.attrs["converged"]
+        assert file["materials/dyke"].attrs["reason"] == "rms"
+        assert file["materials/dyke"].attrs["best"] == 6
+        assert file["materials/stem beans"].attrs["best"] == 5
+        assert [sentence.split(":")[0] for sentence in file.attrs["sentences"]] == list(made.targets)
+        # the calibrated run is the last infill run, only the one with fresh numbers is new
+        assert file.attrs["final_runs"] == 1
+        assert json.loads(file.attrs["config"])["stop"]["rms"] == made.stop.rms
+        assert "radcal" in json.loads(file.attrs["versions"])
+
+
+def test_only_known_truths_are_written(made):
+    with h5py.File(made.path) as file:
+        assert "hidden" in file["materials/dyke"]
+        assert "hidden" not in file["materials/stem beans"]
+
+
+def test_an_external_law_has_names_and_no_curve(build_archive, tmp_path):
+    made = build_archive(tmp_path, external=("dyke", "unused"))
+    with h5py.File(made.path) as file:
+        group = file["materials/dyke"]
+        assert group.attrs["law"] == "external"
+        assert group.attrs["parameter_names"].tolist() == ["mv", "s", "l", "t"]
+        assert file["laws/unused"].shape == (0,)
+        assert file.attrs["law_notes"].tolist() == []
+    archive = made.archive
+    material = archive.materials["dyke"]
+    for parameters in (material.parameters, material.start, archive.laws["dyke"]):
+        law = parameters.curve()
+        assert not law.has_curve
+        assert (law.names, law.units) == (("mv", "s", "l", "t"), ("",) * 4)
+    assert archive.laws["unused"].curve().names == ()
+    assert archive.laws["stem beans"].curve().has_curve
+    write_table(tmp_path / "runs.csv", archive)
+    headings = pd.read_csv(tmp_path / "runs.csv").columns.tolist()
+    assert headings[6:10] == ["X1", "X2", "X3", "X4"]  # of two materials whose names differ
+    dyke = summarise(archive)["materials"]["dyke"]
+    assert dyke["hidden"] == dict(zip(["mv", "s", "l", "t"], [6.1, 14.2, 21.5, 3.3], strict=True))
+    assert "law_difference_db" not in dyke
+
+
+def test_missing_reference_run_is_a_sentence(made, tmp_path):
+    with pytest.raises(StoreError, match="the reference run is missing"):
+        made.gathered(tmp_path / "calibration.h5", runs=tmp_path / "nowhere")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_numbers_that_another_seed_leaves_as_they_are_are_not_called_fresh(made, tmp_path):
+    def told(second):
+        archive = made.gathered(tmp_path / "again.h5", final=(made.final[0], second))
+        write_report(tmp_path / "report.html", archive, [])
+        summary = summarise(archive)
+        notes = [note for note in summary["notes"] if "the seed does not reach" in note]
+        return summary["materials"], len(notes), (tmp_path / "report.html").read_text()
+
+    materials, notes, page = told(made.final[1])
+    assert all(item["rms_fresh"] > 0 for item in materials.values())
+    assert (notes, "another seed gives the same pixels" in page) == (0, False)
+    same = replace(made.final[0], key="another")
+    materials, notes, page = told(same)
+    assert [item["rms_fresh"] for item in materials.values()] == [None, None]
+    assert notes == 1
+    assert "There is none for dyke and stem beans" in page
+    # one material may have random numbers of its own
+    pixels = {**same.pixels_db, "dyke": same.pixels_db["dyke"] + np.float32(0.1)}
+    materials, notes, page = told(replace(same, pixels_db=pixels))
+    assert (materials["dyke"]["rms_fresh"] > 0, materials["stem beans"]["rms_fresh"], notes) == (True, None, 0)
+    assert "There is none for stem beans" in page
+
+
+def test_a_proposal_that_was_simulated_before_is_no_further_run(made, tmp_path):
+    *runs, last = made.history.runs
+    again = made.gathered(tmp_path / "again.h5", history=History([*runs, replace(last, key=runs[-1].key)]))
+    before, after = summarise(made.archive), summarise(again)
+    assert (before["runs"]["infill"], after["runs"]["infill"]) == (2, 1)
+    assert before["iterations"] == after["iterations"] == 2
+    # of the design, too, whose later runs and the infill are counted all the same
+    twice = [
+        *made.history.runs[:2],
+        replace(made.history.runs[2], key=made.history.runs[1].key),
+        *made.history.runs[3:],
+    ]
+    counted = summarise(made.gathered(tmp_path / "twice.h5", history=History(twice)))["runs"]
+    assert (counted["design"], counted["infill"]) == (3, 2)
+
+
+def test_a_law_without_a_curve_is_neither_identified_nor_not(made, build_archive, tmp_path):
+    archive = build_archive(tmp_path, external=("dyke", "unused")).archive
+    assert summarise(archive)["materials"]["dyke"]["identified"] is None
+    assert summarise(made.archive)["materials"]["dyke"]["identified"] is True
+
+
+def test_laws_beyond_their_angles_are_noted(made):
+    """Rows of the dyke are seen from 20 to 30.5 degrees."""
+
+    def notes(low, high, doubt=None):
+        law = replace(LAWS["mangia"], valid_deg=(low, high), doubt=doubt)
+        case = SimpleNamespace(laws={"dyke": law}, materials={"dyke": SimpleNamespace(law="made up")})
+        return law_notes(case, made.geometry, {"dyke": [1.0, 2.0, 3.0, 4.0]})
+
+    (found,) = notes(22.0, 90.0)
+    assert found.startswith("dyke: 19% of its pixels are seen outside of the 22 to 90 deg that law 'made up' was made")
+    assert notes(20.3, 90.0) == notes(20.0, 30.2) == []
+    assert notes(20.0, 90.0, lambda x: f"X4 is {x[3]:g}") == ["dyke: law 'made up' is an extrapolation: X4 is 4."]
+
+
+def test_the_largest_difference_from_a_hidden_law_has_no_sign():
+    for level in (2.0, -2.0):
+        found = _difference_db(LAWS["mangia"], [level, 3.0, 5.0, 2.0], [0.0, 3.0, 5.0, 2.0], [20.0, 40.0])
+        assert found == pytest.approx(2.0)
+    assert _difference_db(LAWS["mangia"], [0.0, 3.0, 5.0, 2.0], None, [20.0, 40.0]) is None
+
+
+def test_each_pass_has_its_own_runs_and_counts_its_own_new_ones(made, monkeypatch):
+    """Two final runs in each pass; one of the first pass and one of the second are runs of the search."""
+    monkeypatch.setattr("radcal.results.results._pass_law", lambda *_: None)
+    runs = [replace(run, further_keys=[f"second {run.key}"]) for run in made.history.runs]
+    final = [replace(made.final[0], key=key) for key in (runs[3].key, "new", f"second {runs[3].key}", "newer")]
+    radar = [{"depression_deg": 45}, {"depression_deg": 30}]
+    case = case_from({**made.case.sections("materials"), "radar": radar, "measurement": [{}, {}]})
+    targets = Targets(made.targets, further=[made.targets])
+    found = _passes(stages.Archive.of(case), History(runs), targets, {}, [made.registered] * 2, final)
+    assert [one.keys.tolist() for one in found.values()] == [
+        [run.key for run in runs],
+        [f"second {r.key}" for r in runs],
+    ]
+    assert [one.final_runs for one in found.values()] == [1, 1]
+    assert [one.depression_deg for one in found.values()] == [45, 30]
+
+
+def test_the_law_of_a_pass_is_judged_over_its_own_incidence(made):
+    """Band whose half-width grows by 0.1 dB per degree, seen from 30 to 50 degrees; the second pass has its own rms."""
+    angle = np.arange(86.0)
+    curve = replace(
+        made.archive.materials["dyke"].posterior.curve,
+        incidence_deg=angle, p05_db=-10.0 - 0.1 * angle, p95_db=-10.0 + 0.1 * angle,
+    )  # fmt: skip
+    posterior = replace(made.archive.materials["dyke"].posterior, curve=curve)
+    target = replace(made.targets["dyke"], incidence_deg=np.linspace(30.0, 50.0, 201, dtype=np.float32))
+    score = replace(made.history.runs[3].scores["dyke"], further=[PassScore([1.0, 2.0, 0.5], 0.0375)])
+    first, second = (_pass_law(k, LAWS["mangia"], score, target, posterior, None) for k in (0, 1))
+    assert (first.rms, second.rms) == (score.rms, 0.0375)
+    assert (first.low_deg, first.high_deg) == pytest.approx((31.0, 49.0))
+    assert second.half_width_db == pytest.approx(4.9)
+    assert (second.pixels, second.difference_db) == (target.pixels.size, None)
+    assert _pass_law(0, LAWS["mangia"], score, target, replace(posterior, curve=None), None).half_width_db is None
+
+
+def test_the_level_is_subtracted_where_one_is_assumed():
+    image = np.array([[-10.0, -7.5]], dtype=np.float32)
+    np.testing.assert_array_equal(without_level(image, Levels("offset", 1.5, 0.2)), image - 1.5)
+    np.testing.assert_array_equal(without_level(image, Levels()), image)
+
+
+def test_fields_are_shared_where_the_search_shares_them(made):
+    targets = Targets(made.targets, further=[made.targets])
+    assert _pass_note(Targets(made.targets), "classes") == []
+    said = {objective: _pass_note(targets, objective)[0] for objective in ("classes", "density", "likelihood")}
+    assert [said[objective].endswith("The effect of a field is one in all passes.") for objective in said] == [
+        True, False, False,
+    ]  # fmt: skip

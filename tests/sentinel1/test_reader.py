@@ -1,0 +1,462 @@
+"""Sentinel-1 products: radiometry, noise and acquisition against the functions that their tables were written from."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from affine import Affine
+from pyproj import Transformer
+from safe_product import (
+    LINES,
+    NAME,
+    PIXELS,
+    STEM,
+    digital_numbers,
+    divisor,
+    noise,
+    noise_over_range,
+    place_of,
+    write_product,
+)
+
+from radcal.config import FileMeasurement, Radar, case_from, stages
+from radcal.errors import ConfigError, MeasurementError
+from radcal.image.acquisition import (
+    Acquisition,
+    _apart,
+    _turned_deg,
+    contradictions,
+    differences,
+    radar_section,
+)
+from radcal.measurement.sources import make_measurement
+from radcal.radar.projection import make_geometry
+from radcal.reading.intake import parse_xml
+from radcal.scene.model import Scene
+from radcal.sentinel1.annotation import noise_of
+from radcal.sentinel1.overpass import seen_from, told
+from radcal.sentinel1.product import Product, open_product
+from radcal.sentinel1.reader import sigma0_image
+
+pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+
+UTM = "EPSG:32633"
+CELL_M, SIDE, HEIGHT_M = 20.0, 30, 120.0
+PASS: dict[str, Any] = {
+    "altitude_m": 693_000, "depression_deg": 53.4, "look_side": "left", "band": "C", "polarisation": "VV",
+    "range_resolution_m": 11.0, "azimuth_resolution_m": 22.0, "range_spacing_m": 6.3, "azimuth_spacing_m": 10.0,
+    "looks": 4, "nesz_db": -30.0,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def safe(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_product(tmp_path_factory.mktemp("product"))
+
+
+def config(path: Path, **keys: Any) -> FileMeasurement:
+    return FileMeasurement.model_validate({"path": str(path), **keys})
+
+
+def scene(line: float = 60.0, pixel: float = 50.0) -> Scene:
+    """Level ground around what a pixel shows, at a height on the ellipsoid."""
+    x, y = Transformer.from_crs("EPSG:4326", UTM, always_xy=True).transform(*place_of(line, pixel, HEIGHT_M))
+    corner = 0.5 * SIDE * CELL_M
+    return Scene(
+        identity="level",
+        names=("crops",),
+        material=np.ones((SIDE, SIDE), np.uint8),
+        elevation_m=np.full((SIDE, SIDE), HEIGHT_M),
+        cell_m=CELL_M,
+        crs=UTM,
+        transform=tuple(Affine(CELL_M, 0, x - corner, 0, CELL_M, y - corner))[:6],
+        vertical_datum="WGS 84 ellipsoid",
+    )
+
+
+def opened(safe: Path, **keys: Any) -> tuple[Product, Radar]:
+    radar = Radar.model_validate({key: value for key, value in {**PASS, **keys}.items() if value is not None})
+    return open_product(safe, config(safe), radar), radar
+
+
+def test_sigma0_follows_from_the_tables(safe: Path) -> None:
+    product, radar = opened(safe)
+    ground = scene()
+    geometry = make_geometry(ground, radar)
+    power, acquisition, notes = sigma0_image(product, config(safe), radar, geometry, ground)
+    assert power.shape == geometry.shape
+    assert np.isfinite(power).sum() > 1000
+    # places of some pixels, looked up in the image by solving for them
+    x, y = (ground.transform[k] + CELL_M * (geometry.ground[j] + 0.5) for k, j in ((2, 1), (5, 0)))
+    longitude, latitude = Transformer.from_crs(UTM, "EPSG:4326", always_xy=True).transform(x, y)
+    rng = np.random.default_rng(1)
+    checked = 0
+    for row, column in zip(*(rng.integers(0, n, 140) for n in geometry.shape), strict=True):
+        if not np.isfinite(power[row, column]):
+            continue
+        line, pixel = solved(longitude[row, column], latitude[row, column])
+        if (
+            max(abs(line % 1 - 0.5), abs(pixel % 1 - 0.5)) < 0.05
+            or min(abs(line % 1 - 0.5), abs(pixel % 1 - 0.5)) < 0.05
+        ):
+            continue  # between two pixels
+        at = np.round(line), np.round(pixel)
+        expected = (digital_numbers()[int(at[0]), int(at[1])] / divisor(*at)) ** 2
+        assert power[row, column] == pytest.approx(expected, rel=1e-6)
+        checked += 1
+    assert checked > 35
+    assert acquisition.product == NAME
+    assert "thermal noise is not subtracted, since the simulated image has that of radar.nesz_db" in notes[1]
+
+
+def solved(longitude: float, latitude: float) -> tuple[float, float]:
+    """Position of a place at the scene's height, by steps with the differences of solved places."""
+    at = np.array([60.0, 50.0])
+    for _ in range(4):
+        here = np.array(place_of(*at, HEIGHT_M))
+        slopes = np.stack([np.array(place_of(*(at + step), HEIGHT_M)) - here for step in np.eye(2)], axis=1)
+        at = at + np.linalg.solve(slopes, np.array([longitude, latitude]) - here)
+    return float(at[0]), float(at[1])
+
+
+def test_tables_are_interpolated_in_both_directions(safe: Path) -> None:
+    product, _ = opened(safe)
+    rng = np.random.default_rng(2)
+    line, pixel = rng.uniform(0, LINES - 1, 500), rng.uniform(0, PIXELS - 1, 500)
+    np.testing.assert_allclose(product.calibration.at(line, pixel), divisor(line, pixel), rtol=1e-9)
+    block = np.round(pixel) < 50  # a block begins with its first pixel, half a pixel before the pixel's centre
+    expected = noise(line, np.where(block, 0.0, 99.0)) / noise_over_range(line, np.where(block, 0.0, 99.0))
+    np.testing.assert_allclose(product.noise.at(line, pixel), noise_over_range(line, pixel) * expected, rtol=1e-9)
+
+
+def test_noise_of_early_processors_has_one_table() -> None:
+    vector = "<noiseVector><line>{}</line><pixel>0 10</pixel><noiseLut>{}</noiseLut></noiseVector>"
+    text = f"<noise><noiseVectorList>{vector.format(0, '4 8')}{vector.format(100, '6 20')}</noiseVectorList></noise>"
+    found = noise_of(parse_xml(text.encode())).at(np.array([0.0, 25.0, 300.0]), np.array([5.0, 2.5, 40.0]))
+    np.testing.assert_allclose(found, [6.0, 0.75 * 5.0 + 0.25 * 9.5, 20.0])
+
+
+def test_acquisition_is_read_from_the_annotation(safe: Path) -> None:
+    product, radar = opened(safe)
+    ground = scene(70.0, 30.0)
+    found = seen_from(product, ground, make_geometry(ground, radar).ground).acquisition
+    assert (found.sensor, found.polarisation, found.pass_direction) == ("S1B IW GRD", "VV", "descending")
+    assert found.frequency_hz == 5.405e9
+    assert found.platform_heading_deg == pytest.approx(193.7)
+    assert (found.look_side, found.looks, found.numbers_of_looks) == ("right", 4.4, (5, 1))
+    assert (found.range_spacing_m, found.azimuth_spacing_m) == (10.0, 9.7)
+    # without a window the response is that of sinc, 0.8859 / B wide
+    assert found.range_resolution_m == pytest.approx(299_792_458.0 / 2 / 14.1e6 * measured_width(0.7), rel=3e-3)
+    assert found.azimuth_resolution_m == pytest.approx(9.7 / 1.4965e-3 / 327.0 * 0.8859, rel=1e-3)
+    line, pixel = 70.0, np.array([0.0, 60.0])
+    levels = 10 * np.log10(noise(line, pixel) / divisor(line, pixel) ** 2)
+    assert levels[1] < levels[0] - 1.0
+    angles, table = np.array(found.nesz_db).T
+    assert (np.diff(angles) > 0).all()
+    assert table[0] == pytest.approx(levels[0], abs=0.05)
+    assert angles[0] < found.incidence_deg < angles[-1]
+    second = seen_from(product, scene(70.0, 75.0), make_geometry(scene(70.0, 75.0), radar).ground).acquisition
+    assert second.range_resolution_m / found.range_resolution_m == pytest.approx(14.1 / 12.1)  # the other swath
+    assert second.incidence_deg > found.incidence_deg
+
+
+def test_noise_is_told_at_the_incidence_of_the_scenes_own_height(safe: Path) -> None:
+    """The geolocation grid has other heights, 10 m a pixel."""
+    product, radar = opened(safe)
+    ground = scene(70.0, 85.0)
+    found = seen_from(product, ground, make_geometry(ground, radar).ground).acquisition
+    angles, levels = np.array(found.nesz_db).T
+    at = np.linspace(0.0, 99.0, 100)
+    places = np.array([place_of(70.0, pixel, HEIGHT_M) for pixel in at]).T
+    own = product.annotation.ground.look(*places, np.full(100, HEIGHT_M)).incidence_deg
+    there = at[np.argmin(np.abs(own - found.incidence_deg))]
+    expected = 10 * np.log10(noise(70.0, there) / divisor(70.0, there) ** 2)
+    assert np.interp(found.incidence_deg, angles, levels) == pytest.approx(expected, abs=0.05)
+
+
+def test_looks_of_other_modes_are_multiplied(safe: Path) -> None:
+    product, radar = opened(safe)
+    swaths = tuple(replace(one, looks=(6, 3)) for one in product.annotation.swaths)
+    other = replace(product, annotation=replace(product.annotation, mode="EW", swaths=swaths))
+    ground = scene()
+    found = seen_from(other, ground, make_geometry(ground, radar).ground).acquisition
+    assert (found.looks, found.numbers_of_looks) == (18.0, (6, 3))
+
+
+def test_heights_above_the_geoid_are_raised_by_it(safe: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    product, radar = opened(safe)
+    ground = scene()
+    geometry = make_geometry(ground, radar)
+    higher = replace(ground, elevation_m=ground.elevation_m + 45.0)
+    expected = seen_from(product, higher, geometry.ground)
+    monkeypatch.setattr("radcal.sentinel1.overpass.geoid_m", lambda *_: 45.0)
+    found = seen_from(product, replace(ground, vertical_datum="EGM2008 height"), geometry.ground)
+    np.testing.assert_allclose(found.pixel, expected.pixel, atol=1e-6)
+    assert found.notes == ()
+
+
+def test_heights_between_the_centres_of_cells_are_interpolated(safe: Path) -> None:
+    """A plane that rises by 6 m a row and falls by 2.5 m a column."""
+    product, _ = opened(safe)
+    level = scene()
+    row, column = np.indices((SIDE, SIDE))
+    tilted = replace(level, elevation_m=HEIGHT_M + 6.0 * row - 2.5 * column)
+    at = np.array([[12.3, 14.5, 17.8], [15.25, 11.9, 18.4]])[..., None]
+    found = seen_from(product, tilted, at.astype(np.float32))
+    x, y = (level.transform[k] + CELL_M * (at[j] + 0.5) for k, j in ((2, 1), (5, 0)))
+    places = Transformer.from_crs(UTM, "EPSG:4326", always_xy=True).transform(x, y)
+    expected = product.annotation.ground.positions(*places, HEIGHT_M + 6.0 * at[0] - 2.5 * at[1])
+    np.testing.assert_allclose((found.line, found.pixel), expected, atol=0.01)
+
+
+def test_a_product_tells_its_pass_whatever_the_polarisation_of_the_case(safe: Path) -> None:
+    for polarisation in ("HH", "VV"):
+        found = told(safe, config(safe), Radar(polarisation=polarisation), scene())
+        assert found.acquisition.polarisation == "VV"
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "apart"), [(350.0, 10.0, 20.0), (10.0, 350.0, 20.0), (90.0, 270.0, 180.0), (200.0, 170.0, 30.0)]
+)
+def test_angles_between_directions_go_the_shorter_way(one: float, other: float, apart: float) -> None:
+    assert _apart(one, other) == pytest.approx(apart)
+
+
+def test_a_turned_look_changes_the_incidence_by_the_change_of_a_cosine() -> None:
+    """Of the angle between aspect and look: the largest of all aspects."""
+    aspect = np.radians(np.arange(0.0, 360.0, 0.01))
+    for apart in (10.0, 80.0):
+        change = np.abs(np.cos(aspect) - np.cos(aspect - np.radians(apart))).max()
+        assert _turned_deg(7.0, apart) == pytest.approx(7.0 * change, rel=1e-6)
+
+
+def measured_width(coefficient: float) -> float:
+    """-3 dB width of a window's response, from its spectrum."""
+    spectrum = np.zeros(1 << 20)
+    frequency = np.linspace(-0.5, 0.5, 1024, endpoint=False)
+    spectrum[:1024] = coefficient + (1 - coefficient) * np.cos(2 * np.pi * frequency)
+    power = np.abs(np.fft.fft(spectrum)) ** 2
+    return 2.0 * float(np.argmax(power < 0.5 * power[0])) * 1024 / (1 << 20)
+
+
+def test_the_printed_section_is_one_of_radar(safe: Path) -> None:
+    product, radar = opened(safe)
+    ground = scene()
+    acquisition = seen_from(product, ground, make_geometry(ground, radar).ground).acquisition
+    section = radar_section(acquisition)
+    printed = Radar.model_validate(yaml.safe_load(section)["radar"])
+    assert printed.incidence_deg == pytest.approx(acquisition.incidence_deg, abs=0.005)
+    # not that below the satellite, 193.7
+    assert printed.heading_deg == pytest.approx(acquisition.heading_deg, abs=0.005)
+    assert abs(printed.heading_deg - acquisition.platform_heading_deg) > 2.0
+    assert printed.range_spacing_m == pytest.approx(10.0 * np.sin(np.radians(acquisition.incidence_deg)), rel=1e-3)
+    assert (printed.looks, printed.band, printed.polarisation, printed.look_side) == (4.4, "C", "VV", "right")
+    assert printed.sensor is None  # of 17.6 m in azimuth, where the sensor's product has 22 m
+    acquisition = replace(acquisition, azimuth_resolution_m=21.3)
+    assert "\n  sensor: sentinel1_iw_grdh " in radar_section(acquisition)
+    assert "look_side: right   # to 2" in section
+    # on slopes of 60 degrees, a look that is wrong by a degree is a contradiction
+    assert contradictions(acquisition, printed, np.full(3, printed.incidence_deg), 60.0) == []
+    assert differences(acquisition, printed) == []
+    assert printed.nesz_db == list(acquisition.nesz_db)
+    for other in ({"range_spacing_m": 40.0}, {"looks": 10.7}, {"frequency_hz": 9.65e9}, {"look_side": "left"}):
+        assert "sensor:" not in radar_section(replace(acquisition, **other))
+    assert "heading_deg: 0 " in radar_section(replace(acquisition, heading_deg=359.998))
+    denoised = radar_section(replace(acquisition, noise_removed=True))
+    assert Radar.model_validate(yaml.safe_load(denoised)["radar"]).nesz_db == -100.0
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"polarisation": "HH"}, "cannot be read as a Sentinel-1 product (it has VV, radar.polarisation is HH)."),
+        ({"polarisation": "VH"}, f"(manifest.safe lists annotation/{STEM[:10]}-vh-"),
+        ({"band": "X"}, f"{NAME} contradicts section radar: radar.band is X, its carrier 5.405 GHz (band C)."),
+        ({"frequency_ghz": 5.3}, "radar.frequency_ghz is 5.3, its carrier 5.405 GHz (band C)."),
+        ({"looks": 2}, "radar.looks is 2, its equivalent number of looks 4.4."),
+        ({"depression_deg": 45.0}, "radar.depression_deg is 45, an incidence of 45.0"),
+        ({"incidence_deg": 39.0, "depression_deg": None}, "radar.incidence_deg is 39, an incidence of 39.0"),
+        ({"incidence_deg": 33.0, "depression_deg": None}, "radar.incidence_deg is 33, an incidence of 33.0"),
+        ({"looks": 7}, "radar.looks is 7, its equivalent number of looks 4.4."),
+        ({"look_side": "right"}, "radar.look_side is right, a look to 90 deg from north, it looks to 2"),
+    ],
+)
+def test_contradictions_are_refused(safe: Path, keys: dict[str, Any], words: str) -> None:
+    with pytest.raises(MeasurementError, match=re.escape(words)):
+        taken(safe, **keys)
+
+
+def taken(safe: Path, **keys: Any) -> tuple[np.ndarray, Acquisition, tuple[str, ...]]:
+    product, radar = opened(safe, **keys)
+    ground = scene()
+    return sigma0_image(product, config(safe), radar, make_geometry(ground, radar), ground)
+
+
+def test_differences_are_said(safe: Path) -> None:
+    _, acquisition, notes = taken(safe, nesz_db=-22.0, range_resolution_m=5.0)
+    said = "\n".join(notes)
+    radar = Radar.model_validate(PASS)
+    along = replace(acquisition, heading_deg=176.0)  # within 5 degrees of a look to the west
+    assert not any("looks to" in text for text in differences(along, radar))
+    (turned,) = (text for text in differences(replace(acquisition, heading_deg=199.5), radar) if "looks to" in text)
+    assert "it looks to 289.5 deg from north (heading 199.50 deg), the configured pass to 270.0 deg" in turned
+    assert re.search(r"its noise-equivalent sigma0 is -\d\d\.\d dB at 3\d\.\d deg, radar.nesz_db -22.0 dB\.", said)
+    assert re.search(r"its range_resolution_m is 11\.\d at the scene, radar.range_resolution_m 5\.", said)
+
+
+def test_another_heading_contradicts_where_the_ground_is_steep(safe: Path) -> None:
+    product, radar = opened(safe)
+    level = scene()
+    relief = np.random.default_rng(5).normal(0.0, 4.0, level.material.shape).cumsum(axis=0).cumsum(axis=1) * 0.2
+    hills = replace(level, elevation_m=level.elevation_m + relief)
+    found = seen_from(product, level, make_geometry(level, radar).ground).acquisition
+    apart = (found.look_azimuth_deg - 270.0 + 180.0) % 360.0 - 180.0
+    assert 7.0 < abs(apart) < 12.0
+    with pytest.raises(MeasurementError, match=r"radar\.heading_deg is 0, a look to 270\.0 deg from north") as refused:
+        sigma0_image(product, config(safe), radar, make_geometry(hills, radar), hills)
+    said = re.search(r"on slopes of (\d+\.\d) deg, as the scene has them, by up to (\d+\.\d) deg", str(refused.value))
+    assert said is not None
+    east, north = (np.diff(hills.elevation_m, axis=axis)[:29, :29] / CELL_M for axis in (1, 0))
+    steep = np.degrees(np.arctan(np.quantile(np.hypot(east, north), 0.95)))
+    assert float(said[1]) == pytest.approx(steep, abs=0.06)
+    turn, tilt = np.radians(abs(apart)), np.radians(steep)
+    assert float(said[2]) == pytest.approx(np.degrees(tilt) * 2 * np.sin(turn / 2), abs=0.06)
+    assert f"(look_side: right, heading_deg: {found.heading_deg:.2f})" in str(refused.value)
+    _, _, notes = sigma0_image(product, config(safe), radar, make_geometry(level, radar), level)
+    assert sum("so that slopes have another incidence than in the image" in text for text in notes) == 1
+
+
+ANNOTATION, CALIBRATION = f"annotation/{STEM}.xml", f"annotation/calibration/calibration-{STEM}.xml"
+PIXELS_FILE = f"measurement/{STEM}.tiff"
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "words"),
+    [
+        ("manifest.safe", None, "", "it has no manifest.safe, expected the whole folder"),
+        (CALIBRATION, None, "", f"manifest.safe lists {CALIBRATION}, which is missing"),
+        (PIXELS_FILE, None, "", f"manifest.safe lists {PIXELS_FILE}, which is missing"),
+        (ANNOTATION, "<geolocationGrid>.*</geolocationGrid>", "", "product (it has no geolocationGrid/"),
+        (ANNOTATION, "<orbitList>.*</orbitList>", "", "it has no generalAnnotation/orbitList"),
+        (ANNOTATION, "<productType>GRD", "<productType>SLC", "is SLC, expected a ground-range product"),
+        (ANNOTATION, "<sr0>850000.0", "<sr0>850900.0", "orbit and geolocation grid of"),
+        (ANNOTATION, "<polarisation>VV", "<polarisation>HH", "is of polarisation HH, its name says VV"),
+        (CALIBRATION, "<sigmaNought>", "<sigmaNought>x ", "its sigmaNought is 'x "),
+        (CALIBRATION, "<sigmaNought>", "<sigmaNought>1 ", "sigmaNought at"),
+        (CALIBRATION, "<pixel>0 25 ", "<pixel>0 0 ", "expected ascending pixels"),
+        ("manifest.safe", r"\./annotation", "../annotation", "expected a file of the folder"),
+    ],
+)
+def test_damaged_products_are_refused(tmp_path: Path, file: str, old: str | None, new: str, words: str) -> None:
+    safe = write_product(tmp_path)
+    if old is None:
+        (safe / file).unlink()
+    else:
+        text = (safe / file).read_text()
+        changed = re.sub(old, new, text, flags=re.DOTALL)
+        assert changed != text
+        (safe / file).write_text(changed)
+    with pytest.raises(MeasurementError, match=re.escape(words)):
+        taken(safe)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        (np.zeros((LINES, PIXELS), np.uint16), "holds no data (digital number 0) over the scene: the image is blank"),
+        (np.full((LINES, PIXELS), 7, np.uint16), "holds the digital number 7 alone over the scene: the image is blank"),
+        (np.ones((LINES, 50), np.uint16), f"it has {LINES} x 50 pixels, its annotation {LINES} x {PIXELS}"),
+    ],
+)
+def test_blank_images_are_refused(tmp_path: Path, values: np.ndarray, words: str) -> None:
+    with pytest.raises(MeasurementError, match=re.escape(words)):
+        taken(write_product(tmp_path, values))
+
+
+def test_pixels_without_data_are_nan(tmp_path: Path) -> None:
+    values = digital_numbers()
+    values[:, 55:60] = 0
+    power, *_ = taken(write_product(tmp_path, values))
+    whole, *_ = taken(write_product(tmp_path / "whole"))
+    assert 0.05 < np.isnan(power[np.isfinite(whole)]).mean() < 0.3
+
+
+def test_noise_that_the_processor_removed_is_said(tmp_path: Path) -> None:
+    _, acquisition, notes = taken(write_product(tmp_path, noise_removed="true"))
+    assert acquisition.noise_removed
+    assert "thermal noise was subtracted by the processor, so that radar.nesz_db should be far below" in notes[1]
+
+
+def test_heights_above_a_geoid_without_a_grid_are_said(safe: Path) -> None:
+    product, radar = opened(safe)
+    ground = replace(scene(), vertical_datum="EGM2008 height")
+    (note,) = seen_from(product, ground, make_geometry(ground, radar).ground).notes
+    assert re.search(r"heights above EGM2008 height are taken .* each metre .* displaces the image by 1\.3\d m", note)
+
+
+def test_a_scene_elsewhere_or_off_the_map_is_refused(safe: Path) -> None:
+    product, radar = opened(safe)
+    ground = scene()
+    away = replace(ground, transform=(CELL_M, 0.0, ground.transform[2] + 50_000.0, 0.0, CELL_M, ground.transform[5]))
+    geometry = make_geometry(ground, radar)
+    with pytest.raises(MeasurementError, match=r"covers no place of the scene's image, which lies around \d\d\.\d+"):
+        seen_from(product, away, geometry.ground)
+    with pytest.raises(MeasurementError, match=r"expected scene\.source: raster"):
+        seen_from(product, replace(ground, crs=None), geometry.ground)
+
+
+def case_of(path: Path, **measurement: Any) -> dict[str, Any]:
+    return {
+        "scene": {"source": "raster", "elevation": "a.tif", "materials": "b.tif", "names": "c.json"},
+        "measurement": {"source": "file", "path": str(path), **measurement},
+        "materials": {"crops": {"calibrate": True, "bounds": [[-40, 10], [0, 16], [0, 22], [0, 12]]}},
+        "radar": PASS,
+    }
+
+
+@pytest.mark.parametrize("name", ["", "manifest.safe"])
+def test_a_case_reads_a_product_without_scale_and_radiometry(safe: Path, name: str) -> None:
+    case = case_from(case_of(safe / name))
+    measurement = case.measurement
+    assert isinstance(measurement, FileMeasurement)
+    assert (measurement.scale, measurement.radiometry) == ("amplitude", "sigma0_ref")
+    ground = scene()
+    nothing: Any = None
+    taken_db = make_measurement(stages.Measurement.of(case), make_geometry(ground, case.radar), nothing, ground)
+    assert taken_db.source == NAME
+    power, *_ = taken(safe)
+    np.testing.assert_allclose(taken_db.image_db, 10.0 * np.log10(power), atol=1e-4)
+    assert any(note.startswith(f"{NAME}: S1B IW GRD VV of 2021-12-23") for note in taken_db.notes)
+
+
+def test_keys_that_contradict_the_kind_of_product_are_refused(safe: Path) -> None:
+    with pytest.raises(ConfigError, match="scale is db, .* is a Sentinel-1 product, whose scale is amplitude: leave"):
+        case_from(case_of(safe, scale="db"))
+    with pytest.raises(ConfigError, match="radiometry is gamma0, .* whose radiometry is sigma0_ref"):
+        case_from(case_of(safe, radiometry="gamma0"))
+
+
+@pytest.mark.skipif("RADCAL_DATA" not in os.environ, reason="RADCAL_DATA is not set: real data are elsewhere")
+def test_a_real_product_is_read_and_its_blank_image_refused() -> None:
+    real = Path(os.environ["RADCAL_DATA"]) / "sentinel1" / NAME
+    product, radar = opened(real, depression_deg=45.9)
+    x, y = Transformer.from_crs("EPSG:4326", UTM, always_xy=True).transform(12.5, 42.0)
+    ground = replace(scene(), transform=(CELL_M, 0.0, x, 0.0, CELL_M, y))
+    geometry = make_geometry(ground, radar)
+    found = seen_from(product, ground, geometry.ground).acquisition
+    assert found.heading_deg == pytest.approx(189.3, abs=0.1)
+    assert found.platform_heading_deg == pytest.approx(360.0 - 166.3128724)
+    assert found.incidence_deg == pytest.approx(44.1, abs=0.1)
+    assert found.looks == 4.4
+    # table 5-1 of the Sentinel-1 Product Definition gives 20.5 m in ground range for IW3
+    assert found.range_resolution_m / np.sin(np.radians(found.incidence_deg)) == pytest.approx(20.5, abs=0.6)
+    assert all(-31.0 < level < -29.0 for _, level in found.nesz_db)
+    with pytest.raises(MeasurementError, match=r"the image is blank, and only its annotation could be read \(S1B_IW"):
+        sigma0_image(product, config(real), radar, geometry, ground)

@@ -1,0 +1,187 @@
+"""Files of a results folder that are not what was written, each small enough to be made here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sealed import flip
+
+from radcal.session.salvage import files_of, salvage
+from radcal.storage.listing import write_listing
+from radcal.storage.provenance import provenance
+from radcal.storage.records import read_json, write_hdf5, write_json
+from radcal.storage.runs import Record, RunStore
+
+PATTERNS = (
+    *("scene.h5", "reference.json", "scores.json", "design/{chunk}.json", "iterations/{k}/proposal.json"),
+    *("figures", "runs.csv", "table.json", "report.json"),
+)
+KEYS = [f"{digit}" * 20 for digit in "abcdef"]
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    """A results folder of six runs, listed by three indexes."""
+    folder = tmp_path / "tiny"
+    store = RunStore(folder / "runs")
+    with provenance("tiny"):
+        for k, key in enumerate(KEYS):
+            store.put(Record(key, {"field": np.arange(3.0 + k, dtype=np.float32)}, None, 0.5), {"noise_seed": k})
+        with write_hdf5(folder / "scene.h5", "scene") as file:
+            file["x"] = 1.5
+        entries = [{"key": key, "parameters": {"field": [1.0]}} for key in KEYS]
+        for name, some in (("reference", entries[:1]), ("design/0", entries[1:3]), ("design/1", entries[3:])):
+            write_json(folder / f"{name}.json", some)
+        write_json(folder / "iterations/0/proposal.json", {"field": {"parameters": [1.0]}})
+    (folder / "figures").mkdir()
+    for name in ("runs.csv", "report.html", "figures/law.png", "figures/law.pdf"):
+        (folder / name).write_text(f"what {name} holds\n")
+    with provenance("tiny"):
+        write_listing(folder / "table.json", [folder / "runs.csv"])
+        write_listing(
+            folder / "report.json", [folder / n for n in ("report.html", "figures/law.png", "figures/law.pdf")]
+        )
+    return folder
+
+
+def names(folder: Path) -> set[str]:
+    return {
+        path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file() and path.name != ".claims"
+    }
+
+
+def test_sound_files_stay(out):
+    before = names(out)
+    assert salvage(out, "tiny", PATTERNS) == []
+    assert names(out) == before
+
+
+def test_patterns_stand_for_the_files_that_are_there(out):
+    found = [path.relative_to(out).as_posix() for path in files_of(out, PATTERNS)]
+    assert found == [
+        *("scene.h5", "reference.json", "design/0.json", "design/1.json", "iterations/0/proposal.json"),
+        *("figures", "runs.csv", "table.json", "report.json"),
+    ]
+
+
+@pytest.mark.parametrize("name", ["scene.h5", "iterations/0/proposal.json", "design/1.json", "report.json"])
+def test_damaged_files_are_set_aside(out, name):
+    flip(out / name, np.random.default_rng(3))
+    (sentence,) = salvage(out, "tiny", PATTERNS)
+    assert sentence.startswith(f"{out / name}: is damaged")
+    assert "it is made again where needed" in sentence
+    assert not (out / name).exists()
+    assert (out / name).with_suffix(".damaged").is_file()
+
+
+def test_files_that_no_rule_makes_are_left_alone(out):
+    (out / "notes.json").write_text("{}")
+    (out / "mine.h5").write_text("nothing")
+    assert salvage(out, "tiny", PATTERNS) == []
+
+
+def test_a_lost_run_takes_its_index_with_it(out):
+    (out / f"runs/{KEYS[2]}.h5").unlink()
+    (sentence,) = salvage(out, "tiny", PATTERNS)
+    assert sentence == (
+        f"{out}/runs/{KEYS[2]}.h5: the run is not there, though design/0.json lists it; it alone is made again where "
+        "needed."
+    )
+    assert names(out) & {"reference.json", "design/0.json", "design/1.json"} == {"reference.json", "design/1.json"}
+
+
+def test_all_runs_lost_are_one_sentence_with_their_number(out):
+    for path in (out / "runs").iterdir():
+        path.unlink()
+    (out / "runs").rmdir()
+    with provenance("tiny"):
+        write_json(out / "scores.json", [{"key": key, "rms": {}} for key in KEYS])
+    (sentence,) = salvage(out, "tiny", PATTERNS)
+    assert sentence == (
+        f"{out}/runs: 6 runs are not there, though reference.json, scores.json, design/0.json and 1 more list them; "
+        "they alone are made again where needed."
+    )
+    assert not names(out) & {"reference.json", "scores.json", "design/0.json", "design/1.json"}
+
+
+def test_a_folder_in_the_place_of_a_record_is_noticed(out):
+    path = out / f"runs/{KEYS[4]}.h5"
+    for k in range(3):  # each time there is one more to be set aside
+        path.unlink(missing_ok=True)
+        path.mkdir()
+        (path / "mine.txt").write_text(str(k))
+        sentences = salvage(out, "tiny", PATTERNS)
+        assert sentences[0].startswith(
+            f"{path}: is a folder or a device, expected a file; set aside as {KEYS[4]}.damaged"
+        )
+        assert not path.exists()
+        assert len(sentences) == (2 if k == 0 else 1), "its index is gone already"
+    kept = sorted(file.read_text() for file in (out / "runs").glob(f"{KEYS[4]}.damaged*/mine.txt"))
+    assert kept == ["0", "1", "2"]
+
+
+def test_a_record_under_the_name_of_another_is_noticed(out):
+    first, second = (out / f"runs/{key}.h5" for key in KEYS[1:3])
+    second.write_bytes(first.read_bytes())
+    sentences = salvage(out, "tiny", PATTERNS)
+    assert sentences[0].startswith(f"{second}: holds the run {KEYS[1]}, expected {KEYS[2]}; set aside as ")
+    assert "design/0.json lists it" in sentences[1]
+    assert first.is_file()
+    # a job that asks for it meets the same
+    assert RunStore(out / "runs").get(KEYS[2], ["field"]) is None
+    assert RunStore(out / "runs").get(KEYS[1], ["field"]) is not None
+
+
+def test_a_job_that_asks_for_a_record_that_is_a_folder_sets_it_aside(out):
+    path = out / f"runs/{KEYS[4]}.h5"
+    path.unlink()
+    path.mkdir()
+    assert RunStore(out / "runs").get(KEYS[4], ["field"]) is None
+    assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "listing"),
+    [("runs.csv", "table.json"), ("report.html", "report.json"), ("figures/law.png", "report.json")],
+)
+def test_changed_pages_are_set_aside_and_made_again(out, name, listing):
+    (out / name).write_text("another\n")
+    (sentence,) = salvage(out, "tiny", PATTERNS)
+    assert sentence.startswith(f"{out / name}: is damaged or was changed (it differs from its checksum); set aside as ")
+    assert (out / f"{Path(name).name}.damaged").read_text() == "another\n"
+    # without it the rule that makes both runs again
+    assert not (out / listing).exists()
+
+
+@pytest.mark.parametrize("name", ["../notes.txt", "{out}/../notes.txt", "linked/notes.txt", "", "..", "a\0b"])
+def test_a_list_that_names_files_elsewhere_leaves_them_alone(out, name):
+    (out.parent / "notes.txt").write_text("mine\n")
+    (out / "linked").symlink_to(out.parent)
+    name = name.format(out=out)
+    with provenance("tiny"):
+        write_json(out / "report.json", {"checksums": {"report.html": "0" * 64, name: "0" * 64}})
+    (sentence,) = salvage(out, "tiny", PATTERNS)
+    assert sentence.startswith(f"{out / 'report.json'}: names {name!r}, expected a file below {out}; set aside as ")
+    assert sorted(path.name for path in out.parent.iterdir()) == ["notes.txt", "tiny"]
+    assert (out / "report.damaged").is_file()
+    assert (out / "report.html").is_file()
+
+
+def test_missing_pages_are_one_sentence(out):
+    for name in ("report.html", "figures/law.png", "figures/law.pdf"):
+        (out / name).unlink()
+    (sentence,) = salvage(out, "tiny", PATTERNS)
+    assert sentence == (f"{out}/report.html, {out}/figures/law.png, {out}/figures/law.pdf are missing, and made again.")
+    assert not (out / "report.json").exists()
+    assert (out / "table.json").is_file()
+
+
+def test_a_list_names_files_from_where_it_is(out):
+    with provenance("tiny"):
+        assert list(read_json(out / "report.json")["checksums"]) == [
+            "report.html",
+            "figures/law.png",
+            "figures/law.pdf",
+        ]

@@ -1,0 +1,204 @@
+"""One command on a case, without its jobs."""
+
+from __future__ import annotations
+
+import logging
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from radcal.errors import ConfigError, StoreError
+from radcal.session.jobs import CASE, FAILURE, OWNER, PROGRESS, STARTED
+from radcal.session.session import Session, is_dry_run, open_session
+from radcal.storage.provenance import provenance
+from radcal.storage.records import REPLACE, write_json
+
+OUTPUTS = ("results/dyke/scores.json", "results/dyke/iterations/{k}/verified.json")
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in (CASE, FAILURE, OWNER, PROGRESS, STARTED, REPLACE):
+        monkeypatch.setenv(name, "before")  # put back afterwards, whatever the session sets
+
+
+def test_a_command_opens_the_session_of_its_case(tmp_path):
+    (tmp_path / "mine.yaml").write_text("case: mine\nstop: {rms: 1.0e-3}\n")
+    logger = logging.getLogger("of snakemake")
+    session = open_session(["mine.yaml"], {"stop": {"rms": 1e-3}, "seed": "7"}, ["seed=7"], False, logger)
+    assert (session.case.case, session.case.seed, session.case.stop.rms) == ("mine", 7, 1e-3)
+    assert (session.folder, session.inputs) == (Path("results/mine"), {})
+    assert logger.filters == [session.messages]
+    remote = open_session(["mine.yaml"], {"design": {"reuse": None}}, [], True, logging.getLogger("of a job"))
+    assert remote.case.seed == 1
+    assert PROGRESS in os.environ
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "said"),
+    [
+        ("stop: {rmss: 1}", [], "mine.yaml: unknown key stop.rmss (did you mean 'rms'?)"),
+        ("seed: 1", ["seed=1", "seed=2"], "--config: seed is given twice"),
+        (
+            "measurement: {source: file, path: no.tif, scale: db, radiometry: sigma0_ref}",
+            [],
+            "measurement.path: the file no.tif does not exist",
+        ),
+        ("design: {reuse: earlier}", [], "design.reuse is 'earlier', which has no runs in results/earlier/runs"),
+        ("simulator: {kind: command, command: [./no], output: {file: i.npy, scale: db}}", [], "simulator.command"),
+    ],
+)
+def test_a_case_that_is_refused_ends_in_one_sentence(tmp_path, text, words, said):
+    (tmp_path / "mine.yaml").write_text(text)
+    with pytest.raises(SystemExit) as ended:
+        open_session(["mine.yaml"], {}, words, False, logging.getLogger("of snakemake"))
+    assert str(ended.value).startswith(f"radcal: {said}")
+    assert "\n" not in str(ended.value)
+    assert not Path("results").exists()
+
+
+def test_the_process_that_plans_jobs_says_which_starts_are_the_truth(tmp_path, capsys):
+    law = "{calibrate: true, law: constant_gamma, bounds: [[-20, 0]]}"
+    hidden = "  synthetic: {parameters: {dyke: [-8]}, laws: {road: {law: constant_gamma, parameters: [-9]}}}\n"
+    (tmp_path / "mine.yaml").write_text(
+        f"materials:\n  dyke: {law}\n  grass: {law}\n  road: {law}\n  water: {law}\nmeasurement:\n{hidden}"
+    )
+    open_session(["mine.yaml"], {}, [], False, logging.getLogger("of a job"), main=False)
+    assert capsys.readouterr().err == ""
+    open_session(["mine.yaml"], {}, [], False, logging.getLogger("of snakemake"))
+    assert capsys.readouterr().err == (
+        "radcal: grass and water have no hidden laws in measurement.synthetic.parameters: their starts are simulated, "
+        "which the search already has.\n"
+    )
+
+
+def test_only_the_process_that_plans_jobs_checks_that_finished_results_stay(tmp_path, monkeypatch):
+    def refuse(case, folder, inputs):
+        raise ConfigError(f"{folder} stays")
+
+    monkeypatch.setattr("radcal.session.session.check_replacement", refuse)
+    (tmp_path / "mine.yaml").write_text("case: mine\n")
+    open_session(["mine.yaml"], {}, [], False, logging.getLogger("of a job"), main=False)
+    with pytest.raises(SystemExit, match="^radcal: results/mine stays$"):
+        open_session(["mine.yaml"], {}, [], False, logging.getLogger("of snakemake"))
+
+
+@pytest.mark.parametrize(
+    ("command", "expected"),
+    [
+        ("snakemake -n", True),
+        ("snakemake --cores 2 -qnp reference", True),
+        ("snakemake --dry-run", True),
+        ("snakemake --dryrun --configfile n.yaml", True),
+        ("snakemake --cores 2 --nolock design", False),
+        ("snakemake --configfile -n.yaml", False),
+        ("snakemake -c 2", False),
+    ],
+)
+def test_a_dry_run_is_known_by_its_words(command, expected):
+    assert is_dry_run(command.split()) is expected
+
+
+def test_jobs_hear_of_their_case(build_case):
+    session = Session(build_case(replace=True))
+    assert session.folder == Path("results/dyke")
+    assert (os.environ[CASE], os.environ[REPLACE], os.environ[OWNER]) == ("dyke", "1", str(os.getpid()))
+    assert os.environ[FAILURE] == str(Path("results/dyke/logs/failure.txt").absolute())
+    assert float(os.environ[STARTED]) > 0
+    assert PROGRESS not in os.environ
+
+
+def test_a_job_on_a_cluster_keeps_the_clock_of_who_submitted_it(build_case):
+    Session(build_case(), remote=True)
+    assert os.environ[STARTED] == "before"
+    assert os.environ[PROGRESS] == str(Path("results/dyke/logs/progress.txt").absolute())
+    assert REPLACE not in os.environ
+
+
+@pytest.mark.parametrize("path", ["results", "results/dyke"])
+def test_a_file_in_the_place_of_the_folder_is_a_sentence(build_case, path):
+    Path(path).parent.mkdir(exist_ok=True)
+    Path(path).write_text("notes")
+    with pytest.raises(StoreError, match=rf"^{path} is a file, expected a folder, where results go: rename it"):
+        Session(build_case())
+
+
+def test_damaged_files_are_set_aside_before_the_start(build_case, capsys):
+    with provenance("dyke"):
+        write_json("results/dyke/scores.json", [{"key": "a" * 20}])
+        write_json("results/dyke/iterations/1/verified.json", [{"key": "b" * 20}])
+    Path("results/dyke/iterations/1/verified.json").write_text("{}")
+    Session(build_case()).set_damaged_aside(OUTPUTS)
+    first, second = capsys.readouterr().err.splitlines()
+    assert first.startswith("radcal: results/dyke/iterations/1/verified.json: is damaged")
+    assert second.startswith(
+        f"radcal: results/dyke/runs/{'a' * 20}.h5: the run is not there, though scores.json lists it"
+    )
+
+
+def test_a_started_session_holds_the_folder_and_tidies_it(build_case, capsys):
+    scripts = Path(".snakemake/scripts")
+    scripts.mkdir(parents=True)
+    for name, case in (("tmpa.scene.py", "dyke"), ("tmpb.scene.py", "dyke2"), ("mine.py", "dyke")):
+        (scripts / name).write_text(f"log = 'results/{case}/logs/scene.log'\n")
+    session = Session(build_case())
+    Path("results/dyke/logs").mkdir(parents=True)
+    Path(os.environ[FAILURE]).write_text("of an earlier command")
+    session.start()
+    assert sorted(path.name for path in scripts.iterdir()) == ["mine.py", "tmpb.scene.py"]
+    assert not Path(os.environ[FAILURE]).exists()
+    assert Path("results/dyke/.lock").read_text().startswith(f"{os.getpid()} ")
+    session.end()
+    assert capsys.readouterr().err == ""
+
+
+def test_the_end_says_how_to_go_on(build_case, capsys):
+    session = Session(build_case())
+    session.start()
+    session.end(failed=True)
+    assert capsys.readouterr().err.startswith("radcal: stopped. Finished runs are kept in results/dyke/runs, logs in ")
+    Path("results/dyke/runs").mkdir()
+    for name in ("a.h5", "b.h5", ".partial-c.h5"):
+        (Path("results/dyke/runs") / name).touch()
+    session.messages.terminated = True
+    session.end(failed=True)
+    assert "stopped by SIGTERM. 2 finished runs are kept in results/dyke/runs; the same" in capsys.readouterr().err
+    session.messages.interrupted = True
+    session.end(failed=True)
+    assert "stopped by Ctrl-C. 2 finished runs are kept in results/dyke/runs; " in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_folder_of_another_user_is_a_sentence(tmp_path):
+    code = (
+        "from radcal.config import case_from; from radcal.session.session import Session\n"
+        "session = Session(case_from({})); session.set_damaged_aside(['results/dyke/scores.json']); session.start()\n"
+        "print('started')"
+    )
+    command = [sys.executable, "-c", code]
+    if os.geteuid() == 0:
+        if subprocess.run(["unshare", "-U", "true"], capture_output=True, check=False).returncode:
+            pytest.skip("no user namespaces here (unshare -U)")
+        command = ["unshare", "-U", *command]  # root without its rights
+
+    def said() -> tuple[int, str]:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        return done.returncode, done.stdout + done.stderr
+
+    assert said() == (0, "started\n")
+    for folder, words in (
+        ("results/dyke", "results/dyke cannot be written (Permission denied); results go there"),
+        ("results/dyke/design", "results/dyke/design cannot be written (Permission denied); results go there"),
+        (".snakemake", ".snakemake cannot be written (Permission denied); Snakemake's records go there"),
+    ):
+        path = tmp_path / folder
+        path.mkdir(exist_ok=True)
+        path.chmod(0o500)
+        assert said() == (1, f"radcal: {words}, so make it writable.\n")
+        path.chmod(0o700)
+    (tmp_path / "results/dyke/external/run").mkdir(parents=True, mode=0o500)  # whatever a program leaves there
+    assert said() == (0, "started\n")

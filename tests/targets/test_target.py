@@ -1,0 +1,214 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.ndimage import uniform_filter
+
+from radcal import skewnormal
+from radcal.config import TargetConfig, Validation
+from radcal.errors import FitError, MeasurementError
+from radcal.ground.levels import Levels, offset_levels
+from radcal.ground.one_incidence import incidence_span_deg
+from radcal.ground.pixels import eligible_pixels
+from radcal.image.model import Measurement
+from radcal.radar.geometry import Geometry
+from radcal.storage.dataclass_groups import same
+from radcal.targets.target import Targets, read_targets, write_targets
+from radcal.targets.target_fit import make_target, sampling_rms
+
+CONFIG = TargetConfig(pixels=500)
+
+
+@pytest.fixture(scope="module")
+def measurement(geometry: Geometry) -> Measurement:
+    values = stats.skewnorm.rvs(2.0, -12.0, 4.0, size=geometry.shape, random_state=1)
+    return Measurement(values.astype(np.float32), "test")
+
+
+def test_pixels_are_drawn_without_replacement_from_the_eligible(geometry: Geometry, measurement: Measurement) -> None:
+    target = make_target("dyke", geometry, measurement, CONFIG, 1)
+    assert target.pixels.size == len(set(target.pixels.tolist())) == 500
+    allowed = eligible_pixels("dyke", geometry, measurement, CONFIG).pixels
+    assert set(target.pixels.tolist()) <= set(allowed.tolist())
+    np.testing.assert_array_equal(allowed, geometry.pixels("dyke", 1))
+    assert target.eligible == allowed.size > 500
+    # spread over the material, not its first 500
+    assert np.median(target.pixels) == pytest.approx(np.median(allowed), rel=0.15)
+
+
+def test_order_finds_the_pixels_in_a_record(geometry: Geometry, measurement: Measurement) -> None:
+    target = make_target("dyke", geometry, measurement, CONFIG, 1)
+    np.testing.assert_array_equal(geometry.pixels("dyke")[target.order], target.pixels)
+    record = measurement.image_db.ravel()[geometry.pixels("dyke")]  # what the store keeps
+    np.testing.assert_array_equal(record[target.order], target.values_db)
+    np.testing.assert_array_equal(target.incidence_deg, geometry.incidence_deg.ravel()[target.pixels])
+
+
+def test_score_of_the_measured_values_is_zero(geometry: Geometry, measurement: Measurement) -> None:
+    target = make_target("dyke", geometry, measurement, CONFIG, 1)
+    record = measurement.image_db.ravel()[geometry.pixels("dyke")]
+    dp, rms = target.score(record)
+    assert rms < 1e-6  # the target's parameters are rounded
+    np.testing.assert_allclose(dp, target.dp, rtol=1e-4)
+    shifted, rms = target.score(record + np.float32(1.0))
+    np.testing.assert_allclose(shifted - target.dp, [1.0, 0.0, 0.0], atol=1e-3)
+    grid = skewnormal.target_grid(target.dp)
+    pdf = stats.skewnorm(target.dp[2], target.dp[0], target.dp[1]).pdf
+    assert rms == pytest.approx(np.sqrt(np.mean((pdf(grid - 1.0) - pdf(grid)) ** 2)), rel=1e-2)
+
+
+def test_target_is_the_fit_of_its_values(geometry: Geometry, measurement: Measurement) -> None:
+    target = make_target("dyke", geometry, measurement, CONFIG, 1)
+    np.testing.assert_allclose(target.cp, skewnormal.fit(target.values_db).cp, atol=3e-5)
+    np.testing.assert_allclose(target.cp, skewnormal.centred(target.dp))
+    assert not target.at_boundary
+    mean, variance = stats.skewnorm(2.0, -12.0, 4.0).stats("mv")
+    assert target.cp[0] == pytest.approx(mean, abs=4 * np.sqrt(variance / 500))
+
+
+def test_target_and_runs_are_fitted_alike(geometry: Geometry, measurement: Measurement) -> None:
+    target = make_target("dyke", geometry, measurement, CONFIG.model_copy(update={"fit": "penalised"}), 1)
+    likelihood = make_target("dyke", geometry, measurement, CONFIG, 1)
+    assert target.penalised
+    np.testing.assert_allclose(target.cp, skewnormal.fit(target.values_db, penalised=True).cp, atol=3e-5)
+    assert skewnormal.density_rms(target.dp, likelihood.dp) > 1e-5
+    record = measurement.image_db.ravel()[geometry.pixels("dyke")]
+    assert target.score(record)[1] < 1e-6
+    # the samples behind the sampling error are of the same density but for the fit
+    assert target.rms_sampling == pytest.approx(likelihood.rms_sampling, rel=0.15)
+
+
+def test_intervals_hold_the_estimate_and_widen_with_correlation(geometry: Geometry) -> None:
+    noise = np.random.default_rng(3).normal(size=geometry.shape)
+    smooth = uniform_filter(noise, 3) * 3.0
+    white, correlated = (
+        make_target("dyke", geometry, Measurement(image.astype(np.float32), "test"), CONFIG, 1)
+        for image in (noise, smooth)
+    )
+    for target in (white, correlated):
+        assert np.all(target.cp_interval[:, 0] < target.cp)
+        assert np.all(target.cp < target.cp_interval[:, 1])
+    assert correlated.effective < 0.7 * white.effective
+    relative = [np.ptp(target.cp_interval[0]) / target.cp[1] for target in (white, correlated)]
+    assert relative[1] > 1.2 * relative[0]
+
+
+def test_draw_depends_on_seed_and_material_only(geometry: Geometry, measurement: Measurement) -> None:
+    target = make_target("dyke", geometry, measurement, CONFIG, 1)
+    again = make_target("dyke", geometry, Measurement(measurement.image_db + 3, "other"), CONFIG, 1)
+    np.testing.assert_array_equal(again.pixels, target.pixels)
+    other = make_target("dyke", geometry, measurement, CONFIG, 2)
+    assert not np.array_equal(other.pixels, target.pixels)
+    assert make_target("dyke", geometry, measurement, CONFIG, 1).rms_sampling == target.rms_sampling
+
+
+def test_nan_pixels_are_not_drawn(geometry: Geometry, measurement: Measurement) -> None:
+    image = measurement.image_db.copy()
+    out = geometry.pixels("dyke", 1)[::2]
+    image.ravel()[out] = np.nan
+    image.ravel()[geometry.pixels("dyke", 1)[1]] = np.inf
+    target = make_target("dyke", geometry, Measurement(image, "holes"), CONFIG, 1)
+    assert not set(target.pixels.tolist()) & set(out.tolist())
+    assert np.isfinite(target.values_db).all()
+    assert target.eligible == geometry.pixels("dyke", 1).size - out.size - 1
+
+
+def test_fewer_pixels_than_wanted_are_all_taken(geometry: Geometry, measurement: Measurement) -> None:
+    target = make_target("dyke", geometry, measurement, TargetConfig(pixels="all", margin_px=3), 1)
+    np.testing.assert_array_equal(target.pixels, geometry.pixels("dyke", 3))
+    assert target.eligible == target.pixels.size
+
+
+def test_too_few_pixels(geometry: Geometry) -> None:
+    image = np.full(geometry.shape, np.nan, dtype=np.float32)
+    image.ravel()[geometry.pixels("dyke", 1)[:20]] = 1.0
+    with pytest.raises(MeasurementError, match=r"materials\.dyke: 20 usable pixels, expected at least 50"):
+        make_target("dyke", geometry, Measurement(image, "holes"), CONFIG, 1)
+
+
+def test_constant_image_cannot_be_fitted(geometry: Geometry) -> None:
+    with pytest.raises(FitError, match="all 500 are -5 dB"):
+        make_target("dyke", geometry, Measurement(np.full(geometry.shape, -5, dtype=np.float32), "c"), CONFIG, 1)
+
+
+def test_a_material_seen_at_one_incidence_is_level_only(geometry: Geometry, measurement: Measurement) -> None:
+    targets = Targets({name: make_target(name, geometry, measurement, CONFIG, 1) for name in ("dyke", "grass")})
+    assert not any("level only" in line for line in targets.warnings())
+    narrow = replace(targets["grass"], incidence_deg=np.linspace(38.92, 39.07, 500, dtype=np.float32))
+    (line,) = [line for line in Targets({**targets, "grass": narrow}).sentences() if "level only" in line]
+    # 5 and 95 % of a range of 0.15 degrees
+    assert line.endswith("no law can be known from this pass alone: grass (38.93 to 39.06 deg).")
+    # a range that the error of the incidence explains
+    span = incidence_span_deg(targets["dyke"].incidence_deg)
+    doubtful = SimpleNamespace(incidence_error_deg=span / 3.0, classes=SimpleNamespace(size=4))
+    assert replace(targets["dyke"], classes=doubtful).level_only
+    assert replace(narrow, classes=doubtful).seen == f"38.93 to 39.06 deg, error {span / 3.0:.2g} deg"
+    precise = SimpleNamespace(incidence_error_deg=7.2e-5, classes=SimpleNamespace(size=4))
+    assert replace(narrow, classes=precise).seen == "38.93 to 39.06 deg, error < 0.01 deg"
+    assert not targets["dyke"].level_only
+
+
+def test_round_trip_is_exact(geometry: Geometry, measurement: Measurement, tmp_path: Path) -> None:
+    penalised = CONFIG.model_copy(update={"fit": "penalised"})
+    levels = Levels(
+        "offset",
+        1.5,
+        0.25,
+        references=("grass",),
+        differences_db=(1.5,),
+        difference_errors_db=(0.25,),
+        measured=(1.5, 1.0),
+    )
+    targets = Targets(
+        {
+            "grass": make_target("grass", geometry, measurement, penalised, 1),
+            "dyke": make_target("dyke", geometry, measurement, CONFIG, 1, validation=Validation(rows=20)),
+        },
+        levels,
+        3.5,
+    )
+    assert targets["dyke"].kept_out is not None
+    write_targets(tmp_path / "targets.h5", targets)
+    back = read_targets(tmp_path / "targets.h5")
+    assert list(back) == ["grass", "dyke"]
+    assert same(dict(back), dict(targets))
+    assert same(back.levels, levels)
+    assert back.looks == 3.5
+
+
+def test_sampling_rms_of_a_thousand_pixels() -> None:
+    dp = skewnormal.direct([-12.0, 3.0, -0.4])
+    assert 1e-3 < sampling_rms(dp, 1000, np.random.default_rng(1)) < 2e-3
+
+
+def test_sampling_rms_falls_with_the_root_of_the_size_and_with_the_width() -> None:
+    dp = skewnormal.direct([-12.0, 3.0, -0.4])
+    few, many = (sampling_rms(dp, n, np.random.default_rng(1), draws=60) for n in (500, 8000))
+    assert few / many == pytest.approx(4.0, rel=0.3)
+    wide = sampling_rms(dp * [1, 2, 1], 500, np.random.default_rng(1), draws=60)
+    assert wide == pytest.approx(few / 2, rel=1e-3)
+
+
+def test_sampling_rms_is_what_fresh_scipy_samples_give() -> None:
+    xi, omega, alpha = dp = skewnormal.direct([0.0, 3.0, 0.5])
+    found = []
+    for k in range(150):
+        sample = stats.skewnorm.rvs(alpha, xi, omega, size=1000, random_state=k)
+        found.append(skewnormal.density_rms(skewnormal.fit(sample).dp, dp))
+    own = sampling_rms(dp, 1000, np.random.default_rng(2), draws=300)
+    assert own == pytest.approx(np.median(found), rel=0.15)
+
+
+def test_the_level_is_told_where_a_fixed_law_or_a_mapping_shows_it() -> None:
+    for normalisation, differences, told in (
+        ("none", {"grass": (0.3, 0.2)}, True),
+        ("none", {}, False),
+        ("offset", {"grass": (1.4, 0.2)}, True),
+    ):
+        levels = offset_levels(normalisation, differences)
+        assert Targets({}, levels).sentences() == [f"levels: {levels.sentence}"] * told
