@@ -27,7 +27,7 @@ Edge = tuple[str, str]
 FLOW: list[tuple[str, list[str]]] = [
     ("scene", ["scene"]),
     ("geometry and image formation", ["radar"]),
-    ("simulator", ["simulators"]),
+    ("simulator", ["programs", "simulators"]),
     ("measurement", ["image", "sentinel1", "ground", "registration", "measurement"]),
     ("target", ["targets"]),
     ("inference", ["inference", "objectives"]),

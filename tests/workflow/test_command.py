@@ -16,8 +16,8 @@ from workflow_project import COLUMNS, ROOT, ROWS, Project, write_raster
 
 from radcal.config import input_files, load
 from radcal.errors import ConfigError
+from radcal.programs.command import check_command
 from radcal.proposals.design import design_points
-from radcal.simulators.command import check_command
 from radcal.storage.records import read_json
 
 

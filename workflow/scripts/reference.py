@@ -4,8 +4,8 @@ from radcal.calibration.steps import reference_runs, repeatability
 from radcal.config import stages
 from radcal.forecast.time_left import FINAL_RUNS, at_most, most_need
 from radcal.image.model import read_measurement
+from radcal.programs.command_plan import changed_links
 from radcal.session.jobs import logged, progress
-from radcal.simulators.command_plan import changed_links
 from radcal.simulators.declared_scale import check_scale
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import IndexedRun, write_index

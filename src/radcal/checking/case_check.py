@@ -28,9 +28,9 @@ from radcal.errors import ConfigError, MissingSign, NotInScene, RadcalError, Unk
 from radcal.forecast.expected_memory import expected_mb
 from radcal.forecast.memory_and_time import Stage, memory_mb, values_of
 from radcal.forecast.time_left import largest_runs, runs_in_words
+from radcal.programs.command_plan import check_command, check_image_shape
 from radcal.reading.safe import is_safe_name
 from radcal.scene.size import scene_size
-from radcal.simulators.command_plan import check_command, check_image_shape
 from radcal.words import rough
 
 if TYPE_CHECKING:

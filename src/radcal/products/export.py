@@ -23,13 +23,13 @@ from radcal.products.tables import (
     parameter_rows,
     write_csv,
 )
+from radcal.programs.command import CommandSimulator
 from radcal.radar.geometry import Geometry
 from radcal.registration.registered import Registered
 from radcal.results.archive import Archive
 from radcal.results.summary import sentences
 from radcal.scene.model import Scene
 from radcal.seeds import noise_seed
-from radcal.simulators.command import CommandSimulator
 from radcal.simulators.protocol import Simulator
 from radcal.storage.files import atomic
 from radcal.storage.run_index import read_index

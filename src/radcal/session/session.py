@@ -14,14 +14,14 @@ from typing import Any
 from radcal.config import Case, check_reuse, input_files, load, starts_as_truth
 from radcal.config.yaml_file import check_words
 from radcal.errors import RadcalError, StoreError
+from radcal.programs.command import check_command
+from radcal.programs.seed_width import with_seed_bits
 from radcal.session.jobs import CASE, FAILURE, OWNER, PASSES, PROGRESS, RESULTS, STARTED, Follower
 from radcal.session.replacement import check_replacement
 from radcal.session.salvage import files_of, salvage
 from radcal.session.simulator_change import simulator_change
 from radcal.session.slurm import cancel_leftovers, remember
 from radcal.session.terminal import Messages, guard
-from radcal.simulators.command import check_command
-from radcal.simulators.seed_width import with_seed_bits
 from radcal.storage.files import sweep_scripts, unwritable
 from radcal.storage.lock import CaseLock, leave
 from radcal.storage.records import REPLACE

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from radcal.config import CommandSimulation, stages
+from radcal.programs.command import CommandPlan, CommandSimulator
 from radcal.radar.geometry import Geometry, read_geometry
 from radcal.scene.model import read_scene
-from radcal.simulators.command import CommandPlan, CommandSimulator
 from radcal.simulators.protocol import Simulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
@@ -31,7 +31,7 @@ def make_simulator(case: stages.Simulator, geometry: Geometry, geometry_path: st
     Raises
     ------
     ConfigError
-        The configuration of an external simulator is wrong (:class:`~radcal.simulators.command.CommandPlan`), or a
+        The configuration of an external simulator is wrong (:class:`~radcal.programs.command.CommandPlan`), or a
         law without a curve is configured for the built-in simulator.
     """
     if isinstance(case.simulator, CommandSimulation):

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from radcal.errors import SimulatorError
-from radcal.simulators import process
-from radcal.simulators.process import STDERR, STDOUT, Ended, output_tail, run_program
+from radcal.programs import process
+from radcal.programs.process import STDERR, STDOUT, Ended, output_tail, run_program
 
 
 @pytest.mark.parametrize(

@@ -20,9 +20,9 @@ from radcal.config import (
     stages,
 )
 from radcal.errors import ConfigError
-from radcal.simulators.placeholders import SEED, Marked, Marker, argument, template
-from radcal.simulators.seed_width import check_seeds
-from radcal.simulators.written_numbers import check_numbers
+from radcal.programs.placeholders import SEED, Marked, Marker, argument, template
+from radcal.programs.seed_width import check_seeds
+from radcal.programs.written_numbers import check_numbers
 
 __all__ = ["CommandPlan", "changed_links", "check_command", "check_image_shape"]
 
@@ -152,8 +152,8 @@ def check_command(case: Case) -> None:
     Raises
     ------
     ConfigError, SimulatorError
-        A script is not listed, or :class:`CommandPlan`, :func:`radcal.simulators.written_numbers.check_numbers` or
-        :func:`radcal.simulators.seed_width.check_seeds` found an error.
+        A script is not listed, or :class:`CommandPlan`, :func:`radcal.programs.written_numbers.check_numbers` or
+        :func:`radcal.programs.seed_width.check_seeds` found an error.
     """
     if isinstance(case.simulator, CommandSimulation):
         plan = CommandPlan(case.simulator, case.materials)

@@ -25,10 +25,10 @@ from hypothesis import strategies as st
 
 from radcal.config import Case, Material, Radar, case_from
 from radcal.errors import ConfigError, SimulatorError
+from radcal.programs import command as module
+from radcal.programs.command import CommandPlan, CommandSimulator, check_command, toml_text
+from radcal.programs.command_plan import changed_links
 from radcal.radar.geometry import Geometry
-from radcal.simulators import command as module
-from radcal.simulators.command import CommandPlan, CommandSimulator, check_command, toml_text
-from radcal.simulators.command_plan import changed_links
 
 MATERIALS = {
     "dyke": {"calibrate": True, "law": "external", "names": ["mv", "s"], "bounds": [[0, 1], [0, 9]]},
@@ -420,7 +420,7 @@ def test_the_program_dies_with_radcal(tmp_path: Path, number: int) -> None:
     (tmp_path / "sim.py").write_text(FAMILY.format(path=str(path)))
     # a shell's background jobs, and what they start, ignore Ctrl-C
     radcal = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
-    radcal += "from pathlib import Path; from radcal.simulators.process import run_program; " + (
+    radcal += "from pathlib import Path; from radcal.programs.process import run_program; " + (
         f"run_program([{sys.executable!r}, 'sim.py'], Path({str(tmp_path)!r}), {{}}, 300)"
     )
     process = subprocess.Popen([sys.executable, "-c", radcal], stderr=subprocess.DEVNULL)

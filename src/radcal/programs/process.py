@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from radcal.errors import SimulatorError
-from radcal.simulators import guard
+from radcal.programs import guard
 from radcal.storage.disclosure import hashed
 
 __all__ = ["LOG", "STDERR", "STDOUT", "Ended", "output_tail", "run_program"]

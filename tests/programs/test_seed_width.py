@@ -12,9 +12,9 @@ import pytest
 
 from radcal.config import Case, case_from
 from radcal.errors import ConfigError, SimulatorError
+from radcal.programs.command import check_command
+from radcal.programs.seed_width import with_seed_bits
 from radcal.seeds import derived_seed, measurement_seed, noise_seed
-from radcal.simulators.command import check_command
-from radcal.simulators.seed_width import with_seed_bits
 from radcal.storage.provenance import provenance
 from radcal.storage.records import write_json
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from radcal.config import Material
 from radcal.errors import ConfigError, SimulatorError
-from radcal.simulators.placeholders import Marked, Marker
+from radcal.programs.placeholders import Marked, Marker
 
 __all__ = ["check_numbers"]
 

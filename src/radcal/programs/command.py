@@ -24,12 +24,12 @@ from radcal.config import (
     executable_path,
 )
 from radcal.errors import ConfigError, SimulatorError, StoreError, WrongNumbers
+from radcal.programs.command_plan import CommandPlan, check_command, check_image_shape
+from radcal.programs.placeholders import SEED, argument
+from radcal.programs.process import output_tail, run_program
+from radcal.programs.raw import read_raw
 from radcal.reading.arrays import read_array
 from radcal.reading.images import NOT_FINITE, ImageFile, reading, to_db
-from radcal.simulators.command_plan import CommandPlan, check_command, check_image_shape
-from radcal.simulators.placeholders import SEED, argument
-from radcal.simulators.process import output_tail, run_program
-from radcal.simulators.raw import read_raw
 from radcal.storage.files import atomic, working_folder
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ import pytest
 
 from radcal.config import Material, case_from
 from radcal.errors import ConfigError
-from radcal.simulators.command_plan import check_command
-from radcal.simulators.placeholders import argument, template
-from radcal.simulators.written_numbers import check_numbers
+from radcal.programs.command_plan import check_command
+from radcal.programs.placeholders import argument, template
+from radcal.programs.written_numbers import check_numbers
 
 SOIL = {"calibrate": True, "law": "external", "names": ["a", "m", "rows"], "integer": ["rows"]}
 MATERIALS = {

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radcal.errors import ConfigError, SimulatorError
-from radcal.simulators.placeholders import argument, template
+from radcal.programs.placeholders import argument, template
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 

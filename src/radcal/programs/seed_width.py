@@ -15,8 +15,8 @@ import h5py
 
 from radcal.config import Case, CommandSimulation, SyntheticMeasurement, stages
 from radcal.errors import ConfigError
+from radcal.programs.placeholders import SEED, Marker
 from radcal.seeds import measurement_seed, noise_seed
-from radcal.simulators.placeholders import SEED, Marker
 from radcal.storage.inspection import inspect_file
 
 __all__ = ["check_seeds", "with_seed_bits"]

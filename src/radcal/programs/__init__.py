@@ -1,0 +1,1 @@
+"""External programs as simulators: command, files, placeholders, process, image that they write."""
