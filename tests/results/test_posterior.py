@@ -11,12 +11,12 @@ from archives import changed_findings, changed_material, posterior, without_curv
 from assessment_samples import held_cells
 
 from radcal.assessment.summary import without_cells
-from radcal.findings import Finding
-from radcal.results.archive import read_archive, write_archive
-from radcal.page.html import write_report
 from radcal.figures.law_figures import law
-from radcal.results.law_notes import found_words
+from radcal.findings import Finding
+from radcal.page.html import write_report
 from radcal.products.showing import show
+from radcal.results.archive import read_archive, write_archive
+from radcal.results.law_notes import found_words
 from radcal.results.summary import sentences, summarise
 from radcal.storage.records import write_json
 

@@ -11,17 +11,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from radcal.objectives.history import History, PassScore
 from radcal.config import case_from, stages
 from radcal.errors import StoreError
-from radcal.laws import LAWS
 from radcal.ground.levels import Levels
-from radcal.targets.target import Targets
+from radcal.laws import LAWS
+from radcal.objectives.history import History, PassScore
 from radcal.page.html import write_report
 from radcal.results.law_notes import law_notes
 from radcal.results.results import _difference_db, _pass_law, _pass_note, _passes, without_level
 from radcal.results.run_table import write_table
 from radcal.results.summary import summarise
+from radcal.targets.target import Targets
 
 
 def test_every_run_is_there_in_order(made):

@@ -6,16 +6,16 @@ from collections.abc import Sequence
 
 from radcal.assessment.conclusion import conclude
 from radcal.assessment.posterior import Image, Posterior
-from radcal.objectives.history import History
 from radcal.config import Stop, stages
+from radcal.objectives.history import History
+from radcal.radar.geometry import Geometry
 from radcal.registration.height_shift import with_height_warning
 from radcal.registration.registered import Registered
-from radcal.targets.target import Targets
-from radcal.radar.geometry import Geometry
 from radcal.results.archive import Archive
 from radcal.results.results import gather
 from radcal.scene.model import Scene
 from radcal.storage.runs import Record
+from radcal.targets.target import Targets
 
 __all__ = ["archive_of"]
 

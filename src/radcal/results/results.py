@@ -14,17 +14,16 @@ from numpy.typing import NDArray
 
 from radcal.assessment.conclusion import Conclusion
 from radcal.assessment.posterior import Image, Posterior
-from radcal.objectives.history import History, Run, Score
-from radcal.objectives import OBJECTIVES
 from radcal.calibration.steps import random_notes
 from radcal.config import Material, Radar, Stop, stages
 from radcal.config.sections import FURTHER
 from radcal.findings import to_json
-from radcal.laws import EXTERNAL, FORMULA, Law
 from radcal.ground.levels import Levels, without_level
-from radcal.registration.registered import Registered
-from radcal.targets.target import Target, Targets
+from radcal.laws import EXTERNAL, FORMULA, Law
+from radcal.objectives import OBJECTIVES
+from radcal.objectives.history import History, Run, Score
 from radcal.radar.geometry import Geometry
+from radcal.registration.registered import Registered
 from radcal.results.archive import (
     Archive,
     Fidelity,
@@ -44,6 +43,7 @@ from radcal.results.search_front import search_fronts
 from radcal.scene.model import Scene
 from radcal.storage.disclosure import disclosed
 from radcal.storage.runs import Record
+from radcal.targets.target import Target, Targets
 
 __all__ = ["gather"]
 

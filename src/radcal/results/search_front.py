@@ -8,11 +8,11 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.objectives.history import History
-from radcal.objectives import make_objectives
 from radcal.config import stages
-from radcal.targets.target import Targets
+from radcal.objectives import make_objectives
+from radcal.objectives.history import History
 from radcal.storage.dataclass_groups import About, Attribute
+from radcal.targets.target import Targets
 
 __all__ = ["SearchFront", "search_fronts"]
 
