@@ -23,9 +23,10 @@ from assessment_samples import (
 )
 from scipy.stats import multivariate_normal, norm
 
-from radcal.assessment.calibrated import FORMS
+from radcal.assessment.calibrated import FORMS, Draws
 from radcal.assessment.effects import common_columns, form_basis
 from radcal.assessment.form_error import form_error
+from radcal.assessment.sampling import Sample
 from radcal.config import Uncertainty
 
 CONFIG = Uncertainty(walkers=64, steps=1500)
@@ -198,3 +199,18 @@ def test_the_same_seed_gives_the_same_draws():
     for key in ("parameters", "form", "common", "fields_db"):
         np.testing.assert_array_equal(getattr(one, key), getattr(two, key))
     assert not np.array_equal(one.parameters, other.parameters)
+
+
+def test_draws_of_two_posteriors_are_mixed_by_their_probabilities():
+    """Convergence is that of the sample that has converged least, whatever its effective size."""
+
+    def draws(value, ess, converged):
+        one = np.full(200, value)
+        every = np.column_stack([one, one])
+        return Draws(every, one, one, every, every, every, one, Sample(every, ess, 1.0, 250, converged))
+
+    found = Draws.mixed([draws(1.0, 500.0, True), draws(2.0, 900.0, False)], [0.75, 0.25])
+    assert np.mean(found.field_db == 1.0) == pytest.approx(0.75, abs=0.005)
+    assert {len(value) for name, value in vars(found).items() if name != "sample"} == {found.field_db.size}
+    np.testing.assert_array_equal(found.parameters[:, 0], found.common[:, 1])
+    assert (found.sample.converged, found.sample.ess) == (False, 900.0)

@@ -106,7 +106,7 @@ class Draws:
         taken = mixed(chances, [len(one.field_db) for one in each])
         parts = [vars(one.at(some)) for one, some in zip(each, taken, strict=True)]
         together = {name: np.concatenate([part[name] for part in parts]) for name in parts[0] if name != "sample"}
-        return cls(**together, sample=min((one.sample for one in each), key=lambda one: one.ess))
+        return cls(**together, sample=min((one.sample for one in each), key=lambda one: (one.converged, one.ess)))
 
 
 class LawModel:
