@@ -50,13 +50,13 @@ from passes import calibrated_passes
 from threadpoolctl import threadpool_limits
 from twins import finished
 
-from radcal.assessment.cells import Simulated
-from radcal.assessment.curves import GRID_DEG
 from radcal.assessment.model import image_of, posterior_of
 from radcal.assessment.observation import observe
-from radcal.assessment.posterior import Posterior
 from radcal.assessment.preposterior import Sight, half_widths_after, half_widths_now, sight_of
 from radcal.config import Case, case_from, stages
+from radcal.posterior.cells import Simulated
+from radcal.posterior.curves import GRID_DEG
+from radcal.posterior.result import Posterior
 from radcal.products.advice import ALIKE, NONE, advice_on, judged
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry

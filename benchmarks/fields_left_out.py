@@ -29,17 +29,17 @@ from numpy.typing import NDArray
 from right_law import FLEVOLAND_BOUNDS, LAW, flevoland_grounds, geometric
 from threadpoolctl import threadpool_limits
 
-from radcal.assessment.calibrated import FORMS, LawModel, Parameters
-from radcal.assessment.cells import CellMeans, Simulated, cell_means
-from radcal.assessment.curves import curves_of
-from radcal.assessment.effects import Observed, form_basis
-from radcal.assessment.fixed_laws import image_from
-from radcal.assessment.posterior import HeldOut, Predicted
-from radcal.assessment.prediction import left_out
-from radcal.assessment.radiometry import Radiometry
 from radcal.config import Uncertainty
 from radcal.ground.ground import Ground
 from radcal.inference.priors import CurvePrior
+from radcal.posterior.calibrated import FORMS, LawModel, Parameters
+from radcal.posterior.cells import CellMeans, Simulated, cell_means
+from radcal.posterior.curves import curves_of
+from radcal.posterior.effects import Observed, form_basis
+from radcal.posterior.fixed_laws import image_from
+from radcal.posterior.prediction import left_out
+from radcal.posterior.radiometry import Radiometry
+from radcal.posterior.result import HeldOut, Predicted
 
 SHAPE = (750, 1024)
 CONFIG = Uncertainty(walkers=64)

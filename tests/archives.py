@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from radcal.assessment.effects import Shared
-from radcal.assessment.posterior import Curve, FormError, Image, Posterior
-from radcal.assessment.radiometry import Radiometry
 from radcal.findings import Finding, to_json
+from radcal.posterior.effects import Shared
+from radcal.posterior.radiometry import Radiometry
+from radcal.posterior.result import Curve, FormError, Image, Posterior
 from radcal.results.archive import Archive
 
 

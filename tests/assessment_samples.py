@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.assessment.calibrated import FORMS, LawModel, Parameters
-from radcal.assessment.cells import CellMeans
-from radcal.assessment.effects import Observed, Shared, form_basis
-from radcal.assessment.fixed_laws import image_from
-from radcal.assessment.posterior import Curve, FormError, HeldOut, Image, Posterior, Predicted
-from radcal.assessment.radiometry import Radiometry
 from radcal.config import Uncertainty
 from radcal.laws import Law, law_for
+from radcal.posterior.calibrated import FORMS, LawModel, Parameters
+from radcal.posterior.cells import CellMeans
+from radcal.posterior.effects import Observed, Shared, form_basis
+from radcal.posterior.fixed_laws import image_from
+from radcal.posterior.radiometry import Radiometry
+from radcal.posterior.result import Curve, FormError, HeldOut, Image, Posterior, Predicted
 
 LINE = law_for("tabulated", angles_deg=(20.0, 60.0))
 LINE_BOX = np.array([[-30.0, 10.0], [-40.0, 0.0]])

@@ -13,12 +13,12 @@ from radcal.calibration.loop import calibrate
 from radcal.config import case_from
 from radcal.measurement.sources import make_measurement
 from radcal.radar.projection import make_geometry
-from radcal.radar.texture import texture_db, texture_order
 from radcal.registration.registered import Registered
 from radcal.scene.model import Scene
 from radcal.scene.slant_range import flat_incidence_deg
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
+from radcal.speckle.texture import texture_db, texture_order
 from radcal.storage.runs import RunStore
 from radcal.targets.target_fit import make_targets
 

@@ -26,7 +26,7 @@ Edge = tuple[str, str]
 # A module may import its own step and earlier ones. Rooms that are not named here serve several steps.
 FLOW: list[tuple[str, list[str]]] = [
     ("scene", ["scene"]),
-    ("geometry and image formation", ["radar"]),
+    ("geometry and image formation", ["compiled", "speckle", "radar"]),
     ("simulator", ["programs", "simulators"]),
     ("measurement", ["image", "sentinel1", "ground", "registration", "measurement"]),
     ("target", ["targets"]),
@@ -35,7 +35,7 @@ FLOW: list[tuple[str, list[str]]] = [
     ("surrogate", ["proposals.surrogate", "proposals.kriging", "proposals.smt_kriging"]),
     ("proposal", ["proposals.nsga2", "proposals.lattice", "proposals.search"]),
     ("verification", ["calibration.steps", "calibration.stopping", "calibration.loop"]),
-    ("assessment", ["assessment"]),
+    ("assessment", ["posterior", "assessment"]),
     ("report", ["results", "figures", "page", "products"]),
 ]
 

@@ -18,8 +18,8 @@ from radcal.config import Stop, case_from
 from radcal.findings import Finding, to_json
 from radcal.laws import LAWS
 from radcal.objectives.history import History
-from radcal.radar.texture import log_speckle_cumulants
 from radcal.skewnormal import centred
+from radcal.speckle.texture import log_speckle_cumulants
 from radcal.storage.runs import Record, RunStore
 from radcal.targets.target import Targets
 

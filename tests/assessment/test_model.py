@@ -20,13 +20,14 @@ from assessment_samples import (
     seen_cells,
 )
 
-from radcal.assessment import model, prediction
-from radcal.assessment.cells import CellMeans, with_noise_db
+from radcal.assessment import model
 from radcal.assessment.model import image_of, posterior_of
-from radcal.assessment.posterior import Image
-from radcal.assessment.prediction import constant_of
 from radcal.config import Uncertainty, Validation
 from radcal.laws import external_law
+from radcal.posterior import prediction
+from radcal.posterior.cells import CellMeans, with_noise_db
+from radcal.posterior.prediction import constant_of
+from radcal.posterior.result import Image
 
 BRIEF = Uncertainty(walkers=32, steps=100)
 

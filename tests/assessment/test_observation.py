@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from assessment_samples import LINE, LINE_X
 
-from radcal.assessment.cells import Simulated
 from radcal.assessment.observation import observe
 from radcal.config import BuiltinSimulation, Radar, RegistrationConfig, TargetConfig, Validation
 from radcal.image.model import Measurement
 from radcal.laws import external_law
+from radcal.posterior.cells import Simulated
 from radcal.radar.geometry import Geometry
 from radcal.registration.registered import register
 

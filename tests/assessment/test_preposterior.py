@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 from scipy.special import polygamma
 
-from radcal.assessment.curves import GRID_DEG
-from radcal.assessment.posterior import WHOLE_DEG, KeptDraws
 from radcal.assessment.preposterior import (
     Sight,
     _equivalent_sd,
@@ -21,6 +19,8 @@ from radcal.assessment.preposterior import (
 )
 from radcal.config import Radar, Uncertainty
 from radcal.laws import LAWS, law_for
+from radcal.posterior.curves import GRID_DEG
+from radcal.posterior.result import WHOLE_DEG, KeptDraws
 
 EXACT = Uncertainty(level_db=0.0, noise_db=0.0)
 FLAT = law_for("tabulated", angles_deg=(20.0, 60.0))

@@ -16,7 +16,7 @@ from radcal.ground.classes import make_classes
 from radcal.inference.expected import law_cumulants
 from radcal.laws import LAWS, external_law
 from radcal.objectives.history import History
-from radcal.radar.texture import log_speckle_cumulants
+from radcal.speckle.texture import log_speckle_cumulants
 
 LAW, LOOKS = LAWS["mangia"], 4.0
 DARK = [-45.0, *X[1:]]

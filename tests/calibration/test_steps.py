@@ -26,7 +26,7 @@ from radcal.errors import MissingSign, SimulatorError
 from radcal.objectives import make_objectives
 from radcal.objectives.history import History, Proposal, read_proposals, read_runs, write_proposals, write_runs
 from radcal.proposals.surrogate import read_trainings, write_trainings
-from radcal.radar.texture import log_speckle_cumulants
+from radcal.speckle.texture import log_speckle_cumulants
 from radcal.storage.dataclass_groups import same
 from radcal.storage.runs import Record
 from radcal.targets.target import Targets, read_targets, write_targets

@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from radcal.assessment.cells import CellMeans, with_noise_db
 from radcal.checking.unregistered import cells_of, fixed_laws, start_image, unreachable
 from radcal.config import Case
 from radcal.findings import Finding
 from radcal.image.model import Measurement
+from radcal.posterior.cells import CellMeans, with_noise_db
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene

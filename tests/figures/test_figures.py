@@ -17,7 +17,6 @@ from matplotlib.text import Text
 from scipy import stats
 
 from radcal import skewnormal
-from radcal.assessment.posterior import Points
 from radcal.figures import drawing, law_figures, map_figures, scene_figures
 from radcal.figures import figures as module
 from radcal.figures.density_figures import densities, overview
@@ -26,6 +25,7 @@ from radcal.figures.figures import write_figures
 from radcal.figures.front_figures import front
 from radcal.figures.held_out_figures import held_out
 from radcal.figures.law_figures import cost, law
+from radcal.posterior.result import Points
 from radcal.results.archive import Fidelity, Images
 from radcal.results.search_front import SearchFront
 from radcal.scene.objects import Objects

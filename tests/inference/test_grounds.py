@@ -15,7 +15,7 @@ from radcal.inference.grounds import GroundLaw, fit_grounds
 from radcal.inference.law_fit import LawFit, fit_law
 from radcal.inference.misfit import BinMisfit, LikelihoodMisfit, Method
 from radcal.laws import LAWS
-from radcal.radar.texture import log_speckle_cumulants
+from radcal.speckle.texture import log_speckle_cumulants
 
 LAW = LAWS["mangia"]
 BOUNDS = [[-80.0, 10.0], [0.0, 60.0], [0.0, 60.0], [0.0, 20.0]]

@@ -14,7 +14,7 @@ from radcal.inference.moments import (
     to_cumulants,
     to_dp,
 )
-from radcal.radar.texture import log_speckle_cumulants
+from radcal.speckle.texture import log_speckle_cumulants
 
 VALUES = np.random.default_rng(3).gamma(2.0, 1.5, (2, 400)) * [[1.0], [-2.0]] - 7.0
 

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radcal.assessment.curves import GRID_DEG, curves_of
 from radcal.errors import ConfigError
 from radcal.laws import LAWS, law_for
 from radcal.laws.formula import FUNCTIONS, Formula, formula_law, refuse_infinite
+from radcal.posterior.curves import GRID_DEG, curves_of
 
 MANGIA = ("X1 + X2*cos(phi) + X3*exp(-X4*phi**2)", ("X1", "X2", "X3", "X4"))
 ULABY = ("P1 + P2*exp(-P3*phi) + P4*cos(P5*phi + P6)", ("P1", "P2", "P3", "P4", "P5", "P6"))

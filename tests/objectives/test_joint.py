@@ -26,12 +26,12 @@ from radcal.objectives.objective import Points
 from radcal.proposals.search import Search
 from radcal.proposals.surrogate import Surrogate, train_surrogate
 from radcal.radar.projection import make_geometry
-from radcal.radar.texture import equal_texture, log_speckle_cumulants
 from radcal.registration.registered import register
 from radcal.results.search_front import search_fronts
 from radcal.scene.model import Scene
 from radcal.scene.slant_range import flat_incidence_deg
 from radcal.simulators.builtin import BuiltinSimulator
+from radcal.speckle.texture import equal_texture, log_speckle_cumulants
 from radcal.storage.runs import Record
 from radcal.targets.target import Targets
 from radcal.targets.target_fit import make_targets

@@ -12,10 +12,10 @@ import pytest
 from archives import changed_findings, changed_material, image, posterior
 from assessment_samples import held_cells
 
-from radcal.assessment.radiometry import Radiometry
 from radcal.figures.figures import Figure
 from radcal.findings import Finding
 from radcal.page.html import _material, _number, _span, write_report
+from radcal.posterior.radiometry import Radiometry
 from radcal.results.archive import PassLaw, PassSummary
 from radcal.results.law_notes import at_bound
 from radcal.results.summary import summarise

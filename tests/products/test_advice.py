@@ -11,11 +11,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from radcal.assessment.posterior import WHOLE_DEG, KeptDraws
 from radcal.config import case_from
 from radcal.errors import ConfigError, StoreError
 from radcal.findings import Finding
 from radcal.laws import law_for
+from radcal.posterior.result import WHOLE_DEG, KeptDraws
 from radcal.products import advice
 from radcal.products.advice import (
     ALIKE,

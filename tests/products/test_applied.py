@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.special import polygamma
 
-from radcal.assessment.posterior import WHOLE_DEG, Constant, KeptDraws, Predicted
 from radcal.assessment.preposterior import Sight
 from radcal.config import RegistrationConfig, Uncertainty, load_forward, load_measured
 from radcal.errors import ConfigError, StoreError
@@ -19,6 +18,7 @@ from radcal.findings import Finding
 from radcal.ground.classes import class_of, incidence_edges
 from radcal.image.model import Measurement
 from radcal.laws import LAWS, law_for
+from radcal.posterior.result import WHOLE_DEG, Constant, KeptDraws, Predicted
 from radcal.products import applied
 from radcal.products.applied import (
     _conclusion,

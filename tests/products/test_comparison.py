@@ -10,9 +10,9 @@ from archives import changed_material, posterior
 from sealed import changed
 from typer.testing import CliRunner
 
-from radcal.assessment.posterior import Curve
 from radcal.cli import app
 from radcal.errors import ConfigError, StoreError
+from radcal.posterior.result import Curve
 from radcal.products.comparison import _fits, _known, compare, law_difference
 from radcal.results.archive import write_archive
 

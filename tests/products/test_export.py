@@ -12,9 +12,9 @@ import rasterio
 import yaml
 from archives import changed_material, posterior
 
-from radcal.assessment.posterior import Curve
 from radcal.config import Radar, case_from, stages
 from radcal.ground.levels import Levels
+from radcal.posterior.result import Curve
 from radcal.products.export import ground_layers, pass_images, write_export
 from radcal.products.geotiff import SLANT_RANGE, _spacing, map_grid, pixel_at_cell
 from radcal.products.tables import calibrated_yaml

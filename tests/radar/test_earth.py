@@ -23,8 +23,7 @@ from radcal.radar.earth import Sight, heading_at_scene, heading_of_sight, sight
 from radcal.radar.facets import LAID_OVER, VISIBLE
 from radcal.radar.lines import Lines
 from radcal.radar.projection import make_geometry
-from radcal.scene.crs import label, turned
-from radcal.scene.ellipsoid import earth_radius_m, ground_per_grid
+from radcal.scene.crs import earth_radius_m, ground_per_grid, label, turned
 from radcal.scene.model import Scene
 
 CELLS, CELL_M, MEAN_M = 200, 100.0, 300.0  # 20 x 20 km

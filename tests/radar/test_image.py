@@ -11,18 +11,19 @@ import numpy as np
 import pytest
 from scipy import signal, special, stats
 
+from radcal import compiled
 from radcal.config import Radar
 from radcal.errors import ConfigError
 from radcal.laws import LAWS, Law
-from radcal.radar import compiled, image
-from radcal.radar.gaussian import circular_gaussian
+from radcal.radar import image
 from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.projection import make_geometry
 from radcal.radar.reflectivity import law_tables, reflectivity, uniform
-from radcal.radar.speckle import beta_share, impulse_response
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
+from radcal.speckle.gaussian import circular_gaussian
+from radcal.speckle.response import beta_share, impulse_response
 
 SHAPE = (330, 330)
 APART = np.s_[12:-12:6, 12:-12:6]  # six pixels are four resolutions: uncorrelated; away from the image's edge

@@ -22,10 +22,10 @@ from radcal.radar.image import ImageFormation
 from radcal.radar.points import phased
 from radcal.radar.projection import make_geometry
 from radcal.radar.reflectivity import Reflectivity, law_tables, reflectivity, uniform
-from radcal.radar.speckle import impulse_response
 from radcal.scene.model import Scene
 from radcal.scene.objects import Objects
 from radcal.simulators.builtin import BuiltinSimulator
+from radcal.speckle.response import impulse_response
 
 ALTITUDE, DEPRESSION = 500.0, 30.0
 QUIET = -200.0  # [dB] no noise at all

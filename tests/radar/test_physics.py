@@ -13,14 +13,14 @@ from scipy import special, stats
 from scipy.signal import windows
 
 from radcal.config import Radar
-from radcal.radar.gaussian import circular_gaussian
 from radcal.radar.image import ImageFormation
 from radcal.radar.lines import local_incidence_cosine
 from radcal.radar.projection import make_geometry
 from radcal.radar.reflectivity import Reflectivity, uniform
-from radcal.radar.speckle import impulse_response
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
+from radcal.speckle.gaussian import circular_gaussian
+from radcal.speckle.response import impulse_response
 
 Build = Callable[..., Scene]
 DARK = -200.0  # [dB] no noise at all

@@ -10,10 +10,10 @@ import pytest
 from archives import changed_findings, changed_material, posterior, without_curve
 from assessment_samples import held_cells
 
-from radcal.assessment.summary import without_cells
 from radcal.figures.law_figures import law
 from radcal.findings import Finding
 from radcal.page.html import write_report
+from radcal.posterior.quantiles import without_cells
 from radcal.products.showing import show
 from radcal.results.archive import read_archive, write_archive
 from radcal.results.law_notes import found_words

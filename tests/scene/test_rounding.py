@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from radcal.scene.rounding import height_step_m, rounding_error_m
+from radcal.scene.raster import height_step_m, rounding_error_m
 
 
 def relief(sigma_px: float = 6.0) -> np.ndarray:

@@ -16,13 +16,13 @@ from scipy.special import polygamma
 from radcal.config import Case, Radar, SyntheticMeasurement, load
 from radcal.radar import SIMULATOR_VERSION
 from radcal.radar.geometry import Geometry
-from radcal.radar.texture import texture_order
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.seeds import noise_seed
 from radcal.simulators import runner as module
 from radcal.simulators.runner import Runner
 from radcal.simulators.texturing import textured as pixels_with_texture
+from radcal.speckle.texture import texture_order
 from radcal.storage.files import digest
 from radcal.storage.runs import RunStore
 

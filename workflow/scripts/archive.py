@@ -1,8 +1,8 @@
 """Write every run and iteration to one file, ``calibration.h5``, and all runs to one table, ``runs.csv``."""
 
-from radcal.assessment.posterior import Image, Posterior
 from radcal.config import Stop, stages
 from radcal.objectives.history import read_runs
+from radcal.posterior.result import Image, Posterior
 from radcal.radar.geometry import read_geometry
 from radcal.registration.registered import read_registered
 from radcal.results.archive import write_archive

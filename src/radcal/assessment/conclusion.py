@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.known import image_findings, law_findings, material_findings
-from radcal.assessment.posterior import Image, Posterior
 from radcal.assessment.program_check import another_law
 from radcal.assessment.registration_check import check_registration
 from radcal.calibration.scoring import with_texture
@@ -21,6 +20,7 @@ from radcal.errors import StoreError
 from radcal.findings import Finding, from_json
 from radcal.objectives import make_objectives
 from radcal.objectives.history import History
+from radcal.posterior.result import Image, Posterior
 from radcal.radar.geometry import Geometry
 from radcal.registration.registered import Registered
 from radcal.storage.runs import Record, RunStore

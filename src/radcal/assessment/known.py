@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.posterior import Image, Posterior
 from radcal.config import stages
 from radcal.findings import Finding, Severity
 from radcal.ground.pixels import MANY_IN_NOISE, share_in_noise
 from radcal.laws import Law
+from radcal.posterior.result import Image, Posterior
 from radcal.targets.target import Targets
 
 __all__ = ["image_findings", "law_findings", "material_findings"]

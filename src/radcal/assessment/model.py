@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from threadpoolctl import threadpool_limits
 
-from radcal.assessment.calibrated import FORMS, Draws, LawModel, Parameters
-from radcal.assessment.cells import CellMeans, with_noise_db
-from radcal.assessment.curves import curves_of
-from radcal.assessment.effects import Observed
-from radcal.assessment.fixed_laws import image_from
-from radcal.assessment.form_error import form_error, noticed_db
-from radcal.assessment.posterior import FormError, HeldOut, Image, Posterior
-from radcal.assessment.prediction import constant_of, field_check, left_out
-from radcal.assessment.radiometry import Radiometry, radiometry_of
-from radcal.assessment.summary import Form, points_of, summary, with_band, without_cells
 from radcal.calibration.steps import train_all
 from radcal.config import Validation, stages
 from radcal.laws import Law
 from radcal.objectives import Comparison, make_objectives
 from radcal.objectives.history import History
+from radcal.posterior.calibrated import FORMS, Draws, LawModel, Parameters
+from radcal.posterior.cells import CellMeans, with_noise_db
+from radcal.posterior.curves import curves_of
+from radcal.posterior.effects import Observed
+from radcal.posterior.fixed_laws import image_from
+from radcal.posterior.form_error import form_error, noticed_db
+from radcal.posterior.prediction import constant_of, field_check, left_out
+from radcal.posterior.quantiles import Form, points_of, summary, with_band, without_cells
+from radcal.posterior.radiometry import Radiometry, radiometry_of
+from radcal.posterior.result import FormError, HeldOut, Image, Posterior
 from radcal.proposals.surrogate import Surrogate
 from radcal.seeds import derived_seed
 from radcal.targets.target import Targets

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from radcal.assessment.cells import WITHOUT_AREA, CellMeans, Simulated, area_db, cell_means
 from radcal.config import BuiltinSimulation, stages
 from radcal.errors import MeasurementError
 from radcal.ground.correlation import estimate_correlation
 from radcal.ground.ground import Blocks
 from radcal.ground.levels import Levels, median_and_range
 from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, point_targets
+from radcal.posterior.cells import WITHOUT_AREA, CellMeans, Simulated, area_db, cell_means
 from radcal.radar.radiometry import noise_floor_db
 from radcal.seeds import derived_seed
 from radcal.simulators.sources import runner_of

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.special import ndtri, polygamma
 
-from radcal.assessment.cells import DB, cell_keys, members, with_noise_db
-from radcal.assessment.curves import NORMAL_90, levels_at
-from radcal.assessment.posterior import KeptDraws
 from radcal.config import Radar, Uncertainty
 from radcal.laws import Law
+from radcal.posterior.cells import DB, cell_keys, members, with_noise_db
+from radcal.posterior.curves import NORMAL_90, levels_at
+from radcal.posterior.result import KeptDraws
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
 from radcal.scene.model import Scene

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.cells import weights_of_facets, with_noise_db
 from radcal.findings import Finding
 from radcal.inference.expected import LawForward
 from radcal.objectives import Comparison
 from radcal.objectives.history import History
+from radcal.posterior.cells import weights_of_facets, with_noise_db
 from radcal.radar.geometry import Geometry
 from radcal.targets.target import Target
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.assessment.cells import with_noise_db
-from radcal.assessment.curves import curves_of
 from radcal.config import Case, stages
 from radcal.errors import ConfigError
 from radcal.laws import Law
-from radcal.radar.texture import log_speckle_cumulants
+from radcal.posterior.cells import with_noise_db
+from radcal.posterior.curves import curves_of
 from radcal.seeds import derived_rng
+from radcal.speckle.texture import log_speckle_cumulants
 from radcal.targets.target import Targets
 
 __all__ = ["check_level", "check_reach", "law_range_db"]

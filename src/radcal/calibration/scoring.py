@@ -13,9 +13,9 @@ from radcal.calibration.noise import noise_variance
 from radcal.config import stages
 from radcal.objectives import Comparison, make_objectives
 from radcal.objectives.history import Kind, PassScore, Run, Score
-from radcal.radar.texture import equal_texture, texture_order
 from radcal.seeds import derived_rng
 from radcal.simulators.texturing import textured
+from radcal.speckle.texture import equal_texture, texture_order
 from radcal.storage.runs import Parameters, Record
 
 if TYPE_CHECKING:

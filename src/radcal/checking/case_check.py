@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radcal.assessment.cells import CellMeans
 from radcal.checking.file_problems import is_on_map, scene_of, with_hints
 from radcal.checking.finished import kept_results
 from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, low_track, of_pass, outlook, time_expected
@@ -28,6 +27,7 @@ from radcal.errors import ConfigError, MissingSign, NotInScene, RadcalError, Unk
 from radcal.forecast.expected_memory import expected_mb
 from radcal.forecast.memory_and_time import Stage, memory_mb, values_of
 from radcal.forecast.time_left import largest_runs, runs_in_words
+from radcal.posterior.cells import CellMeans
 from radcal.programs.command_plan import check_command, check_image_shape
 from radcal.reading.safe import is_safe_name
 from radcal.scene.size import scene_size

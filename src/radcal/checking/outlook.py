@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from radcal.assessment.curves import NORMAL_90
 from radcal.checking.file_problems import is_on_map
 from radcal.checking.hidden_by_noise import hidden_by_noise
 from radcal.checking.unregistered import start_image
@@ -25,6 +24,7 @@ from radcal.forecast.time_left import (
     stored_iteration_seconds,
 )
 from radcal.image.model import Measurement
+from radcal.posterior.curves import NORMAL_90
 from radcal.radar.geometry import Geometry
 from radcal.registration.registered import LEAST_CONTRAST_DB, contrast_db
 from radcal.scene.model import Scene

@@ -8,9 +8,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.cells import CellMeans, Simulated
-from radcal.assessment.curves import NORMAL_90
-from radcal.assessment.fixed_laws import apart_db
 from radcal.assessment.known import image_findings
 from radcal.assessment.model import image_of
 from radcal.assessment.observation import observe
@@ -21,6 +18,9 @@ from radcal.findings import Finding
 from radcal.ground.levels import Levels
 from radcal.ground.pixels import eligible_pixels
 from radcal.image.model import Measurement
+from radcal.posterior.cells import CellMeans, Simulated
+from radcal.posterior.curves import NORMAL_90
+from radcal.posterior.fixed_laws import apart_db
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
 from radcal.registration.registered import Registered

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.cells import STEP_DEG
-from radcal.assessment.posterior import Curve
 from radcal.figures.colours import head
 from radcal.figures.drawing import (
     BAND,
@@ -28,6 +26,8 @@ from radcal.figures.drawing import (
     short,
 )
 from radcal.laws import Law
+from radcal.posterior.cells import STEP_DEG
+from radcal.posterior.result import Curve
 from radcal.results.archive import Archive, MaterialResult
 from radcal.words import state, verdict, widths
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from radcal.config import Radar
 from radcal.image.looks import SIDE, Looks, independent_steps, most_frequent_variance
 from radcal.image.small_areas import pairs_of_areas
-from radcal.radar.speckle import speckle_correlation
+from radcal.speckle.response import speckle_correlation
 
 __all__ = ["PointSpread", "estimate_point_spread", "is_filtered", "point_spread_note"]
 
@@ -81,7 +81,7 @@ def estimate_point_spread(
 
     For any number of looks, the power of speckle has the autocorrelation :math:`\rho(d) = |\mu(d)|^2`, where
     :math:`\mu` is the autocorrelation of the complex amplitude. The same :math:`\mu` is the autocorrelation of the
-    impulse response (:func:`radcal.radar.speckle.speckle_correlation`). The function estimates :math:`\rho(d)` as
+    impulse response (:func:`radcal.speckle.response.speckle_correlation`). The function estimates :math:`\rho(d)` as
     :math:`1 - \gamma(d) / \gamma(D)`, where :math:`\gamma` is the semivariance of the power divided by the window's
     mean power, and D is a distance just beyond the correlation of speckle. Semivariances need no removal of a mean, and
     texture that is correlated over longer distances has no effect. The width is fitted by least squares to

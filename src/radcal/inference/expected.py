@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.laws import Law
-from radcal.radar.texture import log_speckle_cumulants
+from radcal.speckle.texture import log_speckle_cumulants
 
 __all__ = ["Forward", "LawForward", "expected_cumulants", "law_cumulants"]
 

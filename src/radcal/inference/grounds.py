@@ -17,7 +17,7 @@ from radcal.inference.expected import LawForward
 from radcal.inference.law_fit import LawFit, Residuals, fit_law
 from radcal.inference.misfit import Method, true_angles
 from radcal.inference.priors import CurvePrior, looks_residuals
-from radcal.radar.texture import log_speckle_cumulants
+from radcal.speckle.texture import log_speckle_cumulants
 
 __all__ = [
     "GroundLaw",

@@ -17,7 +17,7 @@ from radcal.inference.expected import expected_cumulants, law_cumulants
 from radcal.inference.incidence_error import attenuation, true_nodes
 from radcal.inference.moments import from_cumulants, sampled_statistics, sampling_covariance
 from radcal.laws import Law
-from radcal.radar.texture import log_speckle_cumulants
+from radcal.speckle.texture import log_speckle_cumulants
 
 __all__ = ["SKEWNESS_SHAPE", "BinMisfit", "LikelihoodMisfit", "Method", "Misfit", "drawn", "true_angles"]
 

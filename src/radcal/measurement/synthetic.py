@@ -22,12 +22,12 @@ from radcal.radar.geometry import Geometry
 from radcal.radar.lines import refined_elevation
 from radcal.radar.projection import make_geometry
 from radcal.radar.size import refinement
-from radcal.radar.texture import order_of_texture, texture_db
 from radcal.registration.displacement import invert, warp
 from radcal.scene.model import Scene
 from radcal.seeds import derived_rng, measurement_seed
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.protocol import Simulator
+from radcal.speckle.texture import order_of_texture, texture_db
 
 __all__ = ["check_synthetic", "make_synthetic", "relabelled", "roughened", "smooth_warp", "textured", "varied"]
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.inference.shared_fields import SharedFields
 from radcal.objectives.history import Score
 from radcal.objectives.objective import Comparison, Doubles, Objective, Points
-from radcal.radar.texture import equal_texture
+from radcal.speckle.texture import equal_texture
 
 __all__ = ["Joint"]
 
@@ -20,8 +20,8 @@ class Joint(Comparison):
     """Comparison of one material's runs with its targets in several passes.
 
     Law and texture are shared: all passes have the same X, and looks that follow from the same texture
-    (:func:`radcal.radar.texture.equal_texture`). A field that lies in several passes has the same effect in all of them
-    (:mod:`radcal.inference.shared_fields`). The statistics of the bins are stacked in the order of the passes. The
+    (:func:`radcal.speckle.texture.equal_texture`). A field that lies in several passes has the same effect in all of
+    them (:mod:`radcal.inference.shared_fields`). The statistics of the bins are stacked in the order of the passes. The
     priors enter only once, with the first pass.
 
     Parameters

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.curves import GRID_DEG, NORMAL_90
-from radcal.assessment.posterior import Posterior
 from radcal.assessment.preposterior import Sight, half_widths_after, half_widths_now, sight_of
 from radcal.config import Case, Radar, case_from
 from radcal.errors import ConfigError, StoreError
 from radcal.laws import Law
+from radcal.posterior.curves import GRID_DEG, NORMAL_90
+from radcal.posterior.result import Posterior
 from radcal.products.tables import write_csv
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.posterior import Posterior, Predicted
-from radcal.assessment.prediction import predict
 from radcal.assessment.preposterior import sight_of
 from radcal.config import Case, Material, TargetConfig, Uncertainty, stages
 from radcal.errors import ConfigError, StoreError
 from radcal.figures.applied_figures import KNOWN, OUTSIDE, SEEN, Prediction, draw_predictions
 from radcal.ground.one_incidence import LEAST_SPAN_DEG
 from radcal.measurement.sources import make_measurement
+from radcal.posterior.prediction import predict
+from radcal.posterior.result import Posterior, Predicted
 from radcal.products.applied_bins import Bins, by_constant_db, predictive_db
 from radcal.products.export import ground_layers
 from radcal.products.geotiff import Layer, map_grid, write_geotiff

@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.cells import DB
-from radcal.assessment.curves import GRID_DEG
-from radcal.assessment.posterior import Constant, Posterior
 from radcal.assessment.preposterior import Sight, common_errors
 from radcal.config import Uncertainty
 from radcal.ground.classes import class_of, incidence_edges
 from radcal.laws import Law
+from radcal.posterior.cells import DB
+from radcal.posterior.curves import GRID_DEG
+from radcal.posterior.result import Constant, Posterior
 
 __all__ = ["Bins", "by_constant_db", "predictive_db"]
 

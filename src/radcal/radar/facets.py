@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from radcal.radar.compiled import njit, threaded
+from radcal.compiled import njit, threaded
 
 __all__ = [
     "ANGLES_PER_RADIAN",

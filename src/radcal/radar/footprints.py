@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.radar.compiled import njit, threaded
+from radcal.compiled import njit, threaded
 from radcal.radar.facets import OBJECT, VISIBLE
 from radcal.radar.visibility import FAR_HALF, NEAR_HALF, part_seen, seen_from, slant_extent
 from radcal.scene.objects import Objects

@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import convolve1d
 
 from radcal.bands import WIDTH_FACTOR
+from radcal.compiled import njit, threaded
 from radcal.config import Radar
 from radcal.errors import ConfigError
-from radcal.radar.compiled import njit, threaded
-from radcal.radar.gaussian import gaussian_row, seed_words
 from radcal.radar.geometry import Points
 from radcal.radar.points import add_points, fine_taps, phased
 from radcal.radar.reflectivity import Reflectivity, uniform
-from radcal.radar.speckle import beta_share, border_gain, impulse_response
+from radcal.speckle.gaussian import gaussian_row, seed_words
+from radcal.speckle.response import beta_share, border_gain, impulse_response
 
 __all__ = ["ImageFormation", "decibels"]
 

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.compiled import njit
 from radcal.config import Radar
-from radcal.radar.compiled import njit
-from radcal.radar.gaussian import philox, seed_words
 from radcal.radar.geometry import Points
-from radcal.radar.speckle import impulse_response
+from radcal.speckle.gaussian import philox, seed_words
+from radcal.speckle.response import impulse_response
 
 __all__ = ["FINENESS", "add_points", "fine_taps", "not_pure", "phased"]
 

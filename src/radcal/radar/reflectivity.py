@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radcal.compiled import threaded
 from radcal.errors import ConfigError
 from radcal.laws import Law
-from radcal.radar.compiled import threaded
 from radcal.radar.geometry import Geometry
 
 __all__ = ["Reflectivity", "law_tables", "reflectivity", "uniform"]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.radar.compiled import njit
+from radcal.compiled import njit
 
 __all__ = ["FAR_HALF", "NEAR_HALF", "laid_over", "part_seen", "seen_from", "slant_extent"]
 

@@ -13,9 +13,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.posterior import Image, Posterior
 from radcal.findings import Finding, from_json
 from radcal.laws import Law, law_for
+from radcal.posterior.result import Image, Posterior
 from radcal.results.search_front import SearchFront
 from radcal.storage.dataclass_groups import About, Attribute, Main, put, table, take
 from radcal.storage.records import read_hdf5, write_hdf5

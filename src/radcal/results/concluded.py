@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from radcal.assessment.conclusion import conclude
-from radcal.assessment.posterior import Image, Posterior
 from radcal.config import Stop, stages
 from radcal.objectives.history import History
+from radcal.posterior.result import Image, Posterior
 from radcal.radar.geometry import Geometry
 from radcal.registration.height_shift import with_height_warning
 from radcal.registration.registered import Registered

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.conclusion import Conclusion
-from radcal.assessment.posterior import Image, Posterior
 from radcal.calibration.steps import random_notes
 from radcal.config import Material, Radar, Stop, stages
 from radcal.config.sections import FURTHER
@@ -22,6 +21,7 @@ from radcal.ground.levels import Levels, without_level
 from radcal.laws import EXTERNAL, FORMULA, Law
 from radcal.objectives import OBJECTIVES
 from radcal.objectives.history import History, Run, Score
+from radcal.posterior.result import Image, Posterior
 from radcal.radar.geometry import Geometry
 from radcal.registration.registered import Registered
 from radcal.results.archive import (

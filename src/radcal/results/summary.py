@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
-from radcal.assessment.posterior import HeldOut, Posterior
 from radcal.config import stages
 from radcal.findings import Finding
+from radcal.posterior.result import HeldOut, Posterior
 from radcal.results.archive import Archive, MaterialResult, PassSummary, RegistrationSummary
 from radcal.results.law_notes import found_words
 from radcal.words import headline, next_steps, remarks, sentence, untold, verdict

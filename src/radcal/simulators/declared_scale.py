@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from radcal.config import CommandSimulation, stages
 from radcal.errors import SimulatorError
-from radcal.radar.texture import log_speckle_cumulants
+from radcal.speckle.texture import log_speckle_cumulants
 
 __all__ = ["check_scale"]
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from radcal.config import Material, Radar
 from radcal.radar.geometry import Geometry
-from radcal.radar.texture import equal_texture, texture_db, texture_order
 from radcal.seeds import derived_seed
+from radcal.speckle.texture import equal_texture, texture_db, texture_order
 
 __all__ = ["orders_of", "textured", "with_textures"]
 
@@ -30,7 +30,7 @@ def orders_of(materials: Mapping[str, Material], first: Radar, radar: Radar) -> 
     Returns
     -------
     dict
-        Order of the texture by material, from :func:`radcal.radar.texture.texture_order`; infinite if the effective
+        Order of the texture by material, from :func:`radcal.speckle.texture.texture_order`; infinite if the effective
         looks need no texture.
     """
     return {

@@ -23,11 +23,11 @@ from assessment_samples import (
 )
 from scipy.stats import multivariate_normal, norm
 
-from radcal.assessment.calibrated import FORMS, Draws
-from radcal.assessment.effects import common_columns, form_basis
-from radcal.assessment.form_error import form_error
-from radcal.assessment.sampling import Sample
 from radcal.config import Uncertainty
+from radcal.posterior.calibrated import FORMS, Draws
+from radcal.posterior.effects import common_columns, form_basis
+from radcal.posterior.form_error import form_error
+from radcal.posterior.sampling import Sample
 
 CONFIG = Uncertainty(walkers=64, steps=1500)
 BRIEF = Uncertainty(walkers=32, steps=100)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from radcal.radar.texture import equal_texture, log_speckle_cumulants, order_of_texture, texture_db, texture_order
+from radcal.speckle.texture import equal_texture, log_speckle_cumulants, order_of_texture, texture_db, texture_order
 
 
 @pytest.mark.parametrize("looks", [1.0, 2.5, 4.0, 40.0])

@@ -13,8 +13,8 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.cells import CellMeans
 from radcal.config import Uncertainty
+from radcal.posterior.cells import CellMeans
 from radcal.storage.dataclass_groups import About
 
 __all__ = [

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.radar.compiled import njit
+from radcal.compiled import njit
 
 __all__ = ["circular_gaussian", "gaussian_row", "philox"]
 

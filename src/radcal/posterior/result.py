@@ -9,10 +9,10 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.assessment.curves import GRID_DEG, curves_of
-from radcal.assessment.effects import Shared
-from radcal.assessment.radiometry import Radiometry
 from radcal.laws import Law
+from radcal.posterior.curves import GRID_DEG, curves_of
+from radcal.posterior.effects import Shared
+from radcal.posterior.radiometry import Radiometry
 from radcal.storage.dataclass_groups import About
 
 __all__ = [

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from radcal.assessment.sampling import _judged, _mixture_move, mixed, sample, split_r_hat
+from radcal.posterior.sampling import _judged, _mixture_move, mixed, sample, split_r_hat
 
 MEAN = np.array([0.3, -2.0, 5.0])
 COVARIANCE = np.array([[0.04, 0.03, 0.0], [0.03, 0.25, -0.2], [0.0, -0.2, 4.0]])

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from radcal.assessment.cells import CellMeans
-from radcal.assessment.curves import NORMAL_90
-from radcal.assessment.effects import (
+from radcal.config import Uncertainty
+from radcal.posterior.cells import CellMeans
+from radcal.posterior.curves import NORMAL_90
+from radcal.posterior.effects import (
     FIXED_FORMS,
     Observed,
     Shared,
@@ -18,11 +19,10 @@ from radcal.assessment.effects import (
     expected_effects,
     law_columns,
 )
-from radcal.assessment.marginal import Marginal, integrated, normal_draws
-from radcal.assessment.posterior import Image
-from radcal.assessment.radiometry import Radiometry, chances_of
-from radcal.assessment.sampling import mixed, sample
-from radcal.config import Uncertainty
+from radcal.posterior.marginal import Marginal, integrated, normal_draws
+from radcal.posterior.radiometry import Radiometry, chances_of
+from radcal.posterior.result import Image
+from radcal.posterior.sampling import mixed, sample
 
 __all__ = ["CELL_DB", "FIELD_SPREAD", "apart_db", "half_normal", "image_from"]
 

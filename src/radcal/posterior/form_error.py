@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
-from radcal.assessment.curves import NORMAL_90
-from radcal.assessment.posterior import FormError
+from radcal.posterior.curves import NORMAL_90
+from radcal.posterior.result import FormError
 
 if TYPE_CHECKING:
-    from radcal.assessment.calibrated import LawModel
+    from radcal.posterior.calibrated import LawModel
 
 __all__ = ["form_error", "noticed_db"]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radcal.assessment.curves import GRID_DEG, curves_of, levels_at
 from radcal.laws import LAWS, law_for
+from radcal.posterior.curves import GRID_DEG, curves_of, levels_at
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ from llvmlite import binding
 __all__ = ["cache_folder", "njit", "sources", "threaded"]
 
 _config: Any = numba.config  # the names of numba.config are defined only at import, so that mypy does not know them
-_PACKAGE = Path(__file__).resolve().parents[1]
+_PACKAGE = Path(__file__).resolve().parent
 _KEPT, _IN_USE_S = 8, 24 * 3600.0  # other cache folders that are kept: number, and largest age [s]
 _COMPILING = threading.RLock()  # a file lock belongs to a process, so that threads need a lock of their own
 _PATIENCE_S = 60.0  # longest time for which a process waits while another one compiles the same function
@@ -49,10 +49,10 @@ def sources(package: Path) -> list[Path]:
     Returns
     -------
     list of Path
-        Modules that import ``radcal.radar.compiled``, and modules whose functions or constants these modules use,
+        Modules that import ``radcal.compiled``, and modules whose functions or constants these modules use,
         directly or indirectly, in decorated functions or global variables.
     """
-    waiting = {path for path in package.rglob("*.py") if b"radcal.radar.compiled" in path.read_bytes()}
+    waiting = {path for path in package.rglob("*.py") if b"radcal.compiled" in path.read_bytes()}
     trees: dict[Path, ast.Module] = {}
     used: set[str] = set()
     known = -1

@@ -9,10 +9,10 @@ import pytest
 from assessment_samples import LINE, LINE_X, image_of_fixed, made_cells, observed, seen_cells
 from scipy.stats import halfnorm, lognorm, multivariate_normal, t
 
-from radcal.assessment import fixed_laws
-from radcal.assessment.effects import FORM_DEG, Observed, common_columns, form_basis
-from radcal.assessment.fixed_laws import _Scales, apart_db, half_normal
 from radcal.config import Uncertainty
+from radcal.posterior import fixed_laws
+from radcal.posterior.effects import FORM_DEG, Observed, common_columns, form_basis
+from radcal.posterior.fixed_laws import _Scales, apart_db, half_normal
 
 CONFIG = Uncertainty(walkers=64, steps=1500)
 BRIEF = Uncertainty(walkers=32, steps=100)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from assessment_samples import ANGLES, FORM_KNOTS, KNOTS, LINE_X, known_common, line_model, seen_cells
 
-from radcal.assessment.calibrated import FORMS
-from radcal.assessment.effects import form_basis
-from radcal.assessment.form_error import form_error, noticed_db
 from radcal.config import Uncertainty
+from radcal.posterior.calibrated import FORMS
+from radcal.posterior.effects import form_basis
+from radcal.posterior.form_error import form_error, noticed_db
 
 SEEN = float(ANGLES[0]), float(ANGLES[-1])
 AT = np.array([-0.2, 0.3, np.log(0.5), np.log(0.2), np.log(0.3)])

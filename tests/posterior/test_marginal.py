@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from radcal.assessment import marginal
-from radcal.assessment.marginal import Marginal, integrated, normal_draws
+from radcal.posterior import marginal
+from radcal.posterior.marginal import Marginal, integrated, normal_draws
 
 N, FIELDS = 70, 6
 GRID = np.log(np.geomspace(0.01, 3.0, 32)), np.log(np.geomspace(0.01, 8.0, 32))

@@ -10,10 +10,10 @@ import pytest
 from assessment_samples import LINE, LINE_X, made_cells
 from scipy.special import polygamma
 
-from radcal.assessment.cells import CellMeans, Simulated, area_db, cell_means, with_noise_db
 from radcal.config import Radar
 from radcal.ground.correlation import Correlation
 from radcal.laws import external_law, law_for
+from radcal.posterior.cells import CellMeans, Simulated, area_db, cell_means, with_noise_db
 from radcal.radar.projection import make_geometry
 from radcal.radar.radiometry import noise_floor_db
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from assessment_samples import held_cells, image_of_fixed
 
-from radcal.assessment import prediction
-from radcal.assessment.calibrated import FORMS, LawModel, Parameters
-from radcal.assessment.cells import CellMeans
-from radcal.assessment.curves import NORMAL_90
-from radcal.assessment.effects import Observed, form_basis
-from radcal.assessment.prediction import constant_of, field_check, left_out, predict
 from radcal.config import Uncertainty
 from radcal.laws import LAWS
+from radcal.posterior import prediction
+from radcal.posterior.calibrated import FORMS, LawModel, Parameters
+from radcal.posterior.cells import CellMeans
+from radcal.posterior.curves import NORMAL_90
+from radcal.posterior.effects import Observed, form_basis
+from radcal.posterior.prediction import constant_of, field_check, left_out, predict
 
 LAW = LAWS["mangia"]
 X = np.array([-30.0, 12.0, 6.0, 4.0])

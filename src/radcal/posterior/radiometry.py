@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.special import expit, logit
 
-from radcal.assessment.cells import WITHOUT_AREA, CellMeans
-from radcal.assessment.effects import FIXED_FORMS, law_columns
 from radcal.config import Uncertainty
+from radcal.posterior.cells import WITHOUT_AREA, CellMeans
+from radcal.posterior.effects import FIXED_FORMS, law_columns
 from radcal.storage.dataclass_groups import About
 
 __all__ = ["Radiometry", "area_exponent", "chances_of", "radiometry_of"]

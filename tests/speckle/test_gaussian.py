@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from radcal.radar.gaussian import circular_gaussian, gaussian_row, philox, seed_words
+from radcal.speckle.gaussian import circular_gaussian, gaussian_row, philox, seed_words
 
 SHAPE = (300, 200)
 N = SHAPE[0] * SHAPE[1]

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import windows
 
 from radcal.bands import WIDTH_FACTOR
-from radcal.radar.speckle import impulse_response, speckle_correlation, taylor_weights
+from radcal.speckle.response import impulse_response, speckle_correlation, taylor_weights
 
 
 @pytest.mark.parametrize("n", [8, 1024])

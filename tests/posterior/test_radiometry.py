@@ -10,11 +10,11 @@ from assessment_samples import LINE, LINE_X, NOTHING_SHOWN, made_cells, made_rad
 from scipy.optimize import least_squares
 from scipy.stats import norm
 
-from radcal.assessment import radiometry
-from radcal.assessment.cells import with_noise_db
-from radcal.assessment.effects import form_basis, law_columns
-from radcal.assessment.radiometry import area_exponent, chances_of, radiometry_of
 from radcal.config import Uncertainty
+from radcal.posterior import radiometry
+from radcal.posterior.cells import with_noise_db
+from radcal.posterior.effects import form_basis, law_columns
+from radcal.posterior.radiometry import area_exponent, chances_of, radiometry_of
 
 CONFIG = Uncertainty()
 

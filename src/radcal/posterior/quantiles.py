@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.assessment.calibrated import FORMS, Draws, LawModel, Parameters
-from radcal.assessment.cells import STEP_DEG
-from radcal.assessment.curves import GRID_DEG, NORMAL_90, PER_DEG
-from radcal.assessment.effects import Observed, form_basis
-from radcal.assessment.posterior import WHOLE_DEG, Curve, FormError, KeptDraws, Points, Posterior, known_between
 from radcal.laws import Law
+from radcal.posterior.calibrated import FORMS, Draws, LawModel, Parameters
+from radcal.posterior.cells import STEP_DEG
+from radcal.posterior.curves import GRID_DEG, NORMAL_90, PER_DEG
+from radcal.posterior.effects import Observed, form_basis
+from radcal.posterior.result import WHOLE_DEG, Curve, FormError, KeptDraws, Points, Posterior, known_between
 
 __all__ = ["Form", "points_of", "summary", "with_band", "without_cells"]
 

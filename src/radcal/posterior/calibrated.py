@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from radcal.assessment.effects import Observed, Shared, common_columns
-from radcal.assessment.fixed_laws import CELL_DB, FIELD_SPREAD, half_normal
-from radcal.assessment.marginal import Marginal, integrated, normal_draws
-from radcal.assessment.sampling import Sample, mixed, sample
 from radcal.config import Uncertainty
+from radcal.posterior.effects import Observed, Shared, common_columns
+from radcal.posterior.fixed_laws import CELL_DB, FIELD_SPREAD, half_normal
+from radcal.posterior.marginal import Marginal, integrated, normal_draws
+from radcal.posterior.sampling import Sample, mixed, sample
 
 __all__ = ["Draws", "LawModel", "Parameters"]
 

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radcal.radar import compiled
-from radcal.radar.compiled import cache_folder, sources
+from radcal import compiled
+from radcal.compiled import cache_folder, sources
 
-PACKAGE = Path(compiled.__file__).parents[1]
-CALLEE = "from radcal.radar.compiled import njit\n\n\n@njit()\ndef tripled(x):\n    return 3 * x\n"
+PACKAGE = Path(compiled.__file__).parent
+CALLEE = "from radcal.compiled import njit\n\n\n@njit()\ndef tripled(x):\n    return 3 * x\n"
 CALLER = """from radcal.radar.callee import tripled
-from radcal.radar.compiled import njit
+from radcal.compiled import njit
 
 
 @njit()
@@ -66,7 +66,7 @@ def test_a_changed_callee_in_another_file_is_compiled(tmp_path: Path, monkeypatc
     (package / "radar").mkdir(parents=True)
     for name in ("__init__.py", "radar/__init__.py"):
         (package / name).write_text("")
-    shutil.copy(PACKAGE / "radar" / "compiled.py", package / "radar")
+    shutil.copy(PACKAGE / "compiled.py", package)
     (package / "radar" / "caller.py").write_text(CALLER)
     callee = package / "radar" / "callee.py"
     callee.write_text(CALLEE)
@@ -128,7 +128,7 @@ def test_every_module_with_compiled_functions_is_found(package: Path) -> None:
     # what compiled functions do not see costs no compilation
     assert not [name for name in found if name.startswith(("storage/", "config/"))]
     before = cache_folder(package)
-    (package / "scene" / "further.py").write_text("from radcal.radar.compiled import njit\n")
+    (package / "scene" / "further.py").write_text("from radcal.compiled import njit\n")
     assert package / "scene" / "further.py" in sources(package)
     assert cache_folder(package) != before
 
@@ -145,7 +145,7 @@ def test_every_module_with_compiled_functions_is_found(package: Path) -> None:
 def test_constants_of_other_modules_are_sources_too(package: Path, imported: str, used: str) -> None:
     (package / "scene" / "limits.py").write_text("MOST = 3\n")
     (package / "scene" / "further.py").write_text(
-        f"from radcal.radar.compiled import njit\n{imported}\n\n\n@njit()\ndef f(x):\n    return min(x, {used})\n"
+        f"from radcal.compiled import njit\n{imported}\n\n\n@njit()\ndef f(x):\n    return min(x, {used})\n"
     )
     before = cache_folder(package)
     assert package / "scene" / "limits.py" in sources(package)
@@ -179,7 +179,7 @@ def test_constants_of_packages_are_sources_too(tmp_path: Path, imported: str, us
     (limits / "most.py").write_text("MOST = 3\n")
     (limits / "other.py").write_text("LEAST = 2\n")
     (package / "scene" / "further.py").write_text(
-        f"from radcal.radar.compiled import njit\n{imported}\n\n\n@njit()\ndef f(x):\n    return min(x, {used})\n"
+        f"from radcal.compiled import njit\n{imported}\n\n\n@njit()\ndef f(x):\n    return min(x, {used})\n"
     )
     found = sources(package)
     assert limits / ("__init__.py" if init == "MOST = 3" else "most.py") in found

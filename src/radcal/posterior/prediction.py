@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.calibrated import LawModel
-from radcal.assessment.curves import NORMAL_90
-from radcal.assessment.posterior import Constant, HeldOut, Predicted
 from radcal.ground.patches import Residuals, Spread, gls_mean, patch_effects, spreads
+from radcal.posterior.calibrated import LawModel
+from radcal.posterior.curves import NORMAL_90
+from radcal.posterior.result import Constant, HeldOut, Predicted
 
 __all__ = ["constant_of", "field_check", "left_out", "predict"]
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from assessment_samples import LINE, LINE_X, known_common, line_db, line_model, line_parameters, made_cells
 
-from radcal.assessment import summary
-from radcal.assessment.calibrated import FORMS, Draws
-from radcal.assessment.cells import with_noise_db
-from radcal.assessment.curves import GRID_DEG, curves_of
-from radcal.assessment.effects import Observed
-from radcal.assessment.sampling import Sample
+from radcal.posterior import quantiles
+from radcal.posterior.calibrated import FORMS, Draws
+from radcal.posterior.cells import with_noise_db
+from radcal.posterior.curves import GRID_DEG, curves_of
+from radcal.posterior.effects import Observed
+from radcal.posterior.sampling import Sample
 
 
 def test_the_systematic_part_is_what_common_effects_explain():
@@ -21,7 +21,7 @@ def test_the_systematic_part_is_what_common_effects_explain():
     common, own = rng.normal(size=(20_000, 2)) * [0.4, 0.1], rng.normal(0.0, 0.7, (20_000, 3))
     curves = -9.0 + own + common @ np.array([[1.0, 1.0, -1.0], [0.0, 2.0, 5.0]])
     wanted = np.sqrt([0.4**2, 0.4**2 + 0.2**2, 0.4**2 + 0.5**2])
-    np.testing.assert_allclose(summary._explained(curves, common), wanted, rtol=0.03)
+    np.testing.assert_allclose(quantiles._explained(curves, common), wanted, rtol=0.03)
 
 
 def test_the_nearest_law_is_that_of_least_squares_in_the_bounds():
@@ -31,11 +31,11 @@ def test_the_nearest_law_is_that_of_least_squares_in_the_bounds():
     median = LINE(np.radians(GRID_DEG), LINE_X) + 0.002 * (GRID_DEG - 35.0) ** 2
     inside = (GRID_DEG >= 25.0) & (GRID_DEG <= 45.0)
     slope, level = np.polyfit(GRID_DEG[inside], median[inside], 1)
-    found = summary._nearest(LINE, line_parameters(), x, curves, median, [(25.0, 45.0)])
+    found = quantiles._nearest(LINE, line_parameters(), x, curves, median, [(25.0, 45.0)])
     np.testing.assert_allclose(found, [level + 20.0 * slope, level + 60.0 * slope], atol=1e-3)
     narrow = replace(line_parameters(), box=np.array([[-30.0, -6.5], [-40.0, 0.0]]))
-    assert summary._nearest(LINE, narrow, x, curves, median, [(25.0, 45.0)])[0] == pytest.approx(-6.5, abs=1e-3)
-    whole = summary._nearest(LINE, line_parameters(integer=(True, True)), x, curves, median, [(25.0, 45.0)])
+    assert quantiles._nearest(LINE, narrow, x, curves, median, [(25.0, 45.0)])[0] == pytest.approx(-6.5, abs=1e-3)
+    whole = quantiles._nearest(LINE, line_parameters(integer=(True, True)), x, curves, median, [(25.0, 45.0)])
     np.testing.assert_array_equal(whole, x[((curves - median)[:, inside] ** 2).sum(axis=1).argmin()])
 
 
@@ -56,12 +56,12 @@ def test_the_band_of_draws():
     """The material's band, that of its fields, and the part by the level; sigma0 is mean power."""
     draws, angle = made_draws(), np.linspace(26.0, 48.0, 30)
     of = Observed([made_cells(np.zeros(30), angle, looks=3.0), made_cells(np.zeros(10), angle[:10], looks=5.0)], [], [])
-    found = summary.summary(of, draws, None, [(27.0, 44.0), (30.0, 41.0)], None)
+    found = quantiles.summary(of, draws, None, [(27.0, 44.0), (30.0, 41.0)], None)
     assert (found.cells, found.fields, found.looks) == (40, 1, pytest.approx(3.5))
     assert (found.sampled, found.ess, found.r_hat, found.steps) == (True, 500.0, 1.02, 900)
     assert (found.curve, found.form, found.known_between_deg, len(found.draws.parameters)) == (None, None, None, 400)
     np.testing.assert_allclose(found.parameters_p95 - found.parameters_p05, 2.0 * 1.645 * 0.6, rtol=0.06)
-    whole = summary.with_band(found, LINE, draws, None, line_parameters(), 1.1)
+    whole = quantiles.with_band(found, LINE, draws, None, line_parameters(), 1.1)
     curve, law = whole.curve, LINE(np.radians(np.arange(86.0)), LINE_X)
     raised = np.log(10.0) / 20.0 * (0.5**2 + 0.2**2)
     np.testing.assert_allclose(curve.incidence_deg, np.arange(86.0))
@@ -77,12 +77,12 @@ def test_the_band_of_draws():
     assert whole.known_half_width_db == pytest.approx(1.645 * 0.6, rel=0.06)
     np.testing.assert_allclose(whole.parameters_model, LINE_X + raised, atol=0.05)
     for known_db in (0.8, None):
-        narrow = summary.with_band(found, LINE, draws, None, line_parameters(), known_db)
+        narrow = quantiles.with_band(found, LINE, draws, None, line_parameters(), known_db)
         assert (narrow.known_between_deg, narrow.known_half_width_db) == (None, None)
     # an uncertain slope: the half-width is the largest of the interval, and not that at larger angles
     slopes = np.random.default_rng(8).normal(0.0, 2.0, (len(draws.parameters), 1)) * [0.0, 1.0]
     uncertain = replace(draws, parameters=draws.parameters + slopes)
-    bent = summary.with_band(found, LINE, uncertain, None, line_parameters(), 4.0)
+    bent = quantiles.with_band(found, LINE, uncertain, None, line_parameters(), 4.0)
     assert bent.known_half_width_db == pytest.approx(bent.curve.half_width_db[44])
     assert bent.curve.half_width_db[60] > 1.3 * bent.curve.half_width_db[44]
 
@@ -98,7 +98,7 @@ def test_points_are_levels_of_the_law_in_intervals_of_incidence():
         patch=np.array([3, 3, 8, 8]), pixels=np.array([20, 30, 50, 70]), variance=np.array([0.05, 0.1, 0.2, 0.4]),
     )  # fmt: skip
     model = line_model(cells, common)
-    found = summary.points_of(model, model.measured_db + law - with_noise_db(law, noise), made_draws(9))
+    found = quantiles.points_of(model, model.measured_db + law - with_noise_db(law, noise), made_draws(9))
     np.testing.assert_allclose(found.incidence_deg, [28.2, 31.0])
     share = np.array([0.2, 0.3, 0.5])
     np.testing.assert_allclose(found.level_db, [share @ (law + away)[:3], (law + away)[3]])
@@ -107,7 +107,7 @@ def test_points_are_levels_of_the_law_in_intervals_of_incidence():
 
 
 def test_the_error_of_the_form_is_constant_beyond_the_cells():
-    form = summary.Form(np.array([26.3, 40.0, 47.6]))
+    form = quantiles.Form(np.array([26.3, 40.0, 47.6]))
     columns = form.columns(np.array([0.0, 26.0, 52.0, 90.0]))
     assert columns.shape == (4, FORMS)
     np.testing.assert_array_equal(columns[0], columns[1])
@@ -115,5 +115,5 @@ def test_the_error_of_the_form_is_constant_beyond_the_cells():
     # a prior of variance 1 at each angle
     np.testing.assert_allclose((form.columns(np.linspace(26.0, 48.0, 12)) ** 2).sum(axis=1), 1.0, atol=0.02)
     draws = replace(made_draws(400), form=np.random.default_rng(1).normal(size=(400, FORMS)))
-    kept = summary._kept(draws, form)
+    kept = quantiles._kept(draws, form)
     np.testing.assert_allclose(kept.form_db[:, 30], draws.form @ form.columns(np.array([30.0]))[0])

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from assessment_samples import LINE, LINE_X, NOTHING_SHOWN, held_cells, made_curve, made_image, made_posterior
 
-from radcal.assessment.curves import GRID_DEG
-from radcal.assessment.posterior import (
+from radcal.errors import StoreError
+from radcal.posterior.curves import GRID_DEG
+from radcal.posterior.result import (
     Constant,
     Image,
     KeptDraws,
     Posterior,
     known_between,
 )
-from radcal.errors import StoreError
 from radcal.storage.dataclass_groups import same
 from radcal.storage.records import read_item, write_item
 

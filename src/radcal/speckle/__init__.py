@@ -1,0 +1,1 @@
+"""Speckle and texture: impulse response of a look, random numbers, and their statistics in dB."""
