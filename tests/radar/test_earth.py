@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 from radcal.config import Radar
 from radcal.config.angles import MEAN_RADIUS_M, depression_deg, incidence_deg
 from radcal.radar import projection
-from radcal.radar.earth import Sight, heading_at_scene, heading_of_sight, sight
+from radcal.radar.earth import LineOfSight, heading_at_scene, heading_of_sight, line_of_sight
 from radcal.radar.facets import LAID_OVER, VISIBLE
 from radcal.radar.lines import Lines
 from radcal.radar.projection import make_geometry
@@ -131,7 +131,7 @@ def orbit_pass(**keys: Any) -> Radar:
 class Facets:
     lines: Lines
     slant_m: np.ndarray
-    seen: Sight
+    seen: LineOfSight
 
 
 def facets_of(scene: Scene, radar: Radar, monkeypatch: pytest.MonkeyPatch) -> Facets:
@@ -298,14 +298,14 @@ def test_angles_of_a_sphere() -> None:
     assert inside > 3.0
     assert depression_deg(look + inside, altitude, radius) == pytest.approx(90.0 - look, abs=1e-9)
     assert math.isnan(incidence_deg(20.0, altitude, radius))
-    curved = sight(Radar(altitude_m=altitude, depression_deg=60.0, earth="curved"), radius)
+    curved = line_of_sight(Radar(altitude_m=altitude, depression_deg=60.0, earth="curved"), radius)
     assert float(curved.flat_incidence_deg(np.hypot(curved.height_m, curved.ground_m))) == pytest.approx(look + inside)
     assert curved.slant_range_m(look + inside) == pytest.approx(np.hypot(curved.height_m, curved.ground_m), rel=1e-12)
 
 
 def test_a_huge_earth_is_flat() -> None:
-    level = sight(Radar(altitude_m=4000.0, depression_deg=40.0))
-    huge = sight(Radar(altitude_m=4000.0, depression_deg=40.0, earth="curved"), 1e13)
+    level = line_of_sight(Radar(altitude_m=4000.0, depression_deg=40.0))
+    huge = line_of_sight(Radar(altitude_m=4000.0, depression_deg=40.0, earth="curved"), 1e13)
     assert (huge.height_m, huge.ground_m) == pytest.approx((level.height_m, level.ground_m), rel=1e-6)
     slant = np.array([6000.0, 7000.0])
     np.testing.assert_allclose(huge.flat_incidence_deg(slant), level.flat_incidence_deg(slant), atol=1e-5)
@@ -381,7 +381,7 @@ def test_sentinel_1_annotates_the_same_incidence_and_heading() -> None:
         centre = utm.transform(longitude[row, middle], latitude[row, middle])
         radius = earth_radius_m("EPSG:32633", centre, heading + 90.0) + height[row, column]
         altitude = below[2][row, column] - height[row, column]
-        seen = sight(Radar(altitude_m=altitude, incidence_deg=annotated[row, column]), radius)
+        seen = line_of_sight(Radar(altitude_m=altitude, incidence_deg=annotated[row, column]), radius)
         found[row, column] = seen.flat_incidence_deg(slant[row, column])
         headings[0, row, column] = heading
         headings[1, row, column] = heading_at_scene(platform, ellipsoid[row, column], altitude, here[1])
@@ -424,6 +424,6 @@ def test_heading_at_the_scene_of_an_orbit_on_a_sphere() -> None:
 def test_the_ground_drops_along_ground_range_on_both_sides_of_the_centre() -> None:
     """Four rows of seven cells, by u^2 / 2R at the middle of each cell."""
     elevation = np.arange(28.0).reshape(4, 7)
-    dropped = elevation - Sight(1e4, 1e4, 1e4, 5e5).lowered(elevation, 300.0)
+    dropped = elevation - LineOfSight(1e4, 1e4, 1e4, 5e5).lowered(elevation, 300.0)
     u = np.array([-900.0, -600.0, -300.0, 0.0, 300.0, 600.0, 900.0])
     np.testing.assert_allclose(dropped, np.tile(u**2 / 1e6, (4, 1)), atol=1e-9)

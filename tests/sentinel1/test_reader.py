@@ -41,7 +41,7 @@ from radcal.radar.projection import make_geometry
 from radcal.reading.intake import parse_xml
 from radcal.scene.model import Scene
 from radcal.sentinel1.annotation import noise_of
-from radcal.sentinel1.overpass import seen_from, told
+from radcal.sentinel1.overpass import overpass_of, overpass_unchecked
 from radcal.sentinel1.product import Product, open_product
 from radcal.sentinel1.reader import sigma0_image
 
@@ -146,7 +146,7 @@ def test_noise_of_early_processors_has_one_table() -> None:
 def test_acquisition_is_read_from_the_annotation(safe: Path) -> None:
     product, radar = opened(safe)
     ground = scene(70.0, 30.0)
-    found = seen_from(product, ground, make_geometry(ground, radar).ground).acquisition
+    found = overpass_of(product, ground, make_geometry(ground, radar).ground).acquisition
     assert (found.sensor, found.polarisation, found.pass_direction) == ("S1B IW GRD", "VV", "descending")
     assert found.frequency_hz == 5.405e9
     assert found.platform_heading_deg == pytest.approx(193.7)
@@ -162,7 +162,7 @@ def test_acquisition_is_read_from_the_annotation(safe: Path) -> None:
     assert (np.diff(angles) > 0).all()
     assert table[0] == pytest.approx(levels[0], abs=0.05)
     assert angles[0] < found.incidence_deg < angles[-1]
-    second = seen_from(product, scene(70.0, 75.0), make_geometry(scene(70.0, 75.0), radar).ground).acquisition
+    second = overpass_of(product, scene(70.0, 75.0), make_geometry(scene(70.0, 75.0), radar).ground).acquisition
     assert second.range_resolution_m / found.range_resolution_m == pytest.approx(14.1 / 12.1)  # the other swath
     assert second.incidence_deg > found.incidence_deg
 
@@ -171,7 +171,7 @@ def test_noise_is_told_at_the_incidence_of_the_scenes_own_height(safe: Path) -> 
     """The geolocation grid has other heights, 10 m a pixel."""
     product, radar = opened(safe)
     ground = scene(70.0, 85.0)
-    found = seen_from(product, ground, make_geometry(ground, radar).ground).acquisition
+    found = overpass_of(product, ground, make_geometry(ground, radar).ground).acquisition
     angles, levels = np.array(found.nesz_db).T
     at = np.linspace(0.0, 99.0, 100)
     places = np.array([place_of(70.0, pixel, HEIGHT_M) for pixel in at]).T
@@ -186,7 +186,7 @@ def test_looks_of_other_modes_are_multiplied(safe: Path) -> None:
     swaths = tuple(replace(one, looks=(6, 3)) for one in product.annotation.swaths)
     other = replace(product, annotation=replace(product.annotation, mode="EW", swaths=swaths))
     ground = scene()
-    found = seen_from(other, ground, make_geometry(ground, radar).ground).acquisition
+    found = overpass_of(other, ground, make_geometry(ground, radar).ground).acquisition
     assert (found.looks, found.numbers_of_looks) == (18.0, (6, 3))
 
 
@@ -195,9 +195,9 @@ def test_heights_above_the_geoid_are_raised_by_it(safe: Path, monkeypatch: pytes
     ground = scene()
     geometry = make_geometry(ground, radar)
     higher = replace(ground, elevation_m=ground.elevation_m + 45.0)
-    expected = seen_from(product, higher, geometry.ground)
+    expected = overpass_of(product, higher, geometry.ground)
     monkeypatch.setattr("radcal.sentinel1.overpass.geoid_m", lambda *_: 45.0)
-    found = seen_from(product, replace(ground, vertical_datum="EGM2008 height"), geometry.ground)
+    found = overpass_of(product, replace(ground, vertical_datum="EGM2008 height"), geometry.ground)
     np.testing.assert_allclose(found.pixel, expected.pixel, atol=1e-6)
     assert found.notes == ()
 
@@ -209,7 +209,7 @@ def test_heights_between_the_centres_of_cells_are_interpolated(safe: Path) -> No
     row, column = np.indices((SIDE, SIDE))
     tilted = replace(level, elevation_m=HEIGHT_M + 6.0 * row - 2.5 * column)
     at = np.array([[12.3, 14.5, 17.8], [15.25, 11.9, 18.4]])[..., None]
-    found = seen_from(product, tilted, at.astype(np.float32))
+    found = overpass_of(product, tilted, at.astype(np.float32))
     x, y = (level.transform[k] + CELL_M * (at[j] + 0.5) for k, j in ((2, 1), (5, 0)))
     places = Transformer.from_crs(UTM, "EPSG:4326", always_xy=True).transform(x, y)
     expected = product.annotation.ground.positions(*places, HEIGHT_M + 6.0 * at[0] - 2.5 * at[1])
@@ -218,7 +218,7 @@ def test_heights_between_the_centres_of_cells_are_interpolated(safe: Path) -> No
 
 def test_a_product_tells_its_pass_whatever_the_polarisation_of_the_case(safe: Path) -> None:
     for polarisation in ("HH", "VV"):
-        found = told(safe, config(safe), Radar(polarisation=polarisation), scene())
+        found = overpass_unchecked(safe, config(safe), Radar(polarisation=polarisation), scene())
         assert found.acquisition.polarisation == "VV"
 
 
@@ -249,7 +249,7 @@ def measured_width(coefficient: float) -> float:
 def test_the_printed_section_is_one_of_radar(safe: Path) -> None:
     product, radar = opened(safe)
     ground = scene()
-    acquisition = seen_from(product, ground, make_geometry(ground, radar).ground).acquisition
+    acquisition = overpass_of(product, ground, make_geometry(ground, radar).ground).acquisition
     section = radar_section(acquisition)
     printed = Radar.model_validate(yaml.safe_load(section)["radar"])
     assert printed.incidence_deg == pytest.approx(acquisition.incidence_deg, abs=0.005)
@@ -316,7 +316,7 @@ def test_another_heading_contradicts_where_the_ground_is_steep(safe: Path) -> No
     level = scene()
     relief = np.random.default_rng(5).normal(0.0, 4.0, level.material.shape).cumsum(axis=0).cumsum(axis=1) * 0.2
     hills = replace(level, elevation_m=level.elevation_m + relief)
-    found = seen_from(product, level, make_geometry(level, radar).ground).acquisition
+    found = overpass_of(product, level, make_geometry(level, radar).ground).acquisition
     apart = (found.look_azimuth_deg - 270.0 + 180.0) % 360.0 - 180.0
     assert 7.0 < abs(apart) < 12.0
     with pytest.raises(MeasurementError, match=r"radar\.heading_deg is 0, a look to 270\.0 deg from north") as refused:
@@ -397,7 +397,7 @@ def test_noise_that_the_processor_removed_is_said(tmp_path: Path) -> None:
 def test_heights_above_a_geoid_without_a_grid_are_said(safe: Path) -> None:
     product, radar = opened(safe)
     ground = replace(scene(), vertical_datum="EGM2008 height")
-    (note,) = seen_from(product, ground, make_geometry(ground, radar).ground).notes
+    (note,) = overpass_of(product, ground, make_geometry(ground, radar).ground).notes
     assert re.search(r"heights above EGM2008 height are taken .* each metre .* displaces the image by 1\.3\d m", note)
 
 
@@ -407,9 +407,9 @@ def test_a_scene_elsewhere_or_off_the_map_is_refused(safe: Path) -> None:
     away = replace(ground, transform=(CELL_M, 0.0, ground.transform[2] + 50_000.0, 0.0, CELL_M, ground.transform[5]))
     geometry = make_geometry(ground, radar)
     with pytest.raises(MeasurementError, match=r"covers no place of the scene's image, which lies around \d\d\.\d+"):
-        seen_from(product, away, geometry.ground)
+        overpass_of(product, away, geometry.ground)
     with pytest.raises(MeasurementError, match=r"expected scene\.source: raster"):
-        seen_from(product, replace(ground, crs=None), geometry.ground)
+        overpass_of(product, replace(ground, crs=None), geometry.ground)
 
 
 def case_of(path: Path, **measurement: Any) -> dict[str, Any]:
@@ -450,7 +450,7 @@ def test_a_real_product_is_read_and_its_blank_image_refused() -> None:
     x, y = Transformer.from_crs("EPSG:4326", UTM, always_xy=True).transform(12.5, 42.0)
     ground = replace(scene(), transform=(CELL_M, 0.0, x, 0.0, CELL_M, y))
     geometry = make_geometry(ground, radar)
-    found = seen_from(product, ground, geometry.ground).acquisition
+    found = overpass_of(product, ground, geometry.ground).acquisition
     assert found.heading_deg == pytest.approx(189.3, abs=0.1)
     assert found.platform_heading_deg == pytest.approx(360.0 - 166.3128724)
     assert found.incidence_deg == pytest.approx(44.1, abs=0.1)

@@ -381,11 +381,11 @@ def _by_annotation(one: Case, scene: Scene) -> tuple[list[str], list[str]]:
     """
     from radcal.config import expand_path
     from radcal.image.acquisition import differences, radar_section
-    from radcal.sentinel1.overpass import told
+    from radcal.sentinel1.overpass import overpass_unchecked
 
     image = one.measurement
     if not isinstance(image, FileMeasurement) or not is_safe_name(image.path):
         return [], []
-    seen = told(expand_path(image.path, "measurement.path", folder=True), image, one.radar, scene)
+    seen = overpass_unchecked(expand_path(image.path, "measurement.path", folder=True), image, one.radar, scene)
     notes = [seen.acquisition.sentence(), *seen.notes, *differences(seen.acquisition, one.radar)]
     return notes, [radar_section(seen.acquisition)]

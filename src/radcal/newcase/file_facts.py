@@ -152,7 +152,7 @@ def product_acquisition(path: Path, heights: Path, polarisation: str | None) -> 
     """
     from radcal.config import FileMeasurement, Radar
     from radcal.scene.model import Scene
-    from radcal.sentinel1.overpass import told
+    from radcal.sentinel1.overpass import overpass_unchecked
 
     with open_raster(heights) as raster:
         check_blocks(raster)
@@ -174,7 +174,7 @@ def product_acquisition(path: Path, heights: Path, polarisation: str | None) -> 
         vertical_datum=vertical_datum(crs),
     )
     radar = Radar(polarisation=polarisation) if polarisation else Radar()
-    return told(path, FileMeasurement.model_validate({"path": str(path)}), radar, scene).acquisition
+    return overpass_unchecked(path, FileMeasurement.model_validate({"path": str(path)}), radar, scene).acquisition
 
 
 def check_overlap(elevation: str, materials: str) -> None:

@@ -293,34 +293,34 @@ class Search:
         population = nsga2(partial(self._goals, direct), self.dimension, config, seed, goals)
         first = self.snapped(population.points[:1])[0]
         front = self._front(population) if goals > 1 else Front()
-        told = partial(self._proposal, seed=seed, best=best, nsga2_cost=float(self.cost(first)[0]), front=front)
+        proposal = partial(self._proposal, seed=seed, best=best, nsga2_cost=float(self.cost(first)[0]), front=front)
         if not config.polish:
-            return told(first, "exploit")
+            return proposal(first, "exploit")
         there, *others = self._starts(best)
         if failures % 2 == 1:
             point = self.polish(there, radius=0.5 ** ((failures + 1) // 2 + 1))
             if self._promising([point], best).any() and self._fresh(point):
-                return told(point, "exploit")
+                return proposal(point, "exploit")
         near = [self.polish(start) for start in (first, there, *others)]
         promising = self._promising(near, best)
         fresh = [point for point, good in zip(near, promising, strict=True) if good and self._fresh(point)]
         if fresh:
-            return told(min(fresh, key=self.uncertainty), "exploit")
+            return proposal(min(fresh, key=self.uncertainty), "exploit")
         if not self.objective.explores:
             if other := self.without_trend(best, seed):
-                return told(other[0], "explore")
-            return told(min(near, key=lambda point: self.cost(point)[0]), "exploit")
+                return proposal(other[0], "explore")
+            return proposal(min(near, key=lambda point: self.cost(point)[0]), "exploit")
         point, cost = self.minimum([first, there, *others], seed)
         if self._promising([point], best).any() and self._fresh(point):
-            return told(point, "exploit")
+            return proposal(point, "exploit")
         if self.surrogate.training.direct:
-            return told(point, "exploit")  # no floor: a surrogate of (xi, omega, alpha) has no standard errors
+            return proposal(point, "exploit")  # no floor: a surrogate of (xi, omega, alpha) has no standard errors
         hopeful, floor = self.minimum([first, there, point], seed, _FAVOUR)
         floor = min(floor, cost)
         leaves_open = partial(self.objective.leaves_open, best=best.cost)
         if leaves_open(floor) and not (leaves_open(cost) and self._fresh(point)):
-            return told(hopeful, "explore", floor=floor)
-        return told(point, "exploit", floor=floor)
+            return proposal(hopeful, "explore", floor=floor)
+        return proposal(point, "exploit", floor=floor)
 
     def _goals(self, direct: bool, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Goals that NSGA-II minimises at m points, shape (m, p): the cost, or parts of the sum of squares."""

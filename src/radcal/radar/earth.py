@@ -5,7 +5,7 @@ is computed in the plane that touches the sphere at the scene's centre. Elevatio
 sphere below this plane, which depends on ground range alone. At the scene's centre, slant range and incidence angle are
 the same as on the sphere. Elevations are not lowered along azimuth, because an orbit follows the curvature of the
 earth. For the local incidence, slopes and the direction to the radar are given relative to the local vertical
-(:meth:`Sight.upright`). ``docs/simulator.md`` gives the errors of this approximation.
+(:meth:`LineOfSight.upright`). ``docs/simulator.md`` gives the errors of this approximation.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.config import Radar
 from radcal.config.angles import MEAN_RADIUS_M, depression_deg, incidence_deg
 
-__all__ = ["Sight", "Upright", "heading_at_scene", "heading_of_sight", "sight"]
+__all__ = ["LineOfSight", "Upright", "heading_at_scene", "heading_of_sight", "line_of_sight"]
 
 Doubles = NDArray[np.float64]
 
@@ -97,7 +97,7 @@ def heading_of_sight(
 
 
 @dataclass(frozen=True)
-class Sight:
+class LineOfSight:
     """Position of the track relative to the scene's centre, in the vertical plane across the track.
 
     Attributes
@@ -230,7 +230,9 @@ def _slant_range_m(cosine: float, altitude_m: float, radius_m: float) -> float:
     return product / (half + math.sqrt(half**2 + product))
 
 
-def sight(radar: Radar, radius_m: float = MEAN_RADIUS_M, stretch: tuple[float, float] = (1.0, 1.0)) -> Sight:
+def line_of_sight(
+    radar: Radar, radius_m: float = MEAN_RADIUS_M, stretch: tuple[float, float] = (1.0, 1.0)
+) -> LineOfSight:
     """Position of the track of a pass relative to the scene's centre.
 
     Parameters
@@ -240,14 +242,15 @@ def sight(radar: Radar, radius_m: float = MEAN_RADIUS_M, stretch: tuple[float, f
     radius_m : float
         Radius of the earth at the scene's mean elevation [m]; without effect for ``earth: flat``.
     stretch : (float, float)
-        Distance on the ground per distance in the scene's grid (:class:`Sight`); without effect for ``earth: flat``.
+        Distance on the ground per distance in the scene's grid (:class:`LineOfSight`); without effect for
+        ``earth: flat``.
     """
     if radar.earth == "flat":
         ground = float(radar.altitude_m / np.tan(np.radians(radar.depression_deg)))
-        return Sight(radar.altitude_m, ground, radar.altitude_m, math.inf)
+        return LineOfSight(radar.altitude_m, ground, radar.altitude_m, math.inf)
     incidence = radar.incidence_deg
     if incidence is None:
         incidence = incidence_deg(radar.depression_deg, radar.altitude_m, radius_m)
     angle = math.radians(incidence)
     slant = _slant_range_m(math.cos(angle), radar.altitude_m, radius_m)
-    return Sight(slant * math.cos(angle), slant * math.sin(angle), radar.altitude_m, radius_m, stretch)
+    return LineOfSight(slant * math.cos(angle), slant * math.sin(angle), radar.altitude_m, radius_m, stretch)

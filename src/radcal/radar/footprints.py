@@ -22,8 +22,8 @@ from radcal.scene.objects import Objects
 __all__ = [
     "Boxes",
     "Raised",
-    "Seen",
     "Spots",
+    "VisibleParts",
     "add_up",
     "locate",
     "raise_boxes",
@@ -210,7 +210,7 @@ class Raised:
 
 
 @dataclass(frozen=True)
-class Seen:
+class VisibleParts:
     """Visible parts of the facets of a block of lines: arrays of shape (lines, facets) that :func:`stand` fills.
 
     Attributes
@@ -239,7 +239,7 @@ class Seen:
     extent_m: NDArray[np.float64]
 
     @classmethod
-    def room(cls, near_m: NDArray[np.float64], far_m: NDArray[np.float64]) -> Seen:
+    def room(cls, near_m: NDArray[np.float64], far_m: NDArray[np.float64]) -> VisibleParts:
         """Arrays for :func:`stand` to fill, with the slant ranges of the ground without boxes as initial values."""
         shape = near_m.shape
         return cls(
@@ -280,7 +280,7 @@ def stand(
     part: Any, owner: Any, roof: Any, at_edges: Any, edges: Any, middles: Any, track: Any, near: Any, far: Any,
     share: Any, half: Any, hidden: Any, horizon: Any, extent: Any,
 ) -> None:  # fmt: skip
-    """Compute the visible part of each facet of a block of lines, and write it to the arrays of :class:`Seen`.
+    """Compute the visible part of each facet of a block of lines, and write it to the arrays of :class:`VisibleParts`.
 
     Parameters
     ----------
@@ -295,7 +295,7 @@ def stand(
     track : float
         Elevation of the radar [m].
     near, far, share, half, hidden, horizon, extent : ndarray
-        Arrays of :class:`Seen`.
+        Arrays of :class:`VisibleParts`.
     """
     facets = owner.shape[1]
     for line in range(part[0], part[1]):

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, maximum_filter, minimum_filter
 
-from radcal.radar.earth import Sight
+from radcal.radar.earth import LineOfSight
 from radcal.radar.facets import ANGLES_PER_RADIAN, LAID_OVER, OBJECT, VISIBLE
-from radcal.radar.footprints import Boxes, Raised, Seen, Spots, add_up, locate, raise_boxes, stand
+from radcal.radar.footprints import Boxes, Raised, Spots, VisibleParts, add_up, locate, raise_boxes, stand
 from radcal.radar.visibility import FAR_HALF, NEAR_HALF, laid_over
 
 __all__ = ["Lines", "fill_lines", "local_incidence_cosine", "refined_elevation"]
@@ -126,7 +126,7 @@ def refined_elevation(elevation: NDArray[np.float64], k: int, cell_m: float) -> 
 def fill_lines(
     elevation: NDArray[np.float64], first: int, last: int, k: int, step: float, edges: NDArray[np.float64],
     track: float, base: float, spacing_m: float, lines: Lines, standing: tuple[Boxes, Spots] | None,
-    earth: Sight | None = None,
+    earth: LineOfSight | None = None,
 ) -> tuple[float, float]:  # fmt: skip
     """Compute the facets of a block of the scene's rows, and store them in ``lines``.
 
@@ -153,7 +153,7 @@ def fill_lines(
     standing : (Boxes, Spots) or None
         Boxes and point scatterers of the scene; the extents of the boxes and the slant ranges of the points are
         updated.
-    earth : Sight, optional
+    earth : LineOfSight, optional
         Position of the track over a curved earth, for which the elevation is lowered; by default the earth is flat.
 
     Returns
@@ -181,7 +181,7 @@ def fill_lines(
     at_edges[:, 0], at_edges[:, -1] = 1.5 * fine[:, 0] - 0.5 * fine[:, 1], 1.5 * fine[:, -1] - 0.5 * fine[:, -2]
     reach = np.hypot(track - at_edges, edges)
     raised = Raised.none(fine) if standing is None else raise_boxes(standing[0], fine, first * k)
-    seen = Seen.room(np.minimum(reach[:, 1:], reach[:, :-1]), np.maximum(reach[:, 1:], reach[:, :-1]))
+    seen = VisibleParts.room(np.minimum(reach[:, 1:], reach[:, :-1]), np.maximum(reach[:, 1:], reach[:, :-1]))
     stand(
         len(fine), raised.owner, raised.roof_m, at_edges, edges, ground, track, seen.near_m, seen.far_m, seen.share,
         seen.half, seen.hidden_m, seen.horizon, seen.extent_m,
@@ -213,8 +213,8 @@ def fill_lines(
 
 
 def _faces(
-    fine: NDArray[np.float64], at_edges: NDArray[np.float64], seen: Seen, ground: NDArray[np.float64], track: float,
-    step: float, earth: Sight | None, line_m: NDArray[np.float64],
+    fine: NDArray[np.float64], at_edges: NDArray[np.float64], seen: VisibleParts, ground: NDArray[np.float64],
+    track: float, step: float, earth: LineOfSight | None, line_m: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
     """Incidence (in units of 90 degrees / 65535) and visible area [m2] of the facets of a block of lines.
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from radcal.config import Radar
 from radcal.config.angles import MEAN_RADIUS_M
 from radcal.errors import SceneError
-from radcal.radar.earth import Sight, sight
+from radcal.radar.earth import LineOfSight, line_of_sight
 from radcal.radar.facets import (
     ANGLES_PER_RADIAN,
     cells_of,
@@ -154,10 +154,10 @@ def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None) -> Geom
     return _pixels(scene, radar, seen, material, lines, k, step, near, base, (rows, columns), points)
 
 
-def _sight(scene: Scene, radar: Radar, mean_m: float) -> Sight:
+def _sight(scene: Scene, radar: Radar, mean_m: float) -> LineOfSight:
     """Position of the track relative to the scene's centre, over ground at the scene's mean elevation."""
     if radar.earth == "flat":
-        return sight(radar)
+        return line_of_sight(radar)
     radius, along, across = MEAN_RADIUS_M, 1.0, 1.0
     if scene.crs is not None and scene.transform is not None:
         ny, nx = scene.material.shape
@@ -166,7 +166,7 @@ def _sight(scene: Scene, radar: Radar, mean_m: float) -> Sight:
         radius = earth_radius_m(scene.crs, centre, radar.heading_deg + 90.0)  # along ground range
         along, across = (ground_per_grid(scene.crs, centre, axis) for axis in ((b, e), (a, d)))
     higher = 1.0 + mean_m / radius  # distances on the ground grow with elevation
-    return sight(radar, radius + mean_m, (along * higher, across * higher))
+    return line_of_sight(radar, radius + mean_m, (along * higher, across * higher))
 
 
 def _standing(
@@ -197,7 +197,7 @@ def _in_km(radar: Radar) -> str:
 
 
 def _pixels(
-    scene: Scene, radar: Radar, seen: Sight, material: NDArray[np.uint8], lines: Lines, k: int, step: float,
+    scene: Scene, radar: Radar, seen: LineOfSight, material: NDArray[np.uint8], lines: Lines, k: int, step: float,
     near: float, base: float, shape: tuple[int, int], points: Points,
 ) -> Geometry:  # fmt: skip
     """Geometry of the image, computed from the facets of all lines; a facet belongs to every pixel that it reaches."""
@@ -300,7 +300,7 @@ def _rows(slant_m: NDArray[np.float32], near_m: float, spacing_m: float) -> NDAr
     return ((slant_m - near_m) / spacing_m).astype(np.float32)
 
 
-def _points(spots: Spots, radar: Radar, seen: Sight, near: float, step: float) -> Points:
+def _points(spots: Spots, radar: Radar, seen: LineOfSight, near: float, step: float) -> Points:
     """Visible point scatterers with their position and amplitude in the image, sorted by row."""
     shown = np.isfinite(spots.slant_m)
     slant = np.asarray(spots.slant_m[shown], dtype=np.float64)

@@ -19,7 +19,7 @@ from radcal.scene.model import Scene
 from radcal.sentinel1.annotation import Swath
 from radcal.sentinel1.product import Product, open_product
 
-__all__ = ["Seen", "seen_from", "told"]
+__all__ = ["Overpass", "overpass_of", "overpass_unchecked"]
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ _EQUIVALENT_LOOKS = {("IW", (5, 1)): 4.4}
 
 
 @dataclass(frozen=True)
-class Seen:
+class Overpass:
     """Positions of the pixels of a scene's image in a product, and acquisition of the product at the scene.
 
     Attributes
@@ -50,7 +50,7 @@ class Seen:
     notes: tuple[str, ...]
 
 
-def seen_from(product: Product, scene: Scene, ground: NDArray[np.float32]) -> Seen:
+def overpass_of(product: Product, scene: Scene, ground: NDArray[np.float32]) -> Overpass:
     """Positions of a scene's pixels in a product, and acquisition of the product at the scene.
 
     Parameters
@@ -89,10 +89,10 @@ def seen_from(product: Product, scene: Scene, ground: NDArray[np.float32]) -> Se
     line[shown], pixel[shown] = at_line, at_pixel
     found = np.isfinite(at_line)
     middle = np.array([np.median(part[found]) for part in (longitude, latitude, height)])[:, None]
-    return Seen(line, pixel, _acquisition(product, middle, at_line[found], at_pixel[found]), notes)
+    return Overpass(line, pixel, _acquisition(product, middle, at_line[found], at_pixel[found]), notes)
 
 
-def told(path: Path, config: FileMeasurement, radar: Radar, scene: Scene) -> Seen:
+def overpass_unchecked(path: Path, config: FileMeasurement, radar: Radar, scene: Scene) -> Overpass:
     """Positions of a coarse grid of a scene in a product, and acquisition there, without a comparison with ``radar``.
 
     Parameters
@@ -118,7 +118,7 @@ def told(path: Path, config: FileMeasurement, radar: Radar, scene: Scene) -> See
             radar = radar.model_copy(update={"polarisation": whole[0]})
     rows, columns = (np.linspace(0.0, length - 1.0, min(length, _SIDE)) for length in scene.material.shape)
     ground = np.stack(np.meshgrid(rows, columns, indexing="ij")).astype(np.float32)
-    return seen_from(open_product(path, config, radar), scene, ground)
+    return overpass_of(open_product(path, config, radar), scene, ground)
 
 
 def _heights(

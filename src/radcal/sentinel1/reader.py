@@ -19,7 +19,7 @@ from radcal.reading.arrays import raster_band
 from radcal.reading.images import reading
 from radcal.reading.rasters import open_raster
 from radcal.scene.model import Scene
-from radcal.sentinel1.overpass import seen_from
+from radcal.sentinel1.overpass import overpass_of
 from radcal.sentinel1.product import Product
 
 __all__ = ["sigma0_image"]
@@ -63,7 +63,7 @@ def sigma0_image(
     """
     if scene is None:
         raise MeasurementError(f"measurement.path: {product.path} needs a scene on the map.")
-    seen = seen_from(product, scene, geometry.ground)
+    seen = overpass_of(product, scene, geometry.ground)
     flat = np.broadcast_to(geometry.flat_incidence_deg[:, None], geometry.shape)[np.isfinite(seen.line)]
     if wrong := contradictions(seen.acquisition, radar, flat, _steep_deg(scene)):
         raise MeasurementError(f"measurement.path: {product.name} contradicts section radar: {'; '.join(wrong)}.")
