@@ -13,11 +13,11 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.steps import all_parameters, noise_seed, reference_runs
 from radcal.config import Case, load, stages
 from radcal.config.yaml_file import merged, read_case_file
 from radcal.measurement.sources import make_measurement
+from radcal.objectives import OBJECTIVES
 from radcal.radar.projection import make_geometry
 from radcal.registration.registered import register
 from radcal.scene.sources import make_scene
@@ -94,8 +94,8 @@ class Bench:
         reference = reference_runs(stages.ReferenceRun.of(case), runner)[0].image_db
         assert reference is not None  # the reference run keeps its image
         registered, stage = register(reference, measurement, case.registration), stages.Target.of(case)
-        made = make_targets(stage, self.geometry, registered, reference, scene=self.scene)
-        return bin_targets(stage, made, self.geometry, registered, self.scene.slope_error_deg)
+        misfit = OBJECTIVES[stage.objective].misfit
+        return make_targets(stage, self.geometry, registered, reference, misfit, scene=self.scene)
 
 
 def by_workflow(name: str, path: Path) -> dict[str, Any]:

@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.loop import calibrate
 from radcal.config import load
 from radcal.laws import LAWS
 from radcal.measurement.sources import make_measurement
+from radcal.objectives import OBJECTIVES
 from radcal.radar.projection import make_geometry
 from radcal.registration.registered import register
 from radcal.scene.sources import make_scene
@@ -66,8 +66,7 @@ def main() -> None:
                 )
                 measurement = make_measurement(case, geometry, simulator)
                 registered = register(measurement.image_db, measurement, case.registration)
-                targets = make_targets(case, geometry, registered, measurement.image_db)
-                targets = bin_targets(case, targets, geometry, registered)
+                targets = make_targets(case, geometry, registered, measurement.image_db, OBJECTIVES[objective].misfit)
                 history, decision = calibrate(case, runner, targets)
                 best, hidden = history.best("dyke").scores["dyke"], measurement.hidden["dyke"]
                 difference = LAWS["mangia"].largest_difference_db(

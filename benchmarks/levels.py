@@ -76,7 +76,7 @@ class Bench:
         reference = self.runner.run(case.start_parameters, noise_seed(case), image=True).image_db
         assert reference is not None  # asked for
         registered = register(reference, measurement, case.registration)
-        targets = make_targets(case, self.geometry, registered, reference)
+        targets = make_targets(case, self.geometry, registered, reference, None)
         history, decision = calibrate(case, self.runner, targets)
         return list(history.best("dyke").scores["dyke"].parameters), str(decision.reason), targets.levels.offset_db
 

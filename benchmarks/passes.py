@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.loop import calibrate
 from radcal.calibration.stopping import Decision
 from radcal.config import Case, load, stages
 from radcal.config.yaml_file import read_case_file
 from radcal.measurement.sources import make_measurement
+from radcal.objectives import OBJECTIVES
 from radcal.objectives.history import History
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
@@ -104,8 +104,8 @@ def calibrated_passes(
         start = simulator.run({name: m.start_parameters for name, m in one.materials.items()}, 1)
         registered = register(start, measurement, one.registration)
         images.append(registered)
-        made = make_targets(stage, geometry, registered, start, scene=scene)
-        targets.append(bin_targets(stage, made, geometry, registered, scene.slope_error_deg))
+        misfit = OBJECTIVES[stage.objective].misfit
+        targets.append(make_targets(stage, geometry, registered, start, misfit, scene=scene))
     first, *others = targets
     together = Targets(first, first.levels, first.looks, others)
     runners[0].further = tuple(runners[1:])

@@ -37,13 +37,13 @@ from scipy.ndimage import binary_dilation
 from radcal.assessment.conclusion import conclude
 from radcal.assessment.model import image_of, posterior_of
 from radcal.assessment.observation import observe, simulated_of
-from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.loop import calibrate, register_rounds
 from radcal.calibration.steps import all_parameters, noise_seed
 from radcal.config import Case, case_from, stages
 from radcal.errors import RadcalError
 from radcal.ground.patches import patches_seen
 from radcal.measurement.sources import make_measurement
+from radcal.objectives import OBJECTIVES
 from radcal.objectives.history import History
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
@@ -461,8 +461,7 @@ def calibrated(
     registered, run = register_rounds(case, runner, b.geometry, measurement, b.scene)
     stage = stages.Target.of(case)
     start = runner.run(case.start_parameters, noise_seed(case), image=True).image_db
-    targets = make_targets(stage, b.geometry, registered, start, scene=b.scene)
-    targets = bin_targets(stage, targets, b.geometry, registered, b.scene.slope_error_deg)
+    targets = make_targets(stage, b.geometry, registered, start, OBJECTIVES[stage.objective].misfit, scene=b.scene)
     history, decision = calibrate(case, runner, targets, registration=run)
     found = {"runs": len(history.runs), "ended": str(decision.reason), "registration": registered.verdict}
     if saved is not None:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from calibration_samples import BOUNDS, TRUTH
 
-from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.loop import calibrate
 from radcal.config import case_from
+from radcal.inference.misfit import BinMisfit
 from radcal.measurement.sources import make_measurement
 from radcal.radar.projection import make_geometry
 from radcal.registration.registered import Registered
@@ -68,7 +68,7 @@ def parts():
         applied=False,
         verdict="",
     )
-    targets = bin_targets(case, make_targets(case, geometry, registered, image), geometry, registered)
+    targets = make_targets(case, geometry, registered, image, BinMisfit)
     return case, simulator, geometry, scene, targets
 
 

@@ -25,9 +25,10 @@ from radcal.assessment.model import image_of, posterior_of
 from radcal.config import Uncertainty, Validation
 from radcal.laws import external_law
 from radcal.posterior import prediction
-from radcal.posterior.cells import CellMeans, with_noise_db
+from radcal.posterior.cells import CellMeans
 from radcal.posterior.prediction import constant_of
 from radcal.posterior.result import Image
+from radcal.radar.radiometry import with_noise_db
 
 BRIEF = Uncertainty(walkers=32, steps=100)
 

@@ -14,9 +14,10 @@ from radcal.checking.unregistered import cells_of, fixed_laws, start_image, unre
 from radcal.config import Case
 from radcal.findings import Finding
 from radcal.image.model import Measurement
-from radcal.posterior.cells import CellMeans, with_noise_db
+from radcal.posterior.cells import CellMeans
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
+from radcal.radar.radiometry import with_noise_db
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
 

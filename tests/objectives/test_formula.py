@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from calibration_samples import BOUNDS, TRUTH
 
-from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.loop import calibrate
 from radcal.config import case_from, stages
 from radcal.laws import LAWS
 from radcal.measurement.sources import make_measurement
+from radcal.objectives import OBJECTIVES
 from radcal.registration.registered import register
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
@@ -53,8 +53,7 @@ def calibrated(parts, tmp_path):
         measurement = make_measurement(stages.Measurement.of(case), geometry, simulator, scene)
         start = simulator.run(case.start_parameters, 1)
         registered, stage = register(start, measurement, case.registration), stages.Target.of(case)
-        targets = make_targets(stage, geometry, registered, start)
-        targets = bin_targets(stage, targets, geometry, registered)
+        targets = make_targets(stage, geometry, registered, start, OBJECTIVES[case.objective].misfit)
         return (case, runner, targets, *calibrate(case, runner, targets))
 
     return of

@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.scoring import score, with_texture
 from radcal.config import Optimiser, case_from
 from radcal.inference.shared_fields import together
 from radcal.measurement.sources import make_measurement
-from radcal.objectives import make_objectives
+from radcal.objectives import OBJECTIVES, make_objectives
 from radcal.objectives.history import (
     Front,
     History,
@@ -68,8 +67,8 @@ def two_passes(objective: str, looks: tuple[int, int] = (4, 4)):
         registered = register(
             image, make_measurement(one, geometry, simulator, scene, partly=bool(number)), one.registration
         )
-        made = make_targets(one, geometry, registered, image, partly=bool(number))
-        targets.append(bin_targets(one, made, geometry, registered))
+        misfit = OBJECTIVES[objective].misfit
+        targets.append(make_targets(one, geometry, registered, image, misfit, partly=bool(number)))
         records.append(
             Record(f"run{number}", {name: image.ravel()[geometry.pixels(name)] for name in TRUTH}, None, 1.5)
         )

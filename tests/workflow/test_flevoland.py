@@ -91,7 +91,7 @@ def test_buildings_are_flagged_and_surfaces_are_not(parts: Parts) -> None:
 def test_pixels_are_counted(parts: Parts) -> None:
     case, geometry, measurement = parts
     registered = register(measurement.image_db, measurement, case.registration)
-    targets = make_targets(case, geometry, registered, measurement.image_db)
+    targets = make_targets(case, geometry, registered, measurement.image_db, None)
     assert list(targets) == case.calibrated
     assert len(targets) == SURFACES
     for name, target in targets.items():

@@ -11,13 +11,12 @@ from scipy.ndimage import gaussian_filter
 from scipy.optimize import least_squares
 
 from radcal import skewnormal
-from radcal.calibration.bin_target import bin_targets
 from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import noise_seed
 from radcal.config import Case, case_from
 from radcal.image.model import Measurement
 from radcal.laws import LAWS
-from radcal.objectives import make_objectives
+from radcal.objectives import OBJECTIVES, make_objectives
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.registration.registered import register
@@ -93,7 +92,7 @@ def measured(ground: Ground, truth: list[float]) -> tuple[Case, Targets]:
     image = ground.image_db(truth, 20)
     measurement = Measurement(image, "another truth", {"field": truth})
     registered = register(image, measurement, case.registration)
-    return case, bin_targets(case, make_targets(case, ground.geometry, registered, image), ground.geometry, registered)
+    return case, make_targets(case, ground.geometry, registered, image, OBJECTIVES[case.objective].misfit)
 
 
 def test_one_density_does_not_tell_them_apart(rough: Ground, twin: list[float]) -> None:

@@ -1,7 +1,5 @@
 """Fit laws to the pixels of the measured image, without a simulator run, for a run to register the image onto again."""
 
-from radcal.assessment.reach import check_reach
-from radcal.calibration.bin_target import laws_of_image
 from radcal.config import stages
 from radcal.radar.geometry import read_geometry
 from radcal.registration.registered import read_registered
@@ -9,14 +7,12 @@ from radcal.scene.model import read_scene
 from radcal.session.jobs import logged
 from radcal.storage.records import write_json
 from radcal.storage.run_index import indexed
-from radcal.targets.target_fit import make_targets
+from radcal.targets.target_fit import laws_of_image
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.LawsOfImage.model_validate(snakemake.params.case)
     reference, _ = next(indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True))
     registered, geometry = read_registered(snakemake.input.registered), read_geometry(snakemake.input.geometry)
     scene = read_scene(snakemake.input.scene)
-    targets = make_targets(case, geometry, registered, reference.image_db, scene=scene)
-    check_reach(case, targets)
-    laws = laws_of_image(case, targets, geometry, registered, scene.slope_error_deg)
+    laws = laws_of_image(case, geometry, registered, reference.image_db, scene)
     write_json(snakemake.output.laws, laws)

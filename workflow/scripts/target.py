@@ -1,8 +1,7 @@
-"""Draw the target's pixels of every calibrated material at random and fit their densities."""
+"""Make the target of every calibrated material: pixels drawn at random, their density and incidence-angle bins."""
 
-from radcal.assessment.reach import check_reach
-from radcal.calibration.bin_target import bin_targets
 from radcal.config import stages
+from radcal.objectives import OBJECTIVES
 from radcal.radar.geometry import read_geometry
 from radcal.registration.height_shift import height_warnings
 from radcal.registration.registered import read_registered
@@ -18,10 +17,8 @@ with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     registered = read_registered(snakemake.input.registered)
     geometry = read_geometry(snakemake.input.geometry)
     scene = read_scene(snakemake.input.scene)
-    partly = bool(snakemake.wildcards.at)
-    targets = make_targets(case, geometry, registered, reference.image_db, partly=partly, scene=scene)
-    check_reach(case, targets)
-    targets = bin_targets(case, targets, geometry, registered, scene.slope_error_deg)
+    misfit, partly = OBJECTIVES[case.objective].misfit, bool(snakemake.wildcards.at)
+    targets = make_targets(case, geometry, registered, reference.image_db, misfit, partly, scene)
     write_targets(snakemake.output.target, targets)
     for sentence in (*height_warnings(registered, geometry, scene, case.radar), *targets.sentences()):
         progress(sentence)

@@ -16,7 +16,7 @@ from radcal.laws import Law
 from radcal.objectives import Comparison, make_objectives
 from radcal.objectives.history import History
 from radcal.posterior.calibrated import FORMS, Draws, LawModel, Parameters
-from radcal.posterior.cells import CellMeans, with_noise_db
+from radcal.posterior.cells import CellMeans
 from radcal.posterior.curves import curves_of
 from radcal.posterior.effects import Observed
 from radcal.posterior.fixed_laws import image_from
@@ -26,6 +26,7 @@ from radcal.posterior.quantiles import Form, points_of, summary, with_band, with
 from radcal.posterior.radiometry import Radiometry, radiometry_of
 from radcal.posterior.result import FormError, HeldOut, Image, Posterior
 from radcal.proposals.surrogate import Surrogate
+from radcal.radar.radiometry import with_noise_db
 from radcal.seeds import derived_seed
 from radcal.targets.target import Targets
 

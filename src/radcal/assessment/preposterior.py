@@ -12,11 +12,11 @@ from scipy.special import ndtri, polygamma
 
 from radcal.config import Radar, Uncertainty
 from radcal.laws import Law
-from radcal.posterior.cells import DB, cell_keys, members, with_noise_db
+from radcal.posterior.cells import DB, cell_keys, members
 from radcal.posterior.curves import NORMAL_90, levels_at
 from radcal.posterior.result import KeptDraws
 from radcal.radar.geometry import Geometry
-from radcal.radar.radiometry import noise_floor_db
+from radcal.radar.radiometry import noise_floor_db, with_noise_db
 from radcal.scene.model import Scene
 from radcal.targets.target_fit import fields_of
 

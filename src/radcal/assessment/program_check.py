@@ -11,8 +11,9 @@ from radcal.findings import Finding
 from radcal.inference.expected import LawForward
 from radcal.objectives import Comparison
 from radcal.objectives.history import History
-from radcal.posterior.cells import weights_of_facets, with_noise_db
+from radcal.posterior.cells import weights_of_facets
 from radcal.radar.geometry import Geometry
+from radcal.radar.radiometry import with_noise_db
 from radcal.targets.target import Target
 
 __all__ = ["another_law", "beyond_law_db"]

@@ -11,7 +11,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.calibration.bin_target import laws_of_image
 from radcal.calibration.scoring import score, score_reference
 from radcal.calibration.steps import (
     all_parameters,
@@ -36,7 +35,7 @@ from radcal.simulators.declared_scale import check_scale
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import Parameters, Record
 from radcal.targets.target import Targets
-from radcal.targets.target_fit import make_targets
+from radcal.targets.target_fit import laws_of_image
 
 __all__ = ["calibrate", "register_rounds"]
 
@@ -82,9 +81,7 @@ def register_rounds(
     first = checked(first, start, geometry, case.radar, scene.slope_error_deg)
     if not case.registers_twice:
         return first, None
-    stage = stages.Target.of(case)
-    targets = make_targets(stage, geometry, first, start, scene=scene)
-    found = laws_of_image(stage, targets, geometry, first, scene.slope_error_deg)
+    found = laws_of_image(stages.Target.of(case), geometry, first, start, scene)
     parameters = all_parameters(case.materials, found)
     record = run_all_draws(stages.RegistrationRun.of(case), runner, parameters, image=True)
     return register_again(_image_db(record), first, case.registration), (record, parameters)
@@ -114,7 +111,7 @@ def calibrate(
         Simulator with a run store; stored runs are not simulated again.
     targets : mapping
         Target by calibrated material, divided into incidence-angle bins if the objective needs them
-        (:func:`radcal.calibration.bin_target.bin_targets`).
+        (:func:`radcal.targets.target_fit.make_targets`).
     report : callable, optional
         Function that is called with the history after the design and after every infill run.
     reference : Runner, optional

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from radcal.assessment.known import image_findings
 from radcal.assessment.model import image_of
 from radcal.assessment.observation import observe
-from radcal.assessment.reach import check_level
 from radcal.config import BuiltinSimulation, Case, stages
 from radcal.errors import ConfigError, MeasurementError
 from radcal.findings import Finding
@@ -26,6 +25,7 @@ from radcal.radar.radiometry import noise_floor_db
 from radcal.registration.registered import Registered
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
+from radcal.targets.reach import check_level
 
 __all__ = ["cells_of", "fixed_laws", "start_image", "unreachable"]
 

@@ -16,7 +16,7 @@ from scipy.special import digamma, polygamma
 
 from radcal.config import Radar
 from radcal.laws import Law
-from radcal.radar.radiometry import noise_floor_db, of_sigma0
+from radcal.radar.radiometry import noise_floor_db, of_sigma0, with_noise_db
 
 if TYPE_CHECKING:
     from radcal.ground.correlation import Correlation
@@ -33,7 +33,6 @@ __all__ = [
     "cell_means",
     "members",
     "weights_of_facets",
-    "with_noise_db",
 ]
 
 Doubles = NDArray[np.float64]
@@ -135,11 +134,6 @@ class CellMeans:
     def above_db(self, law_db: Doubles) -> Doubles:
         """Measured minus simulated mean of each cell [dB], if the law has the levels ``law_db`` [dB] there."""
         return self.measured_db - self.beside_db - with_noise_db(law_db, self.noise_db)
-
-
-def with_noise_db(law_db: Doubles, noise_db: Doubles | float) -> Doubles:
-    """Level of a law [dB] to which noise [dB] is added in power."""
-    return np.asarray(DB * np.logaddexp(law_db / DB, np.asarray(noise_db) / DB))
 
 
 def area_db(geometry: Geometry, radar: Radar) -> Doubles:

@@ -7,7 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.config import Radar
 
-__all__ = ["noise_floor_db", "of_sigma0"]
+__all__ = ["noise_floor_db", "of_sigma0", "with_noise_db"]
+
+_DB = 10.0 / np.log(10.0)
 
 
 def of_sigma0(radiometry: str, incidence_deg: ArrayLike) -> NDArray[np.float64]:
@@ -64,3 +66,8 @@ def noise_floor_db(radar: Radar, incidence_deg: ArrayLike) -> NDArray[np.float64
         angles, levels = zip(*radar.nesz_db, strict=True)
         sigma0 = np.interp(incidence, angles, levels)
     return np.asarray(sigma0 + 10.0 * np.log10(of_sigma0(radar.radiometry, incidence)))
+
+
+def with_noise_db(law_db: NDArray[np.float64], noise_db: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    """Level of a law [dB] to which noise [dB] is added in power."""
+    return np.asarray(_DB * np.logaddexp(law_db / _DB, np.asarray(noise_db) / _DB))

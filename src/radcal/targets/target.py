@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
-from radcal.ground.class_target import ClassTarget
 from radcal.ground.correlation import Correlation
 from radcal.ground.goodness import Goodness
 from radcal.ground.ground import Ground
@@ -18,6 +17,7 @@ from radcal.ground.levels import Levels
 from radcal.ground.one_incidence import LEAST_SPAN_DEG, seen_at_one_incidence
 from radcal.storage.dataclass_groups import put, take
 from radcal.storage.records import read_hdf5, write_hdf5
+from radcal.targets.class_target import ClassTarget
 
 __all__ = ["Target", "Targets", "read_targets", "write_targets"]
 

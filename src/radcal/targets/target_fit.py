@@ -1,4 +1,4 @@
-"""Fit of targets: a skew normal is fitted to level-normalised measured values of pixels drawn from each material."""
+"""Making of targets: pixels of each material are drawn and level-normalised, then fitted, checked and binned."""
 
 from __future__ import annotations
 
@@ -20,8 +20,11 @@ from radcal.ground.patches import label_patches, patches_seen
 from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, point_targets
 from radcal.image.looks import estimate_looks, local_looks
 from radcal.image.model import Measurement
+from radcal.inference.misfit import BinMisfit, Misfit
 from radcal.radar.radiometry import noise_floor_db
 from radcal.seeds import derived_rng
+from radcal.targets.bin_target import bin_targets
+from radcal.targets.reach import check_reach
 from radcal.targets.target import Target, Targets
 
 if TYPE_CHECKING:
@@ -29,7 +32,7 @@ if TYPE_CHECKING:
     from radcal.registration.registered import Registered
     from radcal.scene.model import Scene
 
-__all__ = ["HELD_OUT", "fields_of", "make_levels", "make_target", "make_targets", "sampling_rms"]
+__all__ = ["HELD_OUT", "fields_of", "laws_of_image", "make_levels", "make_target", "make_targets", "sampling_rms"]
 
 # Step to which a target's parameters are rounded, relative to its standard deviation; a thousandth of the sampling
 # error of 1,000 pixels. Numerical noise, for example after a constant is added to the image, then changes no
@@ -180,10 +183,11 @@ def make_targets(
     geometry: Geometry,
     registered: Registered,
     reference_db: NDArray[np.float32],
+    misfit: type[Misfit] | None,
     partly: bool = False,
     scene: Scene | None = None,
 ) -> Targets:
-    """Targets of all calibrated materials, with the level normalisation.
+    """Targets of all calibrated materials in one pass: made, checked and divided into incidence-angle bins.
 
     Parameters
     ----------
@@ -195,6 +199,8 @@ def make_targets(
         Registered measured image.
     reference_db : ndarray, shape (rows, columns)
         Image of the reference run [dB].
+    misfit : type of Misfit, or None
+        Misfit of the objective, for which the pixels are divided into bins; None for an objective without bins.
     partly : bool
         Whether materials with too few pixels are left out, as long as one has enough; for further passes.
     scene : Scene, optional
@@ -204,6 +210,8 @@ def make_targets(
     ------
     MeasurementError
         A material has too few pixels, or the level cannot be estimated from any reference material.
+    ConfigError
+        Inside the bounds of X, a law cannot reach the measured level (:func:`radcal.targets.reach.check_level`).
     FitError
         The density of a material cannot be fitted to its pixels.
     """
@@ -241,11 +249,38 @@ def make_targets(
             name: replace(target, noise_db=float(10.0 * np.log10(np.mean(10.0 ** (simulated_db[rows[name]] / 10.0)))))
             for name, target in targets.items()
         }
-    return Targets(
-        targets,
-        levels,
-        looks.looks if looks is not None else float("nan"),
-    )
+    made = Targets(targets, levels, looks.looks if looks is not None else float("nan"))
+    check_reach(case, made)
+    if misfit is None:
+        return made
+    return bin_targets(case, made, geometry, registered, misfit, scene.slope_error_deg if scene is not None else 0.0)
+
+
+def laws_of_image(
+    case: stages.Target,
+    geometry: Geometry,
+    registered: Registered,
+    reference_db: NDArray[np.float32],
+    scene: Scene,
+) -> dict[str, list[float]]:
+    """Parameters X of the laws that fit the measured pixels in incidence-angle bins, without a simulator run.
+
+    Parameters
+    ----------
+    case, geometry, registered, reference_db, scene
+        Arguments of :func:`make_targets`; bins are used for every objective.
+
+    Returns
+    -------
+    dict
+        X of each calibrated material that has a law with a curve.
+    """
+    found = {}
+    for name, target in make_targets(case, geometry, registered, reference_db, BinMisfit, scene=scene).items():
+        if target.classes is not None and target.classes.first.size:
+            x = target.classes.first
+            found[name] = np.where(case.materials[name].integers, np.round(x), x).tolist()
+    return found
 
 
 def fields_of(name: str, geometry: Geometry, scene: Scene | None) -> NDArray[np.int64]:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from calibration_samples import make_target
 
-from radcal.assessment.reach import check_reach, law_range_db
 from radcal.config import case_from
 from radcal.errors import ConfigError
 from radcal.laws import LAWS, law_for
+from radcal.targets.reach import check_reach, law_range_db
 from radcal.targets.target import Targets
 
 LAW = LAWS["mangia"]

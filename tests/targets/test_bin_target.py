@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from calibration_samples import TRUTH
 
-from radcal.calibration.bin_target import bin_targets, laws_of_image
+from radcal.inference.misfit import BinMisfit
 from radcal.laws import LAWS, external_law
 from radcal.registration.registered import Registered
+from radcal.targets import target_fit
+from radcal.targets.bin_target import bin_targets
 from radcal.targets.target_fit import HELD_OUT
 
 
@@ -22,12 +24,6 @@ def test_ground_is_held_out_in_whole_blocks(parts):
         assert target.left_out[HELD_OUT] == target.kept_out.values_db.size
         assert set(target.kept_out.block % 4) == {2, 3}
         assert np.unique(target.patch).tolist() == np.unique(target.kept_out.patch).tolist() == [1]
-
-
-def test_another_objective_has_no_bins(parts):
-    case, _, geometry, _, targets = parts
-    density = case.model_copy(update={"objective": "density"})
-    assert bin_targets(density, targets, geometry, None) is targets
 
 
 def test_the_law_found_without_a_simulator_is_nearly_right(parts):
@@ -58,15 +54,20 @@ def registered_with(shape, uncertainty_px):
 
 
 @pytest.mark.slow
-def test_the_laws_of_the_image_are_those_of_its_bins_for_every_objective(parts):
+def test_the_laws_of_the_image_are_those_of_its_bins_for_every_objective(parts, monkeypatch):
     case, _, geometry, _, targets = parts
     registered = registered_with(geometry.shape, 0.7)
-    bins = bin_targets(case, targets, geometry, registered, 1.5)
+    bins = bin_targets(case, targets, geometry, registered, BinMisfit, 1.5)
     asked = {name: target.classes.first.tolist() for name, target in bins.items()}
     # whole numbers are simulated as such
     whole = case.materials["lake"].model_copy(update={"integer": True})
     density = {"objective": "density", "materials": {**case.materials, "lake": whole}}
-    found = laws_of_image(case.model_copy(update=density), targets, geometry, registered, 1.5)
+
+    def made(case, geometry, registered, reference_db, misfit, scene):
+        return bin_targets(case, targets, geometry, registered, misfit, 1.5)
+
+    monkeypatch.setattr(target_fit, "make_targets", made)
+    found = target_fit.laws_of_image(case.model_copy(update=density), geometry, registered, None, None)
     assert found == {"field": asked["field"], "lake": np.round(asked["lake"]).tolist()}
     assert found != asked
 
@@ -76,7 +77,7 @@ def test_errors_of_slopes_and_of_the_place_add_up(parts):
     registered = registered_with(geometry.shape, 2.0)
     only = replace_targets(targets, "field")
     errors = [
-        bin_targets(case, only, geometry, registered, slope)["field"].classes.incidence_error_deg
+        bin_targets(case, only, geometry, registered, BinMisfit, slope)["field"].classes.incidence_error_deg
         for slope in (0.0, 3.0)
     ]
     # a displacement of 2 pixels in any direction, on rows of which each has its incidence
@@ -95,7 +96,6 @@ def replace_targets(targets, name):
 def test_a_law_without_a_curve_has_bins_and_a_spread_of_fields(parts, classes):
     case, _, geometry, _, targets = parts
     outside = SimpleNamespace(
-        objective="classes",
         target=case.target.model_copy(update={"incidence_classes": classes}),
         materials=case.materials,
         simulator=case.simulator,
@@ -103,7 +103,7 @@ def test_a_law_without_a_curve_has_bins_and_a_spread_of_fields(parts, classes):
         laws={"field": external_law(["a", "b", "c", "d"])},
     )
     only = replace_targets(targets, "field")
-    found = bin_targets(outside, only, geometry, registered_with(geometry.shape, 0.0))["field"].classes
+    found = bin_targets(outside, only, geometry, registered_with(geometry.shape, 0.0), BinMisfit)["field"].classes
     assert found.classes.size == classes
     assert found.first.size == 0
     assert found.priors

@@ -8,22 +8,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from radcal.config import stages
-from radcal.config.objectives import DEFAULT
-from radcal.ground.class_target import ClassTarget
 from radcal.ground.classes import incidence_edges
 from radcal.ground.ground import Ground
 from radcal.inference.grounds import fit_grounds
 from radcal.inference.incidence_error import registration_error_deg
-from radcal.inference.misfit import BinMisfit, Method
+from radcal.inference.misfit import BinMisfit, Method, Misfit
 from radcal.laws import law_for
-from radcal.objectives import OBJECTIVES
+from radcal.targets.class_target import ClassTarget
 from radcal.targets.target import Targets
 
 if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
     from radcal.registration.registered import Registered
 
-__all__ = ["bin_targets", "laws_of_image"]
+__all__ = ["bin_targets"]
 
 _LEVEL_DB = 40.0  # half width of a bin level's bounds about the mean of the pixels, for laws without a curve
 
@@ -33,6 +31,7 @@ def bin_targets(
     targets: Targets,
     geometry: Geometry,
     registered: Registered,
+    misfit: type[Misfit],
     slope_error_deg: float = 0.0,
 ) -> Targets:
     """Divide the pixels of all targets into incidence-angle bins, and estimate the variance between fields.
@@ -43,7 +42,7 @@ def bin_targets(
     Parameters
     ----------
     case : stages.Target
-        Laws, objective and settings of the target.
+        Laws and settings of the target.
     targets : Targets
         Targets of the calibrated materials.
     geometry : Geometry
@@ -51,17 +50,16 @@ def bin_targets(
     registered : Registered
         Registered measured image; the uncertainty of its registration gives the error of the local incidence if
         ``target.incidence_error_deg`` is not configured.
+    misfit : type of Misfit
+        Misfit of the pixels in a bin, with which the laws are fitted.
     slope_error_deg : float
         Standard error of the scene's slopes [deg]; it is added in quadrature to the error from the registration.
 
     Returns
     -------
     Targets
-        Targets with their ``classes``; the given targets if the objective uses no incidence-angle bins.
+        Targets with their ``classes``.
     """
-    misfit = OBJECTIVES[case.objective].misfit
-    if misfit is None:
-        return targets
     laws, grounds, methods, binned = case.laws, {}, {}, {}
     for name, target in targets.items():
         law, error, each = laws[name], case.target.incidence_error_deg, None
@@ -97,30 +95,6 @@ def bin_targets(
         )
         binned[name] = replace(targets[name], classes=classes)
     return Targets(binned, targets.levels, targets.looks)
-
-
-def laws_of_image(
-    case: stages.Target, targets: Targets, geometry: Geometry, registered: Registered, slope_error_deg: float = 0.0
-) -> dict[str, list[float]]:
-    """Parameters X of the laws that fit the measured pixels in incidence-angle bins, without a simulator run.
-
-    Parameters
-    ----------
-    case, targets, geometry, registered, slope_error_deg
-        Arguments of :func:`bin_targets`; bins are used for every objective.
-
-    Returns
-    -------
-    dict
-        X of each calibrated material that has a law with a curve.
-    """
-    bins = bin_targets(case.model_copy(update={"objective": DEFAULT}), targets, geometry, registered, slope_error_deg)
-    found = {}
-    for name, target in bins.items():
-        if target.classes is not None and target.classes.first.size:
-            x = target.classes.first
-            found[name] = np.where(case.materials[name].integers, np.round(x), x).tolist()
-    return found
 
 
 def _without_curve(method: Method, ground: Ground) -> Method:

@@ -8,8 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.config import Case, stages
 from radcal.errors import ConfigError
 from radcal.laws import Law
-from radcal.posterior.cells import with_noise_db
-from radcal.posterior.curves import curves_of
+from radcal.radar.radiometry import with_noise_db
 from radcal.seeds import derived_rng
 from radcal.speckle.texture import log_speckle_cumulants
 from radcal.targets.target import Targets
@@ -43,8 +42,8 @@ def law_range_db(law: Law, bounds: ArrayLike, incidence_deg: Doubles) -> tuple[D
     box = np.asarray(bounds, dtype=np.float64)
     unit = derived_rng(0, "reach").random((_SAMPLE, len(box)))
     x = box[:, 0] + np.concatenate([unit, np.round(unit)]) * np.ptp(box, axis=1)
-    levels = curves_of(law, x, np.radians(incidence_deg))
-    return levels.min(axis=0), levels.max(axis=0)
+    levels = np.asarray(law(np.radians(incidence_deg)[:, None], x.T)).reshape(incidence_deg.size, -1)
+    return levels.min(axis=1), levels.max(axis=1)
 
 
 def check_level(
