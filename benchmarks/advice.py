@@ -54,6 +54,7 @@ from radcal.assessment.model import image_of, posterior_of
 from radcal.assessment.observation import observe
 from radcal.assessment.preposterior import Sight, half_widths_after, half_widths_now, sight_of
 from radcal.config import Case, case_from, stages
+from radcal.objectives import make_objectives
 from radcal.posterior.cells import Simulated
 from radcal.posterior.curves import GRID_DEG
 from radcal.posterior.result import Posterior
@@ -310,7 +311,8 @@ def calibrated(case: Case, ground: Ground, passes: list[Pass], folder: Path) -> 
         radar = one.radar.model_copy(update={"looks": LOOKS})
         simulated = Simulated(BuiltinSimulator(geometry, radar, one.laws).run(parameters, SEED), parameters)
         cells.append(observe(one, geometry, registered, [simulated], found.levels, ground.scene))
-    return posterior_of(stage, targets, history, NAME, cells, image_of(stage, cells))
+    objective = make_objectives(stage, targets)[NAME]
+    return posterior_of(stage, targets, history, objective, cells, image_of(stage, cells))
 
 
 def half_width_db(posterior: Posterior, over_deg: tuple[float, float]) -> float:

@@ -43,7 +43,7 @@ from radcal.config import Case, case_from, stages
 from radcal.errors import RadcalError
 from radcal.ground.patches import patches_seen
 from radcal.measurement.sources import make_measurement
-from radcal.objectives import OBJECTIVES
+from radcal.objectives import OBJECTIVES, make_objectives
 from radcal.objectives.history import History
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
@@ -492,11 +492,13 @@ def band(
     )
     cells = [observe(stage, b.geometry, registered, images[0], targets.levels, b.scene)]
     image = image_of(stage, cells)
-    posterior = posterior_of(stage, targets, history, name, cells, image)
+    objectives = make_objectives(stage, targets)
+    posterior = posterior_of(stage, targets, history, objectives[name], cells, image)
     archive = stages.Archive.of(case)
     found = conclude(
-        archive, case.stop, history, targets, b.geometry, runs, final, {name: posterior}, image, [registered]
-    )
+        archive, case.stop, history, targets, objectives, b.geometry, runs, final, {name: posterior}, image,
+        [registered],
+    )  # fmt: skip
     posterior = found.posteriors[name]
     low, high = posterior.known_between_deg or (np.inf, -np.inf)
     curve = posterior.curve

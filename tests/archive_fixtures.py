@@ -18,11 +18,13 @@ from radcal.config import Case, RegistrationConfig, Stop, case_from, stages
 from radcal.ground.goodness import Goodness
 from radcal.image.model import Measurement
 from radcal.inference.moments import from_dp
+from radcal.objectives import make_objectives
 from radcal.objectives.history import History, Proposal, Run, Score
 from radcal.radar.geometry import Geometry
 from radcal.registration.registered import Registered, register
 from radcal.results.archive import Archive, read_archive, write_archive
 from radcal.results.results import gather
+from radcal.results.search_front import search_fronts
 from radcal.scene.model import Scene
 from radcal.storage.runs import Record, RunStore
 from radcal.targets.target import Target, Targets
@@ -59,6 +61,7 @@ class Made:
         at = SimpleNamespace(**{**vars(self), "runs": self.path.parent / "runs", **changes})
         laws = stages.Archive.of(at.case).laws
         posteriors = {name: posterior() if laws[name].has_curve else without_curve() for name in at.targets}
+        objectives = make_objectives(at.case, at.targets)
         archive = gather(
             case=at.case,
             stop=at.stop,
@@ -68,10 +71,20 @@ class Made:
             registered=at.registered,
             targets=at.targets,
             conclusion=conclude(
-                at.case, at.stop, at.history, at.targets, at.geometry, at.runs, at.final, posteriors, image()
+                at.case,
+                at.stop,
+                at.history,
+                at.targets,
+                objectives,
+                at.geometry,
+                at.runs,
+                at.final,
+                posteriors,
+                image(),
             ),
             image=image(),
             final=at.final,
+            fronts=search_fronts(objectives, at.history),
         )
         write_archive(path, archive)
         return read_archive(path)

@@ -17,6 +17,7 @@ from radcal.assessment.registration_check import moved_finding
 from radcal.config import Stop, case_from
 from radcal.findings import Finding, to_json
 from radcal.laws import LAWS
+from radcal.objectives import make_objectives
 from radcal.objectives.history import History
 from radcal.skewnormal import centred
 from radcal.speckle.texture import log_speckle_cumulants
@@ -59,7 +60,9 @@ def parts(tmp_path_factory):
     ]
     folder = tmp_path_factory.mktemp("runs")
     RunStore(folder).put(reference, {"simulator": {"kind": "made up"}})
-    arguments = (case, Stop(rms=1e-3), History(runs), Targets({"area": target}), seen, folder, tuple(final))
+    targets = Targets({"area": target})
+    made = make_objectives(case, targets)
+    arguments = (case, Stop(rms=1e-3), History(runs), targets, made, seen, folder, tuple(final))
     return (*arguments, KNOWN, made_image()), reference
 
 

@@ -175,14 +175,13 @@ def test_the_mean_area_of_a_pass_without_cells_is_zero():
     assert image.radiometry["2"].materials == ()
 
 
-def known_case(monkeypatch, passes=1):
+def known_case(passes=1):
     """Case, targets and history of a material with the law :data:`LINE`, seen at 28 to 46 degrees in all passes."""
     best = LINE_X + [0.7, -1.5]
     objective = SimpleNamespace(
-        material=SimpleNamespace(box=LINE_BOX, integer=np.zeros(2, bool)),
+        material=SimpleNamespace(name="dyke", box=LINE_BOX, integer=np.zeros(2, bool)),
         passes=[SimpleNamespace(compared=lambda: SimpleNamespace(prior=None))] * passes,
     )
-    monkeypatch.setattr(model, "make_objectives", lambda case, targets: {"dyke": objective})
     score = SimpleNamespace(scores={"dyke": SimpleNamespace(parameters=best)})
     one = SimpleNamespace(incidence_deg=np.linspace(28.0, 46.0, 60).astype(np.float32), classes=None)
     targets = SimpleNamespace(passes=[{"dyke": one}] * passes, level_only=lambda name: False)
@@ -193,19 +192,20 @@ def known_case(monkeypatch, passes=1):
         validation=None,
         seed=5,
     )
-    return SimpleNamespace(case=case, targets=targets, history=SimpleNamespace(best=lambda name: score), best=best)
+    history = SimpleNamespace(best=lambda name: score)
+    return SimpleNamespace(case=case, targets=targets, objective=objective, history=history, best=best)
 
 
 def posterior(known, cells):
     """Posterior of the dyke without fixed materials."""
     radiometry = {str(k): NOTHING_SHOWN for k in range(1, len(cells) + 1)}
     image = replace(image_of_fixed({}, [0.0] * len(cells), known.case.uncertainty), radiometry=radiometry)
-    return posterior_of(known.case, known.targets, known.history, "dyke", cells, image)
+    return posterior_of(known.case, known.targets, known.history, known.objective, cells, image)
 
 
 def test_a_material_without_cells_has_its_bounds_and_a_finding(monkeypatch):
     """The calibrated material has a target in both passes, and no cell in either."""
-    known = known_case(monkeypatch, passes=2)
+    known = known_case(passes=2)
     found = posterior(known, [{}, {}])
     assert (found.cells, found.curve, found.draws, found.known_between_deg) == (0, None, None, None)
     np.testing.assert_allclose(found.parameters_p05, [-28.0, -38.0])
@@ -214,7 +214,7 @@ def test_a_material_without_cells_has_its_bounds_and_a_finding(monkeypatch):
 
 
 def test_cells_of_a_pass_without_a_target_are_left_out(monkeypatch):
-    known = known_case(monkeypatch, passes=2)
+    known = known_case(passes=2)
     known.targets.passes[1] = {}
     cells = seen_cells(np.random.default_rng(5), 40)
     assert posterior(known, [{}, {"dyke": cells}]).cells == 0
@@ -224,7 +224,7 @@ def test_cells_of_a_pass_without_a_target_are_left_out(monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_pass_without_cells_leaves_the_band_of_the_other(order, monkeypatch):
-    known = known_case(monkeypatch, passes=2)
+    known = known_case(passes=2)
     found = posterior(known, [{"dyke": seen_cells(np.random.default_rng(5), 60)}, {}][::order])
     assert found.cells == 60
     assert np.isfinite(found.curve.half_width_db).all()
@@ -267,7 +267,7 @@ def test_the_posterior_of_known_ground_holds_its_truth(normalisation, monkeypatc
     rng = np.random.default_rng(11)
     cells = seen_cells(rng, 240, added_db=1.2, field_db=0.4, cell_db=0.2)
     noise = np.full(240, -24.0)
-    known = known_case(monkeypatch)
+    known = known_case()
     # the simulated image has other ground, too
     beside = rng.normal(0.3, 0.2, 240)
     measured = with_noise_db(cells.measured_db, noise) + beside
@@ -279,7 +279,7 @@ def test_the_posterior_of_known_ground_holds_its_truth(normalisation, monkeypatc
     known.case.uncertainty = Uncertainty(walkers=48, steps=800, known_db=1.5)
     known.case.target.normalisation = normalisation
     image = Image({"0": common}, {}, {}, np.zeros((1, 3)), True, {"1": NOTHING_SHOWN})
-    found = posterior_of(known.case, known.targets, known.history, "dyke", [{"dyke": seen}], image)
+    found = posterior_of(known.case, known.targets, known.history, known.objective, [{"dyke": seen}], image)
     assert (found.cells, found.fields) == (240, 10)
     assert np.all((found.parameters_p05 < LINE_X) & (found.parameters_p95 > LINE_X))
     if normalisation == "image":
@@ -308,7 +308,7 @@ def test_the_posterior_of_known_ground_holds_its_truth(normalisation, monkeypatc
     monkeypatch.setattr(prediction, "_FOLDS", 2)
     known.case.uncertainty = known.case.uncertainty.model_copy(update={"steps": 200})
     known.case.validation = Validation(rows=20, means=10, keep="even")
-    part = posterior_of(known.case, known.targets, known.history, "dyke", [{"dyke": seen}], image)
+    part = posterior_of(known.case, known.targets, known.history, known.objective, [{"dyke": seen}], image)
     assert part.constant.variance > found.constant.variance
     assert part.held.patch.size == 80
     assert part.left_out.patch.size == 160

@@ -78,8 +78,18 @@ def test_steps_from_files_in_two_processes_are_those_from_memory_in_one(parts, c
     proposals = propose_all(read, objectives, start, stages.Propose.of(case), 0, case.stop, 2)
     assert proposals == dict(history.infill[0].proposals)
     write_proposals(tmp_path / "proposals.json", proposals)
-    verified = verify(read_proposals(tmp_path / "proposals.json"), again, runner, stages.Verify.of(case), start, 0, 2)
+    read = read_proposals(tmp_path / "proposals.json")
+    verified, ahead = verify(read, again, objectives, runner, stages.Verify.of(case), start, 0, 2)
     assert replace(verified, seconds=0.0) == replace(history.infill[0], seconds=0.0)
+    # the next iteration has the training of the verification, in the same bits, and trains what was left out
+    after, train = History([*start.runs, verified]), stages.Train.of(case)
+    write_trainings(tmp_path / "trained.h5", ahead)
+    ahead = read_trainings(tmp_path / "trained.h5")
+    assert same(dict(ahead), train_all(after, train, objectives))
+    given = {"lake": ahead["lake"]}
+    kept = train_all(after, train, objectives, 1, given)
+    assert kept["lake"] is given["lake"]
+    assert same(kept, dict(ahead))
     # what is promised is over the best of all runs, the verified one included
     for name, first in verified.scores.items():
         assert first.cost < 0.2 * min(run.scores[name].cost for run in made[1].runs)
@@ -224,7 +234,7 @@ def test_a_repeated_reference_run_tells_the_noise(parts, runner, made):
     rng = np.random.default_rng(1)
     again = {name: (v + rng.normal(0.0, 0.5, v.shape)).astype(np.float32) for name, v in first.pixels_db.items()}
     second = Record("again", again, None, 0.1)
-    runs = score_reference(stages.Scores.of(case), [first, second], targets)
+    runs = score_reference(stages.Scores.of(case), [first, second], targets, made[0])
     assert runs[0].rms_sampling == {name: target.rms_sampling for name, target in targets.items()}
     assert runs[1].repeat_db == pytest.approx(2.3, abs=0.7), "the largest of 8,000 normal differences of 0.5 dB"
     variance = History(runs).noise_variance("field")
@@ -232,7 +242,7 @@ def test_a_repeated_reference_run_tells_the_noise(parts, runner, made):
     # half of the variance of the difference, of the mean of the pixels of a bin; three standard errors of the bootstrap
     wanted = 0.5 * 0.5**2 / (targets["field"].effective / 3.0)
     assert np.mean(variance[:, 0]) == pytest.approx(wanted, rel=0.32)
-    equal = score_reference(stages.Scores.of(case), [first, first], targets)
+    equal = score_reference(stages.Scores.of(case), [first, first], targets, made[0])
     assert History(equal).noise_variance("field") is None
     assert equal[1].repeat_db == 0.0
 

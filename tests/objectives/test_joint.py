@@ -168,7 +168,7 @@ def test_a_run_is_scored_in_all_passes(found, tmp_path):
 
 
 def test_the_front_of_two_passes_is_kept(found, tmp_path):
-    case, targets, _, objectives, run = found
+    case, _, _, objectives, run = found
     joint, history = objectives["field"], History([run])
     surrogate = Surrogate(train_surrogate(joint, *history.training("field"), case.surrogate), joint)
     settings = Optimiser(population=40, evaluations=400)
@@ -186,7 +186,7 @@ def test_the_front_of_two_passes_is_kept(found, tmp_path):
 
     ended = replace(proposal, mode="ended", front=Front())
     infill = [replace(run, kind="infill", proposals={"field": one, "lake": ended}) for one in (proposal, ended)]
-    kept = search_fronts(case, targets, History([run, *infill]))
+    kept = search_fronts(objectives, History([run, *infill]))
     assert list(kept) == ["field"]  # of the last iteration that searched
     one = kept["field"]
     assert one.objectives == ("pass 1", "pass 2")

@@ -172,7 +172,7 @@ def test_whatever_is_missing_comes_back_and_no_run_is_repeated(finished):
     noticed = {"summary.json", "scores.json", *(name for name in names if name.endswith("/verified.json"))}
     (out / "iterations/7").mkdir()
     leftover = shutil.copy(out / "iterations/0/proposal.json", out / "iterations/7")
-    for name in ["iterations/0/surrogate.h5", "stop.json"]:
+    for name in ["iterations/0/surrogate.h5", "iterations/0/verified/surrogate.h5", "stop.json"]:
         (out / name).rename(out / "aside")
         planned = ended(finished, "-n", "--quiet", "host", *CASE)
         assert f"Missing output files: results/tiny/{name}" in planned

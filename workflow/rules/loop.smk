@@ -1,7 +1,25 @@
 # The loop: train(k), propose(k), verify(k), and on to k + 1 until the stop settings are met.
 
+from snakemake.exceptions import IncompleteCheckpointException
+from snakemake.io import checkpoint_target
+
 from radcal.objectives.history import read_runs
 from radcal.calibration.stopping import decide
+
+
+wildcard_constraints:
+    k="[0-9]+",
+
+
+def verification(k):
+    """Outputs of the verification of iteration k; an exception makes Snakemake make missing ones."""
+    try:
+        return checkpoints.verify.get(k=k).output
+    except IncompleteCheckpointException as unfinished:
+        # Snakemake itself asks for the first output alone, and makes nothing if only the other one is missing
+        names = expand(every_pass(rules.verify.output), k=k)
+        unfinished.targetfile = [checkpoint_target(name) for name in names]
+        raise
 
 
 def verified(wildcards):
@@ -11,7 +29,7 @@ def verified(wildcards):
     while not decide(
         read_runs(files), CASE.calibrated, CASE.stop, CASE.objective
     ).ended:
-        files.append(checkpoints.verify.get(k=k).output.verified)
+        files.append(verification(k).verified)
         k += 1
     return files[1:]
 
@@ -38,10 +56,17 @@ rule stop_settings:
         "../scripts/stop_settings.py"
 
 
+def trained_before(wildcards):
+    """Surrogates that the verification of the iteration before has trained; none in the first iteration."""
+    k = int(wildcards.k)
+    return [f"{OUT}/iterations/{k - 1}/verified/surrogate.h5"] if k else []
+
+
 rule train:
     input:
         scores=f"{OUT}/scores.json",
         verified=earlier,
+        trained=trained_before,
         target=every_pass(rules.target.output.target),
     output:
         surrogate=update(f"{OUT}/iterations/{{k}}/surrogate.h5"),
@@ -98,6 +123,7 @@ checkpoint verify:
         proposal=rules.propose.output.proposal,
     output:
         verified=f"{OUT}/iterations/{{k}}/verified.json",
+        trained=update(f"{OUT}/iterations/{{k}}/verified/surrogate.h5"),
     log:
         f"{OUT}/logs/iterations/{{k}}/verify.log",
     benchmark:

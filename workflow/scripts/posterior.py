@@ -3,6 +3,7 @@
 from radcal.assessment.model import image_of, posterior_of
 from radcal.assessment.observation import observe, simulated_of
 from radcal.config import stages
+from radcal.objectives import make_objectives
 from radcal.objectives.history import read_runs
 from radcal.radar.geometry import read_geometry
 from radcal.registration.registered import read_registered
@@ -27,7 +28,8 @@ with logged(snakemake.log[0], snakemake.params.case):
     ]
     progress("posterior: fixed laws against the image ...")
     image = image_of(case, cells)
+    objectives = make_objectives(case, targets)
     for name, path in zip(case.calibrated, snakemake.output.posterior, strict=True):
         progress(f"posterior: law of {name} ...")
-        write_item(path, "posterior", posterior_of(case, targets, history, name, cells, image))
+        write_item(path, "posterior", posterior_of(case, targets, history, objectives[name], cells, image))
     write_item(snakemake.output.image, "image", image)

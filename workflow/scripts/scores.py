@@ -14,7 +14,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     store, passes = (snakemake.params.runs, case.calibrated), len(snakemake.input.target)
     reference = [record for record, _ in in_all_passes(indexed([file], *store) for file in snakemake.input.reference)]
     objectives = make_objectives(case, targets)
-    runs = score_reference(case, reference, targets)
+    runs = score_reference(case, reference, targets, objectives)
     for kind, files in (
         ("registration", snakemake.input.registration),
         ("reused", snakemake.input.reused),

@@ -1,10 +1,10 @@
-"""Train the surrogates of all calibrated materials."""
+"""Train the surrogates of all calibrated materials, except those that the verification before has trained."""
 
 from radcal.calibration.steps import train_all
 from radcal.config import stages
 from radcal.objectives import make_objectives
 from radcal.objectives.history import read_runs
-from radcal.proposals.surrogate import write_trainings
+from radcal.proposals.surrogate import read_trainings, write_trainings
 from radcal.session.jobs import logged
 from radcal.targets.target import read_targets
 
@@ -12,5 +12,6 @@ with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Train.model_validate(snakemake.params.case)
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     objectives = make_objectives(case, read_targets(*snakemake.input.target))
-    trainings = train_all(history, case, objectives, snakemake.threads)
+    trained = {name: one for path in snakemake.input.trained for name, one in read_trainings(path).items()}
+    trainings = train_all(history, case, objectives, snakemake.threads, trained)
     write_trainings(snakemake.output.surrogate, trainings)

@@ -3,7 +3,9 @@
 from radcal.calibration.steps import progress_line, runs_left, verify
 from radcal.config import Stop, stages
 from radcal.forecast.time_left import at_most, iteration_seconds, most_need
+from radcal.objectives import make_objectives
 from radcal.objectives.history import History, read_proposals, read_runs, write_runs
+from radcal.proposals.surrogate import write_trainings
 from radcal.session.jobs import logged, progress
 from radcal.simulators.sources import make_runner
 from radcal.targets.target import read_targets
@@ -14,7 +16,9 @@ with logged(snakemake.log[0], snakemake.params.case):
     proposals = read_proposals(snakemake.input.proposal)
     history = read_runs([snakemake.input.scores, *snakemake.input.earlier])
     targets, k = read_targets(*snakemake.input.target), int(snakemake.wildcards.k)
-    run = verify(proposals, targets, runner, case, history, k, snakemake.threads)
+    objectives = make_objectives(case, targets)
+    run, trained = verify(proposals, targets, objectives, runner, case, history, k, snakemake.threads)
+    write_trainings(snakemake.output.trained, trained)
     write_runs(snakemake.output.verified, [run])
     stop = Stop.model_validate(snakemake.config["stop"])
     history = History([*history.runs, run])

@@ -18,7 +18,7 @@ from radcal.calibration.stopping import Decision, decide
 from radcal.config import Stop, stages
 from radcal.errors import StoreError
 from radcal.findings import Finding, from_json
-from radcal.objectives import make_objectives
+from radcal.objectives import Comparison
 from radcal.objectives.history import History
 from radcal.posterior.result import Image, Posterior
 from radcal.radar.geometry import Geometry
@@ -89,6 +89,7 @@ def conclude(
     stop: Stop,
     history: History,
     targets: Targets,
+    objectives: Mapping[str, Comparison],
     geometry: Geometry,
     runs: str | Path,
     final: Sequence[Record],
@@ -104,8 +105,8 @@ def conclude(
         Configuration of the case, and stop criteria.
     history : History
         Scored runs: reference run, design and verified proposals.
-    targets : Targets
-        Target of each calibrated material.
+    targets, objectives : mapping
+        Target and objective of each calibrated material.
     geometry : Geometry
         Geometry of the pass, which holds the pixels of each material.
     runs : path
@@ -131,7 +132,6 @@ def conclude(
             f"{store.path(key)}: the reference run is missing or without its image; delete "
             f"{Path(runs).parent / 'reference.json'} and type the same command again to make it again."
         )
-    objectives = make_objectives(case, targets)
     first = {name: score.looks for name, score in history.runs[0].scores.items()}
     looks = {name: history.best(name).scores[name].looks for name in targets}
     fresh_db = with_texture(final[1].pixels_db, objectives, looks, case.seed, fresh=True)

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from radcal.calibration.steps import train_all
 from radcal.config import Validation, stages
 from radcal.laws import Law
-from radcal.objectives import Comparison, make_objectives
+from radcal.objectives import Comparison
 from radcal.objectives.history import History
 from radcal.posterior.calibrated import FORMS, Draws, LawModel, Parameters
 from radcal.posterior.cells import CellMeans
@@ -95,7 +95,7 @@ def posterior_of(
     case: stages.Posterior,
     targets: Targets,
     history: History,
-    name: str,
+    objective: Comparison,
     cells: Cells,
     image: Image,
 ) -> Posterior:
@@ -111,14 +111,14 @@ def posterior_of(
         Target of each calibrated material in all passes.
     history : History
         All scored runs; the cells are relative to the best X.
-    name : str
-        Material.
+    objective : Comparison
+        Objective of the material in all passes.
     cells : sequence of mapping
         Cells of each material in each pass.
     image : Image
         Result of :func:`image_of`.
     """
-    objective = make_objectives(case, targets)[name]
+    name = objective.material.name
     best = np.asarray(history.best(name).scores[name].parameters, dtype=np.float64)
     laws = [one.laws[name] for one in case.passes]
     seen = [

@@ -26,6 +26,7 @@ from radcal.image.model import Measurement
 from radcal.objectives import make_objectives
 from radcal.objectives.history import History
 from radcal.proposals.design import design_points
+from radcal.proposals.surrogate import Training
 from radcal.radar.geometry import Geometry
 from radcal.registration.geometry_check import checked
 from radcal.registration.registered import Registered, register
@@ -137,19 +138,22 @@ def calibrate(
     others = case.start_with_another_law
     if others and reference is None:
         raise ValueError(f"materials {others} start with another law: expected a reference runner")
-    runs = score_reference(scores, reference_runs(stages.ReferenceRun.of(case), reference or runner), targets)
     objectives = make_objectives(scores, targets)
+    made = reference_runs(stages.ReferenceRun.of(case), reference or runner)
+    runs = score_reference(scores, made, targets, objectives)
     if registration is not None:
         runs.append(score("registration", 0, *registration, targets, objectives, case.seed))
     for k, parameters in enumerate(design_points(stages.DesignChunk.of(case), case.design_size)):
         record = run_all_draws(simulation, runner, parameters)
         runs.append(score("design", k, record, parameters, targets, objectives, case.seed))
     history, k = History(runs), 0
+    trained: dict[str, Training] = {}
     report(history)
     while not (decision := decide(history, list(targets), case.stop, case.objective)).ended:
-        trainings = train_all(history, train, objectives)
+        trainings = train_all(history, train, objectives, trained=trained)
         proposals = propose_all(trainings, objectives, history, proposal, k, case.stop)
-        history = History([*history.runs, verify(proposals, targets, runner, simulation, history, k)])
+        run, trained = verify(proposals, targets, objectives, runner, simulation, history, k)
+        history = History([*history.runs, run])
         report(history)
         k += 1
     return history, decision

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from radcal.calibration.noise import noise_variance
 from radcal.config import stages
-from radcal.objectives import Comparison, make_objectives
+from radcal.objectives import Comparison
 from radcal.objectives.history import Kind, PassScore, Run, Score
 from radcal.seeds import derived_rng
 from radcal.simulators.texturing import textured
@@ -152,17 +152,19 @@ def with_texture(
     return found
 
 
-def score_reference(case: stages.Scores, records: Sequence[Record], targets: Targets) -> list[Run]:
+def score_reference(
+    case: stages.Scores, records: Sequence[Record], targets: Targets, objectives: Mapping[str, Comparison]
+) -> list[Run]:
     """Scores of the reference run and of its repetition, with the difference of their pixels.
 
     Parameters
     ----------
     case : stages.Scores
-        Starting parameters, laws and seed.
+        Starting parameters and seed.
     records : sequence of Record
         Record of the reference run and, if it was repeated, of the repetition.
-    targets : mapping
-        Target by calibrated material.
+    targets, objectives : mapping
+        Target and objective by calibrated material.
 
     Returns
     -------
@@ -171,7 +173,6 @@ def score_reference(case: stages.Scores, records: Sequence[Record], targets: Tar
         repetition that differs from the first run also holds ``repeat_variance``.
     """
     start, others = case.start_parameters, case.start_with_another_law
-    objectives = make_objectives(case, targets)
     runs = [
         score("reference", k, record, start, targets, objectives, case.seed, other_law=others)
         for k, record in enumerate(records)

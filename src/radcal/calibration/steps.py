@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from radcal.calibration.noise import noise_sentence
@@ -14,7 +15,7 @@ from radcal.calibration.scoring import score
 from radcal.calibration.stopping import decide
 from radcal.config import CommandSimulation, Material, SimulatorConfig, Stop, stages
 from radcal.errors import SimulatorError
-from radcal.objectives import OBJECTIVES, Comparison, make_objectives
+from radcal.objectives import OBJECTIVES, Comparison
 from radcal.objectives.history import History, Proposal, Run, Score
 from radcal.processes import each
 from radcal.proposals.search import Search
@@ -173,9 +174,13 @@ def _trained(name: str, objective: Comparison, history: History, case: stages.Tr
 
 
 def train_all(
-    history: History, case: stages.Train, objectives: Mapping[str, Comparison], processes: int = 1
+    history: History,
+    case: stages.Train,
+    objectives: Mapping[str, Comparison],
+    processes: int = 1,
+    trained: Mapping[str, Training] = MappingProxyType({}),
 ) -> dict[str, Training]:
-    """Train the surrogates of all calibrated materials.
+    """Train the surrogates of all calibrated materials by all runs so far.
 
     Parameters
     ----------
@@ -187,18 +192,21 @@ def train_all(
         Objective by material.
     processes : int
         Number of materials that are trained at the same time.
+    trained : mapping
+        Trainings by the same runs that :func:`verify` has already made, by material.
 
     Returns
     -------
     dict
         Data and hyper-parameters of the surrogate by material.
     """
-    work = {name: partial(_trained, name, objective, history, case) for name, objective in objectives.items()}
-    trained = each(work, processes)
-    for name, training in trained.items():
+    left = {name: objective for name, objective in objectives.items() if name not in trained}
+    made = each({name: partial(_trained, name, one, history, case) for name, one in left.items()}, processes)
+    found = {name: made[name] if name in made else trained[name] for name in objectives}
+    for name, training in found.items():
         level = logging.WARNING if "failed" in training.status else logging.INFO
         logger.log(level, "%s: %s", name, training.sentence())
-    return trained
+    return found
 
 
 def propose_all(
@@ -254,12 +262,13 @@ def propose_all(
 def verify(
     proposals: Mapping[str, Proposal],
     targets: Targets,
+    objectives: Mapping[str, Comparison],
     runner: Runner,
     case: stages.Verify,
     history: History,
     iteration: int,
     processes: int = 1,
-) -> Run:
+) -> tuple[Run, dict[str, Training]]:
     """Simulate the proposals in one run, score the run, and predict the improvement that further runs may bring.
 
     The prediction comes from surrogates that are trained on all runs, including the new one.
@@ -268,12 +277,12 @@ def verify(
     ----------
     proposals : mapping
         Proposal by material.
-    targets : Targets
-        Targets of the calibrated materials.
+    targets, objectives : mapping
+        Target and objective by calibrated material.
     runner : Runner
         Simulator with the run store.
     case : stages.Verify
-        Laws, objective, seed and surrogate.
+        Materials, seed and surrogate.
     history : History
         Runs so far.
     iteration : int
@@ -283,28 +292,31 @@ def verify(
 
     Returns
     -------
-    Run
+    run : Run
+        Scored run.
+    trained : dict
+        Surrogates of the prediction by material, which the next iteration also needs (:func:`train_all`); without the
+        materials whose search has no prediction.
     """
-    objectives = make_objectives(case, targets)
     parameters = all_parameters(case.materials, {name: proposal.parameters for name, proposal in proposals.items()})
     with called(f"infill run {history.count('infill') + 1}"):
         record = run_all_draws(case, runner, parameters)
     run = score("infill", iteration, record, parameters, targets, objectives, case.seed)
     run = replace(run, proposals=dict(proposals))
     ahead = [name for name, objective in objectives.items() if objective.looks_ahead]
-    if not ahead:
-        return run
     history = History([*history.runs, run])
 
-    def outlook(name: str) -> Score:
+    def outlook(name: str) -> tuple[Score, Training]:
         objective = objectives[name]
-        search = Search(objective, Surrogate(_trained(name, objective, history, case), objective))
+        training = _trained(name, objective, history, case)
+        search = Search(objective, Surrogate(training, objective))
         seed = derived_seed(case.seed, "outlook", name, iteration)
         gain, floor, moved_db = search.outlook(history.best(name).scores[name], seed)
-        return replace(run.scores[name], gain=gain, floor=floor, moved_db=moved_db)
+        return replace(run.scores[name], gain=gain, floor=floor, moved_db=moved_db), training
 
     found = each({name: partial(outlook, name) for name in ahead}, processes)
-    return replace(run, scores={**run.scores, **found})
+    scores = {**run.scores, **{name: score for name, (score, _) in found.items()}}
+    return replace(run, scores=scores), {name: training for name, (_, training) in found.items()}
 
 
 def design_line(number: int, size: int, record: Record, targets: Targets) -> str:

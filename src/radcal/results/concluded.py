@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from radcal.assessment.conclusion import conclude
 from radcal.config import Stop, stages
+from radcal.objectives import make_objectives
 from radcal.objectives.history import History
 from radcal.posterior.result import Image, Posterior
 from radcal.radar.geometry import Geometry
@@ -13,6 +14,7 @@ from radcal.registration.height_shift import with_height_warning
 from radcal.registration.registered import Registered
 from radcal.results.archive import Archive
 from radcal.results.results import gather
+from radcal.results.search_front import search_fronts
 from radcal.scene.model import Scene
 from radcal.storage.runs import Record
 from radcal.targets.target import Targets
@@ -39,8 +41,9 @@ def archive_of(
     """
     images = [with_height_warning(passes[0], geometry, scene, case.radar), *passes[1:]]
     of_each = dict(zip(case.calibrated, posteriors, strict=True))
-    found = conclude(case, stop, history, targets, geometry, runs, final[:2], of_each, image, images)
+    objectives = make_objectives(case, targets)
+    found = conclude(case, stop, history, targets, objectives, geometry, runs, final[:2], of_each, image, images)
     return gather(
         case=case, stop=stop, history=history, scene=scene, geometry=geometry, registered=images[0], targets=targets,
-        conclusion=found, image=image, passes=images, final=final,
+        conclusion=found, image=image, passes=images, final=final, fronts=search_fronts(objectives, history),
     )  # fmt: skip

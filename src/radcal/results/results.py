@@ -39,7 +39,7 @@ from radcal.results.archive import (
     SceneView,
 )
 from radcal.results.law_notes import law_notes
-from radcal.results.search_front import search_fronts
+from radcal.results.search_front import SearchFront
 from radcal.scene.model import Scene
 from radcal.storage.disclosure import disclosed
 from radcal.storage.runs import Record
@@ -64,6 +64,7 @@ def gather(
     conclusion: Conclusion,
     image: Image,
     final: Sequence[Record],
+    fronts: Mapping[str, SearchFront],
     passes: Sequence[Registered] = (),
 ) -> Archive:
     """Collect the results of a calibration.
@@ -88,6 +89,8 @@ def gather(
         What the fixed materials say.
     final : sequence of Record
         Final runs of all passes, two for each.
+    fronts : mapping
+        Front of the last search by material, for searches with several objectives.
     passes : sequence of Registered
         Registered measured images of all passes.
 
@@ -98,7 +101,6 @@ def gather(
     """
     parameters = _final_parameters(case, history, targets)
     measurement, remarks = registered.measurement, random_notes(case, history, targets, final[:2])
-    fronts = search_fronts(case, targets, history)
     return Archive(
         case=case.case,
         config=json.dumps(disclosed(_as_written(case, stop))),

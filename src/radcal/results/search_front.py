@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import stages
-from radcal.objectives import make_objectives
+from radcal.objectives import Comparison
 from radcal.objectives.history import History
 from radcal.storage.dataclass_groups import About, Attribute
-from radcal.targets.target import Targets
 
 __all__ = ["SearchFront", "search_fronts"]
 
@@ -36,26 +35,22 @@ class SearchFront:
     verified: Annotated[Doubles, About("objectives of each run; NaN for a run with another law", shape="n, p")]
 
 
-def search_fronts(case: stages.Archive, targets: Targets, history: History) -> dict[str, SearchFront]:
+def search_fronts(objectives: Mapping[str, Comparison], history: History) -> dict[str, SearchFront]:
     """Front of the last search of each material; materials whose search has a single objective are left out.
 
     Parameters
     ----------
-    case : stages.Archive
-        Configuration of the case.
-    targets : Targets
-        Targets of the calibrated materials.
+    objectives : mapping
+        Objective by calibrated material.
     history : History
         All scored runs.
     """
     last = {}
     for run in history.infill:
         last.update({name: proposal.front for name, proposal in run.proposals.items() if proposal.front.objectives})
-    if not last:
-        return {}
-    comparisons, found = make_objectives(case, targets), {}
+    found = {}
     for name, front in last.items():
-        comparison = comparisons[name]
+        comparison = objectives[name]
         nothing = np.full(len(comparison.part_names), np.nan)
         scores = [run.scores[name] for run in history.runs]
         found[name] = SearchFront(
