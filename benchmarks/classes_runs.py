@@ -100,7 +100,7 @@ def searched(bench: Bench, case: Case, truth: list[float]) -> dict[str, Any]:
         runner = bench.runner(case, Path(folder))
         targets = bench.targets(case, runner)
         history, decision = calibrate(case, runner, targets)
-        best, seen = history.best("dyke").scores["dyke"], targets["dyke"].incidence_deg
+        best, seen = history.best("dyke"), targets["dyke"].incidence_deg
         return {
             "ended": decision.reason,
             "runs": history.count("infill"),
@@ -141,7 +141,7 @@ def continued(case: Case, runner: Runner, targets: Targets, history: History) ->
     now = search()
     while not (ended := decide(history, ["dyke"], case.stop, case.objective).ended) or more:
         more -= ended
-        k, best = history.count("infill"), history.best("dyke").scores["dyke"]
+        k, best = history.count("infill"), history.best("dyke")
         seed = derived_seed(case.seed, "propose", "dyke", k)
         proposal = now.propose(case.optimiser, seed, best, history.failures("dyke"))
         parameters = all_parameters(case.materials, {"dyke": proposal.parameters})
@@ -152,7 +152,7 @@ def continued(case: Case, runner: Runner, targets: Targets, history: History) ->
         now = search()
         if not ended:
             seed = derived_seed(case.seed, "outlook", "dyke", k)
-            gain, floor, moved_db = now.outlook(history.best("dyke").scores["dyke"], seed)
+            gain, floor, moved_db = now.outlook(history.best("dyke"), seed)
             found = replace(run.scores["dyke"], gain=gain, floor=floor, moved_db=moved_db)
             history = History([*history.runs[:-1], replace(run, scores={"dyke": found})])
     return history
@@ -160,7 +160,7 @@ def continued(case: Case, runner: Runner, targets: Targets, history: History) ->
 
 def lowest(history: History) -> Score:
     """Score of the run with the smallest cost."""
-    return history.best("dyke").scores["dyke"]
+    return history.best("dyke")
 
 
 def gap_with_other_speckle(bench: Bench, case: Case, stop: Score, best: Score) -> float:

@@ -68,7 +68,7 @@ def main() -> None:
                 registered = register(measurement.image_db, measurement, case.registration)
                 targets = make_targets(case, geometry, registered, measurement.image_db, OBJECTIVES[objective].misfit)
                 history, decision = calibrate(case, runner, targets)
-                best, hidden = history.best("dyke").scores["dyke"], measurement.hidden["dyke"]
+                best, hidden = history.best("dyke"), measurement.hidden["dyke"]
                 difference = LAWS["mangia"].largest_difference_db(
                     best.parameters, hidden, targets["dyke"].incidence_deg
                 )

@@ -78,7 +78,7 @@ class Bench:
         registered = register(reference, measurement, case.registration)
         targets = make_targets(case, self.geometry, registered, reference, None)
         history, decision = calibrate(case, self.runner, targets)
-        return list(history.best("dyke").scores["dyke"].parameters), str(decision.reason), targets.levels.offset_db
+        return list(history.best("dyke").parameters), str(decision.reason), targets.levels.offset_db
 
 
 def main() -> None:

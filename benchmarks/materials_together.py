@@ -64,9 +64,7 @@ def searched(bench: Bench, folder: Path, number: int, free: list[str]) -> dict[s
         targets = bench.targets(case, runner)
         history, decision = calibrate(case, runner, targets)
     errors = [
-        case.laws[name].largest_difference_db(
-            history.best(name).scores[name].parameters, hidden[name], targets[name].incidence_deg
-        )
+        case.laws[name].largest_difference_db(history.best(name).parameters, hidden[name], targets[name].incidence_deg)
         for name in free
     ]
     return {"runs": history.count("infill"), "ended": str(decision.reason), "error_db": round(max(errors), 2)}

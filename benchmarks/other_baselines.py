@@ -82,7 +82,7 @@ def searched(bench: Bench, objective: str, number: int, truth: list[float]) -> d
             runner = bench.runner(case, Path(folder) / name)
             targets = bench.targets(case, runner)
             history, decision = calibrate(case, runner, targets)
-            best = history.best("dyke").scores["dyke"]
+            best = history.best("dyke")
             row = {
                 "ended": str(decision.reason),
                 "runs": history.count("design") + history.count("infill"),

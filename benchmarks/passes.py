@@ -117,7 +117,7 @@ def calibrated(case: Case, scene: Scene, geometries: list[Geometry], truth: np.n
     with tempfile.TemporaryDirectory() as folder:
         _, history, decision, _ = calibrated_passes(case, scene, geometries, Path(folder))
     incidence = [geometry.incidence_deg.ravel()[geometry.pixels("dyke")].astype(np.float64) for geometry in geometries]
-    x = history.best("dyke").scores["dyke"].parameters
+    x = history.best("dyke").parameters
     law = case.laws["dyke"]
     return {
         "runs": history.count("design") + history.count("infill"),

@@ -65,7 +65,7 @@ def measured(bench: Bench, method: str, count: int, workflow: int) -> dict[str, 
         with tempfile.TemporaryDirectory() as folder, threadpool_limits(1):
             runner = bench.runner(case, Path(folder))
             history, decision = calibrate(case, runner, bench.targets(case, runner))
-        runs, rms = history.count("design") + history.count("infill"), history.best("dyke").scores["dyke"].rms
+        runs, rms = history.count("design") + history.count("infill"), history.best("dyke").rms
         used.append(runs if decision.converged else None)
         again = workflow_runs(path) if number < workflow else None
         same += [] if again is None else [again == runs]

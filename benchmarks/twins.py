@@ -485,7 +485,7 @@ def band(
     """
     name, angles = b.material, np.degrees(phi)
     stage = stages.Posterior.of(case)
-    parameters = all_parameters(case.materials, {name: history.best(name).scores[name].parameters})
+    parameters = all_parameters(case.materials, {name: history.best(name).parameters})
     final = [runner.run(parameters, noise_seed(case, fresh), image=fresh) for fresh in (False, True)]
     images = simulated_of(
         stage, b.scene, [b.geometry], [str(runs)], [(run, parameters) for run in final], str(runs / "draws")
@@ -533,7 +533,7 @@ def keep(
     """Write ``twin.npz`` and ``case.json``: registered image, images of all runs, and geometry (docs/twins.md)."""
     g, name = b.geometry, b.material
     x = np.array([run.scores[name].parameters for run in history.runs])
-    best = history.best(name).scores[name].parameters
+    best = history.best(name).parameters
     seeds = draw_seeds(stages.Simulation.of(case))
 
     def images(values: Sequence[float], seeds: Sequence[int]) -> NDArray[np.float32]:

@@ -112,7 +112,7 @@ def searched(bench: Bench, free: Sequence[str], number: int, truth: list[float],
     """Runs and cost at the stop, cost at the hidden values, and lowest cost of a dense search."""
     case, runner, targets = prepared(bench, free, number, truth, folder)
     history, decision = calibrate(case, runner, targets)
-    best = history.best("dyke").scores["dyke"]
+    best = history.best("dyke")
     low, high = np.array(case.materials["dyke"].box).T
 
     objectives, settings = make_objectives(stages.Scores.of(case), targets), stages.Verify.of(case)

@@ -182,7 +182,7 @@ def known_case(passes=1):
         material=SimpleNamespace(name="dyke", box=LINE_BOX, integer=np.zeros(2, bool)),
         passes=[SimpleNamespace(compared=lambda: SimpleNamespace(prior=None))] * passes,
     )
-    score = SimpleNamespace(scores={"dyke": SimpleNamespace(parameters=best)})
+    score = SimpleNamespace(parameters=best)
     one = SimpleNamespace(incidence_deg=np.linspace(28.0, 46.0, 60).astype(np.float32), classes=None)
     targets = SimpleNamespace(passes=[{"dyke": one}] * passes, level_only=lambda name: False)
     case = SimpleNamespace(

@@ -109,7 +109,7 @@ def test_an_ended_material_repeats_its_best(parts, calibrated, made):
     trained = train_all(going, stages.Train.of(case), made[0])
     found = propose_all(trained, made[0], going, stages.Propose.of(case), len(going.infill), case.stop)
     assert found["field"].mode == "ended"
-    assert found["field"].parameters == history.best("field").scores["field"].parameters
+    assert found["field"].parameters == history.best("field").parameters
     assert found["lake"].mode != "ended"
 
 
@@ -117,7 +117,7 @@ def test_texture_brings_the_spread_to_the_measured_one(parts, calibrated):
     """The density of a run has the material's looks: its spread is the target's, though the speckle's is less."""
     *_, targets = parts
     history, _ = calibrated
-    best = history.best("lake").scores["lake"]
+    best = history.best("lake")
     sd = np.exp(np.array(best.statistics)[:, 1])
     measured = np.sqrt(targets["lake"].classes.classes.cumulants[:, 1])
     assert (sd < 0.9 * measured).all()

@@ -43,7 +43,7 @@ def laws_are_right(history):
     """Shape and mean level within 1 dB."""
     angle = np.linspace(21.5, 43.5, 40)
     for name, truth in TRUTH.items():
-        score = history.best(name).scores[name]
+        score = history.best(name)
         error = MANGIA(np.radians(angle), score.parameters) - MANGIA(np.radians(angle), truth)
         # a single patch says nothing of how its level differs from that of others, the shape is its own
         assert np.abs(error - error.mean()).max() < 1.0, name
@@ -80,7 +80,7 @@ def test_the_progress_line_names_the_criterion_and_moves_only_laws_that_do_not_m
 
 def test_looks_are_those_of_each_material(calibrated):
     history, _ = calibrated
-    looks = {name: history.best(name).scores[name].looks for name in TRUTH}
+    looks = {name: history.best(name).looks for name in TRUTH}
     assert looks["field"] > 3.0
     assert looks["lake"] == pytest.approx(2.5, rel=0.2)
 
@@ -88,7 +88,7 @@ def test_looks_are_those_of_each_material(calibrated):
 def test_the_best_run_is_that_of_the_smallest_cost_and_the_last_had_nothing_to_gain(calibrated):
     history, _ = calibrated
     for name in TRUTH:
-        assert history.best(name).scores[name].cost == min(run.scores[name].cost for run in history.runs)
+        assert history.best(name).cost == min(run.scores[name].cost for run in history.runs)
         last = history.infill[-1].scores[name]
         assert last.gain <= 0.05 or last.moved_db <= 0.05
         assert last.floor is None, "a law with a curve explores nothing"
@@ -319,5 +319,5 @@ def test_the_likelihood_of_the_pixels_finds_the_laws_too(parts, tmp_path):
     assert decision.reason == "settled"
     laws_are_right(history)
     # texture of the one, none of the other
-    assert history.best("lake").scores["lake"].looks == pytest.approx(2.5, rel=0.2)
-    assert history.best("field").scores["field"].looks > 3.0
+    assert history.best("lake").looks == pytest.approx(2.5, rel=0.2)
+    assert history.best("field").looks > 3.0

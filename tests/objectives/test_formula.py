@@ -77,7 +77,7 @@ def test_in_bins_the_law_is_found(calibrated):
     _, _, _, history, decision = calibrated(MANGIA, objective="classes", stop={"max_runs": 12})
     assert decision.converged
     seen = np.linspace(21.0, 44.0, 24)
-    x = history.best("field").scores["field"].parameters
+    x = history.best("field").parameters
     error = LAWS["mangia"](np.radians(seen), x) - LAWS["mangia"](np.radians(seen), TRUTH["field"])
     assert np.abs(error).max() < 1.0
 

@@ -38,14 +38,14 @@ RUNS = [
 def test_counts_and_best():
     history = History(RUNS)
     assert [history.count(kind) for kind in ("reference", "design", "infill")] == [1, 2, 2]
-    assert history.best("dyke") is RUNS[3], "the earliest of equals"
-    assert History(RUNS[:3]).best("dyke") is RUNS[2], "of the design alone"
+    assert history.best_run("dyke") is RUNS[3], "the earliest of equals"
+    assert History(RUNS[:3]).best_run("dyke") is RUNS[2], "of the design alone"
     assert history.infill == RUNS[3:]
 
 
 def test_the_best_is_that_of_the_smallest_cost_whatever_the_rms():
     runs = [run("design", 0, [0.2], 3.0, rms=0.4), run("design", 1, [0.3], 4.0, rms=0.1)]
-    assert History(runs).best("dyke") is runs[0]
+    assert History(runs).best_run("dyke") is runs[0]
 
 
 def test_failures_count_proposals_since_the_best():
@@ -99,7 +99,7 @@ def test_training_holds_each_point_once():
 def test_a_reference_run_of_another_law_counts_for_nothing():
     reference = run("reference", 0, [-9.0], 0.01, own_law=False)
     history = History([reference, *RUNS[1:]])
-    assert history.best("dyke") is RUNS[3]
+    assert history.best_run("dyke") is RUNS[3]
     np.testing.assert_array_equal(history.training("dyke")[0], [[0.2, 0.2], [0.3, 0.3], [0.4, 0.4]])
     assert decide(History([reference, *RUNS[1:3]]), ["dyke"], Stop(rms=0.05), "density").reason is None
     assert decide(History(RUNS[1:3]), ["dyke"], Stop(rms=0.25), "density").reason == "rms"

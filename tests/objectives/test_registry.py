@@ -157,7 +157,7 @@ def test_a_fourth_objective_is_one_class_and_two_entries(parts, monkeypatch, tmp
     assert decision.reason == "settled"
     assert decision.materials["lake"].sentence.startswith("lake: quartiles agree best after ")
     for name, objective in make_objectives(case, targets).items():
-        best, measured = history.best(name).scores[name], objective._measured[0]
+        best, measured = history.best(name), objective._measured[0]
         np.testing.assert_allclose(best.statistics[0][0], measured[0], atol=0.3)
         np.testing.assert_allclose(best.statistics[0][1], measured[1], atol=0.05)
         assert best.cost < 0.02 * history.runs[0].scores[name].cost

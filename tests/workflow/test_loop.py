@@ -71,7 +71,7 @@ def test_both_materials_end_for_a_reason(parts, calibrated):
     history, decision, store, seen = calibrated
     assert decision.ended
     for name in targets:
-        best = history.best(name).scores[name].rms
+        best = history.best(name).rms
         assert best < 0.2 * history.runs[0].scores[name].rms
         if decision.materials[name].reason == "rms":
             assert best <= case.stop.rms
@@ -120,7 +120,7 @@ def test_an_ended_material_repeats_its_best(parts, calibrated):
     proposals = propose_all({}, make_objectives(case, targets), design, case, 0, Stop(rms=10.0))
     for name in targets:
         assert proposals[name].mode == "ended"
-        assert proposals[name].parameters == design.best(name).scores[name].parameters
+        assert proposals[name].parameters == design.best(name).parameters
 
 
 def test_the_progress_line_counts_and_names_the_worst(parts, calibrated):

@@ -114,7 +114,7 @@ def test_classes_of_incidence_do_on_rough_ground(rough: Ground, twin: list[float
     runner = Runner(RunStore(tmp_path), rough.simulator, rough.geometry, rough.scene.identity, case)
     history, decision = calibrate(case, runner, targets)
     assert decision.reason == "settled"
-    found = history.best("field").scores["field"].parameters
+    found = history.best("field").parameters
     incidence = target.incidence_deg
     assert LAW.largest_difference_db(found, truth, incidence) < 0.5 < LAW.largest_difference_db(found, other, incidence)
 

@@ -11,9 +11,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     case = stages.FinalRuns.model_validate(snakemake.params.case)
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
-    parameters = all_parameters(
-        case.materials, {name: history.best(name).scores[name].parameters for name in case.calibrated}
-    )
+    parameters = all_parameters(case.materials, {name: history.best(name).parameters for name in case.calibrated})
     # with one calibrated material the first of these runs is in the run store already; its whole image is not needed
     with called("final runs"):
         records = [

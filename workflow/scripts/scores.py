@@ -28,6 +28,6 @@ with logged(snakemake.log[0], snakemake.params.case):
             for k, (record, parameters) in enumerate(listed)
         ]
     write_runs(snakemake.output.scores, runs)
-    best = {name: History(runs).best(name).scores[name].rms for name in targets}
+    best = {name: History(runs).best(name).rms for name in targets}
     for name, rms in best.items():
         progress(f"design of {History(runs).count('design')} runs: best rms of {name} {rms:.2e}")

@@ -133,7 +133,7 @@ def conclude(
             f"{Path(runs).parent / 'reference.json'} and type the same command again to make it again."
         )
     first = {name: score.looks for name, score in history.runs[0].scores.items()}
-    looks = {name: history.best(name).scores[name].looks for name in targets}
+    looks = {name: history.best(name).looks for name in targets}
     fresh_db = with_texture(final[1].pixels_db, objectives, looks, case.seed, fresh=True)
     each_db = [
         with_texture(reference.pixels_db, objectives, first, case.seed),
@@ -144,7 +144,7 @@ def conclude(
     findings += image_findings(case, image)
     refused = any(one.severity == "refusal" for one in findings)
     causes = {one.code: f"{one.code} of {one.about}" for one in findings if one.severity != "note"}
-    laws = {name: (case.laws[name], np.asarray(history.best(name).scores[name].parameters)) for name in targets}
+    laws = {name: (case.laws[name], np.asarray(history.best(name).parameters)) for name in targets}
     for name, found in laws.items():
         findings += material_findings(case, name, posteriors[name], targets, refused)
         if looks[name] < case.radar.looks:

@@ -119,7 +119,7 @@ def posterior_of(
         Result of :func:`image_of`.
     """
     name = objective.material.name
-    best = np.asarray(history.best(name).scores[name].parameters, dtype=np.float64)
+    best = np.asarray(history.best(name).parameters, dtype=np.float64)
     laws = [one.laws[name] for one in case.passes]
     seen = [
         (float(low), float(high))

@@ -73,7 +73,7 @@ def beyond_law_db(
     compared = part.compared()
     classes, method = compared.classes, compared.method
     each = [objective.in_pass(0, run.scores[name]) for run in history.runs if run.scores[name].own_law]
-    best = objective.in_pass(0, history.best(name).scores[name])
+    best = objective.in_pass(0, history.best(name))
     means, sd = np.array([score.statistics for score in each])[:, :, 0], np.exp(np.array(best.statistics)[:, 1])
     expected = LawForward(method.law, classes.nodes_deg, method.looks)(np.array(best.parameters))[:, 0]
     difference = np.array(best.statistics)[:, 0] - expected

@@ -241,7 +241,7 @@ def propose_all(
         Proposal by material.
     """
     verdicts = decide(history, list(objectives), stop, case.objective).materials
-    best = {name: history.best(name).scores[name] for name in objectives}
+    best = {name: history.best(name) for name in objectives}
     work = {
         name: partial(
             Search(objective, Surrogate(trainings[name], objective)).propose,
@@ -311,7 +311,7 @@ def verify(
         training = _trained(name, objective, history, case)
         search = Search(objective, Surrogate(training, objective))
         seed = derived_seed(case.seed, "outlook", name, iteration)
-        gain, floor, moved_db = search.outlook(history.best(name).scores[name], seed)
+        gain, floor, moved_db = search.outlook(history.best(name), seed)
         return replace(run.scores[name], gain=gain, floor=floor, moved_db=moved_db), training
 
     found = each({name: partial(outlook, name) for name in ahead}, processes)

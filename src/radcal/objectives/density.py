@@ -162,7 +162,7 @@ class Density(Objective):
     @classmethod
     def progress_line(cls, history: History, materials: Sequence[str], ended: Sequence[str], stop: Stop) -> str:
         """Text on the best rms; of several materials, on the material whose best rms is largest."""
-        best = {name: history.best(name).scores[name].cost for name in materials}
+        best = {name: history.best(name).cost for name in materials}
         if len(best) == 1:
             text = f"best rms {next(iter(best.values())):.2e}"
         else:

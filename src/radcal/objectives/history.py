@@ -232,14 +232,18 @@ class History:
         """Return the number of runs of a kind."""
         return sum(run.kind == kind for run in self.runs)
 
-    def best(self, material: str) -> Run:
+    def best(self, material: str) -> Score:
+        """Return a material's score in its best run."""
+        return self.best_run(material).scores[material]
+
+    def best_run(self, material: str) -> Run:
         """Return the earliest run with the smallest cost of a material, among runs with its calibrated law."""
         own = (run for run in self.runs if run.scores[material].own_law)
         return min(own, key=lambda run: run.scores[material].cost)
 
     def failures(self, material: str) -> int:
         """Return the number of a material's verified proposals since its best run."""
-        best = self.best(material)
+        best = self.best_run(material)
         since = self.infill if best.kind != "infill" else self.infill[self.infill.index(best) + 1 :]
         return sum(run.proposals[material].mode != "ended" for run in since)
 

@@ -202,7 +202,7 @@ def _passes(
                 name: _pass_law(
                     k,
                     one.laws[name],
-                    history.best(name).scores[name],
+                    history.best(name),
                     target[name],
                     posteriors.get(name),
                     registered.measurement.hidden.get(name),
@@ -245,7 +245,7 @@ def _difference_db(
 
 def _final_parameters(case: stages.Archive, history: History, targets: Targets) -> dict[str, Sequence[float]]:
     """X of every material in the final runs: for a calibrated material X of the best run, else the fixed X."""
-    best = {name: history.best(name).scores[name].parameters for name in targets}
+    best = {name: history.best(name).parameters for name in targets}
     return {name: best.get(name, material.start_parameters) for name, material in case.materials.items()}
 
 
@@ -343,7 +343,7 @@ def _material(
         fit_ks_p=fit.ks_p,
         fit_ad=fit.ad,
         fit_ad_p=fit.ad_p,
-        best=runs.index(history.best(name)),
+        best=runs.index(history.best_run(name)),
         parameters=_law([score.parameters if score.own_law else unknown for score in scores], material, case.radar),
         dp=np.array([score.dp for score in scores]),
         rms=np.array([score.rms for score in scores]),
@@ -359,7 +359,7 @@ def _material(
         calibrated_db=found.calibrated,
         fresh_db=found.fresh,
         level_only=targets.level_only(name),
-        best_looks=history.best(name).scores[name].looks,
+        best_looks=history.best(name).looks,
         incidence_error_deg=0.0 if classes is None else classes.incidence_error_deg,
         final_dp=found.calibrated_dp,
         fresh_dp=found.fresh_dp,
