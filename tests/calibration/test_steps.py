@@ -154,10 +154,9 @@ def program(build_case, **keys):
 class Recorded:
     """A runner that keeps what it is asked for."""
 
-    further = ()
-
     def __init__(self):
         self.asked = []
+        self.passes = (self,)
 
     def run(self, parameters, seed, image=False, repeat=False):
         self.asked.append((seed, image, repeat))

@@ -16,7 +16,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     with called("final runs"):
         records = [
             one.run(parameters, noise_seed(case, fresh), image=fresh)
-            for one in (runner, *runner.further)
+            for one in runner.passes
             for fresh in (False, True)
         ]
     write_index(snakemake.output.final, [IndexedRun(record.key, parameters) for record in records])

@@ -77,7 +77,7 @@ def reference_runs(case: stages.ReferenceRun, runner: Runner) -> list[Record]:
         records = [run_all_draws(case, runner, parameters, image=True)]
     if isinstance(case.simulator, CommandSimulation) and case.simulator.deterministic is None:
         with called("second reference run"):
-            again = [one.run(parameters, seed, repeat=True) for one in (runner, *runner.further)]
+            again = [one.run(parameters, seed, repeat=True) for one in runner.passes]
         records.append(replace(again[0], further=tuple(again[1:])))
     return records
 
@@ -86,7 +86,7 @@ def run_all_draws(case: stages.Simulation, runner: Runner, parameters: Parameter
     """Record of a run in all passes, with all draws of speckle; ``image`` keeps the whole image of the first draw."""
     first, *others = draw_seeds(case)
     record = runner.run(parameters, first, image=image)
-    further = tuple(run_all_draws(case, one, parameters, image) for one in runner.further)
+    further = tuple(run_all_draws(case, one, parameters, image) for one in runner.passes[1:])
     return replace(record, draws=tuple(runner.run(parameters, seed) for seed in others), further=further)
 
 

@@ -36,7 +36,7 @@ def make_objectives(case: stages.Scores | stages.Archive, targets: Targets) -> M
     mapping
         Objective by material, in the order of the targets.
     """
-    if not targets.further:
+    if len(targets.passes) == 1:
         return _of_pass(case, targets)
     passes: Sequence[stages.Scores | stages.Archive] = case.passes
     each = [

@@ -91,7 +91,7 @@ class Proposal:
 
 @dataclass(frozen=True)
 class PassScore:
-    """Density of a material in the second or a later pass of a run.
+    """Density of a material in one pass of a run.
 
     Attributes
     ----------
@@ -153,6 +153,11 @@ class Score:
     moved_db: float | None = None
     further: list[PassScore | None] = field(default_factory=list)
 
+    @property
+    def densities(self) -> list[PassScore | None]:
+        """Density of the run and its rms in each pass, None in a pass in which the material has too few pixels."""
+        return [PassScore(self.dp, self.rms), *self.further]
+
 
 @dataclass(frozen=True)
 class Run:
@@ -195,6 +200,11 @@ class Run:
     repeat_variance: Mapping[str, list[list[float]]] = field(default_factory=dict)
     rms_sampling: Mapping[str, float] = field(default_factory=dict)
     further_keys: list[str] = field(default_factory=list)
+
+    @property
+    def keys(self) -> list[str]:
+        """Hashes that identify the records of all passes, in the order of the passes."""
+        return [self.key, *self.further_keys]
 
 
 class History:

@@ -123,11 +123,12 @@ class Joint(Comparison):
         """Score of one pass alone: statistics, density, and effective number of looks in this pass."""
         part = self.passes[number]
         assert part is not None  # noqa: S101
-        density = score.further[number - 1] if number else None
+        density = score.densities[number]
+        assert density is not None  # noqa: S101
         return replace(
             score,
-            dp=score.dp if density is None else density.dp,
-            rms=score.rms if density is None else density.rms,
+            dp=density.dp,
+            rms=density.rms,
             statistics=np.split(np.asarray(score.statistics), self._ends)[self._parts.index(part)].tolist(),
             looks=self._there(part, score.looks),
             further=[],

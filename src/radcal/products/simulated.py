@@ -89,7 +89,7 @@ def forward(
         folders = [folder / f"passes/{number}" if number > 1 else folder for number in range(1, len(geometries) + 1)]
         paths = [each / "geometry.h5" for each in folders]
         runner = runner_of(started, scene.identity, geometries, paths, runs)
-        runners, seed, store = (runner, *runner.further), noise_seed(case, fresh=True), RunStore(runs)
+        runners, seed, store = runner.passes, noise_seed(case, fresh=True), RunStore(runs)
         keys = [digest(each.description(case.start_parameters, seed)) for each in runners]
         check(keys)
         write_scene(folder / "scene.h5", scene)

@@ -134,7 +134,9 @@ def gather(
             )
             for name in targets
         },
-        passes=_passes(case, history, targets, conclusion.posteriors, passes, final) if targets.further else None,
+        passes=_passes(case, history, targets, conclusion.posteriors, passes, final)
+        if len(targets.passes) > 1
+        else None,
         images=Images(
             # figures compare whole images in dB, after subtraction of the assumed level
             measured_db=without_level(measurement.image_db, targets.levels),
@@ -148,9 +150,9 @@ def gather(
 
 def _pass_note(targets: Targets, objective: str) -> list[str]:
     """Remark that says which results belong to all passes, and which to pass 1 alone; empty in a case of one pass."""
-    if not targets.further:
-        return []
     count = len(targets.passes)
+    if count == 1:
+        return []
     misfit = OBJECTIVES[objective].misfit
     shared = " The effect of a field is one in all passes." * (misfit is not None and misfit.of_fields)
     return [
@@ -180,9 +182,9 @@ def _passes(
 ) -> dict[str, PassSummary]:
     """Summaries of the passes of a case, by the number of the pass from 1."""
     found = {}
-    known = {key for run in history.runs for key in (run.key, *run.further_keys)}
+    known = {key for run in history.runs for key in run.keys}
     for k, (one, registered, target) in enumerate(zip(case.passes, images, targets.passes, strict=True)):
-        keys = [run.further_keys[k - 1] if k else run.key for run in history.runs]
+        keys = [run.keys[k] for run in history.runs]
         missing = [name for name in targets if name not in target]
         notes = [f"{name}: too few pixels in this pass, which says nothing of it." for name in missing]
         new = {record.key for record in final[2 * k : 2 * k + 2]} - known
@@ -219,7 +221,7 @@ def _pass_law(
 ) -> PassLaw:
     """Law of a material over the incidence of the pass ``k`` (from 0), and density of its best run there."""
     low, high = (float(end) for end in np.quantile(target.incidence_deg.astype(np.float64), [0.05, 0.95]))
-    density = score.further[k - 1] if k else score
+    density = score.densities[k]
     curve = None if posterior is None else posterior.curve
     return PassLaw(
         low_deg=low,

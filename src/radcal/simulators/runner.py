@@ -99,6 +99,11 @@ class Runner:
         self._keep_images = case.simulator.keep_images
 
     @property
+    def passes(self) -> tuple[Runner, ...]:
+        """Runners of all passes, in the order of the passes."""
+        return (self, *self.further)
+
+    @property
     def identity(self) -> Mapping[str, Any]:
         """Identity of the simulator, as it was before the first run of this runner."""
         return self._simulator.identity
