@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import gc
 import os
+import sys
 
 # before numpy: its threads wait for each other longer than these small problems take
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
@@ -20,9 +21,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from radcal.config import Case, Radar, case_from
+from radcal.findings import Finding
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
+from radcal.words import sentence
 
 pytest_plugins = ["workflow_fixtures"]
 
@@ -36,6 +39,20 @@ LIGHT = [TESTS / name for name in ("cli", "config", "reading", "report", "runnin
 WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
 
 Surface = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+
+
+@pytest.fixture(autouse=True)
+def _findings_have_sentences(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every finding that radcal itself makes has a text in the catalogue, to which its numbers belong."""
+    made = Finding.__init__
+
+    def checked(self: Finding, *args: Any, **keys: Any) -> None:
+        made(self, *args, **keys)
+        name = sys._getframe(1).f_globals["__name__"]
+        if name.startswith("radcal.") and name != "radcal.findings":
+            sentence(self)
+
+    monkeypatch.setattr(Finding, "__init__", checked)
 
 
 def pytest_configure(config: pytest.Config) -> None:

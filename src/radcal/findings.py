@@ -36,6 +36,15 @@ class Finding:
     numbers: Mapping[str, float | str] = field(default_factory=dict)
     do: str = ""
 
+    def json(self) -> str:
+        """Finding as JSON."""
+        return json.dumps(asdict(self), default=float)
+
+    @classmethod
+    def of_json(cls, text: str) -> Finding:
+        """Finding from JSON that :meth:`json` wrote."""
+        return cls(**json.loads(text))
+
 
 def to_json(findings: Iterable[Finding]) -> str:
     """Findings as JSON."""

@@ -1,10 +1,11 @@
-"""Sentences of findings: the one place where findings become words."""
+"""Sentences, verdicts and headlines: the one place where findings become words, by the texts of the catalogue."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
+from radcal.catalogue import TEXTS
 from radcal.findings import Finding
 
 __all__ = [
@@ -21,73 +22,6 @@ __all__ = [
     "widths",
 ]
 
-IF = "if scene, geometry and pixels are what the case says"
-_LEVEL = "{level_db:+.2f} dB (90 %: {p05_db:+.2f} to {p95_db:+.2f})"
-_MAPPED = (
-    "each image is mapped to zero median and unit interquartile range; the measured one lies {offset_db:+.2f} dB from "
-    "the reference run and spreads {scale:.2f} times as much; wrong laws of other materials shift and stretch what is "
-    "found"
-)
-
-_TEXTS: Mapping[str, str] = {
-    "depression": "{about} is displaced along slant range by {px_per_100_rows:+.1f} pixels per 100 rows (a straight "
-    "line explains {share_percent:.0f} % of the variance of the displacement), as with {key} {implied_deg:.1f} in "
-    "place of {declared_deg:g}, or with radar.range_spacing_m or the cell size of the scene off by {off_percent:.1f} %",
-    "geometry_unchecked": "{about} was not registered, so that {key} {declared_deg:g}, the spacing in slant range and "
-    "the place of the image are unchecked",
-    "relief": "{about} changes by {db_per_deg:+.3f} dB per degree of local incidence on the relief (standard error "
-    "{error_db_per_deg:.3f}), {of_simulated:.2f} times as much as the simulated image (standard error "
-    "{of_simulated_error:.2f})",
-    "place": "{about} does not show the place of the scene: the mean levels of its squares of {square_px:.0f} pixels "
-    "have a correlation of {correlation:.2f} with those of the simulated image, and of up to {shifted:.2f} if it is "
-    "shifted by two squares or more",
-    "radiometry": "{about}: the fixed materials show that the image is {other}, and the case says {declared} (exponent "
-    "{exponent:+.2f} on the area of the ground, standard error {error:.2f}); the bands are given for {other}",
-    "radiometry_unchecked": "{about}: radiometry unchecked, because the fixed materials show too little of it; the "
-    "bands allow for {other} with a probability of {chance_percent:.0f} %",
-    "fixed_law": "{about}: its fixed law and the image differ by {error_db:+.2f} dB (90 %: {p05_db:+.2f} to "
-    "{p95_db:+.2f}), more than those of the other fixed materials",
-    "fixed_law_and_image": "{about}: the fixed law and the image differ by {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "
-    "{p95_db:+.2f}); one fixed law cannot tell an error of the law from a level of the image",
-    "level": "{about}: the fixed laws and the image differ by a level of " + _LEVEL,
-    "fixed_level": "{about}: the image minus the fixed law is {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "
-    "{p95_db:+.2f})",
-    "level_of_image": "the measured image is taken at its own level; no material of a fixed law checks it",
-    "level_found": "the measured image lies {offset_db:+.2f} +- {error_db:.2f} dB from the reference run on {about}",
-    "level_subtracted": "the measured image lies {offset_db:+.2f} +- {error_db:.2f} dB from the reference run on "
-    "{about}; this offset is subtracted",
-    "images_mapped": _MAPPED,
-    "all_images_mapped": _MAPPED + "; all materials are calibrated, so that a level common to all laws is not "
-    "identified",
-    "level_unchecked": "{about}: level and radiometry unchecked, because no material has a fixed law; the bands "
-    "contain the level's standard error of {level_db:.2g} dB (uncertainty.level_db)",
-    "determined": "{about}: sigma0 is determined to +-{half_width_db:.1f} dB (90 %) {between}, " + IF,
-    "undetermined": "{about}: sigma0 is determined at no angle: the half-width of its 90 % band is nowhere below "
-    "{narrowest_db:.1f} dB, and uncertainty.known_db asks for {known_db:.1f} dB",
-    "withheld": "{about}: sigma0 is determined at no angle, because the image is refused",
-    "level_only": "{about}: seen at one incidence, {incidence_deg:.1f} degrees, from which no law can be determined; "
-    "sigma0 there is {median_db:.1f} dB (90 %: {p05_db:.1f} to {p95_db:.1f})",
-    "parameters_only": "{about}: its law has no curve in dB or the image is normalised: only parameters have intervals",
-    "without_cells": "{about}: sigma0 is determined at no angle, because too few of its pixels lie together: a cell "
-    "has 8 pixels or more in a square of 24 pixels and 3 degrees of incidence, and a pass 3 cells or more",
-    "refuted": "{about}: the form of the law is refuted: it is wrong by {rms_db:.1f} dB (rms; 90 %: {p05_db:.1f} to "
-    "{p95_db:.1f}), which the band contains",
-    "form_noticed": "{about}: an error of the law's form is noticed, {rms_db:.1f} dB (rms; 90 %: {p05_db:.1f} to "
-    "{p95_db:.1f}), which the band contains; the law is not refuted",
-    "not_refuted": "{about}: the law is not refuted",
-    "not_sampled": "{about}: the sampler has not converged (uncertainty.steps), so that the band is less certain",
-    "in_the_noise": "{about}: {share:.0%} of its pixels are masked, because they are in the noise (target.snr_db); the "
-    "pixels that remain near the noise are the brighter ones",
-    "law_outside_band": "{about}: the law of the search (parameters) leaves the band by up to {beyond_db:.1f} dB "
-    "({cause}); parameters_model gives the law nearest to the band",
-    "texture": "{about}: the simulated pixels are multiplied by gamma texture, which lowers the {looks_nominal:.3g} "
-    "looks of the simulated speckle to the {looks:.2f} effective looks that the search found; values above about 0.9 "
-    "of the sensor's looks, the median of their prior, show no texture",
-    "another_law": "{about}: the program's backscatter differs from law {law} by up to {difference_db:.1f} dB at the "
-    "same X, so that curve and band are the formula's, not the program's",
-    "registration_moved": "{about}: onto the calibrated image, the registration moves these pixels by {moved_px:.1f} "
-    "pixels (rms; stated standard error {stated_px:.1f}) and sigma0 by {moved_db:.1f} dB",
-}
 _NOTICED = " (a bump of {noticed_db:.1f} dB would be noticed in 9 of 10 images)"
 _STATES = ("determined", "undetermined", "withheld", "level_only", "parameters_only", "without_cells")
 _OF_VERDICT = (*_STATES, "refuted", "form_noticed", "not_refuted")
@@ -127,7 +61,7 @@ def sentence(finding: Finding, prefix: bool = True) -> str:
     prefix : bool
         Whether the sentence of a warning or refusal begins with this word.
     """
-    text = _TEXTS[finding.code].format(about=finding.about, do=finding.do, **_numbers(finding))
+    text = TEXTS[finding.code].format(about=finding.about, do=finding.do, **_numbers(finding))
     if finding.code == "not_refuted" and "noticed_db" in finding.numbers:
         text += _NOTICED.format(**finding.numbers)
     do = f": {_do(finding)}" if finding.severity != "note" and _do(finding) else ""
@@ -136,8 +70,11 @@ def sentence(finding: Finding, prefix: bool = True) -> str:
 
 
 def _numbers(finding: Finding) -> dict[str, float | str]:
-    """Numbers of a finding, with the text of an interval of incidence."""
+    """Numbers of a finding, with the texts of its intervals."""
     numbers = dict(finding.numbers)
+    if "least_nesz_db" in numbers:
+        low, high = f"{numbers['least_nesz_db']:.1f}", f"{numbers['largest_nesz_db']:.1f}"
+        numbers["nesz"] = low if low == high else f"{low} to {high}"
     if "from_deg" in numbers:
         numbers["between"] = degrees(float(numbers["from_deg"]), float(numbers["to_deg"]))
     return numbers

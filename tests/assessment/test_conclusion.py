@@ -15,7 +15,7 @@ from radcal.assessment import conclusion
 from radcal.assessment.conclusion import conclude
 from radcal.assessment.registration_check import moved_finding
 from radcal.config import Stop, case_from
-from radcal.findings import Finding, to_json
+from radcal.findings import Finding
 from radcal.laws import LAWS
 from radcal.objectives import make_objectives
 from radcal.objectives.history import History
@@ -188,7 +188,7 @@ def test_the_image_is_registered_again_onto_the_final_run(parts, monkeypatch):
         return [moved]
 
     monkeypatch.setattr(conclusion, "check_registration", check)
-    registered, other = SimpleNamespace(findings="[]"), SimpleNamespace(findings="[]")
+    registered, other = SimpleNamespace(findings=()), SimpleNamespace(findings=())
     for moved in (moved_finding("area", 0.8, 0.3, 1.4, 0.7), moved_finding("area", 0.2, 0.3, 0.4, 0.7)):
         found = conclude(*rest, final, posteriors, image, [registered, other])
         assert found.findings[-1] is moved
@@ -198,7 +198,7 @@ def test_the_image_is_registered_again_onto_the_final_run(parts, monkeypatch):
 def test_findings_of_registrations_come_first_and_can_refuse(parts):
     """Of both passes, before those on what the fixed materials show."""
     far, near = Finding("place", "refusal", "pass 1"), Finding("depression", "warning", "pass 2", {"implied_deg": 41.3})
-    images = [SimpleNamespace(findings=to_json([one]), applied=False, method="none") for one in (far, near)]
+    images = [SimpleNamespace(findings=(one,), applied=False, method="none") for one in (far, near)]
     found = conclude(*parts[0], images)
     assert found.findings[:2] == [far, near]
     assert ("withheld", "refusal", "area") in codes(found)

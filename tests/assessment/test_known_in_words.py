@@ -18,9 +18,9 @@ from assessment_samples import (
 )
 from calibration_samples import make_target
 
-from radcal import words
 from radcal.assessment.known import image_findings, law_findings, material_findings
 from radcal.assessment.registration_check import moved_finding
+from radcal.catalogue import _OF_MODEL
 from radcal.config import Uncertainty
 from radcal.findings import Finding
 from radcal.ground.pixels import IN_THE_NOISE
@@ -75,7 +75,7 @@ def every():
 
 def test_every_code_has_a_sentence_for_its_numbers():
     found = list(every())
-    assert {one.code for one in found} == set(words._TEXTS) - OF_OTHERS
+    assert {one.code for one in found} == set(_OF_MODEL) - OF_OTHERS
     for one in found:
         said = sentence(one)
         assert said.endswith(".")

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter, uniform_filter
 from radcal.config import Radar
 from radcal.image import point_spread
 from radcal.image.looks import estimate_looks
-from radcal.image.point_spread import PointSpread, estimate_point_spread, is_filtered, point_spread_note
+from radcal.image.point_spread import PointSpread, estimate_point_spread, is_filtered, point_spread_findings
 from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.reflectivity import uniform
 
@@ -44,12 +44,18 @@ def found(image: np.ndarray, radar: Radar = RADAR) -> PointSpread:
     return spread
 
 
-def judged(image: np.ndarray, radar: Radar = RADAR) -> tuple[bool, str | None]:
-    """Whether the image counts as filtered, and the note."""
+def told(spread: PointSpread, radar: Radar, *pixel_m: tuple[float, float]) -> list[tuple[str, str]]:
+    """Severity and code of each finding on a point spread."""
+    return [(one.severity, one.code) for one in point_spread_findings(spread, None, radar, "b.tif", *pixel_m)]
+
+
+def judged(image: np.ndarray, radar: Radar = RADAR) -> tuple[bool, list[str]]:
+    """Whether the image counts as filtered, and the first words of the findings: severity, code and number."""
     image_db = decibels(image.astype(np.float32))
     spread, looks = estimate_point_spread(image_db, ONE, radar), estimate_looks(image_db, ONE, radar)
     assert spread is not None
-    return is_filtered(spread, looks, radar), point_spread_note(spread, looks, radar, "a.tif")
+    findings = point_spread_findings(spread, looks, radar, "a.tif")
+    return is_filtered(spread, looks, radar), [f"{one.severity} {one.code}" for one in findings]
 
 
 @pytest.mark.parametrize("looks", [1, 4])
@@ -96,7 +102,7 @@ def test_errors_are_the_scatter_over_seeds(monkeypatch: pytest.MonkeyPatch) -> N
 def test_pixels_without_correlation_are_narrow() -> None:
     independent = np.random.default_rng(1).gamma(4.0, 0.25, SHAPE)
     assert found(independent).range_m < 1.3
-    assert "set them to " in str(judged(independent)[1])
+    assert judged(independent)[1][0].endswith(" resolutions")
 
 
 @pytest.mark.parametrize("image", ["box 3", "box 5", "lee 5", "lee 7"])
@@ -104,20 +110,11 @@ def test_filtered_speckle_is_recognised(image: str) -> None:
     name, side = image.split()
     speckle = power(texture(10.0, 1.0))
     filtered = uniform_filter(speckle, int(side)) if name == "box" else lee(speckle, int(side), 4)
-    is_so, note = judged(filtered)
-    assert is_so
-    assert str(note).startswith("warning: a.tif is speckle-filtered: by its speckle the point spread of a.tif is ")
-    assert str(note).endswith(
-        "times radar.looks. Use the image before filtering, unless radar.looks and the resolutions are both wrong."
-    )
+    assert judged(filtered) == (True, ["warning filtered"])
     # where radar.looks has been set to what is left, the point spread still tells
     left = estimate_looks(decibels(filtered.astype(np.float32)), ONE, RADAR)
     assert left is not None
-    is_so, note = judged(filtered, Radar(looks=min(64, round(left.looks))))
-    assert not is_so
-    assert str(note).startswith(
-        "warning: a.tif is speckle-filtered or smoothed in another way, unless the resolutions are wrong: by its "
-    )
+    assert judged(filtered, Radar(looks=min(64, round(left.looks)))) == (False, ["warning smoothed"])
 
 
 @pytest.mark.parametrize(
@@ -131,46 +128,46 @@ def test_filtered_speckle_is_recognised(image: str) -> None:
         ({}, 0.0, 0.5, None),  # amplitude, read as power
         (
             {"range_resolution_m": 2.6, "azimuth_resolution_m": 4.55}, 0.0, 1.0,
-            "warning: by its speckle the point spread of a.tif is 2.6",
+            "warning resolutions",
         ),
     ],
 )  # fmt: skip
 def test_what_is_not_a_filter(keys: dict[str, float], sd_db: float, exponent: float, note: str | None) -> None:
     keys = dict(keys)
     pattern = texture(keys.pop("texture_px", 10.0), sd_db)
-    is_so, said = judged(power(pattern, **keys) ** exponent)
+    is_so, found = judged(power(pattern, **keys) ** exponent)
     assert not is_so
-    assert said is None if note is None else (str(said).startswith(note) and "set them to " in str(said))
+    assert found[:1] == ([] if note is None else [note])
 
 
-def test_note_gives_both_numbers() -> None:
+def test_findings_give_both_numbers() -> None:
     spread = PointSpread(2.5, 3.4, 0.13, 0.17, 1.2, 100)
-    assert point_spread_note(spread, None, RADAR, "b.tif") == (
-        "warning: by its speckle the point spread of b.tif is 2.5 +- 0.13 m in slant range and 3.4 +- 0.17 m in "
-        "azimuth, radar.range_resolution_m is 2 and radar.azimuth_resolution_m 3.5: set them to 2.5 and 3.4, unless "
-        "the image was resampled or has texture of a few pixels."
-    )
+    (wider,) = point_spread_findings(spread, None, RADAR, "b.tif")
+    assert (wider.code, wider.severity, wider.about) == ("resolutions", "warning", "b.tif")
+    assert wider.numbers == {
+        "range_m": 2.5, "range_error_m": 0.13, "range_least": "", "range_declared_m": 2.0, "range_possible_m": 2.5,
+        "azimuth_m": 3.4, "azimuth_error_m": 0.17, "azimuth_least": "", "azimuth_declared_m": 3.5,
+        "azimuth_possible_m": 3.4, "correlation_ratio": 1.2,
+    }  # fmt: skip
     # an image whose speckle is hardly correlated: 1.184 times the spacings is the finest, rounded upwards
     fine = PointSpread(1.2, 2.71, 0.06, 0.14, 0.9, 100)
     coarse = Radar(range_spacing_m=1.5, azimuth_spacing_m=2.3, range_resolution_m=2.2, azimuth_resolution_m=3.5)
-    assert str(point_spread_note(fine, None, coarse, "b.tif")).endswith(
-        ": set them to 1.78 and 2.74 (radar.range_spacing_m of 1.5 allows 1.78 at the finest and "
-        "radar.azimuth_spacing_m of 2.3 allows 2.74 at the finest), unless the image was resampled or has texture of a "
-        "few pixels."
-    )
-    assert str(point_spread_note(fine, None, coarse, "b.tif")).startswith("by its speckle")  # finer is no warning
+    finer, *limits = point_spread_findings(fine, None, coarse, "b.tif")
+    assert (finer.severity, finer.code) == ("note", "resolutions")
+    assert [finer.numbers[f"{way}_possible_m"] for way in ("range", "azimuth")] == [1.78, 2.74]
+    assert [(one.code, one.about, dict(one.numbers)) for one in limits[:2]] == [
+        ("spacing_limits", "radar.range_spacing_m", {"spacing_m": 1.5, "finest_m": 1.78}),
+        ("spacing_limits", "radar.azimuth_spacing_m", {"spacing_m": 2.3, "finest_m": 2.74}),
+    ]
     far = coarse.model_copy(update={"range_resolution_m": 5.1})  # 1.78 x 2.74 m are 0.27 of its cell, 1 / 3.7
-    assert str(point_spread_note(fine, None, far, "b.tif")).startswith("warning: by its speckle")
+    assert told(fine, far)[0] == ("warning", "resolutions")
     advised = coarse.model_copy(update={"range_resolution_m": 1.78, "azimuth_resolution_m": 2.74})
-    assert str(point_spread_note(fine, None, advised, "b.tif")).endswith(
-        ": no resolutions nearer to the image's are possible (radar.range_spacing_m of 1.5 allows 1.78 at the finest "
-        "and radar.azimuth_spacing_m of 2.3 allows 2.74 at the finest)."
-    )
-    assert point_spread_note(PointSpread(2.2, 3.4, 0.13, 0.17, 1.1, 100), None, RADAR, "b.tif") is None
+    assert told(fine, advised) == [("note", "resolutions_nearest"), *[("note", "spacing_limits")] * 2]
+    assert told(PointSpread(2.2, 3.4, 0.13, 0.17, 1.1, 100), RADAR) == []
     # as an impulse response without weighting, which is estimated at 0.66 to 0.76 of its width
-    for range_m, told in ((1.48, True), (1.0, False)):
-        narrow = str(point_spread_note(PointSpread(range_m, 2.6, 0.09, 0.16, 0.8, 100), None, RADAR, "b.tif"))
-        assert narrow.endswith("than it is: then no key need be changed.") == told
+    for range_m, possible in ((1.48, True), (1.0, False)):
+        narrow = told(PointSpread(range_m, 2.6, 0.09, 0.16, 0.8, 100), RADAR)
+        assert (("note", "unweighted") in narrow) == possible
 
 
 def test_resampling_from_a_map_explains_a_wider_spread() -> None:
@@ -186,23 +183,23 @@ def test_resampling_from_a_map_explains_a_wider_spread() -> None:
     # of the nearest neighbour alone, 2.355 / sqrt(12) pixels are added in quadrature
     assert spread.range_m == pytest.approx(math.hypot(11.0, 0.68 * 6.5), abs=2 * spread.range_error_m)
     wide = PointSpread(13.9, 18.2, 0.7, 0.9, 1.3, 100)
-    assert "set them to 13.9 and 18.2" in str(point_spread_note(wide, None, radar, "b.tif"))
-    assert str(point_spread_note(wide, None, radar, "b.tif", (6.5, 10.0))).endswith(
-        "; the widths contain the resampling by nearest neighbour, with which these resolutions give up to 13.4 and "
-        "21.5 m: no key need be changed."
-    )
-    for beyond in (PointSpread(16.0, 18.2, 0.7, 0.9, 1.3, 100), PointSpread(8.0, 18.2, 0.4, 0.9, 1.3, 100)):
-        said = str(point_spread_note(beyond, None, radar, "b.tif", (6.5, 10.0)))
-        assert said.startswith("warning: ") == (beyond.range_m == 16.0)
-        assert f" 13.4 and 21.5 m: set them to {beyond.range_m:g} and 18.2, unless the image was resampled bef" in said
+    on_map_m = (6.5, 10.0)
+    assert told(wide, radar)[0] == ("warning", "resolutions")
+    explained, resampling = point_spread_findings(wide, None, radar, "b.tif", on_map_m)
+    assert (explained.code, explained.severity) == ("resolutions_explained", "note")
+    assert resampling.numbers == pytest.approx({"range_m": 13.4, "azimuth_m": 21.5}, abs=0.05)
+    for range_m, severity in ((16.0, "warning"), (8.0, "note")):
+        beyond = PointSpread(range_m, 18.2, range_m / 22.0, 0.9, 1.3, 100)
+        first, *_ = point_spread_findings(beyond, None, radar, "b.tif", on_map_m)
+        assert (first.code, first.severity) == ("resolutions", severity)
+        assert [first.numbers[f"{way}_possible_m"] for way in ("range", "azimuth")] == [range_m, 18.2]
     # wider in azimuth as the resampling explains, and finer in slant range
-    both = str(point_spread_note(PointSpread(8.0, 21.0, 0.4, 0.9, 1.3, 100), None, radar, "b.tif", (6.5, 10.0)))
-    assert both.startswith("by its speckle")
-    assert point_spread_note(PointSpread(11.2, 18.2, 0.7, 0.9, 1.0, 9), None, radar, "b.tif", (6.5, 10.0)) is None
+    assert told(PointSpread(8.0, 21.0, 0.4, 0.9, 1.3, 100), radar, on_map_m)[0] == ("note", "resolutions")
+    assert told(PointSpread(11.2, 18.2, 0.7, 0.9, 1.0, 9), radar, on_map_m) == []
     # smoothed, unless the resampling explains it
     coarse = PointSpread(22.0, 24.0, 1.1, 1.2, 3.1, 100)
-    assert str(point_spread_note(coarse, None, radar, "b.tif")).startswith("warning: b.tif is speckle-filtered")
-    assert "set them to 22 and 24" in str(point_spread_note(coarse, None, radar, "b.tif", (6.5, 10.0)))
+    assert told(coarse, radar) == [("warning", "smoothed")]
+    assert told(coarse, radar, on_map_m)[0][1] == "resolutions"
 
 
 def test_windows_of_all_levels_are_used() -> None:
@@ -239,8 +236,8 @@ def test_small_fields_are_pooled(looks: int, side: int, configured_m: float) -> 
     assert spread.range_m == pytest.approx(2.0, rel=0.06)
     assert spread.azimuth_m == pytest.approx(3.5, rel=0.06)
     assert 0.05 * spread.azimuth_m < spread.azimuth_error_m < 0.1 * spread.azimuth_m
-    note = point_spread_note(spread, None, radar, "b.tif")
-    assert note is None if configured_m == 2.0 else f"radar.range_resolution_m is {configured_m:g} " in str(note)
+    declared = [one.numbers.get("range_declared_m") for one in point_spread_findings(spread, None, radar, "b.tif")]
+    assert declared[:1] == ([] if configured_m == 2.0 else [configured_m])
 
 
 def test_edges_of_small_fields_may_be_displaced() -> None:
@@ -255,7 +252,7 @@ def test_edges_of_small_fields_may_be_displaced() -> None:
 
 def test_an_uncertain_wide_spread_is_not_called_smoothed() -> None:
     uncertain = PointSpread(4.0, 5.0, 1.2, 0.9, 2.0, 9)
-    assert point_spread_note(uncertain, None, RADAR, "b.tif") is None
+    assert told(uncertain, RADAR) == []
 
 
 def test_without_pairs_that_are_far_enough_apart_there_is_no_estimate() -> None:
@@ -264,7 +261,9 @@ def test_without_pairs_that_are_far_enough_apart_there_is_no_estimate() -> None:
     assert estimate_point_spread(image_db, np.zeros(SHAPE, dtype=np.uint8), RADAR) is None
     # speckle that is correlated over half the distances
     wide = power(range_resolution_m=40.0)
-    assert " is at least 12" in str(judged(wide)[1])  # by windows, whose size is fixed by the configured resolution
+    # by windows, whose size is fixed by the configured resolution
+    by_windows = point_spread_findings(found(wide), None, RADAR, "a.tif")[0].numbers
+    assert (by_windows["range_least"], int(by_windows["range_m"])) == ("at least ", 12)
     assert estimate_point_spread(decibels(wide.astype(np.float32)), fields(20), RADAR) is None
     image_db[::3] = np.nan
     assert estimate_point_spread(image_db, ONE, RADAR) is None

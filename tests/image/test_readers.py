@@ -106,7 +106,7 @@ def test_unusable_pixels_are_counted(tmp_path, scale, unusable, counts):
     assert found.counts == Counts(values.size, *counts)
     assert np.argwhere(np.isnan(found.image_db)).tolist() == [[7, k] for k in range(len(unusable))]
     assert np.isfinite(found.image_db).sum() == values.size - len(unusable)
-    assert (found.notes, found.polarisation, found.frequency_hz) == ((), None, None)
+    assert (found.findings, found.polarisation, found.frequency_hz) == ((), None, None)
 
 
 def test_masked_pixels_are_counted(tmp_path):

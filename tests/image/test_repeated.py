@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from radcal.config import Radar
+from radcal.findings import Finding
 from radcal.image.repeated import repeated_pixels
-from radcal.image.speckle_notes import speckle_notes
+from radcal.image.speckle_check import check_speckle
 from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.reflectivity import uniform
 
@@ -26,9 +27,8 @@ def test_shares_are_those_of_the_factors(down: float, across: float) -> None:
     radar = Radar(range_spacing_m=1.5, azimuth_spacing_m=2.5)
     sides = [spacing * factor * (factor > 1.0) for spacing, factor in ((1.5, down), (2.5, across))]
     np.testing.assert_allclose(found.sides_m(radar), sides, rtol=0.03)
-    shares = [f"{100.0 * one:.2g} % " for one in (found.range, found.azimuth)]
-    assert found.note("a.tif").startswith("a.tif was resampled by nearest neighbour: ")
-    assert all(one in found.note("a.tif") for one in shares)
+    shares = {"range_percent": 100.0 * found.range, "azimuth_percent": 100.0 * found.azimuth}
+    assert found.finding("a.tif") == Finding("pixels_repeated", "note", "a.tif", shares)
 
 
 def test_equal_values_by_chance_and_constant_images_are_no_repetitions() -> None:
@@ -45,6 +45,8 @@ def test_a_clean_image_with_repeated_pixels_is_not_called_coarse_or_textured() -
     level = uniform(np.ones(shape, np.float32))
     image_db = decibels(ImageFormation(before, shape, -30.0).intensity(level, 1))[taken]
     radar = Radar(range_spacing_m=1.5, azimuth_spacing_m=2.5, **given)
-    notes = speckle_notes(image_db, np.ones(image_db.shape, np.uint8), radar, "a.tif", "db")
-    assert notes[0].startswith("a.tif was resampled by nearest neighbour: 50 % of the adjacent pixels in slant range")
-    assert not any("warning" in note or "texture" in note for note in notes)
+    found = check_speckle(image_db, np.ones(image_db.shape, np.uint8), radar, "a.tif", "db")
+    assert found[0].code == "pixels_repeated"
+    assert found[0].numbers == pytest.approx({"range_percent": 50.0, "azimuth_percent": 50.0}, abs=0.5)
+    assert all(one.severity == "note" for one in found)
+    assert {one.code for one in found}.isdisjoint({"looks_fewer", "resolutions"})

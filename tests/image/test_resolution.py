@@ -7,7 +7,7 @@ import pytest
 
 from radcal.config import Radar
 from radcal.errors import MeasurementError
-from radcal.image.resolution import check_resolutions, unchecked_note
+from radcal.image.resolution import check_resolutions, unchecked_resolutions
 
 MATERIAL = np.zeros((40, 60), dtype=np.uint8)
 MATERIAL[3:21, 5:40] = 1
@@ -36,15 +36,16 @@ def test_a_resolution_wider_than_every_area_is_refused() -> None:
     check_resolutions(np.zeros((40, 60), np.uint8), radar(range_resolution_m=61.0))  # other errors tell that
 
 
-def test_the_note_on_unchecked_resolutions_warns_of_unusual_ones() -> None:
-    said = (
-        "radar.range_resolution_m and radar.azimuth_resolution_m could not be checked by the speckle of a.tif, nor "
-        "whether it was filtered: the areas of single materials are too small (fewer than 150 pairs of their pixels "
-        "are 4 pixels apart in slant range or in azimuth), or the speckle is correlated over most of their width"
-    )
-    assert unchecked_note(radar(range_resolution_m=7.0), "a.tif") == f"{said}."
+def test_unusual_resolutions_that_the_speckle_cannot_check_are_a_warning() -> None:
+    (plain,) = unchecked_resolutions(radar(range_resolution_m=7.0), "a.tif")
+    assert (plain.code, plain.severity, plain.about) == ("resolutions_unknown", "note", "a.tif")
+    assert plain.numbers == {"pairs": 150, "apart_px": 4}
     # four times 1.184
-    assert unchecked_note(radar(azimuth_resolution_m=12.0), "a.tif") == (
-        f"warning: {said}; radar.azimuth_resolution_m of 12 is 4.8 times radar.azimuth_spacing_m, expected at most "
-        "about 4.7."
+    again, unusual = unchecked_resolutions(radar(azimuth_resolution_m=12.0), "a.tif")
+    assert again == plain
+    assert (unusual.code, unusual.severity, unusual.about) == (
+        "resolution_unusual",
+        "warning",
+        "radar.azimuth_resolution_m",
     )
+    assert unusual.numbers == pytest.approx({"resolution_m": 12.0, "spacings": 4.8, "most_spacings": 4.74}, rel=0.01)

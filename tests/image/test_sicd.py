@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
 import warnings
 from collections.abc import Mapping
 from typing import Any
@@ -19,6 +18,7 @@ from rasterio.errors import NotGeoreferencedWarning
 
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
+from radcal.findings import Finding
 from radcal.image.readers import read_image
 from radcal.image.sicd import is_sicd
 from radcal.measurement.sources import make_measurement
@@ -156,7 +156,7 @@ def test_sigma0_is_the_polynomial_times_power(tmp_path):
     assert factor.max() / factor.min() > 1.3
     assert found.image_db.dtype == np.float32
     np.testing.assert_allclose(found.image_db, db(np.abs(pixels.astype(complex)) ** 2 * factor), atol=1e-4)
-    assert found.notes == ("a.nitf: sigma0 by its SigmaZeroSFPoly, for level ground (radiometry sigma0_ref).",)
+    assert found.findings == (Finding("levels_sigma0", "note", "a.nitf", {"polynomial": "SigmaZeroSFPoly"}),)
     assert (found.polarisation, found.frequency_hz) == ("VV", pytest.approx(9.6e9))
     assert found.counts == Counts(ROWS * COLUMNS, 0, 0, 0)
 
@@ -227,14 +227,14 @@ def test_sigma0_from_beta0(tmp_path):
     incidence = np.radians(90 - SLOPE_DEG)
     expected = np.abs(pixels.astype(complex)) ** 2 * factor_of(COEFFICIENTS) * np.sin(incidence)
     np.testing.assert_allclose(found.image_db, db(expected), atol=1e-4)
-    (note,) = found.notes
-    for words in (
-        "a.nitf: it has no SigmaZeroSFPoly",
-        "sigma0 is beta0 by its BetaZeroSFPoly",
-        "-2.22 dB",
-        "53.13 deg",
-    ):
-        assert words in note
+    (level,) = found.findings
+    assert (level.code, level.numbers["quantity"], level.numbers["polynomial"]) == (
+        "levels_converted",
+        "beta0",
+        "BetaZeroSFPoly",
+    )
+    assert level.numbers["factor_db"] == pytest.approx(-2.22, abs=0.005)
+    assert level.numbers["angle_deg"] == pytest.approx(53.13, abs=0.005)
 
 
 def test_sigma0_from_gamma0(tmp_path):
@@ -242,7 +242,7 @@ def test_sigma0_from_gamma0(tmp_path):
     found = read(write(tmp_path / "a.nitf", pixels, radiometric={"GammaZeroSFPoly": 0.01}))
     expected = np.abs(pixels.astype(complex)) ** 2 * 0.01 * np.sin(np.radians(SLOPE_DEG))  # the grazing angle
     np.testing.assert_allclose(found.image_db, db(expected), atol=1e-4)
-    assert "GammaZeroSFPoly" in found.notes[0]
+    assert found.findings[0].numbers["polynomial"] == "GammaZeroSFPoly"
 
 
 @pytest.mark.parametrize("polynomial", ["SigmaZeroSFPoly", "BetaZeroSFPoly", "GammaZeroSFPoly", "RCSSFPoly"])
@@ -262,7 +262,7 @@ def test_without_calibration_levels_are_relative(tmp_path):
     for radiometric in (None, {"RCSSFPoly": 2.0}):
         found = read(write(tmp_path / "a.nitf", pixels, radiometric=radiometric))
         np.testing.assert_allclose(found.image_db, db(np.abs(pixels.astype(complex)) ** 2), atol=1e-4)
-        assert "levels are relative: use target.normalisation: offset or image" in found.notes[0]
+        assert found.findings[0].code == "levels_relative"
 
 
 def test_zero_and_missing_pixels_are_counted(tmp_path):
@@ -284,7 +284,7 @@ def test_scale_must_be_complex(tmp_path, scale):
 
 def test_band_shape_and_plane(tmp_path):
     path = write(tmp_path / "a.nitf", pixels_of("RE32F_IM32F"), plane="GROUND")
-    assert "its rows lie in the image plane GROUND" in read(path, band=1).notes[-1]
+    assert read(path, band=1).findings[-1] == Finding("image_plane", "note", "a.nitf", {"plane": "GROUND"})
     with pytest.raises(MeasurementError, match=r"measurement\.band is 2, .*a\.nitf has 1"):
         read(path, band=2)
     with pytest.raises(MeasurementError, match="has 24 x 18 pixels, the scene's image 18 x 24: crop"):
@@ -363,7 +363,7 @@ def test_other_nitf_files_are_rasters(tmp_path):
     assert not is_sicd(tmp_path / "a.ntf")
     found = read(tmp_path / "a.ntf", "power")
     np.testing.assert_allclose(found.image_db, db(power), atol=1e-4)
-    assert found.notes == ()
+    assert found.findings == ()
 
 
 @pytest.mark.parametrize("name", ["a.nitf", "a.ntf", "a.sicd"])
@@ -430,24 +430,26 @@ def measure(tmp_path, geometry, build_case):
     return measure
 
 
-def test_notes_of_a_measurement(measure, geometry):
+def test_findings_of_a_measurement(measure, geometry):
     pixels = pixels_of("RE32F_IM32F", geometry.shape)
     pixels[0, :5], pixels[1, 1] = 0, np.nan
-    level = "a.nitf: sigma0 by its SigmaZeroSFPoly, for level ground (radiometry sigma0_ref)."
-    total = f"{pixels.size:,}"
-    counts, levels, looks, spread = measure({}, pixels).notes
-    assert counts == f"a.nitf: {total} pixels, 1 without data, 5 zero, 0 negative: NaN in the image."
-    assert levels == level
-    assert re.search(r"speckle of a\.nitf is that of (0\.[89]|1\.[0-3])\d* looks .*; radar\.looks is 1\.$", looks)
-    assert spread.startswith("by its speckle the point spread of a.nitf is 0.6")  # of independent pixels
+    counts, levels, looks, spread = measure({}, pixels).findings[:4]
+    none = {"pixels": pixels.size, "no_data": 1, "zero": 5, "negative": 0, "impossible": 0}
+    assert counts == Finding("pixels", "note", "a.nitf", none)
+    assert levels == Finding("levels_sigma0", "note", "a.nitf", {"polynomial": "SigmaZeroSFPoly"})
+    assert (looks.code, looks.numbers["declared"]) == ("looks", 1)
+    assert 0.8 <= looks.numbers["looks"] < 1.4
+    assert spread.severity == "note"
+    assert spread.numbers["range_m"] == pytest.approx(0.65, abs=0.05)  # of independent pixels
     with pytest.raises(
         MeasurementError, match=r"scale is complex, but .*; radar\.looks is 9; set radar\.looks to what"
     ):
         measure({"looks": 9})
     few = {"looks": 4, "range_resolution_m": 40.0}
-    single, spread = measure(few).notes[2:]
-    assert single == "a.nitf: complex pixels have a single look, radar.looks is 4."
-    assert spread.startswith("warning: by its speckle the point spread of a.nitf is 0.6")
+    single, spread = measure(few).findings[2:4]
+    assert single == Finding("looks_single", "note", "a.nitf", {"declared": 4})
+    assert spread.severity == "warning"
+    assert spread.numbers["range_m"] == pytest.approx(0.65, abs=0.05)
 
 
 @pytest.mark.parametrize(
@@ -466,16 +468,16 @@ def test_another_pass_is_refused(measure, section, keys, words):
 
 
 @pytest.mark.parametrize(
-    ("section", "keys", "words"),
+    ("section", "keys", "code"),
     [
-        ({}, {"polarisation": "UNKNOWN"}, "its polarisation is unknown"),
-        ({}, {"polarisation": "V:OTHER"}, "its polarisation is unknown"),
-        ({"band": "L"}, {"reference_frequency": "<RefFreqIndex>1</RefFreqIndex>"}, "its carrier frequency is unknown"),
-        ({"band": "9.6 GHz"}, {}, "its carrier of 9.6 GHz is not compared with radar.band = 9.6 GHz"),
+        ({}, {"polarisation": "UNKNOWN"}, "polarisation_unknown"),
+        ({}, {"polarisation": "V:OTHER"}, "polarisation_unknown"),
+        ({"band": "L"}, {"reference_frequency": "<RefFreqIndex>1</RefFreqIndex>"}, "carrier_unknown"),
+        ({"band": "9.6 GHz"}, {}, "carrier_not_compared"),
     ],
 )
-def test_what_cannot_be_compared_is_told(measure, section, keys, words):
-    assert any(words in note for note in measure(section, **keys).notes[2:])
+def test_what_cannot_be_compared_is_told(measure, section, keys, code):
+    assert code in [one.code for one in measure(section, **keys).findings[2:]]
 
 
 @pytest.mark.parametrize(
@@ -508,11 +510,11 @@ def test_another_radiometry_is_refused(measure, of_pass, configured, radiometric
 
 
 def test_radiometry_of_relative_levels_is_configured(measure):
-    notes = measure({"radiometry": "beta0"}, radiometry="beta0", radiometric={}).notes
-    assert "levels are relative" in notes[1]
-    assert measure({}, radiometry="sigma0_ref").notes[1].endswith("(radiometry sigma0_ref).")
+    findings = measure({"radiometry": "beta0"}, radiometry="beta0", radiometric={}).findings
+    assert findings[1].code == "levels_relative"
+    assert measure({}, radiometry="sigma0_ref").findings[1].code == "levels_sigma0"
 
 
 @pytest.mark.parametrize(("band", "frequency_ghz"), [("x-band", (9.4, 9.8)), ("P", (0.4, 0.47)), ("UHF", (0.4, 0.47))])
 def test_the_same_band(measure, band, frequency_ghz):
-    assert not any("carrier" in note for note in measure({"band": band}, frequency_ghz=frequency_ghz).notes)
+    assert not any("carrier" in one.code for one in measure({"band": band}, frequency_ghz=frequency_ghz).findings)

@@ -92,10 +92,10 @@ def test_what_a_name_says_is_told(
     with rasterio.open(path, "r+") as raster:
         raster.write(10.0 ** (raster.read() / 10.0))
     case = build_case(measurement={"source": "file", "path": str(path)}, radar={"radiometry": "gamma0_rtc"})
-    notes = measured(case, geometry).notes
-    (said,) = (note for note in notes if "by its name" in note)
-    assert "a HyP3 RTC product, read as scale power, radiometry gamma0_rtc, polarisation HH" in said
-    assert ("speckle was filtered" in said) == filtered
+    found = {one.code: one.numbers for one in measured(case, geometry).findings}
+    keys = {"scale": "power", "radiometry": "gamma0_rtc", "polarisation": "HH"}
+    assert found["product"] == {"product": "a HyP3 RTC product", **keys}
+    assert ("product_filtered" in found) == filtered
 
 
 def measured(case: Case, geometry: Geometry) -> Measurement:

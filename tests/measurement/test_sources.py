@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from scipy.ndimage import uniform_filter
 
 from radcal.config import Case, Radar
 from radcal.errors import ConfigError, MeasurementError
+from radcal.findings import Finding
 from radcal.image.model import Measurement, read_measurement, write_measurement
 from radcal.measurement import sources as module
 from radcal.measurement.sources import make_measurement
@@ -101,33 +101,28 @@ def test_nodata_is_nan(read: Read, image_db: np.ndarray) -> None:
     assert np.count_nonzero(np.isnan(found)) == 5
 
 
-def test_notes_tell_what_is_unusable(read: Read, image_db: np.ndarray) -> None:
+def test_findings_tell_what_is_unusable(read: Read, image_db: np.ndarray) -> None:
     power = 10 ** (image_db / 10)
     power[0, :6] = [0.0, 0.0, np.nan, -1e-9, np.nan, np.nan]
-    counts = f"measured.tif: {power.size:,} pixels, 3 without data, 2 zero, 1 negative: NaN in the image."
-    unchecked = (
-        "radar.looks and the scale of measured.tif could not be checked by the speckle: the areas of single materials "
-        "are too small for these resolutions."
-    )
-    finer = "by its speckle the point spread of measured.tif is "  # these pixels are not correlated
-    counted, checked, spread = read(power, "power").notes
+    none = {"pixels": power.size, "no_data": 3, "zero": 2, "negative": 1, "impossible": 0}
+    counts, unknown = Finding("pixels", "note", "measured.tif", none), Finding("looks_unknown", "note", "measured.tif")
+    counted, looks, spread, *_ = read(power, "power").findings
     assert counted == counts
-    assert spread.startswith(finer)
+    assert (spread.code, spread.severity) == ("resolutions", "note")  # finer: these pixels are not correlated
     # a standard deviation of 3 dB is that of 2.5 looks
-    assert re.search(
-        r"is that of 2\.\d+ looks .*, \d+ windows of 6 x 6 independent pixels\); radar.looks is 4", checked
-    )
+    assert looks.numbers["looks"] == pytest.approx(2.5, abs=0.5)
+    assert (looks.numbers["side_px"], looks.numbers["declared"]) == (6, 4)
     coarse = {"radiometry": "sigma0_local", "range_resolution_m": 40.0}  # few independent pixels are left
-    *others, spread = read(power, "power", radar=coarse).notes
-    assert others == [counts, unchecked]
-    assert spread.startswith(f"warning: {finer}")  # a cell of far less than 40 m
+    one, other, spread, *_ = read(power, "power", radar=coarse).findings
+    assert [one, other] == [counts, unknown]
+    assert (spread.code, spread.severity) == ("resolutions", "warning")  # a cell of far less than 40 m
     amplitude = np.sqrt(10 ** (image_db / 10)).astype(np.complex64)
-    assert read(amplitude, "complex", radar=coarse).notes[1:-1] == (
-        "measured.tif: complex pixels have a single look, radar.looks is 4.",
-    )
-    assert read(amplitude, "complex", radar={"looks": 1, **coarse}).notes[1:-1] == (unchecked,)
+    single = Finding("looks_single", "note", "measured.tif", {"declared": 4})
+    assert read(amplitude, "complex", radar=coarse).findings[1] == single
+    assert read(amplitude, "complex", radar={"looks": 1, **coarse}).findings[1] == unknown
     power[::3] = np.nan
-    assert read(power, "power", radar=coarse).notes[-1].startswith("warning: radar.range_resolution_m and radar.azim")
+    unusual = read(power, "power", radar=coarse).findings[-1]
+    assert (unusual.code, unusual.about) == ("resolution_unusual", "radar.range_resolution_m")
     with pytest.raises(MeasurementError, match=r"^radar\.range_resolution_m is 4000: no area of a single material "):
         read(power, "power", radar={**coarse, "range_resolution_m": 4000.0, "range_spacing_m": 5.0})
 
@@ -256,7 +251,7 @@ def test_synthetic_measurement_is_reproducible(synthetic: Callable[..., Measurem
     np.testing.assert_array_equal(a.image_db, b.image_db)
     assert np.nanmean(np.abs(a.image_db - other.image_db)) > 1.0
     assert "synthetic" in a.source
-    assert a.notes == ()
+    assert a.findings == ()
 
 
 def test_synthetic_measurement_hides_the_truth(synthetic: Callable[..., Measurement], geometry: Geometry) -> None:
@@ -332,10 +327,13 @@ def test_measurement_file_round_trip(tmp_path: Path, image_db: np.ndarray) -> No
     assert list(back.hidden) == ["bare soil", "dyke"]
 
 
-def test_notes_round_trip(tmp_path: Path, image_db: np.ndarray) -> None:
-    notes = ("a.tif: 3 pixels.", "Niveaux relatifs, à 9,6 GHz.")
-    write_measurement(tmp_path / "m.h5", Measurement(image_db, "a.tif", notes=notes))
-    assert read_measurement(tmp_path / "m.h5").notes == notes
+def test_findings_round_trip(tmp_path: Path, image_db: np.ndarray) -> None:
+    findings = (
+        Finding("pixels", "note", "a.tif", {"pixels": 3}),
+        Finding("looks", "warning", "Niveaux relatifs, à 9,6 GHz", {"looks": np.float64(0.1)}, "radar.looks"),
+    )
+    write_measurement(tmp_path / "m.h5", Measurement(image_db, "a.tif", findings=findings))
+    assert read_measurement(tmp_path / "m.h5").findings == findings
 
 
 @pytest.mark.parametrize("look_side", ["right", "left"])
@@ -371,23 +369,17 @@ def test_an_image_on_the_map_is_seen_where_its_ground_lies(
     assert (furthest - nearest > 10) if look_side == "right" else (nearest - furthest > 10)
     # of the file, what lies beside the scene of 200 m is not read
     empty = np.count_nonzero(np.isnan(measurement.image_db))
-    pixels = f"{measurement.image_db.size:,} pixels, {empty:,} without data, 0 zero, 0 negative: NaN in the image"
-    assert re.sub(r"3\d,\d{3} pixels", "3 pixels", measurement.notes[0]) == (
-        f"map.tif, resampled to the grid of the scene's image: {pixels}; the part of the file around the scene has 3 "
-        "pixels, 35 without data."
-    )
+    found = {one.code: one.numbers for one in measurement.findings}
+    none = {"zero": 0, "negative": 0, "impossible": 0}
+    assert found["pixels_at_ground"] == {"pixels": measurement.image_db.size, "no_data": empty, **none}
+    assert 30_000 < found["file_around_scene"]["pixels"] < 40_000
+    assert found["file_around_scene"]["no_data"] == 35
     # the scene of 200 m lies 900 to 1100 m from the track of 1000 m
-    (note,) = (note for note in measurement.notes if "displace" in note)
-    assert re.sub(r"(\d)\.\d ", r"\1 ", note) == (
-        "map.tif: the map places its pixels, so that a wrong radar.depression_deg does not displace them and can "
-        "remain unnoticed: 45 gives incidences of 42 to 47 degrees on level ground, expected those that the metadata "
-        "of the image say."
-    )
-    orbit = module._angle_note(
-        path, case.measurement, Radar(incidence_deg=38.5, altitude_m=700_000.0), geometry, on_map
-    )
-    assert "wrong radar.incidence_deg does" in orbit
-    assert "unnoticed: 38.5 gives" in orbit
+    angle = found["incidence_by_map"]
+    assert (angle["key"], angle["declared_deg"]) == ("radar.depression_deg", 45.0)
+    assert (angle["from_deg"], angle["to_deg"]) == pytest.approx((42.5, 47.5), abs=0.6)
+    orbit = module._angle(path, case.measurement, Radar(incidence_deg=38.5, altitude_m=700_000.0), geometry, on_map)
+    assert (orbit.numbers["key"], orbit.numbers["declared_deg"]) == ("radar.incidence_deg", 38.5)
 
 
 @pytest.mark.parametrize("name", ["angle", "incidenceAngleFromEllipsoid", "localIncidenceAngle"])
@@ -420,8 +412,10 @@ def test_a_band_of_incidence_angles_is_compared(
     )
     geometry = make_geometry(on_map, chosen.radar)
     if expected is None:
-        (note,) = (note for note in make_measurement(chosen, geometry, NoSimulator(), on_map).notes if name in note)
-        assert re.search(rf"level ground, as band 2 \({name}\) does \(-0\.[89] degrees, median\)\.$", note)
+        findings = make_measurement(chosen, geometry, NoSimulator(), on_map).findings
+        (numbers,) = (one.numbers for one in findings if one.code == "incidence_of_band")
+        assert (numbers["band"], numbers["name"]) == (2, name)
+        assert numbers["off_deg"] == pytest.approx(-0.9, abs=0.1)
         return
     with pytest.raises(MeasurementError) as caught:
         make_measurement(chosen, geometry, NoSimulator(), on_map)
@@ -508,10 +502,11 @@ def test_the_right_scale_says_the_looks(
     geometry, power = speckle
     write(tmp_path / "a.tif", power.astype(np.float32))
     file = {"source": "file", "path": str(tmp_path / "a.tif"), "scale": "power", "radiometry": "sigma0_local"}
-    (_, note) = make_measurement(build_case(measurement=file), geometry, NoSimulator()).notes
-    assert re.search(r"speckle of a.tif is that of [34]\.?\d* looks .*radar.looks is 4\.$", note)
+    (_, found) = make_measurement(build_case(measurement=file), geometry, NoSimulator()).findings
+    assert (found.code, found.numbers["declared"]) == ("looks", 4)
+    assert 3.0 <= found.numbers["looks"] < 5.0
     other = build_case(measurement=file, radar={"looks": 8, "radiometry": "sigma0_local"})
-    assert "speckle varies less than that" in make_measurement(other, geometry, NoSimulator()).notes[1]
+    assert make_measurement(other, geometry, NoSimulator()).findings[1].code == "looks_fewer"
 
 
 def test_a_speckle_filtered_image_is_called_that(
@@ -526,11 +521,11 @@ def test_a_speckle_filtered_image_is_called_that(
         r".* use the image before filtering, or set radar\.looks: 1\d ",
     ):
         make_measurement(build_case(measurement=file, radar={"looks": 4}), geometry, NoSimulator())
-    notes = make_measurement(build_case(measurement=file, radar={"looks": 14}), geometry, NoSimulator()).notes
-    assert notes[2].startswith("warning: a.tif is speckle-filtered or smoothed in another way")
+    findings = make_measurement(build_case(measurement=file, radar={"looks": 14}), geometry, NoSimulator()).findings
+    assert (findings[2].code, findings[2].severity) == ("smoothed", "warning")
     coarse = {"range_resolution_m": 1.8, "azimuth_resolution_m": 7.0, "azimuth_spacing_m": 5.0, "looks": 14}
-    notes = make_measurement(build_case(measurement=file, radar=coarse), geometry, NoSimulator()).notes
-    assert "radar.range_resolution_m is 1.8 and radar.azimuth_resolution_m 7" in notes[2]
+    numbers = make_measurement(build_case(measurement=file, radar=coarse), geometry, NoSimulator()).findings[2].numbers
+    assert (numbers["range_declared_m"], numbers["azimuth_declared_m"]) == (1.8, 7.0)
 
 
 def test_an_image_below_the_noise_floor_is_told_before_any_run(read: Read, image_db: np.ndarray) -> None:

@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter
 
 from radcal.config import Radar
 from radcal.errors import MeasurementError
-from radcal.findings import Finding, from_json
+from radcal.findings import Finding
 from radcal.image.model import Measurement
 from radcal.measurement.synthetic import smooth_warp
 from radcal.radar.geometry import Geometry
@@ -71,7 +71,7 @@ def by_line(geometry: Geometry, slope: float, noise_px: float = 0.0, applied: bo
     nothing = np.zeros(geometry.shape, np.float32)
     moved = field.astype(np.float32)
     return Registered(
-        measurement=Measurement(nothing, "a.tif", notes=("plain.",)),
+        measurement=Measurement(nothing, "a.tif", findings=(Finding("polarisation_unknown", "note", "a.tif"),)),
         unregistered_db=nothing,
         displacement_px=moved if applied else moved * 0,
         uncertainty_px=nothing,
@@ -240,8 +240,8 @@ def test_a_refusal_ends_the_case_except_without_registration(seen: Geometry) -> 
         checked(flown, simulated, seen, RADAR, 0.0)
     other = np.roll(simulated, (70, 60), (0, 1))
     kept = checked(replace(flown, unregistered_db=other, refused_px=None, method="none"), simulated, seen, RADAR, 0.0)
-    assert [one.code for one in from_json(kept.findings)] == ["geometry_unchecked", "place"]
-    assert sentence(from_json(kept.findings)[0]).startswith("a.tif was not registered")
+    assert [one.code for one in kept.findings] == ["geometry_unchecked", "place"]
+    assert sentence(kept.findings[0]).startswith("a.tif was not registered")
 
 
 def test_a_warning_is_kept_and_said(seen: Geometry) -> None:
@@ -250,7 +250,7 @@ def test_a_warning_is_kept_and_said(seen: Geometry) -> None:
     field = by_line(seen, slope).displacement_px
     lies = warp(simulated, -field.astype(np.float64))
     found = checked(replace(by_line(seen, slope), unregistered_db=lies), simulated, seen, RADAR, 0.0)
-    (said,) = map(sentence, from_json(found.findings))
+    (said,) = map(sentence, found.findings)
     assert said.startswith("warning: a.tif is displaced along slant range by -3.6 pixels per 100 rows")
     assert "radar.depression_deg 47.0 in place of 45" in said
-    assert [one.severity for one in from_json(found.findings)] == ["warning"]
+    assert [one.severity for one in found.findings] == ["warning"]

@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from radcal.config import Radar
+from radcal.findings import Finding
 from radcal.image.model import Measurement
 from radcal.measurement.synthetic import smooth_warp
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
-from radcal.registration.height_shift import HeightShift, height_shift, height_warnings, with_height_warning
+from radcal.registration.height_shift import HeightShift, height_findings, height_shift, with_height_finding
 from radcal.registration.registered import Registered
 from radcal.scene.model import Scene
 
+PLAIN = Finding("polarisation_unknown", "note", "a.tif")
 RADAR = Radar(
     altitude_m=4000.0, depression_deg=50.0, range_resolution_m=4.0, azimuth_resolution_m=6.0, range_spacing_m=3.0,
     azimuth_spacing_m=5.0,
@@ -40,7 +42,7 @@ def geometry(hills: Scene) -> Geometry:
 
 def moved(displacement_px: NDArray[np.float64]) -> Registered:
     nothing = np.zeros(displacement_px.shape[1:], np.float32)
-    image = Measurement(nothing, "a.tif", notes=("plain.",))
+    image = Measurement(nothing, "a.tif", findings=(PLAIN,))
     return Registered(image, nothing, displacement_px.astype(np.float32), nothing, nothing, "gefolki", True, "")
 
 
@@ -93,13 +95,15 @@ def test_where_heights_say_nothing(hills: Scene, geometry: Geometry, build_scene
     assert height_shift(by_height(small, seen, -0.5), seen, small, RADAR) is None
 
 
-def test_the_warning_says_what_to_look_at(hills: Scene, geometry: Geometry) -> None:
+def test_the_warning_gives_the_direction_and_what_the_ellipsoid_would_do(hills: Scene, geometry: Geometry) -> None:
     told = by_height(hills, geometry, -0.38)
-    (said,) = height_warnings(told, geometry, hills, RADAR)
-    assert said.startswith("warning: a.tif: the registration finds ground 0.3")
-    assert " m nearer to the radar in slant range for each metre of its height, expected no such change (an " in said
-    assert "ellipsoid has 0.76 m, nearer): if the image lies on the map, is it terrain-corrected?" in said
-    assert " m further from the radar" in height_warnings(by_height(hills, geometry, 0.3), geometry, hills, RADAR)[0]
-    assert with_height_warning(told, geometry, hills, RADAR).measurement.notes == ("plain.", said)
+    (found,) = height_findings(told, geometry, hills, RADAR)
+    assert (found.code, found.severity, found.about) == ("height_shift", "warning", "a.tif")
+    assert found.numbers["m_per_m"] == pytest.approx(0.38, abs=0.08)
+    assert found.numbers["ellipsoid_m_per_m"] == pytest.approx(0.76, abs=0.005)
+    assert found.numbers["where"] == "nearer to the radar"
+    (other,) = height_findings(by_height(hills, geometry, 0.3), geometry, hills, RADAR)
+    assert other.numbers["where"] == "further from the radar"
+    assert with_height_finding(told, geometry, hills, RADAR).measurement.findings == (PLAIN, found)
     right = by_height(hills, geometry, 0.0)
-    assert with_height_warning(right, geometry, hills, RADAR).measurement.notes == ("plain.",)
+    assert with_height_finding(right, geometry, hills, RADAR).measurement.findings == (PLAIN,)

@@ -9,6 +9,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from radcal.config import RegistrationConfig
 from radcal.errors import MeasurementError
+from radcal.findings import Finding
 from radcal.image.model import Measurement
 from radcal.registration import registered as module
 from radcal.registration.displacement import invert
@@ -190,7 +191,9 @@ def test_file_round_trip(tmp_path, registered):
     back = read_registered(tmp_path / "r.h5")
     assert same(back, registered)
     assert back.found_px is back.displacement_px
-    refused = replace(registered, applied=False, refused_px=2 * registered.displacement_px, findings='[{"code": "a"}]')
+    refused = replace(
+        registered, applied=False, refused_px=2 * registered.displacement_px, findings=(Finding("place", "note", "a"),)
+    )
     write_registered(tmp_path / "r.h5", refused)
     assert same(read_registered(tmp_path / "r.h5"), refused)
     assert back.applied

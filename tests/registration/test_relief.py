@@ -101,5 +101,5 @@ def test_only_what_is_certain_is_told(slope: float, error: float, slope_error: f
         with pytest.raises(MeasurementError, match="radar.look_side right and radar.heading_deg 0; set the side"):
             check_relief(found, RADAR, "a.tif", slope_error)
         return
-    notes = check_relief(found, RADAR, "a.tif", slope_error)
-    assert [("does not follow the relief" in note, "0.16 dB" in note) for note in notes] == [(True, True)] * bool(said)
+    told = [(one.code, one.severity) for one in check_relief(found, RADAR, "a.tif", slope_error)]
+    assert told == [("relief_not_followed", "warning")] * bool(said)

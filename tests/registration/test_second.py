@@ -9,6 +9,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from radcal.config import RegistrationConfig
+from radcal.findings import Finding
 from radcal.image.model import Measurement
 from radcal.registration import registered as registration
 from radcal.registration.displacement import invert, warp
@@ -36,6 +37,9 @@ RIGHT = relief(1)
 START, FOUND, OTHER = speckled(0.5 * RIGHT + relief(2), 3), speckled(RIGHT, 4), speckled(relief(5), 6)
 
 
+OF_FIRST = Finding("place", "note", "pass 1", {"correlation": 0.5})
+
+
 @pytest.fixture(scope="module")
 def moved():
     rows, columns = np.indices(SHAPE)
@@ -45,7 +49,9 @@ def moved():
 @pytest.fixture(scope="module")
 def first(moved):
     image = warp(speckled(RIGHT, 7), invert(moved)).astype(np.float32)
-    return register(START, Measurement(image, "a.tif", notes=("a note",)), CONFIG)
+    return register(
+        START, Measurement(image, "a.tif", findings=(Finding("polarisation_unknown", "note", "a.tif"),)), CONFIG
+    )
 
 
 @pytest.fixture(scope="module")
@@ -58,10 +64,10 @@ def error_px(registered, moved):
 
 
 def test_a_run_that_is_more_like_the_image_takes_the_place_of_the_reference_run(first, alone, moved):
-    again = register_again(FOUND, replace(first, findings='["of the first"]'), CONFIG)
-    assert again.findings == '["of the first"]'
+    again = register_again(FOUND, replace(first, findings=(OF_FIRST,)), CONFIG)
+    assert again.findings == (OF_FIRST,)
     assert error_px(again, moved) < 0.6 * error_px(first, moved)
-    assert same(replace(again, verdict=alone.verdict, findings="[]"), alone)
+    assert same(replace(again, verdict=alone.verdict, findings=()), alone)
     before, after = (float(np.mean(one.correlation)) for one in (first, again))
     assert after > before
     assert again.verdict == (

@@ -386,7 +386,7 @@ def test_a_configured_scene_has_its_objects(tmp_path: Path) -> None:
     assert scene.objects is not None
     assert len(scene.objects) == 3
     assert scene.identity != bare.identity
-    assert scene.notes[-1] == "3 objects, 1 of them points"
+    assert scene.findings[-1].numbers == {"objects": 3, "points": 1}
     np.testing.assert_array_equal(scene.material, bare.material)
     made = make_scene(configured({"generate": {"trees": 5, "cars": 2, "seed": 3}}), materials).objects
     assert made is not None

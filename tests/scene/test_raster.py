@@ -22,7 +22,7 @@ from radcal.errors import ConfigError, SceneError
 from radcal.image.georeference import GeoreferencedImage, values_at_ground
 from radcal.products.geotiff import Layer, map_grid, write_geotiff
 from radcal.radar.projection import make_geometry
-from radcal.scene.crs import crs_from, named_datum, same_datum, transformation_note, transformer, vertical_datum
+from radcal.scene.crs import crs_from, named_datum, same_datum, transformation_findings, transformer, vertical_datum
 from radcal.scene.model import Scene, read_scene, write_scene
 from radcal.scene.raster import raster_scene
 from radcal.scene.sources import make_scene
@@ -111,6 +111,11 @@ def build(tmp_path: Path) -> Build:
     return build
 
 
+def numbers_of(scene: Scene, code: str) -> Any:
+    """Numbers of the scene's finding with a code; None without one."""
+    return next((one.numbers for one in scene.findings if one.code == code), None)
+
+
 def test_a_raster_on_the_scenes_own_grid_is_taken_as_it_lies(build: Build) -> None:
     heights = np.random.default_rng(1).normal(50.0, 5.0, SHAPE)
     ids = np.random.default_rng(2).integers(1, 4, SHAPE, dtype=np.uint8)
@@ -118,14 +123,14 @@ def test_a_raster_on_the_scenes_own_grid_is_taken_as_it_lies(build: Build) -> No
     # row 0 of the scene is in the south, of the file in the north
     np.testing.assert_allclose(scene.elevation_m, heights[::-1], rtol=1e-12)
     np.testing.assert_array_equal(scene.material, ids[::-1])
-    assert "elevation as in the file, materials of the nearest pixel" in scene.notes
+    assert numbers_of(scene, "resampled") == {"elevation": "as in the file", "materials": "of the nearest pixel"}
     assert scene.transform == (10.0, 0.0, WEST, 0.0, 10.0, SOUTH)
     assert scene.crs == UTM
     assert scene.cell_m == 10.0
     assert scene.names == ("grass", "water", "dyke")
     assert scene.elevation_m.dtype == np.float64
     assert scene.material.dtype == np.uint8
-    assert not any("no material" in note for note in scene.notes)
+    assert numbers_of(scene, "no_material") is None
 
 
 @pytest.mark.parametrize("up", ["north", "south", "west"])
@@ -133,7 +138,7 @@ def test_the_order_of_rows_and_columns_does_not_matter(build: Build, up: str) ->
     values = np.random.default_rng(1).normal(50.0, 5.0, SHAPE)
     ids = np.random.default_rng(2).integers(1, 4, SHAPE, dtype=np.uint8)
     expected = raster_scene(build(values, ids, cell_m=7.0))
-    assert "elevation interpolated, materials of the nearest pixel" in expected.notes
+    assert numbers_of(expected, "resampled") == {"elevation": "interpolated", "materials": "of the nearest pixel"}
     if up == "south":
         flipped = Affine(10.0, 0.0, WEST, 0.0, 10.0, SOUTH)
         values, ids = values[::-1], ids[::-1]
@@ -213,7 +218,7 @@ def test_coarse_cells_take_the_mean_height_and_the_most_frequent_material(build:
     most = np.sort(counts, axis=0)
     clear = most[-1] > most[-2]
     np.testing.assert_array_equal(scene.material[clear], counts.argmax(axis=0)[clear] + 1)
-    assert any("averaged" in note and "majority" in note for note in scene.notes)
+    assert numbers_of(scene, "resampled") == {"elevation": "averaged", "materials": "of the majority of pixels"}
 
 
 def test_codes_of_a_land_cover_map_become_materials_in_their_order(build: Build) -> None:
@@ -252,7 +257,7 @@ def test_pixels_narrower_than_high_are_averaged_in_their_cells(build: Build) -> 
     narrow = Affine(5.0, 0.0, WEST, 0.0, -20.0, SOUTH + 500.0)
     scene = raster_scene(build(heights, transform=narrow, cell_m=20.0))
     np.testing.assert_allclose(scene.elevation_m, heights[::-1].reshape(25, 30, 4).mean(axis=-1), rtol=1e-9)
-    assert "elevation averaged" in scene.notes[1]
+    assert numbers_of(scene, "resampled")["elevation"] == "averaged"
 
 
 def test_cells_have_the_area_of_pixels_in_degrees(build: Build) -> None:
@@ -394,8 +399,8 @@ def test_gaps_are_filled_and_counted(build: Build) -> None:
     np.testing.assert_allclose(scene.elevation_m[~gaps[::-1]], heights[::-1][~gaps[::-1]], atol=1e-9)
     # inverse distances: about the height of a cell of the slope, 2.2 m along its fall
     np.testing.assert_allclose(scene.elevation_m, plane(*centres(scene)), atol=2.3)
-    assert "20 of 3000 cells have no elevation: filled from around them, no material" in scene.notes
-    assert "32 of 3000 cells have no material" in scene.notes
+    assert numbers_of(scene, "no_elevation") == {"cells": 20, "of": 3000}
+    assert numbers_of(scene, "no_material") == {"cells": 32, "of": 3000}
 
 
 def test_nan_and_integer_nodata_are_gaps(build: Build) -> None:
@@ -444,7 +449,7 @@ def test_the_vertical_datum_is_read_or_given(build: Build, crs: str, key: str | 
     scene = raster_scene(build(crs=crs, vertical_datum=key))
     assert scene.vertical_datum == expected
     origin = "from scene.vertical_datum" if crs == UTM else "from the CRS of the elevation"
-    assert f"vertical datum {expected} ({origin})" in scene.notes
+    assert numbers_of(scene, "vertical_datum") == {"datum": expected, "origin": origin}
     assert scene.crs == UTM
 
 
@@ -503,17 +508,17 @@ def test_a_transformation_is_made_once_for_equal_crs() -> None:
     assert transformer(CRS.from_epsg(28992), CRS.from_epsg(32631)) is not once
 
 
-@pytest.mark.parametrize(("accuracy", "said"), [(2.5, "is accurate to 2.5 m"), (-1.0, "has no known accuracy")])
-def test_a_missing_grid_of_shifts_is_told(monkeypatch: pytest.MonkeyPatch, accuracy: float, said: str) -> None:
-    assert transformation_note(CRS(4326), CRS(UTM), "it") is None
+@pytest.mark.parametrize(("accuracy", "code"), [(2.5, "transformation"), (-1.0, "transformation_unknown")])
+def test_a_missing_grid_of_shifts_is_told(monkeypatch: pytest.MonkeyPatch, accuracy: float, code: str) -> None:
+    assert transformation_findings(CRS(4326), CRS(UTM), "it") == []
     # which grids are installed depends on the machine
     missing = SimpleNamespace(best_available=False, transformers=[SimpleNamespace(accuracy=accuracy)])
     monkeypatch.setattr("pyproj.transformer.TransformerGroup", lambda *_, **__: missing)
-    note = transformation_note(CRS(27700), CRS(32630), "scene.materials")
-    assert note == (
-        "scene.materials: the best transformation from OSGB36 / British National Grid to WGS 84 / UTM zone 30N needs a "
-        f"grid that is not installed; the one used {said}."
-    )
+    (found,) = transformation_findings(CRS(27700), CRS(32630), "scene.materials")
+    assert (found.code, found.about) == (code, "scene.materials")
+    assert found.numbers["source"] == "OSGB36 / British National Grid"
+    assert found.numbers["target"] == "WGS 84 / UTM zone 30N"
+    assert found.numbers.get("accuracy_m", -1.0) == accuracy
 
 
 @pytest.mark.parametrize("key", ["elevation", "materials"])
@@ -696,11 +701,11 @@ def test_identity_follows_what_the_simulator_sees(build: Build, tmp_path: Path) 
     assert raster_scene(build(names=NAMES | {"1": "reed"})).identity != identity
 
 
-def test_place_and_notes_survive_the_file(build: Build, tmp_path: Path) -> None:
+def test_place_and_findings_survive_the_file(build: Build, tmp_path: Path) -> None:
     scene = raster_scene(build())
     write_scene(tmp_path / "scene.h5", scene)
     back = read_scene(tmp_path / "scene.h5")
-    for name in ("crs", "transform", "vertical_datum", "notes", "identity", "names", "cell_m"):
+    for name in ("crs", "transform", "vertical_datum", "findings", "identity", "names", "cell_m"):
         assert getattr(back, name) == getattr(scene, name), name
     np.testing.assert_array_equal(back.elevation_m, scene.elevation_m)
 
@@ -708,9 +713,9 @@ def test_place_and_notes_survive_the_file(build: Build, tmp_path: Path) -> None:
 def test_files_without_a_place_are_read(scene: Scene, tmp_path: Path) -> None:
     write_scene(tmp_path / "scene.h5", scene)
     with changed(tmp_path / "scene.h5") as file:
-        del file["notes"]  # as earlier versions wrote it
+        del file["findings"]  # as earlier versions wrote it
     back = read_scene(tmp_path / "scene.h5")
-    assert (back.crs, back.transform, back.vertical_datum, back.notes) == (None, None, None, ())
+    assert (back.crs, back.transform, back.vertical_datum, back.findings) == (None, None, None, ())
 
 
 def test_a_raster_scene_is_seen_by_the_radar(build: Build) -> None:
@@ -753,13 +758,12 @@ def test_whole_metres_are_an_error_of_the_slopes(build: Build) -> None:
     heights = 50.0 + 8.0 * smooth / smooth.std()
     plain = raster_scene(build(heights))
     assert plain.slope_error_deg == 0.0
-    assert "steps" not in " ".join(plain.notes)
+    assert numbers_of(plain, "height_steps") is None
     whole = raster_scene(build(np.round(heights).astype(np.int16)))
     errors = np.diff(whole.elevation_m - plain.elevation_m, axis=1) / whole.cell_m
     assert whole.slope_error_deg == pytest.approx(np.degrees(np.arctan(errors.std())), rel=0.1)
-    assert whole.notes[3] == (
-        "heights are in steps of 1 m: their rounding error of 0.29 m enters scene.elevation_error_m (now 0.29 m, a "
-        "slope error of 2.3 deg)"
+    assert numbers_of(whole, "height_steps") == pytest.approx(
+        {"step_m": 1.0, "rounding_m": 12**-0.5, "error_m": 12**-0.5, "slope_error_deg": 2.34}, rel=0.01
     )
     # in quadrature with the configured error
     both = raster_scene(build(np.round(heights).astype(np.int16), elevation_error_m=0.3))

@@ -28,6 +28,7 @@ from safe_product import (
 
 from radcal.config import FileMeasurement, Radar, case_from, stages
 from radcal.errors import ConfigError, MeasurementError
+from radcal.findings import Finding
 from radcal.image.acquisition import (
     Acquisition,
     _apart,
@@ -44,6 +45,7 @@ from radcal.sentinel1.annotation import noise_of
 from radcal.sentinel1.overpass import overpass_of, overpass_unchecked
 from radcal.sentinel1.product import Product, open_product
 from radcal.sentinel1.reader import sigma0_image
+from radcal.words import sentence
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 
@@ -90,7 +92,7 @@ def test_sigma0_follows_from_the_tables(safe: Path) -> None:
     product, radar = opened(safe)
     ground = scene()
     geometry = make_geometry(ground, radar)
-    power, acquisition, notes = sigma0_image(product, config(safe), radar, geometry, ground)
+    power, acquisition, findings = sigma0_image(product, config(safe), radar, geometry, ground)
     assert power.shape == geometry.shape
     assert np.isfinite(power).sum() > 1000
     # places of some pixels, looked up in the image by solving for them
@@ -113,7 +115,7 @@ def test_sigma0_follows_from_the_tables(safe: Path) -> None:
         checked += 1
     assert checked > 35
     assert acquisition.product == NAME
-    assert "thermal noise is not subtracted, since the simulated image has that of radar.nesz_db" in notes[1]
+    assert "noise_kept" in [one.code for one in findings]
 
 
 def solved(longitude: float, latitude: float) -> tuple[float, float]:
@@ -199,7 +201,7 @@ def test_heights_above_the_geoid_are_raised_by_it(safe: Path, monkeypatch: pytes
     monkeypatch.setattr("radcal.sentinel1.overpass.geoid_m", lambda *_: 45.0)
     found = overpass_of(product, replace(ground, vertical_datum="EGM2008 height"), geometry.ground)
     np.testing.assert_allclose(found.pixel, expected.pixel, atol=1e-6)
-    assert found.notes == ()
+    assert found.findings == ()
 
 
 def test_heights_between_the_centres_of_cells_are_interpolated(safe: Path) -> None:
@@ -293,22 +295,27 @@ def test_contradictions_are_refused(safe: Path, keys: dict[str, Any], words: str
         taken(safe, **keys)
 
 
-def taken(safe: Path, **keys: Any) -> tuple[np.ndarray, Acquisition, tuple[str, ...]]:
+def taken(safe: Path, **keys: Any) -> tuple[np.ndarray, Acquisition, tuple[Finding, ...]]:
     product, radar = opened(safe, **keys)
     ground = scene()
     return sigma0_image(product, config(safe), radar, make_geometry(ground, radar), ground)
 
 
 def test_differences_are_said(safe: Path) -> None:
-    _, acquisition, notes = taken(safe, nesz_db=-22.0, range_resolution_m=5.0)
-    said = "\n".join(notes)
+    _, acquisition, findings = taken(safe, nesz_db=-22.0, range_resolution_m=5.0)
+    found = {one.code: one.numbers for one in findings}
     radar = Radar.model_validate(PASS)
     along = replace(acquisition, heading_deg=176.0)  # within 5 degrees of a look to the west
-    assert not any("looks to" in text for text in differences(along, radar))
-    (turned,) = (text for text in differences(replace(acquisition, heading_deg=199.5), radar) if "looks to" in text)
-    assert "it looks to 289.5 deg from north (heading 199.50 deg), the configured pass to 270.0 deg" in turned
-    assert re.search(r"its noise-equivalent sigma0 is -\d\d\.\d dB at 3\d\.\d deg, radar.nesz_db -22.0 dB\.", said)
-    assert re.search(r"its range_resolution_m is 11\.\d at the scene, radar.range_resolution_m 5\.", said)
+    assert not any(one.code == "look_direction" for one in differences(along, radar))
+    turned = {one.code: one.numbers for one in differences(replace(acquisition, heading_deg=199.5), radar)}
+    assert turned["look_direction"] == {"look_deg": 289.5, "heading_deg": 199.5, "configured_deg": 270.0}
+    noise = found["noise_differs"]
+    assert noise["configured_db"] == pytest.approx(-22.0)
+    assert 30.0 < noise["angle_deg"] < 40.0
+    assert noise["nesz_db"] < -10.0
+    (width,) = (one.numbers for one in findings if one.numbers.get("key") == "range_resolution_m")
+    assert width["configured_m"] == 5.0
+    assert 11.0 <= width["own_m"] < 12.0
 
 
 def test_another_heading_contradicts_where_the_ground_is_steep(safe: Path) -> None:
@@ -329,8 +336,8 @@ def test_another_heading_contradicts_where_the_ground_is_steep(safe: Path) -> No
     turn, tilt = np.radians(abs(apart)), np.radians(steep)
     assert float(said[2]) == pytest.approx(np.degrees(tilt) * 2 * np.sin(turn / 2), abs=0.06)
     assert f"(look_side: right, heading_deg: {found.heading_deg:.2f})" in str(refused.value)
-    _, _, notes = sigma0_image(product, config(safe), radar, make_geometry(level, radar), level)
-    assert sum("so that slopes have another incidence than in the image" in text for text in notes) == 1
+    _, _, findings = sigma0_image(product, config(safe), radar, make_geometry(level, radar), level)
+    assert [one.code for one in findings].count("look_direction") == 1
 
 
 ANNOTATION, CALIBRATION = f"annotation/{STEM}.xml", f"annotation/calibration/calibration-{STEM}.xml"
@@ -389,16 +396,17 @@ def test_pixels_without_data_are_nan(tmp_path: Path) -> None:
 
 
 def test_noise_that_the_processor_removed_is_said(tmp_path: Path) -> None:
-    _, acquisition, notes = taken(write_product(tmp_path, noise_removed="true"))
+    _, acquisition, findings = taken(write_product(tmp_path, noise_removed="true"))
     assert acquisition.noise_removed
-    assert "thermal noise was subtracted by the processor, so that radar.nesz_db should be far below" in notes[1]
+    assert "noise_subtracted" in [one.code for one in findings]
 
 
 def test_heights_above_a_geoid_without_a_grid_are_said(safe: Path) -> None:
     product, radar = opened(safe)
     ground = replace(scene(), vertical_datum="EGM2008 height")
-    (note,) = overpass_of(product, ground, make_geometry(ground, radar).ground).notes
-    assert re.search(r"heights above EGM2008 height are taken .* each metre .* displaces the image by 1\.3\d m", note)
+    (found,) = overpass_of(product, ground, make_geometry(ground, radar).ground).findings
+    assert (found.code, found.numbers["datum"]) == ("geoid_unknown", "EGM2008 height")
+    assert found.numbers["m_per_m"] == pytest.approx(1.35, abs=0.05)
 
 
 def test_a_scene_elsewhere_or_off_the_map_is_refused(safe: Path) -> None:
@@ -433,7 +441,7 @@ def test_a_case_reads_a_product_without_scale_and_radiometry(safe: Path, name: s
     assert taken_db.source == NAME
     power, *_ = taken(safe)
     np.testing.assert_allclose(taken_db.image_db, 10.0 * np.log10(power), atol=1e-4)
-    assert any(note.startswith(f"{NAME}: S1B IW GRD VV of 2021-12-23") for note in taken_db.notes)
+    assert sentence(taken_db.findings[1]).startswith(f"{NAME}: S1B IW GRD VV of 2021-12-23")
 
 
 def test_keys_that_contradict_the_kind_of_product_are_refused(safe: Path) -> None:

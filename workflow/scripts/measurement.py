@@ -7,6 +7,7 @@ from radcal.radar.geometry import read_geometry
 from radcal.scene.model import read_scene
 from radcal.session.jobs import logged, progress
 from radcal.simulators.sources import make_simulator
+from radcal.words import sentence
 
 with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     case = stages.Measurement.model_validate(snakemake.params.case)
@@ -16,5 +17,5 @@ with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     measurement = make_measurement(case, geometry, simulator, scene, partly=bool(snakemake.wildcards.at))
     write_measurement(snakemake.output.measurement, measurement)
     progress(f"measured image: {measurement.source}")
-    for note in measurement.notes:
-        progress(note)
+    for finding in measurement.findings:
+        progress(sentence(finding))

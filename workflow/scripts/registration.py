@@ -1,7 +1,6 @@
 """Register the measured image onto the image of the reference run or, the second time, onto the registration run."""
 
 from radcal.config import stages
-from radcal.findings import from_json
 from radcal.image.model import read_measurement
 from radcal.radar.geometry import read_geometry
 from radcal.registration.geometry_check import checked
@@ -29,5 +28,5 @@ with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     write_registered(snakemake.output.registered, registered)
     if registered.method != "none":
         progress(registered.verdict)
-    for finding in from_json(registered.findings) if not snakemake.input.first else []:
+    for finding in registered.findings if not snakemake.input.first else []:
         progress(sentence(finding))

@@ -3,13 +3,14 @@
 from radcal.config import stages
 from radcal.objectives import OBJECTIVES
 from radcal.radar.geometry import read_geometry
-from radcal.registration.height_shift import height_warnings
+from radcal.registration.height_shift import height_findings
 from radcal.registration.registered import read_registered
 from radcal.scene.model import read_scene
 from radcal.session.jobs import logged, progress
 from radcal.storage.run_index import indexed
 from radcal.targets.target import write_targets
 from radcal.targets.target_fit import make_targets
+from radcal.words import sentence
 
 with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     case = stages.Target.model_validate(snakemake.params.case)
@@ -20,5 +21,5 @@ with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     misfit, partly = OBJECTIVES[case.objective].misfit, bool(snakemake.wildcards.at)
     targets = make_targets(case, geometry, registered, reference.image_db, misfit, partly, scene)
     write_targets(snakemake.output.target, targets)
-    for sentence in (*height_warnings(registered, geometry, scene, case.radar), *targets.sentences()):
-        progress(sentence)
+    for text in (*map(sentence, height_findings(registered, geometry, scene, case.radar)), *targets.sentences()):
+        progress(text)

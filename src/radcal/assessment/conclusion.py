@@ -17,7 +17,7 @@ from radcal.calibration.scoring import with_texture
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Stop, stages
 from radcal.errors import StoreError
-from radcal.findings import Finding, from_json
+from radcal.findings import Finding
 from radcal.objectives import Comparison
 from radcal.objectives.history import History
 from radcal.posterior.result import Image, Posterior
@@ -140,7 +140,7 @@ def conclude(
         with_texture(final[0].pixels_db, objectives, looks, case.seed),
         fresh_db,
     ]
-    findings = [finding for one in images for finding in from_json(one.findings)]
+    findings = [finding for one in images for finding in one.findings]
     findings += image_findings(case, image)
     refused = any(one.severity == "refusal" for one in findings)
     causes = {one.code: f"{one.code} of {one.about}" for one in findings if one.severity != "note"}

@@ -31,7 +31,7 @@ from radcal.posterior.cells import CellMeans
 from radcal.programs.command_plan import check_command, check_image_shape
 from radcal.reading.safe import is_safe_name
 from radcal.scene.size import scene_size
-from radcal.words import rough
+from radcal.words import rough, sentence
 
 if TYPE_CHECKING:
     from radcal.image.model import Measurement
@@ -305,7 +305,7 @@ def _made(
         if "measurement" not in loaded.without:
             say(f"measured image{which}, for {shape[0]} x {shape[1]} pixels ...")
             measured = _measured(one, loaded, geometry, scene, problems, number)
-            notes += said if measured is None else measured.notes
+            notes += said if measured is None else map(sentence, measured.findings)
             problems.unmeasured |= measured is None
             try:
                 levels += () if problems else of_pass(outlook(one, geometry, measured), number + 1, len(each))
@@ -319,7 +319,10 @@ def _made(
         say("fixed laws against the measured image ...")
         levels.append(rough(fixed_laws(case, cells)))
     problems.add(unreached)
-    return [*scene.notes, *(line for k, notes in enumerate(each, 1) for line in of_pass(notes, k, len(each)))], shape
+    return [
+        *map(sentence, scene.findings),
+        *(line for k, notes in enumerate(each, 1) for line in of_pass(notes, k, len(each))),
+    ], shape
 
 
 def _measured(
@@ -387,5 +390,5 @@ def _by_annotation(one: Case, scene: Scene) -> tuple[list[str], list[str]]:
     if not isinstance(image, FileMeasurement) or not is_safe_name(image.path):
         return [], []
     seen = overpass_unchecked(expand_path(image.path, "measurement.path", folder=True), image, one.radar, scene)
-    notes = [seen.acquisition.sentence(), *seen.notes, *differences(seen.acquisition, one.radar)]
-    return notes, [radar_section(seen.acquisition)]
+    findings = [seen.acquisition.finding(), *seen.findings, *differences(seen.acquisition, one.radar)]
+    return [sentence(one) for one in findings], [radar_section(seen.acquisition)]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from radcal.bands import letter_band, within_band
 from radcal.config import Radar
 from radcal.config.sensors import SENSORS
+from radcal.findings import Finding
 from radcal.radar.radiometry import noise_floor_db
 
 __all__ = ["Acquisition", "contradictions", "differences", "radar_keys", "radar_section"]
@@ -99,17 +100,27 @@ class Acquisition:
         """Direction in which the radar looks, clockwise from true north [deg, 0 to 360]."""
         return (self.heading_deg + (90.0 if self.look_side == "right" else -90.0)) % 360.0
 
-    def sentence(self) -> str:
-        """Description of the acquisition in one sentence, for the notes on the measured image."""
+    def finding(self) -> Finding:
+        """Finding that describes the acquisition."""
         levels = [level for _, level in self.nesz_db]
-        noise = f"{min(levels):.1f}" + (f" to {max(levels):.1f}" if max(levels) - min(levels) >= 0.05 else "")
-        return (
-            f"{self.product}: {self.sensor} {self.polarisation} of {self.start}, {self.pass_direction}, heading "
-            f"{self.heading_deg:.1f} deg over the scene, looking {self.look_side}, incidence {self.incidence_deg:.2f} "
-            f"deg, {self.frequency_hz / 1e9:.4g} GHz, {self.numbers_of_looks[0]} x {self.numbers_of_looks[1]} looks "
-            f"(equivalent {self.looks:.3g}), pixels of {self.range_spacing_m:g} m in ground range and "
-            f"{self.azimuth_spacing_m:g} m in azimuth, noise-equivalent sigma0 {noise} dB."
-        )
+        numbers: dict[str, float | str] = {
+            "sensor": self.sensor,
+            "polarisation": self.polarisation,
+            "start": self.start,
+            "pass_direction": self.pass_direction,
+            "heading_deg": self.heading_deg,
+            "look_side": self.look_side,
+            "incidence_deg": self.incidence_deg,
+            "frequency_ghz": self.frequency_hz / 1e9,
+            "range_looks": self.numbers_of_looks[0],
+            "azimuth_looks": self.numbers_of_looks[1],
+            "looks": self.looks,
+            "range_spacing_m": self.range_spacing_m,
+            "azimuth_spacing_m": self.azimuth_spacing_m,
+            "least_nesz_db": min(levels),
+            "largest_nesz_db": max(levels),
+        }
+        return Finding("acquisition", "note", self.product, numbers)
 
 
 def radar_keys(acquisition: Acquisition) -> dict[str, tuple[Any, str]]:
@@ -236,24 +247,20 @@ def contradictions(
     return found
 
 
-def differences(acquisition: Acquisition, radar: Radar) -> list[str]:
-    """Sentences about keys of section ``radar`` that differ from a product, but too little to forbid a comparison."""
+def differences(acquisition: Acquisition, radar: Radar) -> list[Finding]:
+    """Findings on keys of section ``radar`` that differ from a product, but too little to forbid a comparison."""
     a, found = acquisition, []
     look = _look_azimuth_deg(radar)
     if _HEADING_DEG < _apart(a.look_azimuth_deg, look) <= 90.0:
-        found.append(
-            f"{a.product}: it looks to {a.look_azimuth_deg:.1f} deg from north (heading {a.heading_deg:.2f} deg), the "
-            f"configured pass to {look:.1f} deg, so that slopes have another incidence than in the image."
-        )
+        numbers = {"look_deg": a.look_azimuth_deg, "heading_deg": a.heading_deg, "configured_deg": look}
+        found.append(Finding("look_direction", "note", a.product, numbers))
     angles, levels = (np.array(part) for part in zip(*a.nesz_db, strict=True))
     # the noise floor of radiometry sigma0_ref is noise-equivalent sigma0 itself
     configured = noise_floor_db(radar.model_copy(update={"radiometry": "sigma0_ref"}), angles)
     if not a.noise_removed and np.abs(configured - levels).max() > _NOISE_DB:
         worst = int(np.argmax(np.abs(configured - levels)))
-        found.append(
-            f"{a.product}: its noise-equivalent sigma0 is {levels[worst]:.1f} dB at {angles[worst]:.1f} deg, "
-            f"radar.nesz_db {configured[worst]:.1f} dB."
-        )
+        at = {"angle_deg": angles[worst], "nesz_db": levels[worst], "configured_db": configured[worst]}
+        found.append(Finding("noise_differs", "note", a.product, {key: float(x) for key, x in at.items()}))
     for key, own in (
         ("range_resolution_m", a.range_resolution_m),
         ("azimuth_resolution_m", a.azimuth_resolution_m),
@@ -262,7 +269,7 @@ def differences(acquisition: Acquisition, radar: Radar) -> list[str]:
     ):
         value = getattr(radar, key)
         if not 1.0 / _RATIO <= value / own <= _RATIO:
-            found.append(f"{a.product}: its {key} is {own:.3g} at the scene, radar.{key} {value:g}.")
+            found.append(Finding("radar_differs", "note", a.product, {"key": key, "own_m": own, "configured_m": value}))
     return found
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Radar
 from radcal.errors import MeasurementError
+from radcal.findings import Finding
+from radcal.words import sentence
 
 __all__ = [
     "SIDE",
@@ -224,8 +226,8 @@ def most_frequent_variance(variances: NDArray[np.float64], side: int = SIDE) -> 
     return float(np.exp(grid[int(np.argmax(density))]))
 
 
-def check_looks(found: Looks, looks: float, scale: str | None, source: str, filtered: bool = False) -> str:
-    """Refuse an image whose estimated looks contradict ``radar.looks``, and describe the estimate in a sentence.
+def check_looks(found: Looks, looks: float, scale: str | None, source: str, filtered: bool = False) -> Finding:
+    """Refuse an image whose estimated looks contradict ``radar.looks``, and return the estimate as a finding.
 
     If amplitude is read as power, every dB value is halved, and the variance of speckle is divided by four. If power is
     read as amplitude, the variance of speckle is multiplied by four. A wrong choice between amplitude and power thus
@@ -248,24 +250,31 @@ def check_looks(found: Looks, looks: float, scale: str | None, source: str, filt
 
     Returns
     -------
-    str
-        Sentence about the estimated looks.
+    Finding
+        Estimated looks.
 
     Raises
     ------
     MeasurementError
         The estimated and the configured looks differ so much that the scale, or ``radar.looks``, must be wrong.
     """
-    seen = f"the speckle of {source} is that of {found.looks:.3g} looks in its most homogeneous areas"
-    of = f"{found.windows} windows of {found.side} x {found.side} independent pixels"
-    said = f"{seen} (95 %: {found.low:.3g} to {found.high:.3g}, {of}); radar.looks is {looks}"
+    numbers = {
+        "looks": found.looks,
+        "low": found.low,
+        "high": found.high,
+        "windows": found.windows,
+        "side_px": found.side,
+        "declared": looks,
+    }
+    plain = Finding("looks", "note", source, numbers)
+    said = sentence(plain).removesuffix(".")
     variance = _log_variance(found.looks)
     too_many, too_few = found.looks > _TOO_MANY * looks, found.looks < _TOO_FEW * looks
     if scale in ("amplitude", "db"):  # scales with which power would have four times its variance
         configured = _log_variance(looks)
         too_few |= variance > max(_TOO_VARIABLE * configured, configured + _TEXTURE_DB**2)
     if (too_many or too_few) and not found.differs(looks):
-        return f"{said}: too few windows to be certain, check measurement.scale and radar.looks."
+        return replace(plain, code="looks_uncertain")
     if too_many and filtered:
         raise MeasurementError(
             f"measurement.path: {source} is speckle-filtered: {said}, and its speckle is correlated over a larger area "
@@ -299,13 +308,10 @@ def check_looks(found: Looks, looks: float, scale: str | None, source: str, filt
             guess += ", or "
         raise MeasurementError(f"measurement.scale is {scale}, but {said}; {guess}set radar.looks to what it has.")
     if found.looks > _ALIKE[1] * looks and not found.low <= looks <= found.high:
-        return f"{said}: the simulated speckle varies more than that."
+        return replace(plain, code="looks_more")
     if found.looks < _ALIKE[0] * looks and not found.low <= looks <= found.high:
-        return (
-            f"{said}: the simulated speckle varies less than that; a search by incidence-angle bins with target.looks: "
-            "free makes up for it as texture."
-        )
-    return f"{said}."
+        return replace(plain, code="looks_fewer")
+    return plain
 
 
 def _log_variance(looks: float) -> float:

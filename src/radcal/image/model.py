@@ -1,4 +1,4 @@
-"""Measured image with its source and notes, written to and read from an HDF5 file."""
+"""Measured image with its source and findings, written to and read from an HDF5 file."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.findings import Finding
 from radcal.storage.dataclass_groups import put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
@@ -30,15 +31,15 @@ class Measurement:
     misregistration_px : ndarray of float32, shape (2, rows, columns), or None
         True displacement of a synthetic measurement, from pixels of the scene's image to those of the measured image
         [pixels]; None for other measurements.
-    notes : tuple of str
-        Sentences about the image's file, such as the meaning of its levels and the number of unusable pixels.
+    findings : tuple of Finding
+        Findings on the image's file, such as the meaning of its levels and the number of unusable pixels.
     """
 
     image_db: NDArray[np.float32]
     source: str
     hidden: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     misregistration_px: NDArray[np.float32] | None = None
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 def write_measurement(path: str | Path, measurement: Measurement) -> None:

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Radar
+from radcal.findings import Finding, Severity
 from radcal.image.looks import SIDE, Looks, independent_steps, most_frequent_variance
 from radcal.image.small_areas import pairs_of_areas
 from radcal.speckle.response import speckle_correlation
 
-__all__ = ["PointSpread", "estimate_point_spread", "is_filtered", "point_spread_note"]
+__all__ = ["PointSpread", "estimate_point_spread", "is_filtered", "point_spread_findings"]
 
 _WINDOWS = (20, 2000)  # smallest number of windows, and largest number that is not thinned out
 _HOMOGENEOUS = (0.5, 2.0)  # times the most frequent variance; other windows have edges, texture or point targets
@@ -255,17 +256,17 @@ def is_filtered(found: PointSpread | None, looks: Looks | None, radar: Radar) ->
     return looks.looks > _MORE_LOOKS * radar.looks and found.cells(radar) > _WIDER
 
 
-def point_spread_note(
+def point_spread_findings(
     found: PointSpread, looks: Looks | None, radar: Radar, source: str, pixel_m: tuple[float, float] | None = None
-) -> str | None:
-    """Sentence about a point spread that differs from the configured resolutions; None if there is no difference.
+) -> list[Finding]:
+    """Findings on a point spread that differs from the configured resolutions; empty if there is no difference.
 
-    The sentence is a warning if the image is filtered, smoothed or coarser than the resolutions, because the simulated
-    image then differs from the measured one; it is a note if the image is only finer, unless the configured resolution
-    cell has more than 2.25 times the area of the possible one that is nearest to the image's.
+    The first finding is a warning if the image is filtered, smoothed or coarser than the resolutions, because the
+    simulated image then differs from the measured one; it is a note if the image is only finer, unless the configured
+    resolution cell has more than 2.25 times the area of the possible one that is nearest to the image's.
 
     If ``radar.looks`` has been set to the number of looks after filtering, only the correlation shows the filter. If
-    the image does not have more looks than configured, the sentence calls the image smoothed in two cases:
+    the image does not have more looks than configured, it counts as smoothed in two cases:
 
     - The area of the point spread exceeds 2.25 times the area of the configured resolution cell.
     - The area of the point spread exceeds 1.5 times the area of the configured resolution cell, the correlation area
@@ -290,56 +291,48 @@ def point_spread_note(
         any(sign * (width - one) > _CERTAIN * error for (width, error), one in zip(widths, limits, strict=True))
         for sign, limits in ((-1.0, configured), (1.0, configured), (1.0, explained))
     )
-    least = ["at least " * limit for limit in found.at_least]
-    said = (
-        f"by its speckle the point spread of {source} is {least[0]}{found.range_m:.3g} +- {found.range_error_m:.2g} m "
-        f"in slant range and {least[1]}{found.azimuth_m:.3g} +- {found.azimuth_error_m:.2g} m in azimuth, "
-        f"radar.range_resolution_m is {radar.range_resolution_m:g} and radar.azimuth_resolution_m "
-        f"{radar.azimuth_resolution_m:g}"
-    )
-    area = f"the sum of its speckle's correlations is {found.smoothing:.2g} times the one that these resolutions give"
+    numbers: dict[str, float | str] = {
+        "range_m": found.range_m,
+        "range_error_m": found.range_error_m,
+        "range_least": "at least " * found.at_least[0],
+        "range_declared_m": radar.range_resolution_m,
+        "azimuth_m": found.azimuth_m,
+        "azimuth_error_m": found.azimuth_error_m,
+        "azimuth_least": "at least " * found.at_least[1],
+        "azimuth_declared_m": radar.azimuth_resolution_m,
+        "correlation_ratio": found.smoothing,
+    }
     if looks is not None and is_filtered(found, looks, radar):
-        more = f"{looks.looks / radar.looks:.2g} times radar.looks"
-        return (
-            f"warning: {source} is speckle-filtered: {said}; {area}, and it has {more}. Use the image before "
-            "filtering, unless radar.looks and the resolutions are both wrong."
-        )
+        return [Finding("filtered", "warning", source, {**numbers, "looks_ratio": looks.looks / radar.looks})]
     as_many = looks is not None and looks.looks > _AS_MANY_LOOKS * radar.looks
     cells = found.range_m * found.azimuth_m / math.prod(explained)
     coarse = cells > _COARSE or (cells > _WIDER and found.smoothing > _SMOOTHED and as_many)
     if coarse and unexplained:
-        guess = "speckle-filtered or smoothed in another way, unless the resolutions are wrong"
-        return f"warning: {source} is {guess}: {said}; {area}."
+        return [Finding("smoothed", "warning", source, numbers)]
     if not (finer or wider):
-        return None
-    if pixel_m is not None:
-        said += (
-            f"; the widths contain the resampling by nearest neighbour, with which these resolutions give up to "
-            f"{explained[0]:.3g} and {explained[1]:.3g} m"
-        )
-        if not (finer or unexplained):
-            return f"{said}: no key need be changed."
-    ways = {"range": found.range_m, "azimuth": found.azimuth_m}
-    possible = {way: radar.possible_resolution_m(way, width) for way, width in ways.items()}
-    limits = [
-        f"radar.{way}_spacing_m of {getattr(radar, f'{way}_spacing_m'):g} allows {possible[way]:g} at the finest"
-        for way, width in ways.items()
-        if possible[way] > 1.01 * width  # smaller differences come from rounding
-    ]
-    limited = f" ({' and '.join(limits)})" * bool(limits)
-    if all(abs(possible[way] / getattr(radar, f"{way}_resolution_m") - 1.0) <= _SHAPE for way in ways):
-        return f"{said}: no resolutions nearer to the image's are possible{limited}."
+        return []
+    resampled = dict(zip(("range_m", "azimuth_m"), explained, strict=True))
+    more = [Finding("resampling", "note", source, resampled)] if pixel_m is not None else []
+    if pixel_m is not None and not (finer or unexplained):
+        return [Finding("resolutions_explained", "note", source, numbers), *more]
+    own = {"range": found.range_m, "azimuth": found.azimuth_m}
+    possible = {way: radar.possible_resolution_m(way, width) for way, width in own.items()}
+    for way, width in possible.items():
+        if width > 1.01 * own[way]:  # smaller differences come from rounding
+            limit = {"spacing_m": getattr(radar, f"{way}_spacing_m"), "finest_m": width}
+            more.append(Finding("spacing_limits", "note", f"radar.{way}_spacing_m", limit))
+    if all(abs(possible[way] / getattr(radar, f"{way}_resolution_m") - 1.0) <= _SHAPE for way in _WAYS):
+        return [Finding("resolutions_nearest", "note", source, numbers), *more]
+    if not unexplained and _unweighted(widths, configured):
+        more.append(Finding("unweighted", "note", source))
     far_finer = _COARSE * math.prod(possible.values()) < math.prod(configured)
-    return "warning: " * (unexplained or far_finer) + (
-        f"{said}: set them to {possible['range']:g} and {possible['azimuth']:g}{limited}, unless the image "
-        f"{'was resampled' if pixel_m is None else 'was resampled before, too,'} or has texture of a few pixels."
-        f"{'' if unexplained else _bias(widths, configured)}"
+    asked = {f"{way}_possible_m": width for way, width in possible.items()}
+    severity: Severity = "warning" if unexplained or far_finer else "note"
+    return [Finding("resolutions", severity, source, {**numbers, **asked}), *more]
+
+
+def _unweighted(widths: Sequence[tuple[float, float]], configured: Sequence[float]) -> bool:
+    """Whether an impulse response without weighting explains the widths of an estimate."""
+    return min((width + _CERTAIN * error) / one for (width, error), one in zip(widths, configured, strict=True)) >= (
+        _UNWEIGHTED
     )
-
-
-def _bias(widths: Sequence[tuple[float, float]], configured: Sequence[float]) -> str:
-    """Sentence on the bias of an estimate that an impulse response without weighting explains; else empty."""
-    ratios = [(width + _CERTAIN * error) / one for (width, error), one in zip(widths, configured, strict=True)]
-    if min(ratios) < _UNWEIGHTED:
-        return ""
-    return " An impulse response without weighting seems 24 to 34 % finer than it is: then no key need be changed."

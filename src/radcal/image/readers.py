@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from radcal.config import FileMeasurement, vrt_folders
 from radcal.config.measurement import SICD_ENDINGS
 from radcal.errors import MeasurementError, WrongNumbers
+from radcal.findings import Finding
 from radcal.image.sicd import is_sicd, read_sicd
 from radcal.reading.arrays import raster_band, read_array
 from radcal.reading.images import Counts, ImageFile, reading, to_db
@@ -39,8 +40,8 @@ class ReadImage:
         Backscatter [dB], NaN for pixels marked as no data and for zero or negative power.
     counts : Counts
         Number of NaN pixels for each reason.
-    notes : tuple of str
-        Sentences about the levels of the image, from the metadata of the file.
+    findings : tuple of Finding
+        Findings on the levels of the image, from the metadata of the file.
     polarisation : str or None
         Transmitted and received polarisation, such as "VV", where the file gives it.
     frequency_hz : float or None
@@ -51,7 +52,7 @@ class ReadImage:
 
     image_db: NDArray[np.float32]
     counts: Counts
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     polarisation: str | None = None
     frequency_hz: float | None = None
     radiometry: str | None = None
@@ -84,7 +85,7 @@ def read_image(
         read = image_of(sicd.power, path, config.model_copy(update={"scale": "power"}), shape)
         return replace(
             read,
-            notes=sicd.notes,
+            findings=sicd.findings,
             polarisation=sicd.polarisation,
             frequency_hz=sicd.frequency_hz,
             radiometry=sicd.radiometry,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Radar
+from radcal.findings import Finding
 
 __all__ = ["Repeated", "repeated_pixels"]
 
@@ -33,13 +34,10 @@ class Repeated:
         along = [spacing / (1.0 - share) if share >= _LEAST_SHARE else 0.0 for share, spacing in ways]
         return along[0], along[1]
 
-    def note(self, source: str) -> str:
-        """Sentence about the repeated pixels of the image ``source``."""
-        return (
-            f"{source} was resampled by nearest neighbour: {100.0 * self.range:.2g} % of the adjacent pixels in slant "
-            f"range and {100.0 * self.azimuth:.2g} % in azimuth are equal, which the effective numbers of pixels "
-            "take into account as correlation."
-        )
+    def finding(self, source: str) -> Finding:
+        """Finding on the repeated pixels of the image ``source``."""
+        shares = {"range_percent": 100.0 * self.range, "azimuth_percent": 100.0 * self.azimuth}
+        return Finding("pixels_repeated", "note", source, shares)
 
 
 def repeated_pixels(image_db: NDArray[np.float32]) -> Repeated | None:

@@ -1,4 +1,4 @@
-"""Resolutions that no image can have, and the note on resolutions that the speckle could not check."""
+"""Resolutions that no image can have, and findings on resolutions that the speckle could not check."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from radcal.bands import WIDTH_FACTOR
 from radcal.config import Radar
 from radcal.errors import MeasurementError
+from radcal.findings import Finding
 from radcal.image.small_areas import LEAST_LAGS, LEAST_PAIRS
 
-__all__ = ["check_resolutions", "unchecked_note"]
+__all__ = ["check_resolutions", "unchecked_resolutions"]
 
 # Largest usual number of pixels in a resolution: twice that at which the power of a detected image, with twice the
 # bandwidth of the amplitude, is sampled without loss.
@@ -61,11 +62,11 @@ def _longest(material: NDArray[np.uint8]) -> int:
     return int(np.where(material > 0, rows - start + 1, 0).max())
 
 
-def unchecked_note(radar: Radar, source: str) -> str:
-    """Sentence about an image whose speckle did not suffice for an estimate of the point spread.
+def unchecked_resolutions(radar: Radar, source: str) -> list[Finding]:
+    """Findings on an image whose speckle did not suffice for an estimate of the point spread.
 
-    It is a warning if a resolution is above 4.7 pixel spacings. The power of a detected image is sampled without loss
-    at 2.37 pixels in a resolution, and a product with twice as many is unusual.
+    A resolution above 4.7 pixel spacings is a warning. The power of a detected image is sampled without loss at 2.37
+    pixels in a resolution, and a product with twice as many is unusual.
 
     Parameters
     ----------
@@ -74,18 +75,12 @@ def unchecked_note(radar: Radar, source: str) -> str:
     source : str
         Name of the image.
     """
-    said = (
-        f"radar.range_resolution_m and radar.azimuth_resolution_m could not be checked by the speckle of {source}, nor "
-        f"whether it was filtered: the areas of single materials are too small (fewer than {LEAST_PAIRS} pairs of "
-        f"their pixels are {LEAST_LAGS} pixels apart in slant range or in azimuth), or the speckle is correlated over "
-        "most of their width"
-    )
-    unusual = [
-        f"radar.{way}_resolution_m of {getattr(radar, f'{way}_resolution_m'):g} is "
-        f"{ratio:.3g} times radar.{way}_spacing_m"
-        for way, _ in _WAYS
-        if (ratio := getattr(radar, f"{way}_resolution_m") / getattr(radar, f"{way}_spacing_m")) > _OVERSAMPLED
-    ]
-    if not unusual:
-        return f"{said}."
-    return f"warning: {said}; {' and '.join(unusual)}, expected at most about {_OVERSAMPLED:.2g}."
+    limits = {"pairs": LEAST_PAIRS, "apart_px": LEAST_LAGS}
+    found = [Finding("resolutions_unknown", "note", source, limits)]
+    for way, _ in _WAYS:
+        key = f"radar.{way}_resolution_m"
+        spacing, resolution = getattr(radar, f"{way}_spacing_m"), getattr(radar, f"{way}_resolution_m")
+        if resolution > _OVERSAMPLED * spacing:
+            numbers = {"resolution_m": resolution, "spacings": resolution / spacing, "most_spacings": _OVERSAMPLED}
+            found.append(Finding("resolution_unusual", "warning", key, numbers))
+    return found

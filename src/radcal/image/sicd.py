@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
+from radcal.findings import Finding
 from radcal.reading.images import ImageFile, check_header
 from radcal.reading.intake import LARGEST_VALUES, bounded_memory, parse_xml, unchanged
 
@@ -35,9 +36,10 @@ class SicdImage:
     Attributes
     ----------
     power : ndarray of float64, shape (slant range, azimuth)
-        sigma0, or relative power if ``notes`` say so; row 0 is nearest to the radar, and columns grow along the flight.
-    notes : tuple of str
-        Sentences for the report, about the levels and other properties of the image.
+        sigma0, or relative power (finding ``levels_relative``); row 0 is nearest to the radar, and
+        columns grow along the flight.
+    findings : tuple of Finding
+        Findings on the levels and other properties of the image.
     polarisation : str or None
         Transmitted and received polarisation, such as "VV", where the file gives both.
     frequency_hz : float or None
@@ -47,7 +49,7 @@ class SicdImage:
     """
 
     power: NDArray[np.float64]
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
     polarisation: str | None
     frequency_hz: float | None
     radiometry: str | None
@@ -132,22 +134,23 @@ def _read(path: Path, checked: ImageFile) -> SicdImage:
         _check_segments(reader, xml, sicd.PIXEL_TYPES[pixel_type]["bytes"])
         backwards = _flown_backwards(xml)
         power = _power(reader.read_image(), pixel_type, _value(xml, "ImageData/AmpTable"))
-    factor, notes = _level(xml, path.name)
+    factor, level = _level(xml, path.name)
+    findings = [level]
     if factor is not None:
         power *= factor
     plane = _needed(xml, "Grid/ImagePlane")
     if plane != "SLANT":
-        notes += (f"{path.name}: its rows lie in the image plane {plane}, those of the scene's image in slant range.",)
+        findings.append(Finding("image_plane", "note", path.name, {"plane": str(plane)}))
     if backwards:
         power = power[:, ::-1]
     polarisation, frequency_hz = _polarisation(xml), _frequency_hz(xml)
     if polarisation is None:
-        notes += (f"{path.name}: its polarisation is unknown, it is taken for radar.polarisation.",)
+        findings.append(Finding("polarisation_unknown", "note", path.name))
     if frequency_hz is None:
-        notes += (f"{path.name}: its carrier frequency is unknown, it is taken for one of radar.band.",)
+        findings.append(Finding("carrier_unknown", "note", path.name))
     # the clutter cell of all three polynomials is level ground at the height of the scene centre point
     radiometry = "sigma0_ref" if factor is not None else None
-    return SicdImage(np.ascontiguousarray(power), notes, polarisation, frequency_hz, radiometry)
+    return SicdImage(np.ascontiguousarray(power), tuple(findings), polarisation, frequency_hz, radiometry)
 
 
 def _check_header(file: BinaryIO) -> None:
@@ -238,8 +241,8 @@ def _power(pixels: NDArray[Any], pixel_type: str, amplitudes: NDArray[np.float64
     return np.asarray(real**2 + imaginary**2)
 
 
-def _level(xml: Any, name: str) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
-    """Factors by which pixel power is multiplied to give sigma0, shape (rows, columns), and a sentence about them."""
+def _level(xml: Any, name: str) -> tuple[NDArray[np.float64] | None, Finding]:
+    """Factors by which pixel power is multiplied to give sigma0, shape (rows, columns), and a finding on them."""
     for polynomial, quantity, angle in (
         ("SigmaZeroSFPoly", "sigma0", None),
         ("BetaZeroSFPoly", "beta0", "SlopeAng"),
@@ -259,20 +262,20 @@ def _level(xml: Any, name: str) -> tuple[NDArray[np.float64] | None, tuple[str, 
         if bad:
             raise ValueError(f"its {polynomial} is not positive in {bad} of {factor.size} pixels")
         if angle is None:
-            return factor, (f"{name}: {quantity} by its {polynomial}, for level ground (radiometry sigma0_ref).",)
+            return factor, Finding("levels_sigma0", "note", name, {"polynomial": polynomial})
         degrees = _needed(xml, f"SCPCOA/{angle}")
         cosine = float(np.cos(np.radians(degrees)))
         if not 0 < cosine <= 1:
             raise ValueError(f"its SCPCOA/{angle} is {degrees:g}, expected 0 to 90 degrees")
-        return factor * cosine, (
-            f"{name}: it has no SigmaZeroSFPoly: sigma0 is {quantity} by its {polynomial}, times the cosine of "
-            f"{angle} = {degrees:.2f} deg ({10 * np.log10(cosine):.2f} dB) in the whole image, which is exact for "
-            "level ground at the scene centre point.",
-        )
-    return None, (
-        f"{name}: it has none of SigmaZeroSFPoly, BetaZeroSFPoly and GammaZeroSFPoly: levels are relative: "
-        "use target.normalisation: offset or image.",
-    )
+        numbers: dict[str, float | str] = {
+            "quantity": quantity,
+            "polynomial": polynomial,
+            "angle": angle,
+            "angle_deg": float(degrees),
+            "factor_db": float(10 * np.log10(cosine)),
+        }
+        return factor * cosine, Finding("levels_converted", "note", name, numbers)
+    return None, Finding("levels_relative", "note", name)
 
 
 def _flown_backwards(xml: Any) -> bool:

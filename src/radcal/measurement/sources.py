@@ -17,6 +17,7 @@ from radcal.bands import LETTER_BANDS_GHZ, letter_band, within_band
 from radcal.config import FileMeasurement, Radar, TargetConfig, expand_path, stages, vrt_folders
 from radcal.config.measurement import RADIOMETRY_EXPECTED
 from radcal.errors import FitError, MeasurementError, MissingSign, RadcalError
+from radcal.findings import Finding
 from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited
 from radcal.image.georeference import (
     check_spacing,
@@ -30,7 +31,7 @@ from radcal.image.georeference import (
 from radcal.image.model import Measurement
 from radcal.image.readers import ReadImage, image_of, read_image
 from radcal.image.resolution import check_resolutions
-from radcal.image.speckle_notes import speckle_notes
+from radcal.image.speckle_check import check_speckle
 from radcal.image.tags import Tags, incidence_band, tags_of
 from radcal.measurement.synthetic import make_synthetic
 from radcal.radar.geometry import Geometry
@@ -52,7 +53,6 @@ T = TypeVar("T")
 _LARGEST_ALONE = 20_000_000  # largest number of pixels of a raster that is read for a check without the scene
 _INCIDENCE_DEG = 2.0  # largest difference from the incidences that a file gives; their definitions differ by far less
 _SAME_RELIEF = 0.3  # largest ratio of differences to the relief (rms) at which an image counts as heights
-_RESAMPLED = ", resampled to the grid of the scene's image"
 _NOISE_ABOVE_DB = 3.0  # an image contains its noise: only errors of both levels let the noise lie above the image
 
 
@@ -220,23 +220,21 @@ def _noise_above(measurement: Measurement, noise_db: NDArray[np.float64], radar:
 def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None) -> Measurement:
     path = expand_path(config.path, "measurement.path", folder=is_safe_name(config.path))
     crs, transform = (scene.crs, scene.transform) if scene is not None else (None, None)
-    sides, of_file, grid = None, "", ""
+    sides, resampled, of_file = None, False, list[Finding]()
     if is_safe_name(config.path):
         opened = open_product(path, config, radar)
-        power, _, said = sigma0_image(opened, config, radar, geometry, scene)
+        power, _, found = sigma0_image(opened, config, radar, geometry, scene)
         config = config.model_copy(update={"scale": "power"})
-        read = replace(image_of(power, path, config, geometry.shape), notes=said, radiometry="sigma0_ref")
-        path, grid = path.with_name(opened.name), _RESAMPLED
+        read = replace(image_of(power, path, config, geometry.shape), findings=found, radiometry="sigma0_ref")
+        path, resampled = path.with_name(opened.name), True
     elif crs is not None and transform is not None and is_georeferenced(path, vrt_folders(config)):
         check_spacing(path, radar, vrt_folders(config))
         sides = map_pixel_m(path, radar, vrt_folders(config))
         places = partial(places_on_ground, crs, transform, geometry.ground)
         image = read_georeferenced(path, config, places)
-        grid = _RESAMPLED
-        of_file = (
-            f"; the part of the file around the scene has {image.values.size:,} pixels, "
-            f"{np.count_nonzero(~np.isfinite(image.values)):,} without data"
-        )
+        resampled = True
+        around = {"pixels": image.values.size, "no_data": int(np.count_nonzero(~np.isfinite(image.values)))}
+        of_file.append(Finding("file_around_scene", "note", path.name, around))
         values = values_at_ground(image, crs, transform, geometry.ground)
         _check_no_heights(values, path, geometry, scene)
         read = image_of(values, path, config, geometry.shape)
@@ -247,26 +245,27 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
         read = _tagged(read, tags_of(path, config.band, vrt_folders(config)), config, path)
     _check_pass(read, radar, path)
     _check_radiometry(read.radiometry, config.radiometry, radar, path)
-    notes = [f"{path.name}{grid}: {read.counts}{of_file}.", *read.notes]
+    code = "pixels_at_ground" if resampled else "pixels"
+    findings = [Finding(code, "note", path.name, vars(read.counts)), *of_file, *read.findings]
     if sides is not None:
-        notes.append(_angle_note(path, config, radar, geometry, scene))
+        findings.append(_angle(path, config, radar, geometry, scene))
     scale = None if is_safe_name(config.path) else config.scale
-    notes += speckle_notes(read.image_db, geometry.material, radar, path.name, scale, sides)
+    findings += check_speckle(read.image_db, geometry.material, radar, path.name, scale, sides)
     slope = relief_slope(read.image_db, geometry, radar)
     if slope is not None:
         slope_error_deg = scene.slope_error_deg if scene is not None else 0.0
-        notes += check_relief(slope, radar, path.name, slope_error_deg)
+        findings += check_relief(slope, radar, path.name, slope_error_deg)
     product = None if is_safe_name(config.path) else named_product(config.path)
     if product is not None:
-        keys = f"scale {config.scale}, radiometry {config.radiometry}, polarisation {config.polarisation}"
-        filtered = "; speckle was filtered, use the product before filtering" if product.filtered else ""
-        notes.append(f"{path.name}: by its name {product.called}, read as {keys}{filtered}.")
+        keys = {key: str(getattr(config, key)) for key in ("scale", "radiometry", "polarisation")}
+        findings.append(Finding("product", "note", path.name, {"product": product.called, **keys}))
+        if product.filtered:
+            findings.append(Finding("product_filtered", "note", path.name))
     if read.frequency_hz is not None and within_band(radar.band, read.frequency_hz) is None:
-        notes.append(
-            f"{path.name}: its carrier of {read.frequency_hz / 1e9:.4g} GHz is not compared with radar.band = "
-            f"{radar.band}, which is none of {', '.join(LETTER_BANDS_GHZ)}."
-        )
-    return Measurement(read.image_db, path.name, notes=tuple(notes))
+        bands: dict[str, float | str] = {"band": radar.band, "bands": ", ".join(LETTER_BANDS_GHZ)}
+        carrier = {"frequency_ghz": read.frequency_hz / 1e9, **bands}
+        findings.append(Finding("carrier_not_compared", "note", path.name, carrier))
+    return Measurement(read.image_db, path.name, findings=tuple(findings))
 
 
 def _check_no_heights(values: NDArray[Any], path: Path, geometry: Geometry, scene: Scene | None) -> None:
@@ -282,8 +281,8 @@ def _check_no_heights(values: NDArray[Any], path: Path, geometry: Geometry, scen
         )
 
 
-def _angle_note(path: Path, config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None) -> str:
-    """Sentence on the incidence of an image on the map, in which the map and not the angle places the pixels.
+def _angle(path: Path, config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None) -> Finding:
+    """Finding on the incidence of an image on the map, in which the map and not the angle places the pixels.
 
     Raises
     ------
@@ -293,21 +292,19 @@ def _angle_note(path: Path, config: FileMeasurement, radar: Radar, geometry: Geo
     key = "depression_deg" if radar.incidence_deg is None else "incidence_deg"
     value = getattr(radar, key)
     low, high = geometry.flat_incidence_deg.min(), geometry.flat_incidence_deg.max()
-    gives = f"{value:g} gives incidences of {low:.1f} to {high:.1f} degrees on level ground"
+    numbers = {"key": f"radar.{key}", "declared_deg": value, "from_deg": float(low), "to_deg": float(high)}
     band = incidence_band(path, vrt_folders(config))
     off_deg = None if band is None else _off_band_deg(path, config, geometry, scene, *band)
     if band is None or off_deg is None:
-        return (
-            f"{path.name}: the map places its pixels, so that a wrong radar.{key} does not displace them and can "
-            f"remain unnoticed: {gives}, expected those that the metadata of the image say."
-        )
+        return Finding("incidence_by_map", "note", path.name, numbers)
     if abs(off_deg) > _INCIDENCE_DEG:
         right = value + off_deg * (1.0 if key == "depression_deg" else -1.0)
         raise MeasurementError(
             f"radar.{key} is {value:g}, whose incidences differ by {off_deg:+.1f} degrees (median) from band {band[0]} "
             f"({band[1]}) of {path}, expected about {right:.1f}."
         )
-    return f"{path.name}: radar.{key} of {gives}, as band {band[0]} ({band[1]}) does ({off_deg:+.1f} degrees, median)."
+    numbers |= {"band": band[0], "name": band[1], "off_deg": off_deg}
+    return Finding("incidence_of_band", "note", path.name, numbers)
 
 
 def _off_band_deg(

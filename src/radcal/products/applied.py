@@ -31,7 +31,7 @@ from radcal.scene.model import Scene
 from radcal.seeds import derived_rng
 from radcal.simulators.sources import make_simulator
 from radcal.storage.records import understood
-from radcal.words import doubts
+from radcal.words import doubts, sentence
 
 __all__ = ["COLUMNS", "apply", "predictions", "where_seen", "with_laws"]
 
@@ -249,7 +249,7 @@ def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: 
     found = make_measurement(stages.Measurement.of(one), made.geometry, simulator, scene, partly=True)
     below = own / f"passes/{number}" if number > 1 else own
     registered, by = registered_as(below / "registered.h5", made.image_db, found, one.registration)
-    said = (f"pass {number}: {found.source}; {by}: {registered.verdict}", *found.notes)
+    said = (f"pass {number}: {found.source}; {by}: {registered.verdict}", *map(sentence, found.findings))
     return _Pass(made.geometry, made.image_db, registered.measurement.image_db, said)
 
 

@@ -24,6 +24,7 @@ from radcal.simulators.sources import runner_of
 from radcal.storage.files import digest
 from radcal.storage.provenance import provenance
 from radcal.storage.runs import RunStore
+from radcal.words import sentence
 
 __all__ = ["Forward", "forward", "simulate"]
 
@@ -142,7 +143,7 @@ def simulate(case: stages.Forward, folder: str | Path, runs: str | Path, replace
             _check_former(folder, keys)
 
     scene, passes = forward(case, folder, runs, check)
-    lines = [f"scene: {note}" for note in scene.notes]
+    lines = [sentence(one) for one in scene.findings]
     for number, (one, made) in enumerate(zip(case.passes, passes, strict=True), start=1):
         ending = _ending(number)
         tags = {"case": case.case, "radiometry": one.radar.radiometry, "run": made.key}

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from radcal.config import Radar
 from radcal.config.angles import depression_deg
 from radcal.errors import MeasurementError
-from radcal.findings import Finding, Severity, to_json
+from radcal.findings import Finding, Severity
 from radcal.radar.geometry import Geometry
 from radcal.registration.displacement import warp
 from radcal.registration.registered import LEAST_CONTRAST_DB, Registered
@@ -257,4 +257,4 @@ def checked(
     refused = [one for one in findings if one.severity == "refusal"]
     if refused and registered.method != "none":
         raise MeasurementError(f"registration: {sentence(refused[0], prefix=False)}")
-    return replace(registered, findings=to_json(findings))
+    return replace(registered, findings=tuple(findings))

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from radcal.config import Radar
+from radcal.findings import Finding
 from radcal.radar.geometry import Geometry
 from radcal.registration.registered import Registered
 from radcal.scene.model import Scene
 
-__all__ = ["HeightShift", "height_shift", "height_warnings", "with_height_warning"]
+__all__ = ["HeightShift", "height_findings", "height_shift", "with_height_finding"]
 
 _SQUARE_PX = 8  # side of the squares whose means are compared: the displacement is smooth
 _TILES = 4  # tiles in each direction, one of which is left out at a time
@@ -111,7 +112,7 @@ def _squares(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(parts.mean(axis=(1, 3)))
 
 
-def height_warnings(registered: Registered, geometry: Geometry, scene: Scene, radar: Radar) -> list[str]:
+def height_findings(registered: Registered, geometry: Geometry, scene: Scene, radar: Radar) -> list[Finding]:
     """Warning about a displacement that follows the height of the ground; else empty.
 
     Parameters
@@ -122,17 +123,17 @@ def height_warnings(registered: Registered, geometry: Geometry, scene: Scene, ra
     found = height_shift(registered, geometry, scene, radar)
     if found is None or not found.doubtful:
         return []
-    where = "nearer to the radar" if found.m_per_m < 0 else "further from the radar"
-    return [
-        f"warning: {registered.measurement.source}: the registration finds ground {abs(found.m_per_m):.2f} +- "
-        f"{found.error:.2f} m {where} in slant range for each metre of its height, expected no such change (an image "
-        f"geocoded on the ellipsoid has {abs(found.ellipsoid):.2f} m, nearer): if the image lies on the map, is it "
-        "terrain-corrected? Else, are radar.depression_deg and the heights in scene.elevation right?"
-    ]
+    numbers = {
+        "m_per_m": abs(found.m_per_m),
+        "error_m_per_m": found.error,
+        "where": "nearer to the radar" if found.m_per_m < 0 else "further from the radar",
+        "ellipsoid_m_per_m": abs(found.ellipsoid),
+    }
+    return [Finding("height_shift", "warning", registered.measurement.source, numbers)]
 
 
-def with_height_warning(registered: Registered, geometry: Geometry, scene: Scene, radar: Radar) -> Registered:
-    """Registered image whose notes contain :func:`height_warnings`, of which these are the arguments, too."""
+def with_height_finding(registered: Registered, geometry: Geometry, scene: Scene, radar: Radar) -> Registered:
+    """Registered image whose findings contain :func:`height_findings`, of which these are the arguments, too."""
     measurement = registered.measurement
-    notes = (*measurement.notes, *height_warnings(registered, geometry, scene, radar))
-    return replace(registered, measurement=replace(measurement, notes=notes))
+    findings = (*measurement.findings, *height_findings(registered, geometry, scene, radar))
+    return replace(registered, measurement=replace(measurement, findings=findings))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from radcal.config import RegistrationConfig
 from radcal.errors import MeasurementError, RadcalError
+from radcal.findings import Finding
 from radcal.image.model import Measurement
 from radcal.registration.displacement import warp
 from radcal.registration.gefolki import Flow, Level, find_flow, local_correlation, pyramid, rank_transform
@@ -66,8 +67,8 @@ class Registered:
         Sentence on the result of the registration.
     refused_px : ndarray of float32, shape (2, rows, columns), or None
         Displacement that was found but not applied [pixels]; None if it was applied, or none was sought.
-    findings : str
-        Findings on the geometry of the pass, as JSON (:func:`radcal.findings.to_json`).
+    findings : tuple of Finding
+        Findings on the geometry of the pass.
     """
 
     measurement: Measurement
@@ -79,7 +80,7 @@ class Registered:
     applied: bool
     verdict: str
     refused_px: NDArray[np.float32] | None = None
-    findings: str = "[]"
+    findings: tuple[Finding, ...] = ()
 
     @property
     def found_px(self) -> NDArray[np.float32] | None:

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from radcal.config import Radar
 from radcal.errors import MeasurementError
+from radcal.findings import Finding
 from radcal.radar.geometry import Geometry
+from radcal.words import sentence
 
 __all__ = ["ReliefSlope", "check_relief", "relief_slope", "relief_slopes"]
 
@@ -134,7 +136,7 @@ def _ratio(values: NDArray[np.float64], others: NDArray[np.float64]) -> tuple[fl
     return float(ratio), float(scatter)
 
 
-def check_relief(found: ReliefSlope, radar: Radar, source: str, slope_error_deg: float) -> list[str]:
+def check_relief(found: ReliefSlope, radar: Radar, source: str, slope_error_deg: float) -> list[Finding]:
     """Refuse an image that gets brighter where the ground is turned away, and describe an image without any slope.
 
     Parameters
@@ -150,8 +152,8 @@ def check_relief(found: ReliefSlope, radar: Radar, source: str, slope_error_deg:
 
     Returns
     -------
-    list of str
-        Sentence on an image that does not follow the relief; empty if there is nothing to say.
+    list of Finding
+        Warning on an image that does not follow the relief; else empty.
 
     Raises
     ------
@@ -160,19 +162,17 @@ def check_relief(found: ReliefSlope, radar: Radar, source: str, slope_error_deg:
         darker.
     """
     share, error = found.db_per_deg / found.least, abs(found.error / found.least)
-    side = f"radar.look_side {radar.look_side} and radar.heading_deg {radar.heading_deg:g}"
-    said = (
-        f"changes by {found.db_per_deg:+.2f} +- {found.error:.2f} dB per degree of local incidence on the relief, "
-        f"where ground of constant gamma gets darker by {abs(found.least):.2f} dB"
-    )
+    numbers = {
+        "db_per_deg": found.db_per_deg,
+        "error_db_per_deg": found.error,
+        "constant_gamma_db_per_deg": abs(found.least),
+        "look_side": radar.look_side,
+        "heading_deg": radar.heading_deg,
+    }
     if share < _AWAY and share + _CERTAIN * error < 0.0:
         raise MeasurementError(
-            f"measurement.path: {source} {said}: its bright slopes face away from the radar with {side}; set the side "
-            "and the heading from which the image was taken (or is scene.elevation upside down?)."
+            f"measurement.path: {sentence(Finding('relief_turned', 'refusal', source, numbers), prefix=False)}"
         )
     if share + _LIKELY * error < _FLAT and 2.0 * slope_error_deg**2 < found.spread_deg**2:
-        return [
-            f"warning: {source} {said}: it does not follow the relief of scene.elevation as seen with {side}; is the "
-            "elevation of this area, and not flipped or displaced?"
-        ]
+        return [Finding("relief_not_followed", "warning", source, numbers)]
     return []

@@ -10,7 +10,7 @@ from radcal.objectives import make_objectives
 from radcal.objectives.history import History
 from radcal.posterior.result import Image, Posterior
 from radcal.radar.geometry import Geometry
-from radcal.registration.height_shift import with_height_warning
+from radcal.registration.height_shift import with_height_finding
 from radcal.registration.registered import Registered
 from radcal.results.archive import Archive
 from radcal.results.results import gather
@@ -39,7 +39,7 @@ def archive_of(
 
     ``runs`` is the folder of the run store; ``posteriors`` are in the order of the calibrated materials.
     """
-    images = [with_height_warning(passes[0], geometry, scene, case.radar), *passes[1:]]
+    images = [with_height_finding(passes[0], geometry, scene, case.radar), *passes[1:]]
     of_each = dict(zip(case.calibrated, posteriors, strict=True))
     objectives = make_objectives(case, targets)
     found = conclude(case, stop, history, targets, objectives, geometry, runs, final[:2], of_each, image, images)

@@ -44,6 +44,7 @@ from radcal.scene.model import Scene
 from radcal.storage.disclosure import disclosed
 from radcal.storage.runs import Record
 from radcal.targets.target import Target, Targets
+from radcal.words import sentence
 
 __all__ = ["gather"]
 
@@ -112,7 +113,7 @@ def gather(
         looks=case.radar.looks,
         measured_looks=targets.looks,
         measurement=measurement.source,
-        notes=(*measurement.notes, *remarks, *_pass_note(targets, case.objective)),
+        notes=(*map(sentence, measurement.findings), *remarks, *_pass_note(targets, case.objective)),
         law_notes=tuple(law_notes(case, geometry, parameters)),
         sentences=tuple(conclusion.decision.materials[name].sentence for name in targets),
         simulator=json.dumps(conclusion.simulator),
@@ -197,7 +198,7 @@ def _passes(
             measurement=registered.measurement.source,
             registration=registered.verdict,
             levels=target.levels.sentence,
-            notes=(*registered.measurement.notes, *notes),
+            notes=(*map(sentence, registered.measurement.findings), *notes),
             keys=np.array(keys),
             final_runs=len(new),
             materials={

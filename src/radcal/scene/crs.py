@@ -14,6 +14,7 @@ import warnings
 from typing import TYPE_CHECKING, Any
 
 from radcal.errors import SceneError
+from radcal.findings import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -33,7 +34,7 @@ __all__ = [
     "pixel_size_m",
     "same_datum",
     "same_place",
-    "transformation_note",
+    "transformation_findings",
     "transformer",
     "turned",
     "unit_in_metadata",
@@ -310,29 +311,28 @@ def _key(name: str) -> str:
     return re.sub(r"[^a-z0-9]", "", text)
 
 
-def transformation_note(source: CRS, target: CRS, name: str) -> str | None:
-    """Warning that coordinates are less accurate because a datum-shift grid is missing; None if no grid is missing.
+def transformation_findings(source: CRS, target: CRS, name: str) -> list[Finding]:
+    """Finding on coordinates that are less accurate because a datum-shift grid is missing; else empty.
 
     Parameters
     ----------
     source, target : pyproj.CRS
         Horizontal CRSs.
     name : str
-        Name of the transformed data, with which the warning begins.
+        Name of the transformed data.
     """
     from pyproj.transformer import TransformerGroup
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the sentence below replaces this warning
+        warnings.simplefilter("ignore")  # the finding below replaces this warning
         group = TransformerGroup(source, target, always_xy=True)
     if group.best_available or not group.transformers:
-        return None
-    accuracy = group.transformers[0].accuracy
-    known = f"is accurate to {accuracy:g} m" if accuracy >= 0 else "has no known accuracy"
-    return (
-        f"{name}: the best transformation from {source.name} to {target.name} needs a grid that is not installed; "
-        f"the one used {known}."
-    )
+        return []
+    numbers: dict[str, float | str] = {"source": source.name, "target": target.name}
+    accuracy_m = group.transformers[0].accuracy
+    if accuracy_m < 0:
+        return [Finding("transformation_unknown", "note", name, numbers)]
+    return [Finding("transformation", "note", name, {**numbers, "accuracy_m": accuracy_m})]
 
 
 def geoid_m(datum: str, longitude_deg: float, latitude_deg: float) -> float | None:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import SceneError
+from radcal.findings import Finding
 from radcal.scene.names import not_in_scene
 from radcal.scene.objects import Objects
 from radcal.storage.dataclass_groups import put, same, take
@@ -43,8 +44,8 @@ class Scene:
         + b row + c and y = d column + e row + f in the CRS [m]. Row 0 is in the south, so that e > 0.
     vertical_datum : str or None
         Name of the vertical datum of the elevation.
-    notes : tuple of str
-        Notes on how the source files were processed: resampling, vertical datum, gaps.
+    findings : tuple of Finding
+        How the source files were processed: resampling, vertical datum, gaps.
     objects : Objects or None
         Objects on the ground; None in a scene without objects, such as every slant-range scene.
     heading_deg : float or None
@@ -63,7 +64,7 @@ class Scene:
     crs: str | None = None
     transform: tuple[float, ...] | None = None
     vertical_datum: str | None = None
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     objects: Objects | None = None
     heading_deg: float | None = None
     slope_error_deg: float = 0.0

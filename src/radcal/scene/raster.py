@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from radcal.config import RasterScene, expand_path
 from radcal.errors import SceneError, WrongNumbers
+from radcal.findings import Finding
 from radcal.reading.intake import bounded_memory, unchanged
 from radcal.reading.rasters import check_blocks
 from radcal.scene.crs import (
@@ -18,7 +19,7 @@ from radcal.scene.crs import (
     named_datum,
     same_datum,
     same_place,
-    transformation_note,
+    transformation_findings,
     unit_in_metadata,
     vertical_datum,
     vertical_unit,
@@ -66,7 +67,7 @@ def raster_scene(config: RasterScene, heading_deg: float = 0.0) -> Scene:
     Returns
     -------
     Scene
-        Scene with ``crs``, ``transform``, ``vertical_datum``, ``notes`` and ``slope_error_deg``. The scene's
+        Scene with ``crs``, ``transform``, ``vertical_datum``, ``findings`` and ``slope_error_deg``. The scene's
         ``identity`` depends on the materials, elevation and cell size, which affect the simulated image, but not on the
         position on the map.
 
@@ -91,29 +92,24 @@ def raster_scene(config: RasterScene, heading_deg: float = 0.0) -> Scene:
         ids, how_ids = _ids(materials, grid)
         # slopes of interpolated heights are no steeper than slopes between the raster's own pixels
         posting = max(grid.cell_m, *pixel_m(elevation, grid.crs, grid.box))
-        slope_error, about_steps = _slope_error_deg(config.elevation_error_m, step, posting)
+        slope_error, steps = _slope_error_deg(config.elevation_error_m, step, posting)
         ids, names = _named(ids, materials, config)
-        notes = [
-            f"cells of {grid.cell_m:g} m in {grid.crs.name}",
-            f"elevation {how_heights}, materials {how_ids}",
-            f"vertical datum {datum} ({origin})",
-            *about_steps,
+        findings = [
+            _found("cells", cell_m=grid.cell_m, crs=grid.crs.name),
+            _found("resampled", elevation=how_heights, materials=how_ids),
+            _found("vertical_datum", datum=datum, origin=origin),
+            *steps,
         ]
-        notes += [
-            note
-            for source in (elevation, materials)
-            if not same_place(source.plane, grid.crs)
-            and (note := transformation_note(source.plane, grid.crs, source.key))
-        ]
+        for source in (elevation, materials):
+            if not same_place(source.plane, grid.crs):
+                findings += transformation_findings(source.plane, grid.crs, source.key)
     ids[filled] = 0
     if not ids.any():
         raise materials.error("has no material where the elevation is.")
     if filled.any():
-        notes.append(
-            f"{np.count_nonzero(filled)} of {filled.size} cells have no elevation: filled from around them, no material"
-        )
+        findings.append(_found("no_elevation", cells=int(np.count_nonzero(filled)), of=filled.size))
     if bare := np.count_nonzero(ids == 0):
-        notes.append(f"{bare} of {ids.size} cells have no material")
+        findings.append(_found("no_material", cells=int(bare), of=ids.size))
     return Scene(
         identity=digest(
             {
@@ -133,7 +129,7 @@ def raster_scene(config: RasterScene, heading_deg: float = 0.0) -> Scene:
         crs=label(grid.crs),
         transform=(grid.cell_m, 0.0, grid.west, 0.0, grid.cell_m, grid.south),
         vertical_datum=datum,
-        notes=tuple(notes),
+        findings=tuple(findings),
         heading_deg=heading_deg or None,
         slope_error_deg=slope_error,
     )
@@ -170,17 +166,21 @@ def _named(ids: NDArray[np.uint8], materials: Source, config: RasterScene) -> tu
     return ids, read_names(path, present, materials.path)
 
 
-def _slope_error_deg(error_m: float, step_m: float, posting_m: float) -> tuple[float, list[str]]:
-    """Standard error of slopes [deg], from the error and the rounding step of heights, and a note on the step."""
+def _slope_error_deg(error_m: float, step_m: float, posting_m: float) -> tuple[float, list[Finding]]:
+    """Standard error of slopes [deg], from the error and the rounding step of heights, and a finding on the step."""
     rounding_m = rounding_error_m(step_m)
     total_m = float(np.hypot(error_m, rounding_m))
     slope_deg = float(np.degrees(np.arctan(np.sqrt(2.0) * total_m / posting_m)))
     if not step_m:
         return slope_deg, []
     return slope_deg, [
-        f"heights are in steps of {step_m:.3g} m: their rounding error of {rounding_m:.2g} m enters "
-        f"scene.elevation_error_m (now {total_m:.2g} m, a slope error of {slope_deg:.2g} deg)"
+        _found("height_steps", step_m=step_m, rounding_m=rounding_m, error_m=total_m, slope_error_deg=slope_deg)
     ]
+
+
+def _found(code: str, **numbers: float | str) -> Finding:
+    """Note on the scene."""
+    return Finding(code, "note", "scene", numbers)
 
 
 def _check_heights(elevation: Source) -> None:

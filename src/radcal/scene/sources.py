@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from radcal.config import BuiltinScene, RasterScene, SceneConfig, SceneObjects, expand_path
+from radcal.findings import Finding
 from radcal.scene.builtin import builtin_scene
 from radcal.scene.model import Scene
 from radcal.scene.object_generator import generate_objects
@@ -47,7 +48,7 @@ def make_scene(config: SceneConfig, materials: list[str] | None, heading_deg: fl
         scene = replace(
             scene,
             identity=digest({"scene": scene.identity, "objects": objects.identity}),
-            notes=(*scene.notes, _count(objects)),
+            findings=(*scene.findings, _count(objects)),
             objects=objects,
         )
     return scene
@@ -65,6 +66,5 @@ def _objects(config: SceneObjects, scene: Scene) -> Objects:
     return read_objects(path, Place(size, corner, scene.crs), config.layer, config.aspect)
 
 
-def _count(objects: Objects) -> str:
-    points = int((~objects.extended).sum())
-    return f"{len(objects)} objects, {points} of them points"
+def _count(objects: Objects) -> Finding:
+    return Finding("objects", "note", "scene", {"objects": len(objects), "points": int((~objects.extended).sum())})

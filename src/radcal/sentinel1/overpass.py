@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement, Radar
 from radcal.errors import MeasurementError, NoCommonPlace
+from radcal.findings import Finding
 from radcal.image.acquisition import Acquisition
 from radcal.image.georeference import places_on_ground
 from radcal.reading.safe import SafeRefused, safe_images
@@ -40,14 +41,14 @@ class Overpass:
         Position, in the product, of each pixel of the scene's image; NaN for pixels that the product does not show.
     acquisition : Acquisition
         Acquisition at the middle of the scene.
-    notes : tuple of str
-        Sentence about the heights if the height of the geoid is unknown; else empty.
+    findings : tuple of Finding
+        Finding on the heights if the height of the geoid is unknown; else empty.
     """
 
     line: Array
     pixel: Array
     acquisition: Acquisition
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
 
 def overpass_of(product: Product, scene: Scene, ground: NDArray[np.float32]) -> Overpass:
@@ -76,7 +77,9 @@ def overpass_of(product: Product, scene: Scene, ground: NDArray[np.float32]) -> 
         )
     shown = np.isfinite(ground).all(axis=0)
     longitude, latitude = places_on_ground(scene.crs, scene.transform, ground, CRS.from_epsg(4326))
-    height, notes = _heights(scene, ground[:, shown], float(np.median(longitude)), float(np.median(latitude)), product)
+    height, findings = _heights(
+        scene, ground[:, shown], float(np.median(longitude)), float(np.median(latitude)), product
+    )
     at_line, at_pixel = product.annotation.ground.positions(longitude, latitude, height)
     if not np.isfinite(at_line).any():
         raise MeasurementError(
@@ -89,7 +92,7 @@ def overpass_of(product: Product, scene: Scene, ground: NDArray[np.float32]) -> 
     line[shown], pixel[shown] = at_line, at_pixel
     found = np.isfinite(at_line)
     middle = np.array([np.median(part[found]) for part in (longitude, latitude, height)])[:, None]
-    return Overpass(line, pixel, _acquisition(product, middle, at_line[found], at_pixel[found]), notes)
+    return Overpass(line, pixel, _acquisition(product, middle, at_line[found], at_pixel[found]), findings)
 
 
 def overpass_unchecked(path: Path, config: FileMeasurement, radar: Radar, scene: Scene) -> Overpass:
@@ -123,8 +126,8 @@ def overpass_unchecked(path: Path, config: FileMeasurement, radar: Radar, scene:
 
 def _heights(
     scene: Scene, ground: NDArray[np.float32], longitude: float, latitude: float, product: Product
-) -> tuple[Array, tuple[str, ...]]:
-    """Heights of places in the scene above the ellipsoid [m], and a sentence if the height of the geoid is unknown."""
+) -> tuple[Array, tuple[Finding, ...]]:
+    """Heights of places in the scene above the ellipsoid [m], and a finding if the height of the geoid is unknown."""
     from scipy.ndimage import map_coordinates
 
     height = map_coordinates(scene.elevation_m, ground.astype(np.float64), order=1, mode="nearest")
@@ -133,11 +136,8 @@ def _heights(
         return np.asarray(height + geoid), ()
     look = product.annotation.ground.look(*(np.array([value]) for value in (longitude, latitude, 0.0)))
     metres = 1.0 / np.tan(np.radians(look.incidence_deg[0]))
-    return np.asarray(height), (
-        f"{product.name}: heights above {scene.vertical_datum} are taken as heights above the ellipsoid, since PROJ "
-        f"has no grid of its geoid: each metre between them displaces the image by {metres:.2f} m along the look, "
-        "which the registration must find.",
-    )
+    numbers: dict[str, float | str] = {"datum": str(scene.vertical_datum), "m_per_m": float(metres)}
+    return np.asarray(height), (Finding("geoid_unknown", "note", product.name, numbers),)
 
 
 def _acquisition(product: Product, middle: Array, line: Array, pixel: Array) -> Acquisition:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement, Radar
 from radcal.errors import MeasurementError
+from radcal.findings import Finding
 from radcal.image.acquisition import Acquisition, contradictions, differences
 from radcal.image.readers import image_file
 from radcal.radar.geometry import Geometry
@@ -21,6 +22,7 @@ from radcal.reading.rasters import open_raster
 from radcal.scene.model import Scene
 from radcal.sentinel1.overpass import overpass_of
 from radcal.sentinel1.product import Product
+from radcal.words import sentence
 
 __all__ = ["sigma0_image"]
 
@@ -31,7 +33,7 @@ _SLOPES = 250_000  # number of slopes of a scene from which a quantile is taken
 
 def sigma0_image(
     product: Product, config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None
-) -> tuple[Array, Acquisition, tuple[str, ...]]:
+) -> tuple[Array, Acquisition, tuple[Finding, ...]]:
     """Image of sigma0 on the pixel grid of the scene's image, from the nearest pixels of a product.
 
     Parameters
@@ -53,8 +55,8 @@ def sigma0_image(
         sigma0 with thermal noise, in linear units; NaN where the product has no data.
     acquisition : Acquisition
         Acquisition at the scene.
-    notes : tuple of str
-        Sentences about acquisition, calibration and noise of the image.
+    findings : tuple of Finding
+        Acquisition, calibration and noise of the image.
 
     Raises
     ------
@@ -76,23 +78,20 @@ def sigma0_image(
         held = "no data (digital number 0)" if data.size == 0 else f"the digital number {data.min():g} alone"
         raise MeasurementError(
             f"measurement.path: {product.pixels} holds {held} over the scene: the image is blank, and only its "
-            f"annotation could be read ({seen.acquisition.sentence().removesuffix('.')})."
+            f"annotation could be read ({sentence(seen.acquisition.finding()).removesuffix('.')})."
         )
     divisor = product.calibration.at(line.astype(np.float64), pixel.astype(np.float64))
     power = np.full(geometry.shape, np.nan)
     power[there] = np.where(digital > 0, (digital / divisor) ** 2, np.nan)  # DN 0 marks pixels without data
-    said = (
-        "thermal noise was subtracted by the processor, so that radar.nesz_db should be far below the image"
-        if seen.acquisition.noise_removed
-        else "thermal noise is not subtracted, since the simulated image has that of radar.nesz_db"
-    )
-    notes = (
-        seen.acquisition.sentence(),
-        f"{product.name}: sigma0 = DN^2 / sigmaNought^2 (radiometry sigma0_ref); {said}.",
-        *seen.notes,
+    noise = "noise_subtracted" if seen.acquisition.noise_removed else "noise_kept"
+    findings = (
+        seen.acquisition.finding(),
+        Finding("levels_sentinel1", "note", product.name),
+        Finding(noise, "note", product.name),
+        *seen.findings,
         *differences(seen.acquisition, radar),
     )
-    return power, seen.acquisition, notes
+    return power, seen.acquisition, findings
 
 
 def _steep_deg(scene: Scene) -> float:

@@ -8,6 +8,7 @@ type of a field                                        in the file
 numpy array                                            dataset, compressed from 1 KiB on
 ``tuple[str, ...]``                                    dataset of strings, because HDF5 limits the size of attributes;
                                                        attribute if annotated with :class:`Attribute`
+``tuple[Finding, ...]``                                dataset of strings, each of them a finding as JSON
 dataclass                                              group; if annotated with :class:`Inline`, its fields are
                                                        stored in the enclosing group
 dataclass with one field annotated :class:`Main`       dataset with this field's values; the other fields are its
@@ -36,6 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import StoreError
+from radcal.findings import Finding
 from radcal.storage.dimensions import attach_scales, label_dimensions
 
 __all__ = ["About", "Attribute", "Inline", "Main", "put", "same", "table", "take"]
@@ -243,10 +245,14 @@ def _is_text_list(kind: Any) -> bool:
     return bool(kind == tuple[str, ...])
 
 
+def _is_findings(kind: Any) -> bool:
+    return bool(kind == tuple[Finding, ...])
+
+
 def _is_attribute(kind: Any) -> bool:
     """Whether values of a type are stored as attributes."""
     if typing.get_origin(kind) is tuple:
-        return not _is_text_list(kind)
+        return not (_is_text_list(kind) or _is_findings(kind))
     return kind in (bool, int, float, str) or typing.get_origin(kind) is Literal
 
 
@@ -269,6 +275,8 @@ def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | Non
         made = _put_array(group, name, np.asarray(value))
     elif _is_text_list(kind):
         made = group.create_dataset(name, data=np.array(value, dtype=_TEXT), dtype=_TEXT)
+    elif _is_findings(kind):
+        made = group.create_dataset(name, data=np.array([one.json() for one in value], dtype=_TEXT), dtype=_TEXT)
     elif _is_mapping(kind):
         made = group.create_group(name, track_order=True)
         for key, item in value.items():
@@ -316,6 +324,8 @@ def _take(held: Any, kind: Any) -> Any:
         return held.asstr()[()] if h5py.check_string_dtype(held.dtype) else held[()]
     if _is_text_list(kind):
         return tuple(map(str, held.asstr()[()] if isinstance(held, h5py.Dataset) else held))
+    if _is_findings(kind):
+        return tuple(map(Finding.of_json, held.asstr()[()]))
     if _is_mapping(kind):
         item = _item(kind)
         names = held.attrs if _is_attribute(item) else held
@@ -390,5 +400,5 @@ def _holds(kind: Any) -> str:
     if isinstance(kind, type) and is_dataclass(kind):
         return next((_holds(entry.kind) for entry in _entries(kind) if entry.main), "group")
     if typing.get_origin(kind) is tuple:
-        return "texts" if _is_text_list(kind) else "numbers"
+        return "findings" if _is_findings(kind) else "texts" if _is_text_list(kind) else "numbers"
     return {bool: "true or false", int: "integer", float: "number"}.get(kind, "text")

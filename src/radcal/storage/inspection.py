@@ -24,8 +24,8 @@ __all__ = ["SCHEMAS", "check_case", "inspect", "inspect_file", "kind_of", "set_a
 SCHEMAS: Mapping[str, int] = {
     "scene": 2,
     "geometry": 5,
-    "measurement": 2,
-    "registered": 2,
+    "measurement": 3,
+    "registered": 3,
     "target": 6,
     "surrogate": 6,
     "posterior": 4,

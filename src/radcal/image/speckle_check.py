@@ -1,4 +1,4 @@
-"""Sentences on what the speckle of a measured image says of looks, scale and resolutions."""
+"""Findings on what the speckle of a measured image says of looks, scale and resolutions."""
 
 from __future__ import annotations
 
@@ -6,23 +6,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Radar
+from radcal.findings import Finding
 from radcal.image.looks import check_looks, estimate_looks
-from radcal.image.point_spread import estimate_point_spread, is_filtered, point_spread_note
+from radcal.image.point_spread import estimate_point_spread, is_filtered, point_spread_findings
 from radcal.image.repeated import repeated_pixels
-from radcal.image.resolution import unchecked_note
+from radcal.image.resolution import unchecked_resolutions
 
-__all__ = ["speckle_notes"]
+__all__ = ["check_speckle"]
 
 
-def speckle_notes(
+def check_speckle(
     image_db: NDArray[np.float32],
     material: NDArray[np.uint8],
     radar: Radar,
     source: str,
     scale: str | None,
     pixel_m: tuple[float, float] | None = None,
-) -> list[str]:
-    """Sentences on repeated pixels, looks and point spread; each check that was not possible has its sentence, too.
+) -> list[Finding]:
+    """Findings on repeated pixels, looks and point spread; a check that was not possible is a finding, too.
 
     Parameters
     ----------
@@ -44,23 +45,18 @@ def speckle_notes(
     MeasurementError
         The looks show that scale or looks are wrong, or that the image is filtered.
     """
-    notes = []
+    found = []
     looks = estimate_looks(image_db, material, radar)
     spread = estimate_point_spread(image_db, material, radar)
     if (repeated := repeated_pixels(image_db)) is not None:
-        notes.append(repeated.note(source))
+        found.append(repeated.finding(source))
         pixel_m = pixel_m or repeated.sides_m(radar)
     if looks is not None:
-        notes.append(check_looks(looks, radar.looks, scale, source, is_filtered(spread, looks, radar)))
+        found.append(check_looks(looks, radar.looks, scale, source, is_filtered(spread, looks, radar)))
     elif scale == "complex" and radar.looks != 1:
-        notes.append(f"{source}: complex pixels have a single look, radar.looks is {radar.looks}.")
+        found.append(Finding("looks_single", "note", source, {"declared": radar.looks}))
     else:
-        notes.append(
-            f"radar.looks and the scale of {source} could not be checked by the speckle: the areas of single materials "
-            "are too small for these resolutions."
-        )
+        found.append(Finding("looks_unknown", "note", source))
     if spread is None:
-        notes.append(unchecked_note(radar, source))
-    elif (note := point_spread_note(spread, looks, radar, source, pixel_m)) is not None:
-        notes.append(note)
-    return notes
+        return [*found, *unchecked_resolutions(radar, source)]
+    return [*found, *point_spread_findings(spread, looks, radar, source, pixel_m)]

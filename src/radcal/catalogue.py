@@ -1,0 +1,197 @@
+"""Catalogue: the text of each code of a finding, with places for what it is about, its numbers and what to set."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+__all__ = ["IF", "TEXTS"]
+
+IF = "if scene, geometry and pixels are what the case says"
+_LEVEL = "{level_db:+.2f} dB (90 %: {p05_db:+.2f} to {p95_db:+.2f})"
+_MAPPED = (
+    "each image is mapped to zero median and unit interquartile range; the measured one lies {offset_db:+.2f} dB from "
+    "the reference run and spreads {scale:.2f} times as much; wrong laws of other materials shift and stretch what is "
+    "found"
+)
+
+_LOOKS = (
+    "the speckle of {about} is that of {looks:.3g} looks in its most homogeneous areas (95 %: {low:.3g} to {high:.3g}, "
+    "{windows:.0f} windows of {side_px:.0f} x {side_px:.0f} independent pixels); radar.looks is {declared:g}"
+)
+_SPREAD = (
+    "by its speckle the point spread of {about} is {range_least}{range_m:.3g} +- {range_error_m:.2g} m in slant range "
+    "and {azimuth_least}{azimuth_m:.3g} +- {azimuth_error_m:.2g} m in azimuth, radar.range_resolution_m is "
+    "{range_declared_m:g} and radar.azimuth_resolution_m {azimuth_declared_m:g}"
+)
+_CORRELATION = "the sum of its speckle's correlations is {correlation_ratio:.2g} times the one of these resolutions"
+_COUNTS = (
+    "{pixels:,} pixels, {no_data:,} without data, {zero:,} zero, {negative:,} negative, {impossible:,} impossible: NaN "
+    "in the image"
+)
+_RELIEF = (
+    "{about} changes by {db_per_deg:+.2f} +- {error_db_per_deg:.2f} dB per degree of local incidence on the relief, "
+    "where ground of constant gamma gets darker by {constant_gamma_db_per_deg:.2f} dB: "
+)
+_TRANSFORMATION = "{about}: the best transformation from {source} to {target} needs a grid that is not installed; "
+
+_OF_SCENE: Mapping[str, str] = {
+    "cells": "{about}: cells of {cell_m:g} m in {crs}",
+    "resampled": "{about}: elevation {elevation}, materials {materials}",
+    "vertical_datum": "{about}: vertical datum {datum} ({origin})",
+    "height_steps": "{about}: heights are in steps of {step_m:.3g} m: their rounding error of {rounding_m:.2g} m "
+    "enters scene.elevation_error_m (now {error_m:.2g} m, a slope error of {slope_error_deg:.2g} deg)",
+    "no_elevation": "{about}: {cells:.0f} of {of:.0f} cells have no elevation: filled from around them, no material",
+    "no_material": "{about}: {cells:.0f} of {of:.0f} cells have no material",
+    "objects": "{about}: {objects:.0f} objects, {points:.0f} of them points",
+    "transformation": _TRANSFORMATION + "the one used is accurate to {accuracy_m:g} m",
+    "transformation_unknown": _TRANSFORMATION + "the one used has no known accuracy",
+}
+_OF_IMAGE: Mapping[str, str] = {
+    "pixels": "{about}: " + _COUNTS,
+    "pixels_at_ground": "{about}, resampled to the grid of the scene's image: " + _COUNTS,
+    "file_around_scene": "{about}: the part of the file around the scene has {pixels:,} pixels, {no_data:,} without "
+    "data",
+    "pixels_repeated": "{about} was resampled by nearest neighbour: {range_percent:.2g} % of the adjacent pixels in "
+    "slant range and {azimuth_percent:.2g} % in azimuth are equal, which the effective numbers of pixels take into "
+    "account as correlation",
+    "looks": _LOOKS,
+    "looks_uncertain": _LOOKS + ": too few windows to be certain, check measurement.scale and radar.looks",
+    "looks_more": _LOOKS + ": the simulated speckle varies more than that",
+    "looks_fewer": _LOOKS + ": the simulated speckle varies less than that; a search by incidence-angle bins with "
+    "target.looks: free makes up for it as texture",
+    "looks_single": "{about}: complex pixels have a single look, radar.looks is {declared:g}",
+    "looks_unknown": "radar.looks and the scale of {about} could not be checked by the speckle: the areas of single "
+    "materials are too small for these resolutions",
+    "resolutions_unknown": "radar.range_resolution_m and radar.azimuth_resolution_m could not be checked by the "
+    "speckle of {about}, nor whether it was filtered: the areas of single materials are too small (fewer than "
+    "{pairs:.0f} pairs of their pixels are {apart_px:.0f} pixels apart in slant range or in azimuth), or the speckle "
+    "is correlated over most of their width",
+    "resolution_unusual": "{about} of {resolution_m:g} is {spacings:.3g} times the pixel spacing and could not be "
+    "checked by the speckle, expected at most about {most_spacings:.2g}",
+    "filtered": "{about} is speckle-filtered: "
+    + _SPREAD
+    + "; "
+    + _CORRELATION
+    + ", and it has {looks_ratio:.2g} times "
+    "radar.looks. Use the image before filtering, unless radar.looks and the resolutions are both wrong",
+    "smoothed": "{about} is speckle-filtered or smoothed in another way, unless the resolutions are wrong: "
+    + _SPREAD
+    + "; "
+    + _CORRELATION,
+    "resolutions": _SPREAD + ": set them to {range_possible_m:g} and {azimuth_possible_m:g}, unless the image was "
+    "resampled before or has texture of a few pixels",
+    "resolutions_explained": _SPREAD + ": no key need be changed",
+    "resolutions_nearest": _SPREAD + ": no resolutions nearer to the image's are possible",
+    "resampling": "{about}: the widths of the point spread contain the resampling by nearest neighbour, with which the "
+    "configured resolutions give up to {range_m:.3g} and {azimuth_m:.3g} m",
+    "spacing_limits": "{about} of {spacing_m:g} allows a resolution of {finest_m:g} m at the finest",
+    "unweighted": "{about}: an impulse response without weighting seems 24 to 34 % finer than it is: then no key need "
+    "be changed",
+    "image_plane": "{about}: its rows lie in the image plane {plane}, those of the scene's image in slant range",
+    "polarisation_unknown": "{about}: its polarisation is unknown, it is taken for radar.polarisation",
+    "carrier_unknown": "{about}: its carrier frequency is unknown, it is taken for one of radar.band",
+    "carrier_not_compared": "{about}: its carrier of {frequency_ghz:.4g} GHz is not compared with radar.band = {band}, "
+    "which is none of {bands}",
+    "levels_sigma0": "{about}: sigma0 by its {polynomial}, for level ground (radiometry sigma0_ref)",
+    "levels_converted": "{about}: it has no SigmaZeroSFPoly: sigma0 is {quantity} by its {polynomial}, times the "
+    "cosine of {angle} = {angle_deg:.2f} deg ({factor_db:.2f} dB) in the whole image, which is exact for level "
+    "ground at the scene centre point",
+    "levels_relative": "{about}: it has none of SigmaZeroSFPoly, BetaZeroSFPoly and GammaZeroSFPoly: levels are "
+    "relative: use target.normalisation: offset or image",
+    "levels_sentinel1": "{about}: sigma0 = DN^2 / sigmaNought^2 (radiometry sigma0_ref)",
+    "noise_subtracted": "{about}: thermal noise was subtracted by the processor, so that radar.nesz_db should be far "
+    "below the image",
+    "noise_kept": "{about}: thermal noise is not subtracted, since the simulated image has that of radar.nesz_db",
+    "product": "{about}: by its name {product}, read as scale {scale}, radiometry {radiometry}, polarisation "
+    "{polarisation}",
+    "product_filtered": "{about}: by its name its speckle was filtered, use the product before filtering",
+    "acquisition": "{about}: {sensor} {polarisation} of {start}, {pass_direction}, heading {heading_deg:.1f} deg over "
+    "the scene, looking {look_side}, incidence {incidence_deg:.2f} deg, {frequency_ghz:.4g} GHz, {range_looks:.0f} x "
+    "{azimuth_looks:.0f} looks (equivalent {looks:.3g}), pixels of {range_spacing_m:g} m in ground range and "
+    "{azimuth_spacing_m:g} m in azimuth, noise-equivalent sigma0 {nesz} dB",
+    "look_direction": "{about}: it looks to {look_deg:.1f} deg from north (heading {heading_deg:.2f} deg), the "
+    "configured pass to {configured_deg:.1f} deg, so that slopes have another incidence than in the image",
+    "noise_differs": "{about}: its noise-equivalent sigma0 is {nesz_db:.1f} dB at {angle_deg:.1f} deg, radar.nesz_db "
+    "{configured_db:.1f} dB",
+    "radar_differs": "{about}: its {key} is {own_m:.3g} at the scene, radar.{key} {configured_m:g}",
+    "geoid_unknown": "{about}: heights above {datum} are taken as heights above the ellipsoid, since PROJ has no grid "
+    "of its geoid: each metre between them displaces the image by {m_per_m:.2f} m along the look, which the "
+    "registration must find",
+    "incidence_by_map": "{about}: the map places its pixels, so that a wrong {key} does not displace them and can "
+    "remain unnoticed: {declared_deg:g} gives incidences {between} on level ground, expected those that the "
+    "metadata of the image say",
+    "incidence_of_band": "{about}: {key} of {declared_deg:g} gives incidences {between} on level ground, as band "
+    "{band:.0f} ({name}) does ({off_deg:+.1f} degrees, median)",
+    "relief_turned": _RELIEF + "its bright slopes face away from the radar with radar.look_side {look_side} and "
+    "radar.heading_deg {heading_deg:g}; set the side and the heading from which the image was taken (or is "
+    "scene.elevation upside down?)",
+    "relief_not_followed": _RELIEF + "it does not follow the relief of scene.elevation as seen with radar.look_side "
+    "{look_side} and radar.heading_deg {heading_deg:g}; is the elevation of this area, and not flipped or displaced?",
+    "height_shift": "{about}: the registration finds ground {m_per_m:.2f} +- {error_m_per_m:.2f} m {where} in slant "
+    "range for each metre of its height, expected no such change (an image geocoded on the ellipsoid has "
+    "{ellipsoid_m_per_m:.2f} m, nearer): if the image lies on the map, is it terrain-corrected? Else, are "
+    "radar.depression_deg and the heights in scene.elevation right?",
+}
+
+_OF_MODEL: Mapping[str, str] = {
+    "depression": "{about} is displaced along slant range by {px_per_100_rows:+.1f} pixels per 100 rows (a straight "
+    "line explains {share_percent:.0f} % of the variance of the displacement), as with {key} {implied_deg:.1f} in "
+    "place of {declared_deg:g}, or with radar.range_spacing_m or the cell size of the scene off by {off_percent:.1f} %",
+    "geometry_unchecked": "{about} was not registered, so that {key} {declared_deg:g}, the spacing in slant range and "
+    "the place of the image are unchecked",
+    "relief": "{about} changes by {db_per_deg:+.3f} dB per degree of local incidence on the relief (standard error "
+    "{error_db_per_deg:.3f}), {of_simulated:.2f} times as much as the simulated image (standard error "
+    "{of_simulated_error:.2f})",
+    "place": "{about} does not show the place of the scene: the mean levels of its squares of {square_px:.0f} pixels "
+    "have a correlation of {correlation:.2f} with those of the simulated image, and of up to {shifted:.2f} if it is "
+    "shifted by two squares or more",
+    "radiometry": "{about}: the fixed materials show that the image is {other}, and the case says {declared} (exponent "
+    "{exponent:+.2f} on the area of the ground, standard error {error:.2f}); the bands are given for {other}",
+    "radiometry_unchecked": "{about}: radiometry unchecked, because the fixed materials show too little of it; the "
+    "bands allow for {other} with a probability of {chance_percent:.0f} %",
+    "fixed_law": "{about}: its fixed law and the image differ by {error_db:+.2f} dB (90 %: {p05_db:+.2f} to "
+    "{p95_db:+.2f}), more than those of the other fixed materials",
+    "fixed_law_and_image": "{about}: the fixed law and the image differ by {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "
+    "{p95_db:+.2f}); one fixed law cannot tell an error of the law from a level of the image",
+    "level": "{about}: the fixed laws and the image differ by a level of " + _LEVEL,
+    "fixed_level": "{about}: the image minus the fixed law is {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "
+    "{p95_db:+.2f})",
+    "level_of_image": "the measured image is taken at its own level; no material of a fixed law checks it",
+    "level_found": "the measured image lies {offset_db:+.2f} +- {error_db:.2f} dB from the reference run on {about}",
+    "level_subtracted": "the measured image lies {offset_db:+.2f} +- {error_db:.2f} dB from the reference run on "
+    "{about}; this offset is subtracted",
+    "images_mapped": _MAPPED,
+    "all_images_mapped": _MAPPED + "; all materials are calibrated, so that a level common to all laws is not "
+    "identified",
+    "level_unchecked": "{about}: level and radiometry unchecked, because no material has a fixed law; the bands "
+    "contain the level's standard error of {level_db:.2g} dB (uncertainty.level_db)",
+    "determined": "{about}: sigma0 is determined to +-{half_width_db:.1f} dB (90 %) {between}, " + IF,
+    "undetermined": "{about}: sigma0 is determined at no angle: the half-width of its 90 % band is nowhere below "
+    "{narrowest_db:.1f} dB, and uncertainty.known_db asks for {known_db:.1f} dB",
+    "withheld": "{about}: sigma0 is determined at no angle, because the image is refused",
+    "level_only": "{about}: seen at one incidence, {incidence_deg:.1f} degrees, from which no law can be determined; "
+    "sigma0 there is {median_db:.1f} dB (90 %: {p05_db:.1f} to {p95_db:.1f})",
+    "parameters_only": "{about}: its law has no curve in dB or the image is normalised: only parameters have intervals",
+    "without_cells": "{about}: sigma0 is determined at no angle, because too few of its pixels lie together: a cell "
+    "has 8 pixels or more in a square of 24 pixels and 3 degrees of incidence, and a pass 3 cells or more",
+    "refuted": "{about}: the form of the law is refuted: it is wrong by {rms_db:.1f} dB (rms; 90 %: {p05_db:.1f} to "
+    "{p95_db:.1f}), which the band contains",
+    "form_noticed": "{about}: an error of the law's form is noticed, {rms_db:.1f} dB (rms; 90 %: {p05_db:.1f} to "
+    "{p95_db:.1f}), which the band contains; the law is not refuted",
+    "not_refuted": "{about}: the law is not refuted",
+    "not_sampled": "{about}: the sampler has not converged (uncertainty.steps), so that the band is less certain",
+    "in_the_noise": "{about}: {share:.0%} of its pixels are masked, because they are in the noise (target.snr_db); the "
+    "pixels that remain near the noise are the brighter ones",
+    "law_outside_band": "{about}: the law of the search (parameters) leaves the band by up to {beyond_db:.1f} dB "
+    "({cause}); parameters_model gives the law nearest to the band",
+    "texture": "{about}: the simulated pixels are multiplied by gamma texture, which lowers the {looks_nominal:.3g} "
+    "looks of the simulated speckle to the {looks:.2f} effective looks that the search found; values above about 0.9 "
+    "of the sensor's looks, the median of their prior, show no texture",
+    "another_law": "{about}: the program's backscatter differs from law {law} by up to {difference_db:.1f} dB at the "
+    "same X, so that curve and band are the formula's, not the program's",
+    "registration_moved": "{about}: onto the calibrated image, the registration moves these pixels by {moved_px:.1f} "
+    "pixels (rms; stated standard error {stated_px:.1f}) and sigma0 by {moved_db:.1f} dB",
+}
+
+TEXTS: Mapping[str, str] = {**_OF_SCENE, **_OF_IMAGE, **_OF_MODEL}
+"""Text of each code, to be formatted with ``about``, ``do`` and the numbers of the finding."""
