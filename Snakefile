@@ -12,9 +12,9 @@ import sys
 from snakemake.logging import logger
 from snakemake.utils import min_version
 
-from radcal.forecast.planned_runs import planned_runs, runs_sentence
+from radcal.forecast.planned_runs import planned_runs, runs_sentence, stages_sentence
 from radcal.config.stages import STAGES
-from radcal.session.session import is_dry_run, is_planned, open_session
+from radcal.session.session import is_dry_run, is_finished, is_planned, open_session
 from radcal.session.slurm import job_name
 
 min_version("9.10")
@@ -80,14 +80,23 @@ if workflow.is_main_process and not is_dry_run(sys.argv):
     SESSION.set_damaged_aside(OUTPUTS)
 
 
-# The last words of a dry run; hooks such as onsuccess are for real runs alone.
+# The last words of a dry run, and of a command that finds nothing to do: Snakemake calls no hook for either.
 @atexit.register
-def say_planned_runs():
-    if workflow.is_main_process and is_planned(workflow):
+def say_last_words():
+    if not workflow.is_main_process:
+        return
+    if is_finished(workflow):
+        SESSION.say_verdict()
+    if is_planned(workflow):
         # to Snakemake the jobs of a dry run have ended
-        planned = workflow.dag.needrun_jobs(exclude_finished=False)
-        jobs = [(job.rule.name, job.wildcards_dict) for job in planned]
+        planned = set(workflow.dag.needrun_jobs(exclude_finished=False))
+        # in the order of their dependencies
+        layers = workflow.dag.toposorted(planned)
+        jobs = [
+            (job.rule.name, job.wildcards_dict) for layer in layers for job in layer
+        ]
         twice = sum(rule == "registration_run" for rule, _ in jobs)
+        SESSION.say(stages_sentence(jobs))
         SESSION.say(
             runs_sentence(planned_runs(CASE, jobs, OUT), CASE.simulator.draws, twice)
         )

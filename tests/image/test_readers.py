@@ -139,12 +139,6 @@ def test_scale_and_offset_of_the_band_are_heeded(tmp_path):
     np.testing.assert_allclose(image_db, expected, atol=0.0051)
 
 
-def test_counts_in_words():
-    assert str(Counts(768000, 2915, 0, 1)) == (
-        "768,000 pixels, 2,915 without data, 0 zero, 1 negative: NaN in the image"
-    )
-
-
 def test_band_and_dataset_are_chosen_by_name(tmp_path):
     write_tif(tmp_path / "two.tif", np.stack([POWER, 2 * POWER]))
     np.savez(tmp_path / "two.npz", hh=POWER, hv=2 * POWER)

@@ -15,7 +15,28 @@ def test_the_same_command_again_has_nothing_to_do(finished):
     again = finished.run("--configfile", "tiny.yaml")
     assert again.returncode == 0
     assert "Nothing to be done" in again.stdout
+    summary, report = finished.summary(), f"radcal: report: {finished.out() / 'report.html'}"
+    assert [line for line in again.stdout.splitlines() if line.startswith("radcal: ")] == [
+        f"radcal: {summary['verdict']}",
+        report.replace(f"{finished.folder}/", ""),
+    ]
     assert finished.listing() == before
+    # neither of one stage nor of a dry run
+    for words in (["design"], ["--dry-run"]):
+        done = finished.run(*words, "--configfile", "tiny.yaml")
+        assert done.returncode == 0
+        assert summary["verdict"] not in done.stdout
+
+
+def test_a_dry_run_lists_the_stages_in_their_order(project):
+    (line,) = (
+        line
+        for line in project.run("--configfile", "tiny.yaml", "--dry-run").stdout.splitlines()
+        if line.startswith("radcal: stages in their order: ")
+    )
+    order = ["scene", "geometry", "measurement", "reference_run", "registration", "target", "design_chunk", "scores"]
+    assert sorted(order, key=line.index) == order
+    assert "design_chunk (2 jobs)" in line
 
 
 def test_first_steps_are_targets_of_their_own(project):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,7 @@ from radcal.simulators.runner import Runner
 from radcal.storage.records import read_json, understood
 from radcal.storage.runs import RunStore
 
-__all__ = ["planned_runs", "runs_sentence"]
+__all__ = ["planned_runs", "runs_sentence", "stages_sentence"]
 
 Jobs = Sequence[tuple[str, Mapping[str, str]]]
 
@@ -122,6 +123,14 @@ def _known(case: Case, folder: Path, at: str) -> Callable[[stages.Simulation], R
     simulator: Any = _Known(identity)
     geometry: Any = _Flat()
     return lambda one: Runner(RunStore(folder / "runs"), simulator, geometry, scene, one, first=case.radar)
+
+
+def stages_sentence(jobs: Jobs) -> str:
+    """Sentence that lists the stages of planned jobs, in the order of the jobs, with the number of jobs above one."""
+    counts = Counter(rule for rule, _ in jobs if rule != "all")
+    listed = ", ".join(rule if number == 1 else f"{rule} ({number} jobs)" for rule, number in counts.items())
+    search = "; the search repeats train, propose and verify" if "final_runs" in counts else ""
+    return f"stages in their order: {listed or 'none'}{search}."
 
 
 def runs_sentence(counts: Mapping[str, int], draws: int = 1, registration: int = 0) -> str:

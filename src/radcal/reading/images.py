@@ -130,13 +130,6 @@ class Counts:
     negative: int
     impossible: int = 0
 
-    def __str__(self) -> str:
-        impossible = f", {self.impossible:,} impossible (beyond +-{LARGEST_DB:g} dB)" * (self.impossible > 0)
-        return (
-            f"{self.pixels:,} pixels, {self.no_data:,} without data, {self.zero:,} zero, {self.negative:,} negative"
-            f"{impossible}: NaN in the image"
-        )
-
 
 def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]:
     """Check the numbers of an image against their declared scale and convert them to dB.

@@ -24,9 +24,9 @@ from radcal.session.slurm import cancel_leftovers, remember
 from radcal.session.terminal import Messages, guard
 from radcal.storage.files import sweep_scripts, unwritable
 from radcal.storage.lock import CaseLock, leave
-from radcal.storage.records import REPLACE
+from radcal.storage.records import REPLACE, read_json
 
-__all__ = ["Session", "is_dry_run", "is_planned", "open_session"]
+__all__ = ["Session", "is_dry_run", "is_finished", "is_planned", "open_session"]
 
 _SNAKEMAKE = Path(".snakemake")
 _RESULTS = "results"
@@ -93,6 +93,19 @@ def is_planned(workflow: Any) -> bool:
     """
     # a command that lists rules or unlocks has no executor, and a command that failed early has no scheduler
     return workflow._executor_plugin is not None and workflow.dryrun and workflow.scheduler is not None
+
+
+def is_finished(workflow: Any) -> bool:
+    """Whether a Snakemake command has asked for the whole case, and has found nothing to do.
+
+    Parameters
+    ----------
+    workflow : snakemake.workflow.Workflow
+        Workflow at the end of its command.
+    """
+    if workflow._executor_plugin is None or workflow.dryrun or workflow.scheduler is None:
+        return False
+    return len(workflow.dag) == 0 and [rule.name for rule in workflow.dag.targetrules] == ["all"]
 
 
 class Session:
@@ -234,6 +247,14 @@ class Session:
                 f"stopped. Finished runs are kept in {runs}, logs in {self.folder / 'logs'}; once the cause is "
                 "removed, the same command continues."
             )
+
+    def say_verdict(self) -> None:
+        """Print the verdict of a finished case and the path of its report."""
+        try:
+            _say(read_json(self.folder / "summary.json")["verdict"])
+        except (StoreError, OSError, KeyError) as error:
+            _say(str(error))
+        _say(f"report: {self.folder / 'report.html'}")
 
     def say(self, sentence: str) -> None:
         """Print a sentence on the terminal."""
