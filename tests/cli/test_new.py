@@ -1,4 +1,4 @@
-"""A new case from options and from questions: what the files say is in it, what is open is marked, and it loads."""
+"""A new case from options: what the files say is in it, what is open is marked, and it loads."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ REMAINING = """--vertical-datum EGM2008 --radiometry sigma0_ref --frequency 5.40
     --heading 190.5 --look-side right --range-resolution 13 --azimuth-resolution 22 --looks 4 --nesz -22""".split()  # noqa: SIM905
 
 
-def new(*arguments: str, answers: str | None = None) -> Result:
-    return CliRunner().invoke(app, ["new", *map(str, arguments)], input=answers)
+def new(*arguments: str) -> Result:
+    return CliRunner().invoke(app, ["new", *map(str, arguments)])
 
 
 def write(path: Path, bands: list[np.ndarray], names: tuple[str, ...] = (), pixel_m: float | None = 20.0) -> str:
@@ -335,45 +335,18 @@ def test_materials_are_written_before_the_scene_is_known(tmp_path: Path, monkeyp
     assert list(yaml.safe_load(Path("one.yaml").read_text())["materials"]) == ["road", "FILL_IN"]
 
 
-def test_questions_at_a_terminal_are_those_that_the_files_leave_open(
-    files: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("radcal.cli.new._at_terminal", lambda: True)
+def test_a_sensor_leaves_no_line_open(files: list[str]) -> None:
     Path("names.json").write_text('{"2": "water", "7": "crops"}')
-    # no land-cover map, names, datum, band, which tells the polarisation, scale, no sensor, radiometry, frequency
-    # (after a slip), altitude, depression, from which the spacing follows, heading, side, resolutions, looks, noise,
-    # material, level of the other one
-    scene = "corina\n\ngone.json\nnames.json\nEGM2008\n1\npower\n"  # two slips, after which the question comes again
-    answers = f"{scene}\ngamma0\nten\n9.6\n5000\n45\n12\nleft\n\n30\n4\n-25\ncrops\nwater=-17\n"
-    done = new("mine", *files, answers=answers)
-    assert done.exit_code == 0, done.output
-    slips = [line for line in done.stderr.splitlines() if line.startswith("radcal: ")]
-    assert [("--landcover-preset is corina" in line, "gone.json" in line) for line in slips] == [
-        (True, False),
-        (False, True),
-    ]
-    data = yaml.safe_load(Path("mine.yaml").read_text())
-    assert data["radar"]["heading_deg"] == 12
-    assert "'ten' is not a number." in done.stderr
-    assert data["scene"]["names"] == "names.json"
-    assert data["radar"]["radiometry"] == data["measurement"]["radiometry"] == "gamma0"
-    assert {key: data["radar"][key] for key in ("frequency_ghz", "band", "look_side", "looks", "nesz_db")} == {
-        "frequency_ghz": 9.6, "band": "X", "look_side": "left", "looks": 4, "nesz_db": -25,
-    }  # fmt: skip
-    assert data["radar"]["polarisation"] == "VH"
-    # an empty answer leaves the key open; pixel spacing follows from the depression angle
-    assert data["radar"]["range_resolution_m"] == "FILL_IN"
-    assert data["radar"]["range_spacing_m"] == 14.14
-    assert data["materials"]["water"] == {"law": "constant_gamma", "parameters": [-17]}
-    assert data["materials"]["crops"]["calibrate"] is True
-    assert not Path("mine_names.json").exists()
-    # a sensor at the terminal leaves less to be asked: radiometry, incidence, heading, noise
-    assert "corine has these codes, too, which other maps may have: --landcover-preset only if" in done.output
-    answers = f"{scene}sentinel1_iw_grdh\ngamma0\n39\n190.5\n-25\ncrops\nwater=mangia:-28,8,14,8\n"
-    done = new("orbit", *files, answers=answers)
+    scene = ["--names", "names.json", "--vertical-datum", "EGM2008", "--band", 1, "--scale", "power"]
+    radar = ["--sensor", "sentinel1_iw_grdh", "--radiometry", "gamma0", "--incidence", 39, "--heading", 190.5]
+    laws = ["--nesz", -25, "--material", "crops", "--fixed", "water=mangia:-28,8,14,8"]
+    done = new("orbit", *files, *scene, *radar, *laws)
     assert "FILL_IN" not in Path("orbit.yaml").read_text(), done.output
+    assert not Path("orbit_names.json").exists()
     orbit = load(["orbit.yaml"])
     assert (orbit.radar.sensor, orbit.radar.incidence_deg, orbit.radar.heading_deg) == ("sentinel1_iw_grdh", 39, 190.5)
+    assert orbit.radar.radiometry == orbit.measurement.radiometry == "gamma0"
+    assert orbit.radar.polarisation == "VH"  # of the band
     assert (orbit.materials["water"].law, orbit.materials["water"].parameters) == ("mangia", [-28, 8, 14, 8])
     # pixels of 20 m are too large for its resolution, so that its own spacing stays
     assert orbit.radar.azimuth_spacing_m == 10

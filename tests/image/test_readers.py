@@ -182,9 +182,7 @@ def test_a_few_impossible_levels_are_masked_and_counted_many_refused(tmp_path):
     found = read_image(path, FileMeasurement(path=str(path), scale="db", radiometry="sigma0_ref"))
     assert np.isnan(found.image_db[[3, 7], [4, 8]]).all()
     assert np.isfinite(found.image_db).sum() == values.size - 2
-    assert str(found.counts) == (
-        "2,400 pixels, 0 without data, 0 zero, 0 negative, 2 impossible (beyond +-200 dB): NaN in the image"
-    )
+    assert found.counts == Counts(2400, 0, 0, 0, impossible=2)
     values[9, 9] = 201.0  # three are 0.13 %
     np.save(path, values)
     with pytest.raises(MeasurementError, match=r"1e\+38 dB and 3 of 2,400 values like it, expected within \+-200 dB"):

@@ -1,4 +1,4 @@
-"""Entries of a new case: each entry is one option of ``radcal new``, one question, and one line of the case file.
+"""Entries of a new case: each entry is one option of ``radcal new`` and one line of the case file.
 
 For a further key, add one entry.
 """
@@ -21,13 +21,13 @@ class Entry:
     key : str
         Key of the case in dotted form, such as ``scene.names``.
     text : str
-        Question, help of the option, and comment in the case.
+        Help of the option, and comment in the case.
     kind : type
         Type of the value: str, float or int.
     several : bool
         Whether the option may be repeated.
     optional : bool
-        Whether the key's default is right in most cases, so that the key is neither asked for nor marked FILL_IN.
+        Whether the key's default is right in most cases, so that the key is not marked FILL_IN.
     """
 
     option: str

@@ -62,10 +62,6 @@ class NewCase(Answers):
     ----------
     undecided : list of str
         Keys without a value, whose lines are marked.
-    offered : str
-        Remark on the land-cover maps that contain all codes; empty if there is none, or if the case names a map.
-    materials : list of str
-        Names of the materials in the land cover.
 
     Raises
     ------
@@ -85,11 +81,9 @@ class NewCase(Answers):
         self._names: dict[int, str] = {}
         self._counts: dict[int, int] = {}
         self.undecided: list[str] = []
-        self.offered = ""
         self._read_scene()
         self._read_image()
         self._derive()
-        self.materials = list(self._names.values())
         self._materials = self._material_lines()
         sections = ("scene", "radar") if self.forward else ("scene", "measurement", "radar")
         self._sections = {name: getattr(self, f"_{name}_keys")() for name in sections}
@@ -157,7 +151,7 @@ class NewCase(Answers):
         preset = self._values.get("scene.landcover")
         if preset is None:
             if not self._slant and (said := landcover_remark(self._counts)):
-                self._notes["scene.names"] = self.offered = said
+                self._notes["scene.names"] = said
             return
         if preset not in LANDCOVERS:
             self._mistakes.append(f"--landcover-preset is {preset}, expected one of {', '.join(LANDCOVERS)}.")
