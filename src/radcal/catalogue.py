@@ -133,6 +133,37 @@ _OF_IMAGE: Mapping[str, str] = {
     "radar.depression_deg and the heights in scene.elevation right?",
 }
 
+_IN_NOISE = (
+    "{about}: {share_percent:.0f} % of its pixels in the measured image ({image}) are in the noise and will be masked "
+    "(less than target.snr_db, {snr_db:g} dB, above the noise): the mean level of the material is {level_db:.1f} dB "
+    "with noise, the noise alone (radar.nesz_db) {noise_db:.1f} dB. The pixels that remain are the brighter ones, so "
+    "that "
+)
+_OF_CASE: Mapping[str, str] = {
+    "scene_large": "the scene is large: it is read when the calibration starts, not in this check",
+    "refused_beside_results": "radcal run would refuse this case: {error}",
+    "starts_as_truth": "{about}: no hidden law in measurement.synthetic.parameters, so that the start is simulated, "
+    "which the search already has",
+    "ground_hidden": "{hidden_percent:.0f} % of the simulated image's pixels are in shadow or layover or without "
+    "ground ({without_percent:.0f} % show none at all), and half of the ground is steeper than {slope_deg:.0f} "
+    "degrees: are the heights in {about} in another unit than metres{units}, or is radar.depression_deg wrong?",
+    "noise_positive": "{about} is {level_db:g} dB: is a minus sign missing (-{level_db:g})? Noise above 0 dB hides "
+    "nearly all ground, unless the levels of the image itself lie far above 0 dB",
+    "law_bright": "{about}: {law} gives gamma {gamma_db:.3g} dB at an incidence of {incidence_deg:g} degrees, the "
+    "brightest terrain of docs/landcover.md has {brightest_db:g} dB: is a minus sign missing?",
+    "track_low": "{about} is {altitude_m:g}, a track {altitude_m:g} m above the scene, which sees level ground at "
+    "incidences {between}: expected {metres:g} for a satellite {altitude_m:g} km high",
+    "heading_missing": "{about} is not given, so that the track heads to the grid's north",
+    "level_counted": "the image's level counts as right to {level_db:g} dB ({about}, one standard error): no 90 % band "
+    "of sigma0 from this pass alone has a half-width below {half_width_db:.2g} dB",
+    "no_contrast": "the image simulated at the start has no contrast between materials (the level of its squares "
+    "varies by {contrast_db:.2f} dB), so that no image can be registered onto it: give {about} starts that differ "
+    "(materials.{name}.start: {other}), or, if the measured image lies on the simulated image's pixels already, set "
+    "registration.method: none",
+    "much_in_noise": _IN_NOISE + "its law may well be determined at no angle: set it fixed ({about}: calibrate: false, "
+    "with parameters), or use a pass with lower noise",
+    "some_in_noise": _IN_NOISE + "sigma0 may be found too high where the ground is darkest",
+}
 _OF_MODEL: Mapping[str, str] = {
     "depression": "{about} is displaced along slant range by {px_per_100_rows:+.1f} pixels per 100 rows (a straight "
     "line explains {share_percent:.0f} % of the variance of the displacement), as with {key} {implied_deg:.1f} in "
@@ -154,8 +185,8 @@ _OF_MODEL: Mapping[str, str] = {
     "fixed_law_and_image": "{about}: the fixed law and the image differ by {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "
     "{p95_db:+.2f}); one fixed law cannot tell an error of the law from a level of the image",
     "level": "{about}: the fixed laws and the image differ by a level of " + _LEVEL,
-    "fixed_level": "{about}: the image minus the fixed law is {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "
-    "{p95_db:+.2f})",
+    "fixed_level": "{about}: before the registration, the image minus the fixed law is roughly {apart_db:+.2f} dB "
+    "(90 %: {p05_db:+.2f} to {p95_db:+.2f})",
     "level_of_image": "the measured image is taken at its own level; no material of a fixed law checks it",
     "level_found": "the measured image lies {offset_db:+.2f} +- {error_db:.2f} dB from the reference run on {about}",
     "level_subtracted": "the measured image lies {offset_db:+.2f} +- {error_db:.2f} dB from the reference run on "
@@ -193,5 +224,5 @@ _OF_MODEL: Mapping[str, str] = {
     "pixels (rms; stated standard error {stated_px:.1f}) and sigma0 by {moved_db:.1f} dB",
 }
 
-TEXTS: Mapping[str, str] = {**_OF_SCENE, **_OF_IMAGE, **_OF_MODEL}
+TEXTS: Mapping[str, str] = {**_OF_SCENE, **_OF_IMAGE, **_OF_CASE, **_OF_MODEL}
 """Text of each code, to be formatted with ``about``, ``do`` and the numbers of the finding."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
-__all__ = ["Finding", "Severity", "from_json", "to_json"]
+__all__ = ["Finding", "Severity", "from_json", "of_pass", "to_json"]
 
 Severity = Literal["note", "warning", "refusal"]
 
@@ -25,7 +25,8 @@ class Finding:
     about : str
         Material, pass (``pass 1``), key or file.
     numbers : mapping
-        Numbers and names, whose keys end with their unit (``offset_db``, ``implied_deg``).
+        Numbers and names, whose keys end with their unit (``offset_db``, ``implied_deg``); ``pass`` is the number of
+        the pass, where a case has several.
     do : str
         Line to set in the case file, such as ``radar.radiometry: sigma0_ref``; empty if there is none.
     """
@@ -44,6 +45,13 @@ class Finding:
     def of_json(cls, text: str) -> Finding:
         """Finding from JSON that :meth:`json` wrote."""
         return cls(**json.loads(text))
+
+
+def of_pass(findings: Iterable[Finding], number: int, passes: int) -> list[Finding]:
+    """Findings with the number of their pass, from 1, among their numbers if a case has several passes."""
+    if passes == 1:
+        return list(findings)
+    return [replace(one, numbers={**one.numbers, "pass": number}) for one in findings]
 
 
 def to_json(findings: Iterable[Finding]) -> str:

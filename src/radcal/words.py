@@ -14,7 +14,6 @@ __all__ = [
     "headline",
     "next_steps",
     "remarks",
-    "rough",
     "sentence",
     "state",
     "untold",
@@ -38,7 +37,6 @@ _WIDTHS = (
     "+-{half_width_db:.1f} dB for the material, +-{field_half_width_db:.1f} dB for its fields in this image; level, "
     "radiometry, noise, incidence and point spread (systematic) alone give +-{systematic_db:.1f} dB"
 )
-_ROUGH = "fixed laws against the measured image, which is not registered yet, so that the values are rough:"
 _NAMED = 4  # most materials named in a headline
 _STEPS = ("depression", "relief", "place", "radiometry", "fixed_law", "fixed_law_and_image", "level")
 _DO = {
@@ -66,7 +64,9 @@ def sentence(finding: Finding, prefix: bool = True) -> str:
         text += _NOTICED.format(**finding.numbers)
     do = f": {_do(finding)}" if finding.severity != "note" and _do(finding) else ""
     start = f"{finding.severity}: " if prefix and finding.severity != "note" else ""
-    return f"{start}{text}{do}."
+    start += f"pass {finding.numbers['pass']:.0f}: " if "pass" in finding.numbers else ""
+    text = f"{start}{text}{do}"
+    return text if text.endswith(("?", ".")) else f"{text}."
 
 
 def _numbers(finding: Finding) -> dict[str, float | str]:
@@ -116,13 +116,6 @@ def widths(name: str, findings: Iterable[Finding]) -> str:
 def remarks(findings: Iterable[Finding]) -> list[Finding]:
     """Findings that no verdict tells, warnings and refusals first."""
     return sorted((one for one in findings if one.code not in _OF_VERDICT), key=lambda one: one.severity == "note")
-
-
-def rough(findings: Sequence[Finding]) -> str:
-    """Lines on the findings of an image that is not registered yet; the first begins with ``warning`` if one warns."""
-    warned = any(one.severity != "note" for one in findings)
-    lines = [sentence(one, prefix=False) for one in findings]
-    return "\n      ".join(["warning: " * warned + _ROUGH, *lines])
 
 
 def untold(said: Iterable[str], told: str) -> list[str]:

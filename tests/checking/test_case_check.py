@@ -18,7 +18,9 @@ from typer.testing import CliRunner
 
 from radcal.checking.case_check import check_case
 from radcal.cli import app
+from radcal.findings import Finding, of_pass
 from radcal.storage.records import write_hdf5
+from radcal.words import sentence
 
 TEN_MISTAKES = """
 case: my case
@@ -136,25 +138,24 @@ def test_a_fixed_law_and_the_image_are_compared_before_any_run(tmp_path: Path) -
     """The image has 0 dB; gamma0 of 2.8 dB is a sigma0 of 2.8 dB + 10 log10(cos(32 degrees)), 2.1 dB above it."""
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
 
-    def told(gamma_db: float, **more: object) -> list[str]:
+    def told(gamma_db: float, **more: object) -> list[Finding]:
         lake = {"law": "constant_gamma", "parameters": [gamma_db]}
         changed = {"materials": {"lake": lake, "field": {"calibrate": True}}, **more}
-        (said,) = (line for line in check_case([path], changed).outlook if "fixed laws against" in line)
-        return said.splitlines()
+        return [one for one in check_case([path], changed).findings if one.code in ("fixed_level", *codes)]
 
-    first, lake, radiometry = told(2.8)
-    assert first == (
-        "warning: fixed laws against the measured image, which is not registered yet, so that the values are rough:"
+    codes = ("radiometry_unchecked",)
+    lake, radiometry = told(2.8)
+    assert (lake.code, lake.severity, lake.about, lake.do) == (
+        "fixed_level",
+        "warning",
+        "lake",
+        "materials.lake.parameters",
     )
-    assert lake.startswith("      lake: the image minus the fixed law is -2.1")
-    assert lake.endswith(": check materials.lake.parameters and the calibration of the image.")
-    assert radiometry == (
-        "      pass 1: radiometry unchecked, because the fixed materials show too little of it; the bands allow for "
-        "sigma0_local with a probability of 0 %."
-    )
-    assert told(2.3)[0] == first.removeprefix("warning: ")
+    assert lake.numbers["apart_db"] == pytest.approx(-2.1, abs=0.1)
+    assert (radiometry.about, radiometry.numbers["other"]) == ("pass 1", "sigma0_local")
+    assert told(2.3)[0].severity == "note"
     found = check_case([path], {"target": {"normalisation": "image"}})
-    assert [line for line in found.outlook if "fixed laws" in line] == []
+    assert "fixed_level" not in [one.code for one in found.findings]
 
 
 def test_bounds_that_no_law_leaves_are_a_mistake(tmp_path: Path) -> None:
@@ -166,7 +167,7 @@ def test_bounds_that_no_law_leaves_are_a_mistake(tmp_path: Path) -> None:
     assert said.startswith("materials.field.bounds: inside them the law 'mangia' gives -40.0 to -2")
     assert "and the measured level is -0.1 dB" in said
     assert found.not_looked_at() == ""
-    assert any("fixed laws against" in line for line in found.outlook)
+    assert "fixed_level" in [one.code for one in found.findings]
     case = yaml.safe_load(path.read_text())
     twice = {key: [case[key]] * 2 for key in ("radar", "measurement")}
     path.write_text(yaml.safe_dump(case | twice))
@@ -175,18 +176,19 @@ def test_bounds_that_no_law_leaves_are_a_mistake(tmp_path: Path) -> None:
 
 def test_warnings_are_told_as_such_and_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
-    found = replace(check_case([path]), notes=["warning: steep.", "plain."], outlook=("time: short", "warning: dull."))
+    steep, plain = Finding("heading_missing", "warning", "radar.heading_deg"), Finding("scene_large", "note", "scene")
+    found = replace(check_case([path]), findings=[plain, steep], time="time: short")
     monkeypatch.setattr("radcal.checking.case_check.check_case", lambda *_: found)
     done = CliRunner().invoke(app, ["check", str(path)])
     assert done.exit_code == 0
     lines = done.stdout.splitlines()
-    assert lines[:3] == [f"{path}: no mistake found, 2 warnings:", "  warning: dull.", "  warning: steep."]
-    assert [line for line in lines[3:] if "warning: " in line] == []
-    assert {"  note: plain.", "  time: short"} <= set(lines)
-    found = replace(found, notes=[], outlook=())
+    assert lines[:2] == [f"{path}: no mistake found, 1 warning:", f"  {sentence(steep)}"]
+    assert [line for line in lines[2:] if "warning: " in line] == []
+    assert {f"  note: {sentence(plain)}", "  time: short"} <= set(lines)
+    found = replace(found, findings=[], time="")
     assert CliRunner().invoke(app, ["check", str(path)]).stdout.startswith(f"{path}: no mistake found.\n")
-    found = replace(found, notes=["warning: steep."], problems=["wrong."])
-    assert CliRunner().invoke(app, ["check", str(path)]).stdout == "  warning: steep.\n"
+    found = replace(found, findings=[steep], problems=["wrong."])
+    assert CliRunner().invoke(app, ["check", str(path)]).stdout == f"  {sentence(steep)}\n"
 
 
 def test_a_file_that_is_no_yaml_is_one_problem(tmp_path: Path) -> None:
@@ -235,7 +237,8 @@ def test_a_sentinel1_product_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyP
     )
     found = check_case(["mine.yaml"])
     assert found.problems == []
-    assert any("S1B IW GRD VV of 2021-12-23" in note for note in found.notes)
+    (seen,) = (one for one in found.findings if one.code == "acquisition")
+    assert "S1B IW GRD VV of 2021-12-23" in sentence(seen)
     said = found.summary()
     assert "section radar as the annotation of the image gives it:\n    radar:   # S1B_IW_GRDH" in said
     assert "\n      looks: 4.4 " in said
@@ -255,8 +258,8 @@ def test_a_sentinel1_product_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyP
     Path("mine.yaml").write_text(text[: text.index("radar:")] + section)
     found = check_case(["mine.yaml"])
     assert found.problems == []
-    notes = [text for text in found.notes if "by its speckle" not in text]  # its pixels are not correlated
-    assert [text for text in notes if " its " in text or "it looks to" in text] == []
+    differs = {"look_direction", "noise_differs", "radar_differs"}
+    assert differs.isdisjoint(one.code for one in found.findings)
     assert [yaml.safe_load(text)["radar"]["heading_deg"] for text in found.sections] == [printed["heading_deg"]]
 
 
@@ -289,7 +292,8 @@ def test_the_printed_section_of_a_real_product_does_not_contradict_it(
     found = check_case(["mine.yaml"])
     (problem,) = found.problems
     assert "holds no data (digital number 0) over the scene: the image is blank" in problem
-    assert [text for text in found.notes if " its " in text and "geoid" not in text] == []
+    differs = {"look_direction", "noise_differs", "radar_differs"}
+    assert differs.isdisjoint(one.code for one in found.findings)
 
 
 def on_the_map(folder: Path) -> None:
@@ -508,20 +512,20 @@ def test_a_fixed_law_without_its_minus_sign_is_asked_about(tmp_path: Path) -> No
     case = yaml.safe_load(path.read_text())
     hidden = {"measurement": {"synthetic": {"parameters": {"field": [-8.0, 4.0, 3.0, 5.0]}}}}
 
-    def asked(law: str, parameters: list[float], **more: object) -> list[str]:
+    def asked(law: str, parameters: list[float], **more: object) -> list[Finding]:
         case["materials"]["lake"] = {"law": law, "parameters": parameters}
         path.write_text(yaml.safe_dump({**case, **hidden, **more}))
-        return [text for text in check_case([path]).warnings() if "minus sign" in text]
+        return [one for one in check_case([path]).findings if one.code == "law_bright"]
 
-    says = "  warning: materials.lake.parameters: {} gives gamma {} dB at an incidence of 45 degrees, the brightest "
     (said,) = asked("constant_gamma", [17.0])
-    assert said == says.format("constant_gamma", 17) + (
-        "terrain of docs/landcover.md has 0 dB: is a minus sign missing?"
+    assert (said.severity, said.about) == ("warning", "materials.lake.parameters")
+    assert said.numbers == pytest.approx(
+        {"law": "constant_gamma", "gamma_db": 17.0, "incidence_deg": 45.0, "brightest_db": 0.0}
     )
     assert asked("constant_gamma", [5.9]) == []
     assert len(asked("constant_gamma", [6.1])) == 1
     # sigma0 of 3 + 8 cos(45 degrees) = 8.66 dB is a gamma of 10.2 dB
-    assert asked("mangia", [3.0, 8.0, 0.0, 4.0])[0].startswith(says.format("mangia", 10.2))
+    assert asked("mangia", [3.0, 8.0, 0.0, 4.0])[0].numbers["gamma_db"] == pytest.approx(10.2, abs=0.05)
     assert asked("mangia", [-3.0, 8.0, 0.0, 4.0]) == []
     field = {"calibrate": True, "bounds": [[-40, 30], [0, 30], [0, 20], [0, 20]], "start": [3.0, 8.0, 0.0, 4.0]}
     assert asked("constant_gamma", [17.0], materials={"field": field, "lake": case["materials"]["lake"]}) == []
@@ -550,8 +554,7 @@ def test_mistakes_of_keys_hide_none_of_files(
     Path("mine.yaml").write_text(text)
     right = check_case(["mine.yaml"])
     assert right.problems == []
-    north = "warning: radar.heading_deg is not given, so that the track heads to the grid's north."
-    assert north in right.outlook
+    assert Finding("heading_missing", "warning", "radar.heading_deg") in right.findings
     for old, new in changes.items():
         assert text.count(old) == 1, old
         text = text.replace(old, new)
@@ -584,7 +587,7 @@ def test_a_section_that_is_left_out_has_its_files_looked_at(tmp_path: Path, monk
 def test_what_a_right_case_will_meet_is_told_before_any_run(tmp_path: Path) -> None:
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     said = list[str]()
-    time, error, rough = check_case([path], results=tmp_path / "results", say=said.append).outlook
+    found = check_case([path], results=tmp_path / "results", say=said.append)
     # a line before each part that takes minutes on large scenes
     assert said == [
         "scene ...",
@@ -592,17 +595,14 @@ def test_what_a_right_case_will_meet_is_told_before_any_run(tmp_path: Path) -> N
         "measured image, for 60 x 50 pixels ...",
         "fixed laws against the measured image ...",
     ]
-    # 1.645 times 0.33 dB
-    assert error.startswith(
-        "the image's level counts as right to 0.33 dB (uncertainty.level_db, one standard error): no"
-    )
-    assert error.endswith("90 % band of sigma0 from this pass alone is narrower than +-0.54 dB")
-    assert time == "time: not known before the first run, which radcal run CASE reference makes"
-    assert "fixed laws against the measured image, which is not registered yet" in rough
+    numbers = {one.code: one.numbers for one in found.findings}
+    assert numbers["level_counted"] == pytest.approx({"level_db": 0.33, "half_width_db": 1.645 * 0.33}, rel=1e-3)
+    assert found.time == "time: not known before the first run, which radcal run CASE reference makes"
+    assert "fixed_level" in numbers
     for number, seconds in enumerate((9.0, 4.0, 2.5)):
         with write_hdf5(tmp_path / f"results/mine/runs/{number}.h5", "run") as file:
             file.attrs["seconds"] = seconds
-    time, *_ = check_case([path], results=tmp_path / "results").outlook
+    time = check_case([path], results=tmp_path / "results").time
     # 3 runs of the design and 12 in all at most, of four draws of speckle; reference, registration and two final runs
     assert time == (
         "time: about 16 s of simulation a run (median of the case's stored runs); with a search as for most laws of "
@@ -612,7 +612,7 @@ def test_what_a_right_case_will_meet_is_told_before_any_run(tmp_path: Path) -> N
     (tmp_path / "results/mine/benchmarks").mkdir()
     for stage in ("train", "propose", "verify"):
         (tmp_path / f"results/mine/benchmarks/{stage}_0.tsv").write_text("s\th:m:s\n11\t0:00:11\n")
-    time, *_ = check_case([path], results=tmp_path / "results").outlook
+    time = check_case([path], results=tmp_path / "results").time
     assert "stored runs); an iteration with training and proposal takes about 33 s; with a search as for most" in time
     # 7 other runs of 16 s, 9 iterations of 33 s
     assert time.endswith("stop.max_runs allows at most 16 runs (6.8 min with training and proposals)")
@@ -632,16 +632,14 @@ def test_a_start_without_contrast_is_told_before_any_run(tmp_path: Path, monkeyp
     Path("mine.yaml").write_text(text.replace("{cropland: {calibrate: true}, tree_cover: {}}", both))
     found = check_case(["mine.yaml"])
     assert found.problems == []
-    (said,) = (line for line in found.outlook if line.startswith("warning"))
-    assert "the image simulated at the start has no contrast between materials (the level of its squares var" in said
-    assert (
-        "give cropland and tree_cover starts that differ (materials.cropland.start: [-24.5, 6.0, 0.0, 4.0]), or" in said
-    )
+    (dull,) = (one for one in found.findings if one.severity == "warning")
+    assert (dull.code, dull.about) == ("no_contrast", "cropland, tree_cover")
+    assert (dull.numbers["name"], dull.numbers["other"]) == ("cropland", "[-24.5, 6.0, 0.0, 4.0]")
     for change in (
         {"registration": {"method": "none"}},
         {"materials": {"cropland": {"start": [-24.5, 6.0, 0.0, 4.0]}}},
     ):
-        assert not any(line.startswith("warning") for line in check_case(["mine.yaml"], change).outlook)
+        assert all(one.severity == "note" for one in check_case(["mine.yaml"], change).findings)
 
 
 def test_a_case_for_simulate_is_checked_as_such(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -679,24 +677,21 @@ def test_a_name_that_the_scene_does_not_know_is_told_once(tmp_path: Path, monkey
 def test_notes_on_one_of_several_images_name_their_pass(tmp_path: Path) -> None:
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     case = yaml.safe_load(path.read_text())
-    alone = [text for text in check_case([path]).notes if text.startswith("image.npy: 3,000 pixels")]
+    (alone,) = (one for one in check_case([path]).findings if one.code == "pixels")
     path.write_text(yaml.safe_dump({**case, **{key: [case[key]] * 2 for key in ("radar", "measurement")}}))
     found = check_case([path])
-    assert [text for text in found.notes if "image.npy: 3,000 pixels" in text] == [
-        f"pass {number}: {text}" for number in (1, 2) for text in alone
-    ]
-    (rough,) = (text for text in found.outlook if "fixed laws against the measured image" in text)
-    assert [f"pass {number}: radiometry unchecked" in rough for number in (1, 2, 3)] == [True, True, False]
+    assert [one for one in found.findings if one.code == "pixels"] == [*of_pass([alone], 1, 2), *of_pass([alone], 2, 2)]
+    assert sentence(*of_pass([alone], 2, 2)) == f"pass 2: {sentence(alone)}"
+    assert [one.about for one in found.findings if one.code == "radiometry_unchecked"] == ["pass 1", "pass 2"]
 
 
 def test_a_start_that_is_the_hidden_truth_is_told(tmp_path: Path) -> None:
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     case = yaml.safe_load(path.read_text())
-    said = "measurement.synthetic.parameters: its start is simulated, which the search already has."
     for hidden, told in (({}, True), ({"field": [-8.0, 4.0, 3.0, 5.0]}, False), ({"filed": [-8.0] * 4}, False)):
         path.write_text(yaml.safe_dump({**case, "measurement": {"synthetic": {"parameters": hidden}}}))
         found = check_case([path])
-        assert [text for text in found.notes if "hidden" in text] == told * [f"field has no hidden law in {said}"]
+        assert (Finding("starts_as_truth", "note", "field") in found.findings) == told
         assert len(found.problems) == ("filed" in hidden)
 
 
@@ -705,17 +700,17 @@ def test_noise_above_0_db_is_asked_about(tmp_path: Path) -> None:
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     case = yaml.safe_load(path.read_text())
     hidden = {"parameters": {"field": [-8.0, 4.0, 3.0, 5.0]}}
-    keys: dict[str, tuple[object, dict[str, float]]] = {
-        "radar.nesz_db is 24 dB: is a minus sign missing (-24)?": (24, {}),
-        "radar.nesz_db is 3 dB: is a minus sign missing (-3)?": ([[20, -3], [40, 3]], {}),
-        "measurement.synthetic.nesz_db is 25.5 dB: is a minus sign missing (-25.5)?": (0, {"nesz_db": 25.5}),
-        "": (0, {"nesz_db": -1.0}),
-    }
-    for said, (noise, more) in keys.items():
+    keys: list[tuple[list[tuple[str, float]], object, dict[str, float]]] = [
+        ([("radar.nesz_db", 24.0)], 24, {}),
+        ([("radar.nesz_db", 3.0)], [[20, -3], [40, 3]], {}),
+        ([("measurement.synthetic.nesz_db", 25.5)], 0, {"nesz_db": 25.5}),
+        ([], 0, {"nesz_db": -1.0}),
+    ]
+    for high, noise, more in keys:
         changed = {"radar": {"nesz_db": noise}, "measurement": {"synthetic": {**hidden, **more}}}
         path.write_text(yaml.safe_dump({**case, **changed}))
-        asked = [text for text in check_case([path]).warnings() if "minus sign" in text]
-        assert [text.partition(" Noise")[0] for text in asked] == [f"  warning: {said}"] * bool(said)
+        asked = [one for one in check_case([path]).findings if one.code == "noise_positive"]
+        assert [(one.about, one.numbers["level_db"]) for one in asked] == high
     levels = {"field": {"law": "constant_gamma", "calibrate": True, "bounds": [[30, 50]]}}
     levels["lake"] = {"law": "constant_gamma", "parameters": [45.0]}  # type: ignore[dict-item]
     measured = {"measurement": {"synthetic": {"parameters": {"field": [40.0]}}}}
@@ -727,8 +722,8 @@ def test_noise_above_0_db_is_asked_about(tmp_path: Path) -> None:
     assert found.warnings() == []
     passes = {"radar": [{"nesz_db": -24}, {"nesz_db": 24}], "measurement": [{"synthetic": hidden}] * 2}
     path.write_text(yaml.safe_dump({**case, **passes}))
-    (asked,) = (text for text in check_case([path]).notes if "minus" in text)
-    assert asked.startswith("warning: pass 2: radar.nesz_db is 24 dB: ")
+    (of_second,) = (one for one in check_case([path]).findings if one.code == "noise_positive")
+    assert of_second.numbers == {"level_db": 24.0, "pass": 2}
 
 
 def test_what_was_not_looked_at_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

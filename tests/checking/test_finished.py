@@ -16,6 +16,7 @@ from radcal.radar.projection import make_geometry
 from radcal.scene.model import write_scene
 from radcal.scene.sources import make_scene
 from radcal.storage.provenance import provenance
+from radcal.words import sentence
 
 
 def test_results_that_a_run_would_not_replace_are_noted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -31,7 +32,8 @@ def test_results_that_a_run_would_not_replace_are_noted(tmp_path: Path, monkeypa
     Path("mine.yaml").write_text(yaml.safe_dump(tiny_case()))
 
     def noted(results: str = "elsewhere", **changes: object) -> list[str]:
-        return [text for text in check_case(["mine.yaml"], changes, results).notes if "refuse" in text]
+        found = check_case(["mine.yaml"], changes, results).findings
+        return [sentence(one) for one in found if one.code == "refused_beside_results"]
 
     looks = {"looks": 3, "nesz_db": -20.0}
     assert noted(radar=looks) == []  # not finished

@@ -71,7 +71,7 @@ def test_the_process_that_plans_jobs_says_which_starts_are_the_truth(tmp_path, c
     assert capsys.readouterr().err == ""
     open_session(["mine.yaml"], {}, [], False, logging.getLogger("of snakemake"))
     assert capsys.readouterr().err == (
-        "radcal: grass and water have no hidden laws in measurement.synthetic.parameters: their starts are simulated, "
+        "radcal: grass, water: no hidden law in measurement.synthetic.parameters, so that the start is simulated, "
         "which the search already has.\n"
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from radcal.checking.file_problems import is_on_map, scene_of, with_hints
 from radcal.checking.finished import kept_results
-from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, low_track, of_pass, outlook, time_expected
+from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, low_track, outlook, time_expected
 from radcal.checking.places import images_elsewhere
 from radcal.checking.unregistered import cells_of, fixed_laws, unreachable
 from radcal.config import (
@@ -24,6 +25,7 @@ from radcal.config import (
 )
 from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, MissingSign, NotInScene, RadcalError, UnknownMaterial
+from radcal.findings import Finding, of_pass
 from radcal.forecast.expected_memory import expected_mb
 from radcal.forecast.memory_and_time import Stage, memory_mb, values_of
 from radcal.forecast.time_left import largest_runs, runs_in_words
@@ -31,7 +33,7 @@ from radcal.posterior.cells import CellMeans
 from radcal.programs.command_plan import check_command, check_image_shape
 from radcal.reading.safe import is_safe_name
 from radcal.scene.size import scene_size
-from radcal.words import rough, sentence
+from radcal.words import sentence
 
 if TYPE_CHECKING:
     from radcal.image.model import Measurement
@@ -41,8 +43,6 @@ if TYPE_CHECKING:
 __all__ = ["CaseCheck", "check_case"]
 
 Say = Callable[[str], None]
-
-_WARNING = "warning: "  # beginning of those notes and lines of the outlook that the user should act on
 
 _LARGEST_RUN = 5_000_000  # pixels of a synthetic image that is made for the check, in some seconds
 _LARGEST = 20_000_000  # values of a scene that is made for the check: more would take minutes
@@ -56,8 +56,8 @@ class CaseCheck:
     ----------
     problems : list of str
         One sentence for each problem; empty if the case can be run.
-    notes : list of str
-        Remarks on the scene and on the measured images.
+    findings : list of Finding
+        Findings on the scene, the measured images and the start of the calibration.
     files : mapping
         Input files by configuration key.
     shape : (int, int) or None
@@ -72,8 +72,8 @@ class CaseCheck:
         Number of speckle draws of a simulator run.
     sections : tuple of str
         Section ``radar`` in YAML, from the annotation of each measured image that has an annotation.
-    outlook : tuple of str
-        Lines on the expected time, on the contrast of the start image and on the measured levels.
+    time : str
+        Line on the expected time; empty with problems.
     unseen : tuple of str
         Parts of the case that could not be checked because of the problems.
     forward : bool
@@ -81,7 +81,7 @@ class CaseCheck:
     """
 
     problems: list[str]
-    notes: list[str]
+    findings: list[Finding]
     files: Mapping[str, Path]
     shape: tuple[int, int] | None
     runs: Mapping[str, int]
@@ -89,7 +89,7 @@ class CaseCheck:
     peak_mb: Mapping[str, float] = field(default_factory=dict)
     draws: int = 1
     sections: tuple[str, ...] = ()
-    outlook: tuple[str, ...] = ()
+    time: str = ""
     unseen: tuple[str, ...] = ()
     forward: bool = False
     registration_runs: int = 0
@@ -118,16 +118,16 @@ class CaseCheck:
             lines.append(
                 f"  memory: about {peak:,.0f} MB in the largest job ({job}); a cluster is asked for {asked:,} MB"
             )
-        lines += [f"  {line}" for line in self.outlook if not line.startswith(_WARNING)]
+        lines += [f"  {self.time}"] * bool(self.time)
         return "\n".join([*lines, *self.remarks()])
 
     def warnings(self) -> list[str]:
         """Lines of the warnings, which are not in the lines of the summary."""
-        return [f"  {text}" for text in (*self.outlook, *self.notes) if text.startswith(_WARNING)]
+        return [f"  {sentence(one)}" for one in self.findings if one.severity != "note"]
 
     def remarks(self) -> list[str]:
         """Lines of the other notes and of each image's section ``radar``; a case with problems has them, too."""
-        lines = [f"  note: {text}" for text in self.notes if not text.startswith(_WARNING)]
+        lines = [f"  note: {sentence(one)}" for one in self.findings if one.severity == "note"]
         for section in self.sections:
             lines += ["  section radar as the annotation of the image gives it:"]
             lines += [f"    {line}" for line in section.splitlines()]
@@ -167,9 +167,9 @@ def check_case(
         return CaseCheck(loaded.problems, [], {}, None, {}, {}, unseen=nothing)
     found = _checked(paths, loaded.case, loaded, results, say)
     if loaded.forward:
-        return replace(found, runs={}, outlook=(), forward=True)
+        return replace(found, runs={}, time="", forward=True)
     kept = kept_results(found.problems, found.shape, loaded.case, results, found.files)
-    return replace(found, notes=found.notes + kept)
+    return replace(found, findings=found.findings + kept)
 
 
 class _Problems(list[RadcalError]):
@@ -201,9 +201,8 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     files = {} if missing else input_files(case)
     problems.add(_refused(check_command, case))
     problems.add(_refused(check_reuse, case, results))
-    notes: list[str] = []
+    findings: list[Finding] = []
     sections: list[str] = []
-    levels: list[str] = []
     shape, demands, peaks, small = None, dict[Stage, int](), dict[str, float](), False
     if "scene" not in loaded.without:
         try:
@@ -212,30 +211,30 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
             peaks = expected_mb(case)
             small = max(values.values()) <= _LARGEST
             if not small:
-                notes.append("the scene is large: it is read when the calibration starts, not in this check.")
+                findings.append(Finding("scene_large", "note", "scene"))
         except RadcalError as error:
             problems.add([error])
             # a scene can be made even if, for example, the heading or a pixel spacing is wrong
             small = bool(_refused(scene_size, case.scene)) or scene_size(case.scene).resampled <= _LARGEST
     if small:
-        notes, shape = _made(case, loaded, problems, sections, levels, say)
+        findings, shape = _made(case, loaded, problems, sections, say)
     elif "scene" in loaded.without:
         _images_alone(case, loaded, problems)
     if not sections:
-        said, sections = _of_products(case)
-        notes += said
+        told, sections = _of_products(case)
+        findings += told
     if not any(isinstance(error.about, MissingSign) for error in problems):
-        notes += high_noise(case.passes)
-    notes += bright_laws(case)
+        findings += high_noise(case.passes)
+    findings += bright_laws(case)
     if not problems and "measurement" not in loaded.without:
-        notes += starts_as_truth(case.calibrated, [one.measurement for one in case.passes])
+        findings += starts_as_truth(case.calibrated, [one.measurement for one in case.passes])
     problems += images_elsewhere(problems, loaded.given)
     whole = problems.looked_at or not problems
     unseen = () if whole else _unseen(loaded, shape, problems.unmeasured)
     listed = [with_hints(error, case.scene, paths) for error in problems]
     return CaseCheck(
-        listed, notes, files, shape, largest_runs(case), demands, peaks, case.simulator.draws, tuple(sections),
-        (time_expected(case, results), *levels) if whole else (), unseen,
+        listed, findings, files, shape, largest_runs(case), demands, peaks, case.simulator.draws, tuple(sections),
+        time_expected(case, results) if whole else "", unseen,
         registration_runs=len(case.passes) * case.registers_twice,
     )  # fmt: skip
 
@@ -271,9 +270,9 @@ def _refused(check: Any, *arguments: Any) -> list[RadcalError]:
 
 
 def _made(
-    case: Case, loaded: Loaded, problems: _Problems, sections: list[str], levels: list[str], say: Say
-) -> tuple[list[str], tuple[int, int] | None]:
-    """Make scene, geometry and measured images in memory, as the workflow does; return remarks and image size."""
+    case: Case, loaded: Loaded, problems: _Problems, sections: list[str], say: Say
+) -> tuple[list[Finding], tuple[int, int] | None]:
+    """Make scene, geometry and measured images in memory, as the workflow does; return findings and image size."""
     from radcal.radar.projection import make_geometry
 
     say("scene ...")
@@ -282,33 +281,33 @@ def _made(
     if scene is None:
         _images_alone(case, loaded, problems)
         return [], None
-    each, shape = [list[str]() for _ in case.passes], None
+    each, of_laws, shape = [list[Finding]() for _ in case.passes], list[Finding](), None
     cells, unreached = list[dict[str, CellMeans]](), list[RadcalError]()
-    for number, (one, notes) in enumerate(zip(case.passes, each, strict=True)):
-        said: list[str] = []
+    for number, (one, findings) in enumerate(zip(case.passes, each, strict=True)):
+        told: list[Finding] = []
         which = f" of pass {number + 1}" * (len(case.passes) > 1)
         say(f"geometry{which}: scene of {' x '.join(map(str, scene.material.shape))} cells ...")
         try:
             # before the geometry, because that cannot be made if section radar is wrong
-            said, section = _by_annotation(one, scene)
+            told, section = _by_annotation(one, scene)
             sections += section
             geometry = make_geometry(scene, one.radar)
             shape = shape or (int(geometry.shape[0]), int(geometry.shape[1]))
         except RadcalError as error:
             problems.add([error])
-            notes += said
+            findings += told
             _images_alone(one, loaded, problems)
             continue
         problems.add(_refused(check_image_shape, one.simulator, geometry.shape) if loaded.has_geometry else ())
-        notes += hidden_ground(scene, geometry)
-        notes += low_track(one.radar, geometry) if scene.elevation_m is not None else []
+        findings += hidden_ground(scene, geometry)
+        findings += low_track(one.radar, geometry) if scene.elevation_m is not None else []
         if "measurement" not in loaded.without:
             say(f"measured image{which}, for {shape[0]} x {shape[1]} pixels ...")
             measured = _measured(one, loaded, geometry, scene, problems, number)
-            notes += said if measured is None else map(sentence, measured.findings)
+            findings += told if measured is None else measured.findings
             problems.unmeasured |= measured is None
             try:
-                levels += () if problems else of_pass(outlook(one, geometry, measured), number + 1, len(each))
+                findings += () if problems else outlook(one, geometry, measured)
                 if measured is not None and not problems:
                     cells.append(cells_of(one, geometry, measured, scene))
                     unreached += unreachable(one, geometry, measured)
@@ -317,12 +316,10 @@ def _made(
     problems.looked_at = len(cells) == len(case.passes)
     if problems.looked_at and all(cells):
         say("fixed laws against the measured image ...")
-        levels.append(rough(fixed_laws(case, cells)))
+        of_laws += fixed_laws(case, cells)
     problems.add(unreached)
-    return [
-        *map(sentence, scene.findings),
-        *(line for k, notes in enumerate(each, 1) for line in of_pass(notes, k, len(each))),
-    ], shape
+    of_passes = [of_pass(findings, k, len(each)) for k, findings in enumerate(each, 1)]
+    return [*scene.findings, *itertools.chain(*of_passes), *of_laws], shape
 
 
 def _measured(
@@ -356,24 +353,24 @@ def _measured(
     return None
 
 
-def _of_products(case: Case) -> tuple[list[str], list[str]]:
-    """Notes and sections ``radar`` from annotations, for a case whose images could not be made because of problems."""
+def _of_products(case: Case) -> tuple[list[Finding], list[str]]:
+    """Findings and sections ``radar`` from annotations, for a case whose images could not be made."""
     from radcal.scene.sources import make_scene
 
-    notes, sections = list[str](), list[str]()
+    findings, sections = list[Finding](), list[str]()
     products = [one for one in case.passes if is_safe_name(getattr(one.measurement, "path", ""))]
     with contextlib.suppress(RadcalError):  # the list has these problems already, or their cause
         size = scene_size(case.scene) if products else None
         if size is not None and max(size.cells, size.resampled) <= _LARGEST:
             scene = make_scene(case.scene, None, case.radar.heading_deg)
             for one in products:
-                said, section = _by_annotation(one, scene)
-                notes, sections = notes + said, sections + section
-    return notes, sections
+                told, section = _by_annotation(one, scene)
+                findings, sections = findings + told, sections + section
+    return findings, sections
 
 
-def _by_annotation(one: Case, scene: Scene) -> tuple[list[str], list[str]]:
-    """Notes on a measured image in a SAFE folder, and section ``radar`` from its annotation; empty for other images.
+def _by_annotation(one: Case, scene: Scene) -> tuple[list[Finding], list[str]]:
+    """Findings on a measured image in a SAFE folder, and section ``radar`` from its annotation; empty for other images.
 
     Parameters
     ----------
@@ -391,4 +388,4 @@ def _by_annotation(one: Case, scene: Scene) -> tuple[list[str], list[str]]:
         return [], []
     seen = overpass_unchecked(expand_path(image.path, "measurement.path", folder=True), image, one.radar, scene)
     findings = [seen.acquisition.finding(), *seen.findings, *differences(seen.acquisition, one.radar)]
-    return [sentence(one) for one in findings], [radar_section(seen.acquisition)]
+    return findings, [radar_section(seen.acquisition)]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from radcal.config import Case
 from radcal.errors import RadcalError
+from radcal.findings import Finding
 from radcal.session.replacement import check_replacement
 
 __all__ = ["kept_results"]
@@ -14,7 +15,7 @@ __all__ = ["kept_results"]
 
 def kept_results(
     problems: Sequence[str], shape: tuple[int, int] | None, case: Case, results: str | Path, inputs: Mapping[str, Path]
-) -> list[str]:
+) -> list[Finding]:
     """Note that ``radcal run`` would refuse to replace a finished calibration of another scene or pass; else empty.
 
     Parameters
@@ -35,5 +36,5 @@ def kept_results(
     try:
         check_replacement(case, Path(results) / case.case, inputs)
     except RadcalError as error:
-        return [f"radcal run would refuse this case: {error}"]
+        return [Finding("refused_beside_results", "note", str(case.case), {"error": str(error)})]
     return []

@@ -6,6 +6,7 @@ import numpy as np
 
 from radcal.config import Case
 from radcal.errors import MeasurementError
+from radcal.findings import Finding
 from radcal.ground.pixels import (
     IN_THE_NOISE,
     MANY_IN_NOISE,
@@ -25,7 +26,7 @@ __all__ = ["hidden_by_noise"]
 _MUCH = 0.2
 
 
-def hidden_by_noise(case: Case, geometry: Geometry, measured: Measurement) -> list[str]:
+def hidden_by_noise(case: Case, geometry: Geometry, measured: Measurement) -> list[Finding]:
     """Warnings on calibrated materials of which a part of the pixels is to be masked as noise.
 
     The share of pixels is that of the report (:func:`radcal.ground.pixels.share_in_noise`), but for an image that
@@ -50,31 +51,28 @@ def hidden_by_noise(case: Case, geometry: Geometry, measured: Measurement) -> li
         return []
     if case.target.leave_out_point_targets:
         flags["point targets"] = point_targets(image_db, geometry.material, case.radar)
-    lines = []
+    found = []
     for name in case.calibrated:
         try:
-            found = eligible_pixels(name, geometry, measured, case.target, flags=flags)
+            eligible = eligible_pixels(name, geometry, measured, case.target, flags=flags)
         except MeasurementError:  # too few pixels: a further pass, which may lack the material
             continue
-        share = share_in_noise(found.masked, found.pixels.size)
+        share = share_in_noise(eligible.masked, eligible.pixels.size)
         if share < MANY_IN_NOISE:
             continue
         inside = (geometry.material == geometry.names.index(name) + 1) & np.isfinite(image_db)
         level = _mean_db(image_db[inside])
         noise = _mean_db(np.broadcast_to(noise_db[:, None], image_db.shape)[inside])
-        meaning = (
-            f"its law may well be known at no angle: set it fixed (materials.{name}: calibrate: false, with "
-            "parameters), or use a pass with lower noise"
-            if share >= _MUCH
-            else "sigma0 may be found too high where the ground is darkest"
-        )
-        lines.append(
-            f"warning: materials.{name}: {100.0 * share:.0f} % of its pixels in the measured image "
-            f"({measured.source}) are in the noise and will be masked (less than target.snr_db, {snr_db:g} dB, above "
-            f"the noise): the mean level of the material is {level:.1f} dB with noise, the noise alone "
-            f"(radar.nesz_db) {noise:.1f} dB. The pixels that remain are the brighter ones, so that {meaning}."
-        )
-    return lines
+        numbers: dict[str, float | str] = {
+            "share_percent": 100.0 * share,
+            "image": measured.source,
+            "snr_db": snr_db,
+            "level_db": level,
+            "noise_db": noise,
+        }
+        code = "much_in_noise" if share >= _MUCH else "some_in_noise"
+        found.append(Finding(code, "warning", f"materials.{name}", numbers))
+    return found
 
 
 def _mean_db(values_db: np.ndarray) -> float:

@@ -1,12 +1,8 @@
-"""Outlook on a calibration: contrast of the start image, measured levels against noise, expected time.
-
-It needs no simulator run. Rough values are called rough.
-"""
+"""Outlook on a calibration without a run: contrast of the start image, ground, levels and noise; expected time."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,6 +13,7 @@ from radcal.checking.hidden_by_noise import hidden_by_noise
 from radcal.checking.unregistered import start_image
 from radcal.config import Case, FileMeasurement, Radar, SyntheticMeasurement
 from radcal.config.landcover import brighter_than_terrain
+from radcal.findings import Finding, of_pass
 from radcal.forecast.time_left import (
     duration,
     largest_runs,
@@ -35,7 +32,6 @@ __all__ = [
     "hidden_ground",
     "high_noise",
     "low_track",
-    "of_pass",
     "outlook",
     "start_contrast",
     "time_expected",
@@ -46,8 +42,8 @@ _MOST_HIDDEN, _STEEPEST_DEG = 0.5, 35.0  # more hidden ground and steeper slopes
 _UNITS = {"feet": 0.3048, "decimetres": 0.1, "centimetres": 0.01}
 
 
-def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> list[str]:
-    """Lines on the contrast of the start image, the level of the image and its noise, for one pass.
+def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> list[Finding]:
+    """Findings on the contrast of the start image, the level of the image and its noise, for one pass.
 
     Parameters
     ----------
@@ -58,35 +54,21 @@ def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> lis
     measured : Measurement or None
         Measured image before registration; None if the check has not made it.
     """
-    blank = start_contrast(case, geometry)
-    lines = [] if blank is None else [f"warning: {blank}."]
-    image = case.measurement
-    if isinstance(image, FileMeasurement):
-        if "heading_deg" not in case.radar.model_fields_set and is_on_map(image):
-            lines.append("warning: radar.heading_deg is not given, so that the track heads to the grid's north.")
+    found = start_contrast(case, geometry)
+    if isinstance(case.measurement, FileMeasurement):
+        if "heading_deg" not in case.radar.model_fields_set and is_on_map(case.measurement):
+            found.append(Finding("heading_missing", "warning", "radar.heading_deg"))
         # an offset that is removed has an error of its own; the levels of several passes have independent errors; an
         # external law has no band of sigma0
         curves = any(case.laws[name].has_curve for name in case.calibrated)
         if case.target.normalisation == "none" and curves:
             error = case.uncertainty.level_db
-            lines.append(
-                f"the image's level counts as right to {error:g} dB (uncertainty.level_db, one standard error): no "
-                f"90 % band of sigma0 from this pass alone is narrower than +-{NORMAL_90 * error:.2g} dB"
-            )
-    return [*lines, *hidden_by_noise(case, geometry, measured)] if measured is not None else lines
+            numbers = {"level_db": error, "half_width_db": NORMAL_90 * error}
+            found.append(Finding("level_counted", "note", "uncertainty.level_db", numbers))
+    return [*found, *hidden_by_noise(case, geometry, measured)] if measured is not None else found
 
 
-def of_pass(lines: Sequence[str], number: int, passes: int) -> list[str]:
-    """Lines with the number of their pass, from 1, if a case has several passes; indented lines continue the last.
-
-    The word warning stays at the beginning of a line.
-    """
-    if passes == 1:
-        return list(lines)
-    return [line if line[:1] == " " else re.sub("^(warning: )?", rf"\g<1>pass {number}: ", line) for line in lines]
-
-
-def hidden_ground(scene: Scene, geometry: Geometry) -> list[str]:
+def hidden_ground(scene: Scene, geometry: Geometry) -> list[Finding]:
     """Warning about ground that the radar hardly sees or that is too steep, which wrong units of heights can cause.
 
     Parameters
@@ -98,7 +80,7 @@ def hidden_ground(scene: Scene, geometry: Geometry) -> list[str]:
 
     Returns
     -------
-    list of str
+    list of Finding
         Warning if more than half of the image's pixels are without visible ground, in layover or partly in shadow, or
         if the median slope is more than 35 degrees; else empty.
     """
@@ -110,42 +92,39 @@ def hidden_ground(scene: Scene, geometry: Geometry) -> list[str]:
     slope_deg = math.degrees(math.atan(slope))
     if hidden <= _MOST_HIDDEN and slope_deg <= _STEEPEST_DEG:
         return []
-    units = [
-        f"{unit} (gdal_calc --calc='A*{factor:g}' makes metres, with half of the ground steeper than {deg:.0f} degrees)"
-        for unit, factor in _UNITS.items()
-        if (deg := math.degrees(math.atan(factor * slope))) <= _STEEPEST_DEG
-    ]
-    return [
-        f"warning: {100 * hidden:.0f} % of the simulated image's pixels are in shadow or layover or without ground "
-        f"({100 * without:.0f} % show none at all), and half of the ground is steeper than {slope_deg:.0f} degrees: "
-        f"are the heights in scene.elevation in {' or in '.join(units[:2])}, or is radar.depression_deg wrong?"
-    ]
+    # units with which half of the ground would not be too steep
+    likely = [unit for unit, m in _UNITS.items() if math.degrees(math.atan(m * slope)) <= _STEEPEST_DEG]
+    numbers: dict[str, float | str] = {
+        "hidden_percent": 100.0 * hidden,
+        "without_percent": 100.0 * without,
+        "slope_deg": slope_deg,
+        "units": f" ({' or '.join(likely[:2])})" * bool(likely),
+    }
+    return [Finding("ground_hidden", "warning", "scene.elevation", numbers)]
 
 
-def high_noise(passes: Sequence[Case]) -> list[str]:
-    """Warning about noise above 0 dB, which a missing minus sign can cause; one for each key, else empty.
+def high_noise(passes: Sequence[Case]) -> list[Finding]:
+    """Warnings about noise above 0 dB, which a missing minus sign can cause, one for each key; else empty.
 
     Parameters
     ----------
     passes : sequence of Case
         Passes of the case.
     """
-    found: dict[str, float] = {}
+    found = []
     for number, one in enumerate(passes, start=1):
-        which = f"pass {number}: " if len(passes) > 1 else ""
         noise = one.radar.nesz_db
-        found[f"{which}radar.nesz_db"] = noise if isinstance(noise, float) else max(level for _, level in noise)
+        levels = {"radar.nesz_db": noise if isinstance(noise, float) else max(level for _, level in noise)}
         if isinstance(one.measurement, SyntheticMeasurement) and one.measurement.synthetic.nesz_db is not None:
-            found[f"{which}measurement.synthetic.nesz_db"] = one.measurement.synthetic.nesz_db
-    return [
-        f"warning: {key} is {level:g} dB: is a minus sign missing (-{level:g})? Noise above 0 dB hides nearly all "
-        "ground, unless the levels of the image itself lie far above 0 dB."
-        for key, level in found.items()
-        if level > 0
-    ]
+            levels["measurement.synthetic.nesz_db"] = one.measurement.synthetic.nesz_db
+        high = [
+            Finding("noise_positive", "warning", key, {"level_db": level}) for key, level in levels.items() if level > 0
+        ]
+        found += of_pass(high, number, len(passes))
+    return found
 
 
-def bright_laws(case: Case) -> list[str]:
+def bright_laws(case: Case) -> list[Finding]:
     """Warnings about fixed laws that are far brighter than any terrain, which a missing minus sign can cause.
 
     Parameters
@@ -153,13 +132,13 @@ def bright_laws(case: Case) -> list[str]:
     case : Case
         The case; nothing is said if a calibrated material starts as bright, because its levels are then relative.
     """
-    asked = {name: brighter_than_terrain(material) for name, material in case.materials.items()}
-    if any(asked[name] for name in case.calibrated):
+    if any(brighter_than_terrain(case.materials[name], name) for name in case.calibrated):
         return []
-    return [f"warning: materials.{name}.parameters: {text}" for name, text in asked.items() if text]
+    each = (brighter_than_terrain(one, f"materials.{name}.parameters") for name, one in case.materials.items())
+    return [one for one in each if one is not None]
 
 
-def low_track(radar: Radar, geometry: Geometry) -> list[str]:
+def low_track(radar: Radar, geometry: Geometry) -> list[Finding]:
     """Note on an altitude in metres whose number would be that of a satellite in km; else empty.
 
     Parameters
@@ -171,19 +150,20 @@ def low_track(radar: Radar, geometry: Geometry) -> list[str]:
     """
     if not radar.maybe_in_km:
         return []
-    low, high = geometry.flat_incidence_deg.min(), geometry.flat_incidence_deg.max()
-    return [
-        f"radar.altitude_m is {radar.altitude_m:g}, a track {radar.altitude_m:g} m above the scene, which sees level "
-        f"ground at {low:.1f} to {high:.1f} degrees of incidence: expected {1000.0 * radar.altitude_m:g} for a "
-        f"satellite {radar.altitude_m:g} km high."
-    ]
+    numbers = {
+        "altitude_m": radar.altitude_m,
+        "metres": 1000.0 * radar.altitude_m,
+        "from_deg": float(geometry.flat_incidence_deg.min()),
+        "to_deg": float(geometry.flat_incidence_deg.max()),
+    }
+    return [Finding("track_low", "note", "radar.altitude_m", numbers)]
 
 
-def start_contrast(case: Case, geometry: Geometry) -> str | None:
-    """Sentence on a start image with too little contrast for registration; None if there is nothing to say.
+def start_contrast(case: Case, geometry: Geometry) -> list[Finding]:
+    """Warning about a start image with too little contrast for registration; else empty.
 
-    There is nothing to say if the image has enough contrast, if ``registration.method`` is ``none``, or if a law has no
-    curve, because the image is then not known without a run.
+    It is empty if the image has enough contrast, if ``registration.method`` is ``none``, or if a law has no curve,
+    because the image is then not known without a run.
 
     Parameters
     ----------
@@ -193,22 +173,15 @@ def start_contrast(case: Case, geometry: Geometry) -> str | None:
         Geometry of the pass.
     """
     if case.registration.method == "none" or not all(law.has_curve for law in case.at_start.laws.values()):
-        return None
+        return []
     image = np.where(np.isfinite(geometry.incidence_deg), start_image(case, geometry), np.float32(np.nan))
     contrast = contrast_db(image)
     if not contrast < LEAST_CONTRAST_DB:
-        return None
+        return []
     several = [name for name in case.calibrated if name in geometry.names]
-    return (
-        f"the image simulated at the start has no contrast between materials (the level of its squares varies by "
-        f"{contrast:.2f} dB), so that no image can be registered onto it: give {_listed(several)} starts that differ "
-        f"(materials.{several[0]}.start: {_other(case, several[0])}), or, if the measured image lies on the simulated "
-        "image's pixels already, set registration.method: none"
-    )
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names[:-1]) + f" and {names[-1]}" if len(names) > 1 else names[0]
+    other = str(_other(case, several[0]))
+    numbers: dict[str, float | str] = {"contrast_db": contrast, "name": several[0], "other": other}
+    return [Finding("no_contrast", "warning", ", ".join(several), numbers)]
 
 
 def _other(case: Case, name: str) -> list[float]:

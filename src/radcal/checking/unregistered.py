@@ -13,7 +13,7 @@ from radcal.assessment.model import image_of
 from radcal.assessment.observation import observe
 from radcal.config import BuiltinSimulation, Case, stages
 from radcal.errors import ConfigError, MeasurementError
-from radcal.findings import Finding
+from radcal.findings import Finding, of_pass
 from radcal.ground.levels import Levels
 from radcal.ground.pixels import eligible_pixels
 from radcal.image.model import Measurement
@@ -84,16 +84,15 @@ def fixed_laws(case: Case, cells: Sequence[Mapping[str, CellMeans]]) -> list[Fin
     short = case.model_copy(update={"uncertainty": case.uncertainty.model_copy(update={"steps": steps})})
     image = image_of(stages.Posterior.of(short), cells)
     levels = [
-        _level(one, name, own[name], f"pass {number}: " * (len(cells) > 1))
-        for number, (one, own) in enumerate(zip(case.passes, cells, strict=True), start=1)
-        for name in case.reference_materials
-        if name in own
+        one
+        for number, (of, own) in enumerate(zip(case.passes, cells, strict=True), start=1)
+        for one in of_pass([_level(of, x, own[x]) for x in case.reference_materials if x in own], number, len(cells))
     ]
     model = image_findings(stages.Archive.of(case), replace(image, sampled=True))
     return [*levels, *(one for one in model if one.code != "fixed_law_and_image")]  # which the level tells already
 
 
-def _level(case: Case, name: str, cells: CellMeans, which: str) -> Finding:
+def _level(case: Case, name: str, cells: CellMeans) -> Finding:
     """Mean of image minus law over the cells of a fixed material, with the 90 % interval by speckle and fields.
 
     It is a warning where errors of the fixed law and of the image's level of the size that section ``uncertainty``
@@ -105,9 +104,7 @@ def _level(case: Case, name: str, cells: CellMeans, which: str) -> Finding:
     explained = np.hypot(0.5 * (high - low), NORMAL_90 * np.hypot(budget.fixed_law_db, budget.level_db))
     warned = case.target.normalisation == "none" and abs(apart) > explained
     numbers = {"apart_db": apart, "p05_db": low, "p95_db": high}
-    return Finding(
-        "fixed_level", "warning" if warned else "note", f"{which}{name}", numbers, f"materials.{name}.parameters"
-    )
+    return Finding("fixed_level", "warning" if warned else "note", name, numbers, f"materials.{name}.parameters")
 
 
 def unreachable(case: Case, geometry: Geometry, measured: Measurement) -> list[ConfigError]:

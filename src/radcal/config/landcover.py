@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 from radcal.config.materials import DEFAULT_LAW, Material
+from radcal.findings import Finding
 
 __all__ = [
     "LANDCOVERS",
@@ -285,25 +286,30 @@ def starting_levels(names: Sequence[str], taken_db: Iterable[float] = ()) -> dic
     return found
 
 
-def brighter_than_terrain(material: Material) -> str:
-    """Question about a law far brighter than any terrain, which a missing minus sign can cause; empty for other laws.
+def brighter_than_terrain(material: Material, about: str) -> Finding | None:
+    """Warning about a law far brighter than any terrain, which a missing minus sign can cause; None for other laws.
 
     Parameters
     ----------
     material : Material
-        Material, whose law is taken at the start; nothing is asked if only a pass or a simulator gives its curve.
+        Material, whose law is taken at the start; nothing is said if only a pass or a simulator gives its curve.
+    about : str
+        Key or option that gives the law.
     """
     law, brightest = material.at_start.unbound_law, max(_GAMMA_DB.values())
     if law.needs or not law.has_curve:
-        return ""
+        return None
     phi = math.radians(_MIDDLE_DEG)
     gamma = float(law(np.array([phi]), material.start_parameters)[0]) - 10.0 * math.log10(math.cos(phi))
-    return (
-        f"{material.at_start.law} gives gamma {gamma:.3g} dB at an incidence of {_MIDDLE_DEG:g} degrees, the brightest "
-        f"terrain of docs/landcover.md has {brightest:g} dB: is a minus sign missing?"
-        if gamma > brightest + _BRIGHTER_DB
-        else ""
-    )
+    if gamma <= brightest + _BRIGHTER_DB:
+        return None
+    numbers: dict[str, float | str] = {
+        "law": str(material.at_start.law),
+        "gamma_db": gamma,
+        "incidence_deg": _MIDDLE_DEG,
+        "brightest_db": brightest,
+    }
+    return Finding("law_bright", "warning", about, numbers)
 
 
 def _terrain(name: str) -> str | None:

@@ -13,6 +13,7 @@ from radcal.config.materials import OtherLaw
 from radcal.config.pydantic_errors import MISSING
 from radcal.config.radar import Radiometry
 from radcal.config.sections import Section
+from radcal.findings import Finding, of_pass
 from radcal.reading.products import named_product
 
 __all__ = [
@@ -144,8 +145,8 @@ class SyntheticMeasurement(Section):
 
 def starts_as_truth(
     calibrated: Sequence[str], measurements: Sequence[SyntheticMeasurement | FileMeasurement]
-) -> list[str]:
-    """Sentence, for each pass, on the calibrated materials that a synthetic measurement shows with their start.
+) -> list[Finding]:
+    """Notes, for each pass, on the calibrated materials that a synthetic measurement shows with their start.
 
     Parameters
     ----------
@@ -154,21 +155,14 @@ def starts_as_truth(
     measurements : sequence of section ``measurement``
         Measurement of each pass; only the synthetic ones have hidden laws.
     """
-    said = []
+    found = []
     for number, one in enumerate(measurements, start=1):
         if not isinstance(one, SyntheticMeasurement):
             continue
         names = [name for name in calibrated if name not in {**one.synthetic.parameters, **one.synthetic.laws}]
-        which = f"pass {number}: " if len(measurements) > 1 else ""
-        if names:
-            one_law, several = ("has no hidden law", "its start is"), ("have no hidden laws", "their starts are")
-            have, their = one_law if len(names) == 1 else several
-            listed = " and ".join([", ".join(names[:-1])] * (len(names) > 1) + names[-1:])
-            said.append(
-                f"{which}{listed} {have} in measurement.synthetic.parameters: {their} simulated, which the search "
-                "already has."
-            )
-    return said
+        told = [Finding("starts_as_truth", "note", ", ".join(names))] * bool(names)
+        found += of_pass(told, number, len(measurements))
+    return found
 
 
 class FileMeasurement(Section):

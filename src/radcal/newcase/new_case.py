@@ -23,6 +23,7 @@ from radcal.reading.safe import is_safe_name
 from radcal.scene.crs import named_datum
 from radcal.scene.names import read_names
 from radcal.storage.files import atomic
+from radcal.words import sentence
 
 __all__ = ["NewCase", "case_path"]
 
@@ -323,7 +324,7 @@ class NewCase(Answers):
         fixed = self._tried("", fixed_laws, self._values.get("materials.fixed", ()), self._names) or {}
         made = self._tried("", material_lines, self._names, self._counts, chosen, fixed, preset, not self.forward)
         made = made or MaterialLines([], {}, [], [])
-        self._questions = made.questions
+        self._findings = made.findings
         self.undecided += made.undecided
         if self._synthetic:
             laws = "".join(f"\n      {scalar(name)}: {x}" for name, x in made.hidden.items()) or " {}"
@@ -356,7 +357,7 @@ class NewCase(Answers):
             said.append(f"{names}: names of {len(self._names)} codes, made up: change them there and in the case.")
         with atomic(self.path) as partial:
             partial.write_text("\n".join(self._lines(comments)) + "\n", "utf-8")
-        return [*said, *self._questions, f"{self.path}: written."]
+        return [*said, *map(sentence, self._findings), f"{self.path}: written."]
 
     def _lines(self, comments: Mapping[str, str]) -> list[str]:
         lines = [

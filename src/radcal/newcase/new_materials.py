@@ -15,6 +15,7 @@ from radcal.config import FILL_IN, Case
 from radcal.config.landcover import StartingLevel, brighter_than_terrain, starting_keys, starting_levels
 from radcal.config.materials import Material
 from radcal.errors import ConfigError
+from radcal.findings import Finding
 from radcal.seeds import derived_rng
 
 __all__ = ["Fixed", "MaterialLines", "Raw", "fixed_laws", "material_lines", "scalar"]
@@ -72,14 +73,14 @@ class MaterialLines:
         Parameters of the hidden law of each material to calibrate, in YAML, for a synthetic image.
     undecided : list of str
         Keys without a value; a key that lacks several values is repeated.
-    questions : list of str
-        Sentences on given laws that may lack a minus sign.
+    findings : list of Finding
+        Warnings about given laws that may lack a minus sign.
     """
 
     lines: list[str]
     hidden: dict[str, str]
     undecided: list[str]
-    questions: list[str]
+    findings: list[Finding]
 
 
 def fixed_laws(words: Iterable[str], names: Mapping[int, str]) -> dict[str, Fixed]:
@@ -202,9 +203,8 @@ def material_lines(
         law = "{calibrate: true}" if calibrates else f"{{law: {_CONSTANT}, parameters: [-15]}}"
         lines += [f"  {FILL_IN}: {law}  # name of a material, and its law (docs/laws.md)"]
         undecided.append("materials")
-    asked = {name: brighter_than_terrain(one.material()) for name, one in fixed.items()}
-    questions = [f"warning: --fixed {name}: {text}" for name, text in asked.items() if text]
-    return MaterialLines(lines, hidden, undecided, questions)
+    bright = (brighter_than_terrain(one.material(), f"--fixed {name}") for name, one in fixed.items())
+    return MaterialLines(lines, hidden, undecided, [one for one in bright if one is not None])
 
 
 def _fixed_lines(fixed: Fixed | None) -> list[str]:

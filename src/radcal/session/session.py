@@ -25,6 +25,7 @@ from radcal.session.terminal import Messages, guard
 from radcal.storage.files import sweep_scripts, unwritable
 from radcal.storage.lock import CaseLock, leave
 from radcal.storage.records import REPLACE, read_json
+from radcal.words import sentence
 
 __all__ = ["Session", "is_dry_run", "is_finished", "is_planned", "open_session"]
 
@@ -72,8 +73,8 @@ def open_session(
         session = Session(case, remote, results, inputs)
     except RadcalError as error:
         sys.exit(f"radcal: {error}")
-    for sentence in starts_as_truth(case.calibrated, [one.measurement for one in case.passes]) if main else ():
-        _say(sentence)
+    for finding in starts_as_truth(case.calibrated, [one.measurement for one in case.passes]) if main else ():
+        _say(sentence(finding))
     logger.addFilter(session.messages)
     return session
 
@@ -198,8 +199,8 @@ class Session:
         except OSError as error:
             path, why = error.filename or self.folder, error.strerror or error
             leave(f"{path} cannot be read ({why}); results are there, so make it readable.")
-        for sentence in [*sentences, *simulator_change(self.folder, self.case)]:
-            _say(sentence)
+        for text in [*sentences, *simulator_change(self.folder, self.case)]:
+            _say(text)
 
     def start(self, cluster: str | None = None, remote_jobs: bool = False) -> None:
         """Lock the results folder of the case and prepare this folder for the first job.
