@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from radcal.findings import Finding, to_json
+from radcal.findings import Finding
 from radcal.posterior.effects import Shared
 from radcal.posterior.radiometry import Radiometry
 from radcal.posterior.result import Curve, FormError, Image, Posterior
@@ -21,7 +21,7 @@ def changed_material(archive: Archive, name: str, **changes: Any) -> Archive:
 
 def changed_findings(archive: Archive, *findings: Finding) -> Archive:
     """Copy of an archive with other findings."""
-    return replace(archive, findings=to_json(findings))
+    return replace(archive, findings=findings)
 
 
 def image(**changes: Any) -> Image:

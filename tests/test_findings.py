@@ -7,7 +7,7 @@ from dataclasses import FrozenInstanceError
 
 import pytest
 
-from radcal.findings import Finding, from_json, to_json
+from radcal.findings import Finding, of_pass
 
 
 def test_findings_are_read_as_they_were_written():
@@ -16,16 +16,20 @@ def test_findings_are_read_as_they_were_written():
         Finding("radiometry", "refusal", "pass 2", {"found": "sigma0_ref"}, "radar.radiometry: sigma0_ref"),
         Finding("parameters_only", "note", "dyke"),
     ]
-    text = to_json(each)
-    assert from_json(text) == each
-    assert json.loads(text)[0] == {
+    assert [Finding.of_json(one.json()) for one in each] == each
+    assert json.loads(each[0].json()) == {
         "code": "level",
         "severity": "warning",
         "about": "pass 1",
         "numbers": {"level_db": 1.25, "p05_db": -0.5},
         "do": "",
     }
-    assert from_json(to_json([])) == []
+
+
+def test_findings_of_one_of_several_passes_have_its_number():
+    level = Finding("level", "note", "pass 1", {"level_db": 0.1})
+    assert of_pass([level], 1, 1) == [level]
+    assert of_pass([level], 2, 3) == [Finding("level", "note", "pass 1", {"level_db": 0.1, "pass": 2})]
 
 
 def test_findings_do_not_change():

@@ -47,6 +47,7 @@ _OF_SCENE: Mapping[str, str] = {
     "transformation_unknown": _TRANSFORMATION + "the one used has no known accuracy",
 }
 _OF_IMAGE: Mapping[str, str] = {
+    "noted": "{text}",  # as an earlier version of radcal wrote it
     "pixels": "{about}: " + _COUNTS,
     "pixels_at_ground": "{about}, resampled to the grid of the scene's image: " + _COUNTS,
     "file_around_scene": "{about}: the part of the file around the scene has {pixels:,} pixels, {no_data:,} without "
@@ -164,6 +165,28 @@ _OF_CASE: Mapping[str, str] = {
     "with parameters), or use a pass with lower noise",
     "some_in_noise": _IN_NOISE + "sigma0 may be found too high where the ground is darkest",
 }
+_SMOOTHS = "; the surrogate smooths over runs instead of passing through them"
+_EXTRAPOLATION = "{about}: law {law!r} is an extrapolation"
+_OF_RUNS: Mapping[str, str] = {
+    "declared_random": "the simulator is declared not to be deterministic" + _SMOOTHS,
+    "repeats": "the simulator is deterministic: the reference run repeated gives the same pixels",
+    "does_not_repeat": "the simulator is not deterministic: the reference run repeated, with equal parameters and "
+    "seed, differs by up to {largest_db:.2g} dB in a pixel" + _SMOOTHS,
+    "seedless": "the simulator takes no seed: no run has fresh random numbers, and no rms of any is given",
+    "seed_without_effect": "the final run with another seed gives the same pixels as the one that it repeats, bit for "
+    "bit: the seed does not reach the program's random numbers, or there are none (simulator.seedless: true says so). "
+    "No rms with fresh random numbers is given",
+    "scatter": "{about}: between runs of equal parameters the mean scatters by {mean_db:.2g} dB, its standard "
+    "deviation by {sd_percent:.2g} %, its skewness by {skewness:.2g} (one standard deviation, from the repeated "
+    "reference run); the surrogate takes no less than that for noise",
+    "passes_together": "the laws are those of {passes:.0f} passes together; densities, images, pixels and checks on "
+    "held-out ground are shown of pass 1",
+    "fields_shared": "the effect of a field is one in all passes",
+    "too_few_pixels": "{about}: too few pixels in this pass, which says nothing of it",
+    "outside_angles": "{about}: {share_percent:.0f} % of its pixels are seen outside of the {from_angle_deg:g} to "
+    "{to_angle_deg:g} deg that law {law!r} was made for; there it is an extrapolation",
+    "outside_data": _EXTRAPOLATION + ": {doubt}",
+}
 _OF_MODEL: Mapping[str, str] = {
     "depression": "{about} is displaced along slant range by {px_per_100_rows:+.1f} pixels per 100 rows (a straight "
     "line explains {share_percent:.0f} % of the variance of the displacement), as with {key} {implied_deg:.1f} in "
@@ -224,5 +247,5 @@ _OF_MODEL: Mapping[str, str] = {
     "pixels (rms; stated standard error {stated_px:.1f}) and sigma0 by {moved_db:.1f} dB",
 }
 
-TEXTS: Mapping[str, str] = {**_OF_SCENE, **_OF_IMAGE, **_OF_CASE, **_OF_MODEL}
+TEXTS: Mapping[str, str] = {**_OF_SCENE, **_OF_IMAGE, **_OF_CASE, **_OF_RUNS, **_OF_MODEL}
 """Text of each code, to be formatted with ``about``, ``do`` and the numbers of the finding."""

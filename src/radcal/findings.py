@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Literal
+from typing import Literal
 
-__all__ = ["Finding", "Severity", "from_json", "of_pass", "to_json"]
+__all__ = ["Finding", "Severity", "of_pass"]
 
 Severity = Literal["note", "warning", "refusal"]
 
@@ -52,14 +52,3 @@ def of_pass(findings: Iterable[Finding], number: int, passes: int) -> list[Findi
     if passes == 1:
         return list(findings)
     return [replace(one, numbers={**one.numbers, "pass": number}) for one in findings]
-
-
-def to_json(findings: Iterable[Finding]) -> str:
-    """Findings as JSON."""
-    return json.dumps([asdict(one) for one in findings])
-
-
-def from_json(text: str) -> list[Finding]:
-    """Findings from JSON that :func:`to_json` wrote."""
-    each: list[dict[str, Any]] = json.loads(text)
-    return [Finding(**one) for one in each]

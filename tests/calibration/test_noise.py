@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from radcal import skewnormal
-from radcal.calibration.noise import noise_sentence, noise_variance
+from radcal.calibration.noise import noise_variance, scatter
 from radcal.ground.classes import class_cumulants
 from radcal.inference.moments import from_cumulants, from_dp
 
@@ -88,8 +88,7 @@ def test_each_bin_has_a_noise_of_its_own() -> None:
     assert (found[1] > 1.5 * found[0]).all()
 
 
-def test_the_sentence_has_standard_deviations() -> None:
-    said = noise_sentence("soil", [[0.0044, 1.5e-4, 0.08], [0.0244, 0.5e-4, 0.1]])
-    assert "soil: " in said
-    for words in ("mean scatters by 0.12 dB", "deviation by 1 %", "skewness by 0.3 "):
-        assert words in said
+def test_the_scatter_is_given_by_standard_deviations() -> None:
+    found = scatter("soil", [[0.0044, 1.5e-4, 0.08], [0.0244, 0.5e-4, 0.1]])
+    assert (found.code, found.about) == ("scatter", "soil")
+    assert found.numbers == pytest.approx({"mean_db": 0.12, "sd_percent": 1.0, "skewness": 0.3})

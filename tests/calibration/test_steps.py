@@ -172,21 +172,23 @@ def test_only_a_program_that_declares_nothing_repeats_its_reference_run(build_ca
 
 
 @pytest.mark.parametrize(
-    ("deterministic", "differences", "noisy", "said"),
+    ("deterministic", "differences", "noisy", "codes"),
     [
-        (None, [0.0, 0.3], True, "differs by up to 0.3 dB"),
-        (None, [0.0, 0.0], False, "is deterministic"),
-        (None, [], False, ""),
-        (True, [0.3], False, "not deterministic"),
-        (False, [], True, "declared not to be deterministic"),
+        (None, [0.0, 0.3], True, ["does_not_repeat"]),
+        (None, [0.0, 0.0], False, ["repeats"]),
+        (None, [], False, []),
+        (True, [0.3], False, ["does_not_repeat"]),
+        (False, [], True, ["declared_random"]),
     ],
 )
-def test_runs_are_noisy_where_they_are_declared_so_or_differ(build_case, deterministic, differences, noisy, said):
+def test_runs_are_noisy_where_they_are_declared_so_or_differ(build_case, deterministic, differences, noisy, codes):
     simulator = program(build_case, deterministic=deterministic).simulator
     history = History([make_run("reference", k, {"dyke": 0.1}) for k in range(len(differences))])
     history = History([replace(run, repeat_db=db) for run, db in zip(history.runs, differences, strict=True)])
     assert _noisy(history, simulator) is noisy
-    assert said in repeatability(simulator, differences)
+    found = repeatability(simulator, differences)
+    assert [one.code for one in found] == codes
+    assert [one.numbers["largest_db"] for one in found if one.numbers] == [0.3] * (codes == ["does_not_repeat"])
     assert not _noisy(history, build_case().simulator)
 
 

@@ -148,13 +148,15 @@ def test_findings_are_listed_warnings_first_and_notes_folded(made, tmp_path):
     numbers = {"beyond_db": 2.25, "cause": "cause unknown"}
     outside = Finding("law_outside_band", "warning", "dyke", numbers)
     findings = (note, determined("dyke"), determined("stem beans"), outside, RADIOMETRY)
-    archive = replace(changed_findings(made.archive, *findings), notes=("warning: no relief",))
+    archive = replace(
+        changed_findings(made.archive, *findings), notes=(Finding("heading_missing", "warning", "radar.heading_deg"),)
+    )
     text, parsed = render(tmp_path / "report.html", archive)
     order = [
         "pass 1: the fixed materials show that the image is sigma0_ref",
         "dyke: sigma0 is determined to +-1.5 dB",
         "Next: set radar.radiometry: sigma0_ref.",
-        "warning: no relief",
+        "warning: radar.heading_deg is not given",
         "leaves the band by up to 2.2 dB (cause unknown)",
         "Further findings",
         "differ by a level of +0.10 dB",

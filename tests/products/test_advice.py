@@ -270,7 +270,7 @@ def test_from_a_results_folder(tmp_path, monkeypatch):
     law = SimpleNamespace(curve=lambda: FLAT)
     result = SimpleNamespace(posterior=None)
     archive = SimpleNamespace(
-        config=json.dumps(sections()), laws={"slope": law}, materials={"slope": result}, found=[],
+        config=json.dumps(sections()), laws={"slope": law}, materials={"slope": result}, findings=[],
         image=SimpleNamespace(levels_db=np.array([[-1.6449, 0.1, 1.6449]])),
     )  # fmt: skip
     monkeypatch.setattr(advice, "read_archive", lambda path, images: archive)
@@ -292,7 +292,7 @@ def test_from_a_results_folder(tmp_path, monkeypatch):
     archive.config = json.dumps({**sections(), "target": {"margin_px": 0, "normalisation": "offset"}})
     advise(tmp_path, [30.0])
     assert given[0][-1] == pytest.approx(1.0, rel=1e-4)
-    archive.found = [
+    archive.findings = [
         Finding("refuted", "warning", "slope", {"p05_db": 1.2, "rms_db": 1.9, "p95_db": 3.0}),
         Finding("withheld", "refusal", "slope", {"half_width_db": 0.7}),
         Finding("withheld", "refusal", "other", {"half_width_db": 0.7}),

@@ -13,12 +13,13 @@ import pytest
 
 from radcal.config import case_from, stages
 from radcal.errors import StoreError
+from radcal.findings import Finding
 from radcal.ground.levels import Levels
 from radcal.laws import LAWS
 from radcal.objectives.history import History, PassScore
 from radcal.page.html import write_report
 from radcal.results.law_notes import law_notes
-from radcal.results.results import _difference_db, _pass_law, _pass_note, _passes, without_level
+from radcal.results.results import _difference_db, _of_passes, _pass_law, _passes, without_level
 from radcal.results.run_table import write_table
 from radcal.results.summary import summarise
 from radcal.targets.target import Targets
@@ -38,11 +39,11 @@ def test_every_run_is_there_in_order(made):
 def test_final_runs_that_the_search_has_made_are_no_new_ones_and_equal_pixels_are_told(made, tmp_path):
     """The first final run is the best run of the search, the second one has fresh random numbers."""
     assert made.archive.final_runs == 1
-    assert not any("another seed gives the same pixels" in note for note in made.archive.notes)
+    assert "seed_without_effect" not in [one.code for one in made.archive.notes]
     first = made.final[0]
     again = made.gathered(tmp_path / "again.h5", final=(first, replace(first, key="fresh")))
     assert again.final_runs == 1
-    assert any("another seed gives the same pixels" in note for note in again.notes)
+    assert "seed_without_effect" in [one.code for one in again.notes]
     third = replace(made.final[1], key="of another pass")
     assert made.gathered(tmp_path / "third.h5", final=(*made.final, third)).final_runs == 1
 
@@ -97,7 +98,7 @@ def test_an_external_law_has_names_and_no_curve(build_archive, tmp_path):
         assert group.attrs["law"] == "external"
         assert group.attrs["parameter_names"].tolist() == ["mv", "s", "l", "t"]
         assert file["laws/unused"].shape == (0,)
-        assert file.attrs["law_notes"].tolist() == []
+        assert file["law_notes"][()].tolist() == []
     archive = made.archive
     material = archive.materials["dyke"]
     for parameters in (material.parameters, material.start, archive.laws["dyke"]):
@@ -175,9 +176,12 @@ def test_laws_beyond_their_angles_are_noted(made):
         return law_notes(case, made.geometry, {"dyke": [1.0, 2.0, 3.0, 4.0]})
 
     (found,) = notes(22.0, 90.0)
-    assert found.startswith("dyke: 19% of its pixels are seen outside of the 22 to 90 deg that law 'made up' was made")
+    assert (found.code, found.about) == ("outside_angles", "dyke")
+    numbers = {"share_percent": 19.0, "from_angle_deg": 22.0, "to_angle_deg": 90.0, "law": "made up"}
+    assert found.numbers == pytest.approx(numbers, abs=0.5)
     assert notes(20.3, 90.0) == notes(20.0, 30.2) == []
-    assert notes(20.0, 90.0, lambda x: f"X4 is {x[3]:g}") == ["dyke: law 'made up' is an extrapolation: X4 is 4."]
+    (doubted,) = notes(20.0, 90.0, lambda x: f"X4 is {x[3]:g}")
+    assert doubted == Finding("outside_data", "note", "dyke", {"law": "made up", "doubt": "X4 is 4"})
 
 
 def test_the_largest_difference_from_a_hidden_law_has_no_sign():
@@ -230,8 +234,6 @@ def test_the_level_is_subtracted_where_one_is_assumed():
 
 def test_fields_are_shared_where_the_search_shares_them(made):
     targets = Targets(made.targets, further=[made.targets])
-    assert _pass_note(Targets(made.targets), "classes") == []
-    said = {objective: _pass_note(targets, objective)[0] for objective in ("classes", "density", "likelihood")}
-    assert [said[objective].endswith("The effect of a field is one in all passes.") for objective in said] == [
-        True, False, False,
-    ]  # fmt: skip
+    assert _of_passes(Targets(made.targets), "classes") == []
+    for objective, codes in (("classes", ["fields_shared"]), ("density", []), ("likelihood", [])):
+        assert [one.code for one in _of_passes(targets, objective)] == ["passes_together", *codes]

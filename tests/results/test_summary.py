@@ -12,6 +12,7 @@ from scipy.special import ndtr
 
 from radcal.findings import Finding
 from radcal.results.summary import numbered_jobs, sentences, summarise, wall_seconds
+from radcal.words import sentence
 
 
 def test_counts_add_up(made):
@@ -90,11 +91,11 @@ def test_what_the_fixed_laws_say_is_listed(made):
 
 
 def test_warnings_on_the_image_follow_the_verdicts(made):
-    told = ["warning: mistake 0", "warning: mistake 1"]
-    archive = replace(made.archive, notes=("a note", *told, told[0]))
+    told = [Finding("heading_missing", "warning", about) for about in ("a key", "another")]
+    archive = replace(made.archive, notes=(Finding("repeats", "note", "simulator"), *told, told[0]))
     summary = summarise(archive)
-    assert summary["warnings"][:2] == told
-    assert sentences(archive)[3:5] == told
+    assert summary["warnings"][:2] == [*map(sentence, told)]
+    assert sentences(archive)[3:5] == [*map(sentence, told)]
 
 
 def test_distances_of_two_normals(made):

@@ -6,6 +6,7 @@ from radcal.objectives.history import read_runs
 from radcal.session.jobs import logged, progress
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import IndexedRun, write_index
+from radcal.words import sentence
 
 with logged(snakemake.log[0], snakemake.params.case):
     case = stages.FinalRuns.model_validate(snakemake.params.case)
@@ -21,5 +22,5 @@ with logged(snakemake.log[0], snakemake.params.case):
         ]
     write_index(snakemake.output.final, [IndexedRun(record.key, parameters) for record in records])
     progress("final runs: the calibrated laws together, and once more with another seed")
-    if sentence := not_fresh(case.simulator, records[:2]):
-        progress(sentence)
+    for finding in not_fresh(case.simulator, records[:2]):
+        progress(sentence(finding))

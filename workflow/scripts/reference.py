@@ -9,6 +9,7 @@ from radcal.session.jobs import logged, progress
 from radcal.simulators.declared_scale import check_scale
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import IndexedRun, write_index
+from radcal.words import sentence
 
 with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     case = stages.ReferenceRun.model_validate(snakemake.params.case)
@@ -23,6 +24,7 @@ with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     usual = most_need(snakemake.config["design_size"], most) + FINAL_RUNS
     left = at_most(most + FINAL_RUNS, first.all_seconds, usual, " of simulation in this pass")
     progress(f"reference run: {first.seconds:.1f} s for {first.image_db.shape} pixels{left}")
-    for sentence in (repeatability(case.simulator, differences), changed_links(case, runner.identity)):
-        if sentence:
-            progress(sentence)
+    for finding in repeatability(case.simulator, differences):
+        progress(sentence(finding))
+    if changed := changed_links(case, runner.identity):
+        progress(changed)

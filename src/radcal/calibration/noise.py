@@ -7,7 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["noise_sentence", "noise_variance"]
+from radcal.findings import Finding
+
+__all__ = ["noise_variance", "scatter"]
 
 Statistics = Callable[[NDArray[np.float64], NDArray[np.int64]], NDArray[np.float64]]
 
@@ -60,8 +62,8 @@ def noise_variance(
     return np.asarray(np.where(whole > _UNLIKELY * pixels, whole, pixels))
 
 
-def noise_sentence(name: str, variance: ArrayLike) -> str:
-    """Sentence on the standard deviation of a material's statistics among runs of equal parameters.
+def scatter(name: str, variance: ArrayLike) -> Finding:
+    """Standard deviations of a material's statistics among runs of equal parameters.
 
     Parameters
     ----------
@@ -70,9 +72,5 @@ def noise_sentence(name: str, variance: ArrayLike) -> str:
     variance : array_like, shape (n, 3)
         Variance of the statistics, from :func:`noise_variance`.
     """
-    mean, log_sd, skewness = np.sqrt(np.asarray(variance, dtype=np.float64).mean(axis=0))
-    return (
-        f"{name}: between runs of equal parameters the mean scatters by {mean:.2g} dB, its standard "
-        f"deviation by {100.0 * log_sd:.2g} %, its skewness by {skewness:.2g} (one standard deviation, from the "
-        "repeated reference run); the surrogate takes no less than that for noise."
-    )
+    mean, log_sd, skewness = np.sqrt(np.asarray(variance, dtype=np.float64).mean(axis=0)).tolist()
+    return Finding("scatter", "note", name, {"mean_db": mean, "sd_percent": 100.0 * log_sd, "skewness": skewness})

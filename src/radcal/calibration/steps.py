@@ -10,11 +10,12 @@ from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from radcal.calibration.noise import noise_sentence
+from radcal.calibration.noise import scatter
 from radcal.calibration.scoring import score
 from radcal.calibration.stopping import decide
 from radcal.config import CommandSimulation, Material, SimulatorConfig, Stop, stages
 from radcal.errors import SimulatorError
+from radcal.findings import Finding
 from radcal.objectives import OBJECTIVES, Comparison
 from radcal.objectives.history import History, Proposal, Run, Score
 from radcal.processes import each
@@ -35,7 +36,7 @@ __all__ = [
     "not_fresh",
     "progress_line",
     "propose_all",
-    "random_notes",
+    "random_findings",
     "reference_runs",
     "repeatability",
     "run_all_draws",
@@ -90,8 +91,8 @@ def run_all_draws(case: stages.Simulation, runner: Runner, parameters: Parameter
     return replace(record, draws=tuple(runner.run(parameters, seed) for seed in others), further=further)
 
 
-def repeatability(simulator: SimulatorConfig, differences_db: Sequence[float]) -> str:
-    """Sentence that says whether runs of equal parameters are equal, and how the surrogate treats differences.
+def repeatability(simulator: SimulatorConfig, differences_db: Sequence[float]) -> list[Finding]:
+    """Whether runs of equal parameters are equal; the surrogate smooths over runs that are not.
 
     Parameters
     ----------
@@ -102,24 +103,20 @@ def repeatability(simulator: SimulatorConfig, differences_db: Sequence[float]) -
 
     Returns
     -------
-    str
-        Sentence, empty if no reference run was repeated and the simulator is not declared as non-deterministic.
+    list of Finding
+        Empty if no reference run was repeated and the simulator is not declared as non-deterministic.
     """
-    smooths = "the surrogate smooths over runs instead of passing through them."
     if isinstance(simulator, CommandSimulation) and simulator.deterministic is False:
-        return f"The simulator is declared not to be deterministic: {smooths}"
+        return [Finding("declared_random", "note", "simulator")]
     if not differences_db:
-        return ""
+        return []
     if max(differences_db) == 0:
-        return "The simulator is deterministic: the reference run repeated gives the same pixels."
-    return (
-        "The simulator is not deterministic: the reference run repeated, with equal parameters and seed, differs by up "
-        f"to {max(differences_db):.2g} dB in a pixel; {smooths}"
-    )
+        return [Finding("repeats", "note", "simulator")]
+    return [Finding("does_not_repeat", "note", "simulator", {"largest_db": max(differences_db)})]
 
 
-def not_fresh(simulator: SimulatorConfig, final: Sequence[Record]) -> str:
-    """Sentence which says that the final run with another seed repeats the same pixels, bit for bit.
+def not_fresh(simulator: SimulatorConfig, final: Sequence[Record]) -> list[Finding]:
+    """Finding that the final run with another seed repeats the same pixels, bit for bit; empty if they differ.
 
     A final run with repeated pixels cannot check the calibration.
 
@@ -129,31 +126,22 @@ def not_fresh(simulator: SimulatorConfig, final: Sequence[Record]) -> str:
         Section ``simulator`` of the configuration.
     final : sequence of two Record
         Final runs of the calibrated laws, the first with common and the second with fresh random numbers.
-
-    Returns
-    -------
-    str
-        Sentence, empty if the pixels of the two runs differ.
     """
     if final[0].largest_difference_db(final[1]) > 0:
-        return ""
-    if isinstance(simulator, CommandSimulation) and simulator.seedless:
-        return "The simulator takes no seed: no run has fresh random numbers, and no rms of any is given."
-    return (
-        "The final run with another seed gives the same pixels as the one that it repeats, bit for bit: the seed does "
-        "not reach the program's random numbers, or there are none (simulator.seedless: true says so). No rms with "
-        "fresh random numbers is given."
-    )
+        return []
+    seedless = isinstance(simulator, CommandSimulation) and simulator.seedless
+    return [Finding("seedless" if seedless else "seed_without_effect", "note", "simulator")]
 
 
-def random_notes(case: stages.Archive, history: History, names: Iterable[str], final: Sequence[Record]) -> list[str]:
-    """Remarks on the simulator's random numbers, from the runs of the search and the two final runs."""
-    notes = [repeatability(case.simulator, history.repeat_db)]
+def random_findings(
+    case: stages.Archive, history: History, names: Iterable[str], final: Sequence[Record]
+) -> list[Finding]:
+    """Findings on the simulator's random numbers, from the runs of the search and the two final runs."""
+    found = repeatability(case.simulator, history.repeat_db)
     if (case.surrogate.outputs, case.surrogate.training) == ("centred", "posterior"):
         known = {name: history.noise_variance(name) for name in names}
-        notes += [noise_sentence(name, variance) for name, variance in known.items() if variance is not None]
-    notes.append(not_fresh(case.simulator, final))
-    return [note for note in notes if note]
+        found += [scatter(name, variance) for name, variance in known.items() if variance is not None]
+    return [*found, *not_fresh(case.simulator, final)]
 
 
 def _noisy(history: History, simulator: SimulatorConfig) -> bool:

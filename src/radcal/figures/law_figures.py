@@ -202,7 +202,7 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
             axes.axvspan(low, high, color="#EFEFEF", zorder=0, linewidth=0)
     laws = _laws(material)
     _curves(panels[0], material, laws, seen, angles)
-    head(panels[0], case, name, state(name, case.found) or "law of the search")
+    head(panels[0], case, name, state(name, case.findings) or "law of the search")
     panels[0].set_ylabel("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
     incidence_deg = material.incidence_deg.astype(np.float64)
     remark = ""
@@ -248,9 +248,9 @@ def _of_band(case: Archive, name: str) -> str:
         " Violet: 90 % band of the mean power of the ground, pale for the material and darker for its fields in this "
         "image, and its median (dotted)."
     )
-    if width := widths(name, case.found):
+    if width := widths(name, case.findings):
         said += f" Half-widths where sigma0 is determined (bar): {width}."
-    return f"{said} Verdict on {verdict(name, case.found)}" if state(name, case.found) else said
+    return f"{said} Verdict on {verdict(name, case.findings)}" if state(name, case.findings) else said
 
 
 def _view(low_deg: float, high_deg: float) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -51,4 +51,13 @@ def write_measurement(path: str | Path, measurement: Measurement) -> None:
 def read_measurement(path: str | Path) -> Measurement:
     """Read a measurement that :func:`write_measurement` wrote; raises the errors of :func:`.read_hdf5`."""
     with read_hdf5(path, "measurement") as file:
-        return take(file, Measurement)
+        made = take(file, Measurement)
+        if "findings" in file:
+            return made
+        # an earlier version wrote sentences; to make a synthetic image again would take a run of the simulator
+        notes = [str(text) for text in file["notes"].asstr()[()]]
+    told = (
+        Finding("noted", "warning" if text.startswith("warning: ") else "note", made.source, {"text": text})
+        for text in notes
+    )
+    return replace(made, findings=tuple(told))

@@ -219,7 +219,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     materials = [
         _material(name, summary["materials"][name], result, passes) for name, result in archive.materials.items()
     ]
-    refused = any(one.severity == "refusal" for one in archive.found)
+    refused = any(one.severity == "refusal" for one in archive.findings)
     determined = any(m.get("identified") for m in materials)
     good = summary["converged"] and determined and not refused and summary["fits"] is not False
     told = " ".join([summary["verdict"], *(m["verdict"] for m in materials if len(materials) > 1)])
@@ -241,10 +241,10 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
         criterion=_criterion(materials),
         good=good,
         warnings=untold(summary["warnings"], told),
-        remarks=untold([sentence(one) for one in remarks(archive.found) if one.severity == "note"], told),
+        remarks=untold([sentence(one) for one in remarks(archive.findings) if one.severity == "note"], told),
         materials=materials,
         within=[m for m in materials if m["within"]],
-        determined={one.about: one.numbers for one in archive.found if one.code == "determined"},
+        determined={one.about: one.numbers for one in archive.findings if one.code == "determined"},
         modelled=[m for m in materials if "posterior" in m],
         agreeing=[m["name"] for m in materials if m["rms"] is not None and m["rms"] <= _AGREE * m["rms_sampling"]],
         known=[m for m in materials if m["known"]],

@@ -297,7 +297,7 @@ def advise(
     table = folder / f"{'_'.join(words)}.csv"
     write_csv(table, COLUMNS, _rows(rows))
     orbit = [_opposite(case.radar)] if case.radar.incidence_deg is not None else []
-    return [*_table(rows), *_sentences(rows), *doubts(found, archive.found), *orbit, f"table: {table}"]
+    return [*_table(rows), *_sentences(rows), *doubts(found, archive.findings), *orbit, f"table: {table}"]
 
 
 def _rows(rows: Sequence[Advised]) -> Iterator[tuple[object, ...]]:

@@ -185,7 +185,7 @@ def apply(
         with understood(folder / "calibration.h5"):
             rows += [(number, row) for row in _of_pass(archive, config, changed, number, one)]
     shared = [name for name in archive.materials if name in other.materials]
-    said = [*_few_pixels(archive, shared, {one.material for _, one in rows}), *doubts(shared, archive.found)]
+    said = [*_few_pixels(archive, shared, {one.material for _, one in rows}), *doubts(shared, archive.findings)]
     rows, left_out = where_seen(archive, rows)
     said += left_out
     if not rows:

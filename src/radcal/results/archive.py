@@ -13,7 +13,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.findings import Finding, from_json
+from radcal.findings import Finding
 from radcal.laws import Law, law_for
 from radcal.posterior.result import Image, Posterior
 from radcal.results.search_front import SearchFront
@@ -275,7 +275,7 @@ class PassSummary:
     measurement: Annotated[str, About("source of the measured image")]
     registration: Annotated[str, About("outcome of the registration in words")]
     levels: Annotated[str, About("level of the measured image and its consequences in words")]
-    notes: Annotated[tuple[str, ...], Attribute(), About("remarks on the measurement and on missing materials")]
+    notes: Annotated[tuple[Finding, ...], About("findings on the measurement and on missing materials (JSON)")]
     keys: Annotated[NDArray[np.str_], About("hash of each run in this pass", shape="n")]
     final_runs: Annotated[int, About("final runs that were not simulated before")]
     materials: Annotated[Mapping[str, PassLaw], About("laws over the incidence of this pass")]
@@ -297,8 +297,8 @@ class Archive:
         float, About("equivalent number of looks (ENL) of the measured image's homogeneous areas")
     ]
     measurement: Annotated[str, About("source of the measured image")]
-    notes: Annotated[tuple[str, ...], Attribute(), About("remarks on measurement and simulator")]
-    law_notes: Annotated[tuple[str, ...], Attribute(), About("sentences on laws used outside of their validity")]
+    notes: Annotated[tuple[Finding, ...], About("findings on measurement and simulator (JSON)")]
+    law_notes: Annotated[tuple[Finding, ...], About("laws used outside of their validity (JSON)")]
     sentences: Annotated[tuple[str, ...], Attribute(), About("reason for the end in words, for each material")]
     simulator: Annotated[str, About("identity of the simulator (JSON)")]
     versions: Annotated[str, About("versions of Python and packages (JSON)")]
@@ -308,7 +308,7 @@ class Archive:
     registration: Annotated[RegistrationSummary, About("registration of the measured image")]
     levels: Annotated[LevelSummary, About("level of the measured image relative to the simulated")]
     image: Annotated[Image, About("what the fixed materials say of the images")]
-    findings: Annotated[str, About("findings on images and materials (JSON)")]
+    findings: Annotated[tuple[Finding, ...], About("findings on images and materials (JSON)")]
     scene: Annotated[SceneView, About("scene at the resolution of the figures; row 0 is in the south")]
     laws: Annotated[Mapping[str, LawParameters], About("X of every material's law in the final runs", shape="d")]
     materials: Annotated[
@@ -321,11 +321,6 @@ class Archive:
     images: Annotated[Images, About("whole images; rows: slant range, columns: azimuth")] = field(
         default_factory=Images
     )
-
-    @property
-    def found(self) -> list[Finding]:
-        """Findings on images and materials."""
-        return from_json(self.findings)
 
 
 def write_archive(path: str | Path, archive: Archive) -> None:

@@ -1,10 +1,11 @@
-"""Notes on laws used outside their valid incidence angles or parameters, and parameters in words."""
+"""Laws used outside their valid incidence angles or parameters, and parameters in words."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 from radcal.config import stages
+from radcal.findings import Finding
 from radcal.radar.geometry import Geometry
 
 __all__ = ["at_bound", "found_words", "law_notes"]
@@ -13,8 +14,8 @@ _AT_BOUND = 1e-3  # share of the interval between bounds within which a value is
 _SHARE = 0.05  # share of a material's pixels outside the law's valid angles above which a note is made
 
 
-def law_notes(case: stages.Archive, geometry: Geometry, parameters: Mapping[str, Sequence[float]]) -> list[str]:
-    """Sentences about laws that are used outside their valid incidence angles or parameters.
+def law_notes(case: stages.Archive, geometry: Geometry, parameters: Mapping[str, Sequence[float]]) -> list[Finding]:
+    """Findings on laws that are used outside their valid incidence angles or parameters.
 
     Parameters
     ----------
@@ -27,26 +28,28 @@ def law_notes(case: stages.Archive, geometry: Geometry, parameters: Mapping[str,
 
     Returns
     -------
-    list of str
-        One sentence for each material, calibrated or fixed, with more than 5 % of its pixels outside the law's valid
+    list of Finding
+        One for each material, calibrated or fixed, with more than 5 % of its pixels outside the law's valid
         angles, or with parameters outside the range of the law's data.
     """
-    notes = []
+    found = []
     for name, law in case.laws.items():
         if name not in geometry.names or not law.has_curve:
             continue
-        label = f"law {case.materials[name].law!r}"
+        called = str(case.materials[name].law)
         share = law.outside(geometry.incidence_deg.ravel()[geometry.pixels(name)])
         if share > _SHARE:
             low, high = law.valid_deg
-            notes.append(
-                f"{name}: {share:.0%} of its pixels are seen outside of the {low:g} to {high:g} deg that {label} was "
-                "made for; there it is an extrapolation."
-            )
+            numbers: dict[str, float | str] = {
+                "share_percent": 100.0 * share,
+                "from_angle_deg": low,
+                "to_angle_deg": high,
+            }
+            found.append(Finding("outside_angles", "note", name, {**numbers, "law": called}))
         doubt = law.doubt(parameters[name]) if law.doubt is not None else None
         if doubt is not None:
-            notes.append(f"{name}: {label} is an extrapolation: {doubt}.")
-    return notes
+            found.append(Finding("outside_data", "note", name, {"law": called, "doubt": doubt}))
+    return found
 
 
 def at_bound(value: float, low: float, high: float) -> str:

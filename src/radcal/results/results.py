@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.conclusion import Conclusion
-from radcal.calibration.steps import random_notes
+from radcal.calibration.steps import random_findings
 from radcal.config import Material, Radar, Stop, stages
 from radcal.config.sections import FURTHER
-from radcal.findings import to_json
+from radcal.findings import Finding
 from radcal.ground.levels import Levels, without_level
 from radcal.laws import EXTERNAL, FORMULA, Law
 from radcal.objectives import OBJECTIVES
@@ -44,7 +44,6 @@ from radcal.scene.model import Scene
 from radcal.storage.disclosure import disclosed
 from radcal.storage.runs import Record
 from radcal.targets.target import Target, Targets
-from radcal.words import sentence
 
 __all__ = ["gather"]
 
@@ -101,7 +100,7 @@ def gather(
         Results, with the materials in the order of the configuration.
     """
     parameters = _final_parameters(case, history, targets)
-    measurement, remarks = registered.measurement, random_notes(case, history, targets, final[:2])
+    measurement, remarks = registered.measurement, random_findings(case, history, targets, final[:2])
     return Archive(
         case=case.case,
         config=json.dumps(disclosed(_as_written(case, stop))),
@@ -113,7 +112,7 @@ def gather(
         looks=case.radar.looks,
         measured_looks=targets.looks,
         measurement=measurement.source,
-        notes=(*map(sentence, measurement.findings), *remarks, *_pass_note(targets, case.objective)),
+        notes=(*measurement.findings, *remarks, *_of_passes(targets, case.objective)),
         law_notes=tuple(law_notes(case, geometry, parameters)),
         sentences=tuple(conclusion.decision.materials[name].sentence for name in targets),
         simulator=json.dumps(conclusion.simulator),
@@ -124,7 +123,7 @@ def gather(
         registration=_registration(registered),
         levels=_levels(targets.levels),
         image=image,
-        findings=to_json(conclusion.findings),
+        findings=tuple(conclusion.findings),
         scene=_scene(scene),
         laws={name: _law(parameters[name], item, case.radar) for name, item in case.materials.items()},
         materials={
@@ -149,17 +148,14 @@ def gather(
     )
 
 
-def _pass_note(targets: Targets, objective: str) -> list[str]:
-    """Remark that says which results belong to all passes, and which to pass 1 alone; empty in a case of one pass."""
+def _of_passes(targets: Targets, objective: str) -> list[Finding]:
+    """Finding that says which results belong to all passes, and which to pass 1 alone; empty in a case of one pass."""
     count = len(targets.passes)
     if count == 1:
         return []
     misfit = OBJECTIVES[objective].misfit
-    shared = " The effect of a field is one in all passes." * (misfit is not None and misfit.of_fields)
-    return [
-        f"The laws are those of {count} passes together; densities, images, pixels and checks on held-out ground are "
-        f"shown of pass 1.{shared}"
-    ]
+    shared = [Finding("fields_shared", "note", "")] * (misfit is not None and misfit.of_fields)
+    return [Finding("passes_together", "note", "", {"passes": count}), *shared]
 
 
 def _as_written(case: stages.Archive, stop: Stop) -> dict[str, Any]:
@@ -187,7 +183,7 @@ def _passes(
     for k, (one, registered, target) in enumerate(zip(case.passes, images, targets.passes, strict=True)):
         keys = [run.keys[k] for run in history.runs]
         missing = [name for name in targets if name not in target]
-        notes = [f"{name}: too few pixels in this pass, which says nothing of it." for name in missing]
+        too_few = [Finding("too_few_pixels", "note", name) for name in missing]
         new = {record.key for record in final[2 * k : 2 * k + 2]} - known
         known |= new
         found[str(k + 1)] = PassSummary(
@@ -198,7 +194,7 @@ def _passes(
             measurement=registered.measurement.source,
             registration=registered.verdict,
             levels=target.levels.sentence,
-            notes=(*map(sentence, registered.measurement.findings), *notes),
+            notes=(*registered.measurement.findings, *too_few),
             keys=np.array(keys),
             final_runs=len(new),
             materials={

@@ -24,8 +24,6 @@ from radcal.words import headline, next_steps, remarks, sentence, untold, verdic
 
 __all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
-_WARNING = "warning: "  # start of a note on the measured image that the verdict counts
-
 
 def numbered_jobs(archive: Archive) -> dict[str, int]:
     """Number of jobs of each workflow stage whose jobs are numbered.
@@ -82,7 +80,7 @@ def sentences(archive: Archive) -> list[str]:
     The first sentence is the verdict on all materials; in a case of several materials, a verdict on each follows.
     The parameters of a law without a curve are told with their intervals.
     """
-    findings = archive.found
+    findings = archive.findings
     each = [verdict(name, findings) for name in archive.materials]
     lines = [_verdict(archive), *(each if len(each) > 1 else [])]
     lines += [f"next: {step}." for step in next_steps(findings)[:1]]
@@ -104,13 +102,13 @@ def _without_curve(name: str, material: MaterialResult) -> str:
 
 def _warnings(archive: Archive) -> list[str]:
     """Warnings and refusals: notes on the measured images of all passes, and findings that no verdict tells."""
-    further = [note for one in (archive.passes or {}).values() for note in one.notes]
-    notes = [note for note in dict.fromkeys([*archive.notes, *further]) if note.startswith(_WARNING)]
-    return [*notes, *(sentence(one) for one in remarks(archive.found) if one.severity != "note")]
+    of_passes = [one for each in (archive.passes or {}).values() for one in each.notes]
+    told = [*archive.notes, *of_passes, *remarks(archive.findings)]
+    return list(dict.fromkeys(sentence(one) for one in told if one.severity != "note"))
 
 
 def _verdict(archive: Archive) -> str:
-    return headline(list(archive.materials), archive.found, archive.converged)
+    return headline(list(archive.materials), archive.findings, archive.converged)
 
 
 def _overall(archive: Archive) -> dict[str, Any]:
@@ -263,7 +261,7 @@ def _pass(one: PassSummary) -> dict[str, Any]:
     known = {key: value for key, value in vars(one).items() if key not in ("keys", "materials", "final_runs")}
     return {
         **known,
-        "notes": list(one.notes),
+        "notes": list(map(sentence, one.notes)),
         "runs": int(np.unique(one.keys).size) + one.final_runs,
         "materials": {name: dict(vars(law)) for name, law in one.materials.items()},
     }
@@ -320,11 +318,11 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
             "measured": archive.measured_looks,
         },
         "simulator": json.loads(archive.simulator),
-        "notes": list(archive.notes),
+        "notes": list(map(sentence, archive.notes)),
         "warnings": _warnings(archive),
-        "next": next_steps(archive.found),
-        "findings": [_finding(one) for one in archive.found],
-        "law_notes": list(archive.law_notes),
+        "next": next_steps(archive.findings),
+        "findings": [_finding(one) for one in (*archive.findings, *archive.notes, *archive.law_notes)],
+        "law_notes": list(map(sentence, archive.law_notes)),
         "registration": _registration(archive.registration),
         "levels": dict(vars(archive.levels)),
         "fixed_laws": {
@@ -340,7 +338,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "materials": {
             name: {
                 **_material(material, np.isin(kinds, ("design", "infill")), archive.tolerance, archive.looks),
-                "verdict": verdict(name, archive.found),
+                "verdict": verdict(name, archive.findings),
             }
             for name, material in archive.materials.items()
         },

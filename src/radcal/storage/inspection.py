@@ -24,14 +24,14 @@ __all__ = ["SCHEMAS", "check_case", "inspect", "inspect_file", "kind_of", "set_a
 SCHEMAS: Mapping[str, int] = {
     "scene": 2,
     "geometry": 5,
-    "measurement": 3,
+    "measurement": 2,
     "registered": 3,
     "target": 6,
     "surrogate": 6,
     "posterior": 4,
     "image": 3,
     "run": 2,
-    "calibration": 7,
+    "calibration": 8,
 }
 """Schema version of the layout of each kind of HDF5 file, by the name of the kind."""
 
