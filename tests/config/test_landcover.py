@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 import pytest
 
 from radcal.config import Case, case_from
-from radcal.config.landcover import LANDCOVERS, landcover_remark, landcover_table, starting_keys, starting_levels
+from radcal.config.landcover import LANDCOVERS, landcover_table, starting_keys, starting_levels
 from radcal.errors import ConfigError
 from radcal.laws import law_for
 
@@ -119,23 +118,3 @@ def test_no_two_materials_of_a_new_case_start_at_one_level() -> None:
     start = law_for("mangia")(np.radians([35.0]), found["cropland"].start(-38.0, -2.0))
     assert start[0] == pytest.approx(-12.0 + 10.0 * np.log10(np.cos(np.radians(35.0))), abs=0.2)
     assert found["open water"].start(-38.0, -2.0)[0] == -38.0
-
-
-@pytest.mark.parametrize(
-    ("codes", "said"),
-    [
-        ((40, 80), "the codes are those of esa_worldcover"),  # 80 is in no other map
-        ((12, 18, 23, 24, 41, 44), "the codes are those of corine"),
-        ((11, 82), "the codes are those of nlcd"),
-        ((1, 2, 3), "corine has these codes, too"),  # as any count from 1
-        (range(1, 15), "corine has these codes, too"),
-        ((2, 7), "corine has these codes, too"),
-        ((20, 30), "esa_worldcover and corine have these codes, too"),
-        ((10, 20, 30, 40), "esa_worldcover and corine have these codes, too"),
-        ((3, 99), ""),
-        ((), ""),
-    ],
-)
-def test_a_map_is_named_where_the_codes_speak_for_it(codes: Collection[int], said: str) -> None:
-    assert landcover_remark(codes).startswith(said)
-    assert bool(landcover_remark(codes)) is bool(said)

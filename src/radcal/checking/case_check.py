@@ -231,7 +231,7 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     problems += images_elsewhere(problems, loaded.given)
     whole = problems.looked_at or not problems
     unseen = () if whole else _unseen(loaded, shape, problems.unmeasured)
-    listed = [with_hints(error, case.scene, paths) for error in problems]
+    listed = [with_hints(error, paths) for error in problems]
     return CaseCheck(
         listed, findings, files, shape, largest_runs(case), demands, peaks, case.simulator.draws, tuple(sections),
         time_expected(case, results) if whole else "", unseen,

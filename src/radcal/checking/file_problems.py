@@ -24,7 +24,7 @@ from radcal.config import (
 from radcal.config.landcover import LANDCOVERS
 from radcal.config.loading import listed_by, origin_of
 from radcal.errors import ConfigError, MissingFile, NotInScene, RadcalError, SceneError, UnknownMaterial
-from radcal.newcase.file_facts import code_counts, swapped_hint
+from radcal.newcase.file_facts import code_counts
 from radcal.reading.safe import is_safe_name
 
 if TYPE_CHECKING:
@@ -71,15 +71,13 @@ def scene_problems(scene: SceneConfig, materials: Collection[str] | None = None)
     return [error for check in checks for error in _said(check)]
 
 
-def with_hints(error: RadcalError, scene: SceneConfig, paths: Iterable[str | Path]) -> str:
-    """Message of a problem, with a hint on a file that lies where the case file is, or on two files that are swapped.
+def with_hints(error: RadcalError, paths: Iterable[str | Path]) -> str:
+    """Message of a problem, with a hint on a file that lies where the case file is.
 
     Parameters
     ----------
     error : RadcalError
         Problem.
-    scene : SceneConfig
-        Section ``scene``.
     paths : iterable of path
         Case files.
     """
@@ -91,9 +89,6 @@ def with_hints(error: RadcalError, scene: SceneConfig, paths: Iterable[str | Pat
                     f"{str(error)[:-1]}; it is in {folder}, the folder of the case file, but paths are relative to the "
                     f"current folder: write {os.path.relpath(folder / about.path)}."
                 )
-    elif isinstance(scene, RasterScene):
-        with contextlib.suppress(RadcalError):
-            return f"{error}{swapped_hint(expand_path(scene.elevation, 'scene.elevation'), error)}"
     return str(error)
 
 

@@ -16,7 +16,7 @@ HELP = """Write a new case from options.
 
 CASE is the YAML file to write, or a name. What the files say is read from them: size, CRS, pixel spacing, bands, codes
 of the land cover. A line that is still to be decided is marked FILL_IN; radcal check lists these lines. No file is
-overwritten, and with a wrong option none is written.
+overwritten, and with a wrong option none is written. Materials to calibrate start about the levels of the image.
 
 With --image synthetic, the image is simulated with hidden laws; with --image none, the case is for radcal simulate.
 
@@ -29,20 +29,18 @@ Example:
 
 def main(case: str, **answers: Any) -> None:
     """Write a new case."""
-    from radcal.config.sensors import SENSORS
     from radcal.newcase.new_case import NewCase, case_path
 
     given = {entry.key: answers[entry.name] for entry in ENTRIES if answers[entry.name] not in (None, [], ())}
     with sentences():
-        new = NewCase(case_path(case), given, {entry.key: entry.optional for entry in ENTRIES})
-        written = new.write({entry.key: entry.text for entry in ENTRIES})
+        texts = {entry.key: entry.text for entry in ENTRIES}
+        new = NewCase(case_path(case), given, texts, {entry.key for entry in ENTRIES if entry.optional})
+        written = new.write()
     for line in written:
         typer.echo(line)
     if new.undecided:
         options = ", ".join(entry.option.split(",")[0] for entry in ENTRIES if entry.key in new.undecided)
         typer.echo(f"Still to be decided, marked FILL_IN (or by options in a new case): {options}.")
-        if decided := new.decided_by_sensors():
-            typer.echo(f"--sensor decides up to {len(decided)} of them: {', '.join(SENSORS)} (docs/sensors.md).")
     path = new.path
     then = f"radcal simulate {path}" if new.forward else f"radcal run {path} reference, and radcal run {path}"
     typer.echo(f"Next: radcal check {path}\nThen: {then}")

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -25,7 +25,6 @@ __all__ = [
     "LandCover",
     "StartingLevel",
     "brighter_than_terrain",
-    "landcover_remark",
     "landcover_table",
     "starting_keys",
     "starting_levels",
@@ -52,7 +51,6 @@ _WORDS = {
     "sea state 3": "water sea ocean lakes? rivers? lagoons?",
 }
 _APART_DB = 3.0  # smallest difference of two starting levels, so that the start image shows where the materials meet
-_FEW = 5  # number of codes; any map may have so few
 _MIDDLE_DEG = 45.0  # incidence at which the gamma of a law is compared with those of terrain
 _BRIGHTER_DB = 6.0  # the source adds 5 log10(f / 10 GHz) to gamma, at most 5 dB below 100 GHz
 _UNKNOWN_DB = -15.0  # gamma if neither the name nor the map shows the terrain
@@ -201,34 +199,6 @@ LANDCOVERS: Mapping[str, Mapping[int, Cover]] = {
 """Classes of each land-cover map, by the code of the class."""
 
 
-def landcover_remark(codes: Collection[int]) -> str:
-    """Remark on the land-cover maps that contain all codes of a raster; empty if there is no such map.
-
-    The remark says that the raster has the codes of a certain map if
-
-    - the map is the only one that contains all codes of the raster;
-    - the codes are not simply the numbers from 1 to n; and
-    - the raster has more than five codes, or has one code above 9 that occurs in no other map.
-
-    Parameters
-    ----------
-    codes : collection of int
-        Codes that occur in the raster.
-    """
-    fits = [name for name, known in LANDCOVERS.items() if codes and known.keys() >= set(codes)]
-    if not fits:
-        return ""
-    others = {code for name, known in LANDCOVERS.items() if name != fits[0] for code in known}
-    own = any(code > 9 and code not in others for code in codes)
-    counted = set(codes) == set(range(1, len(codes) + 1))
-    if len(fits) == 1 and not counted and (own or len(codes) > _FEW):
-        return f"the codes are those of {fits[0]} (--landcover-preset {fits[0]})"
-    return (
-        f"{' and '.join(fits)} {'have' if len(fits) > 1 else 'has'} these codes, too, which other maps may have: "
-        "--landcover-preset only if the file is such a map"
-    )
-
-
 def starting_keys(landcover: str, name: str, given: Mapping[str, Any]) -> dict[str, Any]:
     """Keys of a material that follow from the starting law of its land-cover class and are missing in the case.
 
@@ -261,7 +231,9 @@ def starting_keys(landcover: str, name: str, given: Mapping[str, Any]) -> dict[s
     return bounds if "start" in given else {**bounds, **start}
 
 
-def starting_levels(names: Sequence[str], taken_db: Iterable[float] = ()) -> dict[str, StartingLevel]:
+def starting_levels(
+    names: Sequence[str], taken_db: Iterable[float] = (), unknown_db: float = _UNKNOWN_DB
+) -> dict[str, StartingLevel]:
     """Starting levels of the laws of several materials, at least 3 dB apart from each other.
 
     A measured image is registered onto the simulated start image. The start image shows the border of two materials
@@ -274,11 +246,13 @@ def starting_levels(names: Sequence[str], taken_db: Iterable[float] = ()) -> dic
         in the name.
     taken_db : iterable of float
         Gamma of other materials [dB], from which the new levels differ by at least 3 dB.
+    unknown_db : float
+        Gamma of a material whose name does not show its kind of terrain [dB].
     """
     used, found = list(taken_db), dict[str, StartingLevel]()
     for name in names:
         terrain = _terrain(name)
-        level = _UNKNOWN_DB if terrain is None else _GAMMA_DB[terrain]
+        level = unknown_db if terrain is None else _GAMMA_DB[terrain]
         steps = (sign * k * _APART_DB for k in itertools.count() for sign in ((1.0, -1.0) if k else (1.0,)))
         away = next(step for step in steps if all(abs(level + step - other) >= _APART_DB for other in used))
         used.append(level + away)

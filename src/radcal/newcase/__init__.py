@@ -1,1 +1,1 @@
-"""A case written from answers and from what its files say."""
+"""A new case from options and from what its files say."""

@@ -1,16 +1,16 @@
-"""Properties of the input files of a new case: size, CRS, pixel spacing, codes, bands and scale."""
+"""Properties of the input files of a new case: size, CRS, pixel spacing, codes, bands, scale and levels."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from radcal.errors import ConfigError, RadcalError, WrongNumbers
+from radcal.errors import ConfigError, WrongNumbers
 from radcal.reading.arrays import is_raster
 from radcal.reading.rasters import check_blocks, open_raster
 from radcal.scene.crs import crs_of, horizontal, label, pixel_size_m, vertical_datum
@@ -18,20 +18,14 @@ from radcal.scene.crs import crs_of, horizontal, label, pixel_size_m, vertical_d
 if TYPE_CHECKING:
     from radcal.image.acquisition import Acquisition
 
-__all__ = [
-    "RasterFacts",
-    "check_overlap",
-    "code_counts",
-    "landcover_codes",
-    "product_acquisition",
-    "raster_facts",
-    "swapped_hint",
-]
+__all__ = ["RasterFacts", "code_counts", "product_acquisition", "raster_facts"]
 
 _POLARISATIONS = ("HH", "HV", "VH", "VV")
 _SAMPLE_PX = 1024  # side of the sample from which the range of an image's numbers is read
 _HEIGHTS_PX = 100  # side of the sample of heights for which the acquisition of a product is computed
 _STRIP_VALUES = 20_000_000
+_SHARES = (0.05, 0.5, 0.95)  # quantiles that count as the levels of an image
+_PER_DECADE = {"power": 10.0, "amplitude": 20.0, "complex": 20.0}
 
 
 @dataclass(frozen=True)
@@ -51,8 +45,7 @@ class RasterFacts:
     pixel_m : (float, float) or None
         Size of a pixel on the ground [m], east and north, in the middle of the raster.
     numbers : dict
-        For each band, from 1: lowest, median and highest number of a sample, or "complex", or None if the sample holds
-        no number.
+        Sample of the finite numbers of each band, from 1; empty if it was not asked for.
     """
 
     rows: int
@@ -61,7 +54,7 @@ class RasterFacts:
     crs: str | None
     datum: str | None
     pixel_m: tuple[float, float] | None
-    numbers: Mapping[int, tuple[float, float, float] | str | None] = field(default_factory=dict)
+    numbers: Mapping[int, NDArray[Any]] = field(default_factory=dict)
 
     def sentence(self) -> str:
         """Size, CRS and pixel size in words."""
@@ -70,26 +63,24 @@ class RasterFacts:
         several = f", {len(self.bands)} bands" if len(self.bands) > 1 else ""
         return f"{self.rows} x {self.columns} pixels{several}, {where}{ground}"
 
-    @property
-    def polarised(self) -> int | None:
-        """Number of the first band, from 1, whose name is a polarisation; None if there is none."""
-        return next((k for k, name in enumerate(self.bands, start=1) if name in _POLARISATIONS), None)
-
     def scale(self, band: int | None) -> str | None:
-        """Scale that the numbers of a band show, or those of all bands; None if they do not show it.
+        """Scale that the numbers of a band, from 1, or those of all bands show; None if they do not show it."""
+        samples = [x for k, x in self.numbers.items() if band in (None, k)]
+        if samples and all(np.iscomplexobj(x) for x in samples):
+            return "complex"
+        return "db" if samples and all(x.size and x.real.min() < 0 for x in samples) else None
 
-        Parameters
-        ----------
-        band : int or None
-            Number of the band, from 1; None for all bands.
-        """
-        numbers = [self.numbers.get(k) for k in ((band,) if band is not None else range(1, len(self.bands) + 1))]
-        if all(isinstance(one, tuple) and one[0] < 0 for one in numbers):
-            return "db"
-        return "complex" if all(one == "complex" for one in numbers) else None
+    def levels_db(self, band: int, scale: str | None) -> tuple[float, float, float] | None:
+        """Levels that 5, 50 and 95 % of the numbers of a band do not exceed [dB]; None if the scale is not known."""
+        numbers = np.abs(self.numbers[band]) if scale in _PER_DECADE else self.numbers[band]
+        if scale in _PER_DECADE:
+            numbers = _PER_DECADE[scale] * np.log10(numbers[numbers > 0])
+        elif scale != "db":
+            return None
+        low, middle, high = np.quantile(numbers, _SHARES).tolist() if numbers.size else (np.nan,) * 3
+        return (low, middle, high) if np.isfinite(middle) else None
 
 
-@cache
 def raster_facts(path: Path, key: str, numbers: bool = False) -> RasterFacts | None:
     """Properties of a raster; None for a file that is no raster, such as a file with a numpy array.
 
@@ -107,11 +98,10 @@ def raster_facts(path: Path, key: str, numbers: bool = False) -> RasterFacts | N
     ConfigError
         The file does not exist or cannot be read.
     """
-    if path.is_dir():
-        raise ConfigError(f"{key}: {path} is a folder, expected a file.")
     if not path.is_file():
-        words = ", expected a file, a SAFE folder, or the word synthetic or none" * (key == "measurement.path")
-        raise ConfigError(f"{key}: the file {path} does not exist{words}.")
+        words = ", a SAFE folder, or the word synthetic or none" * (key == "measurement.path")
+        found = "is a folder" if path.is_dir() else "does not exist"
+        raise ConfigError(f"{key}: {path} {found}, expected a file{words}.")
     if not is_raster(path):
         return None
     try:
@@ -124,7 +114,7 @@ def raster_facts(path: Path, key: str, numbers: bool = False) -> RasterFacts | N
                 None if crs is None else label(horizontal(crs)),
                 None if crs is None else vertical_datum(crs),
                 None if crs is None else pixel_size_m(raster, horizontal(crs)),
-                {band: _numbers(raster, band) for band in raster.indexes} if numbers else {},
+                {band: _sample(raster, band) for band in raster.indexes} if numbers else {},
             )
     except ConfigError:
         raise
@@ -132,7 +122,6 @@ def raster_facts(path: Path, key: str, numbers: bool = False) -> RasterFacts | N
         raise ConfigError(f"{key}: {path} cannot be read as a raster ({error}).") from None
 
 
-@cache
 def product_acquisition(path: Path, heights: Path, polarisation: str | None) -> Acquisition:
     """Acquisition of a Sentinel-1 product over a raster of heights.
 
@@ -177,27 +166,6 @@ def product_acquisition(path: Path, heights: Path, polarisation: str | None) -> 
     return overpass_unchecked(path, FileMeasurement.model_validate({"path": str(path)}), radar, scene).acquisition
 
 
-def check_overlap(elevation: str, materials: str) -> None:
-    """Raise an error if the rasters of elevation and land cover have no common area.
-
-    Parameters
-    ----------
-    elevation, materials : str
-        Paths of two rasters with a CRS.
-
-    Raises
-    ------
-    SceneError
-        The rasters do not overlap, or one of them cannot be a raster of a scene.
-    """
-    from radcal.config import RasterScene
-    from radcal.scene.grid import opened, overlap
-
-    scene = RasterScene.model_construct(elevation=elevation, materials=materials)
-    with opened("scene.elevation", scene) as heights, opened("scene.materials", scene) as cover:
-        overlap(heights, cover)
-
-
 def code_counts(path: Path) -> dict[int, int]:
     """Number of pixels of each code in the first band of a land-cover raster, without pixels marked as no data.
 
@@ -228,60 +196,15 @@ def code_counts(path: Path) -> dict[int, int]:
     return dict(sorted(counts.items()))
 
 
-def landcover_codes(path: Path, elevation: str | None) -> dict[int, int]:
-    """Number of pixels of each code in a land cover, without code 0.
-
-    Parameters
-    ----------
-    path : path
-        Raster of land cover.
-    elevation : str or None
-        Path of the raster of heights, which the user may have exchanged with the land cover.
-
-    Raises
-    ------
-    ConfigError
-        The file cannot be read, or its numbers are of no integer type.
-    """
-    try:
-        counts = code_counts(path)
-    except ConfigError as error:
-        hint = "" if elevation is None else swapped_hint(Path(elevation).expanduser(), error)
-        raise ConfigError(f"{error}{hint}", error.about) from None
-    return {code: count for code, count in counts.items() if code != 0}
-
-
-def swapped_hint(elevation: Path, error: RadcalError) -> str:
-    """Question whether heights and land cover are swapped, for a problem of a land cover that holds no codes.
-
-    Parameters
-    ----------
-    elevation : path
-        Raster of heights.
-    error : RadcalError
-        Problem; the hint is empty for a problem of another file, and if the raster of heights holds no whole numbers.
-    """
-    about = error.about
-    if not (isinstance(about, WrongNumbers) and about.key == "scene.materials" and about.what.startswith("float")):
-        return ""
-    try:
-        code_counts(elevation)  # refuses a raster of fractions
-    except ConfigError:
-        return ""
-    return f" scene.elevation: {elevation} holds whole numbers: are the two files swapped?"
-
-
 def _name(description: str | None) -> str:
     text = (description or "").strip()
     return next((name for name in _POLARISATIONS if name in text.upper().replace("_", " ").split()), text)
 
 
-def _numbers(raster: Any, band: int) -> tuple[float, float, float] | str | None:
-    """Lowest, median and highest number of a sample of a band."""
-    if "complex" in raster.dtypes[band - 1]:
-        return "complex"
+def _sample(raster: Any, band: int) -> NDArray[Any]:
+    """Finite numbers of a band, of at most 1024 x 1024 pixels."""
     check_blocks(raster)
     shape = (min(raster.height, _SAMPLE_PX), min(raster.width, _SAMPLE_PX))
-    values = raster.read(band, out_shape=shape, masked=True).compressed().astype(np.float64)
-    values = values[np.isfinite(values)]
-    return (float(values.min()), float(np.median(values)), float(values.max())) if values.size else None
+    values = raster.read(band, out_shape=shape, masked=True).compressed()
+    values = values if np.iscomplexobj(values) else values.astype(np.float64)
+    return np.asarray(values[np.isfinite(values)])
