@@ -56,7 +56,7 @@ OUTPUTS = {
 }
 UNUSED = {*every_pass(rules.simulator.output.identity), rules.reuse.output.index}
 UNUSED -= {*every_pass(SIMULATOR), *REUSED}
-if not TWICE:
+if not REGISTERED_TWICE:
     UNUSED |= {
         *every_pass(rules.first_registration.output.registered),
         *every_pass(rules.registration_run.output.index),

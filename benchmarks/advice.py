@@ -52,7 +52,7 @@ from twins import finished
 
 from radcal.assessment.model import image_of, posterior_of
 from radcal.assessment.observation import observe
-from radcal.assessment.preposterior import Sight, half_widths_after, half_widths_now, sight_of
+from radcal.assessment.preposterior import View, half_widths_after, half_widths_now, view_of
 from radcal.config import Case, case_from, stages
 from radcal.objectives import make_objectives
 from radcal.posterior.cells import Simulated
@@ -85,7 +85,7 @@ class Ground:
 
     scene: Scene
     geometries: dict[Pass, Geometry]
-    sights: dict[Pass, Sight]
+    views: dict[Pass, View]
 
     @classmethod
     def made(cls, case: Case) -> Ground:
@@ -93,12 +93,12 @@ class Ground:
         scene = make_scene(case.scene, list(case.materials))
         radars = {one: case.radar.model_copy(update=settings(one)) for one in PASSES}
         geometries = {one: make_geometry(scene, radar) for one, radar in radars.items()}
-        sights = {one: sight_of(NAME, geometries[one], radars[one], case.target.margin_px, scene) for one in PASSES}
-        return cls(scene, geometries, {one: sight for one, sight in sights.items() if sight is not None})
+        views = {one: view_of(NAME, geometries[one], radars[one], case.target.margin_px, scene) for one in PASSES}
+        return cls(scene, geometries, {one: view for one, view in views.items() if view is not None})
 
     def seen_deg(self, one: Pass) -> tuple[float, float]:
         """5 % and 95 % quantiles of the incidence in a pass [deg]."""
-        low, high = np.quantile(self.sights[one].incidence_deg, [0.05, 0.95])
+        low, high = np.quantile(self.views[one].incidence_deg, [0.05, 0.95])
         return float(low), float(high)
 
 
@@ -242,7 +242,7 @@ def outcomes(before: Posterior, case: Case, first: Pass, questions: list[Questio
     now = half_widths_now(draws.curves_db(law))
     after = {
         one: half_widths_after(
-            draws, law, [ground.sights[first]], [ground.sights[one]], before.looks, case.uncertainty, grid
+            draws, law, [ground.views[first]], [ground.views[one]], before.looks, case.uncertainty, grid
         )
         for one in PASSES
         if one != first
@@ -290,7 +290,7 @@ def peers(asked: Question, first: Pass, over_deg: tuple[float, float], ground: G
     own = within(wanted, *ground.seen_deg(first))
     inside, median, covered = [], [], []
     for one in asked.candidates:
-        angles = ground.sights[one].incidence_deg
+        angles = ground.views[one].incidence_deg
         inside.append(float(within(angles, *over_deg).mean()))
         median.append(-abs(float(np.median(angles)) - middle))
         covered.append((float((own | within(wanted, *ground.seen_deg(one))).mean()), inside[-1]))

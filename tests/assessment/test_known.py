@@ -226,10 +226,10 @@ def test_a_law_of_the_search_outside_of_the_band():
     """Half a decibel above the upper edge at 44 degrees, where it is seen last; beyond it is farther."""
     away = LINE_X + np.array([0.0, 2.5])
     edge = made_curve(1.0)
-    (found,) = law_findings("dyke", made_posterior(curve=edge), LINE, away, {"level": "level of pass 1"})
+    (found,) = law_findings("dyke", made_posterior(curve=edge), LINE, away, ["level of pass 1"])
     assert codes([found]) == [("law_outside_band", "warning", "dyke")]
     assert found.numbers == {"beyond_db": pytest.approx(2.5 * 24.0 / 40.0 - 1.0), "cause": "level of pass 1"}
-    (below,) = law_findings("dyke", made_posterior(curve=edge), LINE, LINE_X - [0.0, 2.5], {})
+    (below,) = law_findings("dyke", made_posterior(curve=edge), LINE, LINE_X - [0.0, 2.5], ())
     assert below.numbers == {"beyond_db": pytest.approx(2.5 * 24.0 / 40.0 - 1.0), "cause": "cause unknown"}
-    assert list(law_findings("dyke", made_posterior(), LINE, LINE_X + [0.9, 0.9], {})) == []
-    assert list(law_findings("dyke", made_posterior(curve=None), LINE, away, {})) == []
+    assert list(law_findings("dyke", made_posterior(), LINE, LINE_X + [0.9, 0.9], ())) == []
+    assert list(law_findings("dyke", made_posterior(curve=None), LINE, away, ())) == []

@@ -67,7 +67,7 @@ def every():
     yield from of_material(form=made_form(noticed_db=float("inf")), curve=None)
     yield from of_material(spread_deg=0.0)
     yield from of_material(cells=0, curve=None, form=None)
-    yield from law_findings("dyke", made_posterior(), LINE, LINE_X + 9.0, {})
+    yield from law_findings("dyke", made_posterior(), LINE, LINE_X + 9.0, ())
     yield Finding("another_law", "warning", "dyke", {"difference_db": 3.21, "law": "mangia"}, "materials.dyke.law")
     yield Finding("texture", "note", "dyke", {"looks": 2.75, "looks_nominal": 4.0})
     yield moved_finding("dyke", 0.81, 0.34, 1.42, 0.7)

@@ -10,12 +10,12 @@ import pytest
 from scipy.special import polygamma
 
 from radcal.assessment.preposterior import (
-    Sight,
+    View,
     _equivalent_sd,
     _normal_scores,
     half_widths_after,
     half_widths_now,
-    sight_of,
+    view_of,
 )
 from radcal.config import Radar, Uncertainty
 from radcal.laws import LAWS, law_for
@@ -35,17 +35,17 @@ def speckle_db2(independent: float) -> float:
     return float(18.861169701161387 * polygamma(1, LOOKS * independent))
 
 
-def sight(angle: int = 120, independent: float = MANY, noise_db: float = -300.0, number: int = 1) -> Sight:
+def view(angle: int = 120, independent: float = MANY, noise_db: float = -300.0, number: int = 1) -> View:
     """One cell of one field, whose pixels all have the incidence of one place of the grid."""
     cell, middle = np.zeros(9, dtype=np.int64), GRID_DEG[[angle]]
     count, noise = np.array([float(independent)]), np.array([noise_db])
-    return Sight(np.arange(9), np.repeat(middle, 9), cell, np.array([number]), middle, count, noise)
+    return View(np.arange(9), np.repeat(middle, 9), cell, np.array([number]), middle, count, noise)
 
 
-def joined(*cells: Sight) -> Sight:
+def joined(*cells: View) -> View:
     """All cells as cells of one pass."""
     each = {key: np.concatenate([getattr(one, key) for one in cells]) for key in vars(cells[0])}
-    return Sight(**each)
+    return View(**each)
 
 
 def lines(count: int = 900, level_sd: float = 0.8, slope_sd: float = 0.06, **more: Any) -> KeptDraws:
@@ -63,7 +63,7 @@ def sd(values: np.ndarray) -> float:
 
 
 def sd_left(
-    draws: KeptDraws, seen: list[Sight], at: np.ndarray, config: Uncertainty = EXACT, own: Any = (), same: bool = False
+    draws: KeptDraws, seen: list[View], at: np.ndarray, config: Uncertainty = EXACT, own: Any = (), same: bool = False
 ) -> float:
     return float(half_widths_after(draws, FLAT, own, seen, LOOKS, config, at, same)[0] / 1.6448536269514722)
 
@@ -77,9 +77,9 @@ def test_a_known_variance_shrinks_as_two_normal_measurements_do() -> None:
     draws = lines()
     prior, speckle = at_30(draws), speckle_db2(7.0)
     expected = np.sqrt(prior * speckle / (prior + speckle))
-    assert sd_left(draws, [sight(independent=7.0)], AT_30) == pytest.approx(expected, rel=1e-6)
+    assert sd_left(draws, [view(independent=7.0)], AT_30) == pytest.approx(expected, rel=1e-6)
     twice = np.sqrt(1.0 / (1.0 / prior + 2.0 / speckle))
-    assert sd_left(draws, [sight(independent=7.0)] * 2, AT_30) == pytest.approx(twice, rel=1e-6)
+    assert sd_left(draws, [view(independent=7.0)] * 2, AT_30) == pytest.approx(twice, rel=1e-6)
 
 
 def narrowed(prior: float, own: float, further: float, common: float) -> float:
@@ -97,7 +97,7 @@ def narrowed(prior: float, own: float, further: float, common: float) -> float:
 def test_a_pass_over_the_same_field_does_not_measure_its_effect_again(number: int) -> None:
     draws = lines(slope_sd=0.0, field_db=np.full(900, 0.6))
     s, t, field = speckle_db2(40.0), speckle_db2(90.0), 0.36
-    own, further = sight(independent=40.0, number=3), sight(independent=90.0, number=number)
+    own, further = view(independent=40.0, number=3), view(independent=90.0, number=number)
     shared = number == 3
     expected = narrowed(at_30(draws), s + field * (not shared), t + field * (not shared), field * shared)
     assert sd_left(draws, [further], AT_30, own=[own]) == pytest.approx(expected, rel=1e-6)
@@ -107,7 +107,7 @@ def test_a_pass_over_the_same_field_does_not_measure_its_effect_again(number: in
 
 def test_a_level_that_the_same_fixed_laws_give_is_not_measured_again() -> None:
     draws, config = lines(slope_sd=0.0), Uncertainty(level_db=0.6, noise_db=0.0)
-    own, further, s, t = sight(independent=2.0), sight(independent=5.0, number=2), speckle_db2(2.0), speckle_db2(5.0)
+    own, further, s, t = view(independent=2.0), view(independent=5.0, number=2), speckle_db2(2.0), speckle_db2(5.0)
     same = sd_left(draws, [further], AT_30, config, [own], same=True)
     assert same == pytest.approx(narrowed(at_30(draws), s, t, 0.36), rel=1e-6)
     apart = sd_left(draws, [further], AT_30, config, [own])
@@ -118,7 +118,7 @@ def test_cells_of_a_field_have_its_effect_in_common_and_their_own_effects_and_sp
     """The precisions of the cells of a field add, and so do those of the fields."""
     draws = lines(slope_sd=0.0, field_db=np.full(900, 0.6), cell_db=np.full(900, 0.3))
     counts = ((3.0, 8.0, 20.0), (5.0,))
-    seen = joined(*(sight(independent=n, number=k) for k, each in enumerate(counts) for n in each))
+    seen = joined(*(view(independent=n, number=k) for k, each in enumerate(counts) for n in each))
     own = [1.0 / sum(1.0 / (speckle_db2(n) + 0.09) for n in each) for each in counts]
     left = np.sqrt(1.0 / (1.0 / at_30(draws) + sum(1.0 / (0.36 + one) for one in own)))
     assert sd_left(draws, [seen], AT_30) == pytest.approx(left, rel=1e-6)
@@ -131,7 +131,7 @@ def test_several_passes_over_common_fields_agree_with_the_covariance_of_all_cell
     draws = lines(200, field_db=np.full(200, 0.5), cell_db=np.full(200, 0.2))
     passes = [
         joined(
-            *(sight(int(rng.integers(90, 230)), float(rng.integers(2, 30)), noise, int(rng.choice(few))) for _ in few)
+            *(view(int(rng.integers(90, 230)), float(rng.integers(2, 30)), noise, int(rng.choice(few))) for _ in few)
         )
         for noise, few in ((-22.0, [1, 2, 2, 7]), (-16.0, [2, 3, 7]), (-19.0, [1, 3, 3, 4, 7]))
     ]
@@ -173,18 +173,18 @@ def test_one_draw_far_away_changes_neither_scores_nor_the_standard_deviation_of_
 def test_without_a_pass_nothing_changes() -> None:
     draws = lines(500, field_db=np.random.default_rng(2).exponential(0.5, 500))
     some = np.arange(80, 240, 40)
-    left = half_widths_after(draws, FLAT, [sight()], [], LOOKS, EXACT, some)
+    left = half_widths_after(draws, FLAT, [view()], [], LOOKS, EXACT, some)
     assert left == pytest.approx(half_widths_now(draws.curves_db(FLAT)[:, some]))
 
 
 def test_a_pass_says_of_other_angles_what_the_draws_correlate() -> None:
     draws = lines()
     # at 30 degrees the slope is not seen: the level's part of the variance at 50 degrees goes
-    assert sd_left(draws, [sight()], AT_50) == pytest.approx(20.0 * 0.06, rel=0.05)
+    assert sd_left(draws, [view()], AT_50) == pytest.approx(20.0 * 0.06, rel=0.05)
     # at 50 degrees level and slope are seen together
     total, level = 0.8**2 + (20.0 * 0.06) ** 2, 0.8**2
     left = np.sqrt(level * (1.0 - level / total))
-    assert sd_left(draws, [sight(200)], AT_30) == pytest.approx(left, rel=0.05)
+    assert sd_left(draws, [view(200)], AT_30) == pytest.approx(left, rel=0.05)
 
 
 @pytest.mark.parametrize(
@@ -199,12 +199,12 @@ def test_level_and_fields_limit_what_a_pass_says(level_db: float, effects: dict[
     draws, config = lines(**effects), Uncertainty(level_db=level_db, noise_db=0.0)
     prior = at_30(draws)
     expected = np.sqrt(prior * variance / (prior + variance))
-    assert sd_left(draws, [sight()], AT_30, config) == pytest.approx(expected, rel=1e-5)
+    assert sd_left(draws, [view()], AT_30, config) == pytest.approx(expected, rel=1e-5)
 
 
 def test_an_error_of_the_noise_floor_counts_by_the_noise_in_the_mean_level() -> None:
     """Noise 10 dB below the mean of curves that differ much is a tenth of the power."""
-    draws, seen = lines(level_sd=3.0, slope_sd=0.0), sight(noise_db=-20.0)
+    draws, seen = lines(level_sd=3.0, slope_sd=0.0), view(noise_db=-20.0)
     means = seen.means_db(draws.laws_db(FLAT))
     floor = 10.0 ** ((-20.0 - float(means.mean())) / 10.0)
     prior, variance = sd(means[:, 0]) ** 2, (2.0 * floor) ** 2
@@ -214,7 +214,7 @@ def test_an_error_of_the_noise_floor_counts_by_the_noise_in_the_mean_level() -> 
 
 def test_ground_in_the_noise_says_little() -> None:
     draws = lines(level_sd=0.1, slope_sd=0.0)
-    clear, equal, deep = (sd_left(draws, [sight(independent=2000.0, noise_db=n)], AT_30) for n in (-60.0, -10.0, 10.0))
+    clear, equal, deep = (sd_left(draws, [view(independent=2000.0, noise_db=n)], AT_30) for n in (-60.0, -10.0, 10.0))
     assert clear < 0.5 * 0.1
     # at a noise as strong as the signal, half of a change of the signal is seen
     speckle, prior = speckle_db2(2000.0), at_30(draws)
@@ -225,7 +225,7 @@ def test_ground_in_the_noise_says_little() -> None:
 def test_what_a_pass_sees_of_a_material(geometry_of_slopes) -> None:
     geometry = geometry_of_slopes
     radar = Radar(nesz_db=-25.0)
-    found = sight_of("slope", geometry, radar, 0)
+    found = view_of("slope", geometry, radar, 0)
     assert found is not None
     usable = geometry.pixels("slope")[~geometry.layover.ravel()[geometry.pixels("slope")]]
     assert found.pixels.tolist() == usable.tolist()
@@ -247,11 +247,11 @@ def test_what_a_pass_sees_of_a_material(geometry_of_slopes) -> None:
     # one pixel less in the cell of 8 in the last row
     layover = geometry.layover.copy()
     layover[24, 23] = True
-    fewer = sight_of("slope", replace(geometry, layover=layover), radar, 0)
+    fewer = view_of("slope", replace(geometry, layover=layover), radar, 0)
     assert fewer is not None
     assert fewer.patch.size == 9
     assert fewer.pixels.tolist() == usable[:-8].tolist()
-    assert sight_of("patch", geometry, radar, 0) is None  # 40 pixels
+    assert view_of("patch", geometry, radar, 0) is None  # 40 pixels
 
 
 @pytest.fixture

@@ -41,7 +41,7 @@ def made(added_db=0.0, power_db=-np.inf, weight=1.0, terrain=False, runs=(DARK, 
     compared = SimpleNamespace(classes=classes, method=SimpleNamespace(law=LAW, looks=LOOKS))
     objective = SimpleNamespace(
         material=SimpleNamespace(law=LAW, decibels=True),
-        passes=(SimpleNamespace(compared=lambda: compared),),
+        passes=(SimpleNamespace(measured_bins=lambda: compared),),
         in_pass=lambda _, score: score,
     )
     ground = np.zeros_like(seen.ground) if terrain else seen.ground

@@ -97,8 +97,8 @@ class Quartiles(Objective):
     def scale(self):
         return np.array([[1.0, 0.1, 1.0]])
 
-    def compared(self):
-        return Density(self.material).compared()
+    def measured_bins(self):
+        return Density(self.material).measured_bins()
 
     def statistics(self, values_db, pixels=None):
         values = values_db if pixels is None else values_db[pixels]

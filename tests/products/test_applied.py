@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import polygamma
 
-from radcal.assessment.preposterior import Sight
+from radcal.assessment.preposterior import View
 from radcal.config import RegistrationConfig, Uncertainty, load_forward, load_measured
 from radcal.errors import ConfigError, StoreError
 from radcal.figures import drawing
@@ -45,7 +45,7 @@ def bins_of(pixels: int = 400, noise_db: float = -300.0) -> Bins:
     """Two bins about 30 and 50 degrees, in one field, each of one cell and with as many independent pixels."""
     middles = np.array([30.0, 50.0])
     cell, count, noise = np.repeat([0, 1], pixels), np.full(2, float(pixels)), np.full(2, noise_db)
-    parts = Sight(np.arange(2 * pixels), middles[cell], cell, np.array([1, 1]), middles, count, noise)
+    parts = View(np.arange(2 * pixels), middles[cell], cell, np.array([1, 1]), middles, count, noise)
     return Bins(np.array([30.0, 40.0, 50.0]), parts, np.eye(2))
 
 
@@ -152,7 +152,7 @@ def test_law_and_constant_count_alike(monkeypatch) -> None:
     law = np.asarray(LAW(np.radians(x), X))
     posterior = drawn(level_sd=0.5)
     posterior.constant = Constant(-12.0, 0.01, 0.2, 0.1)
-    monkeypatch.setattr(applied, "sight_of", lambda *_: seen.parts)
+    monkeypatch.setattr(applied, "view_of", lambda *_: seen.parts)
     monkeypatch.setattr(Bins, "of", lambda _: seen)
     image = np.asarray(LAW(np.radians(seen.parts.incidence_deg), X)).astype(np.float32)
     materials = {"dyke": posterior, "program": SimpleNamespace(constant=None), "other": posterior, "lost": None}
@@ -181,7 +181,7 @@ def test_cells_are_divided_at_the_edges_of_the_bins() -> None:
     angle = np.concatenate([np.linspace(20.0, 24.0, 400), np.linspace(23.0, 29.0, 400), np.linspace(29.5, 33.0, 400)])
     cell, patch = np.repeat([0, 1, 2], 400), np.array([5, 8, 5])
     middle, noise = np.bincount(cell, angle) / 400.0, np.array([-20.0, -21.0, -23.0])
-    bins = Bins.of(Sight(np.arange(1200), angle, cell, patch, middle, np.array([200.0, 100.0, 50.0]), noise))
+    bins = Bins.of(View(np.arange(1200), angle, cell, patch, middle, np.array([200.0, 100.0, 50.0]), noise))
     assert bins.edges_deg.tolist() == incidence_edges(angle, "auto").tolist()
     member = class_of(angle, bins.edges_deg)
     pairs = np.unique(np.stack([cell, member]), axis=1)

@@ -39,7 +39,9 @@ rule reuse:
 
 
 REUSED = [rules.reuse.output.index] if CASE.design.reuse else []
-REGISTRATION_RUN = every_pass(rules.registration_run.output.index) if TWICE else []
+REGISTRATION_RUN = (
+    every_pass(rules.registration_run.output.index) if REGISTERED_TWICE else []
+)
 
 
 rule reference_run:

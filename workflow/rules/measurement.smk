@@ -33,17 +33,17 @@ rule measurement:
 # bright in the reference run than in the measured image, which misleads the registration. The image is therefore
 # registered again, onto a run of the laws found with the first registration of the first pass. All passes have this run,
 # so that it also trains the surrogate.
-TWICE = CASE.registers_twice
+REGISTERED_TWICE = CASE.registers_twice
 
 
 rule registration:
     input:
         onto=(
             f"{OUT}/{{at}}registration_run.json"
-            if TWICE
+            if REGISTERED_TWICE
             else f"{OUT}/{{at}}reference.json"
         ),
-        first=[f"{OUT}/{{at}}first/registered.h5"] if TWICE else [],
+        first=[f"{OUT}/{{at}}first/registered.h5"] if REGISTERED_TWICE else [],
         measurement=rules.measurement.output.measurement,
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,

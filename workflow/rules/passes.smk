@@ -4,10 +4,9 @@
 
 from snakemake.io import strip_wildcard_constraints
 
-ALONE = CASE.passes
 PASSES = {
     f"passes/{number}/" if number > 1 else "": one
-    for number, one in enumerate(ALONE, start=1)
+    for number, one in enumerate(CASE.passes, start=1)
 }
 
 

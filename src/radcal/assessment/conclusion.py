@@ -143,14 +143,14 @@ def conclude(
     findings = [finding for one in images for finding in one.findings]
     findings += image_findings(case, image)
     refused = any(one.severity == "refusal" for one in findings)
-    causes = {one.code: f"{one.code} of {one.about}" for one in findings if one.severity != "note"}
+    warned = {one.code: f"{one.code} of {one.about}" for one in findings if one.severity != "note"}
     laws = {name: (case.laws[name], np.asarray(history.best(name).parameters)) for name in targets}
     for name, found in laws.items():
         findings += material_findings(case, name, posteriors[name], targets, refused)
         if looks[name] < case.radar.looks:
             numbers = {"looks": looks[name], "looks_nominal": float(case.radar.looks)}
             findings.append(Finding("texture", "note", name, numbers))
-        findings += law_findings(name, posteriors[name], *found, causes)
+        findings += law_findings(name, posteriors[name], *found, warned.values())
         if case.simulator.kind == "command":
             law = case.materials[name].law
             findings += another_law(name, law, objectives[name], targets[name], history, geometry)

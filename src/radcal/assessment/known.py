@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,7 +117,7 @@ def _state(case: stages.Archive, name: str, posterior: Posterior, targets: Targe
     return Finding("determined", "note", name, numbers)
 
 
-def law_findings(name: str, posterior: Posterior, law: Law, x: Doubles, causes: Mapping[str, str]) -> Iterator[Finding]:
+def law_findings(name: str, posterior: Posterior, law: Law, x: Doubles, warned: Collection[str]) -> Iterator[Finding]:
     """Warning if the law of the search leaves the band over the incidence seen.
 
     Parameters
@@ -130,8 +130,8 @@ def law_findings(name: str, posterior: Posterior, law: Law, x: Doubles, causes: 
         Law of the material.
     x : ndarray, shape (d,)
         X of the search.
-    causes : mapping
-        What the image's findings name as cause, by code.
+    warned : collection of str
+        What the image's findings warn of.
     """
     curve = posterior.curve
     if curve is None or not law.has_curve:
@@ -140,5 +140,5 @@ def law_findings(name: str, posterior: Posterior, law: Law, x: Doubles, causes: 
     (low, _, high), at = curve.at(angle), np.asarray(law(np.radians(angle), x))
     beyond = float(np.maximum(low - at, at - high).max())
     if beyond > 0.0:
-        numbers: dict[str, float | str] = {"beyond_db": beyond, "cause": ", ".join(causes.values()) or "cause unknown"}
+        numbers: dict[str, float | str] = {"beyond_db": beyond, "cause": ", ".join(warned) or "cause unknown"}
         yield Finding("law_outside_band", "warning", name, numbers)

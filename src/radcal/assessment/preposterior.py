@@ -20,7 +20,7 @@ from radcal.radar.radiometry import noise_floor_db, with_noise_db
 from radcal.scene.model import Scene
 from radcal.targets.target_fit import fields_of
 
-__all__ = ["Sight", "common_errors", "half_widths_after", "half_widths_now", "sight_of"]
+__all__ = ["View", "common_errors", "half_widths_after", "half_widths_now", "view_of"]
 
 Doubles = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ _SCORES = ndtri(np.arange(0.5, 400.0) / 400.0)  # of a standard normal distribut
 
 
 @dataclass(frozen=True)
-class Sight:
+class View:
     """Pixels of one material that a planned pass would see, in n cells, which are those of the model (:mod:`.cells`).
 
     Attributes
@@ -68,7 +68,7 @@ class Sight:
         return np.asarray(DB**2 * polygamma(1, looks * self.independent))
 
 
-def sight_of(name: str, geometry: Geometry, radar: Radar, margin_px: int, scene: Scene | None = None) -> Sight | None:
+def view_of(name: str, geometry: Geometry, radar: Radar, margin_px: int, scene: Scene | None = None) -> View | None:
     """Pixels of a material that a planned pass would see; None for fewer than 50 usable pixels.
 
     Parameters
@@ -98,7 +98,7 @@ def sight_of(name: str, geometry: Geometry, radar: Radar, margin_px: int, scene:
     # each resolution cell counts as one independent pixel
     spacing = radar.range_spacing_m * radar.azimuth_spacing_m
     share = min(spacing / (radar.range_resolution_m * radar.azimuth_resolution_m), 1.0)
-    return Sight(
+    return View(
         pixels=pixels,
         incidence_deg=angle[pixels],
         cell=cell,
@@ -110,7 +110,7 @@ def sight_of(name: str, geometry: Geometry, radar: Radar, margin_px: int, scene:
 
 
 def common_errors(
-    sights: Sequence[Sight], levels_db: Doubles, field_db: float, config: Uncertainty, common_level: bool = False
+    views: Sequence[View], levels_db: Doubles, field_db: float, config: Uncertainty, common_level: bool = False
 ) -> Doubles:
     """Errors that n means of cells share, as columns of effects of variance 1 [dB], shape (n, f + 2 p).
 
@@ -119,7 +119,7 @@ def common_errors(
 
     Parameters
     ----------
-    sights : sequence of Sight
+    views : sequence of View
         Cells of each pass.
     levels_db : ndarray, shape (n,)
         Levels of the cells of all passes [dB].
@@ -130,9 +130,9 @@ def common_errors(
     common_level : bool
         Whether all passes have one error of the level.
     """
-    patch, noise_db = (np.concatenate([getattr(one, key) for one in sights]) for key in ("patch", "noise_db"))
-    of_pass = np.repeat(np.eye(len(sights)), [one.patch.size for one in sights], axis=0)
-    level = np.where(common_level, [1.0] + [0.0] * (len(sights) - 1), of_pass)
+    patch, noise_db = (np.concatenate([getattr(one, key) for one in views]) for key in ("patch", "noise_db"))
+    of_pass = np.repeat(np.eye(len(views)), [one.patch.size for one in views], axis=0)
+    level = np.where(common_level, [1.0] + [0.0] * (len(views) - 1), of_pass)
     share = np.minimum(10.0 ** ((noise_db - levels_db) / 10.0), 1.0)
     fields = np.equal(patch[:, None], np.unique(patch))
     return np.hstack([field_db * fields, config.level_db * level, config.noise_db * share[:, None] * of_pass])
@@ -147,8 +147,8 @@ def half_widths_now(curves_db: Doubles) -> Doubles:
 def half_widths_after(
     draws: KeptDraws,
     law: Law,
-    own: Sequence[Sight],
-    further: Sequence[Sight],
+    own: Sequence[View],
+    further: Sequence[View],
     looks: float,
     config: Uncertainty,
     of: NDArray[np.int64],
@@ -173,9 +173,9 @@ def half_widths_after(
         The m draws from the posterior.
     law : Law
         Law of the material.
-    own : sequence of Sight
+    own : sequence of View
         Pixels of the passes that the calibration has.
-    further : sequence of Sight
+    further : sequence of View
         Pixels that each further pass would see.
     looks : float
         Effective looks of a pixel inside of a cell.
@@ -199,11 +199,11 @@ def half_widths_after(
     """
     wanted = draws.curves_db(law)[:, of]
     now = half_widths_now(wanted)
-    sights, laws, m = [*own, *further], draws.laws_db(law), len(wanted)
-    means = np.concatenate([one.means_db(laws) for one in sights], axis=1)
+    views, laws, m = [*own, *further], draws.laws_db(law), len(wanted)
+    means = np.concatenate([one.means_db(laws) for one in views], axis=1)
     field, cell = _equivalent_sd(draws.field_db), _equivalent_sd(draws.cell_db)
-    common = common_errors(sights, means.mean(axis=0), field, config, common_level)
-    weight = 1.0 / (np.concatenate([one.speckle_db2(looks) for one in sights]) + cell**2)
+    common = common_errors(views, means.mean(axis=0), field, config, common_level)
+    weight = 1.0 / (np.concatenate([one.speckle_db2(looks) for one in views]) + cell**2)
     first = sum(one.patch.size for one in own)  # cell of the further passes
     # each draw is an unknown of variance 1
     seen, left = _normal_scores(means).T / np.sqrt(m), _normal_scores(wanted).T / np.sqrt(m)

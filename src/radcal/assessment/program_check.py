@@ -70,7 +70,7 @@ def beyond_law_db(
     """
     part = objective.passes[0]
     assert part is not None  # noqa: S101
-    compared = part.compared()
+    compared = part.measured_bins()
     classes, method = compared.classes, compared.method
     each = [objective.in_pass(0, run.scores[name]) for run in history.runs if run.scores[name].own_law]
     best = objective.in_pass(0, history.best(name))

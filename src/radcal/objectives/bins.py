@@ -17,9 +17,9 @@ from radcal.inference.misfit import BinMisfit, LikelihoodMisfit, Method, Misfit
 from radcal.inference.moments import from_cumulants, to_cumulants
 from radcal.objectives.history import History
 from radcal.objectives.objective import (
-    Compared,
     Doubles,
     Material,
+    MeasuredBins,
     Objective,
     Points,
     Progress,
@@ -83,11 +83,11 @@ class Bins(Objective):
         """Standard deviations of mean [dB], log sd and skewness of the measured bins, shape (n, 3)."""
         return np.asarray(np.sqrt(np.diag(self.moments.covariance)).reshape(3, -1).T)
 
-    def compared(self) -> Compared:
+    def measured_bins(self) -> MeasuredBins:
         """Measured pixels of the material, with the statistics of their incidence-angle bins."""
         measured = from_cumulants(self.bins.classes.cumulants)
         prior = law_prior(self.ground, self.method)
-        return Compared(self.ground, self.bins.classes, self.method, measured, prior)
+        return MeasuredBins(self.ground, self.bins.classes, self.method, measured, prior)
 
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
         """Mean [dB], log sd and skewness of the pixels in each bin, shape (n, 3)."""

@@ -17,9 +17,9 @@ from radcal.inference.misfit import Method, drawn
 from radcal.inference.moments import from_cumulants, from_dp, to_dp
 from radcal.objectives.history import History, Proposal
 from radcal.objectives.objective import (
-    Compared,
     Doubles,
     Material,
+    MeasuredBins,
     Objective,
     Points,
     Progress,
@@ -73,11 +73,11 @@ class Density(Objective):
         """Standard errors of mean, log sd and skewness of n normal values, times sqrt(n), shape (1, 3)."""
         return np.array([[np.exp(self._target[1]), np.sqrt(0.5), np.sqrt(6.0)]])
 
-    def compared(self) -> Compared:
+    def measured_bins(self) -> MeasuredBins:
         """Measured pixels and the centred parameters of their density."""
         # the simulated pixels have their own speckle, which adds to the variance of the difference
         ground = self.material.target.ground
-        return Compared(ground, self._classes.compared(1), self._method, self._target[None], None)
+        return MeasuredBins(ground, self._classes.compared(1), self._method, self._target[None], None)
 
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
         """Mean [dB], log sd and skewness of the density fitted to the pixels, shape (1, 3)."""

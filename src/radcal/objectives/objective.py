@@ -23,10 +23,10 @@ from radcal.targets.target import Target
 
 __all__ = [
     "Baseline",
-    "Compared",
     "Comparison",
     "Doubles",
     "Material",
+    "MeasuredBins",
     "Objective",
     "Points",
     "Progress",
@@ -99,7 +99,7 @@ class Points:
 
 
 @dataclass(frozen=True)
-class Compared:
+class MeasuredBins:
     """Measured pixels of one material in one pass, with the statistics that an objective compares.
 
     Attributes
@@ -300,7 +300,7 @@ class Objective(Comparison):
         self.passes = (self,)
 
     @abstractmethod
-    def compared(self) -> Compared:
+    def measured_bins(self) -> MeasuredBins:
         """Measured pixels of the material, with the statistics that are compared."""
 
     @abstractmethod

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.preposterior import Sight, half_widths_after, half_widths_now, sight_of
+from radcal.assessment.preposterior import View, half_widths_after, half_widths_now, view_of
 from radcal.config import Case, Radar, case_from
 from radcal.errors import ConfigError, StoreError
 from radcal.laws import Law
@@ -179,19 +179,19 @@ def advice_on(
     for name, (posterior, law) in found.items():
         draws = posterior.draws
         assert draws is not None  # noqa: S101 - asked for by the caller
-        sights = [sight_of(name, made, radar, margin_px, scene) for radar, made in zip(passes, geometries, strict=True)]
-        known = [sight_of(name, made, radar, margin_px, scene) for radar, made in own]
+        views = [view_of(name, made, radar, margin_px, scene) for radar, made in zip(passes, geometries, strict=True)]
+        known = [view_of(name, made, radar, margin_px, scene) for radar, made in own]
         measured = [one for one in known if one is not None]
-        seen = [_seen(one) for one in (*sights, *measured) if one is not None]
+        seen = [_seen(one) for one in (*views, *measured) if one is not None]
         over = over_deg or (min(low for low, _ in seen), max(high for _, high in seen))
         of = np.flatnonzero((over[0] <= GRID_DEG) & (over[1] >= GRID_DEG)).astype(np.int64)
         now = float(half_widths_now(draws.curves_db(law)[:, of]).mean())
-        for each, radar, made, sight in zip(rows, passes, geometries, sights, strict=True):
+        for each, radar, made, view in zip(rows, passes, geometries, views, strict=True):
             after = now
-            if sight is not None:
-                widths = half_widths_after(draws, law, measured, [sight], posterior.looks, config, of, removed)
+            if view is not None:
+                widths = half_widths_after(draws, law, measured, [view], posterior.looks, config, of, removed)
                 after = float(widths.mean())
-            incidence = None if sight is None else _seen(sight)
+            incidence = None if view is None else _seen(view)
             each.append(Advised(radar, name, incidence, now, after, over, *_hidden(made)))
     return [row for each in sorted(rows, key=common_ratio) for row in each]
 
@@ -215,8 +215,8 @@ def _passes(rows: Sequence[Advised]) -> Iterator[list[Advised]]:
         yield list(each)
 
 
-def _seen(sight: Sight) -> tuple[float, float]:
-    low, high = np.quantile(sight.incidence_deg, [0.05, 0.95])
+def _seen(view: View) -> tuple[float, float]:
+    low, high = np.quantile(view.incidence_deg, [0.05, 0.95])
     return float(low), float(high)
 
 

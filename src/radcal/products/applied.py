@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.preposterior import sight_of
+from radcal.assessment.preposterior import view_of
 from radcal.config import Case, Material, TargetConfig, Uncertainty, stages
 from radcal.errors import ConfigError, StoreError
 from radcal.figures.applied_figures import KNOWN, OUTSIDE, SEEN, Prediction, draw_predictions
@@ -277,14 +277,14 @@ def _of_pass(
         posterior = material.posterior
         if name not in changed.materials or posterior is None or posterior.constant is None:
             continue
-        sight = sight_of(name, one.geometry, case.radar, margin_px)
-        if sight is None:
+        view = view_of(name, one.geometry, case.radar, margin_px)
+        if view is None:
             continue
-        simulated = one.predicted_db.ravel()[sight.pixels].astype(np.float64)
-        values = None if one.measured_db is None else one.measured_db.ravel()[sight.pixels].astype(np.float64)
+        simulated = one.predicted_db.ravel()[view.pixels].astype(np.float64)
+        values = None if one.measured_db is None else one.measured_db.ravel()[view.pixels].astype(np.float64)
         start, rng = changed.materials[name].start_parameters, derived_rng(changed.seed, "apply", name)
         law = case.laws[name]
-        bins = Bins.of(sight)
+        bins = Bins.of(view)
         constant = by_constant_db(posterior.constant, posterior.looks, law, start, bins, uncertainty)
         moved = predict(predictive_db(posterior, law, start, bins, uncertainty, rng), *constant)
         yield from predictions(name, posterior, bins, simulated, moved, values)

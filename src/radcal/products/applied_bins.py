@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.preposterior import Sight, common_errors
+from radcal.assessment.preposterior import View, common_errors
 from radcal.config import Uncertainty
 from radcal.ground.classes import class_of, incidence_edges
 from radcal.laws import Law
@@ -31,31 +31,31 @@ class Bins:
     ----------
     edges_deg : ndarray, shape (b + 1,)
         Edges of the bins [deg].
-    parts : Sight
+    parts : View
         Pixels of the pass, in n parts of cells, each of which lies in one bin.
     weights : ndarray, shape (b, n)
         Weight of each part in the mean of each bin.
     """
 
     edges_deg: Doubles
-    parts: Sight
+    parts: View
     weights: Doubles
 
     @classmethod
-    def of(cls, sight: Sight) -> Bins:
+    def of(cls, view: View) -> Bins:
         """Bins of the usable pixels, with the cells divided at the edges of the bins."""
-        angle = sight.incidence_deg
+        angle = view.incidence_deg
         edges = incidence_edges(angle, "auto")
         size = edges.size - 1
-        found, part = np.unique(sight.cell * size + class_of(angle, edges), return_inverse=True)
+        found, part = np.unique(view.cell * size + class_of(angle, edges), return_inverse=True)
         of, count = found // size, np.bincount(part)
         parts = replace(
-            sight,
+            view,
             cell=part,
-            patch=sight.patch[of],
+            patch=view.patch[of],
             middle_deg=np.bincount(part, angle) / count,
-            independent=np.maximum(sight.independent[of] * count / np.bincount(sight.cell)[of], 1.0),
-            noise_db=sight.noise_db[of],
+            independent=np.maximum(view.independent[of] * count / np.bincount(view.cell)[of], 1.0),
+            noise_db=view.noise_db[of],
         )
         weights = np.equal(found % size, np.arange(size)[:, None]) * count
         return cls(edges, parts, weights / weights.sum(axis=1, keepdims=True))
