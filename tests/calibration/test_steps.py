@@ -17,14 +17,13 @@ from radcal.calibration.steps import (
     propose_all,
     reference_runs,
     repeatability,
-    runs_left,
     train_all,
     verify,
 )
-from radcal.config import Stop, stages
+from radcal.config import stages
 from radcal.errors import MissingSign, SimulatorError
 from radcal.objectives import make_objectives
-from radcal.objectives.history import History, Proposal, read_proposals, read_runs, write_proposals, write_runs
+from radcal.objectives.history import History, read_proposals, read_runs, write_proposals, write_runs
 from radcal.proposals.surrogate import read_trainings, write_trainings
 from radcal.speckle.texture import log_speckle_cumulants
 from radcal.storage.dataclass_groups import same
@@ -190,15 +189,6 @@ def test_runs_are_noisy_where_they_are_declared_so_or_differ(build_case, determi
     assert [one.code for one in found] == codes
     assert [one.numbers["largest_db"] for one in found if one.numbers] == [0.3] * (codes == ["does_not_repeat"])
     assert not _noisy(history, build_case().simulator)
-
-
-def test_runs_left_are_those_of_design_and_infill_up_to_the_maximum():
-    made = [make_run("reference", 0, {"dyke": 0.5}), *(make_run("design", k, {"dyke": 0.4}) for k in range(3))]
-    proposal = {"dyke": Proposal([0.0], "exploit", cost=0.3)}
-    history = History([*made, *(make_run("infill", k, {"dyke": 0.3}, proposal) for k in range(2))])
-    assert runs_left(history, ["dyke"], Stop(rms=1e-3, max_runs=12), "density") == 7
-    assert runs_left(history, ["dyke"], Stop(rms=1e-3, max_runs=5), "density") == 0
-    assert runs_left(history, ["dyke"], Stop(rms=0.31, max_runs=12), "density") == 0
 
 
 def test_score_asks_every_target_and_no_other_law(parts, runner, made):

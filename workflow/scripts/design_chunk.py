@@ -1,8 +1,7 @@
 """Simulate one chunk of the design."""
 
-from radcal.calibration.steps import called, design_line, noise_seed, run_all_draws
+from radcal.calibration.steps import called, design_line, run_all_draws
 from radcal.config import stages
-from radcal.forecast.time_left import FINAL_RUNS, at_most, most_need
 from radcal.proposals.design import design_points
 from radcal.session.jobs import logged, progress
 from radcal.simulators.sources import make_runner
@@ -21,10 +20,5 @@ with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
         with called(f"design run {k + 1} of {len(points)}"):
             record = run_all_draws(case, runner, parameters)
         index.append(IndexedRun.of(record, parameters))
-        missing = sum(not runner.is_recorded(x, noise_seed(case)) for x in points)
-        most, size = snakemake.config["stop"]["max_runs"], snakemake.params.size
-        further = missing - size + FINAL_RUNS
-        usual = most_need(size, most) + further
-        left = at_most(most + further, record.all_seconds, usual, " of simulation in this pass")
-        progress(design_line(k + 1, len(points), record, targets) + left)
+        progress(design_line(k + 1, len(points), record, targets))
     write_index(snakemake.output.index, index)

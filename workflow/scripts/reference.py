@@ -2,7 +2,6 @@
 
 from radcal.calibration.steps import reference_runs, repeatability
 from radcal.config import stages
-from radcal.forecast.time_left import FINAL_RUNS, at_most, most_need
 from radcal.image.model import read_measurement
 from radcal.programs.command_plan import changed_links
 from radcal.session.jobs import logged, progress
@@ -20,10 +19,7 @@ with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
     start = case.start_parameters
     repeated = [IndexedRun.of(record, start, db) for record, db in zip(again, differences, strict=True)]
     write_index(snakemake.output.index, [IndexedRun.of(first, start), *repeated])
-    most = snakemake.config["stop"]["max_runs"]
-    usual = most_need(snakemake.config["design_size"], most) + FINAL_RUNS
-    left = at_most(most + FINAL_RUNS, first.all_seconds, usual, " of simulation in this pass")
-    progress(f"reference run: {first.seconds:.1f} s for {first.image_db.shape} pixels{left}")
+    progress(f"reference run: {first.seconds:.1f} s for {first.image_db.shape} pixels")
     for finding in repeatability(case.simulator, differences):
         progress(sentence(finding))
     if changed := changed_links(case, runner.identity):

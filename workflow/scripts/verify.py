@@ -1,8 +1,7 @@
 """Simulate the proposals of all materials in one run and score this run."""
 
-from radcal.calibration.steps import progress_line, runs_left, verify
+from radcal.calibration.steps import progress_line, verify
 from radcal.config import Stop, stages
-from radcal.forecast.time_left import at_most, iteration_seconds, most_need
 from radcal.objectives import make_objectives
 from radcal.objectives.history import History, read_proposals, read_runs, write_runs
 from radcal.proposals.surrogate import write_trainings
@@ -22,8 +21,4 @@ with logged(snakemake.log[0], snakemake.params.case):
     write_runs(snakemake.output.verified, [run])
     stop = Stop.model_validate(snakemake.config["stop"])
     history = History([*history.runs, run])
-    seconds = iteration_seconds([snakemake.input.scores, *snakemake.input.earlier])
-    design = history.count("design")
-    usual = most_need(design, stop.max_runs) - design - history.count("infill")
-    left = at_most(runs_left(history, case.calibrated, stop, case.objective), seconds, usual)
-    progress(progress_line(history, case.calibrated, stop, case.objective) + left)
+    progress(progress_line(history, case.calibrated, stop, case.objective))

@@ -40,7 +40,6 @@ __all__ = [
     "reference_runs",
     "repeatability",
     "run_all_draws",
-    "runs_left",
     "train_all",
     "verify",
 ]
@@ -340,10 +339,3 @@ def progress_line(history: History, materials: Sequence[str], stop: Stop, object
     ended = [name for name in materials if verdicts[name].reason in ("rms", "settled")]
     text = OBJECTIVES[objective].progress_line(history, materials, ended, stop)
     return f"run {runs:>3} (iteration {history.count('infill')}): {text}"
-
-
-def runs_left(history: History, materials: Sequence[str], stop: Stop, objective: str) -> int:
-    """Largest number of infill runs that may follow; 0 if the search of all materials has ended."""
-    if decide(history, materials, stop, objective).ended:
-        return 0
-    return max(stop.max_runs - history.count("design") - history.count("infill"), 0)

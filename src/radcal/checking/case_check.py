@@ -5,13 +5,13 @@ from __future__ import annotations
 import contextlib
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from radcal.checking.file_problems import is_on_map, scene_of, with_hints
 from radcal.checking.finished import kept_results
-from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, low_track, outlook, time_expected
+from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, low_track, outlook
 from radcal.checking.places import images_elsewhere
 from radcal.checking.unregistered import cells_of, fixed_laws, unreachable
 from radcal.config import (
@@ -26,9 +26,8 @@ from radcal.config import (
 from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, MissingSign, NotInScene, RadcalError, UnknownMaterial
 from radcal.findings import Finding, of_pass
-from radcal.forecast.expected_memory import expected_mb
 from radcal.forecast.memory_and_time import Stage, memory_mb, values_of
-from radcal.forecast.time_left import largest_runs, runs_in_words
+from radcal.forecast.runs_and_time import largest_runs, runs_in_words, time_expected
 from radcal.posterior.cells import CellMeans
 from radcal.programs.command_plan import check_command, check_image_shape
 from radcal.reading.safe import is_safe_name
@@ -66,8 +65,6 @@ class CaseCheck:
         Largest number of simulator runs by kind: reference, design, infill, final.
     memory_mb : mapping
         Largest memory [MB] that a job of each stage requests.
-    peak_mb : mapping
-        Expected peak memory [MB] of the largest jobs, by kind of job.
     draws : int
         Number of speckle draws of a simulator run.
     sections : tuple of str
@@ -86,7 +83,6 @@ class CaseCheck:
     shape: tuple[int, int] | None
     runs: Mapping[str, int]
     memory_mb: Mapping[Stage, int]
-    peak_mb: Mapping[str, float] = field(default_factory=dict)
     draws: int = 1
     sections: tuple[str, ...] = ()
     time: str = ""
@@ -112,12 +108,9 @@ class CaseCheck:
         most = sum(self.runs.values())
         earlier = "a search that meets its stop criterion ends earlier"
         lines.append(f"  simulator runs: at most {most} ({kinds}{each}); {earlier}")
-        if self.peak_mb:
-            job = max(self.peak_mb, key=lambda name: self.peak_mb[name])
-            peak, asked = round(self.peak_mb[job], -1), max(self.memory_mb.values())
-            lines.append(
-                f"  memory: about {peak:,.0f} MB in the largest job ({job}); a cluster is asked for {asked:,} MB"
-            )
+        if self.memory_mb:
+            stage = max(self.memory_mb, key=lambda name: self.memory_mb[name])
+            lines.append(f"  memory: less than {self.memory_mb[stage]:,} MB in the largest job ({stage})")
         lines += [f"  {self.time}"] * bool(self.time)
         return "\n".join([*lines, *self.remarks()])
 
@@ -203,12 +196,11 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     problems.add(_refused(check_reuse, case, results))
     findings: list[Finding] = []
     sections: list[str] = []
-    shape, demands, peaks, small = None, dict[Stage, int](), dict[str, float](), False
+    shape, demands, small = None, dict[Stage, int](), False
     if "scene" not in loaded.without:
         try:
             values = values_of(case)
             demands = {stage: memory_mb(stage, values["scene" if stage == "scene" else "image"]) for stage in _STAGES}
-            peaks = expected_mb(case)
             small = max(values.values()) <= _LARGEST
             if not small:
                 findings.append(Finding("scene_large", "note", "scene"))
@@ -233,7 +225,7 @@ def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: s
     unseen = () if whole else _unseen(loaded, shape, problems.unmeasured)
     listed = [with_hints(error, paths) for error in problems]
     return CaseCheck(
-        listed, findings, files, shape, largest_runs(case), demands, peaks, case.simulator.draws, tuple(sections),
+        listed, findings, files, shape, largest_runs(case), demands, case.simulator.draws, tuple(sections),
         time_expected(case, results) if whole else "", unseen,
         registration_runs=len(case.passes) * case.registers_twice,
     )  # fmt: skip

@@ -1,10 +1,9 @@
-"""Outlook on a calibration without a run: contrast of the start image, ground, levels and noise; expected time."""
+"""Outlook on a calibration without a run: contrast of the start image, ground, levels and noise."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -14,18 +13,11 @@ from radcal.checking.unregistered import start_image
 from radcal.config import Case, FileMeasurement, Radar, SyntheticMeasurement
 from radcal.config.landcover import brighter_than_terrain
 from radcal.findings import Finding, of_pass
-from radcal.forecast.time_left import (
-    duration,
-    largest_runs,
-    most_need,
-    stored_iteration_seconds,
-)
 from radcal.image.model import Measurement
 from radcal.posterior.curves import NORMAL_90
 from radcal.radar.geometry import Geometry
 from radcal.registration.registered import LEAST_CONTRAST_DB, contrast_db
 from radcal.scene.model import Scene
-from radcal.storage.runs import median_seconds
 
 __all__ = [
     "bright_laws",
@@ -34,7 +26,6 @@ __all__ = [
     "low_track",
     "outlook",
     "start_contrast",
-    "time_expected",
 ]
 
 _MOST_HIDDEN, _STEEPEST_DEG = 0.5, 35.0  # more hidden ground and steeper slopes (median) are rare, even in mountains
@@ -191,38 +182,3 @@ def _other(case: Case, name: str) -> list[float]:
     step = 0.1 * (high - low)
     start[0] = float(f"{start[0] - step if start[0] - step >= low else start[0] + step:.3g}")
     return start
-
-
-def time_expected(case: Case, results: str | Path) -> str:
-    """Line on the expected time of the simulator runs, from the stored runs of the case.
-
-    Without a stored run, the line says that the time is not known.
-
-    Parameters
-    ----------
-    case : Case
-        Configuration of the case.
-    results : path
-        Folder that contains the results folders of all cases.
-    """
-    seconds = median_seconds(Path(results) / case.case / "runs")
-    if seconds is None:
-        return "time: not known before the first run, which radcal run CASE reference makes"
-    each = seconds * case.simulator.draws
-    whole = stored_iteration_seconds(Path(results) / case.case / "benchmarks")
-    largest, search = largest_runs(case), most_need(case.design_size, case.stop.max_runs)
-
-    def total(infill: int) -> str:
-        """Number of runs with so many infill runs for each pass, and their time with that of the iterations."""
-        others = sum(number for kind, number in largest.items() if kind != "infill")
-        runs = others + len(case.passes) * infill
-        if whole is None:
-            return f"{runs} runs ({duration(runs * each)} of simulation)"
-        return f"{runs} runs ({duration(others * each + infill * whole)} with training and proposals)"
-
-    more = f"; an iteration with training and proposal takes about {duration(whole)}" if whole is not None else ""
-    return (
-        f"time: about {duration(each)} of simulation a run (median of the case's stored runs){more}; with a search as "
-        f"for most laws of docs/right_law.md, at most {total(search - case.design_size)}, stop.max_runs allows at "
-        f"most {total(case.stop.max_runs - case.design_size)}"
-    )

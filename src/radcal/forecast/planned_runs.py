@@ -10,7 +10,7 @@ from typing import Any
 
 from radcal.config import Case, stages
 from radcal.errors import RadcalError
-from radcal.forecast.time_left import FINAL_RUNS, reference_count, runs_in_words
+from radcal.forecast.runs_and_time import FINAL_RUNS, reference_count, runs_in_words
 from radcal.objectives.history import read_runs
 from radcal.proposals.design import design_points
 from radcal.radar import SIMULATOR_VERSION

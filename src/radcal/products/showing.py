@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from radcal.errors import StoreError
-from radcal.forecast.time_left import duration, runs_in_words
+from radcal.forecast.runs_and_time import duration, runs_in_words
 from radcal.results.law_notes import found_words
 from radcal.results.reasons import REASONS
 from radcal.storage.lock import holder
