@@ -19,9 +19,9 @@ _LOOKS = (
     "{windows:.0f} windows of {side_px:.0f} x {side_px:.0f} independent pixels); radar.looks is {declared:g}"
 )
 _SPREAD = (
-    "by its speckle the point spread of {about} is {range_least}{range_m:.3g} +- {range_error_m:.2g} m in slant range "
-    "and {azimuth_least}{azimuth_m:.3g} +- {azimuth_error_m:.2g} m in azimuth, radar.range_resolution_m is "
-    "{range_declared_m:g} and radar.azimuth_resolution_m {azimuth_declared_m:g}"
+    "by its speckle the point spread of {about} is {range_least}{range_m:.3g} m (standard error {range_error_m:.2g}) "
+    "in slant range and {azimuth_least}{azimuth_m:.3g} m (standard error {azimuth_error_m:.2g}) in azimuth, "
+    "radar.range_resolution_m is {range_declared_m:g} and radar.azimuth_resolution_m {azimuth_declared_m:g}"
 )
 _CORRELATION = "the sum of its speckle's correlations is {correlation_ratio:.2g} times the one of these resolutions"
 _COUNTS = (
@@ -29,8 +29,8 @@ _COUNTS = (
     "in the image"
 )
 _RELIEF = (
-    "{about} changes by {db_per_deg:+.2f} +- {error_db_per_deg:.2f} dB per degree of local incidence on the relief, "
-    "where ground of constant gamma gets darker by {constant_gamma_db_per_deg:.2f} dB: "
+    "{about} changes by {db_per_deg:+.2f} dB (standard error {error_db_per_deg:.2f}) per degree of local incidence on "
+    "the relief, where ground of constant gamma gets darker by {constant_gamma_db_per_deg:.2f} dB: "
 )
 _TRANSFORMATION = "{about}: the best transformation from {source} to {target} needs a grid that is not installed; "
 
@@ -128,10 +128,10 @@ _OF_IMAGE: Mapping[str, str] = {
     "scene.elevation upside down?)",
     "relief_not_followed": _RELIEF + "it does not follow the relief of scene.elevation as seen with radar.look_side "
     "{look_side} and radar.heading_deg {heading_deg:g}; is the elevation of this area, and not flipped or displaced?",
-    "height_shift": "{about}: the registration finds ground {m_per_m:.2f} +- {error_m_per_m:.2f} m {where} in slant "
-    "range for each metre of its height, expected no such change (an image geocoded on the ellipsoid has "
-    "{ellipsoid_m_per_m:.2f} m, nearer): if the image lies on the map, is it terrain-corrected? Else, are "
-    "radar.depression_deg and the heights in scene.elevation right?",
+    "height_shift": "{about}: the registration finds ground {m_per_m:.2f} m (standard error {error_m_per_m:.2f}) "
+    "{where} in slant range for each metre of its height, expected no such change (an image geocoded on the "
+    "ellipsoid has {ellipsoid_m_per_m:.2f} m, nearer): if the image lies on the map, is it terrain-corrected? Else, "
+    "are radar.depression_deg and the heights in scene.elevation right?",
 }
 
 _IN_NOISE = (
@@ -211,9 +211,10 @@ _OF_MODEL: Mapping[str, str] = {
     "fixed_level": "{about}: before the registration, the image minus the fixed law is roughly {apart_db:+.2f} dB "
     "(90 %: {p05_db:+.2f} to {p95_db:+.2f})",
     "level_of_image": "the measured image is taken at its own level; no material of a fixed law checks it",
-    "level_found": "the measured image lies {offset_db:+.2f} +- {error_db:.2f} dB from the reference run on {about}",
-    "level_subtracted": "the measured image lies {offset_db:+.2f} +- {error_db:.2f} dB from the reference run on "
-    "{about}; this offset is subtracted",
+    "level_found": "the measured image lies {offset_db:+.2f} dB (standard error {error_db:.2f}) from the reference run "
+    "on {about}",
+    "level_subtracted": "the measured image lies {offset_db:+.2f} dB (standard error {error_db:.2f}) from the "
+    "reference run on {about}; this offset is subtracted",
     "images_mapped": _MAPPED,
     "all_images_mapped": _MAPPED + "; all materials are calibrated, so that a level common to all laws is not "
     "identified",

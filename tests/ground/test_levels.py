@@ -47,7 +47,8 @@ def test_offset_is_taken_from_the_measured_image_only() -> None:
     assert levels.simulated({}) == (0.0, 1.0)
     assert levels.unit == "dB"
     assert levels.sentence == (
-        "the measured image lies +3.00 +- 0.10 dB from the reference run on grass; this offset is subtracted."
+        "the measured image lies +3.00 dB (standard error 0.10) from the reference run on grass; this offset is "
+        "subtracted."
     )
 
 
@@ -57,7 +58,10 @@ def test_none_takes_nothing_but_says_what_it_sees() -> None:
     error = (0.13**-2 + 0.26**-2) ** -0.5
     assert levels.finding.severity == "note"
     assert levels.finding.numbers == {"offset_db": pytest.approx(-7.0), "error_db": pytest.approx(error)}
-    assert levels.sentence == f"the measured image lies -7.00 +- {error:.2f} dB from the reference run on grass, crops."
+    assert (
+        levels.sentence
+        == f"the measured image lies -7.00 dB (standard error {error:.2f}) from the reference run on grass, crops."
+    )
     assert "no material" in offset_levels("none", {}).sentence
 
 

@@ -206,9 +206,10 @@ class Targets(dict[str, Target]):
         lines = [f"levels: {levels.sentence}"] if levels.normalisation != "none" or levels.references else []
         for name, target in self.items():
             mean, sd, skewness = target.cp
-            size = f"target of {name}: {len(target.pixels)} pixels"
+            size, unit = f"target of {name}: {len(target.pixels)} pixels", levels.unit
             classes = f", {target.classes.classes.size} incidence-angle bins" if target.classes is not None else ""
-            lines.append(f"{size}, {mean:.2f} +- {sd:.2f} {levels.unit}, skewness {skewness:.2f}{classes}")
+            moments = f"mean {mean:.2f} {unit}, standard deviation {sd:.2f} {unit}, skewness {skewness:.2f}"
+            lines.append(f"{size}, {moments}{classes}")
         return [*lines, *self.warnings()]
 
     def warnings(self) -> list[str]:
