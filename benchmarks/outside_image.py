@@ -298,6 +298,8 @@ def texture(spread_db: float, normal: Doubles) -> Doubles:
     Aperture Radar Images, 2004, section 5.3, on the K distribution).
     """
     wanted = (spread_db * np.log(10.0) / 10.0) ** 2
+    if wanted <= polygamma(1, 1e6):  # below 0.005 dB
+        return np.ones_like(normal)
     shape = brentq(lambda k: polygamma(1, k) - wanted, 1e-2, 1e6)
     grid = np.linspace(-6.0, 6.0, 2001)
     return np.interp(normal, grid, gamma.ppf(ndtr(grid), shape) / shape)

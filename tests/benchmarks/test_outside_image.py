@@ -118,6 +118,7 @@ def test_texture_has_its_mean_and_its_spread():
     assert values.mean() == pytest.approx(1.0, abs=5e-3)
     assert (10.0 * np.log10(values)).std() == pytest.approx(1.5, rel=0.02)
     assert polygamma(1, 1.0 / values.var()) == pytest.approx((1.5 * np.log(10.0) / 10.0) ** 2, rel=0.03)
+    assert (texture(0.004, values) == 1.0).all()  # too little for a gamma law of a shape up to a million
 
 
 def test_fields_have_a_correlation_length():
