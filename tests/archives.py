@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from radcal.calibration.stopping import Decision
 from radcal.findings import Finding
+from radcal.objectives.objective import Reason
 from radcal.posterior.effects import Shared
 from radcal.posterior.radiometry import Radiometry
 from radcal.posterior.result import Curve, FormError, Image, Posterior
@@ -17,6 +21,34 @@ from radcal.results.archive import Archive
 def changed_material(archive: Archive, name: str, **changes: Any) -> Archive:
     """Copy of an archive with changed results of one material."""
     return replace(archive, materials={**archive.materials, name: replace(archive.materials[name], **changes)})
+
+
+def changed_target(archive: Archive, name: str, **changes: Any) -> Archive:
+    """Copy of an archive with a changed target of one material."""
+    return changed_material(archive, name, target=replace(archive.materials[name].target, **changes))
+
+
+def selected(archive: Archive, **materials: str) -> Archive:
+    """Copy of an archive with other calibrated materials: name of each, and material whose results it has."""
+
+    def of_each(found: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: found[one] for name, one in materials.items()}
+
+    config = json.loads(archive.config)
+    return replace(
+        archive,
+        config=json.dumps({**config, "materials": of_each(config["materials"])}),
+        decision=replace(archive.decision, materials=of_each(archive.decision.materials)),
+        laws=of_each(archive.laws),
+        materials=of_each(archive.materials),
+    )
+
+
+def ended(archive: Archive, reason: Reason | None, **materials: Reason) -> Archive:
+    """Copy of an archive whose search has ended for another reason, with the reasons of some materials."""
+    verdicts = archive.decision.materials
+    changed = {name: replace(verdicts[name], reason=materials.get(name, verdicts[name].reason)) for name in verdicts}
+    return replace(archive, decision=Decision(changed, reason))
 
 
 def changed_findings(archive: Archive, *findings: Finding) -> Archive:

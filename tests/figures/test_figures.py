@@ -11,7 +11,7 @@ import h5py
 import matplotlib as mpl
 import numpy as np
 import pytest
-from archives import changed_material, posterior
+from archives import changed_material, changed_target, posterior, selected
 from assessment_samples import held_cells
 from matplotlib.text import Text
 from scipy import stats
@@ -309,10 +309,9 @@ def test_large_images_are_averaged_in_power(monkeypatch):
 
 def test_every_panel_of_the_overview_names_its_axis(made):
     """The panels have limits of their own, so that one below does not explain another."""
-    case = made.archive
-    materials = {**case.materials, "third": case.materials["dyke"]}
+    case = selected(made.archive, **{name: name for name in made.archive.materials}, third="dyke")
     with mpl.rc_context(drawing.STYLE):
-        canvas, _, _ = module.overview(replace(case, materials=materials, names=(*case.names, "third")))
+        canvas, _, _ = module.overview(replace(case, names=(*case.names, "third")))
     assert [axes.get_xlabel() for axes in canvas.axes if axes.axison] == ["backscatter [dB]"] * 3
 
 
@@ -431,15 +430,15 @@ def test_densities_of_a_histogram_are_those_of_design_runs(made):
 def test_quantiles_and_their_band_are_scipys(made):
     """Places (k + 1/2) / n of the fitted density; order statistics of 100 values have beta laws."""
     material = made.archive.materials["dyke"]
-    xi, omega, alpha = material.target_dp
+    xi, omega, alpha = material.target.dp
     fitted = stats.skewnorm(alpha, xi, omega)
     with mpl.rc_context(drawing.STYLE):
         canvas, _, _ = module.quality(made.archive, "dyke")
     (axes,) = canvas.axes
     (dots,) = [line for line in axes.lines if line.get_label() == "measured pixels"]
-    n = material.measured_db.size
+    n = material.target.values_db.size
     np.testing.assert_allclose(dots.get_xdata(), fitted.ppf((np.arange(n) + 0.5) / n), atol=0.01)
-    np.testing.assert_array_equal(dots.get_ydata(), np.sort(material.measured_db))
+    np.testing.assert_array_equal(dots.get_ydata(), np.sort(material.target.values_db))
     (band,) = axes.collections
     edges = {tuple(row) for row in np.round(band.get_paths()[0].vertices, 1)}
     for rank in (3, 50, 99):
@@ -490,7 +489,7 @@ def test_the_truth_is_subtracted_from_the_law_found(made):
     with mpl.rc_context(drawing.STYLE):
         canvas, _, _ = law(made.archive, "dyke")
     line = canvas.axes[1].lines[0]
-    curve, phi = material.parameters.curve(), np.radians(line.get_xdata())
+    curve, phi = made.archive.configured.laws["dyke"], np.radians(line.get_xdata())
     gap = curve(phi, made.history.runs[material.best].scores["dyke"].parameters) - curve(phi, HIDDEN)
     np.testing.assert_allclose(line.get_ydata(), gap)
     assert abs(gap.mean()) > 1.0
@@ -576,10 +575,10 @@ def test_one_incidence_has_the_middle_of_a_scale():
     [((38.9, 39.1), (33.0, 45.0)), ((22.0, 45.0), (0.0, 68.0)), ((29.4, 60.0), (0.0, 85.0))],
 )
 def test_the_axis_of_a_law_is_about_the_angles_seen_and_all_curves_end_with_it(made, angles, view):
-    n = made.archive.materials["dyke"].incidence_deg.size
+    n = made.archive.materials["dyke"].target.incidence_deg.size
     # 5 and 95 % quantiles at these angles
     seen = np.interp(np.linspace(0.0, 1.0, n), [0.05, 0.95], angles).astype(np.float32)
-    case = changed_material(made.archive, "dyke", incidence_deg=seen, posterior=posterior())
+    case = changed_material(changed_target(made.archive, "dyke", incidence_deg=seen), "dyke", posterior=posterior())
     canvas, *_ = law(case, "dyke")
     upper = canvas.axes[0]
     assert upper.get_xlim() == view

@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from archives import changed_findings, changed_material, image, posterior
+from archives import changed_findings, changed_material, ended, image, posterior, selected
 from assessment_samples import held_cells
 
 from radcal.figures.figures import Figure
@@ -105,10 +105,7 @@ def test_verdict_comes_first_and_claims_no_more_than_the_density(page):
 
 def settled(archive):
     """As after a calibration in classes."""
-    archive = replace(archive, objective="classes", converged=True, reason="settled")
-    for name in archive.materials:
-        archive = changed_material(archive, name, reason="settled")
-    return archive
+    return ended(replace(archive, objective="classes"), "settled", **dict.fromkeys(archive.materials, "settled"))
 
 
 def determined(name, **numbers):
@@ -140,7 +137,7 @@ def test_the_bar_is_good_only_if_something_is_determined_and_nothing_refused_or_
     assert good(archive)
     assert not good(changed_material(archive, "stem beans", posterior=lost))
     assert not good(changed_findings(archive, RADIOMETRY))
-    assert not good(replace(archive, converged=False))
+    assert not good(ended(archive, "max_runs"))
 
 
 def test_findings_are_listed_warnings_first_and_notes_folded(made, tmp_path):
@@ -172,7 +169,7 @@ def test_the_line_below_the_verdict_says_how_the_search_ended(made, tmp_path):
     archive = settled(made.archive)
     text = render(tmp_path / "report.html", archive)[1].text
     assert "Converged: the stop criterion is met for the laws of 2 materials after 6 runs." in text
-    archive = changed_material(replace(archive, converged=False, reason="max_runs"), "dyke", reason="max_runs")
+    archive = ended(archive, "max_runs", dyke="max_runs")
     text = render(tmp_path / "report.html", archive)[1].text
     assert "Stopped after 6 runs before the stop criterion was met for the law of dyke: maximum number of runs." in text
 
@@ -227,9 +224,8 @@ def test_foreign_text_is_escaped(page):
 
 def test_material_names_are_escaped(made, tmp_path):
     name = "grass & <i>beans<i>"
-    materials = made.archive.materials
-    renamed = {"dyke": materials["dyke"], name: materials["stem beans"]}
-    text, parsed = render(tmp_path / "report.html", replace(made.archive, materials=renamed))
+    archive = selected(made.archive, **{"dyke": "dyke", name: "stem beans"})
+    text, parsed = render(tmp_path / "report.html", archive)
     assert name in parsed.text
     assert "<i>" not in text
     assert "dyke" in parsed.text
@@ -289,22 +285,22 @@ def test_what_does_not_apply_is_not_said(made, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("attributes", "words"),
+    ("reason", "words"),
     [
-        ({"converged": True, "reason": "rms"}, "Converged: the backscatter densities of all 2 materials agree with"),
-        ({"converged": False, "reason": "running"}, "Not finished: after 6 runs the backscatter densities of all 2"),
-        ({"converged": False, "reason": "max_runs"}, "Stopped after 6 runs with stem beans outside the tolerance"),
+        ("rms", "Converged: the backscatter densities of all 2 materials agree with"),
+        (None, "Not finished: after 6 runs the backscatter densities of all 2"),
+        ("max_runs", "Stopped after 6 runs with stem beans outside the tolerance"),
     ],
 )
-def test_verdicts(made, tmp_path, attributes, words):
-    assert words in render(tmp_path / "report.html", replace(made.archive, **attributes))[1].text
+def test_verdicts(made, tmp_path, reason, words):
+    assert words in render(tmp_path / "report.html", ended(made.archive, reason))[1].text
 
 
 @pytest.mark.parametrize("hidden", [True, False])
 def test_one_material(made, tmp_path, hidden):
     dyke = made.archive.materials["dyke"]
     dyke = dyke if hidden else replace(dyke, hidden=None)
-    archive = replace(made.archive, materials={"dyke": dyke}, converged=True, reason="rms")
+    archive = ended(replace(made.archive, materials={"dyke": dyke}), "rms")
     text = render(tmp_path / "report.html", archive)[1].text
     assert "Converged: the backscatter density of dyke agrees with the measured within the tolerance" in text
     assert "The density of dyke's backscatter is matched to rms" in text
@@ -312,7 +308,7 @@ def test_one_material(made, tmp_path, hidden):
     assert ("The truth behind this synthetic measurement is known" in text) is hidden
     assert "unknown" not in text.replace("(cause unknown)", "")
     # what is not matched, is not called matched
-    text = render(tmp_path / "report.html", changed_material(archive, "dyke", reason="max_runs"))[1].text
+    text = render(tmp_path / "report.html", ended(archive, "max_runs", dyke="max_runs"))[1].text
     assert "The density of dyke's backscatter differs from the measured one by an rms of" in text
 
 
@@ -326,16 +322,16 @@ def test_a_better_law_is_excluded_as_far_as_the_surrogate_does(made, tmp_path):
 
     archive = settled(made.archive)
     assert shown(archive) == f"2 of 2 laws meet the stop criterion: the surrogate of all runs {promise}"
-    archive = changed_material(archive, "dyke", reason="max_runs")
+    archive = ended(archive, "max_runs", dyke="max_runs")
     assert shown(archive) == (
         f"1 of 2 laws meets the stop criterion: the surrogate of all runs {promise} Better laws of the other materials "
         "may exist."
     )
-    nobody = changed_material(archive, "stem beans", reason="stagnation")
+    nobody = ended(archive, "max_runs", **{"stem beans": "stagnation"})
     assert shown(nobody) == "None of 2 laws meets the stop criterion. Better laws may exist."
     alone = replace(archive, materials={"dyke": archive.materials["dyke"]})
     assert shown(alone) == "The law of dyke does not meet the stop criterion. Better laws may exist."
-    met = shown(changed_material(alone, "dyke", reason="settled"))
+    met = shown(ended(alone, "settled", dyke="settled"))
     assert met == f"The law of dyke meets the stop criterion: the surrogate of all runs {promise}"
 
 
@@ -389,7 +385,7 @@ def test_bounds():
 
 def test_a_better_law_outside_of_a_bound_is_suspected_only_where_the_form_is_wrong(made, tmp_path):
     """Or, where the form cannot be tested, after a failed search."""
-    result = made.archive.materials["stem beans"]
+    result, material = made.archive.materials["stem beans"], made.archive.configured.materials["stem beans"]
     found = summarise(made.archive)["materials"]["stem beans"]
     assert found["stop_reason"] == "unreachable"
     for form, reason, flagged in (
@@ -398,11 +394,11 @@ def test_a_better_law_outside_of_a_bound_is_suspected_only_where_the_form_is_wro
         (None, "unreachable", ["X1"]),
         (None, "rms", []),
     ):
-        data = _material("stem beans", {**found, "misfit": form, "stop_reason": reason}, result, ())
+        data = _material("stem beans", {**found, "misfit": form, "stop_reason": reason}, result, material, ())
         assert [p["name"] for p in data["at_bounds"]] == flagged
         assert data["parameters"][0]["value"] == 50.0
     near = {**found, "parameters": {**found["parameters"], "X1": 50.0 - 1e-9}}
-    assert _material("stem beans", near, result, ())["parameters"][0]["value"] == 50.0
+    assert _material("stem beans", near, result, material, ())["parameters"][0]["value"] == 50.0
     wrong = changed_material(made.archive, "dyke", posterior=posterior(form=replace(posterior().form, noticed=True)))
     text = render(tmp_path / "report.html", wrong)[1].text
     assert "dyke: X1 is at its upper bound (50 dB); a better law may lie outside the bounds." in text

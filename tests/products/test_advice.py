@@ -267,11 +267,10 @@ def test_from_a_results_folder(tmp_path, monkeypatch):
     with pytest.raises(StoreError, match="is not finished, expected calibration.h5"):
         advise(tmp_path)
     (tmp_path / "calibration.h5").touch()
-    law = SimpleNamespace(curve=lambda: FLAT)
     result = SimpleNamespace(posterior=None)
     archive = SimpleNamespace(
-        config=json.dumps(sections()), laws={"slope": law}, materials={"slope": result}, findings=[],
-        image=SimpleNamespace(levels_db=np.array([[-1.6449, 0.1, 1.6449]])),
+        config=json.dumps(sections()), configured=SimpleNamespace(laws={"slope": FLAT}), materials={"slope": result},
+        findings=[], image=SimpleNamespace(levels_db=np.array([[-1.6449, 0.1, 1.6449]])),
     )  # fmt: skip
     monkeypatch.setattr(advice, "read_archive", lambda path, images: archive)
     write_scene(tmp_path / "scene.h5", scene())

@@ -296,7 +296,7 @@ def archive_of(**dyke: object) -> SimpleNamespace:
     posterior = SimpleNamespace(**{**values, **dyke.pop("posterior", {})})
     result = {"posterior": posterior, "level_only": False, "run_looks": np.array([4.0, 2.5]), "best": 1, **dyke}
     other = SimpleNamespace(posterior=None, level_only=False, run_looks=None, best=0)
-    laws = {name: SimpleNamespace(values=np.array([6.0, 14.0, 21.0, 3.0])) for name in ("dyke", "stem beans")}
+    laws = {name: np.array([6.0, 14.0, 21.0, 3.0]) for name in ("dyke", "stem beans")}
     materials = {"dyke": SimpleNamespace(**result), "stem beans": other}
     return SimpleNamespace(case="small", config="{}", looks=4.0, laws=laws, materials=materials)
 

@@ -147,7 +147,7 @@ def test_the_level_of_a_material_seen_at_one_incidence_is_a_row_of_the_laws(made
         [row["median_db"], row["p05_db"], row["p95_db"]],
         [-4.0 - 0.2 * 38.8, -5.0 - 0.21 * 38.8, -3.2 - 0.18 * 38.8],
     )
-    x, phi = archive.laws["dyke"].values, np.radians(38.8)  # noqa: PD011
+    x, phi = archive.laws["dyke"], np.radians(38.8)
     assert row["calibrated_db"] == pytest.approx(x[0] + x[1] * np.cos(phi) + x[2] * np.exp(-x[3] * phi**2))
     whole = changed_material(archive, "dyke", level_only=False)
     export(made, tmp_path, whole)
@@ -157,14 +157,14 @@ def test_the_level_of_a_material_seen_at_one_incidence_is_a_row_of_the_laws(made
 def test_tables(made, tmp_path):
     export(made, tmp_path, changed_material(made.archive, "dyke", best_looks=2.75, posterior=None))
     table = pd.read_csv(tmp_path / "parameters.csv").set_index(["material", "parameter"])
-    assert table["calibrated"].loc["dyke"].tolist() == made.archive.laws["dyke"].values.tolist()  # noqa: PD011
+    assert table["calibrated"].loc["dyke"].tolist() == made.archive.laws["dyke"].tolist()
     row = table.loc[("dyke", "X4")]
     assert (row["law"], row["lower"], row["upper"], row["looks"]) == ("mangia", 0, 50, 2.75)
     assert np.isnan(row["p05"])
     assert np.isnan(row["parameters_model"])
     assert np.isnan(row["fits"])
     laws = pd.read_csv(tmp_path / "laws.csv").set_index(["material", "incidence_deg"])
-    x = made.archive.laws["dyke"].values  # noqa: PD011
+    x = made.archive.laws["dyke"]
     phi = np.radians(35.0)
     expected = x[0] + x[1] * np.cos(phi) + x[2] * np.exp(-x[3] * phi**2)
     assert laws.loc[("dyke", 35.0), "calibrated_db"] == pytest.approx(expected, rel=1e-12)
@@ -208,7 +208,7 @@ def test_calibrated_materials(made, tmp_path):
         "dyke": "#8A5A2B", "stem beans": None, "unused": None,
     }  # fmt: skip
     assert "looks" not in found["stem beans"] | found["unused"]
-    assert found["dyke"]["parameters"] == archive.laws["dyke"].values.tolist()  # noqa: PD011
+    assert found["dyke"]["parameters"] == archive.laws["dyke"].tolist()
     assert not any(material["calibrate"] for material in found.values())
     with rasterio.open(tmp_path / "calibrated.tif") as raster:
         np.testing.assert_array_equal(raster.read(1), archive.images.calibrated_db)
@@ -257,4 +257,4 @@ def test_an_external_law_has_parameters_and_no_curve(build_archive, tmp_path):
     command = {"kind": "command", "command": ["sim"], "output": {"file": "i.npy", "scale": "db"}}
     image = {"source": "file", "path": "image.tif", "scale": "db", "radiometry": "sigma0_ref"}
     again = case_from({"materials": {**found, "lake": lake}, "simulator": command, "measurement": image})
-    assert again.materials["dyke"].parameters == made.archive.laws["dyke"].values.tolist()  # noqa: PD011
+    assert again.materials["dyke"].parameters == made.archive.laws["dyke"].tolist()

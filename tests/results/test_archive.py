@@ -33,30 +33,41 @@ def test_the_file_has_what_the_table_lists_and_no_more(made):
         tuple(cell.strip().strip("`") for cell in line.split("|")[1:3]) for line in table(Archive).splitlines()[2:]
     }
     found = set()
-    groups = ("laws", "materials", "image/laws_db", "image/apart_db", "image/radiometry", "image/shared")
+    groups = (
+        "laws",
+        "decision/materials",
+        "materials",
+        "image/laws_db",
+        "image/apart_db",
+        "image/radiometry",
+        "image/shared",
+    )
 
     def look(path, item):
         # any name stands for all of them
         place = re.sub(rf"^({'|'.join(groups)})/[^/]+", r"\1/<name>", path)
         if place not in groups:
             found.add((place, ""))
-        found.update((place or "/", key) for key in item.attrs if key not in GENERAL)
+        keys = ["<name>" if place.endswith("left_out") else key for key in item.attrs if key not in GENERAL]
+        found.update((place or "/", key) for key in keys)
 
     with h5py.File(made.path) as file:
         file.visititems(look)
         look("", file)
         assert file["materials/dyke/dp"].attrs["unit"] == "dB or IQR"
         assert file["materials/dyke/dp"].attrs["description"].startswith("xi, omega and alpha")
-        assert file["materials/dyke/measured_db"].dims[0][0] == file["materials/dyke/pixels"]
+        target = file["materials/dyke/target"]
+        assert target["values_db"].dims[0][0] == target["pixels"]
+        assert target["incidence_deg"].attrs["unit"] == "deg"
         assert file["runs/seconds"].dims[0][0].asstr()[0] == file["runs/key"].asstr()[0]
         assert [one.label for one in file["images/measured_db"].dims] == ["rows", "columns"]
         assert file["laws/dyke"].attrs["description"].startswith("X of every material")
     provenance = {("/", key) for key in ("kind", "schema", "content", "created", "radcal")}
-    assert found - listed == provenance | {("", "")}
+    assert found - listed == provenance | {("", ""), ("levels/valid", ""), ("materials/<name>/target/left_out", "")}
     assert {
         ("materials/<name>/posterior/curve/p05_db", ""),
         ("materials/<name>", "best"),
-        ("laws/<name>", "law"),
+        ("laws/<name>", ""),
     } <= found
 
 

@@ -114,14 +114,14 @@ def test_the_figure_shows_both_bands_and_where_sigma0_is_determined(made):
     upper, middle, _ = canvas.axes
     for axes, of_law in ((upper, 0.0), (middle, 1.0)):
         bands = {one.get_label(): one.get_paths()[0].vertices for one in axes.collections}
-        truth = archive.materials["dyke"].parameters.curve()(np.radians([30.0]), [6.1, 14.2, 21.5, 3.3])[0]
+        truth = archive.configured.laws["dyke"](np.radians([30.0]), [6.1, 14.2, 21.5, 3.3])[0]
         for label, edges in {"90 % band": (-11.3, -8.6), "its fields in this image": (-10.75, -9.4)}.items():
             there = bands[label][np.isclose(bands[label][:, 0], 30.0, atol=0.1), 1]
             assert (there.min(), there.max()) == pytest.approx(np.array(edges) - of_law * truth, abs=0.1)
     lines = {line.get_label(): line for line in upper.lines}
     assert tuple(lines["determined"].get_xdata()) == (22.25, 39.5)
     model = lines["law nearest to the median"]
-    expected = archive.materials["dyke"].parameters.curve()(np.radians(model.get_xdata()), [1.8, 2.8, 3.8, 4.8])
+    expected = archive.configured.laws["dyke"](np.radians(model.get_xdata()), [1.8, 2.8, 3.8, 4.8])
     np.testing.assert_allclose(model.get_ydata(), expected)
     assert upper.get_title().replace("\n", " ") == "dyke: determined to +-1.5 dB between 23 and 39 degrees"
     assert "(bar): +-1.5 dB for the material, +-0.9 dB for its fields in this image; level, " in caption
@@ -154,7 +154,7 @@ def test_parameters_are_told_with_their_intervals(made, build_archive, tmp_path)
     """At the end of the terminal those of laws without a curve, of which nothing else is known."""
     assert not any("5 to 95 %" in said for said in sentences(made.archive))
     external = build_archive(tmp_path / "made", external=("dyke", "unused")).archive
-    x = external.materials["dyke"].parameters.values[external.materials["dyke"].best]
+    x = external.materials["dyke"].parameters[external.materials["dyke"].best]
     each = zip(("mv", "s", "l", "t"), x, ("1 to 2.9", "2 to 3.9", "3 to 4.9", "4 to 5.9"), strict=True)
     words = ", ".join(f"{name} {value:.4g} (5 to 95 %: {ends})" for name, value, ends in each)
     words = words.replace("mv 50 (5", "mv 50 (at its upper bound; 5")

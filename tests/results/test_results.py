@@ -62,23 +62,23 @@ def test_pixels_are_those_of_the_images(made):
         fresh = file["images/calibrated_db"][()].ravel()
         for name, target in made.targets.items():
             group = file[f"materials/{name}"]
-            pixels = group["pixels"][()]
+            pixels, simulated = group["target/pixels"][()], group["simulated"]
             np.testing.assert_array_equal(pixels, target.pixels)
-            np.testing.assert_array_equal(group["measured_db"], measured[pixels])
-            np.testing.assert_array_equal(group["fresh_db"], fresh[pixels])
-            np.testing.assert_array_equal(group["start_db"], file["images/reference_db"][()].ravel()[pixels])
-            np.testing.assert_array_equal(group["calibrated_db"], made.final[0].pixels_db[name][target.order])
+            np.testing.assert_array_equal(group["target/values_db"], measured[pixels])
+            np.testing.assert_array_equal(simulated["fresh"], fresh[pixels])
+            np.testing.assert_array_equal(simulated["start"], file["images/reference_db"][()].ravel()[pixels])
+            np.testing.assert_array_equal(simulated["calibrated"], made.final[0].pixels_db[name][target.order])
             assert (file["images/material"][()].ravel()[pixels] == list(file["names"].asstr()).index(name) + 1).all()
 
 
 def test_how_it_ended(made):
     with h5py.File(made.path) as file:
-        assert file.attrs["reason"] == "unreachable"
-        assert not file.attrs["converged"]
-        assert file["materials/dyke"].attrs["reason"] == "rms"
+        assert file["decision"].attrs["reason"] == "unreachable"
+        assert file["decision/materials/dyke"].attrs["reason"] == "rms"
         assert file["materials/dyke"].attrs["best"] == 6
         assert file["materials/stem beans"].attrs["best"] == 5
-        assert [sentence.split(":")[0] for sentence in file.attrs["sentences"]] == list(made.targets)
+        sentences = [file[f"decision/materials/{name}"].attrs["sentence"] for name in made.targets]
+        assert [sentence.split(":")[0] for sentence in sentences] == list(made.targets)
         # the calibrated run is the last infill run, only the one with fresh numbers is new
         assert file.attrs["final_runs"] == 1
         assert json.loads(file.attrs["config"])["stop"]["rms"] == made.stop.rms
@@ -94,19 +94,14 @@ def test_only_known_truths_are_written(made):
 def test_an_external_law_has_names_and_no_curve(build_archive, tmp_path):
     made = build_archive(tmp_path, external=("dyke", "unused"))
     with h5py.File(made.path) as file:
-        group = file["materials/dyke"]
-        assert group.attrs["law"] == "external"
-        assert group.attrs["parameter_names"].tolist() == ["mv", "s", "l", "t"]
         assert file["laws/unused"].shape == (0,)
         assert file["law_notes"][()].tolist() == []
     archive = made.archive
-    material = archive.materials["dyke"]
-    for parameters in (material.parameters, material.start, archive.laws["dyke"]):
-        law = parameters.curve()
-        assert not law.has_curve
-        assert (law.names, law.units) == (("mv", "s", "l", "t"), ("",) * 4)
-    assert archive.laws["unused"].curve().names == ()
-    assert archive.laws["stem beans"].curve().has_curve
+    laws = archive.configured.laws
+    assert not laws["dyke"].has_curve
+    assert (laws["dyke"].names, laws["dyke"].units) == (("mv", "s", "l", "t"), ("",) * 4)
+    assert laws["unused"].names == ()
+    assert laws["stem beans"].has_curve
     write_table(tmp_path / "runs.csv", archive)
     headings = pd.read_csv(tmp_path / "runs.csv").columns.tolist()
     assert headings[6:10] == ["X1", "X2", "X3", "X4"]  # of two materials whose names differ

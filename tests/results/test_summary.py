@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from archives import changed_findings, changed_material
+from archives import changed_findings, changed_material, changed_target
 from scipy.special import ndtr
 
 from radcal.findings import Finding
@@ -105,7 +105,8 @@ def test_distances_of_two_normals(made):
     dp[dyke.best] = moved
     target = np.array([0.0, 1.0, 0.0])
     fresh = np.array([1.4 * shift, 1.0, 0.0])
-    archive = changed_material(made.archive, "dyke", target_dp=target, final_dp=moved, fresh_dp=fresh, dp=dp)
+    simulated = replace(dyke.simulated, calibrated_dp=moved, fresh_dp=fresh)
+    archive = changed_material(changed_target(made.archive, "dyke", dp=target), "dyke", simulated=simulated, dp=dp)
     dyke = summarise(archive)["materials"]["dyke"]
     assert dyke["ks"] == pytest.approx(2.0 * ndtr(shift / 2.0) - 1.0, rel=1e-5)
     assert dyke["hellinger"] == pytest.approx(np.sqrt(1.0 - np.exp(-(shift**2) / 8.0)), rel=1e-6)
@@ -134,13 +135,13 @@ def test_displacements_and_their_error_are_lengths(build_archive, tmp_path):
 
 def test_law_difference_of_the_archive(made):
     dyke = made.archive.materials["dyke"]
-    hidden = dyke.parameters.values[dyke.best] - [2.5, 0.0, 0.0, 0.0]
+    hidden = dyke.parameters[dyke.best] - [2.5, 0.0, 0.0, 0.0]
     archive = changed_material(made.archive, "dyke", hidden=hidden)
     assert summarise(archive)["materials"]["dyke"]["law_difference_db"] == pytest.approx(2.5)
 
 
 def test_numbers_are_finite_or_null(made):
-    archive = changed_material(made.archive, "dyke", rms_sampling=float("nan"))
+    archive = changed_target(made.archive, "dyke", rms_sampling=float("nan"))
     rms = archive.materials["stem beans"].rms.copy()
     rms[0] = np.inf
     archive = changed_material(archive, "stem beans", rms=rms)

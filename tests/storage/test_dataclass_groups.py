@@ -300,6 +300,43 @@ def test_the_table_names_every_place(tmp_path: Path) -> None:
 
 
 @dataclass(frozen=True)
+class Documented:
+    """Levels of an image.
+
+    Attributes
+    ----------
+    low_db, high_db : ndarray, shape (n,)
+        Ends of each level [dB], as
+        :meth:`radcal.somewhere.Other.ends` gives them.
+    ratio : float
+        Ratio of [dB] to [deg]; ``none`` if unknown.
+    count : mapping
+        Number of pixels by reason.
+    """
+
+    low_db: NDArray[np.float64]
+    high_db: NDArray[np.float64]
+    ratio: float
+    count: Mapping[str, int]
+
+
+def test_fields_are_described_in_the_docstring(tmp_path: Path) -> None:
+    ends = "Ends of each level, as `ends` gives them"
+    assert table(Documented).splitlines()[2:] == [
+        f"| `low_db` |  | float64 (n) | dB | {ends} |",
+        f"| `high_db` |  | float64 (n) | dB | {ends} |",
+        "| `/` | `ratio` | number |  | Ratio of [dB] to [deg]; `none` if unknown |",
+        "| `count` | `<name>` | integer |  | Number of pixels by reason |",
+    ]
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        put(file, Documented(np.zeros(2), np.ones(2), 1.5, {"in shadow": 4}))
+        assert dict(file["low_db"].attrs)["description"] == ends
+        assert dict(file["low_db"].attrs)["unit"] == "dB"
+        assert file["high_db"].dims[0].label == "n"
+        assert dict(file["count"].attrs) == {"in shadow": 4}
+
+
+@dataclass(frozen=True)
 class Perhaps:
     level_db: float | None
     image: NDArray[Any] | None

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
+from radcal.results.archive import read_archive
+
 TABLE = {"law": "tabulated", "angles_deg": [15, 25, 35], "bounds": [[-20, 0]] * 3}
 HIDDEN = [-4.0, -9.5, -12.0]
 SOIL = [8.0, 1.5, 1.0]
@@ -34,18 +36,18 @@ def test_laws_of_several_kinds_from_the_configuration_to_the_report(project):
     assert (field["law"], field["start_law"]) == ("tabulated", "oh1992")
     assert summary["runs"]["reference"] == 1
 
-    with h5py.File(project.out("tiny") / "calibration.h5") as file:
-        group = file["materials/field"]
-        assert np.isnan(group["parameters"][0]).all()
-        assert np.isfinite(group["parameters"][1:]).all()
-        assert group["start"][()].tolist() == SOIL
-        general = ("description", "DIMENSION_LABELS")
-        known = {key: value for key, value in group["start"].attrs.items() if key not in general}
-        assert known == {"law": "oh1992", "polarisation": "VV", "frequency_ghz": 9.6}
-        assert file["laws/field"].attrs["angles_deg"].tolist() == [15, 25, 35]
-        angles = np.percentile(group["incidence_deg"], [5, 95])
-        key = file["runs/key"].asstr()[0]
-        found = group["parameters"][int(group.attrs["best"])]
+    archive = read_archive(project.out("tiny") / "calibration.h5", images=False)
+    result, material, radar = (
+        archive.materials["field"],
+        archive.configured.materials["field"],
+        archive.configured.radar,
+    )
+    assert np.isnan(result.parameters[0]).all()
+    assert np.isfinite(result.parameters[1:]).all()
+    assert (material.at_start.law, material.start_parameters) == ("oh1992", SOIL)
+    assert (radar.polarisation, radar.frequency_ghz, material.angles_deg) == ("VV", 9.6, [15, 25, 35])
+    angles, key = np.percentile(result.target.incidence_deg, [5, 95]), archive.runs.key[0]
+    found = result.parameters[result.best]
     grid = np.linspace(*angles, 201)
     difference = PchipInterpolator(TABLE["angles_deg"], found)(grid) - PchipInterpolator(TABLE["angles_deg"], HIDDEN)(
         grid

@@ -64,9 +64,9 @@ class _Densities:
 
     def __init__(self, axes: Axes, material: MaterialResult) -> None:
         self._axes = axes
-        self._dp = material.target_dp
+        self._dp = material.target.dp
         mean, sd = _reach(self._dp)
-        values = material.measured_db[np.isfinite(material.measured_db)].astype(np.float64)
+        values = material.target.values_db[np.isfinite(material.target.values_db)].astype(np.float64)
         self._low, self._high = mean - 4.0 * sd, mean + 4.0 * sd
         self._limits = (mean - 14.0 * sd, mean + 14.0 * sd)
         inside = values[(values > self._limits[0]) & (values < self._limits[1])]
@@ -130,14 +130,14 @@ def histogram(case: Archive, name: str) -> tuple[Canvas, str, str]:
     for n, run in enumerate(np.sort(chosen)):
         label = f"{chosen.size} runs of the design" if n == 0 else None
         panel.draw(material.dp[run], label, {"color": DESIGN, "linewidth": 1.1, "alpha": 0.9})
-    panel.draw(material.target_dp, "target: fitted skew normal", TARGET | {"linewidth": 3.2})
+    panel.draw(material.target.dp, "target: fitted skew normal", TARGET | {"linewidth": 3.2})
     panel.finish()
     head(axes, case, name)
     axes.set_xlabel(f"backscatter [{case.levels.unit}]")
     axes.set_ylabel(f"density [1/{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 3)
     caption = (
-        f"Grey: the {material.measured_db.size:,} measured pixels of {name}. Black: the skew normal fitted to "
+        f"Grey: the {material.target.values_db.size:,} measured pixels of {name}. Black: the skew normal fitted to "
         f"them, which is the target. Thin: the densities of {chosen.size} of the {design.size} runs of the design, "
         f"drawn at random (seed {_SEED}).{_of_looks(material, np.sort(chosen))}{panel.remark()}"
     )
@@ -167,7 +167,7 @@ def densities(case: Archive, name: str) -> tuple[Canvas, str, str]:
 
 def _before_after(axes: Axes, material: MaterialResult) -> _Densities:
     panel = _Densities(axes, material)
-    panel.draw(material.target_dp, "target", TARGET | {"linewidth": 4.5})
+    panel.draw(material.target.dp, "target", TARGET | {"linewidth": 4.5})
     panel.draw(material.dp[0], "start", START)
     panel.draw(material.dp[material.best], "calibrated", FOUND)
     panel.finish()
@@ -185,11 +185,12 @@ def overview(case: Archive) -> tuple[Canvas, str, str]:
     for axes, (name, material) in zip(grid, case.materials.items(), strict=False):
         panel = _before_after(axes, material)
         outside += bool(panel.outside or panel.clipped)
+        reason = case.decision.materials[name].reason or "running"
         width = 88 // columns
         lines = textwrap.wrap(shortened(name, 2 * width - 4), width)
         axes.set_title(
             "\n".join(line.replace("$", r"\$") for line in lines)
-            + f"\nrms {short(material.rms[material.best])}: {REASONS[material.reason].label}",
+            + f"\nrms {short(material.rms[material.best])}: {REASONS[reason].label}",
             fontsize=10.0,
         )
         mark(axes, colour_of(case, name))
@@ -217,9 +218,9 @@ def quality(case: Archive, name: str) -> tuple[Canvas, str, str]:
 
     canvas = new_canvas(6.2, 4.4)
     axes = canvas.subplots()
-    values = np.sort(material.measured_db.astype(np.float64))
+    values = np.sort(material.target.values_db.astype(np.float64))
     n = values.size
-    dp = material.target_dp
+    dp = material.target.dp
     mean, sd = _reach(dp)
     grid = np.linspace(mean - 10.0 * sd, mean + 10.0 * sd, 8001)
     below = skewnormal.cdf(grid, dp)
@@ -231,7 +232,7 @@ def quality(case: Archive, name: str) -> tuple[Canvas, str, str]:
     expected = quantile((np.arange(n) + 0.5) / n)
     # order statistics of as many independent values as the effective sample size (David and Nagaraja, "Order
     # Statistics", section 2.1)
-    m = max(8, round(material.effective))
+    m = max(8, round(material.target.effective))
     rank = np.arange(1, m + 1)
     shares = np.stack([betaincinv(rank, m + 1 - rank, tail) for tail in (0.025, 0.975)])
     axes.fill_between(
@@ -242,7 +243,7 @@ def quality(case: Archive, name: str) -> tuple[Canvas, str, str]:
     axes.plot(
         expected, values, color=FOUND["color"], marker=".", markersize=4, linestyle="none", label="measured pixels"
     )
-    head(axes, case, name, f"distance {short(material.fit_ks)}, p = {short(material.fit_ad_p)}")
+    head(axes, case, name, f"distance {short(material.target.goodness.ks)}, p = {short(material.target.goodness.ad_p)}")
     axes.set_xlabel(f"quantile of the skew normal [{case.levels.unit}]")
     axes.set_ylabel(f"measured quantile [{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 3)

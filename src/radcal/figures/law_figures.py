@@ -46,7 +46,7 @@ _CONTEXT_DEG = 5.0  # smallest margin of the angle axis on each side of the inci
 def _runs(axes: Axes, case: Archive, material: MaterialResult, shown: Array) -> None:
     """Draw one value for each run, marked by the kind of run, and the smallest value up to each run."""
     runs = np.arange(shown.size)
-    counted = np.isfinite(material.parameters.values).all(axis=1)  # a run of another law is never the best
+    counted = np.isfinite(material.parameters).all(axis=1)  # a run of another law is never the best
     best = np.minimum.accumulate(shown[counted])
     axes.step(runs[counted], best, where="post", color="black", linewidth=1.6, label="best so far")
     ended = _ended(case, material)
@@ -118,9 +118,11 @@ def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]
     head(upper, case, name, f"best misfit {short(squares[material.best])} in run {material.best}{ended}")
     rms = material.rms
     _runs(lower, case, material, np.where(rms > 0, rms, rms[rms > 0].min() / 3.0 if (rms > 0).any() else 1.0))
-    if material.rms_sampling > 0:
+    if material.target.rms_sampling > 0:
         lower.axhline(
-            material.rms_sampling, label=f"sampling error of {material.measured_db.size:,} pixels", **SAMPLING
+            material.target.rms_sampling,
+            label=f"sampling error of {material.target.values_db.size:,} pixels",
+            **SAMPLING,
         )
     lower.set_ylabel(f"densities, rms [1/{case.levels.unit}]")
     _number_runs(lower, rms.size)
@@ -134,8 +136,8 @@ def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]
     )
     caption += (
         "Below: root mean square difference of the simulated and the target density, which the search does not "
-        f"minimise; another sample of {material.measured_db.size:,} pixels would move the target itself by about "
-        f"{short(material.rms_sampling)} 1/{case.levels.unit} (dotted).{numbered}"
+        f"minimise; another sample of {material.target.values_db.size:,} pixels would move the target itself by about "
+        f"{short(material.target.rms_sampling)} 1/{case.levels.unit} (dotted).{numbered}"
     )
     return (
         canvas,
@@ -151,16 +153,16 @@ def _density_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
     axes = canvas.subplots()
     rms = material.rms
     runs, infill = np.arange(rms.size), np.flatnonzero(case.runs.kind == "infill")
-    positive = np.concatenate([rms[rms > 0], [case.tolerance, material.rms_sampling]])
+    positive = np.concatenate([rms[rms > 0], [case.tolerance, material.target.rms_sampling]])
     positive = positive[np.isfinite(positive) & (positive > 0)]
     # a cost of exactly 0 is drawn on the lower edge of the logarithmic axis
     bottom = float(positive.min()) / 3.0
     shown = np.where(rms > 0, rms, bottom)
     _runs(axes, case, material, shown)
     axes.axhline(case.tolerance, label=f"tolerance {short(case.tolerance)}", **TOLERANCE)
-    pixels = material.measured_db.size
-    if material.rms_sampling > 0:
-        axes.axhline(material.rms_sampling, label=f"sampling error of {pixels:,} pixels", **SAMPLING)
+    pixels = material.target.values_db.size
+    if material.target.rms_sampling > 0:
+        axes.axhline(material.target.rms_sampling, label=f"sampling error of {pixels:,} pixels", **SAMPLING)
     floor = np.full(rms.size, np.nan)
     floor[infill] = material.floor_rms
     known = np.isfinite(floor) & (floor > 0)
@@ -176,8 +178,9 @@ def _density_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
     add_legend(canvas, axes.get_legend_handles_labels(), 3)
     caption = (
         "Root mean square difference between the simulated and the target density, run by run; the line is the best so "
-        f"far. Below the dotted line ({short(material.rms_sampling)} 1/{case.levels.unit}) a smaller cost is numerical "
-        f"convergence: another sample of {pixels:,} pixels would move the target itself by about that much.{numbered}"
+        f"far. Below the dotted line ({short(material.target.rms_sampling)} 1/{case.levels.unit}) a smaller cost is "
+        f"numerical convergence: another sample of {pixels:,} pixels would move the target itself by about that much."
+        f"{numbered}"
     )
     if known.any():
         caption += " Short bars: lower bound of the rms inside the bounds, by the surrogate and two standard errors."
@@ -188,8 +191,8 @@ def _density_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
 
 def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     """Figure of the band of sigma0 and of the laws over the incidence angle; None for laws without a curve."""
-    material = case.materials[name]
-    if not material.parameters.curve().has_curve:
+    material, searched = case.materials[name], case.configured.laws[name]
+    if not searched.has_curve:
         return None
     shares = (4.0, 1.0) if material.hidden is None else (4.0, 1.6, 1.0)
     canvas = new_canvas(6.2, 4.6 + 0.4 * sum(shares[1:]))
@@ -200,14 +203,14 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     for axes in panels:
         for low, high in each_seen:
             axes.axvspan(low, high, color="#EFEFEF", zorder=0, linewidth=0)
-    laws = _laws(material)
+    laws = _laws(case, name)
     _curves(panels[0], material, laws, seen, angles)
     head(panels[0], case, name, state(name, case.findings) or "law of the search")
     panels[0].set_ylabel("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
-    incidence_deg = material.incidence_deg.astype(np.float64)
+    incidence_deg = material.target.incidence_deg.astype(np.float64)
     remark = ""
     if material.hidden is not None:
-        _truth(panels[1], material, laws, seen, angles)
+        _truth(panels[1], material, searched, laws, seen, angles)
         found = [
             f"{words} by at most {curve.largest_difference_db(x, material.hidden, incidence_deg):.2g} dB"
             for words, curve, x, _ in laws
@@ -236,7 +239,7 @@ def _seen(case: Archive, material: MaterialResult) -> Array:
     """5 and 95 % quantile of the incidence at which a material is seen [deg], shape (passes, 2)."""
     if case.passes and material.posterior is not None:
         return np.asarray(material.posterior.seen_deg)
-    return np.percentile(material.incidence_deg.astype(np.float64), [5.0, 95.0])[None]
+    return np.percentile(material.target.incidence_deg.astype(np.float64), [5.0, 95.0])[None]
 
 
 def _of_band(case: Archive, name: str) -> str:
@@ -259,13 +262,15 @@ def _view(low_deg: float, high_deg: float) -> tuple[float, float]:
     return max(0.0, np.floor(low_deg - margin)), min(_LAST_DEG, np.ceil(high_deg + margin))
 
 
-def _laws(material: MaterialResult) -> list[tuple[str, Law, Array, dict[str, Any]]]:
+def _laws(case: Archive, name: str) -> list[tuple[str, Law, Array, dict[str, Any]]]:
     """Label, law, X and style of the laws to draw: start, search, nearest to the median, and hidden truth."""
-    parameters, start, posterior = material.parameters, material.start, material.posterior
-    curve = parameters.curve()
-    # where the first run has no X of the calibrated law, the start has another law
-    begun = f"start ({start.law})" if np.isnan(parameters.values[0]).any() else "start"
-    laws = [(begun, start.curve(), start.values, START), (_SEARCH, curve, parameters.values[material.best], FOUND)]
+    material, configured, curve = case.materials[name], case.configured.materials[name], case.configured.laws[name]
+    posterior, start = material.posterior, case.configured.at_start.laws[name]
+    begun = f"start ({configured.at_start.law})" if configured.starts_with_another_law else "start"
+    laws = [
+        (begun, start, np.array(configured.start_parameters), START),
+        (_SEARCH, curve, material.parameters[material.best], FOUND),
+    ]
     if posterior is not None and posterior.parameters_model is not None:
         laws.append((_NEAREST, curve, posterior.parameters_model, MODEL))
     if material.hidden is not None:
@@ -319,12 +324,13 @@ def _bands(axes: Axes, curve: Curve, angles: Array, less: Array | float = 0.0) -
 def _truth(
     axes: Axes,
     material: MaterialResult,
+    curve: Law,
     laws: Sequence[tuple[str, Law, Array, dict[str, Any]]],
     seen: Sequence[Array],
     angles: Array,
 ) -> None:
     """Draw bands and laws minus the hidden law, thin at all ``angles`` of the axis [deg] and thick at those seen."""
-    hidden, curve = material.hidden, material.parameters.curve()
+    hidden = material.hidden
     assert hidden is not None  # noqa: S101
     reach = [0.05]
     for label, _, x, style in laws:

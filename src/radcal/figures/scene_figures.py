@@ -192,12 +192,12 @@ def _view(
 def _expected_db(case: Archive, incidence_deg: NDArray[Any], material: NDArray[Any]) -> Array:
     """Sigma0 [dB] by the calibrated or fixed law of each pixel, at its mean incidence; NaN without a law's curve."""
     angle = np.radians(incidence_deg.astype(np.float64))
-    expected = np.full(angle.shape, np.nan)
+    expected, laws = np.full(angle.shape, np.nan), case.configured.laws
     for k, name in enumerate(case.names, start=1):
-        law = case.laws[name].curve() if name in case.laws else None
+        law = laws.get(name)
         if law is not None and law.has_curve:  # the curve of an external law is not known
             inside = material == k
-            expected[inside] = law(angle[inside], case.laws[name].values)
+            expected[inside] = law(angle[inside], case.laws[name])
     return expected
 
 

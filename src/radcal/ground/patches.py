@@ -79,7 +79,13 @@ class Cells:
 
 @dataclass(frozen=True)
 class Spread:
-    """Standard deviations of the random effects of patches, and of the random effects of cells within a patch [dB]."""
+    """Standard deviations of the random effects of patches, and of the random effects of cells within a patch.
+
+    Attributes
+    ----------
+    between, within : float
+        Standard deviation of the effects of patches, and of cells within a patch [dB].
+    """
 
     between: float
     within: float

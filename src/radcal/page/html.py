@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from radcal import skewnormal
+from radcal.config import Material
 from radcal.config.objectives import OBJECTIVES
 from radcal.figures.figures import Figure
 from radcal.results.archive import Archive, MaterialResult
@@ -74,17 +75,19 @@ def _largest(found: Sequence[Mapping[str, Any]], key: str) -> Mapping[str, Any]:
 
 
 def _material(
-    name: str, summary: Mapping[str, Any], result: MaterialResult, passes: Sequence[Mapping[str, Any]]
+    name: str,
+    summary: Mapping[str, Any],
+    result: MaterialResult,
+    material: Material,
+    passes: Sequence[Mapping[str, Any]],
 ) -> dict[str, Any]:
     """Data of one material for the template of the page; ``passes`` are those of a case of several passes."""
-    low, high = np.percentile(result.incidence_deg, [5.0, 95.0])
+    low, high = np.percentile(result.target.incidence_deg, [5.0, 95.0])
     laws = [one["materials"][name] for one in passes if name in one["materials"]]
     seen = [(law["low_deg"], law["high_deg"]) for law in laws] or [(float(low), float(high))]
     differences = [summary.get("law_difference_db"), *(law["difference_db"] for law in laws)]
-    start = result.start.values.tolist()
+    start, same_law = material.start_parameters, not material.starts_with_another_law
     hidden = summary.get("hidden", {})
-    # a start with another law has parameters of that other law
-    same_law = bool(np.isfinite(result.parameters.values[0]).all())
     parameters = [
         {
             "name": key,
@@ -102,7 +105,8 @@ def _material(
         }
         for (key, value), unit, begun, bounds in zip(
             summary["parameters"].items(),
-            result.parameter_units,
+            material.parameter_units,
+            # a start with another law has parameters of that other law
             start if same_law else [None] * len(summary["bounds"]),
             summary["bounds"],
             strict=True,
@@ -125,9 +129,9 @@ def _material(
         "within": words.met,
         "low": float(low),
         "high": float(high),
-        "drawn": result.pixels.size,
-        "eligible": result.eligible,
-        "at_boundary": result.at_boundary,
+        "drawn": result.target.pixels.size,
+        "eligible": result.target.eligible,
+        "at_boundary": result.target.at_boundary,
         "seen": f"{' and '.join(f'{_number(a)} to {_number(b)}' for a, b in seen)} deg",
         "difference_db": max((one for one in differences if one is not None), default=None),
         "known": "law_difference_db" in summary,
@@ -217,7 +221,8 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     summary = summarise(archive)
     passes = summary.get("passes", ())
     materials = [
-        _material(name, summary["materials"][name], result, passes) for name, result in archive.materials.items()
+        _material(name, summary["materials"][name], result, archive.configured.materials[name], passes)
+        for name, result in archive.materials.items()
     ]
     refused = any(one.severity == "refusal" for one in archive.findings)
     determined = any(m.get("identified") for m in materials)

@@ -236,7 +236,7 @@ def of_archive(archive: Archive, folder: str | Path) -> dict[str, tuple[Posterio
     for name, material in archive.materials.items():
         posterior = material.posterior
         if posterior is not None and posterior.curve is not None and posterior.draws is not None:
-            found[name] = (posterior, archive.laws[name].curve())
+            found[name] = (posterior, archive.configured.laws[name])
     if not found:
         raise ConfigError(
             f"{folder}: no calibrated material has a band of sigma0 in dB, expected a law with a curve and "

@@ -80,7 +80,7 @@ def simulated_x(archive: Archive, name: str) -> list[float]:
     """X at which a material is simulated: the one nearest to the median of its band; without a band, the search's."""
     posterior = archive.materials[name].posterior
     nearest = None if posterior is None else posterior.parameters_model
-    return [float(x) for x in (archive.laws[name].values if nearest is None else nearest)]
+    return [float(x) for x in (archive.laws[name] if nearest is None else nearest)]
 
 
 def predictions(

@@ -144,7 +144,7 @@ def write_export(
         text = calibrated_yaml(archive, materials, sentences(archive)[0], seed)
         partial.write_text(text, encoding="utf-8")
     if isinstance(simulator, CommandSimulator):
-        parameters = {name: archive.laws[name].values.tolist() for name in case.materials}
+        parameters = {name: archive.laws[name].tolist() for name in case.materials}
         files += simulator.write_input(folder / _INPUT, parameters, seed)
     images = archive.images
     said = _measured_words(archive.registration.applied, archive.levels.normalisation)

@@ -55,7 +55,7 @@ def law_rows(archive: Archive) -> Iterator[Sequence[Any]]:
         of a normalised image there are neither median and quantiles nor a nearest law.
     """
     for name, material in archive.materials.items():
-        law = archive.laws[name].curve()
+        law = archive.configured.laws[name]
         if not law.has_curve:
             continue
         posterior = material.posterior
@@ -67,7 +67,7 @@ def law_rows(archive: Archive) -> Iterator[Sequence[Any]]:
         low_db, median_db, high_db = np.full((3, degrees.size), np.nan) if curve is None else curve.at(degrees)
         low, high = _known(material)
         known = (degrees >= low) & (degrees <= high)
-        each_x = (archive.laws[name].values, _model(material))
+        each_x = (archive.laws[name], _model(archive, name))
         laws = [np.asarray(law(np.radians(degrees), x)) for x in each_x]
         for row in zip(degrees, median_db, low_db, high_db, known, *laws, np.isin(degrees, levels), strict=True):
             yield (name, *row)
@@ -91,27 +91,27 @@ def parameter_rows(archive: Archive) -> Iterator[Sequence[Any]]:
     """
     for name, material in archive.materials.items():
         posterior = material.posterior
-        unknown = np.full(len(material.parameter_names), np.nan)
+        configured, unknown = archive.configured.materials[name], np.full(archive.laws[name].size, np.nan)
         low, high = (unknown, unknown) if posterior is None else (posterior.parameters_p05, posterior.parameters_p95)
         each = zip(
-            material.parameter_names,
-            material.parameter_units,
-            archive.laws[name].values,
-            _model(material),
+            configured.parameter_names,
+            configured.parameter_units,
+            archive.laws[name],
+            _model(archive, name),
             low,
             high,
-            *material.bounds.T,
+            *np.array(configured.box).T,
             strict=True,
         )
         for row in each:
-            yield (name, material.law, *row, material.best_looks, material.fits, *_known(material))
+            yield (name, configured.law, *row, material.best_looks, material.fits, *_known(material))
 
 
-def _model(material: MaterialResult) -> NDArray[np.float64]:
+def _model(archive: Archive, name: str) -> NDArray[np.float64]:
     """X whose law is nearest to the median of sigma0; NaN if there is none."""
-    posterior = material.posterior
+    posterior = archive.materials[name].posterior
     if posterior is None or posterior.parameters_model is None:
-        return np.full(len(material.parameter_names), np.nan)
+        return np.full(archive.laws[name].size, np.nan)
     return posterior.parameters_model
 
 
@@ -159,7 +159,7 @@ def calibrated_materials(archive: Archive, materials: Mapping[str, Material]) ->
     for name, material in materials.items():
         kept = ("law", "angles_deg", "formula", "names", "units", "integer")
         data = {"calibrate": False, **material.model_dump(mode="json", include=set(kept), exclude_none=True)}
-        data["parameters"] = [float(x) for x in archive.laws[name].values]
+        data["parameters"] = [float(x) for x in archive.laws[name]]
         if colour := written.get(name, {}).get("colour"):
             data["colour"] = colour
         looks = material.looks

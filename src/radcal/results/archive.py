@@ -5,26 +5,30 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.assessment.conclusion import MaterialPixels
+from radcal.calibration.stopping import Decision
+from radcal.config import stages
 from radcal.findings import Finding
-from radcal.laws import Law, law_for
+from radcal.ground.levels import Levels
 from radcal.posterior.result import Image, Posterior
 from radcal.results.search_front import SearchFront
-from radcal.storage.dataclass_groups import About, Attribute, Main, put, table, take
+from radcal.storage.dataclass_groups import About, Main, put, table, take
 from radcal.storage.records import read_hdf5, write_hdf5
+from radcal.targets.target import Target
 
 __all__ = [
     "Archive",
     "Images",
-    "LawParameters",
-    "LevelSummary",
     "MaterialResult",
     "ObjectPlaces",
     "PassLaw",
@@ -57,38 +61,6 @@ class Runs:
 
 
 @dataclass(frozen=True)
-class LawParameters:
-    """Parameters of a law, with the conditions (polarisation, frequency, knots) that its evaluation needs."""
-
-    values: Annotated[Doubles, Main()]
-    law: Annotated[str, About("name of the law")]
-    polarisation: Annotated[str, About("transmitted and received polarisation")]
-    frequency_ghz: Annotated[float | None, About("carrier frequency", "GHz")] = None
-    angles_deg: Annotated[tuple[float, ...] | None, About("knots of a tabulated law", "deg")] = None
-    names: Annotated[tuple[str, ...] | None, About("names of the parameters of an external law or formula")] = None
-    units: Annotated[tuple[str, ...] | None, About("units of the parameters of an external law or formula")] = None
-    formula: Annotated[str | None, About("formula of a law of the case file, phi in radians")] = None
-
-    def curve(self) -> Law:
-        """Law as a function of incidence angle and parameters, for the stored polarisation, frequency and knots.
-
-        Raises
-        ------
-        ConfigError
-            This version of radcal does not know the law.
-        """
-        return law_for(
-            self.law,
-            polarisation=self.polarisation,
-            frequency_ghz=self.frequency_ghz,
-            angles_deg=self.angles_deg,
-            names=self.names,
-            units=self.units,
-            formula=self.formula,
-        )
-
-
-@dataclass(frozen=True)
 class Fidelity:
     """Predictions of the surrogate for each infill run, and results of the run; NaN without a prediction."""
 
@@ -108,53 +80,15 @@ class Fidelity:
 class MaterialResult:
     """Target and results of one calibrated material: d parameters, n runs, m infill runs, p pixels of the target."""
 
-    law: Annotated[str, About("name of the calibrated law")]
-    parameter_names: Annotated[tuple[str, ...], Attribute(), About("names of its d parameters")]
-    parameter_units: Annotated[tuple[str, ...], Attribute(), About("units of the parameters")]
-    reason: Annotated[str, About("reason for the end, or running")]
-    sentence: Annotated[str, About("reason for the end in words")]
-    eligible: Annotated[int, About("number of pixels from which the target's pixels were drawn")]
-    at_boundary: Annotated[bool, About("target has the largest skewness of a skew normal")]
-    rms_sampling: Annotated[float, About("density rms that sampling alone causes", _DENSITY)]
-    effective: Annotated[float, About("effective sample size of the target's pixels")]
-    looks: Annotated[float, About("equivalent number of looks (ENL) among neighbouring pixels")]
+    target: Annotated[Target, About("target density and its measured pixels, in the first pass")]
+    simulated: Annotated[MaterialPixels, About("target's pixels in the reference run and both final runs")]
     textured: Annotated[bool, About("material has far fewer looks than the image's homogeneous areas")]
-    fresh: Annotated[bool, About("simulated pixels depend on the noise seed")]
-    left_out: Annotated[str, About("number of masked visible pixels by reason (JSON)")]
-    fit_ks: Annotated[float, About("Kolmogorov-Smirnov distance of the target's pixels from their density")]
-    fit_ks_p: Annotated[float, About("p-value of `fit_ks`, by bootstrap")]
-    fit_ad: Annotated[float, About("Anderson-Darling statistic of the target's pixels and their density")]
-    fit_ad_p: Annotated[float, About("p-value of `fit_ad`, by bootstrap")]
+    level_only: Annotated[bool, About("material is seen at one incidence: only its level can be determined")]
     best: Annotated[int, About("best run, an index into `runs`")]
-    parameters: Annotated[LawParameters, About("X of each run; NaN for a run with another law", shape="n, d")]
+    parameters: Annotated[Doubles, About("X of each run; NaN for a run with another law", shape="n, d")]
     dp: Annotated[Doubles, About("xi, omega and alpha (no unit) of each run's density", _UNIT, "n, 3")]
     rms: Annotated[Doubles, About("rms difference of each run's density from the target's", _DENSITY, "n")]
-    bounds: Annotated[Doubles, About("lower and upper bound of each parameter", shape="d, 2")]
-    start: Annotated[LawParameters, About("starting X, possibly of another law", shape="d")]
-    target_dp: Annotated[Doubles, About("xi, omega and alpha (no unit) of the target", _UNIT, "3")]
-    target_cp_error: Annotated[
-        Doubles, About("standard errors of the target's mean, standard deviation and skewness (no unit)", _UNIT, "3")
-    ]
-    target_cp_interval: Annotated[
-        Doubles,
-        About("95 % intervals of the target's mean, standard deviation and skewness (no unit)", _UNIT, "3, 2"),
-    ]
-    pixels: Annotated[Integers, About("flat indices of the target's pixels in the image", shape="p", scale=True)]
-    incidence_deg: Annotated[Floats, About("local incidence of the target's pixels", "deg", "p")]
-    measured_db: Annotated[Doubles, About("target's pixels in the measured image", _UNIT, "p")]
-    start_db: Annotated[Doubles, About("target's pixels in the reference run", _UNIT, "p")]
-    calibrated_db: Annotated[Doubles, About("target's pixels in the calibrated run", _UNIT, "p")]
-    fresh_db: Annotated[Doubles, About("target's pixels in the calibrated run with another seed", _UNIT, "p")]
-    level_only: Annotated[bool, About("material is seen at one incidence: only its level can be determined")]
     best_looks: Annotated[float, About("effective number of looks with which the best run fits the target")]
-    incidence_error_deg: Annotated[float, About("standard error assumed for the local incidence; 0 for none", "deg")]
-    final_dp: Annotated[Doubles, About("xi, omega and alpha (no unit) of the calibrated run", _UNIT, "3")]
-    fresh_dp: Annotated[
-        Doubles, About("xi, omega and alpha (no unit) of the calibrated run with another seed", _UNIT, "3")
-    ]
-    predicted_rms: Annotated[
-        Doubles, About("rms predicted by the surrogate for each infill run; NaN if not predicted", _DENSITY, "m")
-    ]
     floor_rms: Annotated[
         Doubles,
         About("smallest rms that the surrogate allows within two standard errors; NaN if unknown", _DENSITY, "m"),
@@ -236,18 +170,6 @@ class RegistrationSummary:
 
 
 @dataclass(frozen=True)
-class LevelSummary:
-    """Level of the measured image relative to the simulated image (:class:`radcal.ground.levels.Levels`)."""
-
-    normalisation: Annotated[str, About("normalisation: none, offset or image")]
-    offset_db: Annotated[float, About("level of the measured image above the simulated; NaN if unknown", "dB")]
-    offset_error_db: Annotated[float, About("standard error of `offset_db`", "dB")]
-    scale: Annotated[float, About("ratio of the interquartile ranges of measured and simulated image, or 1")]
-    sentence: Annotated[str, About("level and its consequences in words")]
-    unit: Annotated[str, About("unit of densities and of the target's pixels: dB or IQR")]
-
-
-@dataclass(frozen=True)
 class PassLaw:
     """Law of a material over the incidence of one pass, from 5 to 95 % of the pixels of its target."""
 
@@ -288,8 +210,7 @@ class Archive:
     case: Annotated[str, About("name of the case")]
     config: Annotated[str, About("configuration (JSON)")]
     objective: Annotated[str, About("objective of the configuration")]
-    reason: Annotated[str, About("reason for the end, or running")]
-    converged: Annotated[bool, About("every material is within the tolerance or meets its stop criterion")]
+    decision: Annotated[Decision, About("decision on the end of the search")]
     tolerance: Annotated[float, About("density rms up to which a material is within the tolerance", _DENSITY)]
     max_runs: Annotated[int, About("largest number of runs, design and infill together")]
     looks: Annotated[float, About("number of looks of the simulation")]
@@ -299,18 +220,17 @@ class Archive:
     measurement: Annotated[str, About("source of the measured image")]
     notes: Annotated[tuple[Finding, ...], About("findings on measurement and simulator (JSON)")]
     law_notes: Annotated[tuple[Finding, ...], About("laws used outside of their validity (JSON)")]
-    sentences: Annotated[tuple[str, ...], Attribute(), About("reason for the end in words, for each material")]
     simulator: Annotated[str, About("identity of the simulator (JSON)")]
     versions: Annotated[str, About("versions of Python and packages (JSON)")]
     final_runs: Annotated[int, About("final runs that were not simulated before")]
     names: Annotated[tuple[str, ...], About("names of all materials, in the order of their ids")]
     runs: Annotated[Runs, About("all n runs in their order: reference, registration, reused, design, infill")]
     registration: Annotated[RegistrationSummary, About("registration of the measured image")]
-    levels: Annotated[LevelSummary, About("level of the measured image relative to the simulated")]
+    levels: Annotated[Levels, About("level of the measured image relative to the simulated")]
     image: Annotated[Image, About("what the fixed materials say of the images")]
     findings: Annotated[tuple[Finding, ...], About("findings on images and materials (JSON)")]
     scene: Annotated[SceneView, About("scene at the resolution of the figures; row 0 is in the south")]
-    laws: Annotated[Mapping[str, LawParameters], About("X of every material's law in the final runs", shape="d")]
+    laws: Annotated[Mapping[str, Doubles], About("X of every material's law in the final runs", shape="d")]
     materials: Annotated[
         Mapping[str, MaterialResult],
         About("calibrated materials: d parameters, p pixels, m infill runs, b or c incidence-angle bins"),
@@ -321,6 +241,14 @@ class Archive:
     images: Annotated[Images, About("whole images; rows: slant range, columns: azimuth")] = field(
         default_factory=Images
     )
+
+    @cached_property
+    def configured(self) -> stages.Laws:
+        """Materials of the configuration, with their laws in the first pass."""
+        sections = json.loads(self.config)
+        radar = sections["radar"]
+        first = radar[0] if isinstance(radar, list) else radar
+        return stages.Laws(seed=sections["seed"], radar=first, materials=sections["materials"])
 
 
 def write_archive(path: str | Path, archive: Archive) -> None:

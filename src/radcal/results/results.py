@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
 
@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from radcal.assessment.conclusion import Conclusion
 from radcal.calibration.steps import random_findings
-from radcal.config import Material, Radar, Stop, stages
+from radcal.config import Stop, stages
 from radcal.config.sections import FURTHER
 from radcal.findings import Finding
-from radcal.ground.levels import Levels, without_level
-from radcal.laws import EXTERNAL, FORMULA, Law
+from radcal.ground.levels import without_level
+from radcal.laws import Law
 from radcal.objectives import OBJECTIVES
 from radcal.objectives.history import History, Run, Score
 from radcal.posterior.result import Image, Posterior
@@ -28,8 +28,6 @@ from radcal.results.archive import (
     Archive,
     Fidelity,
     Images,
-    LawParameters,
-    LevelSummary,
     MaterialResult,
     ObjectPlaces,
     PassLaw,
@@ -105,8 +103,7 @@ def gather(
         case=case.case,
         config=json.dumps(disclosed(_as_written(case, stop))),
         objective=case.objective,
-        reason=conclusion.decision.reason or "running",
-        converged=conclusion.decision.converged,
+        decision=conclusion.decision,
         tolerance=stop.rms,
         max_runs=stop.max_runs,
         looks=case.radar.looks,
@@ -114,18 +111,17 @@ def gather(
         measurement=measurement.source,
         notes=(*measurement.findings, *remarks, *_of_passes(targets, case.objective)),
         law_notes=tuple(law_notes(case, geometry, parameters)),
-        sentences=tuple(conclusion.decision.materials[name].sentence for name in targets),
         simulator=json.dumps(conclusion.simulator),
         versions=json.dumps(_versions()),
         final_runs=len({record.key for record in final[:2]} - {run.key for run in history.runs}),
         names=tuple(geometry.names),
         runs=_runs(history),
         registration=_registration(registered),
-        levels=_levels(targets.levels),
+        levels=targets.levels,
         image=image,
         findings=tuple(conclusion.findings),
         scene=_scene(scene),
-        laws={name: _law(parameters[name], item, case.radar) for name, item in case.materials.items()},
+        laws={name: np.array(x, dtype=np.float64) for name, x in parameters.items()},
         materials={
             name: replace(
                 _material(name, case, history, targets, conclusion, measurement.hidden.get(name)),
@@ -248,21 +244,6 @@ def _final_parameters(case: stages.Archive, history: History, targets: Targets) 
     return {name: best.get(name, material.start_parameters) for name, material in case.materials.items()}
 
 
-def _law(values: Any, material: Material, radar: Radar) -> LawParameters:
-    """Parameters of a material's law in one or several runs, with polarisation, frequency and knots of the law."""
-    named = material.law in (EXTERNAL, FORMULA)
-    return LawParameters(
-        values=np.array(values, dtype=np.float64),
-        law=material.law,
-        polarisation=radar.polarisation,
-        frequency_ghz=radar.frequency_ghz,
-        angles_deg=None if material.angles_deg is None else tuple(material.angles_deg),
-        names=tuple(material.parameter_names) if named else None,
-        units=tuple(material.parameter_units) if named else None,
-        formula=material.formula,
-    )
-
-
 def _runs(history: History) -> Runs:
     """Kind, number, hash and time of all runs, in the order reference, registration, reused, design, infill."""
     return Runs(
@@ -285,11 +266,6 @@ def _registration(registered: Registered) -> RegistrationSummary:
         uncertainty_px=registered.uncertainty_px,
         misregistration_px=registered.measurement.misregistration_px,
     )
-
-
-def _levels(levels: Levels) -> LevelSummary:
-    """Level of the measured image relative to the simulated image."""
-    return LevelSummary(**{item.name: getattr(levels, item.name) for item in fields(LevelSummary)})
 
 
 def _scene(scene: Scene) -> SceneView:
@@ -318,51 +294,21 @@ def _material(
     hidden: Sequence[float] | None,
 ) -> MaterialResult:
     """Target and results of a calibrated material."""
-    runs, target, material = history.runs, targets[name], case.materials[name]
-    verdict, found = conclusion.decision.materials[name], conclusion.materials[name]
-    fit, classes = target.goodness, target.classes
-    unknown = [np.nan] * len(material.parameter_names)
+    runs, target = history.runs, targets[name]
+    classes = target.classes
+    unknown = [np.nan] * len(case.materials[name].parameter_names)
     proposals = [run.proposals[name] for run in history.infill]
     scores = [run.scores[name] for run in runs]
     return MaterialResult(
-        law=material.law,
-        parameter_names=tuple(material.parameter_names),
-        parameter_units=tuple(material.parameter_units),
-        reason=verdict.reason or "running",
-        sentence=verdict.sentence,
-        eligible=target.eligible,
-        at_boundary=target.at_boundary,
-        rms_sampling=target.rms_sampling,
-        effective=target.effective,
-        looks=target.looks,
+        target=target,
+        simulated=conclusion.materials[name],
         textured=targets.textured(name),
-        fresh=found.differ,
-        left_out=json.dumps(target.left_out),
-        fit_ks=fit.ks,
-        fit_ks_p=fit.ks_p,
-        fit_ad=fit.ad,
-        fit_ad_p=fit.ad_p,
+        level_only=targets.level_only(name),
         best=runs.index(history.best_run(name)),
-        parameters=_law([score.parameters if score.own_law else unknown for score in scores], material, case.radar),
+        parameters=np.array([score.parameters if score.own_law else unknown for score in scores], dtype=np.float64),
         dp=np.array([score.dp for score in scores]),
         rms=np.array([score.rms for score in scores]),
-        bounds=np.array(material.box),
-        start=_law(material.start_parameters, material.at_start, case.radar),
-        target_dp=target.dp,
-        target_cp_error=target.cp_error,
-        target_cp_interval=target.cp_interval,
-        pixels=target.pixels,
-        incidence_deg=target.incidence_deg,
-        measured_db=target.values_db,
-        start_db=found.start,
-        calibrated_db=found.calibrated,
-        fresh_db=found.fresh,
-        level_only=targets.level_only(name),
         best_looks=history.best(name).looks,
-        incidence_error_deg=0.0 if classes is None else classes.incidence_error_deg,
-        final_dp=found.calibrated_dp,
-        fresh_dp=found.fresh_dp,
-        predicted_rms=_numbers(None if classes else proposal.cost for proposal in proposals),
         floor_rms=_numbers(None if classes else proposal.floor for proposal in proposals),
         mode=tuple(proposal.mode for proposal in proposals),
         hidden=None if hidden is None else np.array(hidden),

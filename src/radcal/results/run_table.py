@@ -23,7 +23,7 @@ def write_table(path: str | Path, archive: Archive) -> None:
     archive : Archive
         Results of a calibration.
     """
-    headings = [list(material.parameter_names) for material in archive.materials.values()]
+    headings = [list(archive.configured.materials[name].parameter_names) for name in archive.materials]
     widest = max(headings, key=len)
     if any(heading != widest[: len(heading)] for heading in headings):  # materials of different laws
         widest = [f"X{k}" for k in range(1, len(widest) + 1)]
@@ -36,7 +36,7 @@ def write_table(path: str | Path, archive: Archive) -> None:
         ):
             row = [n, kind, int(index), key, f"{seconds:.3f}"]
             for name, material in archive.materials.items():
-                x = ["" if np.isnan(v) else repr(float(v)) for v in material.parameters.values[n]]
+                x = ["" if np.isnan(v) else repr(float(v)) for v in material.parameters[n]]
                 x += [""] * (len(widest) - len(x))
                 dp = [repr(float(v)) for v in material.dp[n]]
                 table.writerow([*row, name, *x, *dp, repr(float(material.rms[n]))])

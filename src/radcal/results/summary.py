@@ -7,7 +7,7 @@ import csv
 import json
 import math
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,8 @@ from radcal.results.law_notes import found_words
 from radcal.words import headline, next_steps, remarks, sentence, untold, verdict
 
 __all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
+
+_LEVELS = ("normalisation", "offset_db", "offset_error_db", "scale", "sentence", "unit")
 
 
 def numbered_jobs(archive: Archive) -> dict[str, int]:
@@ -84,20 +86,25 @@ def sentences(archive: Archive) -> list[str]:
     each = [verdict(name, findings) for name in archive.materials]
     lines = [_verdict(archive), *(each if len(each) > 1 else [])]
     lines += [f"next: {step}." for step in next_steps(findings)[:1]]
-    found = [said for name, material in archive.materials.items() if (said := _without_curve(name, material))]
-    return [*lines, *untold(_warnings(archive), lines[0]), *archive.sentences, *found]
-
-
-def _without_curve(name: str, material: MaterialResult) -> str:
-    """Sentence on the parameters of a law without a curve and their 90 % intervals; empty without a posterior."""
-    if material.posterior is None or material.parameters.curve().has_curve:
-        return ""
-    found = dict(zip(material.parameter_names, map(float, material.parameters.values[material.best]), strict=True))
-    interval = [
-        dict(zip(material.parameter_names, map(float, ends), strict=True))
-        for ends in (material.posterior.parameters_p05, material.posterior.parameters_p95)
+    found = [said for name in archive.materials if (said := _without_curve(archive, name))]
+    return [
+        *lines,
+        *untold(_warnings(archive), lines[0]),
+        *(one.sentence for one in archive.decision.materials.values()),
+        *found,
     ]
-    return f"{name}: {found_words(found, material.bounds.tolist(), *interval)}."
+
+
+def _without_curve(archive: Archive, name: str) -> str:
+    """Sentence on the parameters of a law without a curve and their 90 % intervals; empty without a posterior."""
+    posterior, material = archive.materials[name].posterior, archive.configured.materials[name]
+    if posterior is None or archive.configured.laws[name].has_curve:
+        return ""
+    found, low, high = (
+        dict(zip(material.parameter_names, map(float, x), strict=True))
+        for x in (archive.laws[name], posterior.parameters_p05, posterior.parameters_p95)
+    )
+    return f"{name}: {found_words(found, material.box, low, high)}."
 
 
 def _warnings(archive: Archive) -> list[str]:
@@ -108,7 +115,7 @@ def _warnings(archive: Archive) -> list[str]:
 
 
 def _verdict(archive: Archive) -> str:
-    return headline(list(archive.materials), archive.findings, archive.converged)
+    return headline(list(archive.materials), archive.findings, archive.decision.converged)
 
 
 def _overall(archive: Archive) -> dict[str, Any]:
@@ -117,12 +124,12 @@ def _overall(archive: Archive) -> dict[str, Any]:
     return {"fits": False if False in fits else None if None in fits else True, "verdict": _verdict(archive)}
 
 
-def _posterior(material: MaterialResult) -> dict[str, Any]:
+def _posterior(material: MaterialResult, names: Sequence[str]) -> dict[str, Any]:
     """Posterior of a law: incidence at which sigma0 is determined, curve, parameters, and error of the form."""
     known = material.posterior
     if known is None:
         return {}
-    curve, names, form = known.curve, material.parameter_names, known.form
+    curve, form = known.curve, known.form
 
     def named(values: NDArray[np.float64]) -> dict[str, float]:
         return dict(zip(names, map(float, values), strict=True))
@@ -186,56 +193,56 @@ def _theta(dp: NDArray[np.float64]) -> dict[str, float]:
     return dict(zip(("xi", "omega", "alpha"), map(float, dp), strict=True))
 
 
-def _material(material: MaterialResult, counted: NDArray[np.bool_], tolerance: float, nominal: float) -> dict[str, Any]:
-    best, rms, x = material.best, material.rms, material.parameters.values
-    dp, target = material.dp[best], material.target_dp
+def _material(archive: Archive, name: str, material: MaterialResult) -> dict[str, Any]:
+    best, rms, x = material.best, material.rms, material.parameters
+    configured, law = archive.configured.materials[name], archive.configured.laws[name]
+    names = configured.parameter_names
+    target, simulated, ending = material.target, material.simulated, archive.decision.materials[name]
+    dp, counted = material.dp[best], np.isin(archive.runs.kind, ("design", "infill"))
     # a reference run with another law is never within the tolerance
-    within = np.flatnonzero((rms <= tolerance) & np.isfinite(x).all(axis=1))
+    within = np.flatnonzero((rms <= archive.tolerance) & np.isfinite(x).all(axis=1))
     summary = {
-        "parameters": dict(zip(material.parameter_names, map(float, x[best]), strict=True)),
-        "bounds": material.bounds.tolist(),
-        "law": material.law,
-        **({"formula": material.parameters.formula} if material.parameters.formula is not None else {}),
-        "start_law": material.start.law,
-        "stop_reason": material.reason,
-        "sentence": material.sentence,
+        "parameters": dict(zip(names, map(float, x[best]), strict=True)),
+        "bounds": np.array(configured.box).tolist(),
+        "law": configured.law,
+        **({"formula": configured.formula} if configured.formula is not None else {}),
+        "start_law": configured.at_start.law,
+        "stop_reason": ending.reason or "running",
+        "sentence": ending.sentence,
         "looks": material.best_looks,
-        "looks_nominal": nominal,
-        "incidence_error_deg": material.incidence_error_deg,
-        **_posterior(material),
+        "looks_nominal": archive.looks,
+        "incidence_error_deg": target.incidence_error_deg,
+        **_posterior(material, names),
         "fits": material.fits,
         "level_only": material.level_only,
-        "target": _theta(target),
+        "target": _theta(target.dp),
         "calibrated": _theta(dp),
         "rms": float(rms[best]),
         "mse": float(rms[best] ** 2),
         "rms_start": float(rms[0]),
-        "rms_final": skewnormal.density_rms(material.final_dp, target),
-        "rms_fresh": skewnormal.density_rms(material.fresh_dp, target) if material.fresh else None,
-        "rms_sampling": material.rms_sampling,
-        "effective_pixels": material.effective,
-        "left_out": json.loads(material.left_out),
-        "measured_looks": material.looks,
+        "rms_final": skewnormal.density_rms(simulated.calibrated_dp, target.dp),
+        "rms_fresh": skewnormal.density_rms(simulated.fresh_dp, target.dp) if simulated.differ else None,
+        "rms_sampling": target.rms_sampling,
+        "effective_pixels": target.effective,
+        "left_out": dict(target.left_out),
+        "measured_looks": target.looks,
         "textured": material.textured,
-        "target_error": dict(zip(("mean", "sd", "skewness"), map(float, material.target_cp_error), strict=True)),
-        "target_interval": dict(zip(("mean", "sd", "skewness"), material.target_cp_interval.tolist(), strict=True)),
+        "target_error": dict(zip(("mean", "sd", "skewness"), map(float, target.cp_error), strict=True)),
+        "target_interval": dict(zip(("mean", "sd", "skewness"), target.cp_interval.tolist(), strict=True)),
         # goodness of fit of the density to the measured pixels
-        "fit": {
-            "ks": material.fit_ks, "ks_p": material.fit_ks_p, "ad": material.fit_ad, "ad_p": material.fit_ad_p,
-        },
-        "hellinger": skewnormal.hellinger(dp, target),
-        "ks": skewnormal.kolmogorov_smirnov(dp, target),
+        "fit": dict(vars(target.goodness)),
+        "hellinger": skewnormal.hellinger(dp, target.dp),
+        "ks": skewnormal.kolmogorov_smirnov(dp, target.dp),
         # the reference run is not counted, so that the number is zero where it is within the tolerance already
         "runs_to_tolerance": int(np.count_nonzero(counted[: within[0] + 1])) if within.size else None,
-    }  # fmt: skip
+    }
     if material.hidden is not None:
-        summary["hidden"] = dict(zip(material.parameter_names, map(float, material.hidden), strict=True))
-        law = material.parameters.curve()
+        summary["hidden"] = dict(zip(names, map(float, material.hidden), strict=True))
         # external laws have no curve to compare
         if law.has_curve:
-            summary["law_difference_db"] = law.largest_difference_db(x[best], material.hidden, material.incidence_deg)
+            summary["law_difference_db"] = law.largest_difference_db(x[best], material.hidden, target.incidence_deg)
             if material.posterior is not None and (model := material.posterior.parameters_model) is not None:
-                difference = law.largest_difference_db(model, material.hidden, material.incidence_deg)
+                difference = law.largest_difference_db(model, material.hidden, target.incidence_deg)
                 summary["law_difference_model_db"] = difference
     return summary
 
@@ -307,8 +314,8 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "case": archive.case,
         "objective": archive.objective,
         **_overall(archive),
-        "converged": archive.converged,
-        "stop_reason": archive.reason,
+        "converged": archive.decision.converged,
+        "stop_reason": archive.decision.reason or "running",
         "tolerance": archive.tolerance,
         "runs": {**runs, "total": sum(runs.values()), "registration": again, "search": search, "reused": reused},
         "iterations": int(np.count_nonzero(kinds == "infill")),
@@ -324,7 +331,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "findings": [_finding(one) for one in (*archive.findings, *archive.notes, *archive.law_notes)],
         "law_notes": list(map(sentence, archive.law_notes)),
         "registration": _registration(archive.registration),
-        "levels": dict(vars(archive.levels)),
+        "levels": {key: getattr(archive.levels, key) for key in _LEVELS},
         "fixed_laws": {
             "levels_db": archive.image.levels_db.tolist(),
             "errors_db": {name: error.tolist() for name, error in archive.image.laws_db.items()},
@@ -337,7 +344,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "versions": json.loads(archive.versions),
         "materials": {
             name: {
-                **_material(material, np.isin(kinds, ("design", "infill")), archive.tolerance, archive.looks),
+                **_material(archive, name, material),
                 "verdict": verdict(name, archive.findings),
             }
             for name, material in archive.materials.items()

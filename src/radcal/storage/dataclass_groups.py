@@ -19,12 +19,15 @@ any type above ``| None``                              absent if the value is No
 
 If a file lacks a field, the field gets its default value. Files written before the field was added can therefore
 still be read. ``Annotated[type, About("description", unit="dB")]`` adds the attributes ``description`` and ``unit`` to
-a dataset or group; :func:`table` lists the descriptions and units.
+a dataset or group; for a field without ``About``, they are taken from the section ``Attributes`` of the dataclass's
+docstring. :func:`table` lists the descriptions and units.
 """
 
 from __future__ import annotations
 
 import functools
+import inspect
+import re
 import types
 import typing
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -206,20 +209,34 @@ def same(one: Any, other: Any) -> bool:
 def _read_entries(kind: type) -> tuple[_Entry, ...]:
     """One entry for each stored field of a dataclass."""
     hints = typing.get_type_hints(kind, include_extras=True)
-    return tuple(_entry(item, hints[item.name]) for item in fields(kind) if item.init)
+    documented = _documented(kind)
+    return tuple(_entry(item, hints[item.name], documented.get(item.name)) for item in fields(kind) if item.init)
 
 
 _entries: Callable[[Any], tuple[_Entry, ...]] = functools.cache(_read_entries)
 
 
-def _entry(item: Field[Any], hint: Any) -> _Entry:
+def _documented(kind: type) -> dict[str, About]:
+    """Descriptions of fields in the section ``Attributes`` of a dataclass's docstring, which has numpydoc's form."""
+    _, _, section = inspect.cleandoc(kind.__doc__ or "").partition("Attributes\n----------\n")
+    found = {}
+    for names, said, lines in re.findall(r"^(\w[\w, ]*) : (.*)\n((?: {4}.*\n?)+)", section, re.MULTILINE):
+        text = re.sub(r":\w+:`[~.\w]*?(\w+)`", r"`\1`", " ".join(lines.split()).removesuffix(".").replace("``", "`"))
+        shape, units = re.search(r"shape \(([^()]*?),?\)", said), re.findall(r" \[([^\]]*)\]", text)
+        unit = units[0] if len(units) == 1 else ""
+        about = About(text.replace(f" [{unit}]", ""), unit, shape[1] if shape else "")
+        found.update(dict.fromkeys(names.split(", "), about))
+    return found
+
+
+def _entry(item: Field[Any], hint: Any, documented: About | None) -> _Entry:
     """Entry for a field of a dataclass; a field that may be None gets the default None."""
     said = typing.get_args(hint)[1:] if typing.get_origin(hint) is Annotated else ()
     bare, optional = _without_none(typing.get_args(hint)[0] if said else hint)
     default = item.default if item.default_factory is MISSING else item.default_factory
     if optional and default is MISSING:
         default = None
-    about = next((one for one in said if isinstance(one, About)), None)
+    about = next((one for one in said if isinstance(one, About)), documented)
     main, inline, attribute = (any(isinstance(one, mark) for one in said) for mark in (Main, Inline, Attribute))
     return _Entry(item.name, bare, about, main, inline, attribute or _is_attribute(bare), optional, default)
 
@@ -293,7 +310,8 @@ def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | Non
                     made.attrs[entry.name] = _attribute(one, entry.kind)
     else:
         raise TypeError(f"{name}: a {kind} has no place in the layout")
-    if about is not None:
+    attributes_of_entries = _is_mapping(kind) and _is_attribute(_item(kind))
+    if about is not None and not attributes_of_entries:
         made.attrs["description"] = about.description
         if about.unit:
             made.attrs["unit"] = about.unit
@@ -383,7 +401,9 @@ def _rows(kind: type, path: str, absent: bool = False) -> Iterator[tuple[str, st
             inner, place = _item(inner), f"{place}/<name>"
         shape = f" ({about.shape})" if about.shape else ""
         holds = f"{_holds(inner)}{shape}{', or absent' if absent or entry.optional else ''}"
-        if _is_attribute(inner) or entry.attribute or _main(kind):
+        if _is_mapping(entry.kind) and _is_attribute(inner):
+            place, attribute = f"{path}{entry.name}", "`<name>`"
+        elif _is_attribute(inner) or entry.attribute or _main(kind):
             place, attribute = path.removesuffix("/") or "/", f"`{entry.name}`"
         else:
             attribute = ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from radcal.ground.goodness import Goodness
 from radcal.ground.ground import Ground
 from radcal.ground.levels import Levels
 from radcal.ground.one_incidence import LEAST_SPAN_DEG, seen_at_one_incidence
-from radcal.storage.dataclass_groups import put, take
+from radcal.storage.dataclass_groups import About, put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 from radcal.targets.class_target import ClassTarget
 
@@ -32,8 +33,6 @@ class Target:
 
     Attributes
     ----------
-    pixels : ndarray of int64, shape (n,)
-        Flat indices, in the image, of the pixels drawn.
     order : ndarray of int64, shape (n,)
         Indices of the drawn pixels among the material's pixels in a run record.
     values_db : ndarray, shape (n,)
@@ -75,7 +74,7 @@ class Target:
         Statistics of the pixels by incidence-angle bin; None where the objective uses no bins.
     """
 
-    pixels: NDArray[np.int64]
+    pixels: Annotated[NDArray[np.int64], About("flat indices, in the image, of the pixels drawn", "", "n", scale=True)]
     order: NDArray[np.int64]
     values_db: NDArray[np.float64]
     incidence_deg: NDArray[np.float32]
@@ -111,21 +110,23 @@ class Target:
         )
 
     @property
-    def _error_deg(self) -> float:
+    def incidence_error_deg(self) -> float:
         """Standard error of the local incidence [deg]; 0 without incidence-angle bins."""
         return self.classes.incidence_error_deg if self.classes is not None else 0.0
 
     @property
     def level_only(self) -> bool:
         """Whether the material is seen at one incidence angle, so that its level can be determined, but not its law."""
-        return seen_at_one_incidence(self.incidence_deg, self._error_deg)
+        return seen_at_one_incidence(self.incidence_deg, self.incidence_error_deg)
 
     @property
     def seen(self) -> str:
         """Text of the 5 and 95 % quantiles of the local incidence, and of its standard error if it is known."""
         low, high = np.percentile(self.incidence_deg.astype(np.float64), [5.0, 95.0])
-        error = f"{self._error_deg:.2g} deg" if self._error_deg >= _SMALL_DEG else f"< {_SMALL_DEG:g} deg"
-        return f"{low:.2f} to {high:.2f} deg" + f", error {error}" * (self._error_deg > 0.0)
+        error = (
+            f"{self.incidence_error_deg:.2g} deg" if self.incidence_error_deg >= _SMALL_DEG else f"< {_SMALL_DEG:g} deg"
+        )
+        return f"{low:.2f} to {high:.2f} deg" + f", error {error}" * (self.incidence_error_deg > 0.0)
 
     @property
     def cp(self) -> NDArray[np.float64]:
