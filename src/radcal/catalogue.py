@@ -152,8 +152,6 @@ _OF_CASE: Mapping[str, str] = {
     "nearly all ground, unless the levels of the image itself lie far above 0 dB",
     "law_bright": "{about}: {law} gives gamma {gamma_db:.3g} dB at an incidence of {incidence_deg:g} degrees, the "
     "brightest terrain of docs/landcover.md has {brightest_db:g} dB: is a minus sign missing?",
-    "track_low": "{about} is {altitude_m:g}, a track {altitude_m:g} m above the scene, which sees level ground at "
-    "incidences {between}: expected {metres:g} for a satellite {altitude_m:g} km high",
     "heading_missing": "{about} is not given, so that the track heads to the grid's north",
     "level_counted": "the image's level counts as right to {level_db:g} dB ({about}, one standard error): no 90 % band "
     "of sigma0 from this pass alone has a half-width below {half_width_db:.2g} dB",

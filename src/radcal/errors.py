@@ -18,8 +18,6 @@ __all__ = [
     "MeasurementError",
     "MissingFile",
     "MissingSign",
-    "NoCommonPlace",
-    "NotInScene",
     "RadcalError",
     "SceneError",
     "SimulatorError",
@@ -43,19 +41,6 @@ class MissingSign:
     """Level above 0 dB [dB] at a key, with the question whether a minus sign is missing."""
 
     key: str
-
-
-@dataclass(frozen=True)
-class NoCommonPlace:
-    """Two rasters, or a raster and the scene, that have no place in common."""
-
-
-@dataclass(frozen=True)
-class NotInScene:
-    """Material of the case that the scene lacks, and the name that was probably meant, if one is similar."""
-
-    name: str
-    meant: str | None
 
 
 @dataclass(frozen=True)

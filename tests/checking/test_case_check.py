@@ -305,6 +305,8 @@ def on_the_map(folder: Path) -> None:
         ("cover.tif", cover[None], 6e5),
         ("away.tif", cover[None], 7e5),
         ("image.tif", rng.normal(-12, 2, (2, 30, 40)).astype("float32"), 6e5),
+        ("two.tif", rng.normal(90, 2, (2, 30, 40)).astype("float32"), 6e5),
+        ("fractions.tif", rng.normal(40, 2, (1, 30, 40)).astype("float32"), 6e5),
     ):
         transform = from_origin(west, 5.8e6, 20.0, 20.0)
         kind = {"count": len(values), "dtype": values.dtype, "transform": transform}
@@ -319,56 +321,63 @@ radar: {altitude_m: 4000, depression_deg: 45, range_resolution_m: 20, azimuth_re
   azimuth_spacing_m: 20, looks: 4, nesz_db: -40, polarisation: VV}
 materials: {cropland: {calibrate: true}, tree_cover: {}}
 """
-MIXES: tuple[tuple[dict[str, str], tuple[str, ...]], ...] = (
-    (  # words, names of files, values
-        {
-            "cover.tif": "gone.tif", "esa_worldcover": "esa_worldcovr", "EGM2008": "EGM2007", "image.tif": "away.npy",
-            "scale: db": "scale: decibel", "sigma0_ref": "sigma", "VV": "XX",
-            "depression_deg: 45": "depression_deg: 95",
-            "range_resolution_m": "range_resoluton_m", "{calibrate: true}": "{calibrate: true, law: mangja}",
-        },
-        (
-            "scene.materials: the file gone.tif does not exist", "scene.landcover is 'esa_worldcovr'",
-            "scene.vertical_datum is 'EGM2007'", "measurement.path: the file away.npy does not exist",
-            "measurement.scale is 'decibel'", "measurement.radiometry is 'sigma'", "radar.polarisation is 'XX'",
-            "radar.depression_deg is 95", "unknown key radar.range_resoluton_m", "materials.cropland: law is 'mangja'",
+
+
+@pytest.mark.parametrize(
+    ("changes", "said", "unseen"),
+    [
+        (  # all wrong keys and missing files at once, before any file is read
+            {
+                "cover.tif": "gone.tif", "esa_worldcover": "esa_worldcovr", "image.tif": "away.npy",
+                "scale: db": "scale: decibel", "sigma0_ref": "sigma", "depression_deg: 45": "depression_deg: 95",
+                "range_resolution_m": "range_resoluton_m", "nesz_db: -40": "nesz_db: FILL_IN",
+                "{calibrate: true}": "{calibrate: true, law: mangja}", "VV}": "VV}\nstop: {rms: small}",
+            },
+            (
+                "scene.materials: the file gone.tif does not exist", "scene.landcover is 'esa_worldcovr'",
+                "measurement.path: the file away.npy does not exist", "measurement.scale is 'decibel'",
+                "measurement.radiometry is 'sigma'", "radar.depression_deg is 95",
+                "unknown key radar.range_resoluton_m", "materials.cropland: law is 'mangja'", "stop.rms is 'small'",
+                "radar.nesz_db is FILL_IN (line 5), expected its value, for example nesz_db: -24",
+            ),
+            "scene",
         ),
-    ),
-    (  # what only the files show, beside values
-        {
-            "dem.tif": "image.tif", "vertical_datum: EGM2008": "vertical_datum: EGM2007", "band: 1": "band: 5",
-            "scale: db": "scale: power", "azimuth_spacing_m: 20": "azimuth_spacing_m: 2",
-            "looks: 4": "looks: 0.5", "altitude_m: 4000": "altitude_m: high", "tree_cover: {}":
-            "tree_cover: {calibrate: true, bounds: [[0, -40], [3, 3], [0, 25]]}, water: {}", "VV}": "VV, seed: 3}",
-            "cropland: {calibrate: true}": "cropland: {calibrate: true}, shrubs: {parameters: [-15, 5, 3, 2]}",
-        },
-        (
-            "scene.elevation: image.tif has 2 bands, expected one", "scene.vertical_datum is 'EGM2007'",
-            "measurement.band is 5, image.tif has 2", "values of image.tif are negative, which power cannot be",
-            "radar.azimuth_spacing_m is 2, the pixels of image.tif are 20 x 20 m: expected about 20, at most 5 times",
-            "radar.looks is 0.5", "radar.altitude_m is 'high'",
-            "materials.tree_cover: bounds has 3 intervals", "bounds of X1 are [0, -40]", "bounds of X2 are [3, 3]",
-            "materials.water: a material that is not calibrated needs parameters", "unknown key radar.seed",
-            "materials.water: not in the scene, which has", "materials.shrubs: not in the scene, which has",
-        ),
-    ),
-    (  # required numbers and keys that are missing, files of another place and of another scale
-        {
-            "elevation: dem.tif, ": "", "cover.tif": "gone.tif", "scale: db": "scale: power", "band: 1, ": "band: 2, ",
-            "nesz_db: -40": "nesz_db: FILL_IN", "VV}": "VH}\nstop: {rms: small, max_runs: 0}\nsimulator: {kind: own}",
-            "calibrate: true": "calibrate: perhaps", "path: image.tif": "path: image.tif, polarisation: HH",
-            "tree_cover: {}": "tree_cover: {looks: 0}",
-        },
-        (
-            "scene.elevation is missing", "scene.materials: the file gone.tif does not exist",
-            "values of image.tif are negative, which power cannot be",
-            "radar.nesz_db is FILL_IN (line 5), expected its value, for example nesz_db: -24",
-            "stop.rms is 'small'", "stop.max_runs is 0", "simulator.kind is 'own'",
-            "materials.cropland.calibrate is 'perhaps'", "measurement.polarisation is HH, radar.polarisation is VH",
-            "materials.tree_cover.looks is 0",
-        ),
-    ),
+        ({"EGM2008": "EGM2007"}, ("scene.vertical_datum is 'EGM2007'",), "geometry"),
+        ({"elevation: dem": "elevation: two"}, ("scene.elevation: two.tif has 2 bands, expected one",), "geometry"),
+        ({"materials: cover": "materials: fractions"}, ("scene.materials: fractions.tif holds float32",), "geometry"),
+        ({"materials: cover": "materials: away"}, ("do not overlap",), "geometry"),
+        ({"cropland:": "croplan:"}, ("materials.croplan: not in the scene, which has",), "geometry"),
+        ({"band: 1": "band: 5"}, ("measurement.band is 5, image.tif has 2",), "start image"),
+        ({"scale: db": "scale: power"}, ("image.tif are negative, which power cannot be",), "start image"),
+        ({"path: image.tif, band: 1": "path: away.tif"}, ("covers no place of the scene's image",), "start image"),
+        ({"azimuth_spacing_m: 20": "azimuth_spacing_m: 2"}, ("radar.azimuth_spacing_m is 2",), "start image"),
+    ],
 )  # fmt: skip
+def test_what_a_stage_refuses_is_told_before_any_run(
+    changes: dict[str, str], said: tuple[str, ...], unseen: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    on_the_map(tmp_path)
+    text = ON_THE_MAP
+    for old, new in changes.items():
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    Path("mine.yaml").write_text(text)
+    found = check_case(["mine.yaml"])
+    for part in said:
+        assert sum(part in problem for problem in found.problems) == 1, (part, found.problems)
+    assert len(found.problems) == len(said), found.problems
+    assert found.unseen[0].startswith(unseen)
+    assert not Path("results").exists()
+
+
+def test_a_right_case_on_the_map_has_no_problem(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    on_the_map(tmp_path)
+    Path("mine.yaml").write_text(ON_THE_MAP)
+    found = check_case(["mine.yaml"])
+    assert (found.problems, found.unseen) == ([], ())
+    assert "heading_missing" in [one.code for one in found.findings]
 
 
 @pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
@@ -391,37 +400,6 @@ def test_an_image_without_a_crs_is_told_so(tmp_path: Path, monkeypatch: pytest.M
         (said,) = check_case(["mine.yaml"], {"measurement": {"path": name, "band": None}}).problems
         assert said.startswith(f"measurement.path: {name} has 7 x 9 pixels, the scene's image ")
         assert f" and the file {lacks}, expected a georeferenced image, as the scene in WGS 84 / UTM zone" in said
-
-
-@pytest.mark.parametrize(
-    ("scale", "values", "outside", "said"),
-    [
-        ("power", -12.0, -9.0, "are negative, which power cannot be"),
-        ("power", 0.0, 0.0, "image.tif holds no power: "),
-        ("db", 0.04, 7.0, "none negative, which looks like power"),
-        ("db", -300.0, -9.0, "image.tif holds -300 dB and "),
-    ],
-)
-def test_a_mistake_is_listed_once_though_its_numbers_differ(
-    scale: str, values: float, outside: float, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The whole file and its part in the scene; two files stay apart."""
-    monkeypatch.chdir(tmp_path)
-    on_the_map(tmp_path)
-    image = np.full((90, 120), outside, "float32")
-    image[20:60, 30:80] = values
-    settings = {"height": 90, "width": 120, "count": 1, "crs": "EPSG:32631", "driver": "GTiff", "dtype": "float32"}
-    for name in ("image.tif", "other.tif"):
-        with rasterio.open(name, "w", transform=from_origin(6e5 - 800, 5.8e6 + 600, 20.0, 20.0), **settings) as raster:
-            raster.write(image, 1)
-    Path("mine.yaml").write_text(ON_THE_MAP.replace("scale: db", f"scale: {scale}"))
-    (problem,) = check_case(["mine.yaml"]).problems
-    assert said in problem
-    one = yaml.safe_load(ON_THE_MAP)
-    images = [{**one["measurement"], "scale": scale, "path": f"{name}.tif"} for name in ("image", "other")]
-    problems = check_case(["mine.yaml"], {"radar": [one["radar"]] * 2, "measurement": images}).problems
-    assert len(problems) == 2
-    assert all(sum(f"{name}.tif" in text for text in problems) == 1 for name in ("image", "other"))
 
 
 def test_a_case_without_materials_has_those_of_the_default_case(
@@ -531,55 +509,6 @@ def test_a_fixed_law_without_its_minus_sign_is_asked_about(tmp_path: Path) -> No
     image = {"measurement": case["measurement"]}
     assert len(asked("constant_gamma", [17.0], **image)) == 1
     assert len(asked("constant_gamma", [17.0], **image, target={"pixels": 300, "normalisation": "offset"})) == 1
-    assert len(asked("constant_gamma", [17.0], **image, stop={"max_runs": 1})) == 1, "beside a problem"
-
-
-def test_a_land_cover_of_fractions_is_one_problem(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    on_the_map(tmp_path)
-    Path("mine.yaml").write_text(ON_THE_MAP.replace("cover.tif", "dem.tif").replace("dem.tif", "cover.tif", 1))
-    (problem,) = check_case(["mine.yaml"]).problems
-    assert problem.startswith("scene.materials: dem.tif holds float32 from ")
-
-
-@pytest.mark.parametrize(("changes", "said"), MIXES)
-def test_mistakes_of_keys_hide_none_of_files(
-    changes: dict[str, str], said: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    on_the_map(tmp_path)
-    text = ON_THE_MAP
-    Path("mine.yaml").write_text(text)
-    right = check_case(["mine.yaml"])
-    assert right.problems == []
-    assert Finding("heading_missing", "warning", "radar.heading_deg") in right.findings
-    for old, new in changes.items():
-        assert text.count(old) == 1, old
-        text = text.replace(old, new)
-    Path("mine.yaml").write_text(text)
-    problems = check_case(["mine.yaml"]).problems
-    assert len(said) >= 10
-    for part in said:
-        assert sum(part in problem for problem in problems) == 1, (part, problems)
-    assert len(problems) == len(said), problems
-
-
-def test_a_section_that_is_left_out_has_its_files_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    on_the_map(tmp_path)
-    Path("mine.yaml").write_text(
-        "scene: {source: slant_range, labels: gone.tif, names: gone.json, near_incidence_deg: low}\n"
-        "measurement: {source: file, path: image.tif, band: 3, scale: db, radiometry: sigma0_ref}\n"
-        "materials: {cropland: {calibrate: true}}\n"
-    )
-    said = [text.removeprefix("mine.yaml: ") for text in check_case(["mine.yaml"]).problems]
-    assert said == [
-        "scene.near_incidence_deg is 'low', expected a valid number, for example 22.5.",
-        "scene.far_incidence_deg is missing.",
-        f"scene.labels: the file gone.tif does not exist in {tmp_path}, the current folder.",
-        f"scene.names: the file gone.json does not exist in {tmp_path}, the current folder.",
-        "measurement.band is 3, image.tif has 2.",
-    ]
 
 
 def test_what_a_right_case_will_meet_is_told_before_any_run(tmp_path: Path) -> None:
@@ -589,8 +518,8 @@ def test_what_a_right_case_will_meet_is_told_before_any_run(tmp_path: Path) -> N
     # a line before each part that takes minutes on large scenes
     assert said == [
         "scene ...",
-        "geometry: scene of 60 x 50 cells ...",
-        "measured image, for 60 x 50 pixels ...",
+        "pass 1: geometry of 60 x 50 cells ...",
+        "pass 1: measured image for 60 x 50 pixels ...",
         "fixed laws against the measured image ...",
     ]
     numbers = {one.code: one.numbers for one in found.findings}
@@ -639,20 +568,6 @@ def test_a_case_for_simulate_is_checked_as_such(tmp_path: Path, monkeypatch: pyt
     ]
     for change in ({"measurement": {}}, {"materials": {"field": {"calibrate": True, "parameters": None}}}):
         assert not check_case(["forward.yaml"], change).forward
-
-
-def test_a_name_that_the_scene_does_not_know_is_told_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the measurement says about the right name follows from the wrong name of the material."""
-    monkeypatch.chdir(tmp_path)
-    materials = {name: {"law": "constant_gamma", "parameters": [-12.0]} for name in ("water", "gras")}
-    hidden = {"parameters": {"dyke": [-8.0], "grass": [-11.0], "sand": [-9.0]}}
-    law = {"law": "constant_gamma", "calibrate": True, "bounds": [[-20, 0]]}
-    case = {"materials": {"dyke": law, **materials}, "measurement": {"synthetic": hidden}}
-    Path("mine.yaml").write_text(yaml.safe_dump(case))
-    first, second = check_case(["mine.yaml"]).problems
-    assert "parameters.sand: no such material (known:" in first
-    assert second.startswith("materials.gras: not in the scene, which has dyke, water, grass, ")
-    assert second.endswith(" (did you mean 'grass'?).")
 
 
 def test_notes_on_one_of_several_images_name_their_pass(tmp_path: Path) -> None:
@@ -705,40 +620,3 @@ def test_noise_above_0_db_is_asked_about(tmp_path: Path) -> None:
     path.write_text(yaml.safe_dump({**case, **passes}))
     (of_second,) = (one for one in check_case([path]).findings if one.code == "noise_positive")
     assert of_second.numbers == {"level_db": 24.0, "pass": 2}
-
-
-def test_what_was_not_looked_at_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    # the built-in scene has no files, and lacks the material
-    Path("mine.yaml").write_text(
-        "radar: {altitude_m: 4, nesz_db: 28}\nmaterials: {asphalt: {law: constant_gamma, calibrate: true,"
-        " bounds: [[-30, -5]]}}\n"
-    )
-    done = CliRunner().invoke(app, ["check", "mine.yaml"])
-    assert done.exit_code == 1
-    assert "materials.asphalt: not in the scene, which has dyke" in done.stderr
-    assert done.stderr.splitlines()[-1].startswith("Not looked at yet, because of the above: the measured image on ")
-    Path("mine.yaml").write_text("stop: {rms: low}\n")
-    unseen = check_case(["mine.yaml"]).not_looked_at()
-    assert "how right values of the wrong keys fit the others" in unseen
-    assert "the measured image on the ground" in unseen  # no synthetic image is made for a case with problems
-    Path("mine.yaml").write_text("stop: {rms: 1e-5}\n")
-    assert check_case(["mine.yaml"]).not_looked_at() == ""
-
-
-def test_a_file_beside_the_case_is_pointed_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "cases").mkdir()
-    place = from_origin(500_000, 5_500_000, 5, 5)
-    for name, dtype in (("dem.tif", "float32"), ("cover.tif", "uint8")):
-        with rasterio.open(name, "w", "GTiff", 40, 40, 1, crs="EPSG:32632", transform=place, dtype=dtype) as file:
-            file.write(np.arange(1, 1601).reshape(40, 40).astype(dtype) % 2 + np.ones((40, 40), dtype), 1)
-    Path("cases/names.json").write_text('{"1": "crops", "2": "water"}')
-    case = (
-        "scene: {source: raster, elevation: dem.tif, materials: cover.tif, names: names.json, "
-        "vertical_datum: EGM2008}\n"
-        "materials: {crops: {calibrate: true}, water: {parameters: [-30, 6, 22, 12]}}\n"
-    )
-    Path("cases/mine.yaml").write_text(case)
-    problems = check_case(["cases/mine.yaml"]).problems
-    assert sum(text.endswith("write cases/names.json.") for text in problems) == 1

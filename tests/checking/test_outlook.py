@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from radcal.checking.outlook import hidden_ground, low_track, outlook, start_contrast
+from radcal.checking.outlook import hidden_ground, outlook, start_contrast
 from radcal.config import Case
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
@@ -44,6 +44,7 @@ def test_the_error_of_the_level_is_told_where_no_level_is_removed(build_case: Ca
     file = {"source": "file", "path": "a.tif", "scale": "db", "radiometry": "sigma0_local"}
     materials = {"dyke": {"calibrate": True, "start": LEVEL}, "grass": {"parameters": LEVEL}}
     keys = {"measurement": file, "materials": materials, "objective": "density", "registration": {"method": "none"}}
+    keys["radar"] = {"heading_deg": 0, "radiometry": "sigma0_local"}
     for normalisation, told in (("none", True), ("offset", False), ("image", False)):
         case = build_case(**keys, target={"normalisation": normalisation})
         assert of_level(case) == [pytest.approx(1.645 * 0.33, rel=1e-3)] * told
@@ -79,15 +80,3 @@ def test_heights_in_another_unit_are_told(
     assert [(one.code, round(float(one.numbers["slope_deg"])), one.numbers["units"]) for one in found] == [
         ("ground_hidden", steep, units)
     ] * bool(units)
-
-
-def test_an_altitude_that_may_be_in_km_is_told(
-    build_scene: Callable[..., Scene], build_case: Callable[..., Case]
-) -> None:
-    """200 m of level ground, 593 to 793 m from a track of 693 m."""
-    scene = build_scene(lambda east, north: 0 * east)
-    for altitude, told in ((693.0, True), (159.0, False), (2000.0, False)):
-        radar = build_case(radar={"altitude_m": altitude, "depression_deg": 45 if told else 35}).radar
-        numbers = [one.numbers for one in low_track(radar, make_geometry(scene, radar))]
-        metres = {"altitude_m": 693.0, "metres": 693000.0, "from_deg": 40.6, "to_deg": 48.8}
-        assert numbers == [pytest.approx(metres, abs=0.05)] * told

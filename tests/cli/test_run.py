@@ -9,10 +9,9 @@ import sys
 import tomllib
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import pytest
-import yaml
 from snakemake.cli import parse_args, parse_config
 from typer.testing import CliRunner, Result
 
@@ -66,36 +65,6 @@ def refused(*arguments: str) -> str:
 
 RASTER = {"source": "raster", "elevation": "dem.tif", "materials": "cover.tif", "vertical_datum": "EGM2008"}
 SLANT = {"source": "slant_range", "labels": "a.tif", "near_incidence_deg": 20, "far_incidence_deg": 40}
-
-
-@pytest.mark.parametrize(
-    ("scene", "right", "wrong"),
-    [
-        ({}, "grass", "gras"),
-        ({**RASTER, "landcover": "esa_worldcover"}, "cropland", "croplnad"),
-        ({**RASTER, "landcover": "esa_worldcover", "names": "names.json"}, "maize", "maiz"),
-        ({**RASTER, "names": "names.json"}, "maize", "maiz"),
-        ({**SLANT, "names": "names.json"}, "maize", "maiz"),
-    ],
-)
-def test_a_misspelt_material_is_told_as_such(clone: Path, scene: dict[str, Any], right: str, wrong: str) -> None:
-    """The scene has the name, which another section gives rightly: the mistake is the one in section materials."""
-    (clone / "names.json").write_text('{"40": "maize"}')
-    law = {"law": "constant_gamma", "parameters": [-12]}
-    field = {"law": "constant_gamma", "calibrate": True, "bounds": [[-20, 0]]}
-    synthetic: dict[str, Any] = {"parameters": {"dyke": [-9], right: [-11]}, "fields_db": {right: 0.4}}
-    case = {"scene": scene, "materials": {"dyke": field, wrong: law}, "measurement": {"synthetic": synthetic}}
-    (clone / "mine.yaml").write_text(yaml.safe_dump(case))
-    said = f"mine.yaml: materials.{wrong}: not in the scene (did you mean {right!r}?)"
-    assert refused("mine.yaml") == f"{said}."
-    lists = "radcal check mine.yaml with the same settings lists them all"
-    assert refused("mine.yaml", "--set", "stop.max_runs=1") == f"{said} (and 1 more; {lists})."
-    # a name that the scene lacks as well is the wrong one, and so is one that is not similar to another
-    for unknown in ("dyk", "seabed"):
-        synthetic["parameters"] = {"dyke": [-9], unknown: [-11]}
-        synthetic["fields_db"] = {}
-        (clone / "mine.yaml").write_text(yaml.safe_dump(case))
-        assert f"measurement.synthetic.parameters.{unknown}: no such material (" in refused("mine.yaml")
 
 
 BAD_FILES = {

@@ -1,30 +1,26 @@
-"""Check of a case before any simulator run: list of all problems, and expected runs, memory and time."""
+"""Check of a case before any simulator run, by its stages; largest number of runs, memory and time."""
 
 from __future__ import annotations
 
 import contextlib
-import itertools
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radcal.checking.file_problems import is_on_map, scene_of, with_hints
-from radcal.checking.finished import kept_results
-from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, low_track, outlook
-from radcal.checking.places import images_elsewhere
+from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, outlook
 from radcal.checking.unregistered import cells_of, fixed_laws, unreachable
 from radcal.config import (
     Case,
     FileMeasurement,
-    Loaded,
     check_reuse,
+    input_files,
     load_with_problems,
     missing_inputs,
+    stages,
     starts_as_truth,
 )
-from radcal.config.inputs import input_files
-from radcal.errors import ConfigError, MissingSign, NotInScene, RadcalError, UnknownMaterial
+from radcal.errors import ConfigError, MissingSign, RadcalError
 from radcal.findings import Finding, of_pass
 from radcal.forecast.memory_and_time import Stage, memory_mb, values_of
 from radcal.forecast.runs_and_time import largest_runs, runs_in_words, time_expected
@@ -32,6 +28,7 @@ from radcal.posterior.cells import CellMeans
 from radcal.programs.command_plan import check_command, check_image_shape
 from radcal.reading.safe import is_safe_name
 from radcal.scene.size import scene_size
+from radcal.session.replacement import check_replacement
 from radcal.words import sentence
 
 if TYPE_CHECKING:
@@ -45,6 +42,8 @@ Say = Callable[[str], None]
 
 _LARGEST_RUN = 5_000_000  # pixels of a synthetic image that is made for the check, in some seconds
 _LARGEST = 20_000_000  # values of a scene that is made for the check: more would take minutes
+_STAGES: tuple[Stage, ...] = ("scene", "geometry", "measurement", "run", "registration", "target", "report")
+_OF_SCENE = ("scene", "geometry", "measured image", "start image and levels against the laws")  # parts of the check
 
 
 @dataclass(frozen=True)
@@ -75,14 +74,16 @@ class CaseCheck:
         Parts of the case that could not be checked because of the problems.
     forward : bool
         Whether the case has neither a measured image nor a material to calibrate: it is for ``radcal simulate``.
+    registration_runs : int
+        Number of the reference runs onto which the image is registered again.
     """
 
     problems: list[str]
-    findings: list[Finding]
-    files: Mapping[str, Path]
-    shape: tuple[int, int] | None
-    runs: Mapping[str, int]
-    memory_mb: Mapping[Stage, int]
+    findings: list[Finding] = field(default_factory=list)
+    files: Mapping[str, Path] = field(default_factory=dict)
+    shape: tuple[int, int] | None = None
+    runs: Mapping[str, int] = field(default_factory=dict)
+    memory_mb: Mapping[Stage, int] = field(default_factory=dict)
     draws: int = 1
     sections: tuple[str, ...] = ()
     time: str = ""
@@ -133,7 +134,7 @@ def check_case(
     results: str | Path = "results",
     say: Say = lambda _: None,
 ) -> CaseCheck:
-    """Check keys, values, files, scene and measured image of a case, without a run of the simulator.
+    """Check of a case by the functions of its stages, in memory and without a run of the simulator.
 
     Parameters
     ----------
@@ -149,111 +150,37 @@ def check_case(
     Returns
     -------
     CaseCheck
-        Problems of the whole case: a wrong key does not keep the other keys, files and images from being checked.
+        All mistakes of keys and all missing files; if there are none, what the stages refuse.
     """
     try:
         loaded = load_with_problems(paths, overrides)
     except ConfigError as error:
-        return CaseCheck([str(error)], [], {}, None, {}, {}, unseen=("the keys, files, scene and measured image",))
-    if loaded.case is None:
-        nothing = ("contradictions between keys", "files, scene and measured image")
-        return CaseCheck(loaded.problems, [], {}, None, {}, {}, unseen=nothing)
-    found = _checked(paths, loaded.case, loaded, results, say)
+        return CaseCheck([str(error)], unseen=_OF_SCENE)
+    case = loaded.case
+    if case is None:
+        return CaseCheck(loaded.problems, unseen=_OF_SCENE)
+    problems = list[RadcalError](loaded.found)
+    for new in [*missing_inputs(case), *_refused(check_command, case), *_refused(check_reuse, case, results)]:
+        if not any(str(one) == str(new) or one.about == new.about is not None for one in problems):
+            problems.append(new)
+    if problems:
+        findings, sections = _of_products(case)
+        return CaseCheck([str(one) for one in problems], findings, sections=sections, unseen=_OF_SCENE)
+    found = _of_stages(case, loaded.forward, say)
     if loaded.forward:
-        return replace(found, runs={}, time="", forward=True)
-    kept = kept_results(found.problems, found.shape, loaded.case, results, found.files)
-    return replace(found, findings=found.findings + kept)
-
-
-class _Problems(list[RadcalError]):
-    """List of a case's problems, without duplicates and without problems that only follow from a wrong key."""
-
-    def __init__(self, loaded: Loaded) -> None:
-        super().__init__(loaded.found)
-        self._follows = loaded.follows
-        self.unmeasured = False  # whether the measured image of a pass could not be made
-        self.looked_at = False  # whether all parts of the case were checked
-
-    def add(self, found: Iterable[RadcalError]) -> None:
-        """Add those problems that are not in the list and do not follow from a wrong key."""
-        for error in found:
-            if any(str(one) == str(error) or one.about == error.about is not None for one in self):
-                continue
-            if not self._follows(error):
-                if isinstance(error.about, NotInScene) and error.about.meant is not None:
-                    other = UnknownMaterial(error.about.meant)  # other sections name the material as the scene does
-                    self[:] = [one for one in self if one.about != other]
-                self.append(error)
-
-
-def _checked(paths: Sequence[str | Path], case: Case, loaded: Loaded, results: str | Path, say: Say) -> CaseCheck:
-    """Result of all checks of a case, once the keys have been checked."""
-    problems = _Problems(loaded)
-    missing = missing_inputs(case)
-    problems.add(missing)
-    files = {} if missing else input_files(case)
-    problems.add(_refused(check_command, case))
-    problems.add(_refused(check_reuse, case, results))
-    findings: list[Finding] = []
-    sections: list[str] = []
-    shape, demands, small = None, dict[Stage, int](), False
-    if "scene" not in loaded.without:
-        try:
-            values = values_of(case)
-            demands = {stage: memory_mb(stage, values["scene" if stage == "scene" else "image"]) for stage in _STAGES}
-            small = max(values.values()) <= _LARGEST
-            if not small:
-                findings.append(Finding("scene_large", "note", "scene"))
-        except RadcalError as error:
-            problems.add([error])
-            # a scene can be made even if, for example, the heading or a pixel spacing is wrong
-            small = bool(_refused(scene_size, case.scene)) or scene_size(case.scene).resampled <= _LARGEST
-    if small:
-        findings, shape = _made(case, loaded, problems, sections, say)
-    elif "scene" in loaded.without:
-        _images_alone(case, loaded, problems)
-    if not sections:
-        told, sections = _of_products(case)
-        findings += told
-    if not any(isinstance(error.about, MissingSign) for error in problems):
-        findings += high_noise(case.passes)
-    findings += bright_laws(case)
-    if not problems and "measurement" not in loaded.without:
-        findings += starts_as_truth(case.calibrated, [one.measurement for one in case.passes])
-    problems += images_elsewhere(problems, loaded.given)
-    whole = problems.looked_at or not problems
-    unseen = () if whole else _unseen(loaded, shape, problems.unmeasured)
-    listed = [with_hints(error, paths) for error in problems]
-    return CaseCheck(
-        listed, findings, files, shape, largest_runs(case), demands, case.simulator.draws, tuple(sections),
-        time_expected(case, results) if whole else "", unseen,
-        registration_runs=len(case.passes) * case.registers_twice,
+        return found
+    if not found.problems:
+        more = starts_as_truth(case.calibrated, [one.measurement for one in case.passes])
+        refused = _refused(check_replacement, case, Path(results) / case.case, found.files) if found.shape else []
+        more += [Finding("refused_beside_results", "note", case.case, {"error": str(one)}) for one in refused]
+        found = replace(found, findings=[*found.findings, *more])
+    return replace(
+        found, runs=largest_runs(case), registration_runs=len(case.passes) * case.registers_twice,
+        time="" if found.problems else time_expected(case, results),
     )  # fmt: skip
 
 
-def _unseen(loaded: Loaded, shape: tuple[int, int] | None, unmeasured: bool) -> tuple[str, ...]:
-    """Parts of a case with problems that were not checked."""
-    parts = ["how right values of the wrong keys fit the others"] if loaded.wrong or loaded.without else []
-    if loaded.forward:
-        return (*parts, "the image's geometry") if shape is None else tuple(parts)
-    if unmeasured or shape is None or not loaded.has_geometry:
-        parts.append("the measured image on the ground of the scene, with its levels and noise")
-    return (*parts, "contrast of the start image, and levels against the laws")
-
-
-def _images_alone(case: Case, loaded: Loaded, problems: _Problems) -> None:
-    """Add the problems of measured images that can be found without the scene."""
-    from radcal.measurement.sources import check_image
-
-    for one in case.passes if "measurement" not in loaded.without else ():
-        if isinstance(one.measurement, FileMeasurement):
-            problems.add(check_image(one.measurement, one.radar, one.scene.source == "raster"))
-
-
-_STAGES: tuple[Stage, ...] = ("scene", "geometry", "measurement", "run", "registration", "target", "report")
-
-
-def _refused(check: Any, *arguments: Any) -> list[RadcalError]:
+def _refused(check: Callable[..., Any], *arguments: Any) -> list[RadcalError]:
     try:
         check(*arguments)
     except RadcalError as error:
@@ -261,91 +188,103 @@ def _refused(check: Any, *arguments: Any) -> list[RadcalError]:
     return []
 
 
-def _made(
-    case: Case, loaded: Loaded, problems: _Problems, sections: list[str], say: Say
-) -> tuple[list[Finding], tuple[int, int] | None]:
-    """Make scene, geometry and measured images in memory, as the workflow does; return findings and image size."""
+@dataclass
+class _Pass:
+    """What the stages of a pass say; ``cells`` are those of the image before registration, if it was made."""
+
+    findings: list[Finding] = field(default_factory=list)
+    section: tuple[str, ...] = ()
+    shape: tuple[int, int] | None = None
+    cells: dict[str, CellMeans] = field(default_factory=dict)
+    refused: list[RadcalError] = field(default_factory=list)
+    whole: bool = False  # whether no stage refused the pass
+
+
+def _of_stages(case: Case, forward: bool, say: Say) -> CaseCheck:
+    """Scene, geometry and measured images made in memory, as the workflow does, with what they find or refuse."""
+    from radcal.scene.sources import make_scene
+
+    found = CaseCheck([], files=input_files(case), draws=case.simulator.draws, forward=forward)
+    try:
+        values = values_of(case)
+        demands = {stage: memory_mb(stage, values["scene" if stage == "scene" else "image"]) for stage in _STAGES}
+        found = replace(found, memory_mb=demands)
+        if max(values.values()) > _LARGEST:
+            findings, sections = _of_products(case)
+            return replace(found, findings=[Finding("scene_large", "note", "scene"), *findings], sections=sections)
+        say("scene ...")
+        scene = make_scene(case.scene, list(case.materials), case.radar.heading_deg)
+    except RadcalError as error:
+        findings, sections = _of_products(case)
+        return replace(found, problems=[str(error)], findings=findings, sections=sections, unseen=_OF_SCENE[1:])
+    passes = [_Pass() for _ in case.passes]
+    for number, (one, seen) in enumerate(zip(case.passes, passes, strict=True), start=1):
+        try:
+            _check_pass(one, scene, number, forward, seen, say)
+        except RadcalError as error:
+            seen.refused.append(error)
+    findings = list(scene.findings)
+    for number, seen in enumerate(passes, start=1):
+        findings += of_pass(seen.findings, number, len(passes))
+    if all(seen.cells for seen in passes):
+        say("fixed laws against the measured image ...")
+        findings += fixed_laws(case, [seen.cells for seen in passes])
+    refused = [error for seen in passes for error in seen.refused]
+    if not any(isinstance(error.about, MissingSign) for error in refused):  # which says the same
+        findings += high_noise(case.passes)
+    findings += bright_laws(case)
+    unseen = () if all(seen.whole for seen in passes) else _OF_SCENE[2:] if passes[0].shape is None else _OF_SCENE[3:]
+    return replace(
+        found,
+        problems=list(dict.fromkeys(map(str, refused))),
+        findings=findings,
+        sections=tuple(text for seen in passes for text in seen.section),
+        shape=passes[0].shape,
+        unseen=unseen,
+    )
+
+
+def _check_pass(one: Case, scene: Scene, number: int, forward: bool, seen: _Pass, say: Say) -> None:
+    """Geometry, measured image and start image of a pass, with what they find; a refusal is a RadcalError."""
     from radcal.radar.projection import make_geometry
 
-    say("scene ...")
-    scene, found = scene_of(case, loaded)
-    problems.add(found)
-    if scene is None:
-        _images_alone(case, loaded, problems)
-        return [], None
-    each, of_laws, shape = [list[Finding]() for _ in case.passes], list[Finding](), None
-    cells, unreached = list[dict[str, CellMeans]](), list[RadcalError]()
-    for number, (one, findings) in enumerate(zip(case.passes, each, strict=True)):
-        told: list[Finding] = []
-        which = f" of pass {number + 1}" * (len(case.passes) > 1)
-        say(f"geometry{which}: scene of {' x '.join(map(str, scene.material.shape))} cells ...")
-        try:
-            # before the geometry, because that cannot be made if section radar is wrong
-            told, section = _by_annotation(one, scene)
-            sections += section
-            geometry = make_geometry(scene, one.radar)
-            shape = shape or (int(geometry.shape[0]), int(geometry.shape[1]))
-        except RadcalError as error:
-            problems.add([error])
-            findings += told
-            _images_alone(one, loaded, problems)
-            continue
-        problems.add(_refused(check_image_shape, one.simulator, geometry.shape) if loaded.has_geometry else ())
-        findings += hidden_ground(scene, geometry)
-        findings += low_track(one.radar, geometry) if scene.elevation_m is not None else []
-        if "measurement" not in loaded.without:
-            say(f"measured image{which}, for {shape[0]} x {shape[1]} pixels ...")
-            measured = _measured(one, loaded, geometry, scene, problems, number)
-            findings += told if measured is None else measured.findings
-            problems.unmeasured |= measured is None
-            try:
-                findings += () if problems else outlook(one, geometry, measured)
-                if measured is not None and not problems:
-                    cells.append(cells_of(one, geometry, measured, scene))
-                    unreached += unreachable(one, geometry, measured)
-            except RadcalError as error:  # about a formula
-                problems.add([error])
-    problems.looked_at = len(cells) == len(case.passes)
-    if problems.looked_at and all(cells):
-        say("fixed laws against the measured image ...")
-        of_laws += fixed_laws(case, cells)
-    problems.add(unreached)
-    of_passes = [of_pass(findings, k, len(each)) for k, findings in enumerate(each, 1)]
-    return [*scene.findings, *itertools.chain(*of_passes), *of_laws], shape
+    # before the geometry, because that cannot be made if section radar is wrong
+    seen.findings, seen.section = _by_annotation(one, scene)
+    say(f"pass {number}: geometry of {' x '.join(map(str, scene.material.shape))} cells ...")
+    geometry = make_geometry(scene, one.radar)
+    seen.shape = (int(geometry.shape[0]), int(geometry.shape[1]))
+    check_image_shape(one.simulator, geometry.shape)
+    seen.findings += hidden_ground(scene, geometry)
+    if not forward:
+        say(f"pass {number}: measured image for {seen.shape[0]} x {seen.shape[1]} pixels ...")
+        measured = _measured(one, geometry, scene, number)
+        if measured is not None:  # it has the findings of its annotation
+            seen.findings = [*hidden_ground(scene, geometry), *measured.findings]
+        seen.findings += outlook(one, geometry, measured)
+        if measured is not None:
+            seen.cells = cells_of(one, geometry, measured, scene)
+            seen.refused += unreachable(one, geometry, measured)
+    seen.whole = True
 
 
-def _measured(
-    one: Case, loaded: Loaded, geometry: Geometry, scene: Scene, problems: _Problems, number: int
-) -> Measurement | None:
-    """Measured image of a pass, made in memory; None if it cannot be made or if that would take too long."""
-    from radcal.config import stages
+def _measured(one: Case, geometry: Geometry, scene: Scene, number: int) -> Measurement | None:
+    """Measured image of a pass; None for a synthetic one that an external program or a long run would make."""
     from radcal.measurement.sources import make_measurement
     from radcal.measurement.synthetic import check_synthetic
     from radcal.simulators.protocol import Simulator
     from radcal.simulators.sources import make_simulator
 
     stage = stages.Measurement.of(one)
-    # materials that the scene lacks because of another problem have no pixels
-    there = {name: material for name, material in one.materials.items() if name in scene.names}
-    stage = stage.model_copy(update={"materials": there})
-    try:
-        if isinstance(one.measurement, FileMeasurement):
-            if not (loaded.has_geometry or is_on_map(one.measurement)):
-                _images_alone(one, loaded, problems)
-                return None
-            nothing: Simulator = None  # type: ignore[assignment]  # a file needs no simulator
-            return make_measurement(stage, geometry, nothing, scene, partly=number > 0)
-        if one.simulator.kind == "builtin" and geometry.material.size <= _LARGEST_RUN and not problems:
-            simulator = make_simulator(stage, geometry, "")
-            return make_measurement(stage, geometry, simulator, scene, partly=number > 0)
-        check_synthetic(one.radar, one.measurement.synthetic, (geometry.shape[0], geometry.shape[1]))
-    except RadcalError as error:
-        problems.add([error])
-        _images_alone(one, loaded, problems)
+    if isinstance(one.measurement, FileMeasurement):
+        nothing: Simulator = None  # type: ignore[assignment]  # a file needs no simulator
+        return make_measurement(stage, geometry, nothing, scene, partly=number > 1)
+    if one.simulator.kind == "builtin" and geometry.material.size <= _LARGEST_RUN:
+        return make_measurement(stage, geometry, make_simulator(stage, geometry, ""), scene, partly=number > 1)
+    check_synthetic(one.radar, one.measurement.synthetic, (geometry.shape[0], geometry.shape[1]))
     return None
 
 
-def _of_products(case: Case) -> tuple[list[Finding], list[str]]:
+def _of_products(case: Case) -> tuple[list[Finding], tuple[str, ...]]:
     """Findings and sections ``radar`` from annotations, for a case whose images could not be made."""
     from radcal.scene.sources import make_scene
 
@@ -357,11 +296,11 @@ def _of_products(case: Case) -> tuple[list[Finding], list[str]]:
             scene = make_scene(case.scene, None, case.radar.heading_deg)
             for one in products:
                 told, section = _by_annotation(one, scene)
-                findings, sections = findings + told, sections + section
-    return findings, sections
+                findings, sections = findings + told, [*sections, *section]
+    return findings, tuple(sections)
 
 
-def _by_annotation(one: Case, scene: Scene) -> tuple[list[Finding], list[str]]:
+def _by_annotation(one: Case, scene: Scene) -> tuple[list[Finding], tuple[str, ...]]:
     """Findings on a measured image in a SAFE folder, and section ``radar`` from its annotation; empty for other images.
 
     Parameters
@@ -377,7 +316,7 @@ def _by_annotation(one: Case, scene: Scene) -> tuple[list[Finding], list[str]]:
 
     image = one.measurement
     if not isinstance(image, FileMeasurement) or not is_safe_name(image.path):
-        return [], []
+        return [], ()
     seen = overpass_unchecked(expand_path(image.path, "measurement.path", folder=True), image, one.radar, scene)
     findings = [seen.acquisition.finding(), *seen.findings, *differences(seen.acquisition, one.radar)]
-    return findings, [radar_section(seen.acquisition)]
+    return findings, (radar_section(seen.acquisition),)

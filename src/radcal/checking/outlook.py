@@ -7,15 +7,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from radcal.checking.file_problems import is_on_map
 from radcal.checking.hidden_by_noise import hidden_by_noise
 from radcal.checking.unregistered import start_image
-from radcal.config import Case, FileMeasurement, Radar, SyntheticMeasurement
+from radcal.config import Case, FileMeasurement, SyntheticMeasurement, expand_path, vrt_folders
 from radcal.config.landcover import brighter_than_terrain
 from radcal.findings import Finding, of_pass
+from radcal.image.georeference import is_georeferenced
 from radcal.image.model import Measurement
 from radcal.posterior.curves import NORMAL_90
 from radcal.radar.geometry import Geometry
+from radcal.reading.safe import is_safe_name
 from radcal.registration.registered import LEAST_CONTRAST_DB, contrast_db
 from radcal.scene.model import Scene
 
@@ -23,7 +24,7 @@ __all__ = [
     "bright_laws",
     "hidden_ground",
     "high_noise",
-    "low_track",
+    "is_on_map",
     "outlook",
     "start_contrast",
 ]
@@ -57,6 +58,13 @@ def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> lis
             numbers = {"level_db": error, "half_width_db": NORMAL_90 * error}
             found.append(Finding("level_counted", "note", "uncertainty.level_db", numbers))
     return [*found, *hidden_by_noise(case, geometry, measured)] if measured is not None else found
+
+
+def is_on_map(config: FileMeasurement) -> bool:
+    """Whether a measured image is georeferenced, so that its place does not depend on section ``radar``."""
+    product = is_safe_name(config.path)
+    path = expand_path(config.path, "measurement.path", folder=product)
+    return product or is_georeferenced(path, vrt_folders(config))
 
 
 def hidden_ground(scene: Scene, geometry: Geometry) -> list[Finding]:
@@ -127,27 +135,6 @@ def bright_laws(case: Case) -> list[Finding]:
         return []
     each = (brighter_than_terrain(one, f"materials.{name}.parameters") for name, one in case.materials.items())
     return [one for one in each if one is not None]
-
-
-def low_track(radar: Radar, geometry: Geometry) -> list[Finding]:
-    """Note on an altitude in metres whose number would be that of a satellite in km; else empty.
-
-    Parameters
-    ----------
-    radar : Radar
-        Pass over a scene with elevations.
-    geometry : Geometry
-        Geometry of the pass.
-    """
-    if not radar.maybe_in_km:
-        return []
-    numbers = {
-        "altitude_m": radar.altitude_m,
-        "metres": 1000.0 * radar.altitude_m,
-        "from_deg": float(geometry.flat_incidence_deg.min()),
-        "to_deg": float(geometry.flat_incidence_deg.max()),
-    }
-    return [Finding("track_low", "note", "radar.altitude_m", numbers)]
 
 
 def start_contrast(case: Case, geometry: Geometry) -> list[Finding]:

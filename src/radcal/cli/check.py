@@ -14,20 +14,17 @@ from radcal.errors import RadcalError
 
 __all__ = ["HELP", "main"]
 
-HELP = """Check cases without running anything, and list all of their problems at once.
+HELP = """Check cases without running anything.
 
-Keys and values, files, scene, geometry and measured image are checked as the calibration checks them; files are looked
-at where keys are wrong, too, and values that are still to be decided (FILL_IN) are listed with line and example. If all
-is well, the command prints what would be read, how many simulator runs the case may take and in which time (once it has
-stored a run), how much memory its jobs request, whether the start image has the contrast that registration needs, and
-roughly what the fixed materials say of the image before it is registered. Warnings come first; they do not keep
-a case from being run.
+All wrong keys, missing files and values that are still to be decided (FILL_IN) are listed at once, with line and
+expected value. If there are none, scene, geometry and measured image are made in memory by the functions of their
+stages, and what these refuse or find is printed; nothing is written. If all is well, the command prints how many
+simulator runs the case may take, in which time (once it has stored a run) and with how much memory. Warnings come
+first; they do not keep a case from being run.
 
 With a product such as a Sentinel-1 SAFE folder it prints section radar as the annotation gives it, even with problems.
 
 A case without a measured image and without a material to calibrate is checked as radcal simulate needs it.
-
-Problems come in one list. If some of them keep a part of the case from being checked, the last line names that part.
 
 What only the calibration can find out, such as the registration, is not checked. The exit status is 1 if a problem was
 found, else 0.

@@ -233,14 +233,8 @@ def checked_case(path: Path, overrides: dict[str, Any]) -> Case:
         The case is wrong; the message names the first problem.
     """
     from radcal.config import input_files, load
-    from radcal.errors import ConfigError
 
-    try:
-        case = load([path], overrides)
-    except ConfigError as error:
-        from radcal.checking.file_problems import rightly_named
-
-        raise rightly_named(error, [path], overrides) from None
+    case = load([path], overrides)
     input_files(case)
     return case
 

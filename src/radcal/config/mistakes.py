@@ -18,7 +18,7 @@ from radcal.config.loading import origin_of, read_cases
 from radcal.config.pydantic_errors import Collected, WrongKey, shown, wrong_keys
 from radcal.config.sections import FURTHER
 from radcal.config.undecided import FILL_IN, Undecided, undecided
-from radcal.errors import ConfigError, NotInScene, RadcalError, UnknownMaterial
+from radcal.errors import ConfigError, RadcalError, UnknownMaterial
 
 __all__ = ["Loaded", "load_with_problems"]
 
@@ -76,8 +76,6 @@ class Loaded:
 
         A message names the configuration keys that it is about, so that their names are looked for in it.
         """
-        if isinstance(error.about, NotInScene):  # about the name of the material, not about its law
-            return any(key.startswith(("scene.landcover", "scene.names", "scene.materials")) for key in self.wrong)
         names = [rf"{re.escape(key)}(?!\w)" for key in self.wrong] + [rf"{section}\.\w" for section in self.without]
         return any(re.search(rf"(?<![\w.]){name}", str(error)) for name in names)
 

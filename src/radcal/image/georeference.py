@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement, Radar
-from radcal.errors import MeasurementError, NoCommonPlace
+from radcal.errors import MeasurementError
 from radcal.image.readers import Places, read_raster
 from radcal.reading.arrays import is_raster
 from radcal.reading.rasters import open_raster
@@ -247,7 +247,6 @@ def values_at_ground(
         raise MeasurementError(
             f"measurement.path: {image.path} ({image.crs.name}) covers no place of the scene's image, which lies "
             f"{_span(x, y)} in its coordinates: expected an image of the same area.",
-            NoCommonPlace(),
         )
     found = np.full(inside.shape, np.nan, dtype=image.values.dtype)
     found[inside] = image.values[at_row[inside].astype(np.int64), at_column[inside].astype(np.int64)]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement, vrt_folders
 from radcal.config.measurement import SICD_ENDINGS
-from radcal.errors import MeasurementError, WrongNumbers
+from radcal.errors import MeasurementError
 from radcal.findings import Finding
 from radcal.image.sicd import is_sicd, read_sicd
 from radcal.reading.arrays import raster_band, read_array
@@ -118,8 +118,7 @@ def image_of(values: Values, path: Path, config: FileMeasurement, shape: tuple[i
     if config.scale == "db" and present.min() >= 0 and np.median(present) < 3.0:
         raise MeasurementError(
             f"measurement.path: the values of {path} run from {present.min():.3g} to {present.max():.3g} with "
-            f"median {np.median(present):.3g}, none negative, which looks like power: set measurement.scale: power.",
-            WrongNumbers("measurement.path", path, "power"),
+            f"median {np.median(present):.3g}, none negative, which looks like power: set measurement.scale: power."
         )
     return ReadImage(image, counts)
 

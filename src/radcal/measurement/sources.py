@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from radcal import skewnormal
 from radcal.bands import LETTER_BANDS_GHZ, letter_band, within_band
 from radcal.config import FileMeasurement, Radar, TargetConfig, expand_path, stages, vrt_folders
 from radcal.config.measurement import RADIOMETRY_EXPECTED
-from radcal.errors import FitError, MeasurementError, MissingSign, RadcalError
+from radcal.errors import FitError, MeasurementError, MissingSign
 from radcal.findings import Finding
 from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited
 from radcal.image.georeference import (
@@ -36,10 +36,7 @@ from radcal.image.tags import Tags, incidence_band, tags_of
 from radcal.measurement.synthetic import make_synthetic
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
-from radcal.reading.arrays import is_raster
-from radcal.reading.images import Counts
 from radcal.reading.products import named_product
-from radcal.reading.rasters import open_raster
 from radcal.reading.safe import is_safe_name
 from radcal.registration.relief import check_relief, relief_slope
 from radcal.scene.model import Scene
@@ -47,10 +44,8 @@ from radcal.sentinel1.product import open_product
 from radcal.sentinel1.reader import sigma0_image
 from radcal.simulators.protocol import Simulator
 
-__all__ = ["check_image", "make_measurement"]
+__all__ = ["make_measurement"]
 
-T = TypeVar("T")
-_LARGEST_ALONE = 20_000_000  # largest number of pixels of a raster that is read for a check without the scene
 _INCIDENCE_DEG = 2.0  # largest difference from the incidences that a file gives; their definitions differ by far less
 _SAME_RELIEF = 0.3  # largest ratio of differences to the relief (rms) at which an image counts as heights
 _NOISE_ABOVE_DB = 3.0  # an image contains its noise: only errors of both levels let the noise lie above the image
@@ -101,85 +96,6 @@ def make_measurement(
         mistake = _noise_above(measurement, noise_db, case.radar) if flags and is_file else None
         raise mistake or errors[0]
     return measurement
-
-
-def check_image(config: FileMeasurement, radar: Radar, on_map: bool = True) -> list[RadcalError]:
-    """Errors in the file of a measured image that can be found without the scene.
-
-    Parameters
-    ----------
-    config : FileMeasurement
-        Section ``measurement``.
-    radar : Radar
-        Pass.
-    on_map : bool
-        Whether the scene has map coordinates; the pixel spacings are then checked with a georeferenced image.
-
-    Returns
-    -------
-    list of RadcalError
-        Errors, of which :func:`make_measurement` would raise only the first; for a raster of more than 20 million
-        pixels, only errors in its tags.
-    """
-    found: list[RadcalError] = []
-
-    def attempt(check: Callable[..., T], *arguments: object) -> T | None:
-        try:
-            return check(*arguments)
-        except RadcalError as error:
-            found.append(error)
-            return None
-
-    product = is_safe_name(config.path)
-    path = attempt(expand_path, config.path, "measurement.path", product)
-    if path is None:
-        return found
-    if product:
-        attempt(open_product, path, config, radar)
-        return found
-    folders = vrt_folders(config)
-    read = None if _is_large(path, folders) else attempt(read_image, path, config)
-    if read is None:
-        found += _whichever_band(path, config, folders)
-    if on_map and is_georeferenced(path, folders):
-        attempt(check_spacing, path, radar, folders)
-    seen = read or ReadImage(np.zeros((0, 0), np.float32), Counts(0, 0, 0, 0))
-    seen = attempt(_tagged, seen, tags_of(path, config.band, folders), config, path) or seen
-    attempt(_check_pass, seen, radar, path)
-    if read is not None:
-        attempt(_check_radiometry, read.radiometry, config.radiometry, radar, path)
-    return found
-
-
-def _whichever_band(path: Path, config: FileMeasurement, folders: Sequence[Path]) -> list[RadcalError]:
-    """Error, such as a wrong scale, that all bands have, if the configured band does not exist; otherwise empty."""
-    if not is_raster(path) or _is_large(path, folders):
-        return []
-    found: list[RadcalError] = []
-    try:
-        with open_raster(path, folders) as raster:
-            bands = raster.indexes
-    except Exception:  # the libraries' exceptions for damaged files have no common base class
-        return []
-    for band in bands if config.band not in (None, *bands) else ():
-        try:
-            read_image(path, config.model_copy(update={"band": band}))
-        except RadcalError as error:
-            found.append(error)
-        else:
-            return []
-    return found[:1]
-
-
-def _is_large(path: Path, folders: Sequence[Path]) -> bool:
-    """Whether a raster has so many pixels that reading them would take long; false for a file that cannot be opened."""
-    if not is_raster(path):
-        return False
-    try:
-        with open_raster(path, folders) as raster:
-            return bool(raster.width * raster.height > _LARGEST_ALONE)
-    except Exception:  # the libraries' exceptions for damaged files have no common base class
-        return False
 
 
 def _refusal(

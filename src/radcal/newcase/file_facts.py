@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.errors import ConfigError, WrongNumbers
+from radcal.errors import ConfigError
 from radcal.reading.arrays import is_raster
 from radcal.reading.rasters import check_blocks, open_raster
 from radcal.scene.crs import crs_of, horizontal, label, pixel_size_m, vertical_datum
@@ -181,8 +181,7 @@ def code_counts(path: Path) -> dict[int, int]:
         with open_raster(path) as raster:
             check_blocks(raster)
             if np.dtype(raster.dtypes[0]).kind not in "ui":
-                text = f"scene.materials: {path} holds {raster.dtypes[0]}, expected whole material ids."
-                raise ConfigError(text, WrongNumbers("scene.materials", path, raster.dtypes[0]))
+                raise ConfigError(f"scene.materials: {path} holds {raster.dtypes[0]}, expected whole material ids.")
             rows = max(1, _STRIP_VALUES // raster.width)
             for first in range(0, raster.height, rows):
                 strip = Window(0, first, raster.width, min(rows, raster.height - first))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from radcal.config import RasterScene, expand_path, vrt_folders
-from radcal.errors import NoCommonPlace, SceneError
+from radcal.errors import SceneError
 from radcal.reading.intake import LARGEST_VALUES
 from radcal.reading.rasters import open_raster
 from radcal.scene.crs import METRES, crs_from, crs_of, horizontal, same_place, transformer, turned, utm
@@ -203,7 +203,6 @@ def overlap(elevation: Source, materials: Source) -> tuple[Box, Box]:
         raise SceneError(
             f"scene.materials: {materials.path} ({_degrees(materials)}) and scene.elevation: {elevation.path} "
             f"({_degrees(elevation)}) do not overlap.",
-            NoCommonPlace(),
         )
     return (of_small, of_large) if small is elevation else (of_large, of_small)
 

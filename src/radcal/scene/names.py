@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 
 from radcal.config.landcover import LANDCOVERS
-from radcal.errors import NotInScene, SceneError
+from radcal.errors import SceneError
 
 __all__ = ["by_id", "landcover_names", "not_in_scene", "read_names"]
 
@@ -32,8 +32,7 @@ def not_in_scene(name: str, names: Iterable[str], materials: Collection[str]) ->
     names = list(names)
     near = difflib.get_close_matches(name, [one for one in names if one not in materials], n=1, cutoff=0.5)
     hint = f" (did you mean {near[0]!r}?)" if near else ""
-    text = f"materials.{name}: not in the scene, which has {', '.join(names)}{hint}."
-    return SceneError(text, NotInScene(name, near[0] if near else None))
+    return SceneError(f"materials.{name}: not in the scene, which has {', '.join(names)}{hint}.")
 
 
 def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, str]:

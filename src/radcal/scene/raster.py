@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import RasterScene, expand_path
-from radcal.errors import SceneError, WrongNumbers
+from radcal.errors import SceneError
 from radcal.findings import Finding
 from radcal.reading.intake import bounded_memory, unchanged
 from radcal.reading.rasters import check_blocks
@@ -342,8 +342,7 @@ def _ids(materials: Source, grid: Grid) -> tuple[NDArray[np.uint8], str]:
         raise materials.error("holds no material in the scene's area, only no-data.")
     if held.dtype.kind not in "ui" or held.min() < 0 or held.max() > 255:
         raise materials.error(
-            f"holds {held.dtype} from {held.min():g} to {held.max():g}, expected whole material ids from 0 to 255.",
-            WrongNumbers(materials.key, materials.path, str(held.dtype)),
+            f"holds {held.dtype} from {held.min():g} to {held.max():g}, expected whole material ids from 0 to 255."
         )
     missing = -1
     parts = subdivision(materials, grid)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement, Radar
-from radcal.errors import MeasurementError, NoCommonPlace
+from radcal.errors import MeasurementError
 from radcal.findings import Finding
 from radcal.image.acquisition import Acquisition
 from radcal.image.georeference import places_on_ground
@@ -86,7 +86,6 @@ def overpass_of(product: Product, scene: Scene, ground: NDArray[np.float32]) -> 
             f"measurement.path: {product.path} covers no place of the scene's image, which lies around "
             f"{np.median(latitude):.4f} degrees north, {np.median(longitude):.4f} degrees east: expected an image of "
             "the same area.",
-            NoCommonPlace(),
         )
     line, pixel = np.full(shown.shape, np.nan), np.full(shown.shape, np.nan)
     line[shown], pixel[shown] = at_line, at_pixel

@@ -1,4 +1,4 @@
-"""Problems of single files."""
+"""Measured images with a place on the map."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import rasterio
 from rasterio.transform import from_origin
 from safe_product import write_product
 
-from radcal.checking.file_problems import is_on_map
+from radcal.checking.outlook import is_on_map
 from radcal.config import FileMeasurement
 
 pytestmark = [
@@ -29,7 +29,7 @@ def test_products_and_rasters_with_a_place_are_on_the_map(tmp_path: Path) -> Non
     np.save(tmp_path / "plain.npy", values)
     found = {
         path.name: is_on_map(FileMeasurement(path=str(path), scale="db", radiometry="sigma0_ref"))
-        for path in (tmp_path / "placed.tif", tmp_path / "plain.tif", tmp_path / "plain.npy", tmp_path / "gone.tif")
+        for path in (tmp_path / "placed.tif", tmp_path / "plain.tif", tmp_path / "plain.npy")
     }
-    assert found == {"placed.tif": True, "plain.tif": False, "plain.npy": False, "gone.tif": False}
+    assert found == {"placed.tif": True, "plain.tif": False, "plain.npy": False}
     assert is_on_map(FileMeasurement(path=str(safe)))
