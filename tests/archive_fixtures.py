@@ -23,7 +23,7 @@ from radcal.objectives.history import History, Proposal, Run, Score
 from radcal.radar.geometry import Geometry
 from radcal.registration.registered import Registered, register
 from radcal.results.archive import Archive, read_archive, write_archive
-from radcal.results.results import gather
+from radcal.results.results import collect_results
 from radcal.results.search_front import search_fronts
 from radcal.scene.model import Scene
 from radcal.storage.runs import Record, RunStore
@@ -62,7 +62,7 @@ class Made:
         laws = stages.Archive.of(at.case).laws
         posteriors = {name: posterior() if laws[name].has_curve else without_curve() for name in at.targets}
         objectives = make_objectives(at.case, at.targets)
-        archive = gather(
+        archive = collect_results(
             case=at.case,
             stop=at.stop,
             history=at.history,

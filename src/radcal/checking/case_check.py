@@ -111,7 +111,7 @@ class CaseCheck:
         lines.append(f"  simulator runs: at most {most} ({kinds}{each}); {earlier}")
         if self.memory_mb:
             stage = max(self.memory_mb, key=lambda name: self.memory_mb[name])
-            lines.append(f"  memory: less than {self.memory_mb[stage]:,} MB in the largest job ({stage})")
+            lines.append(f"  memory: at most {self.memory_mb[stage]:,} MB are requested for a job ({stage})")
         lines += [f"  {self.time}"] * bool(self.time)
         return "\n".join([*lines, *self.remarks()])
 

@@ -13,7 +13,7 @@ from radcal.radar.geometry import Geometry
 from radcal.registration.height_shift import with_height_finding
 from radcal.registration.registered import Registered
 from radcal.results.archive import Archive
-from radcal.results.results import gather
+from radcal.results.results import collect_results
 from radcal.results.search_front import search_fronts
 from radcal.scene.model import Scene
 from radcal.storage.runs import Record
@@ -35,7 +35,7 @@ def archive_of(
     posteriors: Sequence[Posterior],
     image: Image,
 ) -> Archive:
-    """Conclude a calibration (:func:`.conclude`) and collect its results (:func:`.gather`, with the same arguments).
+    """Conclude a calibration (:func:`.conclude`) and collect its results (:func:`.collect_results`).
 
     ``runs`` is the folder of the run store; ``posteriors`` are in the order of the calibrated materials.
     """
@@ -43,7 +43,7 @@ def archive_of(
     of_each = dict(zip(case.calibrated, posteriors, strict=True))
     objectives = make_objectives(case, targets)
     found = conclude(case, stop, history, targets, objectives, geometry, runs, final[:2], of_each, image, images)
-    return gather(
+    return collect_results(
         case=case, stop=stop, history=history, scene=scene, geometry=geometry, registered=images[0], targets=targets,
         conclusion=found, image=image, passes=images, final=final, fronts=search_fronts(objectives, history),
     )  # fmt: skip

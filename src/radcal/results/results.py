@@ -43,14 +43,14 @@ from radcal.storage.disclosure import disclosed
 from radcal.storage.runs import Record
 from radcal.targets.target import Target, Targets
 
-__all__ = ["gather"]
+__all__ = ["collect_results"]
 
 _LARGEST_SCENE = 1200  # largest number of archived cells per side
 _MOST_OBJECTS = 20_000  # largest number of archived objects; a figure cannot show more as separate dots
 _PACKAGES = ("radcal", "numpy", "scipy", "smt", "platypus-opt", "h5py", "snakemake")
 
 
-def gather(
+def collect_results(
     *,
     case: stages.Archive,
     stop: Stop,
