@@ -304,7 +304,7 @@ def calibrated(case: Case, ground: Ground, passes: list[Pass], folder: Path) -> 
     """Posterior after a calibration."""
     geometries = [ground.geometries[one] for one in passes]
     targets, history, _, images = calibrated_passes(case, ground.scene, geometries, folder)
-    stage = stages.Posterior.of(case)
+    stage = stages.PosteriorStage.of(case)
     parameters = case.start_parameters | {NAME: list(history.best(NAME).parameters)}
     cells = []
     for one, geometry, registered, found in zip(stage.passes, geometries, images, targets.passes, strict=True):

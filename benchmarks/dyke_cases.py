@@ -90,10 +90,10 @@ class Bench:
 
     def targets(self, case: Case, runner: Runner) -> Targets:
         """Targets of a case, made as the workflow makes them."""
-        measurement = make_measurement(stages.Measurement.of(case), self.geometry, self._simulator, self.scene)
+        measurement = make_measurement(stages.MeasurementStage.of(case), self.geometry, self._simulator, self.scene)
         reference = reference_runs(stages.ReferenceRun.of(case), runner)[0].image_db
         assert reference is not None  # the reference run keeps its image
-        registered, stage = register(reference, measurement, case.registration), stages.Target.of(case)
+        registered, stage = register(reference, measurement, case.registration), stages.TargetStage.of(case)
         misfit = OBJECTIVES[stage.objective].misfit
         return make_targets(stage, self.geometry, registered, reference, misfit, scene=self.scene)
 

@@ -98,9 +98,9 @@ def calibrated_passes(
     images: list[Registered] = []
     for one, geometry in zip(case.passes, geometries, strict=False):
         simulator = BuiltinSimulator(geometry, one.radar, one.laws)
-        settings, stage = stages.Simulation.of(one), stages.Target.of(one)
+        settings, stage = stages.Simulation.of(one), stages.TargetStage.of(one)
         runners.append(Runner(RunStore(folder), simulator, geometry, scene.identity, settings))
-        measurement = make_measurement(stages.Measurement.of(one), geometry, simulator, scene)
+        measurement = make_measurement(stages.MeasurementStage.of(one), geometry, simulator, scene)
         start = simulator.run({name: m.start_parameters for name, m in one.materials.items()}, 1)
         registered = register(start, measurement, one.registration)
         images.append(registered)

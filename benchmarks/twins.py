@@ -457,9 +457,9 @@ def calibrated(
     """Calibration of a case whose measured image is a file, and what it says of the law at some angles [rad]."""
     simulator = BuiltinSimulator(b.geometry, case.radar, case.laws)
     runner = Runner(RunStore(folder / "runs"), simulator, b.geometry, b.scene.identity, stages.Simulation.of(case))
-    measurement = make_measurement(stages.Measurement.of(case), b.geometry, simulator, b.scene)
+    measurement = make_measurement(stages.MeasurementStage.of(case), b.geometry, simulator, b.scene)
     registered, run = register_rounds(case, runner, b.geometry, measurement, b.scene)
-    stage = stages.Target.of(case)
+    stage = stages.TargetStage.of(case)
     start = runner.run(case.start_parameters, noise_seed(case), image=True).image_db
     targets = make_targets(stage, b.geometry, registered, start, OBJECTIVES[stage.objective].misfit, scene=b.scene)
     history, decision = calibrate(case, runner, targets, registration=run)
@@ -484,7 +484,7 @@ def band(
     This is the only function that knows the assessment.
     """
     name, angles = b.material, np.degrees(phi)
-    stage = stages.Posterior.of(case)
+    stage = stages.PosteriorStage.of(case)
     parameters = all_parameters(case.materials, {name: history.best(name).parameters})
     final = [runner.run(parameters, noise_seed(case, fresh), image=fresh) for fresh in (False, True)]
     images = simulated_of(
@@ -494,7 +494,7 @@ def band(
     image = image_of(stage, cells)
     objectives = make_objectives(stage, targets)
     posterior = posterior_of(stage, targets, history, objectives[name], cells, image)
-    archive = stages.Archive.of(case)
+    archive = stages.ArchiveStage.of(case)
     found = conclude(
         archive, case.stop, history, targets, objectives, b.geometry, runs, final, {name: posterior}, image,
         [registered],

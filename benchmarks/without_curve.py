@@ -149,7 +149,9 @@ def prepared(
     values = {**FIXED, **dict(zip(free, truth, strict=True))}
     inside = load([bench.speckled(f"image_{number}", [values[name] for name in NAMES], 100 + number, {})])
     simulator, image = BuiltinSimulator(bench.geometry, inside.radar, inside.laws), folder / f"image_{number}.npy"
-    np.save(image, make_measurement(stages.Measurement.of(inside), bench.geometry, simulator, bench.scene).image_db)
+    np.save(
+        image, make_measurement(stages.MeasurementStage.of(inside), bench.geometry, simulator, bench.scene).image_db
+    )
     dyke, rows = inside.materials["dyke"], [NAMES.index(name) for name in free]
     data = read_case_file(folder / f"image_{number}.yaml")
     data["measurement"] = {"source": "file", "path": str(image), "scale": "db", "radiometry": inside.radar.radiometry}

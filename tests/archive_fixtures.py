@@ -59,7 +59,7 @@ class Made:
     def gathered(self, path: Path, **changes: Any) -> Archive:
         """Results of the same calibration but for some arguments, written and read back."""
         at = SimpleNamespace(**{**vars(self), "runs": self.path.parent / "runs", **changes})
-        laws = stages.Archive.of(at.case).laws
+        laws = stages.ArchiveStage.of(at.case).laws
         posteriors = {name: posterior() if laws[name].has_curve else without_curve() for name in at.targets}
         objectives = make_objectives(at.case, at.targets)
         archive = collect_results(

@@ -58,10 +58,12 @@ def test_no_other_rule_takes_a_case() -> None:
 
 
 def test_the_archive_records_all_that_jobs_depend_on() -> None:
-    assert list(stages.Archive.model_fields) == [name for name in Case.model_fields if name not in ("replace", "stop")]
+    assert list(stages.ArchiveStage.model_fields) == [
+        name for name in Case.model_fields if name not in ("replace", "stop")
+    ]
     case = case_from(dyke() | synthetic(parameters={"dyke": X}))
-    archive = stages.Archive.of(case)
-    assert repr(archive.sections(*archive.__dict__)) == repr(case.sections(*stages.Archive.model_fields))
+    archive = stages.ArchiveStage.of(case)
+    assert repr(archive.sections(*archive.__dict__)) == repr(case.sections(*stages.ArchiveStage.model_fields))
 
 
 def test_what_follows_from_sections_is_that_of_the_case() -> None:
@@ -78,5 +80,5 @@ def test_what_follows_from_sections_is_that_of_the_case() -> None:
     assert (scores.calibrated, scores.start_with_another_law) == (["dyke"], ["dyke"])
     assert (scores.laws["dyke"].names, scores.at_start.laws["dyke"].names) == (("X1", "X2", "X3", "X4"), ("gamma",))
     assert isinstance(scores.at_start, stages.Scores)
-    assert stages.Target.of(case).reference_materials == case.reference_materials == ["road"]
+    assert stages.TargetStage.of(case).reference_materials == case.reference_materials == ["road"]
     assert stages.DesignChunk.of(case).design_size == case.design_size == 21

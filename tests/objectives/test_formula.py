@@ -50,9 +50,9 @@ def calibrated(parts, tmp_path):
         )  # fmt: skip
         simulator = BuiltinSimulator(geometry, case.radar, case.laws)
         runner = Runner(RunStore(tmp_path), simulator, geometry, scene.identity, stages.Simulation.of(case))
-        measurement = make_measurement(stages.Measurement.of(case), geometry, simulator, scene)
+        measurement = make_measurement(stages.MeasurementStage.of(case), geometry, simulator, scene)
         start = simulator.run(case.start_parameters, 1)
-        registered, stage = register(start, measurement, case.registration), stages.Target.of(case)
+        registered, stage = register(start, measurement, case.registration), stages.TargetStage.of(case)
         targets = make_targets(stage, geometry, registered, start, OBJECTIVES[case.objective].misfit)
         return (case, runner, targets, *calibrate(case, runner, targets))
 

@@ -194,7 +194,7 @@ def test_each_pass_has_its_own_runs_and_counts_its_own_new_ones(made, monkeypatc
     radar = [{"depression_deg": 45}, {"depression_deg": 30}]
     case = case_from({**made.case.sections("materials"), "radar": radar, "measurement": [{}, {}]})
     targets = Targets(made.targets, further=[made.targets])
-    found = _passes(stages.Archive.of(case), History(runs), targets, {}, [made.registered] * 2, final)
+    found = _passes(stages.ArchiveStage.of(case), History(runs), targets, {}, [made.registered] * 2, final)
     assert [one.keys.tolist() for one in found.values()] == [
         [run.key for run in runs],
         [f"second {r.key}" for r in runs],

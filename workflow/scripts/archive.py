@@ -16,7 +16,7 @@ from radcal.storage.run_index import indexed
 from radcal.targets.target import read_targets
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = stages.Archive.model_validate(snakemake.params.case)
+    case = stages.ArchiveStage.model_validate(snakemake.params.case)
     with understood(snakemake.input.stop):
         stop = Stop.model_validate(read_json(snakemake.input.stop))
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])

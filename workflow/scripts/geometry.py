@@ -7,7 +7,7 @@ from radcal.scene.model import read_scene
 from radcal.session.jobs import logged, progress
 
 with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
-    case = stages.Geometry.model_validate(snakemake.params.case)
+    case = stages.GeometryStage.model_validate(snakemake.params.case)
     geometry = make_geometry(read_scene(snakemake.input.scene), case.radar)
     write_geometry(snakemake.output.geometry, geometry, case.radar, snakemake.params.immaterial)
     progress(f"geometry: image of {geometry.shape[0]} x {geometry.shape[1]} pixels")

@@ -10,7 +10,7 @@ from radcal.simulators.sources import make_simulator
 from radcal.words import sentence
 
 with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
-    case = stages.Measurement.model_validate(snakemake.params.case)
+    case = stages.MeasurementStage.model_validate(snakemake.params.case)
     scene = read_scene(snakemake.input.scene)
     geometry = read_geometry(snakemake.input.geometry)
     simulator = make_simulator(case, geometry, snakemake.input.geometry)

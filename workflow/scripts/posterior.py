@@ -14,7 +14,7 @@ from radcal.storage.run_index import indexed
 from radcal.targets.target import read_targets
 
 with logged(snakemake.log[0], snakemake.params.case):
-    case = stages.Posterior.model_validate(snakemake.params.case)
+    case = stages.PosteriorStage.model_validate(snakemake.params.case)
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     targets, scene = read_targets(*snakemake.input.target), read_scene(snakemake.input.scene)
     geometries = [read_geometry(path) for path in snakemake.input.geometry]

@@ -8,7 +8,7 @@ from radcal.storage.disclosure import disclosed
 from radcal.storage.records import write_json
 
 with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
-    case = stages.Simulator.model_validate(snakemake.params.case)
+    case = stages.SimulatorStage.model_validate(snakemake.params.case)
     simulator = make_simulator(case, read_geometry(snakemake.input.geometry), snakemake.input.geometry)
     # the width of seeds is not part of the identity; it is kept here for the next command
     identity = {**disclosed(simulator.identity), "seed_bits": case.simulator.seed_bits}

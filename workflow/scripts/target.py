@@ -13,7 +13,7 @@ from radcal.targets.target_fit import make_targets
 from radcal.words import sentence
 
 with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
-    case = stages.Target.model_validate(snakemake.params.case)
+    case = stages.TargetStage.model_validate(snakemake.params.case)
     reference, _ = next(indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True))
     registered = read_registered(snakemake.input.registered)
     geometry = read_geometry(snakemake.input.geometry)

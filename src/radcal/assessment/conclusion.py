@@ -85,7 +85,7 @@ class Conclusion:
 
 
 def conclude(
-    case: stages.Archive,
+    case: stages.ArchiveStage,
     stop: Stop,
     history: History,
     targets: Targets,
@@ -101,7 +101,7 @@ def conclude(
 
     Parameters
     ----------
-    case, stop : stages.Archive, Stop
+    case, stop : stages.ArchiveStage, Stop
         Configuration of the case, and stop criteria.
     history : History
         Scored runs: reference run, design and verified proposals.

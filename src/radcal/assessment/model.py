@@ -65,12 +65,12 @@ def _mean_areas(cells: Cells) -> list[float]:
     return [mean(one) if one else 0.0 for one in cells]
 
 
-def image_of(case: stages.Posterior, cells: Cells) -> Image:
+def image_of(case: stages.PosteriorStage, cells: Cells) -> Image:
     """What the fixed materials say of the images of all passes.
 
     Parameters
     ----------
-    case : stages.Posterior
+    case : stages.PosteriorStage
         Configuration.
     cells : sequence of mapping
         Cells of each material in each pass.
@@ -92,7 +92,7 @@ def image_of(case: stages.Posterior, cells: Cells) -> Image:
 
 
 def posterior_of(
-    case: stages.Posterior,
+    case: stages.PosteriorStage,
     targets: Targets,
     history: History,
     objective: Comparison,
@@ -105,7 +105,7 @@ def posterior_of(
 
     Parameters
     ----------
-    case : stages.Posterior
+    case : stages.PosteriorStage
         Configuration.
     targets : Targets
         Target of each calibrated material in all passes.
@@ -214,7 +214,7 @@ def _with_curve(
 
 
 def _without_curve(
-    case: stages.Posterior, observed: Observed, objective: Comparison, history: History, best: Doubles, name: str
+    case: stages.PosteriorStage, observed: Observed, objective: Comparison, history: History, best: Doubles, name: str
 ) -> tuple[Parameters, Doubles, Doubles]:  # fmt: skip
     """Parameters of a law without a curve, by the surrogate's means of the incidence-angle bins."""
     surrogate = Surrogate(train_all(history, case, {name: objective})[name], objective, history.surprise(name))

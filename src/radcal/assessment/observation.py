@@ -33,7 +33,7 @@ _FEWEST = 3  # cells of a material
 
 
 def simulated_of(
-    case: stages.Posterior,
+    case: stages.PosteriorStage,
     scene: Scene,
     geometries: Sequence[Geometry],
     paths: Sequence[str],
@@ -44,7 +44,7 @@ def simulated_of(
 
     Parameters
     ----------
-    case : stages.Posterior
+    case : stages.PosteriorStage
         Configuration.
     scene : Scene
         Scene.
@@ -69,7 +69,7 @@ def simulated_of(
 
 
 def observe(
-    case: stages.Posterior,
+    case: stages.PosteriorStage,
     geometry: Geometry,
     registered: Registered,
     simulated: Sequence[Simulated],
@@ -84,7 +84,7 @@ def observe(
 
     Parameters
     ----------
-    case : stages.Posterior
+    case : stages.PosteriorStage
         Configuration of the pass.
     geometry : Geometry
         Geometry of the pass.

@@ -82,7 +82,7 @@ def register_rounds(
     first = checked(first, start, geometry, case.radar, scene.slope_error_deg)
     if not case.registers_twice:
         return first, None
-    found = laws_of_image(stages.Target.of(case), geometry, first, start, scene)
+    found = laws_of_image(stages.TargetStage.of(case), geometry, first, start, scene)
     parameters = all_parameters(case.materials, found)
     record = run_all_draws(stages.RegistrationRun.of(case), runner, parameters, image=True)
     return register_again(_image_db(record), first, case.registration), (record, parameters)

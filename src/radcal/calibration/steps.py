@@ -133,7 +133,7 @@ def not_fresh(simulator: SimulatorConfig, final: Sequence[Record]) -> list[Findi
 
 
 def random_findings(
-    case: stages.Archive, history: History, names: Iterable[str], final: Sequence[Record]
+    case: stages.ArchiveStage, history: History, names: Iterable[str], final: Sequence[Record]
 ) -> list[Finding]:
     """Findings on the simulator's random numbers, from the runs of the search and the two final runs."""
     found = repeatability(case.simulator, history.repeat_db)

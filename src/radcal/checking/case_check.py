@@ -274,7 +274,7 @@ def _measured(one: Case, geometry: Geometry, scene: Scene, number: int) -> Measu
     from radcal.simulators.protocol import Simulator
     from radcal.simulators.sources import make_simulator
 
-    stage = stages.Measurement.of(one)
+    stage = stages.MeasurementStage.of(one)
     if isinstance(one.measurement, FileMeasurement):
         nothing: Simulator = None  # type: ignore[assignment]  # a file needs no simulator
         return make_measurement(stage, geometry, nothing, scene, partly=number > 1)

@@ -63,7 +63,7 @@ def cells_of(case: Case, geometry: Geometry, measured: Measurement, scene: Scene
     """
     if case.target.normalisation == "image":
         return {}
-    stage = stages.Posterior.of(case.at_start).model_copy(update={"simulator": BuiltinSimulation()})
+    stage = stages.PosteriorStage.of(case.at_start).model_copy(update={"simulator": BuiltinSimulation()})
     still, image = np.zeros((2, *geometry.shape), dtype=np.float32), measured.image_db
     registered = Registered(measured, image, still, _moved_px(case, geometry), still[0], "none", False, "")
     simulated = Simulated(start_image(case, geometry), case.start_parameters)
@@ -82,13 +82,13 @@ def fixed_laws(case: Case, cells: Sequence[Mapping[str, CellMeans]]) -> list[Fin
     """
     steps = min(case.uncertainty.steps, _STEPS)
     short = case.model_copy(update={"uncertainty": case.uncertainty.model_copy(update={"steps": steps})})
-    image = image_of(stages.Posterior.of(short), cells)
+    image = image_of(stages.PosteriorStage.of(short), cells)
     levels = [
         one
         for number, (of, own) in enumerate(zip(case.passes, cells, strict=True), start=1)
         for one in of_pass([_level(of, x, own[x]) for x in case.reference_materials if x in own], number, len(cells))
     ]
-    model = image_findings(stages.Archive.of(case), replace(image, sampled=True))
+    model = image_findings(stages.ArchiveStage.of(case), replace(image, sampled=True))
     return [*levels, *(one for one in model if one.code != "fixed_law_and_image")]  # which the level tells already
 
 

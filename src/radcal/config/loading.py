@@ -80,7 +80,7 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
 
 def load_forward(
     files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None, calibrated: str | Path | None = None
-) -> stages.Forward:
+) -> stages.ForwardStage:
     """Read the sections of a case that a forward run needs, without the sections on measurement and calibration.
 
     Parameters
@@ -92,7 +92,7 @@ def load_forward(
 
     Returns
     -------
-    stages.Forward
+    stages.ForwardStage
         Sections that a forward run needs; the case need not mark any material ``calibrate: true``.
 
     Raises
@@ -116,7 +116,7 @@ def load_forward(
     for one in case.passes:
         for text in one.laws_without_pass():
             raise ConfigError(f"{origin}: {text}.")
-    return stages.Forward.of(case)
+    return stages.ForwardStage.of(case)
 
 
 def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Case | None:

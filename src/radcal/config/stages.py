@@ -31,28 +31,28 @@ from radcal.config.validation import Validation
 
 __all__ = [
     "STAGES",
-    "Archive",
+    "ArchiveStage",
     "DesignChunk",
     "DesignSize",
     "Export",
     "FinalRuns",
-    "Forward",
-    "Geometry",
+    "ForwardStage",
+    "GeometryStage",
     "LawsOfImage",
-    "Measurement",
-    "Posterior",
+    "MeasurementStage",
+    "PosteriorStage",
     "Propose",
     "ReferenceRun",
     "Registration",
     "RegistrationRun",
     "Reuse",
-    "Scene",
+    "SceneStage",
     "Scores",
     "Simulation",
-    "Simulator",
+    "SimulatorStage",
     "Stage",
     "StopSettings",
-    "Target",
+    "TargetStage",
     "Train",
     "Verify",
 ]
@@ -72,20 +72,20 @@ class Stage(Part):
         return case.sections(*cls.model_fields)
 
 
-class Scene(Stage):
+class SceneStage(Stage):
     """Sections that rule ``scene`` reads: the scene, and the materials for their names."""
 
     scene: SceneConfig
     materials: dict[str, Material]
 
 
-class Geometry(Stage):
+class GeometryStage(Stage):
     """Section that rule ``geometry`` reads: the pass."""
 
     radar: Radar
 
 
-class Simulator(Stage):
+class SimulatorStage(Stage):
     """Sections that rule ``simulator`` reads: simulator settings, materials and pass."""
 
     radar: Radar
@@ -93,7 +93,7 @@ class Simulator(Stage):
     materials: dict[str, Material]
 
 
-class Measurement(Simulator):
+class MeasurementStage(SimulatorStage):
     """Sections that rule ``measurement`` reads to simulate or read the measured image, and to check the image."""
 
     measurement: MeasurementConfig
@@ -115,7 +115,7 @@ class Scores(Laws):
     further_radar: list[Radar] | None = None
 
 
-class Simulation(Simulator, Laws):
+class Simulation(SimulatorStage, Laws):
     """Sections that determine the pixel values of a run."""
 
 
@@ -139,14 +139,14 @@ class RegistrationRun(Simulation):
     """Sections that rule ``registration_run`` reads."""
 
 
-class Target(Simulation, Scores):
+class TargetStage(Simulation, Scores):
     """Sections that rule ``target`` reads to derive the targets of the materials."""
 
     target: TargetConfig
     validation: Validation | None
 
 
-class LawsOfImage(Target):
+class LawsOfImage(TargetStage):
     """Sections that rule ``laws_of_image`` reads to fit laws for the registration run."""
 
 
@@ -182,7 +182,7 @@ class Verify(Simulation, Train):
     """Sections that rule ``verify`` reads to run and score proposals, and to predict a possible further improvement."""
 
 
-class Posterior(Simulation, Train):
+class PosteriorStage(Simulation, Train):
     """Sections that rule ``posterior`` reads, also for an image of many looks of the built-in simulator."""
 
     target: TargetConfig
@@ -202,7 +202,7 @@ class FinalRuns(Simulation):
     further_radar: list[Radar] | None = None
 
 
-class Forward(FinalRuns):
+class ForwardStage(FinalRuns):
     """Sections that a forward run reads: scene, passes, simulator and materials."""
 
     case: CaseName
@@ -213,7 +213,7 @@ class Export(FinalRuns):
     """Sections that rule ``export`` reads to write the calibrated materials and images with their texture."""
 
 
-class Archive(Stage):
+class ArchiveStage(Stage):
     """Sections that rule ``archive`` reads: all but ``replace`` and ``stop``; the stop criteria come from a file."""
 
     # in the same order as in class Case, because the archive records the sections in this order
@@ -238,16 +238,16 @@ class Archive(Stage):
 
 
 STAGES: Mapping[str, type[Stage]] = {
-    "scene": Scene,
-    "geometry": Geometry,
-    "simulator": Simulator,
-    "measurement": Measurement,
+    "scene": SceneStage,
+    "geometry": GeometryStage,
+    "simulator": SimulatorStage,
+    "measurement": MeasurementStage,
     "reuse": Reuse,
     "reference_run": ReferenceRun,
     "registration": Registration,
     "laws_of_image": LawsOfImage,
     "registration_run": RegistrationRun,
-    "target": Target,
+    "target": TargetStage,
     "design_chunk": DesignChunk,
     "scores": Scores,
     "train": Train,
@@ -255,8 +255,8 @@ STAGES: Mapping[str, type[Stage]] = {
     "verify": Verify,
     "stop_settings": StopSettings,
     "final_runs": FinalRuns,
-    "posterior": Posterior,
-    "archive": Archive,
+    "posterior": PosteriorStage,
+    "archive": ArchiveStage,
     "export": Export,
 }
 """Model of each rule, by the name of the rule."""

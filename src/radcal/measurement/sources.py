@@ -52,7 +52,7 @@ _NOISE_ABOVE_DB = 3.0  # an image contains its noise: only errors of both levels
 
 
 def make_measurement(
-    case: stages.Measurement,
+    case: stages.MeasurementStage,
     geometry: Geometry,
     simulator: Simulator,
     scene: Scene | None = None,
@@ -62,7 +62,7 @@ def make_measurement(
 
     Parameters
     ----------
-    case : stages.Measurement
+    case : stages.MeasurementStage
         Source of the image, with the pass, materials and target settings that the image must suit.
     geometry : Geometry
         Geometry with the image grid and the material masks.

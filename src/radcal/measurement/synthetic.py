@@ -36,7 +36,7 @@ _PATCH_CELLS = 4.0  # correlation length of patches with a wrong label
 
 
 def make_synthetic(
-    case: stages.Measurement,
+    case: stages.MeasurementStage,
     synthetic: Synthetic,
     geometry: Geometry,
     simulator: Simulator,
@@ -46,7 +46,7 @@ def make_synthetic(
 
     Parameters
     ----------
-    case : stages.Measurement
+    case : stages.MeasurementStage
         Pass and laws of the runs.
     synthetic : Synthetic
         Hidden laws, and differences of scene, pass and image from those of the runs.
@@ -118,7 +118,7 @@ def _displacements(
 
 
 def _other_simulator(
-    case: stages.Measurement, synthetic: Synthetic, geometry: Geometry, scene: Scene | None
+    case: stages.MeasurementStage, synthetic: Synthetic, geometry: Geometry, scene: Scene | None
 ) -> BuiltinSimulator:
     """Built-in simulator of the disturbed scene, pass and laws."""
     radar = _other_pass(case.radar, synthetic)

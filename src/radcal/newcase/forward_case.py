@@ -22,7 +22,7 @@ _SECTIONS = ("scene", "radar", "simulator", "materials")  # those that a forward
 
 def forward_case(
     file: str | Path, overrides: Mapping[str, Any] | None = None, materials: str | Path | None = None
-) -> tuple[stages.Forward, list[str]]:
+) -> tuple[stages.ForwardStage, list[str]]:
     """Case of a forward run, in which materials of another file may replace materials of the same names.
 
     Parameters
@@ -36,7 +36,7 @@ def forward_case(
 
     Returns
     -------
-    case : stages.Forward
+    case : stages.ForwardStage
         Sections that a forward run needs.
     remarks : list of str
         Sentences on the materials that keep the case's own law, and on those at their starting parameters.

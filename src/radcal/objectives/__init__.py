@@ -21,12 +21,12 @@ OBJECTIVES: dict[str, type[Objective]] = {"classes": Bins, "density": Density, "
 """Class of each objective, by its name in the configuration (``radcal.config.objectives``)."""
 
 
-def make_objectives(case: stages.Scores | stages.Archive, targets: Targets) -> Mapping[str, Comparison]:
+def make_objectives(case: stages.Scores | stages.ArchiveStage, targets: Targets) -> Mapping[str, Comparison]:
     """Objective of every calibrated material, in all passes of the case.
 
     Parameters
     ----------
-    case : stages.Scores or stages.Archive
+    case : stages.Scores or stages.ArchiveStage
         Name of the objective, laws, bounds and looks.
     targets : Targets
         Targets of the calibrated materials in all passes.
@@ -38,7 +38,7 @@ def make_objectives(case: stages.Scores | stages.Archive, targets: Targets) -> M
     """
     if len(targets.passes) == 1:
         return _of_pass(case, targets)
-    passes: Sequence[stages.Scores | stages.Archive] = case.passes
+    passes: Sequence[stages.Scores | stages.ArchiveStage] = case.passes
     each = [
         _of_pass(one, found, priors=number == 0)
         for number, (one, found) in enumerate(zip(passes, _of_common_spread(targets), strict=True))
@@ -60,7 +60,7 @@ def _of_common_spread(targets: Targets) -> list[Targets]:
     return [Targets(found, one.levels, one.looks) for found, one in zip(each, targets.passes, strict=True)]
 
 
-def _of_pass(case: stages.Scores | stages.Archive, targets: Targets, priors: bool = True) -> dict[str, Objective]:
+def _of_pass(case: stages.Scores | stages.ArchiveStage, targets: Targets, priors: bool = True) -> dict[str, Objective]:
     """Objective of each material in one pass; ``priors`` tells whether the priors enter."""
     laws, kind = case.laws, OBJECTIVES[case.objective]
     return {

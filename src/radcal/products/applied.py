@@ -43,7 +43,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def with_laws(archive: Archive, source: Mapping[str, Any], other: stages.Forward) -> stages.Forward:
+def with_laws(archive: Archive, source: Mapping[str, Any], other: stages.ForwardStage) -> stages.ForwardStage:
     """Settings of another case's forward run, in which materials have the laws and looks calibrated in an archive.
 
     The law of a material with a band is the one nearest to the band's median (:func:`simulated_x`).
@@ -54,7 +54,7 @@ def with_laws(archive: Archive, source: Mapping[str, Any], other: stages.Forward
         Results of a calibration.
     source : mapping
         Section ``materials`` of the calibrated case, as plain data or models.
-    other : stages.Forward
+    other : stages.ForwardStage
         Scene, passes, simulator and materials of the other case.
 
     Raises
@@ -136,7 +136,7 @@ class _Pass:
 
 
 def apply(
-    folder: str | Path, other: stages.Forward, measured: Case | None, out: str | Path, runs: str | Path
+    folder: str | Path, other: stages.ForwardStage, measured: Case | None, out: str | Path, runs: str | Path
 ) -> list[str]:
     """Predict the images of another case from the laws of a finished calibration, and compare them with measurements.
 
@@ -144,7 +144,7 @@ def apply(
     ----------
     folder : path
         Results folder of the finished case.
-    other : stages.Forward
+    other : stages.ForwardStage
         The other case.
     measured : Case or None
         The other case with its measured images; None if it has none.
@@ -245,15 +245,15 @@ def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: 
         return _Pass(made.geometry, made.image_db, None, ())
     one = case.passes[number - 1]
     path = (out / f"passes/{number}" if number > 1 else out) / "geometry.h5"
-    simulator = make_simulator(stages.Simulator.of(one), made.geometry, path)
-    found = make_measurement(stages.Measurement.of(one), made.geometry, simulator, scene, partly=True)
+    simulator = make_simulator(stages.SimulatorStage.of(one), made.geometry, path)
+    found = make_measurement(stages.MeasurementStage.of(one), made.geometry, simulator, scene, partly=True)
     below = own / f"passes/{number}" if number > 1 else own
     registered, by = registered_as(below / "registered.h5", made.image_db, found, one.registration)
     said = (f"pass {number}: {found.source}; {by}: {registered.verdict}", *map(sentence, found.findings))
     return _Pass(made.geometry, made.image_db, registered.measurement.image_db, said)
 
 
-def _images(out: Path, number: int, case: stages.Forward, scene: Scene, one: _Pass) -> list[Path]:
+def _images(out: Path, number: int, case: stages.ForwardStage, scene: Scene, one: _Pass) -> list[Path]:
     """Write the GeoTIFFs of a pass, and return their paths."""
     ending, tags = f"_pass{number}" if number > 1 else "", {"case": case.case, "radiometry": case.radar.radiometry}
     layers = {"predicted": Layer(one.predicted_db, "dB", "image predicted from the laws of another case", tags)}
@@ -267,7 +267,7 @@ def _images(out: Path, number: int, case: stages.Forward, scene: Scene, one: _Pa
 
 
 def _of_pass(
-    archive: Archive, config: Mapping[str, Any], changed: stages.Forward, number: int, one: _Pass
+    archive: Archive, config: Mapping[str, Any], changed: stages.ForwardStage, number: int, one: _Pass
 ) -> Iterator[Prediction]:
     """Predictions of all calibrated materials in a pass."""
     case = changed.passes[number - 1]

@@ -52,7 +52,7 @@ class Forward:
 
 
 def forward(
-    case: stages.Forward,
+    case: stages.ForwardStage,
     folder: str | Path,
     runs: str | Path,
     check: Callable[[Sequence[str]], None] = lambda _: None,
@@ -61,7 +61,7 @@ def forward(
 
     Parameters
     ----------
-    case : stages.Forward
+    case : stages.ForwardStage
         Scene, passes, simulator and materials. A material to be calibrated has its starting parameters.
     folder : path
         Folder of ``scene.h5`` and ``geometry.h5``. From pass 2 on, ``geometry.h5`` of pass p lies in ``passes/<p>/``.
@@ -113,7 +113,7 @@ def _check_materials(scene: Scene, materials: list[str]) -> None:
     scene.require(materials)
 
 
-def simulate(case: stages.Forward, folder: str | Path, runs: str | Path, replace: bool = False) -> list[str]:
+def simulate(case: stages.ForwardStage, folder: str | Path, runs: str | Path, replace: bool = False) -> list[str]:
     """Simulate all passes of a case, and write the images as GeoTIFF.
 
     Parameters

@@ -23,7 +23,7 @@ __all__ = ["archive_of"]
 
 
 def archive_of(
-    case: stages.Archive,
+    case: stages.ArchiveStage,
     stop: Stop,
     history: History,
     scene: Scene,

@@ -14,12 +14,14 @@ _AT_BOUND = 1e-3  # share of the interval between bounds within which a value is
 _SHARE = 0.05  # share of a material's pixels outside the law's valid angles above which a note is made
 
 
-def law_notes(case: stages.Archive, geometry: Geometry, parameters: Mapping[str, Sequence[float]]) -> list[Finding]:
+def law_notes(
+    case: stages.ArchiveStage, geometry: Geometry, parameters: Mapping[str, Sequence[float]]
+) -> list[Finding]:
     """Findings on laws that are used outside their valid incidence angles or parameters.
 
     Parameters
     ----------
-    case : stages.Archive
+    case : stages.ArchiveStage
         Laws by material.
     geometry : Geometry
         Geometry with the incidence of every material's visible pixels.

@@ -52,7 +52,7 @@ _PACKAGES = ("radcal", "numpy", "scipy", "smt", "platypus-opt", "h5py", "snakema
 
 def collect_results(
     *,
-    case: stages.Archive,
+    case: stages.ArchiveStage,
     stop: Stop,
     history: History,
     scene: Scene,
@@ -69,7 +69,7 @@ def collect_results(
 
     Parameters
     ----------
-    case, stop : stages.Archive, Stop
+    case, stop : stages.ArchiveStage, Stop
         Configuration of the case, and its stop settings.
     history : History
         Reference run, design runs and verified proposals.
@@ -154,7 +154,7 @@ def _of_passes(targets: Targets, objective: str) -> list[Finding]:
     return [Finding("passes_together", "note", "", {"passes": count}), *shared]
 
 
-def _as_written(case: stages.Archive, stop: Stop) -> dict[str, Any]:
+def _as_written(case: stages.ArchiveStage, stop: Stop) -> dict[str, Any]:
     """Configuration in the form of a case file, in which sections of several passes are lists."""
     data = {**case.sections(*case.__dict__), "stop": stop.model_dump(mode="json")}
     for section, further in FURTHER.items():
@@ -166,7 +166,7 @@ def _as_written(case: stages.Archive, stop: Stop) -> dict[str, Any]:
 
 
 def _passes(
-    case: stages.Archive,
+    case: stages.ArchiveStage,
     history: History,
     targets: Targets,
     posteriors: Mapping[str, Posterior],
@@ -238,7 +238,7 @@ def _difference_db(
     return law.largest_difference_db(found, hidden, incidence_deg)
 
 
-def _final_parameters(case: stages.Archive, history: History, targets: Targets) -> dict[str, Sequence[float]]:
+def _final_parameters(case: stages.ArchiveStage, history: History, targets: Targets) -> dict[str, Sequence[float]]:
     """X of every material in the final runs: for a calibrated material X of the best run, else the fixed X."""
     best = {name: history.best(name).parameters for name in targets}
     return {name: best.get(name, material.start_parameters) for name, material in case.materials.items()}
@@ -287,7 +287,7 @@ def _scene(scene: Scene) -> SceneView:
 
 def _material(
     name: str,
-    case: stages.Archive,
+    case: stages.ArchiveStage,
     history: History,
     targets: Targets,
     conclusion: Conclusion,

@@ -15,7 +15,7 @@ import h5py
 from pydantic import ValidationError
 
 from radcal.config import Case
-from radcal.config.stages import STAGES, Geometry, Scene, Stage
+from radcal.config.stages import STAGES, GeometryStage, SceneStage, Stage
 from radcal.errors import StoreError
 from radcal.storage.inspection import inspect_file
 from radcal.storage.provenance import provenance
@@ -59,7 +59,7 @@ def check_replacement(case: Case, folder: str | Path, inputs: Mapping[str, Path]
 
 
 def _check_geometry(case: Case, path: Path) -> None:
-    recorded = _recorded(path, "geometry", Geometry)
+    recorded = _recorded(path, "geometry", GeometryStage)
     if recorded is None or recorded.radar == case.passes[0].radar:
         return
     from radcal.radar.geometry import is_of_pass  # imported here, because every job imports this module
@@ -69,19 +69,19 @@ def _check_geometry(case: Case, path: Path) -> None:
 
 
 def _check_scene(case: Case, path: Path, files: list[Path]) -> None:
-    recorded = _recorded(path, "scene", Scene)
+    recorded = _recorded(path, "scene", SceneStage)
     # the scene itself does not depend on the materials, which are the other section that its rule reads
     if recorded is None or (
         recorded.scene == case.scene and all(file.stat().st_mtime <= path.stat().st_mtime for file in files)
     ):
         return
-    from radcal.scene.model import Scene as SceneModel
+    from radcal.scene.model import Scene
     from radcal.scene.sources import make_scene
     from radcal.storage.dataclass_groups import same, take
 
     scene = make_scene(case.scene, list(case.materials), case.radar.heading_deg)
     ours = STAGES["scene"].params(case)
-    keep_finished(path, "scene", ours, lambda file: same(take(file, SceneModel), scene))
+    keep_finished(path, "scene", ours, lambda file: same(take(file, Scene), scene))
 
 
 def _recorded(path: Path, kind: str, stage: type[S]) -> S | None:

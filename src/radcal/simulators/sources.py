@@ -16,12 +16,12 @@ from radcal.storage.runs import RunStore
 __all__ = ["make_runner", "make_simulator", "runner_of"]
 
 
-def make_simulator(case: stages.Simulator, geometry: Geometry, geometry_path: str | Path) -> Simulator:
+def make_simulator(case: stages.SimulatorStage, geometry: Geometry, geometry_path: str | Path) -> Simulator:
     """Create the configured simulator for the geometry of a pass.
 
     Parameters
     ----------
-    case : stages.Simulator
+    case : stages.SimulatorStage
         Configuration of simulator, pass and materials.
     geometry : Geometry
         Geometry of the pass.

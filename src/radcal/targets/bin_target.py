@@ -27,7 +27,7 @@ _LEVEL_DB = 40.0  # half width of a bin level's bounds about the mean of the pix
 
 
 def bin_targets(
-    case: stages.Target,
+    case: stages.TargetStage,
     targets: Targets,
     geometry: Geometry,
     registered: Registered,
@@ -41,7 +41,7 @@ def bin_targets(
 
     Parameters
     ----------
-    case : stages.Target
+    case : stages.TargetStage
         Laws and settings of the target.
     targets : Targets
         Targets of the calibrated materials.

@@ -47,7 +47,7 @@ def law_range_db(law: Law, bounds: ArrayLike, incidence_deg: Doubles) -> tuple[D
 
 
 def check_level(
-    case: Case | stages.Target, name: str, incidence_deg: ArrayLike, values_db: ArrayLike, noise_db: float
+    case: Case | stages.TargetStage, name: str, incidence_deg: ArrayLike, values_db: ArrayLike, noise_db: float
 ) -> None:
     """Refuse bounds of X inside which a law stays more than 3 dB away from the measured level.
 
@@ -55,7 +55,7 @@ def check_level(
 
     Parameters
     ----------
-    case : Case or stages.Target
+    case : Case or stages.TargetStage
         Configuration of the pass, with laws, bounds and looks.
     name : str
         Calibrated material, whose law has a curve.
@@ -81,7 +81,7 @@ def check_level(
         )
 
 
-def check_reach(case: stages.Target, targets: Targets) -> None:
+def check_reach(case: stages.TargetStage, targets: Targets) -> None:
     """Check of :func:`check_level` for the targets of all calibrated materials in one pass, before the design is run.
 
     Values of normalised images are not in dB and are not checked.

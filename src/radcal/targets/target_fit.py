@@ -179,7 +179,7 @@ def _ground(
 
 
 def make_targets(
-    case: stages.Target,
+    case: stages.TargetStage,
     geometry: Geometry,
     registered: Registered,
     reference_db: NDArray[np.float32],
@@ -191,7 +191,7 @@ def make_targets(
 
     Parameters
     ----------
-    case : stages.Target
+    case : stages.TargetStage
         Materials, pass, seed, and settings of the target.
     geometry : Geometry
         Geometry of the pass.
@@ -257,7 +257,7 @@ def make_targets(
 
 
 def laws_of_image(
-    case: stages.Target,
+    case: stages.TargetStage,
     geometry: Geometry,
     registered: Registered,
     reference_db: NDArray[np.float32],
@@ -292,7 +292,7 @@ def fields_of(name: str, geometry: Geometry, scene: Scene | None) -> NDArray[np.
 
 
 def make_levels(
-    case: stages.Target, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]
+    case: stages.TargetStage, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]
 ) -> Levels:
     """Level normalisation from the measured image and the reference run; parameters as in :func:`make_targets`.
 
