@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.ground.goodness import Goodness
 from radcal.laws import Law, external_law
 from radcal.objectives.history import Proposal, Run, Score
-from radcal.objectives.objective import Material
+from radcal.objectives.objective import CalibratedMaterial
 from radcal.skewnormal import fit
 from radcal.targets.target import Target
 
@@ -49,12 +49,12 @@ def make_material(
     integer: Sequence[bool] | None = None,
     looks: float = 4.0,
     **changes: Any,
-) -> Material:
+) -> CalibratedMaterial:
     """Material to calibrate; its law has no curve unless one is given."""
     bounds = np.asarray(box, dtype=np.float64)
     found = law or external_law([f"p{k}" for k in range(len(bounds))])
     whole: NDArray[np.bool_] = np.array([False] * len(bounds) if integer is None else integer)
-    return Material("dyke", target, found, bounds, whole, looks, **changes)
+    return CalibratedMaterial("dyke", target, found, bounds, whole, looks, **changes)
 
 
 def make_score(cost: float, x: Sequence[float] = (0.0,), rms: float | None = None, **changes: Any) -> Score:

@@ -25,7 +25,7 @@ from radcal.figures.figures import write_figures
 from radcal.figures.front_figures import front
 from radcal.figures.held_out_figures import held_out
 from radcal.figures.law_figures import cost, law
-from radcal.posterior.result import Points
+from radcal.posterior.result import LevelPoints
 from radcal.results.archive import Fidelity, Images
 from radcal.results.search_front import SearchFront
 from radcal.scene.objects import Objects
@@ -373,7 +373,7 @@ def test_axes_of_a_turned_scene_are_those_of_the_track(made):
 
 
 def test_measured_levels_are_drawn(made):
-    points = Points(np.array([25.0, 35.0]), np.array([-9.0, -12.0]), np.array([0.5, 0.8]))
+    points = LevelPoints(np.array([25.0, 35.0]), np.array([-9.0, -12.0]), np.array([0.5, 0.8]))
     case = changed_material(made.archive, "dyke", posterior=posterior(points=points))
     with mpl.rc_context(drawing.STYLE):
         canvas, caption, _ = law(case, "dyke")

@@ -19,7 +19,7 @@ from radcal.inference.moments import from_cumulants
 from radcal.laws import LAWS
 from radcal.objectives import make_objectives
 from radcal.objectives.bins import Bins, Likelihood
-from radcal.objectives.objective import Points
+from radcal.objectives.objective import PredictedPoints
 from radcal.proposals.search import Search
 from radcal.proposals.surrogate import Surrogate, train_surrogate
 from radcal.simulators.runner import Runner
@@ -99,7 +99,7 @@ def test_a_run_is_worth_its_smallest_cost_over_the_looks(objectives, calibrated)
     for name, objective in objectives.items():
         score = history.infill[0].scores[name]
         looks = np.geomspace(0.3, 4.4, 400)
-        points = Points(
+        points = PredictedPoints(
             np.repeat([score.statistics], looks.size, axis=0),
             np.repeat([score.parameters], looks.size, axis=0),
             looks,
@@ -121,7 +121,7 @@ def test_known_looks_are_not_searched(parts):
     looks, cost = objective.worth(TRUTH["lake"], statistics)
     assert looks == 4.0
     assert cost == pytest.approx(
-        objective.cost(Points(statistics[None], np.array([TRUTH["lake"]]), np.array([4.0])))[0]
+        objective.cost(PredictedPoints(statistics[None], np.array([TRUTH["lake"]]), np.array([4.0])))[0]
     )
     assert not objective.free_looks
 
@@ -253,7 +253,7 @@ def test_parts_are_levels_and_spreads_and_sum_to_all(objectives):
     x = np.array(TRUTH["field"])
     statistics = objective.baseline(x)
     higher = statistics + [1.0, 0.0, 0.0]
-    points = Points(np.array([statistics, higher]), np.array([x, x]), np.array([3.0, 3.0]))
+    points = PredictedPoints(np.array([statistics, higher]), np.array([x, x]), np.array([3.0, 3.0]))
     residuals = objective.residuals(points)
     found = objective.parts(points)
     np.testing.assert_allclose(found.sum(axis=1), (residuals**2).sum(axis=1), rtol=1e-9)

@@ -12,7 +12,7 @@ from radcal.inference.misfit import drawn
 from radcal.inference.moments import from_dp, to_dp
 from radcal.laws import LAWS
 from radcal.objectives.density import Density
-from radcal.objectives.objective import Points
+from radcal.objectives.objective import PredictedPoints
 from radcal.proposals.surrogate import Surrogate, train_surrogate
 
 LAW = LAWS["mangia"]
@@ -36,7 +36,7 @@ def density():
 
 def points(statistics, slack=0.0):
     rows = np.atleast_2d(statistics)[:, None]
-    return Points(rows, np.tile(X, (len(rows), 1)), np.full(len(rows), 4.0), slack)
+    return PredictedPoints(rows, np.tile(X, (len(rows), 1)), np.full(len(rows), 4.0), slack)
 
 
 def test_residuals_vanish_where_mean_spread_and_skewness_agree(density):

@@ -21,7 +21,7 @@ from radcal.objectives.history import (
     write_runs,
 )
 from radcal.objectives.joint import Joint
-from radcal.objectives.objective import Points
+from radcal.objectives.objective import PredictedPoints
 from radcal.proposals.search import Search
 from radcal.proposals.surrogate import Surrogate, train_surrogate
 from radcal.radar.projection import make_geometry
@@ -91,7 +91,7 @@ def found(request):
 
 def points_of(objective, run, looks):
     statistics = np.array(run.scores["field"].statistics)[None] + 0.02
-    return Points(statistics, np.array([X]), np.array([looks]), np.full((1, len(objective.scale), 3), 0.01))
+    return PredictedPoints(statistics, np.array([X]), np.array([looks]), np.full((1, len(objective.scale), 3), 0.01))
 
 
 @pytest.mark.slow
@@ -176,7 +176,9 @@ def test_the_front_of_two_passes_is_kept(found, tmp_path):
     front = proposal.front
     x, looks, sums = (np.array(values) for values in (front.parameters, front.looks, front.objectives))
     assert len(x) > 2
-    np.testing.assert_allclose(sums, joint.parts(Points(surrogate.predict(surrogate.unit(x)), x, looks)), rtol=1e-9)
+    np.testing.assert_allclose(
+        sums, joint.parts(PredictedPoints(surrogate.predict(surrogate.unit(x)), x, looks)), rtol=1e-9
+    )
     # along a front of two objectives, the one grows where the other falls
     order = np.argsort(sums[:, 0])
     assert (np.diff(sums[order, 1]) < 0.0).all()

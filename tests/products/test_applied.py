@@ -30,7 +30,7 @@ from radcal.products.applied import (
     where_seen,
     with_laws,
 )
-from radcal.products.applied_bins import Bins, by_constant_db, predictive_db
+from radcal.products.applied_bins import PredictionBins, by_constant_db, predictive_db
 from radcal.registration.registered import Registered, registered_as, write_registered
 from radcal.results.archive import write_archive
 from radcal.words import doubts
@@ -41,15 +41,15 @@ QUANTILE = 1.6449
 LOOKS = 4.0
 
 
-def bins_of(pixels: int = 400, noise_db: float = -300.0) -> Bins:
+def bins_of(pixels: int = 400, noise_db: float = -300.0) -> PredictionBins:
     """Two bins about 30 and 50 degrees, in one field, each of one cell and with as many independent pixels."""
     middles = np.array([30.0, 50.0])
     cell, count, noise = np.repeat([0, 1], pixels), np.full(2, float(pixels)), np.full(2, noise_db)
     parts = View(np.arange(2 * pixels), middles[cell], cell, np.array([1, 1]), middles, count, noise)
-    return Bins(np.array([30.0, 40.0, 50.0]), parts, np.eye(2))
+    return PredictionBins(np.array([30.0, 40.0, 50.0]), parts, np.eye(2))
 
 
-def divided(bins: Bins, shares: list[float], patch: list[int]) -> Bins:
+def divided(bins: PredictionBins, shares: list[float], patch: list[int]) -> PredictionBins:
     """Bins of which each consists of parts of cells with these shares of its pixels, in these fields."""
     n, one = len(shares), bins.parts
     parts = replace(
@@ -76,7 +76,7 @@ def by_law(draws: np.ndarray) -> Predicted:
     return Predicted(draws.mean(axis=0), *np.quantile(draws, [0.05, 0.95], axis=0))
 
 
-def predicted(posterior: SimpleNamespace, seen: Bins, **config: float) -> list[Prediction]:
+def predicted(posterior: SimpleNamespace, seen: PredictionBins, **config: float) -> list[Prediction]:
     """Predictions by the law of an image simulated at X and 1.5 dB brighter, of which 0.4 dB less are measured."""
     image = LAW(np.radians(seen.parts.incidence_deg), X) + 1.5
     uncertainty = Uncertainty(**{"level_db": 0.0, "noise_db": 0.0, **config})
@@ -153,7 +153,7 @@ def test_law_and_constant_count_alike(monkeypatch) -> None:
     posterior = drawn(level_sd=0.5)
     posterior.constant = Constant(-12.0, 0.01, 0.2, 0.1)
     monkeypatch.setattr(applied, "view_of", lambda *_: seen.parts)
-    monkeypatch.setattr(Bins, "of", lambda _: seen)
+    monkeypatch.setattr(PredictionBins, "of", lambda _: seen)
     image = np.asarray(LAW(np.radians(seen.parts.incidence_deg), X)).astype(np.float32)
     materials = {"dyke": posterior, "program": SimpleNamespace(constant=None), "other": posterior, "lost": None}
     archive = SimpleNamespace(materials={k: SimpleNamespace(posterior=one) for k, one in materials.items()})
@@ -181,7 +181,7 @@ def test_cells_are_divided_at_the_edges_of_the_bins() -> None:
     angle = np.concatenate([np.linspace(20.0, 24.0, 400), np.linspace(23.0, 29.0, 400), np.linspace(29.5, 33.0, 400)])
     cell, patch = np.repeat([0, 1, 2], 400), np.array([5, 8, 5])
     middle, noise = np.bincount(cell, angle) / 400.0, np.array([-20.0, -21.0, -23.0])
-    bins = Bins.of(View(np.arange(1200), angle, cell, patch, middle, np.array([200.0, 100.0, 50.0]), noise))
+    bins = PredictionBins.of(View(np.arange(1200), angle, cell, patch, middle, np.array([200.0, 100.0, 50.0]), noise))
     assert bins.edges_deg.tolist() == incidence_edges(angle, "auto").tolist()
     member = class_of(angle, bins.edges_deg)
     pairs = np.unique(np.stack([cell, member]), axis=1)

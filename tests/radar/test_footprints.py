@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from radcal.config import Radar
 from radcal.radar import footprints
 from radcal.radar.footprints import Boxes, raise_boxes, to_boxes_and_spots
-from radcal.radar.geometry import Points
+from radcal.radar.geometry import PointScatterers
 from radcal.radar.points import not_pure
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
@@ -115,7 +115,11 @@ def test_the_higher_of_two_overlapping_boxes_is_seen(order: tuple[int, int]) -> 
 def test_pixels_of_a_points_main_lobe_are_of_no_material() -> None:
     radar = Radar(range_resolution_m=2.0, range_spacing_m=1.0, azimuth_resolution_m=6.0, azimuth_spacing_m=1.5)
     material = np.ones((20, 30), dtype=np.uint8)
-    not_pure(Points(np.array([9.0]), np.array([14.0]), np.ones(1, np.float32), np.zeros(1, np.uint32)), radar, material)
+    not_pure(
+        PointScatterers(np.array([9.0]), np.array([14.0]), np.ones(1, np.float32), np.zeros(1, np.uint32)),
+        radar,
+        material,
+    )
     expected = np.ones_like(material)
     expected[6:13, 8:21] = 0  # 1.5 widths: 3 rows and 6 columns, the edges belong to it
     np.testing.assert_array_equal(material, expected)

@@ -17,7 +17,7 @@ from radcal.bands import WIDTH_FACTOR
 from radcal.config import Radar
 from radcal.errors import SceneError
 from radcal.laws import LAWS
-from radcal.radar.geometry import Geometry, Points, read_geometry, write_geometry
+from radcal.radar.geometry import Geometry, PointScatterers, read_geometry, write_geometry
 from radcal.radar.image import ImageFormation
 from radcal.radar.points import phased
 from radcal.radar.projection import make_geometry
@@ -237,7 +237,7 @@ def test_point_behind_a_wall_is_dark_and_above_it_is_not(flat: Scene) -> None:
 
 def test_points_do_not_fluctuate_and_their_phases_are_even() -> None:
     n = 4000
-    some = Points(np.zeros(n), np.zeros(n), np.full(n, 2.0, np.float32), np.arange(n, dtype=np.uint32))
+    some = PointScatterers(np.zeros(n), np.zeros(n), np.full(n, 2.0, np.float32), np.arange(n, dtype=np.uint32))
     a, b = phased(some, 1).astype(float), phased(some, 2).astype(float)
     np.testing.assert_allclose(np.hypot(*a.T), 2.0, rtol=1e-6)
     first, second = a @ [1, 1j] / 2, b @ [1, 1j] / 2
@@ -265,7 +265,9 @@ def test_points_do_not_depend_on_tiles() -> None:
     shape, n = (300, 290), 120
     rng = np.random.default_rng(2)
     order = np.sort(rng.uniform(-5, 305, n))
-    points = Points(order, rng.uniform(-5, 295, n), rng.random(n).astype(np.float32), np.arange(n, dtype=np.uint32))
+    points = PointScatterers(
+        order, rng.uniform(-5, 295, n), rng.random(n).astype(np.float32), np.arange(n, dtype=np.uint32)
+    )
     found = ImageFormation(FINE, shape, QUIET, points).look(uniform(np.zeros(shape, dtype=np.float32)), 8)
     weights = signal.windows.taylor(1000, nbar=4, sll=35, norm=False)
     frequency = ((np.arange(1000) + 0.5) / 1000 - 0.5) * WIDTH_FACTOR / 2.0

@@ -12,7 +12,7 @@ from radcal.ground.patches import pooled
 from radcal.objectives.bins import Bins, Likelihood
 from radcal.objectives.density import Density
 from radcal.objectives.joint import Joint
-from radcal.objectives.objective import Comparison, Material, Objective
+from radcal.objectives.objective import CalibratedMaterial, Comparison, Objective
 from radcal.targets.target import Target, Targets
 
 __all__ = ["OBJECTIVES", "Comparison", "Objective", "make_objectives"]
@@ -65,7 +65,7 @@ def _of_pass(case: stages.Scores | stages.ArchiveStage, targets: Targets, priors
     laws, kind = case.laws, OBJECTIVES[case.objective]
     return {
         name: kind(
-            Material(
+            CalibratedMaterial(
                 name=name,
                 target=target,
                 law=laws[name],

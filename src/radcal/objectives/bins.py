@@ -17,11 +17,11 @@ from radcal.inference.misfit import BinMisfit, LikelihoodMisfit, Method, Misfit
 from radcal.inference.moments import from_cumulants, to_cumulants
 from radcal.objectives.history import History
 from radcal.objectives.objective import (
+    CalibratedMaterial,
     Doubles,
-    Material,
     MeasuredBins,
     Objective,
-    Points,
+    PredictedPoints,
     Progress,
     Verdict,
     run_count,
@@ -43,7 +43,7 @@ class Bins(Objective):
     misfit: ClassVar[type[Misfit]] = BinMisfit
     part_names = ("means and priors", "log sds and skewnesses")
 
-    def __init__(self, material: Material) -> None:
+    def __init__(self, material: CalibratedMaterial) -> None:
         super().__init__(material)
         bins, target = material.target.classes, material.target
         if bins is None:
@@ -93,7 +93,7 @@ class Bins(Objective):
         """Mean [dB], log sd and skewness of the pixels in each bin, shape (n, 3)."""
         return from_cumulants(self.bins.cumulants(values_db, pixels))
 
-    def residuals(self, points: Points) -> Doubles:
+    def residuals(self, points: PredictedPoints) -> Doubles:
         """Residuals of the misfit, followed by the residuals of the priors, shape (m, k)."""
         slack = np.broadcast_to(points.slack, points.statistics.shape)
         each = zip(to_cumulants(points.statistics), points.parameters, points.looks, slack, strict=True)
@@ -104,7 +104,7 @@ class Bins(Objective):
             ]
         )
 
-    def parts(self, points: Points) -> Doubles:
+    def parts(self, points: PredictedPoints) -> Doubles:
         """Squares of the means with the priors, and of the other statistics, shape (m, 2)."""
         n = self.bins.classes.size
         squares = self.residuals(points) ** 2
@@ -175,7 +175,7 @@ class Likelihood(Bins):
     misfit: ClassVar[type[Misfit]] = LikelihoodMisfit
     part_names = ("pixels of small incidence, priors", "pixels of large incidence")
 
-    def parts(self, points: Points) -> Doubles:
+    def parts(self, points: PredictedPoints) -> Doubles:
         """Sums of squared residuals: bins of small incidence with priors, and bins of large incidence, shape (m, 2)."""
         n = self.bins.classes.size
         weak = self._prior(self.material.box.mean(axis=1), self.material.looks).size

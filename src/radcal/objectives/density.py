@@ -17,11 +17,11 @@ from radcal.inference.misfit import Method, drawn
 from radcal.inference.moments import from_cumulants, from_dp, to_dp
 from radcal.objectives.history import History, Proposal
 from radcal.objectives.objective import (
+    CalibratedMaterial,
     Doubles,
-    Material,
     MeasuredBins,
     Objective,
-    Points,
+    PredictedPoints,
     Progress,
     Verdict,
     run_count,
@@ -47,7 +47,7 @@ class Density(Objective):
 
     refines = True
 
-    def __init__(self, material: Material) -> None:
+    def __init__(self, material: CalibratedMaterial) -> None:
         super().__init__(material)
         target = material.target
         self._target_dp = np.asarray(target.dp, dtype=np.float64)
@@ -84,17 +84,17 @@ class Density(Objective):
         values = values_db if pixels is None else values_db[pixels]
         return from_dp(skewnormal.fit(values, self.material.target.penalised).dp)[None]
 
-    def residuals(self, points: Points) -> Doubles:
+    def residuals(self, points: PredictedPoints) -> Doubles:
         """Differences of mean, log sd and skewness from the target's, divided by ``scale``, shape (m, 3)."""
         return (drawn(points.statistics, self._target, points.slack) / self.scale)[:, 0]
 
-    def refined(self, points: Points) -> Doubles:
+    def refined(self, points: PredictedPoints) -> Doubles:
         """Differences of predicted densities from the target's, divided by the target's maximum, shape (m, 200)."""
         dp = to_dp(self._target + drawn(points.statistics, self._target, points.slack)[:, 0])
         found = np.stack([skewnormal.density(self._grid, row) for row in dp])
         return np.asarray((found - self._density) / self._density.max())
 
-    def cost(self, points: Points) -> Doubles:
+    def cost(self, points: PredictedPoints) -> Doubles:
         """Density rms [1/dB], shape (m,)."""
         differences = self.refined(points) * self._density.max()
         return np.asarray(np.sqrt(np.mean(differences**2, axis=1)))

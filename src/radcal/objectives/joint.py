@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.inference.shared_fields import SharedFields
 from radcal.objectives.history import Score
-from radcal.objectives.objective import Comparison, Doubles, Objective, Points
+from radcal.objectives.objective import Comparison, Doubles, Objective, PredictedPoints
 from radcal.speckle.texture import equal_texture
 
 __all__ = ["Joint"]
@@ -59,7 +59,7 @@ class Joint(Comparison):
         """Effective looks in the pass of ``part`` of a material that has ``looks`` in the first pass."""
         return equal_texture(self.material.looks, looks, part.material.looks)
 
-    def _split(self, points: Points) -> list[tuple[Objective, Points]]:
+    def _split(self, points: PredictedPoints) -> list[tuple[Objective, PredictedPoints]]:
         """Objective of each pass, with the points restricted to the statistics of this pass."""
         slack = np.broadcast_to(points.slack, points.statistics.shape)
         each = zip(
@@ -69,7 +69,12 @@ class Joint(Comparison):
             strict=True,
         )
         return [
-            (part, Points(found, points.parameters, np.array([self._there(part, n) for n in points.looks]), reach))
+            (
+                part,
+                PredictedPoints(
+                    found, points.parameters, np.array([self._there(part, n) for n in points.looks]), reach
+                ),
+            )
             for part, found, reach in each
         ]
 
@@ -78,7 +83,7 @@ class Joint(Comparison):
         """Standard deviations of the statistics of all passes, shape (n, 3)."""
         return np.concatenate([part.scale for part in self._parts])
 
-    def residuals(self, points: Points) -> Doubles:
+    def residuals(self, points: PredictedPoints) -> Doubles:
         """Residuals of the statistics of all passes, followed by the residuals of the priors, shape (m, k)."""
         found = [part.residuals(at) for part, at in self._split(points)]
         if self._minimised is None:
@@ -88,15 +93,15 @@ class Joint(Comparison):
         rest = [one[:, size:] for one, size in zip(found, sizes, strict=True)]
         return np.concatenate([self._minimised.residuals(data), *rest], axis=1)
 
-    def parts(self, points: Points) -> Doubles:
+    def parts(self, points: PredictedPoints) -> Doubles:
         """Sum of squared residuals of each pass, computed from this pass alone, shape (m, passes)."""
         return np.stack([(part.residuals(at) ** 2).sum(axis=1) for part, at in self._split(points)], axis=-1)
 
-    def refined(self, points: Points) -> Doubles:
+    def refined(self, points: PredictedPoints) -> Doubles:
         """Residuals of all passes that a second search minimises, shape (m, k)."""
         return np.concatenate([part.refined(at) for part, at in self._split(points)], axis=1)
 
-    def cost(self, points: Points) -> Doubles:
+    def cost(self, points: PredictedPoints) -> Doubles:
         """Cost of all passes together, shape (m,)."""
         if self._minimised is not None:
             return super().cost(points)

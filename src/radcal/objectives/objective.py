@@ -23,12 +23,12 @@ from radcal.targets.target import Target
 
 __all__ = [
     "Baseline",
+    "CalibratedMaterial",
     "Comparison",
     "Doubles",
-    "Material",
     "MeasuredBins",
     "Objective",
-    "Points",
+    "PredictedPoints",
     "Progress",
     "Reason",
     "Verdict",
@@ -43,7 +43,7 @@ Reason = Literal["rms", "settled", "unreachable", "stagnation", "max_runs"]
 
 
 @dataclass(frozen=True)
-class Material:
+class CalibratedMaterial:
     """Material to calibrate: target, law, bounds and looks, which its objective needs.
 
     Attributes
@@ -77,7 +77,7 @@ class Material:
 
 
 @dataclass(frozen=True)
-class Points:
+class PredictedPoints:
     """Predicted statistics at m points, each with its X and its number of looks.
 
     Attributes
@@ -175,7 +175,7 @@ class Comparison(ABC):
 
     Attributes
     ----------
-    material : Material
+    material : CalibratedMaterial
         Target, law and bounds, in the first pass.
     baseline : callable or None
         Function from X to the statistics that law, speckle and noise alone give; None without a baseline.
@@ -199,7 +199,7 @@ class Comparison(ABC):
         Names of the sums of squared residuals that are NSGA-II's objectives.
     """
 
-    material: Material
+    material: CalibratedMaterial
     starts: Sequence[tuple[ArrayLike, float]] = ()
     baseline: Baseline | None = None
     free_looks: bool = False
@@ -217,23 +217,23 @@ class Comparison(ABC):
         """Standard deviations by which differences of the statistics are divided, shape (n, 3)."""
 
     @abstractmethod
-    def residuals(self, points: Points) -> Doubles:
+    def residuals(self, points: PredictedPoints) -> Doubles:
         """Residuals at m points, shape (m, k); the search minimises the sum of their squares."""
 
-    def parts(self, points: Points) -> Doubles:
+    def parts(self, points: PredictedPoints) -> Doubles:
         """Sums of squared residuals that are NSGA-II's objectives, shape (m, p), one for each of ``part_names``."""
         return np.asarray((self.residuals(points) ** 2).sum(axis=1, keepdims=True))
 
     def parts_of(self, score: Score) -> Doubles:
         """Sums of squared residuals of a run, shape (p,), one for each of ``part_names``."""
         statistics, x = np.asarray(score.statistics)[None], np.asarray(score.parameters)[None]
-        return np.asarray(self.parts(Points(statistics, x, np.array([score.looks])))[0])
+        return np.asarray(self.parts(PredictedPoints(statistics, x, np.array([score.looks])))[0])
 
-    def refined(self, points: Points) -> Doubles:
+    def refined(self, points: PredictedPoints) -> Doubles:
         """Residuals that a second search minimises if ``refines`` and :meth:`residuals` are not all 0, shape (m, k)."""
         return self.residuals(points)
 
-    def cost(self, points: Points) -> Doubles:
+    def cost(self, points: PredictedPoints) -> Doubles:
         """Cost of predicted statistics, shape (m,): half the sum of squared residuals."""
         return np.asarray(0.5 * (self.residuals(points) ** 2).sum(axis=1))
 
@@ -248,7 +248,7 @@ class Comparison(ABC):
         x = np.asarray(parameters, dtype=np.float64)[None]
 
         def at(looks: float) -> float:
-            return float(self.cost(Points(statistics[None], x, np.array([looks])))[0])
+            return float(self.cost(PredictedPoints(statistics[None], x, np.array([looks])))[0])
 
         sensor = self.material.looks
         if not self.free_looks:
@@ -281,7 +281,7 @@ class Objective(Comparison):
 
     Parameters
     ----------
-    material : Material
+    material : CalibratedMaterial
         Target, law and bounds.
 
     Attributes
@@ -295,7 +295,7 @@ class Objective(Comparison):
     misfit: ClassVar[type[Misfit] | None] = None
     expected: LawForward | None = None
 
-    def __init__(self, material: Material) -> None:
+    def __init__(self, material: CalibratedMaterial) -> None:
         self.material = material
         self.passes = (self,)
 

@@ -13,7 +13,7 @@ from radcal.posterior.calibrated import FORMS, Draws, LawModel, Parameters
 from radcal.posterior.cells import STEP_DEG
 from radcal.posterior.curves import GRID_DEG, NORMAL_90, PER_DEG
 from radcal.posterior.effects import Observed, form_basis
-from radcal.posterior.result import WHOLE_DEG, Curve, FormError, KeptDraws, Points, Posterior, known_between
+from radcal.posterior.result import WHOLE_DEG, Curve, FormError, KeptDraws, LevelPoints, Posterior, known_between
 
 __all__ = ["Form", "points_of", "summary", "with_band", "without_cells"]
 
@@ -120,7 +120,7 @@ def with_band(
     )
 
 
-def points_of(model: LawModel, signal_db: Doubles, draws: Draws) -> Points:
+def points_of(model: LawModel, signal_db: Doubles, draws: Draws) -> LevelPoints:
     """Levels of cells without noise [dB], shape (n,), in their intervals of incidence, weighted by pixels."""
     interval = model.incidence_deg // STEP_DEG
     weights = (interval == np.unique(interval)[:, None]) * model.pixels
@@ -128,7 +128,7 @@ def points_of(model: LawModel, signal_db: Doubles, draws: Draws) -> Points:
     field, cell = np.median(draws.field_db), np.median(draws.cell_db)
     shares = weights @ np.equal(model.patch[:, None], np.unique(model.patch))
     variance = weights**2 @ (model.variance + cell**2) + field**2 * (shares**2).sum(axis=1)
-    return Points(weights @ model.incidence_deg, weights @ signal_db, np.sqrt(variance))
+    return LevelPoints(weights @ model.incidence_deg, weights @ signal_db, np.sqrt(variance))
 
 
 def _explained(curves: Doubles, common: Doubles) -> Doubles:

@@ -23,7 +23,7 @@ __all__ = [
     "HeldOut",
     "Image",
     "KeptDraws",
-    "Points",
+    "LevelPoints",
     "Posterior",
     "Predicted",
     "known_between",
@@ -68,7 +68,7 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Points:
+class LevelPoints:
     """Measured levels in k intervals of incidence, less the image's level and what the simulator adds to its law."""
 
     incidence_deg: Annotated[Doubles, About("mean local incidence of each interval", "deg", "k", scale=True)]
@@ -187,7 +187,7 @@ class Posterior:
     curve: Annotated[Curve | None, About("curve of sigma0; absent for normalised images and laws without a curve")] = (
         None
     )
-    points: Annotated[Points | None, About("measured levels to compare with `curve`; absent without it")] = None
+    points: Annotated[LevelPoints | None, About("measured levels to compare with `curve`; absent without it")] = None
     known_between_deg: Annotated[
         tuple[float, ...] | None,
         About("ends of the interval in which sigma0 is determined; absent if it is at no angle", "deg"),

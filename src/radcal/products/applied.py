@@ -19,7 +19,7 @@ from radcal.ground.one_incidence import LEAST_SPAN_DEG
 from radcal.measurement.sources import make_measurement
 from radcal.posterior.prediction import predict
 from radcal.posterior.result import Posterior, Predicted
-from radcal.products.applied_bins import Bins, by_constant_db, predictive_db
+from radcal.products.applied_bins import PredictionBins, by_constant_db, predictive_db
 from radcal.products.export import ground_layers
 from radcal.products.geotiff import Layer, map_grid, write_geotiff
 from radcal.products.simulated import Forward, forward
@@ -86,7 +86,7 @@ def simulated_x(archive: Archive, name: str) -> list[float]:
 def predictions(
     name: str,
     posterior: Posterior,
-    bins: Bins,
+    bins: PredictionBins,
     simulated_db: Doubles,
     moved: Predicted,
     measured_db: Doubles | None = None,
@@ -99,7 +99,7 @@ def predictions(
         Material.
     posterior : Posterior
         Posterior of the law.
-    bins : Bins
+    bins : PredictionBins
         Bins of the usable pixels of the material in the pass.
     simulated_db : ndarray, shape (p,)
         Simulated pixels [dB].
@@ -284,7 +284,7 @@ def _of_pass(
         values = None if one.measured_db is None else one.measured_db.ravel()[view.pixels].astype(np.float64)
         start, rng = changed.materials[name].start_parameters, derived_rng(changed.seed, "apply", name)
         law = case.laws[name]
-        bins = Bins.of(view)
+        bins = PredictionBins.of(view)
         constant = by_constant_db(posterior.constant, posterior.looks, law, start, bins, uncertainty)
         moved = predict(predictive_db(posterior, law, start, bins, uncertainty, rng), *constant)
         yield from predictions(name, posterior, bins, simulated, moved, values)

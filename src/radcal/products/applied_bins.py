@@ -16,13 +16,13 @@ from radcal.posterior.cells import DB
 from radcal.posterior.curves import GRID_DEG
 from radcal.posterior.result import Constant, Posterior
 
-__all__ = ["Bins", "by_constant_db", "predictive_db"]
+__all__ = ["PredictionBins", "by_constant_db", "predictive_db"]
 
 Doubles = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Bins:
+class PredictionBins:
     """Incidence-angle bins of a material in a pass, whose means are averages over parts of cells, weighted by pixels.
 
     The mean of a part is its mean power in dB.
@@ -42,7 +42,7 @@ class Bins:
     weights: Doubles
 
     @classmethod
-    def of(cls, view: View) -> Bins:
+    def of(cls, view: View) -> PredictionBins:
         """Bins of the usable pixels, with the cells divided at the edges of the bins."""
         angle = view.incidence_deg
         edges = incidence_edges(angle, "auto")
@@ -79,7 +79,12 @@ class Bins:
 
 
 def predictive_db(
-    posterior: Posterior, law: Law, start: Sequence[float], bins: Bins, config: Uncertainty, rng: np.random.Generator
+    posterior: Posterior,
+    law: Law,
+    start: Sequence[float],
+    bins: PredictionBins,
+    config: Uncertainty,
+    rng: np.random.Generator,
 ) -> Doubles:
     """Draws of measured minus simulated means of the bins of a pass [dB], shape (m, b).
 
@@ -95,7 +100,7 @@ def predictive_db(
         Law of the material.
     start : sequence of float, shape (d,)
         X with which the image was simulated.
-    bins : Bins
+    bins : PredictionBins
         Bins of the material in the pass.
     config : Uncertainty
         Standard errors of level and noise floor.
@@ -116,7 +121,7 @@ def predictive_db(
 
 
 def by_constant_db(
-    constant: Constant, looks: float, law: Law, start: Sequence[float], bins: Bins, config: Uncertainty
+    constant: Constant, looks: float, law: Law, start: Sequence[float], bins: PredictionBins, config: Uncertainty
 ) -> tuple[Doubles, Doubles]:
     """Measured minus simulated means of the bins by a constant level, and standard errors [dB], shape (b,) each.
 

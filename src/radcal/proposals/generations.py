@@ -10,7 +10,7 @@ import numpy as np
 import platypus
 from numpy.typing import NDArray
 
-__all__ = ["Batched", "Generations", "Start"]
+__all__ = ["Batched", "Generations", "StartingPopulation"]
 
 
 class Batched(platypus.Evaluator):  # type: ignore[misc]
@@ -54,7 +54,7 @@ class _Solution(platypus.Solution):  # type: ignore[misc]
         return found
 
 
-class Start(platypus.Generator):  # type: ignore[misc]
+class StartingPopulation(platypus.Generator):  # type: ignore[misc]
     """Generator of the random solutions of the first generation."""
 
     def generate(self, problem: Any) -> _Solution:

@@ -59,14 +59,14 @@ def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectiv
     """
     import platypus
 
-    from radcal.proposals.generations import Batched, Generations, Start  # imports Platypus
+    from radcal.proposals.generations import Batched, Generations, StartingPopulation  # imports Platypus
 
     problem = platypus.Problem(dimension, objectives)
     problem.types[:] = [platypus.Real(0.0, 1.0) for _ in range(dimension)]
     earlier = random.getstate()  # Platypus draws from the module random, whose state is restored
     random.seed(seed)
     try:
-        algorithm = Generations(problem, config.population, Start(), evaluator=Batched(objective))
+        algorithm = Generations(problem, config.population, StartingPopulation(), evaluator=Batched(objective))
         algorithm.run(max(config.evaluations, config.population))
     finally:
         random.setstate(earlier)

@@ -13,7 +13,7 @@ from radcal.inference.bounded import least_squares, sobol
 from radcal.inference.law_fit import LOOKS
 from radcal.objectives import Comparison
 from radcal.objectives.history import Front, Proposal, Score
-from radcal.objectives.objective import Points
+from radcal.objectives.objective import PredictedPoints
 from radcal.proposals.lattice import SAME, corners, elsewhere, lattice
 from radcal.proposals.nsga2 import Population, nsga2
 from radcal.proposals.surrogate import Surrogate
@@ -62,10 +62,10 @@ class Search:
             return x, np.full(len(points), self.objective.material.looks)
         return x, np.exp(self._looks[0] + points[:, self._d] * (self._looks[1] - self._looks[0]))
 
-    def _at(self, points: NDArray[np.float64], favour: float) -> Points:
+    def _at(self, points: NDArray[np.float64], favour: float) -> PredictedPoints:
         unit = points[:, : self._d]
         slack = favour * self.surrogate.standard_error(unit) if favour > 0.0 else 0.0
-        return Points(self.surrogate.predict(unit), *self.split(points), slack)
+        return PredictedPoints(self.surrogate.predict(unit), *self.split(points), slack)
 
     def cost(self, points: ArrayLike, favour: float = 0.0) -> NDArray[np.float64]:
         """Predicted cost at points of the unit box, shape (m, dimension) to (m,)."""
@@ -128,7 +128,9 @@ class Search:
         if not free.any():
             return best
 
-        def of(what: Callable[[Points], NDArray[np.float64]], part: NDArray[np.float64]) -> NDArray[np.float64]:
+        def of(
+            what: Callable[[PredictedPoints], NDArray[np.float64]], part: NDArray[np.float64]
+        ) -> NDArray[np.float64]:
             full = np.repeat(start[None], len(part), axis=0)
             full[:, free] = part
             return what(self._at(full, favour))

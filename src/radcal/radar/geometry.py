@@ -23,11 +23,11 @@ from radcal.radar import simulator_version
 from radcal.storage.dataclass_groups import put, same, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
-__all__ = ["Geometry", "Points", "is_of_pass", "read_geometry", "write_geometry"]
+__all__ = ["Geometry", "PointScatterers", "is_of_pass", "read_geometry", "write_geometry"]
 
 
 @dataclass(frozen=True)
-class Points:
+class PointScatterers:
     """Visible point scatterers of a pass, sorted by image row.
 
     Attributes
@@ -46,7 +46,7 @@ class Points:
     number: NDArray[np.uint32]
 
     @classmethod
-    def none(cls) -> Points:
+    def none(cls) -> PointScatterers:
         """Empty set of point scatterers."""
         return cls(np.empty(0), np.empty(0), np.empty(0, np.float32), np.empty(0, np.uint32))
 
@@ -124,9 +124,9 @@ class Geometry:
     point_number: NDArray[np.uint32] = field(default_factory=lambda: np.empty(0, dtype=np.uint32))
 
     @property
-    def points(self) -> Points:
+    def points(self) -> PointScatterers:
         """Visible point scatterers."""
-        return Points(self.point_row, self.point_column, self.point_amplitude, self.point_number)
+        return PointScatterers(self.point_row, self.point_column, self.point_amplitude, self.point_number)
 
     @property
     def visible(self) -> NDArray[np.bool_]:

@@ -13,7 +13,7 @@ from radcal.bands import WIDTH_FACTOR
 from radcal.compiled import njit, threaded
 from radcal.config import Radar
 from radcal.errors import ConfigError
-from radcal.radar.geometry import Points
+from radcal.radar.geometry import PointScatterers
 from radcal.radar.points import add_points, fine_taps, phased
 from radcal.radar.reflectivity import Reflectivity, uniform
 from radcal.speckle.gaussian import gaussian_row, seed_words
@@ -241,7 +241,7 @@ class ImageFormation:
         Number of slant-range rows and of azimuth columns.
     noise_db : float or ndarray, shape (rows,)
         Noise floor of each row [dB].
-    points : Points, optional
+    points : PointScatterers, optional
         Point scatterers of the scene.
 
     Raises
@@ -250,7 +250,9 @@ class ImageFormation:
         A resolution is too fine for the pixel spacing.
     """
 
-    def __init__(self, radar: Radar, shape: tuple[int, int], noise_db: ArrayLike, points: Points | None = None) -> None:
+    def __init__(
+        self, radar: Radar, shape: tuple[int, int], noise_db: ArrayLike, points: PointScatterers | None = None
+    ) -> None:
         for axis in ("range", "azimuth"):
             resolution = getattr(radar, f"{axis}_resolution_m")
             finest = WIDTH_FACTOR * getattr(radar, f"{axis}_spacing_m")
@@ -265,7 +267,7 @@ class ImageFormation:
         self._down = impulse_response(radar.range_resolution_m, radar.range_spacing_m).astype(np.float32)
         self._across = impulse_response(radar.azimuth_resolution_m, radar.azimuth_spacing_m).astype(np.float32)
         self._gain_down, self._gain_across = border_gain(self._down, shape[0]), border_gain(self._across, shape[1])
-        self._points = Points.none() if points is None else points
+        self._points = PointScatterers.none() if points is None else points
         self._fine_down = fine_taps(radar.range_resolution_m, radar.range_spacing_m)
         self._fine_across = fine_taps(radar.azimuth_resolution_m, radar.azimuth_spacing_m)
         self._noise = np.broadcast_to(10.0 ** (np.asarray(noise_db) / 20.0), shape[0]).astype(np.float32)

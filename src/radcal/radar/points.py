@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from radcal.compiled import njit
 from radcal.config import Radar
-from radcal.radar.geometry import Points
+from radcal.radar.geometry import PointScatterers
 from radcal.speckle.gaussian import philox, seed_words
 from radcal.speckle.response import impulse_response
 
@@ -48,7 +48,7 @@ def _phases(number: Any, k0: Any, k1: Any, amplitude: Any, out: Any) -> None:
         out[i, 1] = amplitude[i] * np.sin(turn)
 
 
-def phased(points: Points, noise_seed: int) -> NDArray[np.float32]:
+def phased(points: PointScatterers, noise_seed: int) -> NDArray[np.float32]:
     """Real and imaginary parts of the points' amplitudes, with random phases; shape (n, 2).
 
     The phase of a point is a uniformly distributed random number, computed from the noise seed and the object's number.
@@ -102,7 +102,7 @@ def add_points(rows: Any, columns: Any, values: Any, down: Any, across: Any, top
                 out[r, 2 * c + 1] += size * values[i, 1]
 
 
-def not_pure(points: Points, radar: Radar, material: NDArray[np.uint8]) -> None:
+def not_pure(points: PointScatterers, radar: Radar, material: NDArray[np.uint8]) -> None:
     """Set the material id of all pixels in the main lobe of a point scatterer to 0 (mixed), in place.
 
     Beyond the main lobe, the response of a point is below the sidelobe level of -35 dB.

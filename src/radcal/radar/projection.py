@@ -21,7 +21,7 @@ from radcal.radar.facets import (
     shade,
 )
 from radcal.radar.footprints import Boxes, Spots, share_out, to_boxes_and_spots
-from radcal.radar.geometry import Geometry, Points
+from radcal.radar.geometry import Geometry, PointScatterers
 from radcal.radar.lines import Lines, fill_lines
 from radcal.radar.points import not_pure
 from radcal.radar.radiometry import of_sigma0
@@ -136,7 +136,7 @@ def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None) -> Geom
         near, far = max(near, near_line), min(far, far_line)
     if onto is not None:
         near = seen.slant_range_m(onto.flat_incidence_deg[0]) - 0.5 * radar.range_spacing_m
-    points = Points.none()
+    points = PointScatterers.none()
     if standing is not None:
         boxes, spots = standing
         share_out(
@@ -198,7 +198,7 @@ def _in_km(radar: Radar) -> str:
 
 def _pixels(
     scene: Scene, radar: Radar, seen: LineOfSight, material: NDArray[np.uint8], lines: Lines, k: int, step: float,
-    near: float, base: float, shape: tuple[int, int], points: Points,
+    near: float, base: float, shape: tuple[int, int], points: PointScatterers,
 ) -> Geometry:  # fmt: skip
     """Geometry of the image, computed from the facets of all lines; a facet belongs to every pixel that it reaches."""
     rows, columns = shape
@@ -300,14 +300,14 @@ def _rows(slant_m: NDArray[np.float32], near_m: float, spacing_m: float) -> NDAr
     return ((slant_m - near_m) / spacing_m).astype(np.float32)
 
 
-def _points(spots: Spots, radar: Radar, seen: LineOfSight, near: float, step: float) -> Points:
+def _points(spots: Spots, radar: Radar, seen: LineOfSight, near: float, step: float) -> PointScatterers:
     """Visible point scatterers with their position and amplitude in the image, sorted by row."""
     shown = np.isfinite(spots.slant_m)
     slant = np.asarray(spots.slant_m[shown], dtype=np.float64)
     row = (slant - near) / radar.range_spacing_m - 0.5
     order = np.argsort(row, kind="stable")
     amplitude = np.sqrt(spots.rcs_m2[shown] * _per_area(radar, seen.flat_incidence_deg(slant)))
-    return Points(
+    return PointScatterers(
         row[order],
         (spots.place[shown, 0] * step / radar.azimuth_spacing_m - 0.5)[order],
         amplitude.astype(np.float32)[order],

@@ -27,7 +27,7 @@ from scipy import fft, sparse
 from scipy.ndimage import gaussian_filter, map_coordinates, uniform_filter
 from threadpoolctl import threadpool_limits
 
-from radcal.registration.spline_field import CELL_PX, Data, Lattice, Posterior, Prior
+from radcal.registration.spline_field import CELL_PX, Data, Lattice, Prior, SplinePosterior
 
 __all__ = ["Flow", "Level", "find_flow", "gefolki", "local_correlation", "pyramid", "rank_transform"]
 
@@ -151,12 +151,12 @@ class Flow:
     ----------
     displacement_px : ndarray, shape (2, rows, columns)
         Displacement d, such that fixed(x) corresponds to moving(x + d(x)) [pixels].
-    posterior : Posterior
+    posterior : SplinePosterior
         Posterior distribution of the field's coefficients.
     """
 
     displacement_px: NDArray[np.float64]
-    posterior: Posterior
+    posterior: SplinePosterior
 
     def standard_error_px(self) -> NDArray[np.float64]:
         """Standard error of the displacement's length [pixels], shape (rows, columns)."""
@@ -293,7 +293,7 @@ def _found(lattice: Lattice, levels: list[Level], origin: NDArray[np.float64], p
     """Displacement field, found from coarse to fine scales; some steps estimate the prior unless it is given."""
     coefficients, near = origin, prior or _START
 
-    def step(level: Level, choose: bool) -> Posterior:
+    def step(level: Level, choose: bool) -> SplinePosterior:
         data = _data(lattice, level, coefficients, origin)
         return data.best(near) if choose and prior is None else data.given(near)
 

@@ -18,7 +18,7 @@ from scipy import sparse
 from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 from scipy.linalg.lapack import dtbtrs
 
-__all__ = ["CELL_PX", "Data", "Lattice", "Posterior", "Prior"]
+__all__ = ["CELL_PX", "Data", "Lattice", "Prior", "SplinePosterior"]
 
 CELL_PX = 8
 _SPACING_PX = 24.0
@@ -186,7 +186,7 @@ class Data:
     curvature: Bands
     pull: NDArray[np.float64]
 
-    def given(self, prior: Prior) -> Posterior:
+    def given(self, prior: Prior) -> SplinePosterior:
         """Posterior of the coefficients, given data and prior.
 
         Raises
@@ -201,14 +201,14 @@ class Data:
             raise LinAlgError("the precision matrix is numerically singular")
         mean = cho_solve_banded((factor, False), self.pull, check_finite=False)
         evidence = 0.5 * log_determinant - float(np.log(factor[-1]).sum()) + 0.5 * float(self.pull @ mean)
-        return Posterior(self.lattice, prior, mean, factor, evidence)
+        return SplinePosterior(self.lattice, prior, mean, factor, evidence)
 
-    def best(self, near: Prior) -> Posterior:
+    def best(self, near: Prior) -> SplinePosterior:
         """Posterior under the prior of largest evidence, found by hill climbing on a grid of priors from ``near``."""
         lows = _SPREADS_PX[0], _SHORTEST * self.lattice.spacing_px
         highs = _SPREADS_PX[1], _LONGEST * max(self.lattice.shape)
         known: dict[tuple[int, int], float] = {}
-        best: Posterior | None = None  # only the best is kept, because its factor is large
+        best: SplinePosterior | None = None  # only the best is kept, because its factor is large
 
         def evidence(place: tuple[int, int]) -> float:
             nonlocal best
@@ -240,7 +240,7 @@ def _nearest(prior: Prior, lows: tuple[float, float], highs: tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Posterior:
+class SplinePosterior:
     """A Gaussian distribution of the coefficients of a field.
 
     Attributes
