@@ -213,7 +213,8 @@ def without_rights(project: Project, *arguments: str) -> tuple[int, list[str]]:
 def test_results_that_may_not_be_written_are_a_sentence(finished):
     out, listing = finished.out(), finished.listing()
     (out / "runs").chmod(0o500)
-    assert without_rights(finished) == (0, []), "there is nothing to write"
+    verdict, report = f"radcal: {finished.summary()['verdict']}", "radcal: report: results/tiny/report.html"
+    assert without_rights(finished) == (0, [verdict, report]), "there is nothing to write"
     (out / "stop.json").unlink()
     code, (sentence,) = without_rights(finished)
     assert code == 1
