@@ -141,7 +141,7 @@ _IN_NOISE = (
     "that "
 )
 _OF_CASE: Mapping[str, str] = {
-    "scene_large": "the scene is large: it is read when the calibration starts, not in this check",
+    "scene_large": "The scene is large: it is read when the calibration starts, not in this check",
     "refused_beside_results": "radcal run would refuse this case: {error}",
     "starts_as_truth": "{about}: no hidden law in measurement.synthetic.parameters, so that the start is simulated, "
     "which the search already has",
@@ -166,20 +166,20 @@ _OF_CASE: Mapping[str, str] = {
 _SMOOTHS = "; the surrogate smooths over runs instead of passing through them"
 _EXTRAPOLATION = "{about}: law {law!r} is an extrapolation"
 _OF_RUNS: Mapping[str, str] = {
-    "declared_random": "the simulator is declared not to be deterministic" + _SMOOTHS,
-    "repeats": "the simulator is deterministic: the reference run repeated gives the same pixels",
-    "does_not_repeat": "the simulator is not deterministic: the reference run repeated, with equal parameters and "
+    "declared_random": "The simulator is declared not to be deterministic" + _SMOOTHS,
+    "repeats": "The simulator is deterministic: the reference run repeated gives the same pixels",
+    "does_not_repeat": "The simulator is not deterministic: the reference run repeated, with equal parameters and "
     "seed, differs by up to {largest_db:.2g} dB in a pixel" + _SMOOTHS,
-    "seedless": "the simulator takes no seed: no run has fresh random numbers, and no rms of any is given",
-    "seed_without_effect": "the final run with another seed gives the same pixels as the one that it repeats, bit for "
+    "seedless": "The simulator takes no seed: no run has fresh random numbers, and no rms of any is given",
+    "seed_without_effect": "The final run with another seed gives the same pixels as the one that it repeats, bit for "
     "bit: the seed does not reach the program's random numbers, or there are none (simulator.seedless: true says so). "
     "No rms with fresh random numbers is given",
     "scatter": "{about}: between runs of equal parameters the mean scatters by {mean_db:.2g} dB, its standard "
     "deviation by {sd_percent:.2g} %, its skewness by {skewness:.2g} (one standard deviation, from the repeated "
     "reference run); the surrogate takes no less than that for noise",
-    "passes_together": "the laws are those of {passes:.0f} passes together; densities, images, pixels and checks on "
+    "passes_together": "The laws are those of {passes:.0f} passes together; densities, images, pixels and checks on "
     "held-out ground are shown of pass 1",
-    "fields_shared": "the effect of a field is one in all passes",
+    "fields_shared": "The effect of a field is one in all passes",
     "too_few_pixels": "{about}: too few pixels in this pass, which says nothing of it",
     "outside_angles": "{about}: {share_percent:.0f} % of its pixels are seen outside of the {from_angle_deg:g} to "
     "{to_angle_deg:g} deg that law {law!r} was made for; there it is an extrapolation",
