@@ -23,7 +23,9 @@ _SPREAD = (
     "in slant range and {azimuth_least}{azimuth_m:.3g} m (standard error {azimuth_error_m:.2g}) in azimuth, "
     "radar.range_resolution_m is {range_declared_m:g} and radar.azimuth_resolution_m {azimuth_declared_m:g}"
 )
-_CORRELATION = "the sum of its speckle's correlations is {correlation_ratio:.2g} times the one of these resolutions"
+_CORRELATED = (
+    _SPREAD + "; the sum of its speckle's correlations is {correlation_ratio:.2g} times the one of these resolutions"
+)
 _COUNTS = (
     "{pixels:,} pixels, {no_data:,} without data, {zero:,} zero, {negative:,} negative, {impossible:,} impossible: NaN "
     "in the image"
@@ -69,16 +71,10 @@ _OF_IMAGE: Mapping[str, str] = {
     "is correlated over most of their width",
     "resolution_unusual": "{about} of {resolution_m:g} is {spacings:.3g} times the pixel spacing and could not be "
     "checked by the speckle, expected at most about {most_spacings:.2g}",
-    "filtered": "{about} is speckle-filtered: "
-    + _SPREAD
-    + "; "
-    + _CORRELATION
-    + ", and it has {looks_ratio:.2g} times "
-    "radar.looks. Use the image before filtering, unless radar.looks and the resolutions are both wrong",
+    "filtered": "{about} is speckle-filtered: " + _CORRELATED + ", and it has {looks_ratio:.2g} times radar.looks. "
+    "Use the image before filtering, unless radar.looks and the resolutions are both wrong",
     "smoothed": "{about} is speckle-filtered or smoothed in another way, unless the resolutions are wrong: "
-    + _SPREAD
-    + "; "
-    + _CORRELATION,
+    + _CORRELATED,
     "resolutions": _SPREAD + ": set them to {range_possible_m:g} and {azimuth_possible_m:g}, unless the image was "
     "resampled before or has texture of a few pixels",
     "resolutions_explained": _SPREAD + ": no key need be changed",
@@ -164,7 +160,6 @@ _OF_CASE: Mapping[str, str] = {
     "some_in_noise": _IN_NOISE + "sigma0 may be found too high where the ground is darkest",
 }
 _SMOOTHS = "; the surrogate smooths over runs instead of passing through them"
-_EXTRAPOLATION = "{about}: law {law!r} is an extrapolation"
 _OF_RUNS: Mapping[str, str] = {
     "declared_random": "The simulator is declared not to be deterministic" + _SMOOTHS,
     "repeats": "The simulator is deterministic: the reference run repeated gives the same pixels",
@@ -183,7 +178,7 @@ _OF_RUNS: Mapping[str, str] = {
     "too_few_pixels": "{about}: too few pixels in this pass, which says nothing of it",
     "outside_angles": "{about}: {share_percent:.0f} % of its pixels are seen outside of the {from_angle_deg:g} to "
     "{to_angle_deg:g} deg that law {law!r} was made for; there it is an extrapolation",
-    "outside_data": _EXTRAPOLATION + ": {doubt}",
+    "outside_data": "{about}: law {law!r} is an extrapolation: {doubt}",
 }
 _OF_MODEL: Mapping[str, str] = {
     "depression": "{about} is displaced along slant range by {px_per_100_rows:+.1f} pixels per 100 rows (a straight "

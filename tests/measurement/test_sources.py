@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import rasterio
 from scipy.ndimage import uniform_filter
+from sealed import changed
 
 from radcal.config import Case, Radar
 from radcal.errors import ConfigError, MeasurementError
@@ -24,6 +25,7 @@ from radcal.radar.reflectivity import uniform
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.storage.dataclass_groups import same
+from radcal.words import sentence
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 
@@ -334,6 +336,18 @@ def test_findings_round_trip(tmp_path: Path, image_db: np.ndarray) -> None:
     )
     write_measurement(tmp_path / "m.h5", Measurement(image_db, "a.tif", findings=findings))
     assert read_measurement(tmp_path / "m.h5").findings == findings
+
+
+def test_sentences_of_an_earlier_version_are_findings(tmp_path: Path, image_db: np.ndarray) -> None:
+    """A new file of a synthetic image would take a run of the simulator."""
+    write_measurement(tmp_path / "m.h5", Measurement(image_db, "a.tif"))
+    said = ["warning: a.tif changes.", "a.tif: 3 pixels."]
+    with changed(tmp_path / "m.h5") as file:
+        del file["findings"]
+        file["notes"] = said
+    found = read_measurement(tmp_path / "m.h5").findings
+    assert [one.severity for one in found] == ["warning", "note"]
+    assert [sentence(one) for one in found] == said
 
 
 @pytest.mark.parametrize("look_side", ["right", "left"])

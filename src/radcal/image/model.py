@@ -56,8 +56,6 @@ def read_measurement(path: str | Path) -> Measurement:
             return made
         # an earlier version wrote sentences; to make a synthetic image again would take a run of the simulator
         notes = [str(text) for text in file["notes"].asstr()[()]]
-    told = (
-        Finding("noted", "warning" if text.startswith("warning: ") else "note", made.source, {"text": text})
-        for text in notes
-    )
-    return replace(made, findings=tuple(told))
+    told = [(text.removeprefix("warning: "), text.startswith("warning: ")) for text in notes]
+    findings = (Finding("noted", "warning" if warned else "note", made.source, {"text": text}) for text, warned in told)
+    return replace(made, findings=tuple(findings))

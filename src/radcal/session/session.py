@@ -253,7 +253,7 @@ class Session:
         """Print the verdict of a finished case and the path of its report."""
         try:
             _say(read_json(self.folder / "summary.json")["verdict"])
-        except (StoreError, OSError, KeyError) as error:
+        except RadcalError as error:
             _say(str(error))
         _say(f"report: {self.folder / 'report.html'}")
 
