@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from radcal.findings import Finding
-from radcal.words import degrees, next_steps, remarks, sentence, state, untold, verdict, widths
+from radcal.words import beside_headline, degrees, next_steps, remarks, sentence, state, verdict, widths
 
 DETERMINED = Finding(
     "determined",
@@ -49,10 +49,12 @@ def test_remarks_are_what_no_verdict_tells_and_warnings_come_first():
     assert remarks([DETERMINED, LEVEL, NOT_REFUTED, WATER]) == [WATER, LEVEL]
 
 
-def test_what_a_text_tells_is_not_told_again():
-    said = [sentence(WATER), "warning: no relief"]
-    assert said[0].startswith("warning: water: its fixed law")
-    assert untold(said, f"A verdict. {sentence(WATER, prefix=False)}") == ["warning: no relief"]
+def test_what_the_headline_tells_is_not_told_again():
+    said = [sentence(one) for one in (WATER, RADIOMETRY)]
+    assert beside_headline(said, [LEVEL, WATER]) == [said[1]]
+    # a refusal stands there in place of the warning
+    assert beside_headline(said, [LEVEL, WATER, RADIOMETRY]) == [said[0]]
+    assert beside_headline(said, [LEVEL]) == said
 
 
 @pytest.mark.parametrize("order", [1, -1])

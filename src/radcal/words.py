@@ -9,6 +9,7 @@ from radcal.catalogue import TEXTS
 from radcal.findings import Finding
 
 __all__ = [
+    "beside_headline",
     "degrees",
     "doubts",
     "headline",
@@ -16,7 +17,6 @@ __all__ = [
     "remarks",
     "sentence",
     "state",
-    "untold",
     "verdict",
     "widths",
 ]
@@ -118,9 +118,21 @@ def remarks(findings: Iterable[Finding]) -> list[Finding]:
     return sorted((one for one in findings if one.code not in _OF_VERDICT), key=lambda one: one.severity == "note")
 
 
-def untold(said: Iterable[str], told: str) -> list[str]:
-    """Sentences that are not part of a text, which has them without the words warning and refusal."""
-    return [one for one in said if one.removeprefix("warning: ").removeprefix("refusal: ") not in told]
+def beside_headline(said: Iterable[str], findings: Iterable[Finding]) -> list[str]:
+    """Sentences of findings without those that the headline on ``findings`` tells."""
+    told = {sentence(one) for one in _in_headline(findings)}
+    return [one for one in said if one not in told]
+
+
+def _in_headline(findings: Iterable[Finding]) -> list[Finding]:
+    """Findings that the headline tells beside the verdict: refusals, or else the first warning that asks for a step."""
+    refused, warned = list[Finding](), list[Finding]()
+    for one in findings:
+        if one.severity == "refusal" and one.code != "withheld":
+            refused.append(one)
+        elif one.severity == "warning" and one.code in _STEPS:
+            warned.append(one)
+    return refused or warned[:1]
 
 
 def next_steps(findings: Iterable[Finding]) -> list[str]:
@@ -141,17 +153,19 @@ def headline(names: Sequence[str], findings: Sequence[Finding], finished: bool) 
     finished : bool
         Whether the search has met its stop criterion.
     """
-    first = [sentence(one, prefix=False) for one in findings if one.severity == "refusal" and one.code != "withheld"]
+    told = _in_headline(findings)
+    refused = any(one.severity == "refusal" for one in told)
+    texts = [sentence(one, prefix=False) for one in told]
     if len(names) == 1:
         said = verdict(names[0], findings)
     else:
         said = f"Of {len(names)} materials {', '.join(_counts(findings))}."
     unchecked = [one.code for one in findings if one.code.endswith("_unchecked")]
-    if unchecked and not first:
+    if unchecked and not refused:
         said += f" Unchecked: {', '.join(dict.fromkeys(code.removesuffix('_unchecked') for code in unchecked))}."
-    warned = [one for one in findings if one.severity == "warning" and one.code in _STEPS]
-    said += "".join(f" {sentence(one, prefix=False)}" for one in warned[:1]) if not first else ""
-    return " ".join([*first, said]) + ("" if finished else " The search is not finished.")
+    return " ".join([*texts, said] if refused else [said, *texts]) + (
+        "" if finished else " The search is not finished."
+    )
 
 
 def _counts(findings: Sequence[Finding]) -> list[str]:

@@ -11,10 +11,12 @@ from typer.testing import CliRunner
 
 from radcal.cli import app
 from radcal.errors import StoreError
+from radcal.findings import Finding
 from radcal.products.showing import results_folder, show
 from radcal.results.summary import summarise
 from radcal.storage.lock import CaseLock
 from radcal.storage.records import write_json
+from radcal.words import sentence
 
 FILES = ("scene.h5", "reference.json", "scores.json", "final.json", "calibration.h5", "export.json", "report.json")
 
@@ -63,11 +65,16 @@ def test_registration_runs_are_counted_apart(folder):
 
 def test_warnings_and_the_next_step_are_shown(folder):
     data = json.loads((folder / "summary.json").read_text())
-    changed = {"warnings": ["warning: no relief", f"warning: {data['verdict']}"], "next": ["do this", "do that"]}
+    level = Finding("level", "warning", "pass 1", {"level_db": 2.0, "p05_db": 1.6, "p95_db": 2.4})
+    changed = {
+        "warnings": ["warning: no relief", sentence(level)],
+        "findings": [json.loads(level.json()) | {"text": sentence(level, prefix=False)}],
+        "next": ["do this", "do that"],
+    }
     (folder / "summary.json").write_text(json.dumps(data | changed))
     lines = show(folder)
     assert lines[1] == "next: do this."
-    # the verdict itself is not repeated
+    # what the headline tells is not repeated
     assert lines[6] == "warning: no relief"
     assert lines[7].startswith("simulator runs")
 

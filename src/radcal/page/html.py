@@ -20,7 +20,7 @@ from radcal.results.law_notes import at_bound
 from radcal.results.reasons import REASONS
 from radcal.results.summary import summarise
 from radcal.storage.files import atomic
-from radcal.words import remarks, sentence, untold
+from radcal.words import beside_headline, remarks, sentence
 
 __all__ = ["write_report"]
 
@@ -227,7 +227,6 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     refused = any(one.severity == "refusal" for one in archive.findings)
     determined = any(m.get("identified") for m in materials)
     good = summary["converged"] and determined and not refused and summary["fits"] is not False
-    told = " ".join([summary["verdict"], *(m["verdict"] for m in materials if len(materials) > 1)])
     environment = Environment(
         loader=PackageLoader("radcal.page", ""),
         autoescape=True,
@@ -245,8 +244,8 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
         search=_ending(summary, materials),
         criterion=_criterion(materials),
         good=good,
-        warnings=untold(summary["warnings"], told),
-        remarks=untold([sentence(one) for one in remarks(archive.findings) if one.severity == "note"], told),
+        warnings=beside_headline(summary["warnings"], archive.findings),
+        remarks=[sentence(one) for one in remarks(archive.findings) if one.severity == "note"],
         materials=materials,
         within=[m for m in materials if m["within"]],
         determined={one.about: one.numbers for one in archive.findings if one.code == "determined"},

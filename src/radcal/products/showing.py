@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from radcal.errors import StoreError
+from radcal.findings import Finding
 from radcal.forecast.runs_and_time import duration, runs_in_words
 from radcal.results.law_notes import found_words
 from radcal.results.reasons import REASONS
 from radcal.storage.lock import holder
 from radcal.storage.records import understood
-from radcal.words import untold
+from radcal.words import beside_headline
 
 __all__ = ["results_folder", "show"]
 
@@ -157,7 +158,11 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
         lines.append(f"{said} {law} with {parameters}.")
         if (model := material.get("parameters_model")) is not None:
             lines.append(f"{name}: parameters_model, nearest to the band: {found_words(model, material['bounds'])}.")
-    lines += untold(summary.get("warnings", []), lines[0])  # files of earlier versions have none
+    # files of earlier versions have neither
+    kept = [
+        {key: one[key] for key in ("code", "severity", "about", "numbers", "do")} for one in summary.get("findings", [])
+    ]
+    lines += beside_headline(summary.get("warnings", []), [Finding(**one) for one in kept])
     search = runs["design"] + runs["infill"]
     others = runs_in_words({kind: runs[kind] for kind in ("reference", "final")}, runs.get("registration", 0))
     return [

@@ -20,7 +20,7 @@ from radcal.findings import Finding
 from radcal.posterior.result import HeldOut, Posterior
 from radcal.results.archive import Archive, MaterialResult, PassSummary, RegistrationSummary
 from radcal.results.law_notes import found_words
-from radcal.words import headline, next_steps, remarks, sentence, untold, verdict
+from radcal.words import beside_headline, headline, next_steps, remarks, sentence, verdict
 
 __all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
@@ -89,7 +89,7 @@ def sentences(archive: Archive) -> list[str]:
     found = [said for name in archive.materials if (said := _without_curve(archive, name))]
     return [
         *lines,
-        *untold(_warnings(archive), lines[0]),
+        *beside_headline(_warnings(archive), findings),
         *(one.sentence for one in archive.decision.materials.values()),
         *found,
     ]
