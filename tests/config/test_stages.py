@@ -12,8 +12,8 @@ from config_samples import FIXED, X, dyke, flat, measured, synthetic
 from pydantic import ValidationError
 
 from radcal.config import Case, case_from, stages
-from radcal.config.sections import DERIVED
 from radcal.config.stages import STAGES
+from radcal.sections.base import DERIVED
 
 WORKFLOW = Path(__file__).resolve().parents[2] / "workflow"
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radcal.config.landcover import LANDCOVERS
 from radcal.figures.colours import FILLS, colour_of, colours_of, head, material_colours
 from radcal.figures.drawing import new_canvas
 from radcal.results.archive import Archive
+from radcal.tables.landcover import LANDCOVERS
 
 
 def lightness(colour: str) -> float:

@@ -14,12 +14,12 @@ from radcal import objectives
 from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import progress_line
 from radcal.config import case_from
-from radcal.config import objectives as traits
 from radcal.inference.expected import LawForward
 from radcal.inference.moments import from_cumulants
 from radcal.objectives import Objective, make_objectives
 from radcal.objectives.density import Density
 from radcal.objectives.objective import Verdict
+from radcal.sections import objectives as traits
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
 from radcal.targets.target import Targets
@@ -28,7 +28,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "src" / "radcal"
 ROOMS = (SOURCE / "objectives", SOURCE / "config" / "objectives.py")
 # the same word for something else: a way of fitting a density, and its name in a module's list
-OTHER = {("config/target.py", "likelihood"), ("skewnormal/__init__.py", "density")}
+OTHER = {("sections/target.py", "likelihood"), ("skewnormal/__init__.py", "density")}
 OTHER |= {("skewnormal/distribution.py", "density")}
 
 

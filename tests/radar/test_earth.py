@@ -16,8 +16,8 @@ from pyproj import CRS, Geod, Transformer
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.optimize import brentq
 
+from radcal.angles import MEAN_RADIUS_M, depression_deg, incidence_deg
 from radcal.config import Radar
-from radcal.config.angles import MEAN_RADIUS_M, depression_deg, incidence_deg
 from radcal.radar import projection
 from radcal.radar.earth import LineOfSight, heading_at_scene, heading_of_sight, line_of_sight
 from radcal.radar.facets import LAID_OVER, VISIBLE

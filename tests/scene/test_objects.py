@@ -18,13 +18,13 @@ from hypothesis import strategies as st
 from pyproj import CRS
 
 from radcal.config import case_from
-from radcal.config.scene import check_curve
 from radcal.errors import ConfigError, SceneError
 from radcal.scene.model import Scene, read_scene, write_scene
 from radcal.scene.object_generator import BUILDING, CAR, TREE, generate_objects
 from radcal.scene.object_tables import Place, read_objects
 from radcal.scene.objects import Objects
 from radcal.scene.sources import _objects, make_scene
+from radcal.sections.scene import check_curve
 
 UTM = "EPSG:32631"
 LOCAL = Place((200.0, 100.0))

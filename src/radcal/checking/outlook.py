@@ -9,8 +9,7 @@ import numpy as np
 
 from radcal.checking.hidden_by_noise import hidden_by_noise
 from radcal.checking.unregistered import start_image
-from radcal.config import Case, FileMeasurement, SyntheticMeasurement, expand_path, vrt_folders
-from radcal.config.landcover import brighter_than_terrain
+from radcal.config import Case, FileMeasurement, Material, SyntheticMeasurement, expand_path, vrt_folders
 from radcal.findings import Finding, of_pass
 from radcal.image.georeference import is_georeferenced
 from radcal.image.model import Measurement
@@ -19,6 +18,7 @@ from radcal.radar.geometry import Geometry
 from radcal.reading.safe import is_safe_name
 from radcal.registration.registered import LEAST_CONTRAST_DB, contrast_db
 from radcal.scene.model import Scene
+from radcal.tables.landcover import BRIGHTEST_DB
 
 __all__ = [
     "bright_laws",
@@ -31,6 +31,8 @@ __all__ = [
 
 _MOST_HIDDEN, _STEEPEST_DEG = 0.5, 35.0  # more hidden ground and steeper slopes (median) are rare, even in mountains
 # units of heights that are taken for metres, with the factors that convert them to metres
+_MIDDLE_DEG = 45.0  # incidence at which the gamma of a law is compared with those of terrain
+_BRIGHTER_DB = 6.0  # the source of those adds 5 log10(f / 10 GHz) to gamma, at most 5 dB below 100 GHz
 _UNITS = {"feet": 0.3048, "decimetres": 0.1, "centimetres": 0.01}
 
 
@@ -131,10 +133,31 @@ def bright_laws(case: Case) -> list[Finding]:
     case : Case
         The case; nothing is said if a calibrated material starts as bright, because its levels are then relative.
     """
-    if any(brighter_than_terrain(case.materials[name], name) for name in case.calibrated):
+    gamma = {name: g for name, one in case.materials.items() if (g := _gamma_db(one)) > BRIGHTEST_DB + _BRIGHTER_DB}
+    if gamma.keys() & set(case.calibrated):
         return []
-    each = (brighter_than_terrain(one, f"materials.{name}.parameters") for name, one in case.materials.items())
-    return [one for one in each if one is not None]
+    return [
+        Finding(
+            "law_bright",
+            "warning",
+            f"materials.{name}.parameters",
+            {
+                "law": str(case.materials[name].at_start.law),
+                "gamma_db": level,
+                "incidence_deg": _MIDDLE_DEG,
+                "brightest_db": BRIGHTEST_DB,
+            },
+        )
+        for name, level in gamma.items()
+    ]
+
+
+def _gamma_db(material: Material) -> float:
+    """Gamma of the starting law at 45 degrees [dB]; -inf if only a pass or a simulator gives its curve."""
+    law, phi = material.at_start.unbound_law, math.radians(_MIDDLE_DEG)
+    if law.needs or not law.has_curve:
+        return -math.inf
+    return float(law(np.array([phi]), material.start_parameters)[0]) - 10.0 * math.log10(math.cos(phi))
 
 
 def start_contrast(case: Case, geometry: Geometry) -> list[Finding]:

@@ -6,7 +6,6 @@ models. In the default case, every key has its default value; ``python -m radcal
 """
 
 from radcal.config.case import Case
-from radcal.config.design import Design
 from radcal.config.inputs import (
     check_reuse,
     executable_path,
@@ -17,8 +16,12 @@ from radcal.config.inputs import (
     vrt_folders,
 )
 from radcal.config.loading import case_from, load, load_forward, load_measured
-from radcal.config.materials import Material, Start
-from radcal.config.measurement import (
+from radcal.config.mistakes import Loaded, load_with_problems
+from radcal.config.undecided import FILL_IN
+from radcal.config.writing import default_case, default_yaml
+from radcal.sections.errors import nearest
+from radcal.sections.materials import Material, Start
+from radcal.sections.measurement import (
     FileMeasurement,
     HiddenLaw,
     MeasurementConfig,
@@ -26,13 +29,11 @@ from radcal.config.measurement import (
     SyntheticMeasurement,
     starts_as_truth,
 )
-from radcal.config.mistakes import Loaded, load_with_problems
-from radcal.config.optimiser import Optimiser
-from radcal.config.pydantic_errors import nearest
-from radcal.config.radar import Radar
-from radcal.config.registration import RegistrationConfig
-from radcal.config.scene import BuiltinScene, RasterScene, SceneConfig, SceneObjects, SlantRangeScene
-from radcal.config.simulator import (
+from radcal.sections.radar import Radar
+from radcal.sections.registration import RegistrationConfig
+from radcal.sections.scene import BuiltinScene, RasterScene, SceneConfig, SceneObjects, SlantRangeScene
+from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
+from radcal.sections.simulator import (
     BuiltinSimulation,
     CommandSimulation,
     InputFile,
@@ -41,13 +42,8 @@ from radcal.config.simulator import (
     SimulatorConfig,
     Template,
 )
-from radcal.config.stop import Stop
-from radcal.config.surrogate import SurrogateConfig
-from radcal.config.target import TargetConfig
-from radcal.config.uncertainty import Uncertainty
-from radcal.config.undecided import FILL_IN
-from radcal.config.validation import Validation
-from radcal.config.writing import default_case, default_yaml
+from radcal.sections.target import TargetConfig
+from radcal.sections.uncertainty import Uncertainty, Validation
 
 __all__ = [
     "FILL_IN",

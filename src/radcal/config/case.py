@@ -12,7 +12,6 @@ from typing import Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from radcal.bands import WIDTH_FACTOR, same_label
-from radcal.config.design import Design
 from radcal.config.fitting_defaults import (
     with_colours,
     with_fitting_draws,
@@ -21,30 +20,27 @@ from radcal.config.fitting_defaults import (
     with_passes,
     with_starting_laws,
 )
-from radcal.config.limits import Seed
-from radcal.config.materials import DEFAULT_LAW, Material, check_parameters, default_materials
-from radcal.config.measurement import (
+from radcal.config.part import Part
+from radcal.laws import DEFAULT_LAW, EXTERNAL, laws_known
+from radcal.sections.base import TAGS, CaseName
+from radcal.sections.errors import Collected, Contradiction, Contradictions
+from radcal.sections.limits import Seed
+from radcal.sections.materials import Material, check_parameters, default_materials
+from radcal.sections.measurement import (
     FileMeasurement,
     MeasurementConfig,
     Synthetic,
     SyntheticMeasurement,
 )
-from radcal.config.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
-from radcal.config.optimiser import Optimiser
-from radcal.config.part import Part
-from radcal.config.pydantic_errors import Collected, Contradiction, Contradictions
-from radcal.config.radar import Radar
-from radcal.config.registration import RegistrationConfig
-from radcal.config.scene import BuiltinScene, RasterScene, SceneConfig, SlantRangeScene
-from radcal.config.sections import TAGS, CaseName
-from radcal.config.sensors import SENSORS
-from radcal.config.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
-from radcal.config.stop import Stop
-from radcal.config.surrogate import SurrogateConfig
-from radcal.config.target import TargetConfig
-from radcal.config.uncertainty import Uncertainty
-from radcal.config.validation import Validation
-from radcal.laws import EXTERNAL, laws_known
+from radcal.sections.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
+from radcal.sections.radar import Radar
+from radcal.sections.registration import RegistrationConfig
+from radcal.sections.scene import BuiltinScene, RasterScene, SceneConfig, SlantRangeScene
+from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
+from radcal.sections.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
+from radcal.sections.target import TargetConfig
+from radcal.sections.uncertainty import Uncertainty, Validation
+from radcal.tables.sensors import SENSORS
 
 __all__ = ["Case"]
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from radcal.config.landcover import starting_keys
-from radcal.config.materials import DEFAULT_LAW
-from radcal.config.measurement import HIDDEN_DYKE, PUBLISHED_DYKE, SyntheticMeasurement, default_synthetic, within
-from radcal.config.objectives import DEFAULT, OBJECTIVES
-from radcal.config.sections import FURTHER, TAGS
-from radcal.laws import LAWS
+from radcal.laws import DEFAULT_LAW, LAWS
+from radcal.sections.base import FURTHER, TAGS
+from radcal.sections.measurement import HIDDEN_DYKE, PUBLISHED_DYKE, SyntheticMeasurement, default_synthetic, within
+from radcal.sections.objectives import DEFAULT, OBJECTIVES
+from radcal.tables.landcover import starting_keys
 
 __all__ = [
     "with_colours",

@@ -11,13 +11,13 @@ from functools import partial
 from pathlib import Path
 
 from radcal.config.case import Case
-from radcal.config.measurement import FileMeasurement
-from radcal.config.pydantic_errors import shown
-from radcal.config.scene import BuiltinScene, RasterScene, SlantRangeScene
-from radcal.config.simulator import CommandSimulation
 from radcal.errors import ConfigError, MissingFile
 from radcal.reading.rasters import RasterRefused, raster_files
 from radcal.reading.safe import MANIFEST, SafeRefused, chosen_image, is_safe_name, safe_folder, safe_images
+from radcal.sections.errors import shown
+from radcal.sections.measurement import FileMeasurement
+from radcal.sections.scene import BuiltinScene, RasterScene, SlantRangeScene
+from radcal.sections.simulator import CommandSimulation
 
 __all__ = [
     "check_reuse",

@@ -12,10 +12,10 @@ from pydantic import ValidationError
 from radcal.config import stages
 from radcal.config.case import Case
 from radcal.config.inputs import expand_path
-from radcal.config.pydantic_errors import Collected, first_error, shown
-from radcal.config.sections import MATERIALS_FROM
 from radcal.config.undecided import undecided
 from radcal.errors import ConfigError
+from radcal.sections.base import MATERIALS_FROM
+from radcal.sections.errors import Collected, first_error, shown
 
 __all__ = ["case_from", "listed_by", "load", "load_forward", "load_measured", "origin_of", "read_cases"]
 

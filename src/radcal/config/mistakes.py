@@ -15,10 +15,10 @@ from pydantic import ValidationError
 from radcal.config.case import Case
 from radcal.config.inputs import expand_path
 from radcal.config.loading import origin_of, read_cases
-from radcal.config.pydantic_errors import Collected, WrongKey, shown, wrong_keys
-from radcal.config.sections import FURTHER
 from radcal.config.undecided import FILL_IN, Undecided, undecided
 from radcal.errors import ConfigError, RadcalError, UnknownMaterial
+from radcal.sections.base import FURTHER
+from radcal.sections.errors import Collected, WrongKey, shown, wrong_keys
 
 __all__ = ["Loaded", "load_with_problems"]
 

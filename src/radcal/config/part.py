@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol, Self, TypeVar
 
-from radcal.config.design import Design
-from radcal.config.materials import Material
-from radcal.config.radar import Radar
-from radcal.config.registration import RegistrationConfig
-from radcal.config.sections import DERIVED, FURTHER, Section
-from radcal.config.surrogate import SurrogateConfig
-from radcal.config.target import TargetConfig
 from radcal.laws import EXTERNAL, Law, law_for
+from radcal.sections.base import DERIVED, FURTHER, Section
+from radcal.sections.materials import Material
+from radcal.sections.radar import Radar
+from radcal.sections.registration import RegistrationConfig
+from radcal.sections.search import Design, SurrogateConfig
+from radcal.sections.target import TargetConfig
 from radcal.storage.disclosure import Undisclosed
 
 __all__ = ["Part"]

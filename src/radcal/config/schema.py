@@ -11,7 +11,7 @@ import json
 from typing import Any
 
 from radcal.config.case import Case
-from radcal.config.sections import FURTHER, MATERIALS_FROM
+from radcal.sections.base import FURTHER, MATERIALS_FROM
 
 __all__ = ["schema_json"]
 

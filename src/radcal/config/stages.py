@@ -11,23 +11,19 @@ from collections.abc import Mapping
 from typing import Any, Self
 
 from radcal.config.case import Case
-from radcal.config.design import Design
-from radcal.config.limits import Seed
-from radcal.config.materials import Material
-from radcal.config.measurement import MeasurementConfig
-from radcal.config.objectives import Objective
-from radcal.config.optimiser import Optimiser
 from radcal.config.part import Part
-from radcal.config.radar import Radar
-from radcal.config.registration import RegistrationConfig
-from radcal.config.scene import SceneConfig
-from radcal.config.sections import CaseName
-from radcal.config.simulator import SimulatorConfig
-from radcal.config.stop import Stop
-from radcal.config.surrogate import SurrogateConfig
-from radcal.config.target import TargetConfig
-from radcal.config.uncertainty import Uncertainty
-from radcal.config.validation import Validation
+from radcal.sections.base import CaseName
+from radcal.sections.limits import Seed
+from radcal.sections.materials import Material
+from radcal.sections.measurement import MeasurementConfig
+from radcal.sections.objectives import Objective
+from radcal.sections.radar import Radar
+from radcal.sections.registration import RegistrationConfig
+from radcal.sections.scene import SceneConfig
+from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
+from radcal.sections.simulator import SimulatorConfig
+from radcal.sections.target import TargetConfig
+from radcal.sections.uncertainty import Uncertainty, Validation
 
 __all__ = [
     "STAGES",

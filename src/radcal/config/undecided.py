@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from radcal.config.sections import EXAMPLES, MATERIALS_FROM
+from radcal.sections.base import EXAMPLES, MATERIALS_FROM
 
 __all__ = ["EXAMPLES", "FILL_IN", "Undecided", "undecided"]
 

@@ -14,8 +14,8 @@ from typing import Any
 
 import yaml
 
-from radcal.config.pydantic_errors import shown
 from radcal.errors import ConfigError
+from radcal.sections.errors import shown
 
 __all__ = ["check_words", "lines_of", "merged", "read_case_file", "read_value", "setting"]
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from radcal.bands import letter_band, within_band
 from radcal.config import Radar
-from radcal.config.sensors import SENSORS
 from radcal.findings import Finding
 from radcal.radar.radiometry import noise_floor_db
+from radcal.tables.sensors import SENSORS
 
 __all__ = ["Acquisition", "contradictions", "differences", "radar_keys", "radar_section"]
 

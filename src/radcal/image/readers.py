@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement, vrt_folders
-from radcal.config.measurement import SICD_ENDINGS
 from radcal.errors import MeasurementError
 from radcal.findings import Finding
 from radcal.image.sicd import is_sicd, read_sicd
@@ -19,6 +18,7 @@ from radcal.reading.arrays import raster_band, read_array
 from radcal.reading.images import Counts, ImageFile, reading, to_db
 from radcal.reading.rasters import open_raster
 from radcal.scene.crs import crs_of, horizontal
+from radcal.sections.measurement import SICD_ENDINGS
 
 __all__ = ["ReadImage", "image_file", "image_of", "read_image", "read_raster"]
 

@@ -25,6 +25,7 @@ from radcal.laws.law import EXTERNAL, Law, seen_rad
 from radcal.laws.soil import SOIL
 
 __all__ = [
+    "DEFAULT_LAW",
     "EXTERNAL",
     "FORMULA",
     "LAWS",
@@ -39,6 +40,7 @@ __all__ = [
 ]
 
 LAWS: dict[str, Law] = {**CURVES, **SOIL}
+DEFAULT_LAW = "mangia"
 
 
 def laws_known(external: bool = True) -> list[str]:

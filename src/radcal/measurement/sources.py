@@ -15,7 +15,6 @@ from scipy.ndimage import map_coordinates
 from radcal import skewnormal
 from radcal.bands import LETTER_BANDS_GHZ, letter_band, within_band
 from radcal.config import FileMeasurement, Radar, TargetConfig, expand_path, stages, vrt_folders
-from radcal.config.measurement import RADIOMETRY_EXPECTED
 from radcal.errors import FitError, MeasurementError, MissingSign
 from radcal.findings import Finding
 from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited
@@ -40,6 +39,7 @@ from radcal.reading.products import named_product
 from radcal.reading.safe import is_safe_name
 from radcal.registration.relief import check_relief, relief_slope
 from radcal.scene.model import Scene
+from radcal.sections.measurement import RADIOMETRY_EXPECTED
 from radcal.sentinel1.product import open_product
 from radcal.sentinel1.reader import sigma0_image
 from radcal.simulators.protocol import Simulator

@@ -10,10 +10,10 @@ from pydantic import ValidationError
 
 from radcal.config import Case, expand_path, load_forward, stages
 from radcal.config.loading import read_cases
-from radcal.config.pydantic_errors import Collected, shown, wrong_keys
 from radcal.config.undecided import undecided
 from radcal.config.yaml_file import read_case_file
 from radcal.errors import ConfigError
+from radcal.sections.errors import Collected, shown, wrong_keys
 
 __all__ = ["forward_case"]
 

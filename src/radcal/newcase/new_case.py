@@ -11,9 +11,6 @@ from typing import Any
 
 from radcal.bands import WIDTH_FACTOR, letter_band
 from radcal.config import FILL_IN, Uncertainty, load_with_problems
-from radcal.config.landcover import LANDCOVERS
-from radcal.config.sections import check_case_name
-from radcal.config.sensors import SENSORS
 from radcal.config.undecided import EXAMPLES, Undecided
 from radcal.config.yaml_file import read_value
 from radcal.errors import ConfigError
@@ -22,7 +19,10 @@ from radcal.newcase.file_facts import RasterFacts, code_counts, product_acquisit
 from radcal.newcase.new_materials import Raw, fixed_laws, material_lines, scalar
 from radcal.reading.safe import is_safe_name
 from radcal.scene.names import read_names
+from radcal.sections.base import check_case_name
 from radcal.storage.files import atomic
+from radcal.tables.landcover import LANDCOVERS
+from radcal.tables.sensors import SENSORS
 
 __all__ = ["NewCase", "case_path"]
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from radcal.config import FILL_IN, Case
-from radcal.config.landcover import StartingLevel, starting_keys, starting_levels
 from radcal.errors import ConfigError
 from radcal.seeds import derived_rng
+from radcal.tables.landcover import StartingLevel, starting_keys, starting_levels
 
 __all__ = ["Fixed", "Materials", "Raw", "fixed_laws", "material_lines", "scalar"]
 

@@ -18,7 +18,7 @@ from radcal.targets.target import Target, Targets
 __all__ = ["OBJECTIVES", "Comparison", "Objective", "make_objectives"]
 
 OBJECTIVES: dict[str, type[Objective]] = {"classes": Bins, "density": Density, "likelihood": Likelihood}
-"""Class of each objective, by its name in the configuration (``radcal.config.objectives``)."""
+"""Class of each objective, by its name in the configuration (``radcal.sections.objectives``)."""
 
 
 def make_objectives(case: stages.Scores | stages.ArchiveStage, targets: Targets) -> Mapping[str, Comparison]:

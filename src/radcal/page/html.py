@@ -13,12 +13,12 @@ import numpy as np
 
 from radcal import skewnormal
 from radcal.config import Material
-from radcal.config.objectives import OBJECTIVES
 from radcal.figures.figures import Figure
 from radcal.results.archive import Archive, MaterialResult
 from radcal.results.law_notes import at_bound
 from radcal.results.reasons import REASONS
 from radcal.results.summary import summarise
+from radcal.sections.objectives import OBJECTIVES
 from radcal.storage.files import atomic
 from radcal.words import beside_headline, remarks, sentence
 

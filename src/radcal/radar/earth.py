@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radcal.angles import MEAN_RADIUS_M, depression_deg, incidence_deg
 from radcal.config import Radar
-from radcal.config.angles import MEAN_RADIUS_M, depression_deg, incidence_deg
 
 __all__ = ["LineOfSight", "Upright", "heading_at_scene", "heading_of_sight", "line_of_sight"]
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.angles import MEAN_RADIUS_M
 from radcal.config import Radar
-from radcal.config.angles import MEAN_RADIUS_M
 from radcal.errors import SceneError
 from radcal.radar.earth import LineOfSight, line_of_sight
 from radcal.radar.facets import (

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.angles import depression_deg
 from radcal.config import Radar
-from radcal.config.angles import depression_deg
 from radcal.errors import MeasurementError
 from radcal.findings import Finding, Severity
 from radcal.radar.geometry import Geometry

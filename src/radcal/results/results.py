@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from radcal.assessment.conclusion import Conclusion
 from radcal.calibration.steps import random_findings
 from radcal.config import Stop, stages
-from radcal.config.sections import FURTHER
 from radcal.findings import Finding
 from radcal.ground.levels import without_level
 from radcal.laws import Law
@@ -39,6 +38,7 @@ from radcal.results.archive import (
 from radcal.results.law_notes import law_notes
 from radcal.results.search_front import SearchFront
 from radcal.scene.model import Scene
+from radcal.sections.base import FURTHER
 from radcal.storage.disclosure import disclosed
 from radcal.storage.runs import Record
 from radcal.targets.target import Target, Targets

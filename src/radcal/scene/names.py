@@ -8,8 +8,8 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 
-from radcal.config.landcover import LANDCOVERS
 from radcal.errors import SceneError
+from radcal.tables.landcover import LANDCOVERS
 
 __all__ = ["by_id", "landcover_names", "not_in_scene", "read_names"]
 
@@ -87,7 +87,7 @@ def landcover_names(landcover: str, path: Path | None, present: Iterable[int], r
     Parameters
     ----------
     landcover : str
-        Name of the land-cover map, a key of :data:`radcal.config.landcover.LANDCOVERS`.
+        Name of the land-cover map, a key of :data:`radcal.tables.landcover.LANDCOVERS`.
     path : path, optional
         File with names that replace names of the land-cover map, or with names of further codes.
     present : iterable of int

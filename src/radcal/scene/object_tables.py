@@ -13,10 +13,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config.scene import DBSM_LIMITS, check_curve
 from radcal.errors import SceneError
 from radcal.reading.intake import LARGEST_VALUES, bounded_memory, elsewhere, unchanged
 from radcal.scene.objects import Objects
+from radcal.sections.scene import DBSM_LIMITS, check_curve
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from radcal.config import Case
-from radcal.config.sections import DERIVED
 from radcal.config.stages import STAGES
+from radcal.sections.base import DERIVED
 
 __all__ = ["reruns_table"]
 

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from radcal.config import Radar, case_from, load_with_problems
-from radcal.config.sensors import SENSORS, sensors_table
 from radcal.errors import ConfigError
+from radcal.tables.sensors import SENSORS, sensors_table
 
 PAGE = Path(__file__).parents[2] / "docs" / "sensors.md"
 GRD = {"sensor": "sentinel1_iw_grdh", "incidence_deg": 37.0, "polarisation": "VV", "nesz_db": -23.5}

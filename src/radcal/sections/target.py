@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from radcal.config.limits import ALL_PIXELS, Decibels, Integer, Real
-from radcal.config.sections import Section
+from radcal.sections.base import Section
+from radcal.sections.limits import ALL_PIXELS, Decibels, Integer, Real
 
 __all__ = ["TargetConfig"]
 

@@ -10,14 +10,23 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from radcal.config.limits import Parameter, Real
-from radcal.config.pydantic_errors import Contradictions, nearest, shown
-from radcal.config.sections import Section
-from radcal.laws import EXTERNAL, FORMULA, LAWS, Law, external_law, formula_law, laws_known, refuse_infinite
+from radcal.laws import (
+    DEFAULT_LAW,
+    EXTERNAL,
+    FORMULA,
+    LAWS,
+    Law,
+    external_law,
+    formula_law,
+    laws_known,
+    refuse_infinite,
+)
+from radcal.sections.base import Section
+from radcal.sections.errors import Contradictions, nearest, shown
+from radcal.sections.limits import Parameter, Real
 
-__all__ = ["DEFAULT_LAW", "Material", "OtherLaw", "Start", "check_parameters", "default_materials"]
+__all__ = ["Material", "OtherLaw", "Start", "check_parameters", "default_materials"]
 
-DEFAULT_LAW = "mangia"
 _DEFINING = ("law", "angles_deg", "formula", "names")  # keys of a law that are not its parameters
 _LARGEST_WHOLE = 2.0**53
 _LARGEST = (

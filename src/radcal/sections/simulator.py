@@ -7,8 +7,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from radcal.config.limits import LONGEST_S, Count, Integer, RetryWait, Timeout
-from radcal.config.sections import Section
+from radcal.sections.base import Section
+from radcal.sections.limits import LONGEST_S, Count, Integer, RetryWait, Timeout
 
 __all__ = ["BuiltinSimulation", "CommandSimulation", "InputFile", "Output", "RawType", "SimulatorConfig", "Template"]
 

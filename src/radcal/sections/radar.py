@@ -18,12 +18,12 @@ from pydantic import (
     model_validator,
 )
 
+from radcal.angles import depression_deg, incidence_deg
 from radcal.bands import WIDTH_FACTOR, within_band
-from radcal.config.angles import depression_deg, incidence_deg
-from radcal.config.limits import Altitude, Decibels, Frequency, Length, Looks, Real
-from radcal.config.pydantic_errors import Collected, Contradiction, Contradictions
-from radcal.config.sections import Section
-from radcal.config.sensors import SENSORS, SensorName
+from radcal.sections.base import Section
+from radcal.sections.errors import Collected, Contradiction, Contradictions
+from radcal.sections.limits import Altitude, Decibels, Frequency, Length, Looks, Real
+from radcal.tables.sensors import SENSORS, SensorName
 
 __all__ = ["Radar", "Radiometry"]
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
-from radcal.config.landcover import LandCover
-from radcal.config.limits import Coordinate, Decibels, Integer, Length, Real, Seed
-from radcal.config.pydantic_errors import Contradictions
-from radcal.config.sections import Section
+from radcal.sections.base import Section
+from radcal.sections.errors import Contradictions
+from radcal.sections.limits import Coordinate, Decibels, Integer, Length, Real, Seed
+from radcal.tables.landcover import LandCover
 
 __all__ = [
     "DBSM_LIMITS",

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from radcal.config import Case, case_from
-from radcal.config.landcover import LANDCOVERS, landcover_table, starting_keys, starting_levels
 from radcal.errors import ConfigError
 from radcal.laws import law_for
+from radcal.tables.landcover import LANDCOVERS, landcover_table, starting_keys, starting_levels
 
 
 def case(materials: dict[str, Any], landcover: str | None = "esa_worldcover", **keys: Any) -> Case:

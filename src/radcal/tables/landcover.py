@@ -8,23 +8,19 @@ parameters keeps the starting law, so that its level may be wrong by many dB.
 from __future__ import annotations
 
 import itertools
-import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import numpy as np
-
-from radcal.config.materials import DEFAULT_LAW, Material
-from radcal.findings import Finding
+from radcal.laws import DEFAULT_LAW
 
 __all__ = [
+    "BRIGHTEST_DB",
     "LANDCOVERS",
     "Cover",
     "LandCover",
     "StartingLevel",
-    "brighter_than_terrain",
     "landcover_table",
     "starting_keys",
     "starting_levels",
@@ -36,6 +32,9 @@ LandCover = Literal["esa_worldcover", "corine", "nlcd"]
 # Toolbox: woods, metropolitan and sea state 3 after Long, "Radar Reflectivity of Land and Sea", 3rd edition, Artech
 # House (2001); farmland and flatland after Nathanson, "Radar Design Principles", 2nd edition, SciTech (1999)
 _GAMMA_DB = {"woods": -15.0, "metropolitan": 0.0, "farmland": -15.0, "flatland": -20.0, "sea state 3": -40.0}
+BRIGHTEST_DB = max(_GAMMA_DB.values())
+"""Largest gamma of these kinds of terrain [dB]."""
+
 # X1 + X2 cos(phi) is 10 log10(cos(phi)) within 0.2 dB from 20 to 60 degrees (least squares)
 _LINE_DB = (-5.86, 6.05)
 _BELOW_DB, _ABOVE_DB = 30.0, 15.0  # bounds of X1 about gamma; those of X2 to X4 are the default case's
@@ -51,8 +50,6 @@ _WORDS = {
     "sea state 3": "water sea ocean lakes? rivers? lagoons?",
 }
 _APART_DB = 3.0  # smallest difference of two starting levels, so that the start image shows where the materials meet
-_MIDDLE_DEG = 45.0  # incidence at which the gamma of a law is compared with those of terrain
-_BRIGHTER_DB = 6.0  # the source adds 5 log10(f / 10 GHz) to gamma, at most 5 dB below 100 GHz
 _UNKNOWN_DB = -15.0  # gamma if neither the name nor the map shows the terrain
 
 
@@ -258,32 +255,6 @@ def starting_levels(
         used.append(level + away)
         found[name] = StartingLevel(level + away, terrain, away != 0.0)
     return found
-
-
-def brighter_than_terrain(material: Material, about: str) -> Finding | None:
-    """Warning about a law far brighter than any terrain, which a missing minus sign can cause; None for other laws.
-
-    Parameters
-    ----------
-    material : Material
-        Material, whose law is taken at the start; nothing is said if only a pass or a simulator gives its curve.
-    about : str
-        Key or option that gives the law.
-    """
-    law, brightest = material.at_start.unbound_law, max(_GAMMA_DB.values())
-    if law.needs or not law.has_curve:
-        return None
-    phi = math.radians(_MIDDLE_DEG)
-    gamma = float(law(np.array([phi]), material.start_parameters)[0]) - 10.0 * math.log10(math.cos(phi))
-    if gamma <= brightest + _BRIGHTER_DB:
-        return None
-    numbers: dict[str, float | str] = {
-        "law": str(material.at_start.law),
-        "gamma_db": gamma,
-        "incidence_deg": _MIDDLE_DEG,
-        "brightest_db": brightest,
-    }
-    return Finding("law_bright", "warning", about, numbers)
 
 
 def _terrain(name: str) -> str | None:

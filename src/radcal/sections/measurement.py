@@ -8,13 +8,13 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
-from radcal.config.limits import Count, Decibels, Length, Looks, Parameter, Real, Seed
-from radcal.config.materials import OtherLaw
-from radcal.config.pydantic_errors import MISSING
-from radcal.config.radar import Radiometry
-from radcal.config.sections import Section
 from radcal.findings import Finding, of_pass
 from radcal.reading.products import named_product
+from radcal.sections.base import Section
+from radcal.sections.errors import MISSING
+from radcal.sections.limits import Count, Decibels, Length, Looks, Parameter, Real, Seed
+from radcal.sections.materials import OtherLaw
+from radcal.sections.radar import Radiometry
 
 __all__ = [
     "HIDDEN_DYKE",

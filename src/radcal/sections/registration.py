@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from radcal.config.limits import Real
-from radcal.config.sections import Section
+from radcal.sections.base import Section
+from radcal.sections.limits import Real
 
 __all__ = ["RegistrationConfig"]
 

@@ -14,8 +14,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from radcal.bands import letter_band
-from radcal.config.sections import EXAMPLES, FURTHER, MATERIALS_FROM, TAGS
 from radcal.errors import ConfigError, UnknownMaterial
+from radcal.sections.base import EXAMPLES, FURTHER, MATERIALS_FROM, TAGS
 
 __all__ = [
     "MISSING",
