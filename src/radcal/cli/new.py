@@ -8,9 +8,11 @@ from typing import Annotated, Any
 import typer
 
 from radcal.cli.arguments import sentences
-from radcal.cli.new_entries import ENTRIES
+from radcal.newcase.template import TEMPLATE
 
 __all__ = ["HELP", "main"]
+
+_KINDS: dict[str, Any] = {"TEXT": str, "FLOAT": float, "INTEGER": int, "LIST": list[str]}
 
 HELP = """Write a new case from options.
 
@@ -31,42 +33,43 @@ def main(case: str, **answers: Any) -> None:
     """Write a new case."""
     from radcal.newcase.new_case import NewCase, case_path
 
-    given = {entry.key: answers[entry.name] for entry in ENTRIES if answers[entry.name] not in (None, [], ())}
+    values = {key: answers[_name(line.option)] for key, line in TEMPLATE.items() if line.option}
     with sentences():
-        texts = {entry.key: entry.text for entry in ENTRIES}
-        new = NewCase(case_path(case), given, texts, {entry.key for entry in ENTRIES if entry.optional})
+        new = NewCase(case_path(case), {key: value for key, value in values.items() if value not in (None, [], ())})
         written = new.write()
     for line in written:
         typer.echo(line)
-    if new.undecided:
-        options = ", ".join(entry.option.split(",")[0] for entry in ENTRIES if entry.key in new.undecided)
-        typer.echo(f"Still to be decided, marked FILL_IN (or by options in a new case): {options}.")
+    if options := [TEMPLATE[key].option.split(",")[0] for key in new.undecided if TEMPLATE[key].option]:
+        typer.echo(f"Still to be decided, marked FILL_IN (or by options in a new case): {', '.join(options)}.")
     path = new.path
     then = f"radcal simulate {path}" if new.forward else f"radcal run {path} reference, and radcal run {path}"
     typer.echo(f"Next: radcal check {path}\nThen: {then}")
 
 
-def _options() -> dict[str, Any]:
-    """Types of the arguments and options of ``radcal new``, which typer reads from the signature of ``main``."""
+def _name(option: str) -> str:
+    """Name of the parameter for an option."""
+    return option.split(",")[0].strip("-").replace("-", "_")
+
+
+def _parameters() -> dict[str, inspect.Parameter]:
+    """Arguments and options of ``radcal new``, which typer reads from the signature of ``main``."""
     types: dict[str, Any] = {
         "case": Annotated[str, typer.Argument(metavar="CASE", help="YAML file to write, or a name.")],
     }
-    for entry in ENTRIES:
-        kind: Any = list[entry.kind] if entry.several else entry.kind  # type: ignore[name-defined]
-        option = typer.Option(*entry.option.split(","), help=entry.text, show_default=False)
-        types[entry.name] = Annotated[kind | None, option]
-    return types
-
-
-main.__annotations__ = {**_options(), "return": None}
-main.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
-    [
-        inspect.Parameter(
+    for line in TEMPLATE.values():
+        if line.option:
+            option = typer.Option(*line.option.split(","), help=line.comment, show_default=False)
+            types[_name(line.option)] = Annotated[_KINDS[line.kind] | None, option]
+    return {
+        name: inspect.Parameter(
             name,
             inspect.Parameter.KEYWORD_ONLY,
             annotation=kind,
             default=inspect.Parameter.empty if name == "case" else None,
         )
-        for name, kind in _options().items()
-    ]
-)
+        for name, kind in types.items()
+    }
+
+
+main.__signature__ = inspect.Signature(list(_parameters().values()))  # type: ignore[attr-defined]
+main.__annotations__ = {name: one.annotation for name, one in _parameters().items()} | {"return": None}

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.errors import ConfigError
+from radcal.errors import ConfigError, RadcalError
 from radcal.reading.arrays import is_raster
 from radcal.reading.rasters import check_blocks, open_raster
 from radcal.scene.crs import crs_of, horizontal, label, pixel_size_m, vertical_datum
@@ -18,9 +20,9 @@ from radcal.scene.crs import crs_of, horizontal, label, pixel_size_m, vertical_d
 if TYPE_CHECKING:
     from radcal.image.acquisition import Acquisition
 
-__all__ = ["RasterFacts", "code_counts", "product_acquisition", "raster_facts"]
+__all__ = ["POLARISATIONS", "RasterFacts", "code_counts", "product_acquisition", "raster_facts"]
 
-_POLARISATIONS = ("HH", "HV", "VH", "VV")
+POLARISATIONS = ("HH", "HV", "VH", "VV")
 _SAMPLE_PX = 1024  # side of the sample from which the range of an image's numbers is read
 _HEIGHTS_PX = 100  # side of the sample of heights for which the acquisition of a product is computed
 _STRIP_VALUES = 20_000_000
@@ -54,10 +56,9 @@ class RasterFacts:
     crs: str | None
     datum: str | None
     pixel_m: tuple[float, float] | None
-    numbers: Mapping[int, NDArray[Any]] = field(default_factory=dict)
+    numbers: Mapping[int, NDArray[Any]]
 
-    def sentence(self) -> str:
-        """Size, CRS and pixel size in words."""
+    def __str__(self) -> str:
         where = "no georeference" if self.crs is None else self.crs.splitlines()[0][:60]
         ground = "" if self.pixel_m is None else f", pixels of {self.pixel_m[0]:.4g} x {self.pixel_m[1]:.4g} m"
         several = f", {len(self.bands)} bands" if len(self.bands) > 1 else ""
@@ -72,8 +73,9 @@ class RasterFacts:
 
     def levels_db(self, band: int, scale: str | None) -> tuple[float, float, float] | None:
         """Levels that 5, 50 and 95 % of the numbers of a band do not exceed [dB]; None if the scale is not known."""
-        numbers = np.abs(self.numbers[band]) if scale in _PER_DECADE else self.numbers[band]
+        numbers = self.numbers[band]
         if scale in _PER_DECADE:
+            numbers = np.abs(numbers)
             numbers = _PER_DECADE[scale] * np.log10(numbers[numbers > 0])
         elif scale != "db":
             return None
@@ -104,22 +106,17 @@ def raster_facts(path: Path, key: str, numbers: bool = False) -> RasterFacts | N
         raise ConfigError(f"{key}: {path} {found}, expected a file{words}.")
     if not is_raster(path):
         return None
-    try:
-        with open_raster(path) as raster:
-            crs = crs_of(raster)
-            return RasterFacts(
-                raster.height,
-                raster.width,
-                tuple(_name(text) for text in raster.descriptions),
-                None if crs is None else label(horizontal(crs)),
-                None if crs is None else vertical_datum(crs),
-                None if crs is None else pixel_size_m(raster, horizontal(crs)),
-                {band: _sample(raster, band) for band in raster.indexes} if numbers else {},
-            )
-    except ConfigError:
-        raise
-    except Exception as error:  # the libraries' exceptions for damaged files have no common base class
-        raise ConfigError(f"{key}: {path} cannot be read as a raster ({error}).") from None
+    with _raster(path, key) as raster:
+        crs = crs_of(raster)
+        return RasterFacts(
+            raster.height,
+            raster.width,
+            tuple(_name(text) for text in raster.descriptions),
+            None if crs is None else label(horizontal(crs)),
+            None if crs is None else vertical_datum(crs),
+            None if crs is None else pixel_size_m(raster, horizontal(crs)),
+            {band: _sample(raster, band) for band in raster.indexes} if numbers else {},
+        )
 
 
 def product_acquisition(path: Path, heights: Path, polarisation: str | None) -> Acquisition:
@@ -143,23 +140,21 @@ def product_acquisition(path: Path, heights: Path, polarisation: str | None) -> 
     from radcal.scene.model import Scene
     from radcal.sentinel1.overpass import overpass_unchecked
 
-    with open_raster(heights) as raster:
-        check_blocks(raster)
+    with _raster(heights, "scene.elevation") as raster:
         shape = (min(raster.height, _HEIGHTS_PX), min(raster.width, _HEIGHTS_PX))
         coarse = raster.read(1, out_shape=shape, masked=True).astype(np.float64)
-        down, across = raster.height / shape[0], raster.width / shape[1]
-        middle = float(np.median(coarse.compressed())) if coarse.count() else 0.0
-        crs, t = crs_of(raster), raster.transform
+        crs, transform = crs_of(raster), raster.transform
+        transform *= transform.scale(raster.width / shape[1], raster.height / shape[0])
     if crs is None:
         raise ConfigError(f"scene.elevation: {heights} has no CRS, expected heights on the map for a Sentinel-1 image.")
     scene = Scene(
         identity="",
         names=("ground",),
         material=np.ones(shape, np.uint8),
-        elevation_m=np.asarray(coarse.filled(middle)),
+        elevation_m=np.asarray(coarse.filled(np.median(coarse.compressed()) if coarse.count() else 0.0)),
         cell_m=1.0,  # the acquisition does not depend on it
         crs=horizontal(crs).to_wkt(),
-        transform=(t.a * across, t.b * down, t.c, t.d * across, t.e * down, t.f),
+        transform=tuple(transform)[:6],
         vertical_datum=vertical_datum(crs),
     )
     radar = Radar(polarisation=polarisation) if polarisation else Radar()
@@ -176,33 +171,38 @@ def code_counts(path: Path) -> dict[int, int]:
     """
     from rasterio.windows import Window
 
-    counts: dict[int, int] = {}
+    counts = Counter[int]()
+    with _raster(path, "scene.materials") as raster:
+        if np.dtype(raster.dtypes[0]).kind not in "ui":
+            raise ConfigError(f"scene.materials: {path} holds {raster.dtypes[0]}, expected whole material ids.")
+        rows = max(1, _STRIP_VALUES // raster.width)
+        for first in range(0, raster.height, rows):
+            strip = Window(0, first, raster.width, min(rows, raster.height - first))
+            codes, times = np.unique(raster.read(1, window=strip, masked=True).compressed(), return_counts=True)
+            counts.update(dict(zip(codes.tolist(), times.tolist(), strict=True)))
+    return dict(sorted(counts.items()))
+
+
+@contextmanager
+def _raster(path: Path, key: str) -> Iterator[Any]:
+    """Context with an open raster, in which whatever a damaged file raises becomes a ConfigError."""
     try:
         with open_raster(path) as raster:
             check_blocks(raster)
-            if np.dtype(raster.dtypes[0]).kind not in "ui":
-                raise ConfigError(f"scene.materials: {path} holds {raster.dtypes[0]}, expected whole material ids.")
-            rows = max(1, _STRIP_VALUES // raster.width)
-            for first in range(0, raster.height, rows):
-                strip = Window(0, first, raster.width, min(rows, raster.height - first))
-                codes, times = np.unique(raster.read(1, window=strip, masked=True).compressed(), return_counts=True)
-                for code, count in zip(codes.tolist(), times.tolist(), strict=True):
-                    counts[code] = counts.get(code, 0) + count
-    except ConfigError:
+            yield raster
+    except RadcalError:
         raise
-    except Exception as error:  # as above
-        raise ConfigError(f"scene.materials: {path} cannot be read as a raster ({error}).") from None
-    return dict(sorted(counts.items()))
+    except Exception as error:  # the libraries' exceptions for damaged files have no common base class
+        raise ConfigError(f"{key}: {path} cannot be read as a raster ({error}).") from None
 
 
 def _name(description: str | None) -> str:
     text = (description or "").strip()
-    return next((name for name in _POLARISATIONS if name in text.upper().replace("_", " ").split()), text)
+    return next((name for name in POLARISATIONS if name in text.upper().replace("_", " ").split()), text)
 
 
 def _sample(raster: Any, band: int) -> NDArray[Any]:
     """Finite numbers of a band, of at most 1024 x 1024 pixels."""
-    check_blocks(raster)
     shape = (min(raster.height, _SAMPLE_PX), min(raster.width, _SAMPLE_PX))
     values = raster.read(band, out_shape=shape, masked=True).compressed()
     values = values if np.iscomplexobj(values) else values.astype(np.float64)

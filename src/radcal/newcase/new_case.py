@@ -1,40 +1,39 @@
-"""New case file in commented YAML: a template with the values of options and the properties of the input files."""
+"""New case file: the template, filled with the values of options and with what the input files say."""
 
 from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from radcal.bands import WIDTH_FACTOR, letter_band
 from radcal.config import FILL_IN, Uncertainty, load_with_problems
 from radcal.config.undecided import EXAMPLES, Undecided
-from radcal.config.yaml_file import read_value
 from radcal.errors import ConfigError
 from radcal.image.acquisition import radar_keys
-from radcal.newcase.file_facts import RasterFacts, code_counts, product_acquisition, raster_facts
-from radcal.newcase.new_materials import Raw, fixed_laws, material_lines, scalar
+from radcal.newcase.file_facts import POLARISATIONS, RasterFacts, code_counts, product_acquisition, raster_facts
+from radcal.newcase.new_materials import fixed_laws, new_materials
+from radcal.newcase.template import TEMPLATE
 from radcal.reading.safe import is_safe_name
 from radcal.scene.names import read_names
 from radcal.sections.base import check_case_name
 from radcal.storage.files import atomic
 from radcal.tables.landcover import LANDCOVERS
-from radcal.tables.sensors import SENSORS
+from radcal.tables.sensors import SENSORS, Sensor
 
 __all__ = ["NewCase", "case_path"]
 
-_DEPRESSION_DEG, _SAMPLING = 45.0, 1.4  # of the default pass: depression, and resolution over pixel spacing
+_INCIDENCE_DEG, _SAMPLING = 45.0, 1.4  # of the default pass: incidence, and resolution over pixel spacing
 _SYNTHETIC, _NONE = "synthetic", "none"  # words in place of the path of a measured image
-_HIDDEN = (
-    " # hidden laws, which the calibration is to find: drawn by the seed of the default case, another one for each "
-    "material, about the level of its start"
-)
-_OF_FILES = (  # the remark on a given file describes the file's content instead of the key
-    "scene.elevation", "scene.materials", "scene.labels", "measurement.path", "measurement.band", "measurement.scale",
-)  # fmt: skip
+_NOT_ON_THE_MAP = {"scene.labels", "scene.near_incidence_deg", "scene.far_incidence_deg"}
+_NOT_IN_SLANT_RANGE = {
+    "scene.elevation", "scene.materials", "scene.vertical_datum",
+    "radar.altitude_m", "radar.depression_deg", "radar.look_side", "radar.heading_deg",
+}  # fmt: skip
 
 
 def case_path(case: str) -> Path:
@@ -55,13 +54,13 @@ class NewCase:
         Case file to be written.
     given : mapping
         Values by key, such as ``radar.looks``; ``measurement.path`` may be ``synthetic`` or ``none``.
-    texts : mapping
-        Description of each key, for the comments; the order of the keys is that of the lines in section ``radar``.
-    optional : set of str
-        Keys whose default is right in most cases.
 
     Attributes
     ----------
+    forward : bool
+        Whether the case is for ``radcal simulate`` alone, without a measured image.
+    text : str
+        Case in YAML, with its comments.
     undecided : list of str
         Keys without a value, whose lines are marked.
 
@@ -72,225 +71,48 @@ class NewCase:
         refuses the case: the message then has one line for each mistake.
     """
 
-    def __init__(self, path: Path, given: Mapping[str, Any], texts: Mapping[str, str], optional: set[str]) -> None:
-        if path.exists():
-            raise ConfigError(f"{path}: exists, and radcal new overwrites nothing: type another name.")
+    def __init__(self, path: Path, given: Mapping[str, Any]) -> None:
+        _refuse_existing(path, "type another name")
         check_case_name(path.stem, str(path))
-        self.path, self.name, self._texts, self._optional = path, path.stem, texts, optional
-        self._values = {"scene.source": "raster", **given}
-        self._given = list(given)
-        self._notes: dict[str, str] = {}
-        self._names: dict[int, str] = {}
-        self._counts: dict[int, int] = {}
-        self._levels_db: tuple[float, float, float] | None = None
-        self._heights = self._facts("scene.elevation")
-        self._read_scene()
-        self._read_image()
-        frequency, looks = self._values.get("radar.frequency_ghz"), self._values.get("radar.looks")
-        if frequency is not None and (letter := letter_band(frequency * 1e9)) is not None:
-            self._values.setdefault("radar.band", letter)
-        if looks is not None and float(looks).is_integer():
-            self._values["radar.looks"] = int(looks)
-        self._materials, self.undecided = self._material_lines()
-        sections = ("scene", "radar") if self.forward else ("scene", "measurement", "radar")
-        self._sections = {name: getattr(self, f"_{name}_keys")() for name in sections}
-        for section, keys in self._sections.items():
-            self.undecided += [f"{section}.{key}" for key in keys if f"{section}.{key}" not in self._values]
-        # the name of the case is checked above, with its path
-        data = {key: value for key, value in read_value(self._text(), "radcal new").items() if key != "case"}
-        found = [one for one in load_with_problems([], data).found if not isinstance(one.about, Undecided)]
-        if found:
-            raise ConfigError("\nradcal: ".join(str(one).removeprefix("configuration: ") for one in found))
-
-    @property
-    def forward(self) -> bool:
-        """Whether the case is for ``radcal simulate`` alone, without a measured image."""
-        return self._values.get("measurement.path") == _NONE
-
-    @property
-    def _synthetic(self) -> bool:
-        return self._values.get("measurement.path") == _SYNTHETIC
-
-    @property
-    def _slant(self) -> bool:
-        return bool(self._values["scene.source"] == "slant_range")
-
-    def _path(self, key: str) -> Path:
-        return Path(self._values[key]).expanduser()
-
-    def _facts(self, key: str, numbers: bool = False) -> RasterFacts | None:
-        facts = raster_facts(self._path(key), key, numbers) if key in self._values else None
-        if facts is not None:
-            self._notes[key] = facts.sentence()
-        return facts
-
-    def _read_scene(self) -> None:
-        if self._heights is not None and self._heights.datum is not None:
-            self._notes["scene.elevation"] += f", heights above {self._heights.datum}"
-            self._values.setdefault("scene.vertical_datum", "")  # known from the file: no line is needed
-        elif self.forward:  # what the heights refer to matters only to a measured image
-            self._values["scene.vertical_datum"] = "local"
-        cover = self._facts("scene.materials")
-        if cover is None:
-            return
-        if cover.crs is None and self._heights is None:
-            self._values |= {"scene.source": "slant_range", "scene.labels": self._values["scene.materials"]}
-            self._notes["scene.labels"] = self._notes["scene.materials"]
-        path = self._path("scene.materials")
-        self._counts = {code: count for code, count in code_counts(path).items() if code != 0}
-        self._names = {code: f"code_{code}" for code in self._counts}
-        preset = LANDCOVERS.get(self._values.get("scene.landcover", ""))
-        if "scene.names" in self._values:
-            self._names = read_names(self._path("scene.names"), self._counts, path)
-        elif preset is not None:
-            if unknown := [str(code) for code in self._counts if code not in preset]:
-                codes = ", ".join(unknown)
-                raise ConfigError(f"scene.landcover: the map has no code {codes} of {path}, expected --names.")
-            self._names = {code: preset[code].name for code in self._counts}
-            self._values["scene.names"] = ""  # known from the preset: no line is needed
-        elif fits := [name for name, codes in LANDCOVERS.items() if codes.keys() >= self._counts.keys()]:
-            self._notes["scene.names"] = f"maps with these codes (--landcover-preset): {', '.join(fits)}"
-
-    def _read_image(self) -> None:
-        self._values["measurement.source"] = "file"
-        if self._synthetic or self.forward:
-            self._values["measurement.source"] = self._values["measurement.path"]
-            sensor = SENSORS.get(self._values.get("radar.sensor", ""))
-            if self._heights is not None and not (sensor and "range_spacing_m" in sensor.values):
-                self._note_spacing(self._heights, "cells", _DEPRESSION_DEG)
-            for way in ("range", "azimuth"):
-                if (spacing := self._values.get(f"radar.{way}_spacing_m")) is not None:
-                    self._values.setdefault(f"radar.{way}_resolution_m", float(f"{_SAMPLING * spacing:.4g}"))
-        elif is_safe_name(self._values.get("measurement.path", "")):
+        self.path = path
+        self._values = dict(given)
+        self._comments: dict[str, str] = {}
+        self._unneeded: set[str] = set()  # keys of the template without which the case is complete
+        chosen, fixed = (self._values.pop(f"materials.{key}", []) for key in ("calibrated", "fixed"))
+        image = self._values.get("measurement.path", "")
+        self.forward = image == _NONE
+        self._made_up: dict[Path, dict[int, str]] = {}  # names of the codes, if no file of names was given
+        heights = self._facts("scene.elevation")
+        names, counts = self._read_scene(heights)
+        levels_db = None
+        if image in (_NONE, _SYNTHETIC):
+            self._invent_image(heights)
+        elif is_safe_name(image):
             self._read_product()
         else:
-            self._read_file()
-
-    def _read_product(self) -> None:
-        """Fill section ``radar`` from the annotation of a SAFE folder, computed for the scene's heights."""
-        for key in ("band", "scale", "radiometry"):
-            self._values.setdefault(f"measurement.{key}", "")
-        if "scene.elevation" not in self._values:
-            return
-        path, polarisation = self._path("measurement.path"), self._values.get("radar.polarisation")
-        if not path.exists():
-            raise ConfigError(f"measurement.path: the folder {path} does not exist.")
-        found = product_acquisition(path, self._path("scene.elevation"), polarisation)
-        self._notes["measurement.path"] = f"{found.sensor}, {found.pass_direction}, {found.start}"
-        for key, (value, remark) in radar_keys(found).items():
-            other = "radar.depression_deg" if key == "incidence_deg" else ""
-            if f"radar.{key}" not in self._given and other not in self._given:
-                self._values[f"radar.{key}"] = Raw(str(value)) if isinstance(value, list) else value
-                self._notes[f"radar.{key}"] = "; ".join(text for text in ("of the product", remark) if text)
-
-    def _read_file(self) -> None:
-        """Band, scale, polarisation, pixel spacing and levels of an image in a raster."""
-        facts = self._facts("measurement.path", numbers=True)
-        band = self._values.get("measurement.band")
-        if facts is None or len(facts.bands) == 1:
-            self._values.setdefault("measurement.band", "")  # the only band: no line is needed
-        if facts is None:
-            return
-        if len(facts.bands) == 1:
-            band = band or 1
-        elif band is None and (wanted := self._values.get("radar.polarisation")) in facts.bands:
-            band = self._values["measurement.band"] = facts.bands.index(wanted) + 1
-        listed = ", ".join(f"{k} {name or 'without a name'}" for k, name in enumerate(facts.bands, start=1))
-        self._notes["measurement.band"] = f"bands of the file: {listed}"
-        if (scale := facts.scale(band)) is not None:
-            self._values.setdefault("measurement.scale", scale)
-        if band is None:
-            return
-        if not 1 <= band <= len(facts.bands):
-            path = self._values["measurement.path"]
-            raise ConfigError(f"measurement.band is {band}, {path} has {len(facts.bands)}.")
-        if facts.bands[band - 1] in ("HH", "HV", "VH", "VV"):
-            self._values.setdefault("radar.polarisation", facts.bands[band - 1])
-        self._levels_db = facts.levels_db(band, self._values.get("measurement.scale"))
-        if self._levels_db is not None:
-            low, middle, high = self._levels_db
-            self._notes["measurement.scale"] = f"levels of {low:.3g} to {high:.3g} dB, median {middle:.3g} dB"
-        self._note_spacing(facts, "the image's pixels")
-
-    def _note_spacing(self, facts: RasterFacts, of: str, otherwise_deg: float | None = None) -> None:
-        """Set the pixel spacings with which simulated pixels are as large as the pixels of a raster on the map."""
-        if facts.pixel_m is None:
-            return
-        east, north = facts.pixel_m
-        depression = self._values.get("radar.depression_deg", otherwise_deg)
-        if (incidence := self._values.get("radar.incidence_deg")) is not None:
-            depression = 90.0 - incidence  # used here as the angle between slant range and level ground
-        incidence_deg = 90.0 - (_DEPRESSION_DEG if depression is None else depression)
-        sensor = SENSORS.get(self._values.get("radar.sensor", ""))
-        known = {} if sensor is None else sensor.values_at(incidence_deg)
-        # an image whose pixels are too large for the sensor's resolution was resampled: the sensor's spacing stays
-        pixels = {"range": east * math.sin(math.radians(incidence_deg)), "azimuth": north}
-        if any(
-            f"{way}_spacing_m" in known and size * WIDTH_FACTOR > known.get(f"{way}_resolution_m", math.inf)
-            for way, size in pixels.items()
-        ):
-            return
-        notes = {"azimuth": f"as {of}", "range": f"{of} of {east:.4g} m times the cosine of the depression angle"}
-        for way, note in notes.items():
-            key = f"radar.{way}_spacing_m"
-            if key not in self._values:
-                self._notes[key] = note
-                if way == "azimuth" or depression is not None:
-                    self._values[key] = float(f"{pixels[way]:.4g}")
-
-    def _with_given(self, section: str, keys: list[str]) -> list[str]:
-        """Keys of a section and those that were given, which the configuration refuses if the section lacks them."""
-        given = [key.partition(".")[2] for key in self._given if key.startswith(f"{section}.")]
-        return [*keys, *(key for key in given if key not in keys)]
-
-    def _scene_keys(self) -> list[str]:
-        if self._slant:
-            keys = self._with_given("scene", ["source", "labels", "names", "near_incidence_deg", "far_incidence_deg"])
-            return [key for key in keys if key != "materials"]  # they are the labels
-        preset = ["landcover"] if "scene.landcover" in self._values else []
-        return self._with_given("scene", ["source", "elevation", "materials", *preset, "names", "vertical_datum"])
-
-    def _measurement_keys(self) -> list[str]:
-        if self._synthetic:
-            return [key for key in self._with_given("measurement", ["source", "synthetic"]) if key != "path"]
-        if self._values.get("measurement.radiometry") != "":  # else the product defines it
-            self._values["measurement.radiometry"] = self._values.get("radar.radiometry", FILL_IN)
-            self._notes["measurement.radiometry"] = "the same as in section radar"
-        return self._with_given("measurement", ["source", "path", "band", "scale", "radiometry"])
-
-    def _radar_keys(self) -> list[str]:
-        # a land cover in slant range has no track, and of an invented pass the defaults are as good as any
-        track = {"radar.altitude_m", "radar.depression_deg", "radar.look_side", "radar.heading_deg"}
-        may_lack = self._optional | {"radar.band"} | (track if self._slant else set())
-        needed = set[str]()
-        if "radar.incidence_deg" in self._values:
-            may_lack.add("radar.depression_deg")
-        if (sensor := SENSORS.get(self._values.get("radar.sensor", ""))) is not None:
-            # keys that the sensor gives are optional; radiometry is not given by a sensor
-            may_lack |= {f"radar.{key}" for key in (*sensor.values, "depression_deg", "frequency_ghz")}
-            own = {key.removeprefix("radar."): x for key, x in self._values.items() if key.startswith("radar.")}
-            needed = {f"radar.{key}" for key in sensor.missing(own)}
-            needed |= {"radar.heading_deg"} if sensor.orbit and not self._slant else set()
-        invented = self._synthetic or self.forward
-        return [
-            key.removeprefix("radar.")
-            for key in (*self._texts, "radar.band")
-            if key.startswith("radar.") and (key in self._values or key in needed or not (invented or key in may_lack))
-        ]
-
-    def _material_lines(self) -> tuple[list[str], list[str]]:
-        """Lines of section ``materials`` and undecided keys; a synthetic image gets hidden laws of the materials."""
-        chosen, preset = self._values.get("materials.calibrated", []), self._values.get("scene.landcover")
-        if self.forward and (unused := [key for key in self._given if re.match("measurement.(?!path)", key)] or chosen):
+            levels_db = self._read_file()
+        if self.forward and (unused := [*(key for key in self._values if key.startswith("measurement.")), *chosen]):
             raise ConfigError(f"{unused[0]} is given, and --image none makes a case without a measured image.")
-        fixed = fixed_laws(self._values.get("materials.fixed", []))
-        made = material_lines(
-            self._names, self._counts, chosen, fixed, preset, not self.forward, levels_db=self._levels_db
+        preset = self._values.get("scene.landcover")
+        materials, about, hidden = new_materials(
+            names, counts, chosen, fixed_laws(fixed), preset, not self.forward, levels_db
         )
-        if self._synthetic:
-            laws = "".join(f"\n      {scalar(name)}: {x}" for name, x in made.hidden.items()) or " {}"
-            self._values["measurement.synthetic"] = Raw(f"{_HIDDEN}\n    parameters:{laws}")
-        return made.lines, made.undecided
+        if image == _SYNTHETIC:
+            self._values["measurement.synthetic"] = {"parameters": hidden}
+        self._complete()
+        self.undecided: list[str] = []
+        case = {**self._filled(), "materials": materials}
+        if any(FILL_IN in material.get("parameters", ()) for material in materials.values()):
+            self.undecided.append("materials.fixed")
+        # the file of names need not exist yet
+        checked = {**case, "scene": {**case["scene"], "names": FILL_IN}}
+        found = [one for one in load_with_problems([], checked).found if not isinstance(one.about, Undecided)]
+        if found:
+            raise ConfigError("\nradcal: ".join(str(one).removeprefix("configuration: ") for one in found))
+        self.text = "# Written by radcal new. Every other key has a default (config/config.yaml).\n"
+        if self.undecided:
+            self.text += f"# Write a value in place of each {FILL_IN}, as its comment says; radcal check lists them.\n"
+        self.text += "\n".join(_lines({"case": path.stem, **case}, self._comments | about)) + "\n"
 
     def write(self) -> list[str]:
         """Write the case, and the names of the codes if no file of names was given.
@@ -300,46 +122,203 @@ class NewCase:
         list of str
             Sentences about the files that were written.
         """
-        said = []
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        if self._names and "scene.names" not in self._values:
-            names = self.path.with_name(f"{self.name}_names.json")
-            if names.exists():
-                raise ConfigError(f"{names}: exists, and radcal new overwrites nothing: give it with --names.")
-            with atomic(names) as partial:
-                partial.write_text(json.dumps({str(k): v for k, v in self._names.items()}, indent=1) + "\n", "utf-8")
-            self._values["scene.names"] = str(names)
-            self.undecided.remove("scene.names")
-            said.append(f"{names}: names of {len(self._names)} codes, made up: change them there and in the case.")
-        with atomic(self.path) as partial:
-            partial.write_text(self._text(), "utf-8")
-        return [*said, f"{self.path}: written."]
+        files = {path: json.dumps(names, indent=1) + "\n" for path, names in self._made_up.items()}
+        for path, text in {**files, self.path: self.text}.items():
+            with atomic(path) as partial:
+                partial.write_text(text, "utf-8")
+        made_up = [
+            f"{path}: names of {len(names)} codes, made up: change them there and in the case."
+            for path, names in self._made_up.items()
+        ]
+        return [*made_up, f"{self.path}: written."]
 
-    def _text(self) -> str:
-        """Case in YAML, with its comments."""
-        lines = ["# Written by radcal new. Every other key has a default (config/config.yaml)."]
-        if self.undecided:
-            lines += [
-                f"# Write a value in place of each {FILL_IN}, as the example in its line; radcal check lists them."
-            ]
-        lines.append(f"case: {self.name}")
-        for section, keys in self._sections.items():
-            lines.append(f"{section}:" + " {}  # as in config/config.yaml" * (not keys))
-            for key in keys:
-                name = f"{section}.{key}"
-                value = self._values.get(name, FILL_IN)
-                if value == "":
-                    continue
-                told = name in self._notes and name in _OF_FILES
-                comment = "" if told else self._texts.get(name, "")
-                if name == "scene.names":  # what follows is about the option, not about the key
-                    comment = comment.partition(";")[0]
-                such = f"for example {key}: {EXAMPLES[name]}" if value == FILL_IN and name in EXAMPLES else ""
-                about = "; ".join(text for text in (comment, self._notes.get(name, ""), such) if text)
-                lines.append(f"  {key}: {scalar(value)}" + (f"  # {about}" if about else ""))
-        if not (self._synthetic or self.forward):
-            lines += [
-                f"uncertainty:\n  level_db: {Uncertainty().level_db:g}  # standard error of the image's absolute level "
-                "[dB], often most of a band; the default is a third of Sentinel-1's 1 dB"
-            ]
-        return "\n".join([*lines, "materials:", *self._materials]) + "\n"
+    def _path(self, key: str) -> Path:
+        return Path(self._values[key]).expanduser()
+
+    def _facts(self, key: str, numbers: bool = False) -> RasterFacts | None:
+        facts = raster_facts(self._path(key), key, numbers) if key in self._values else None
+        if facts is not None:
+            self._comments[key] = str(facts)
+        return facts
+
+    def _of_radar(self) -> dict[str, Any]:
+        return {key.removeprefix("radar."): x for key, x in self._values.items() if key.startswith("radar.")}
+
+    @property
+    def _sensor(self) -> Sensor | None:
+        return SENSORS.get(self._values.get("radar.sensor", ""))
+
+    def _read_scene(self, heights: RasterFacts | None) -> tuple[dict[int, str], dict[int, int]]:
+        """Section ``scene``; returns name and number of pixels of each code of the land cover."""
+        if heights is not None and heights.datum is not None:
+            self._comments["scene.elevation"] += f", heights above {heights.datum}"
+            self._unneeded.add("scene.vertical_datum")
+        elif self.forward:  # what the heights refer to matters only to a measured image
+            self._values["scene.vertical_datum"] = "local"
+        cover = self._facts("scene.materials")
+        path = None if cover is None else self._path("scene.materials")
+        slant = cover is not None and cover.crs is None and heights is None
+        self._values["scene.source"] = "slant_range" if slant else "raster"
+        self._unneeded |= _NOT_IN_SLANT_RANGE if slant else _NOT_ON_THE_MAP
+        if slant:
+            self._values["scene.labels"] = self._values.pop("scene.materials")
+            self._comments["scene.labels"] = str(cover)
+        counts = {} if path is None else {code: count for code, count in code_counts(path).items() if code != 0}
+        if path is None or not counts:
+            return {}, {}
+        preset = LANDCOVERS.get(self._values.get("scene.landcover", ""))
+        if "scene.names" in self._values:
+            return read_names(self._path("scene.names"), counts, path), counts
+        if preset is not None:
+            if unknown := ", ".join(str(code) for code in counts if code not in preset):
+                raise ConfigError(f"scene.landcover: the map has no code {unknown} of {path}, expected --names.")
+            self._unneeded.add("scene.names")
+            return {code: preset[code].name for code in counts}, counts
+        if fits := ", ".join(name for name, codes in LANDCOVERS.items() if codes.keys() >= counts.keys()):
+            self._comments["scene.names"] = f"maps with these codes (--landcover-preset): {fits}"
+        beside = self.path.with_name(f"{self.path.stem}_names.json")
+        _refuse_existing(beside, "give it with --names")
+        self._values["scene.names"] = str(beside)
+        self._made_up[beside] = {code: f"code_{code}" for code in counts}
+        return self._made_up[beside], counts
+
+    def _invent_image(self, heights: RasterFacts | None) -> None:
+        """Sections of a case without a measured image, of which the defaults are as good as any."""
+        word = self._values.pop("measurement.path")
+        if word == _SYNTHETIC:
+            self._values["measurement.source"] = word
+        self._unneeded |= {key for key in TEMPLATE if key.startswith(("measurement.", "radar."))}
+        if not (self._sensor and "range_spacing_m" in self._sensor.values):
+            self._set_spacing(heights, "the cells", _INCIDENCE_DEG)
+        for way in ("range", "azimuth"):
+            if (spacing := self._values.get(f"radar.{way}_spacing_m")) is not None:
+                self._values.setdefault(f"radar.{way}_resolution_m", float(f"{_SAMPLING * spacing:.4g}"))
+
+    def _read_product(self) -> None:
+        """Section ``radar`` from the annotation of a SAFE folder, computed for the scene's heights."""
+        self._unneeded |= {"measurement.band", "measurement.scale", "measurement.radiometry"}
+        if "scene.elevation" not in self._values:
+            return
+        path = self._path("measurement.path")
+        if not path.exists():
+            raise ConfigError(f"measurement.path: the folder {path} does not exist.")
+        found = product_acquisition(path, self._path("scene.elevation"), self._values.get("radar.polarisation"))
+        self._comments["measurement.path"] = f"{found.sensor}, {found.pass_direction}, {found.start}"
+        for key, (value, remark) in radar_keys(found).items():
+            of_other = key == "incidence_deg" and "radar.depression_deg" in self._values
+            if not of_other and f"radar.{key}" not in self._values:
+                self._values[f"radar.{key}"] = value
+                self._comments[f"radar.{key}"] = "of the product" + f"; {remark}" * bool(remark)
+
+    def _read_file(self) -> tuple[float, float, float] | None:
+        """Band, scale, polarisation and pixel spacing of an image in a file; returns its levels [dB], if known."""
+        facts, band = self._facts("measurement.path", numbers=True), self._values.get("measurement.band")
+        if facts is None or len(facts.bands) == 1:
+            self._unneeded.add("measurement.band")
+        if facts is None:
+            return None
+        if band is None and len(facts.bands) == 1:
+            band = 1
+        elif band is None and (wanted := self._values.get("radar.polarisation")) in facts.bands:
+            band = self._values["measurement.band"] = facts.bands.index(wanted) + 1
+        listed = ", ".join(f"{k} {name or 'without a name'}" for k, name in enumerate(facts.bands, start=1))
+        self._comments["measurement.band"] = f"bands of the file: {listed}"
+        if (scale := facts.scale(band)) is not None:
+            self._values.setdefault("measurement.scale", scale)
+        if band is None:
+            return None
+        if not 1 <= band <= len(facts.bands):
+            path = self._values["measurement.path"]
+            raise ConfigError(f"measurement.band is {band}, {path} has {len(facts.bands)}.")
+        if facts.bands[band - 1] in POLARISATIONS:
+            self._values.setdefault("radar.polarisation", facts.bands[band - 1])
+        self._set_spacing(facts, "the image's pixels")
+        levels_db = facts.levels_db(band, self._values.get("measurement.scale"))
+        if levels_db is not None:
+            low, middle, high = levels_db
+            self._comments["measurement.scale"] = f"levels of {low:.3g} to {high:.3g} dB, median {middle:.3g} dB"
+        return levels_db
+
+    def _set_spacing(self, facts: RasterFacts | None, of: str, otherwise_deg: float | None = None) -> None:
+        """Set the pixel spacings with which simulated pixels are as large as the pixels of a raster on the map."""
+        if facts is None or facts.pixel_m is None:
+            return
+        radar = self._of_radar()
+        depression_deg = radar.get("depression_deg")
+        incidence_deg = radar.get("incidence_deg", otherwise_deg if depression_deg is None else 90.0 - depression_deg)
+        east, north = facts.pixel_m
+        sensor = {} if self._sensor is None else self._sensor.values_at(incidence_deg or _INCIDENCE_DEG)
+        pixels = {
+            "range": east * math.sin(math.radians(incidence_deg or _INCIDENCE_DEG)),
+            "azimuth": north,
+        }
+        # an image whose pixels are too large for the sensor's resolution was resampled: the sensor's spacing stays
+        if any(
+            f"{way}_spacing_m" in sensor and size * WIDTH_FACTOR > sensor.get(f"{way}_resolution_m", math.inf)
+            for way, size in pixels.items()
+        ):
+            return
+        notes = {"azimuth": f"as {of}", "range": f"{of} of {east:.4g} m times the sine of the incidence"}
+        for way, note in notes.items():
+            if f"{way}_spacing_m" not in radar:
+                self._comments[f"radar.{way}_spacing_m"] = note
+                if way == "azimuth" or incidence_deg is not None:
+                    self._values[f"radar.{way}_spacing_m"] = float(f"{pixels[way]:.4g}")
+
+    def _complete(self) -> None:
+        """Keys that follow from the others, and those that a sensor leaves open."""
+        frequency, source = self._values.get("radar.frequency_ghz"), self._values["scene.source"]
+        if frequency is not None and (letter := letter_band(frequency * 1e9)) is not None:
+            self._values.setdefault("radar.band", letter)
+        if "radar.incidence_deg" in self._values:
+            self._unneeded.add("radar.depression_deg")
+        if self._sensor is not None:
+            self._unneeded |= {f"radar.{key}" for key in (*self._sensor.values, "depression_deg", "frequency_ghz")}
+            track = ["heading_deg"] if self._sensor.orbit and source == "raster" else []
+            for key in [*self._sensor.missing(self._of_radar()), *track]:
+                self._values.setdefault(f"radar.{key}", FILL_IN)
+        if "measurement.path" not in self._unneeded:
+            self._values |= {"measurement.source": "file", "uncertainty.level_db": Uncertainty().level_db}
+            if "measurement.radiometry" not in self._unneeded:
+                self._values["measurement.radiometry"] = self._values.get("radar.radiometry", FILL_IN)
+
+    def _filled(self) -> dict[str, dict[str, Any]]:
+        """Sections of the template with their values, and with comments on each line."""
+        filled = dict[str, dict[str, Any]]()
+        for key, line in TEMPLATE.items():
+            section, _, name = key.partition(".")
+            value = self._values.get(key, FILL_IN if line.needed and key not in self._unneeded else None)
+            if value is None:
+                continue
+            filled.setdefault(section, {})[name] = value
+            read = self._comments.get(key, "")
+            parts = [line.comment if value == FILL_IN or not read else "", read]
+            if value == FILL_IN:
+                self.undecided.append(key)
+                parts += [f"for example {name}: {EXAMPLES[key]}"] * (key in EXAMPLES)
+            self._comments[key] = "; ".join(part for part in parts if part)
+        return filled
+
+
+def _refuse_existing(path: Path, remedy: str) -> None:
+    if path.exists():
+        raise ConfigError(f"{path}: exists, and radcal new overwrites nothing: {remedy}.")
+
+
+def _lines(data: Mapping[str, Any], comments: Mapping[str, str], above: str = "", indent: str = "") -> list[str]:
+    """Lines in YAML: one for each key with its comment, and below it those of a section."""
+    lines = []
+    for key, value in data.items():
+        place, section = f"{above}{key}", isinstance(value, dict) and value
+        text = f"{indent}{_scalar(key)}:" + ("" if section else f" {_scalar(value)}")
+        lines.append(text + (f"  # {comments[place]}" if comments.get(place) else ""))
+        if section:
+            lines += _lines(value, comments, f"{place}.", f"{indent}  ")
+    return lines
+
+
+def _scalar(value: Any) -> str:
+    value = int(value) if isinstance(value, float) and value.is_integer() else value
+    text = yaml.safe_dump(value, default_flow_style=True, allow_unicode=True, width=math.inf)
+    return text.removesuffix("\n").removesuffix("\n...")

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from radcal.config import FILL_IN, Case
 from radcal.errors import ConfigError
 from radcal.seeds import derived_rng
-from radcal.tables.landcover import StartingLevel, starting_keys, starting_levels
+from radcal.tables.landcover import starting_keys, starting_levels
 
-__all__ = ["Fixed", "Materials", "Raw", "fixed_laws", "material_lines", "scalar"]
+__all__ = ["fixed_laws", "new_materials"]
 
 _X1 = (-40.0, 0.0)  # bounds of X1 [dB] where no level is read from an image
 _AROUND_DB = 10.0  # distance of the bounds of X1 from the levels of the image
@@ -26,62 +25,17 @@ _DRAWN, _AWAY_DB = (0.1, 0.7), 2.0
 _MIDDLE = math.radians(45.0)  # incidence of that level
 _CONSTANT = "constant_gamma"
 _NUMBERS = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?(\s*,\s*[-+]?\d+(\.\d*)?([eE][-+]?\d+)?)*")
-_PLAIN = re.compile(r"[A-Za-z./~$][A-Za-z0-9_./${}-]*")
-_NOT_TEXT = ("y", "n", "yes", "no", "on", "off", "true", "false", "null", "~")
 
 
-class Raw(str):
-    """Text in YAML, which is written without change."""
-
-    __slots__ = ()
-
-
-def scalar(value: object) -> str:
-    """Text of a value in YAML."""
-    if isinstance(value, Raw):
-        return value
-    if isinstance(value, str):
-        plain = _PLAIN.fullmatch(value) and value.lower() not in _NOT_TEXT
-        return value if plain else json.dumps(value, ensure_ascii=False)
-    return f"{value:.10g}" if isinstance(value, float) else str(value)
-
-
-@dataclass(frozen=True)
-class Fixed:
-    """Law of a material that is not calibrated, and its parameters in the units of the law."""
-
-    law: str
-    parameters: tuple[float, ...]
-
-
-@dataclass
-class Materials:
-    """Content of section ``materials`` in a new case file.
-
-    Attributes
-    ----------
-    lines : list of str
-        Lines in YAML.
-    hidden : dict
-        Parameters of the hidden law of each material to calibrate, in YAML, for a synthetic image.
-    undecided : list of str
-        Keys without a value; a key that lacks several values is repeated.
-    """
-
-    lines: list[str] = field(default_factory=list)
-    hidden: dict[str, str] = field(default_factory=dict)
-    undecided: list[str] = field(default_factory=list)
-
-
-def fixed_laws(words: Iterable[str]) -> dict[str, Fixed]:
-    """Laws of materials by name, from words such as ``water=-17`` (gamma in dB) or ``road=mangia:-28,8,14,8``.
+def fixed_laws(words: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """Law and parameters of materials, from words such as ``water=-17`` (gamma in dB) or ``road=mangia:-28,8,14,8``.
 
     Raises
     ------
     ConfigError
         A word has another form, or two laws are given for a material.
     """
-    found = dict[str, Fixed]()
+    found = dict[str, dict[str, Any]]()
     for word in words:
         name, _, said = (part.strip() for part in word.partition("="))
         law, colon, numbers = said.rpartition(":")
@@ -89,20 +43,23 @@ def fixed_laws(words: Iterable[str]) -> dict[str, Fixed]:
             raise ConfigError(f"--fixed {word}: expected NAME=DB such as water=-17, or NAME=LAW:X1,X2,... of its law.")
         if name in found:
             raise ConfigError(f"--fixed {word}: a law of {name} is given twice, expected once.")
-        found[name] = Fixed(law if colon else _CONSTANT, tuple(float(text) for text in numbers.split(",")))
+        found[name] = {
+            "law": law if colon else _CONSTANT,
+            "parameters": [float(text) for text in numbers.split(",")],
+        }
     return found
 
 
-def material_lines(
+def new_materials(
     names: Mapping[int, str],
     counts: Mapping[int, int],
     calibrated: Sequence[str],
-    fixed: Mapping[str, Fixed],
+    fixed: Mapping[str, Mapping[str, Any]],
     landcover: str | None,
     calibrates: bool = True,
     levels_db: tuple[float, float, float] | None = None,
-) -> Materials:
-    """Lines of all materials: bounds and start for the materials to calibrate, and laws for the other materials.
+) -> tuple[dict[str, dict[str, Any]], dict[str, str], dict[str, list[float]]]:
+    """Bounds and start of the materials to calibrate, and laws of the other materials.
 
     Parameters
     ----------
@@ -119,6 +76,15 @@ def material_lines(
     levels_db : (float, float, float), optional
         Lowest, median and highest level of the measured image [dB], about which X1 is searched.
 
+    Returns
+    -------
+    materials : dict
+        Section ``materials``.
+    comments : dict
+        Comments by key in dotted form.
+    hidden : dict
+        Parameters of the hidden law of each material to calibrate, for a synthetic image.
+
     Raises
     ------
     ConfigError
@@ -129,71 +95,52 @@ def material_lines(
             raise ConfigError(f"{name} has --material (it is calibrated) and --fixed (it is not), expected one.")
         if names and name not in names.values():
             raise ConfigError(f"there is no material {name!r} in the land cover (known: {', '.join(names.values())}).")
+    listed = list(names.values()) or [*calibrated, *fixed]
     chosen = calibrated or [name for name in names.values() if name not in fixed and calibrates]
-    listed: list[tuple[int | None, str]] = list(names.items()) or [
-        (None, name) for name in dict.fromkeys([*chosen, *fixed])
-    ]
-    others = [name for _, name in listed if name not in chosen and name not in fixed]
+    others = [name for name in listed if name not in chosen and name not in fixed]
     presets = [starting_keys(landcover, name, {}) for name in others] if landcover else []
-    taken = [one.parameters[0] for one in fixed.values() if one.law == _CONSTANT]
-    taken += [keys["parameters"][0] for keys in presets if keys]
+    taken = [keys["parameters"][0] for keys in (*fixed.values(), *presets) if keys.get("law") == _CONSTANT]
     x1 = _X1 if levels_db is None else (levels_db[0] - _AROUND_DB, levels_db[2] + _AROUND_DB)
     unknown = {} if levels_db is None else {"unknown_db": float(round(levels_db[1]))}
-    levels = starting_levels([name for _, name in listed if name in chosen], taken, **unknown)
-    found = Materials()
-    for code, name in listed:
-        seen = "" if code is None else f"  # code {code}: {counts.get(code, 0):,} of {sum(counts.values()):,} pixels"
-        found.lines.append(f"  {scalar(name)}:{seen}")
+    levels = starting_levels([name for name in listed if name in chosen], taken, **unknown)
+    materials, hidden = dict[str, dict[str, Any]](), dict[str, list[float]]()
+    pixels = sum(counts.values())
+    comments = {
+        f"materials.{name}": f"code {code}: {counts[code]:,} of {pixels:,} pixels" for code, name in names.items()
+    }
+    for name in listed:
+        about = dict[str, str]()
         if name in chosen:
             start = levels[name].start(-math.inf, math.inf)
-            low, high = _bounds(start, x1)
-            found.hidden[name] = _hidden(name, start, (low, high))
-            found.lines += [
-                "    calibrate: true",
-                "    law: mangia  # or another one of docs/laws.md",
-                f"    bounds: {[[low, high], *([0, upper] for upper in _UPPER)]}  # in dB: narrow them",
-                f"    start: [{', '.join(f'{x:g}' for x in start)}]  # {_about(name, levels[name])}; the image at the "
-                "start needs contrast",
-            ]
-        elif name not in fixed and landcover is not None:
-            found.lines.append(
-                "    calibrate: false  # with the starting law of docs/landcover.md: a guess of its level"
-            )
-        elif name not in fixed and not calibrates:  # one by one, because only a registration needs levels that differ
-            (level,) = starting_levels([name]).values()
-            found.lines.append(f"    law: {_CONSTANT}  # {_about(name, level)}")
-            found.lines.append(f"    parameters: [{level.gamma_db:g}]  # gamma [dB]")
+            # wider than about the image's levels if the start would lie near the bounds or outside
+            low = math.floor(min(math.floor((start[0] - _BELOW_DB) / _STEP_DB) * _STEP_DB, x1[0]))
+            high = math.ceil(max(math.ceil((start[0] + _ABOVE_DB) / _STEP_DB) * _STEP_DB, x1[1]))
+            bounds = [[low, high], *([0, upper] for upper in _UPPER)]
+            hidden[name] = _hidden(name, start, (low, high))
+            materials[name] = {"calibrate": True, "law": "mangia", "bounds": bounds, "start": start}
+            about = {"law": "or another one of docs/laws.md", "bounds": "in dB: narrow them"}
+            about["start"] = f"{levels[name]} (docs/landcover.md); the image at the start needs contrast"
         elif name in fixed:
-            found.lines.append(f"    law: {fixed[name].law}  # not calibrated")
-            found.lines.append(f"    parameters: [{', '.join(f'{x:.10g}' for x in fixed[name].parameters)}]")
-        else:
-            found.undecided.append("materials.fixed")
-            found.lines.append(f"    law: {_CONSTANT}  # not calibrated")
-            found.lines.append(f"    parameters: [{FILL_IN}]  # gamma [dB], for example parameters: [-15]")
+            materials[name], about["law"] = dict(fixed[name]), "not calibrated"
+        elif landcover is not None:
+            materials[name] = {"calibrate": False}
+            about["calibrate"] = "with the starting law of docs/landcover.md: a guess of its level"
+        elif calibrates:
+            materials[name] = {"law": _CONSTANT, "parameters": [FILL_IN]}
+            about = {"law": "not calibrated", "parameters": "gamma [dB], for example parameters: [-15]"}
+        else:  # one by one, because only a registration needs levels that differ
+            (level,) = starting_levels([name]).values()
+            materials[name] = {"law": _CONSTANT, "parameters": [level.gamma_db]}
+            about = {"law": f"{level} (docs/landcover.md)", "parameters": "gamma [dB]"}
+        comments |= {f"materials.{name}.{key}": text for key, text in about.items()}
     if not (names or chosen):
-        law = "{calibrate: true}" if calibrates else f"{{law: {_CONSTANT}, parameters: [-15]}}"
-        found.lines.append(f"  {FILL_IN}: {law}  # name of a material, and its law (docs/laws.md)")
-        found.undecided.append("materials")
-    return found
+        materials[FILL_IN] = {"calibrate": True} if calibrates else {"law": _CONSTANT, "parameters": [-15]}
+        comments[f"materials.{FILL_IN}"] = "name of a material, and its law (docs/laws.md)"
+    return materials, comments, hidden
 
 
-def _about(name: str, level: StartingLevel) -> str:
-    """Source of a material's starting level, in words."""
-    if level.terrain is not None:
-        return str(level)
-    moved = ", moved apart from another material" * level.moved
-    return f"no starting law is known for {name!r} (docs/landcover.md), gamma {level.gamma_db:g} dB is a guess{moved}"
-
-
-def _bounds(start: Sequence[float], x1: tuple[float, float]) -> tuple[int, int]:
-    """Bounds of X1 [dB], wider than ``x1`` if the start would lie near them or outside."""
-    low = math.floor((start[0] - _BELOW_DB) / _STEP_DB) * _STEP_DB
-    high = math.ceil((start[0] + _ABOVE_DB) / _STEP_DB) * _STEP_DB
-    return math.floor(min(low, x1[0])), math.ceil(max(high, x1[1]))
-
-
-def _hidden(name: str, start: Sequence[float], bounds: tuple[int, int]) -> str:
-    """Parameters of a hidden law in YAML, drawn for each material: other shape than the start, and similar level.
+def _hidden(name: str, start: Sequence[float], bounds: tuple[int, int]) -> list[float]:
+    """Parameters of a hidden law, drawn for each material: other shape than the start, and similar level.
 
     Parameters
     ----------
@@ -208,4 +155,4 @@ def _hidden(name: str, start: Sequence[float], bounds: tuple[int, int]) -> str:
     x2, x3, x4 = rng.uniform(*_DRAWN, 3) * _UPPER
     level = start[0] + start[1] * math.cos(_MIDDLE) + rng.uniform(-_AWAY_DB, _AWAY_DB)
     x1 = level - x2 * math.cos(_MIDDLE) - x3 * math.exp(-x4 * _MIDDLE**2)
-    return f"[{', '.join(f'{x:.1f}' for x in (np.clip(x1, bounds[0] + 1, bounds[1] - 1), x2, x3, x4))}]"
+    return [round(float(x), 1) for x in (np.clip(x1, bounds[0] + 1, bounds[1] - 1), x2, x3, x4)]
