@@ -23,7 +23,6 @@ __all__ = [
     "SimulatorError",
     "StoreError",
     "SurrogateError",
-    "UnknownMaterial",
     "WrongNumbers",
 ]
 
@@ -41,13 +40,6 @@ class MissingSign:
     """Level above 0 dB [dB] at a key, with the question whether a minus sign is missing."""
 
     key: str
-
-
-@dataclass(frozen=True)
-class UnknownMaterial:
-    """Name that a section other than ``materials`` gives to a material, and that no material of the case has."""
-
-    name: str
 
 
 @dataclass(frozen=True)

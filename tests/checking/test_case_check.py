@@ -30,7 +30,7 @@ materials:
   water: {calibrate: false, parameters: [1, 2]}
 measurement: {source: file, path: gone.tif, scale: db, radiometry: sigma0_ref}
 scene: {source: slant_range, labels: none.tif, names: names.json, near_incidence_deg: 20, far_incidence_deg: 40}
-stop: {max_runs: 1}
+stop: {max_runs: 0}
 """
 SAID = {
     "unknown key seeed (did you mean 'seed'?)",
@@ -42,7 +42,7 @@ SAID = {
     "measurement.path: the file gone.tif does not exist",
     "scene.labels: the file none.tif does not exist",
     "scene.names: the file names.json does not exist",
-    "stop.max_runs is 1, expected at least design.size",
+    "stop.max_runs is 0",
 }
 
 
@@ -328,14 +328,13 @@ materials: {cropland: {calibrate: true}, tree_cover: {}}
     [
         (  # all wrong keys and missing files at once, before any file is read
             {
-                "cover.tif": "gone.tif", "esa_worldcover": "esa_worldcovr", "image.tif": "away.npy",
-                "scale: db": "scale: decibel", "sigma0_ref": "sigma", "depression_deg: 45": "depression_deg: 95",
+                "cover.tif": "gone.tif", "scale: db": "scale: decibel", "sigma0_ref": "sigma",
+                "depression_deg: 45": "depression_deg: 95",
                 "range_resolution_m": "range_resoluton_m", "nesz_db: -40": "nesz_db: FILL_IN",
                 "{calibrate: true}": "{calibrate: true, law: mangja}", "VV}": "VV}\nstop: {rms: small}",
             },
             (
-                "scene.materials: the file gone.tif does not exist", "scene.landcover is 'esa_worldcovr'",
-                "measurement.path: the file away.npy does not exist", "measurement.scale is 'decibel'",
+                "scene.materials: the file gone.tif does not exist", "measurement.scale is 'decibel'",
                 "measurement.radiometry is 'sigma'", "radar.depression_deg is 95",
                 "unknown key radar.range_resoluton_m", "materials.cropland: law is 'mangja'", "stop.rms is 'small'",
                 "radar.nesz_db is FILL_IN (line 5), expected its value, for example nesz_db: -24",

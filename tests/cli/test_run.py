@@ -108,7 +108,7 @@ def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(
         (["mine.yaml", "-c", "1.5"], "--cores is '1.5', expected a number from 1 on, or all."),
         (["mine.yaml", "--set", "stop.rms"], "--set stop.rms: expected KEY=VALUE such as stop.rms=1e-6."),
         (["mine.yaml", "--set", "stop.rsm=1"], "mine.yaml: unknown key stop.rsm (did you mean 'rms'?)."),
-        (["mine.yaml", "--set", "stop.rms=low"], "mine.yaml: stop.rms is 'low', expected a valid number"),
+        (["mine.yaml", "--set", "stop.rms=low"], "mine.yaml: stop.rms is 'low', expected a number"),
         (["mine.yaml", "--set", "seed=1", "--set", "seed=2"], "--set: seed is given twice, expected once."),
         (["mine.yaml", "--set", "stop.rms=[1"], "--set stop.rms=[1: not valid JSON or YAML ("),
         (["mine.yaml", "--", "--config", "seed=3"], "--config after -- would replace the case that is checked: type"),

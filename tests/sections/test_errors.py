@@ -14,7 +14,6 @@ from config_samples import X, dyke, flat, mapped, measured, message, synthetic
         ({"sede": 1}, "sede", "seed"),
         ({"material": {}}, "material", "materials"),
         ({"radar": {"lokos": 4}}, "radar.lokos", "looks"),
-        ({"radar": {"look": "left"}}, "radar.look", "look_side"),
         ({"radar": {"look": 4}}, "radar.look", "looks"),
         ({"radar": {"altitude": 4000}}, "radar.altitude", "altitude_m"),
         ({"radar": {"polarization": "HH"}}, "radar.polarization", "polarisation"),

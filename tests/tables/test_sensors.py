@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from radcal.config import Radar, case_from, load_with_problems
+from radcal.config import Radar, case_from
 from radcal.errors import ConfigError
 from radcal.tables.sensors import SENSORS, sensors_table
 
@@ -71,18 +71,6 @@ def test_wild_values_beside_a_sensor_end_in_a_sentence(key: str, value: object) 
         angle = {} if key == "incidence_deg" else {"incidence_deg": None, "depression_deg": 50.0, "earth": "curved"}
         with contextlib.suppress(ConfigError):
             case_from({"radar": {**more, **angle, "sensor": name, key: value}})
-
-
-def test_missing_keys_are_listed_with_all_other_mistakes(tmp_path: Path) -> None:
-    (tmp_path / "case.yaml").write_text("radar: {sensor: sentinel1_iw_grdh, incidence_deg: 35, loks: 4}\nseed: -1\n")
-    found = load_with_problems([tmp_path / "case.yaml"])
-    assert found.case is not None
-    assert found.case.radar.band == "C"
-    assert [text.partition(": ")[2] for text in found.problems] == [
-        "unknown key radar.loks (did you mean 'looks'?).",
-        "seed is -1, expected greater than or equal to 0.",
-        "radar: polarisation and nesz_db are missing, which sensor sentinel1_iw_grdh does not give (docs/sensors.md).",
-    ]
 
 
 def test_a_satellite_over_a_map_needs_its_heading() -> None:

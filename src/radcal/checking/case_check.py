@@ -160,7 +160,8 @@ def check_case(
     if case is None:
         return CaseCheck(loaded.problems, unseen=_OF_SCENE)
     problems = list[RadcalError](loaded.found)
-    for new in [*missing_inputs(case), *_refused(check_command, case), *_refused(check_reuse, case, results)]:
+    refused = [] if problems else [*_refused(check_command, case), *_refused(check_reuse, case, results)]
+    for new in [*missing_inputs(case), *refused]:
         if not any(str(one) == str(new) or one.about == new.about is not None for one in problems):
             problems.append(new)
     if problems:

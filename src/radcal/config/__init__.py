@@ -15,8 +15,7 @@ from radcal.config.inputs import (
     missing_inputs,
     vrt_folders,
 )
-from radcal.config.loading import case_from, load, load_forward, load_measured
-from radcal.config.mistakes import Loaded, load_with_problems
+from radcal.config.loading import Loaded, case_from, load, load_forward, load_measured, load_with_problems
 from radcal.config.undecided import FILL_IN
 from radcal.config.writing import default_case, default_yaml
 from radcal.sections.errors import nearest

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
@@ -23,7 +22,7 @@ from radcal.config.fitting_defaults import (
 from radcal.config.part import Part
 from radcal.laws import DEFAULT_LAW, EXTERNAL, laws_known
 from radcal.sections.base import TAGS, CaseName
-from radcal.sections.errors import Collected, Contradiction, Contradictions
+from radcal.sections.errors import nearest
 from radcal.sections.limits import Seed
 from radcal.sections.materials import Material, check_parameters, default_materials
 from radcal.sections.measurement import (
@@ -143,26 +142,19 @@ class Case(Part):
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> Self:
         if found := list(self._contradictions()):
-            error = Contradictions(*found)
-            if not isinstance(info.context, Collected):
-                raise error
-            info.context.extend(error.found)
+            if not isinstance(info.context, list):  # a list collects them, and the caller gets the case
+                raise ValueError(*found)
+            info.context.extend(found)
         return self
 
-    def _no_material(self, text: str, name: str) -> Contradiction:
-        """Contradiction about a name that no material has."""
-        return Contradiction(text, unknown=name, known=tuple(self.materials))
-
-    def _contradictions(self) -> Iterator[Contradiction | str]:
+    def _contradictions(self) -> Iterator[str]:
         """Sentences on contradictions between settings of different sections, in the order of the sections."""
         if not self.calibrated:
-            yield Contradiction(
-                "materials: none is marked calibrate: true, expected at least one", lacks=("materials",)
-            )
+            yield "materials: none is marked calibrate: true, expected at least one"
             return
         for name in self.target.reference_materials or []:
             if name not in self.materials:
-                yield self._no_material(f"target.reference_materials: no material {name!r}", name)
+                yield f"target.reference_materials: no material {name!r}{nearest(name, self.materials)}"
             elif self.materials[name].calibrate:
                 yield (f"target.reference_materials: {name!r} is calibrated, expected a material with fixed parameters")
         if self.target.normalisation == "offset" and not self.reference_materials:
@@ -178,8 +170,7 @@ class Case(Part):
             )
         for number, one in enumerate(self.passes, start=1):
             for found in one._in_pass():
-                of = f"pass {number}: " if self.further_radar else ""
-                yield replace(found, text=of + found.text) if isinstance(found, Contradiction) else of + found
+                yield f"pass {number}: {found}" if self.further_radar else found
         yield from self._of_objective()
         if self.design.reuse is not None and self.further_radar:
             yield (
@@ -197,7 +188,7 @@ class Case(Part):
         if self.stop.max_runs < self.design_size:
             yield (f"stop.max_runs is {self.stop.max_runs}, expected at least design.size ({self.design_size})")
 
-    def _in_pass(self) -> Iterator[Contradiction | str]:
+    def _in_pass(self) -> Iterator[str]:
         """Sentences on settings of one pass that contradict the laws or the measured image of this pass."""
         measurement = self.measurement
         # default hidden parameters belong to the default case; without hidden parameters a material keeps its start
@@ -226,12 +217,12 @@ class Case(Part):
                     f"at most {resolution / WIDTH_FACTOR:.3g}"
                 )
 
-    def _in_hidden(self, synthetic: Synthetic) -> Iterator[Contradiction | str]:
+    def _in_hidden(self, synthetic: Synthetic) -> Iterator[str]:
         """Sentences on hidden parameters of unknown materials, and on hidden parameters that do not fit their law."""
         for name, x in synthetic.parameters.items():
             key = f"measurement.synthetic.parameters.{name}"
             if name not in self.materials:
-                yield self._no_material(f"{key}: no such material", name)
+                yield f"{key}: no such material{nearest(name, self.materials)}"
                 continue
             material = self.materials[name]
             try:
@@ -303,12 +294,12 @@ class Case(Part):
                     f"materials.{name}.start is of another law"
                 )
 
-    def _in_mismatch(self, synthetic: Synthetic) -> Iterator[Contradiction | str]:
+    def _in_mismatch(self, synthetic: Synthetic) -> Iterator[str]:
         """Sentences on mismatches of a synthetic measurement that scene, pass, laws or simulator do not support."""
         key = "measurement.synthetic"
         for name, hidden in synthetic.laws.items():
             if name not in self.materials:
-                yield self._no_material(f"{key}.laws.{name}: no such material", name)
+                yield f"{key}.laws.{name}: no such material{nearest(name, self.materials)}"
                 continue
             if synthetic.is_written and name in synthetic.parameters:
                 yield f"{key}.laws.{name} and {key}.parameters.{name} are both given, expected one of them"
@@ -316,7 +307,7 @@ class Case(Part):
                 yield f"radar.frequency_ghz is missing: law {hidden.law!r} of {key}.laws.{name} depends on it"
         for name in synthetic.fields_db:
             if name not in self.materials:
-                yield self._no_material(f"{key}.fields_db.{name}: no such material", name)
+                yield f"{key}.fields_db.{name}: no such material{nearest(name, self.materials)}"
         if synthetic.disturbed and isinstance(self.simulator, CommandSimulation):
             yield (
                 f"{key}.{synthetic.disturbed[0]} is for the built-in simulator, which images the changed scene; "

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import shlex
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +17,19 @@ from radcal.config.inputs import expand_path
 from radcal.config.undecided import undecided
 from radcal.errors import ConfigError
 from radcal.sections.base import MATERIALS_FROM
-from radcal.sections.errors import Collected, first_error, shown
+from radcal.sections.errors import first_of, mistakes, shown
 
-__all__ = ["case_from", "listed_by", "load", "load_forward", "load_measured", "origin_of", "read_cases"]
+__all__ = [
+    "Loaded",
+    "case_from",
+    "listed_by",
+    "load",
+    "load_forward",
+    "load_measured",
+    "load_with_problems",
+    "origin_of",
+    "read_cases",
+]
 
 # sections that a forward run does not read
 _OF_CALIBRATION = (
@@ -45,10 +57,15 @@ def case_from(data: Mapping[str, Any], origin: str = "configuration") -> Case:
     ConfigError
         A key or value is wrong; the message describes the first problem.
     """
+    return _validated(dict(data), origin)
+
+
+def _validated(data: dict[str, Any], origin: str, where: str = "", contradictions: list[str] | None = None) -> Case:
+    """Case of plain data; a list given for ``contradictions`` collects those between sections, which are no errors."""
     try:
-        return Case.model_validate(dict(data))
+        return Case.model_validate(data, context=contradictions)
     except ValidationError as error:
-        raise first_error(error, origin, Case) from None
+        raise ConfigError(f"{origin}: {first_of([one.text for one in mistakes(error, Case)], where)}") from None
 
 
 def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Case:
@@ -67,15 +84,79 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     ConfigError
         A file is missing, empty or not YAML, a key occurs twice, or a key or value is wrong.
     """
-    data, origin = read_cases(files, overrides), origin_of(files)
+    data, origin, where = read_cases(files, overrides), origin_of(files), listed_by(files, overrides)
     if marked := undecided(data, files):
-        where = listed_by(files, overrides) or "; radcal check lists them"
-        more = f" (and {len(marked) - 1} more{where})" if len(marked) > 1 else ""
-        raise ConfigError(f"{origin}: {marked[0].text}{more}.")
+        raise ConfigError(f"{origin}: {first_of([one.text for one in marked], where)}")
+    return _validated(data, origin, where)
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """Result of reading a case with mistakes.
+
+    Attributes
+    ----------
+    case : Case or None
+        Case with default values in place of all sections with mistakes, for further checks; None if this is no case.
+    found : list of ConfigError
+        One error for each wrong key and each contradiction between settings.
+    forward : bool
+        Whether the case has neither a measurement nor a material with ``calibrate: true``, so that it is for
+        ``radcal simulate``.
+    """
+
+    case: Case | None
+    found: list[ConfigError]
+    forward: bool = False
+
+    @property
+    def problems(self) -> list[str]:
+        """One sentence for each error."""
+        return [str(error) for error in self.found]
+
+
+def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Loaded:
+    """Read configuration files and list all wrong keys and values, not only the first.
+
+    Contradictions between sections are listed only if each section by itself is right and complete.
+
+    Parameters
+    ----------
+    files, overrides
+        As for :func:`load`.
+
+    Raises
+    ------
+    ConfigError
+        A file is missing, empty or not YAML.
+    """
+    twice: list[str] = []
+    data, origin = read_cases(files, overrides, twice), origin_of(files)
+    marked = undecided(data, files)
+    found = [ConfigError(text) for text in twice] + [ConfigError(f"{origin}: {one.text}.", one) for one in marked]
+    contradictions: list[str] = []
     try:
-        return Case.model_validate(data)
+        case = Case.model_validate(data, context=contradictions)
     except ValidationError as error:
-        raise first_error(error, origin, Case, listed_by(files, overrides)) from None
+        wrong = mistakes(error, Case)
+        # pydantic also refuses a value that is still to be decided, and so may a check of its section
+        found += [
+            ConfigError(f"{origin}: {shown(one.text, 600)}.")
+            for one in wrong
+            if not any(f"{value.key}.".startswith(f"{one.key}.") for value in marked)
+        ]
+    else:
+        forward = "measurement" not in data and not case.calibrated
+        if not (marked or forward):
+            found += [ConfigError(f"{origin}: {shown(text, 600)}.") for text in contradictions]
+        if not marked:
+            return Loaded(case, found, forward)
+        wrong = []
+    left_out = {one.section for one in wrong} | {str(value.place[0]) for value in marked}
+    with contextlib.suppress(ValidationError):
+        rest = {name: section for name, section in data.items() if name not in left_out}
+        return Loaded(Case.model_validate(rest, context=[]), found)
+    return Loaded(None, found)
 
 
 def load_forward(
@@ -101,18 +182,15 @@ def load_forward(
         As for :func:`load`; or the simulator cannot evaluate a law, or the pass lacks the carrier frequency that a law
         needs.
     """
-    origin = origin_of(files)
+    origin, where = origin_of(files), listed_by(files, overrides)
     data = {key: value for key, value in read_cases(files, overrides).items() if key not in _OF_CALIBRATION}
     if calibrated is not None:
         data["materials"] = {**data.get("materials", {}), **_materials_of(calibrated, "--materials")}
+        where = ""
     passes = data.get("radar")
     if isinstance(passes, list):  # a case must have a measurement for each pass; a forward run reads none of them
         data["measurement"] = [{}] * len(passes)
-    try:
-        case = Case.model_validate(data, context=Collected())
-    except ValidationError as error:
-        where = listed_by(files, overrides) if calibrated is None else ""
-        raise first_error(error, origin, Case, where) from None
+    case = _validated(data, origin, where, [])
     for one in case.passes:
         for text in one.laws_without_pass():
             raise ConfigError(f"{origin}: {text}.")
@@ -137,15 +215,13 @@ def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | No
     ConfigError
         As for :func:`load`.
     """
-    data, found = read_cases(files, overrides), Collected()
+    data = read_cases(files, overrides)
     if "measurement" not in data:
         return None
-    try:
-        case = Case.model_validate(data, context=found)
-    except ValidationError as error:
-        raise first_error(error, origin_of(files), Case, listed_by(files, overrides)) from None
+    found: list[str] = []
+    case = _validated(data, origin_of(files), listed_by(files, overrides), found)
     if found and case.calibrated:
-        raise ConfigError(f"{origin_of(files)}: {shown(str(found[0]), 600)}.")
+        raise ConfigError(f"{origin_of(files)}: {shown(found[0], 600)}.")
     return case
 
 

@@ -13,7 +13,6 @@ __all__ = ["EXAMPLES", "FILL_IN", "Undecided", "undecided"]
 
 FILL_IN = "FILL_IN"  # mark of a missing value in a case that radcal new has written; the user must replace it
 _LEFT_OUT = {"radar.heading_deg": ", or no such line for a track to the grid's north"}  # keys with a usable default
-_LEVEL = "[-15]"  # of law constant_gamma
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class Undecided:
                 "example crops: {calibrate: true}"
             )
         section = f"{self.place[0]}.{key}"
-        example = _LEVEL if key == "parameters" else EXAMPLES.get(section)
+        example = EXAMPLES.get(section)
         such = "its value" if example is None else f"its value, for example {key}: {example}"
         return f"{self.key} is {FILL_IN}{line}, expected {such}{_LEFT_OUT.get(section, '')}"
 

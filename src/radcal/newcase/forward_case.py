@@ -13,7 +13,7 @@ from radcal.config.loading import read_cases
 from radcal.config.undecided import undecided
 from radcal.config.yaml_file import read_case_file
 from radcal.errors import ConfigError
-from radcal.sections.errors import Collected, shown, wrong_keys
+from radcal.sections.errors import mistakes, shown
 
 __all__ = ["forward_case"]
 
@@ -74,10 +74,10 @@ def _checked_materials(file: str | Path, scene: Any) -> dict[str, Any]:
         raise ConfigError(f"--materials: {path} has no section materials, expected one, as calibrated.yaml has it.")
     _refuse(f"{path}: {one.text}." for one in undecided({"materials": found}, [path]))
     try:
-        Case.model_validate({"scene": scene, "materials": found}, context=Collected())
+        Case.model_validate({"scene": scene, "materials": found}, context=[])
     except ValidationError as error:
-        wrong = [key for key in wrong_keys(error, Case) if key.place[:1] == ("materials",)]
-        _refuse(f"{path}: {shown(key.text, 600)}." for key in wrong)
+        wrong = [one for one in mistakes(error, Case) if one.section == "materials"]
+        _refuse(f"{path}: {shown(one.text, 600)}." for one in wrong)
     return found
 
 

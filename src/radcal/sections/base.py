@@ -67,6 +67,8 @@ EXAMPLES: Mapping[str, str] = {
     "scene.vertical_datum": "EGM2008",
     "scene.near_incidence_deg": "22.5",
     "scene.far_incidence_deg": "41",
+    "materials.bounds": "[[-20, -10]]",
+    "materials.parameters": "[-15]",
     "measurement.path": "data/image.tif",
     "measurement.band": "1",
     "measurement.scale": "power",

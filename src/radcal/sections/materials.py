@@ -22,7 +22,7 @@ from radcal.laws import (
     refuse_infinite,
 )
 from radcal.sections.base import Section
-from radcal.sections.errors import Contradictions, nearest, shown
+from radcal.sections.errors import nearest, shown
 from radcal.sections.limits import Parameter, Real
 
 __all__ = ["Material", "OtherLaw", "Start", "check_parameters", "default_materials"]
@@ -49,15 +49,13 @@ def _law_of(
     if name not in (EXTERNAL, FORMULA) and (names is not None or units is not None):
         raise ValueError(f"law {name!r} names its own parameters: names and units are for law: {EXTERNAL} or {FORMULA}")
     if (formula is None) is (name == FORMULA):
-        found, lacks = ("is given", ()) if formula is not None else ("is missing", ("formula",))
-        text = f"formula {found}, law is {name!r}: expected it with law: {FORMULA}, and with no other law"
-        raise Contradictions(text, lacks=lacks)
+        found = "is missing" if formula is None else "is given"
+        raise ValueError(f"formula {found}, law is {name!r}: expected it with law: {FORMULA}, and with no other law")
     if name not in LAWS or "angles_deg" not in LAWS[name].needs:
         if angles_deg is not None:
             raise ValueError(f"angles_deg is given, law {name!r} has no knots")
     elif angles_deg is None:
-        text = f"angles_deg is missing, law {name!r} needs the incidence angles of its knots [deg]"
-        raise Contradictions(text, lacks=("angles_deg",))
+        raise ValueError(f"angles_deg is missing, law {name!r} needs the incidence angles of its knots [deg]")
     elif any(second <= first for first, second in itertools.pairwise(angles_deg)):
         raise ValueError(f"angles_deg is {angles_deg}, expected increasing angles")
     if name == EXTERNAL:
@@ -205,9 +203,8 @@ class Material(Section):
         d = len(law.names)
         if not self.calibrate:
             if self.parameters is None and d > 0:
-                raise Contradictions(
-                    f"a material that is not calibrated needs parameters: {_numbers(d)} ({', '.join(law.names)})",
-                    lacks=("parameters",),
+                raise ValueError(
+                    f"a material that is not calibrated needs parameters: {_numbers(d)} ({', '.join(law.names)})"
                 )
             check_parameters("parameters", self.parameters or [], law, self.law)
             self._check_integers()
@@ -222,16 +219,14 @@ class Material(Section):
                 "calibrated material are estimated"
             )
         if self.law == EXTERNAL and (d == 0 or self.bounds is None):
-            text = "a calibrated material of law external needs names and bounds of its parameters"
-            raise Contradictions(text, lacks=("names", "bounds"))
+            raise ValueError("a calibrated material of law external needs names and bounds of its parameters")
         if self.bounds is None and law.bounds is None:
-            raise Contradictions(
+            raise ValueError(
                 f"bounds is missing, law {self.law!r} has no default: expected [lower, upper] for each of "
-                f"{', '.join(law.names)}",
-                lacks=("bounds",),
+                f"{', '.join(law.names)}"
             )
         if wrong := list(self._of_bounds(law)):
-            raise Contradictions(*wrong)
+            raise ValueError(*wrong)
         self._check_integers()
         for values in zip(*self.box, strict=True):
             check_parameters("bounds", values, law, self.law)

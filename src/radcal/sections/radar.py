@@ -12,7 +12,6 @@ from pydantic import (
     Field,
     SerializerFunctionWrapHandler,
     Tag,
-    ValidationInfo,
     field_validator,
     model_serializer,
     model_validator,
@@ -21,7 +20,6 @@ from pydantic import (
 from radcal.angles import depression_deg, incidence_deg
 from radcal.bands import WIDTH_FACTOR, within_band
 from radcal.sections.base import Section
-from radcal.sections.errors import Collected, Contradiction, Contradictions
 from radcal.sections.limits import Altitude, Decibels, Frequency, Length, Looks, Real
 from radcal.tables.sensors import SENSORS, SensorName
 
@@ -120,7 +118,7 @@ class Radar(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _presets(cls, data: object, info: ValidationInfo) -> object:
+    def _presets(cls, data: object) -> object:
         """Data with the sensor's values for missing keys, and with a curved earth if ``incidence_deg`` is given."""
         if not isinstance(data, dict):
             return data
@@ -130,45 +128,41 @@ class Radar(Section):
         sensor = SENSORS.get(name) if isinstance(name, str) else None
         if sensor is None:
             return data
-        collected = info.context if isinstance(info.context, Collected) else Collected()
-        told = {key.rpartition(".")[2] for key in collected.told if key.startswith("radar.")}
-        if missing := [key for key in sensor.missing(data) if key not in told]:
+        return {**sensor.values_at(_centre_incidence_deg({**sensor.values_at(90.0), **data})), **data}
+
+    @model_validator(mode="after")
+    def _asked(self) -> Self:
+        given = {key: getattr(self, key) for key in self.model_fields_set}
+        if self.sensor is not None and (missing := SENSORS[self.sensor].missing(given)):
             *others, last = missing
             several = f"{', '.join(others)} and {last} are" if others else f"{last} is"
-            text = f"{several} missing, which sensor {name} does not give (docs/sensors.md)"
-            if collected is not info.context:
-                raise ValueError(text)
-            collected.append(Contradiction(f"radar: {text}"))
-        return {**sensor.values_at(_centre_incidence_deg({**sensor.values_at(90.0), **data})), **data}
+            raise ValueError(f"{several} missing, which sensor {self.sensor} does not give (docs/sensors.md)")
+        return self
 
     @model_validator(mode="after")
     def _one_angle(self) -> Self:
         given = self.model_fields_set
         if self.incidence_deg is not None:
             if "depression_deg" in given:
-                raise Contradictions(
+                raise ValueError(
                     f"depression_deg ({self.depression_deg:g}) and incidence_deg ({self.incidence_deg:g}) are both "
-                    "given, expected one of them",
-                    first="depression_deg",
+                    "given, expected one of them"
                 )
             if self.earth == "flat":
-                raise Contradictions(
+                raise ValueError(
                     f"incidence_deg is {self.incidence_deg:g} and earth is flat, expected earth: curved, or "
-                    f"depression_deg: {90.0 - self.incidence_deg:g} instead of incidence_deg",
-                    first="incidence_deg",
+                    f"depression_deg: {90.0 - self.incidence_deg:g} instead of incidence_deg"
                 )
             if self.maybe_in_km:
-                raise Contradictions(
+                raise ValueError(
                     f"altitude_m is {self.altitude_m:g} beside incidence_deg {self.incidence_deg:g}, expected metres: "
                     f"{1000.0 * self.altitude_m:g} if the track is {self.altitude_m:g} km high, or for an aircraft "
-                    f"depression_deg: {90.0 - self.incidence_deg:g} instead of incidence_deg",
-                    first="altitude_m",
+                    f"depression_deg: {90.0 - self.incidence_deg:g} instead of incidence_deg"
                 )
         elif self.earth == "curved" and not self.centre_incidence_deg < _STEEPEST:
-            raise Contradictions(
+            raise ValueError(
                 f"depression_deg is {self.depression_deg:g}, at which a track at altitude_m {self.altitude_m:g} sees "
-                f"the curved earth at an incidence of {_STEEPEST:g} degrees or not at all, expected a larger one",
-                first="depression_deg",
+                f"the curved earth at an incidence of {_STEEPEST:g} degrees or not at all, expected a larger one"
             )
         return self
 
@@ -248,10 +242,9 @@ class Radar(Section):
         for way in ("range", "azimuth"):
             resolution, spacing = getattr(self, f"{way}_resolution_m"), getattr(self, f"{way}_spacing_m")
             if resolution > _COARSEST * spacing:
-                raise Contradictions(
+                raise ValueError(
                     f"{way}_resolution_m is {resolution:g}, expected at most {_COARSEST:g} times {way}_spacing_m "
-                    f"({spacing:g})",
-                    first=f"{way}_resolution_m",
+                    f"({spacing:g})"
                 )
         return self
 
@@ -259,9 +252,8 @@ class Radar(Section):
     def _one_band(self) -> Self:
         if self.frequency_ghz is not None and within_band(self.band, self.frequency_ghz * 1e9) is False:
             in_mhz = within_band(self.band, self.frequency_ghz * 1e6)
-            raise Contradictions(
+            raise ValueError(
                 f"frequency_ghz is {self.frequency_ghz:g}, which is not in band {self.band!r}: correct one of them"
-                + f" (in MHz? {self.frequency_ghz / 1000.0:g} GHz)" * bool(in_mhz),
-                first="frequency_ghz",
+                + f" (in MHz? {self.frequency_ghz / 1000.0:g} GHz)" * bool(in_mhz)
             )
         return self

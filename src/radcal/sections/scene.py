@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from radcal.sections.base import Section
-from radcal.sections.errors import Contradictions
 from radcal.sections.limits import Coordinate, Decibels, Integer, Length, Real, Seed
 from radcal.tables.landcover import LandCover
 
@@ -167,9 +166,7 @@ class RasterScene(Section):
                 f"elevation and materials are the same file {self.elevation}, expected heights and material ids"
             )
         if self.names is None and self.landcover is None:
-            raise Contradictions(
-                "names is missing, expected a file of names, or landcover", lacks=("names", "landcover")
-            )
+            raise ValueError("names is missing, expected a file of names, or landcover")
         return self
 
     @model_validator(mode="after")
