@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from radcal.storage.sealing import seal
+from radcal.storage.sealing import BLOCK, header
 
 
 @contextmanager
@@ -17,7 +18,13 @@ def changed(path: str | Path) -> Iterator[h5py.File]:
     """Open a file of a results folder to change it; its checksum is written anew."""
     with h5py.File(path, "r+") as file:
         yield file
-    seal(path)
+    seal(Path(path))
+
+
+def seal(path: Path) -> None:
+    """Write the checksum of an HDF5 file anew into its first bytes."""
+    content = path.read_bytes()
+    path.write_bytes(header(hashlib.sha256(content[BLOCK:]).hexdigest(), len(content)) + content[BLOCK:])
 
 
 def flip(path: Path, random: np.random.Generator) -> None:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import h5py
 import pytest
 
 from radcal.config import Case, case_from
@@ -39,12 +37,6 @@ def case_of(words: list[str], sections: dict[str, Any] | None = None, **simulato
     )
 
 
-def put_run(folder: Path, key: str, seed: int, kind: str = "command") -> None:
-    (folder / "runs").mkdir(parents=True, exist_ok=True)
-    with h5py.File(folder / f"runs/{key}.h5", "w") as file:
-        file.attrs["description"] = json.dumps({"simulator": {"kind": kind}, "noise_seed": seed})
-
-
 def test_a_new_case_has_seeds_that_a_c_int_holds(tmp_path: Path) -> None:
     case = with_seed_bits(case_of(["{noise_seed}"]), tmp_path)
     assert case.simulator.seed_width == 31
@@ -53,41 +45,25 @@ def test_a_new_case_has_seeds_that_a_c_int_holds(tmp_path: Path) -> None:
     assert noise_seed(case_from({})) == derived_seed(1, "runs", "common")  # radcal's own has 63
 
 
+def record_bits(results: Path, case: str, bits: int) -> Path:
+    with provenance(case):
+        write_json(results / case / "simulator.json", {"kind": "command", "seed_bits": bits})
+    return results / case / "simulator.json"
+
+
 def test_a_case_keeps_the_seeds_of_its_runs(tmp_path: Path) -> None:
-    case = case_of(["{noise_seed}"])
-    old = derived_seed(case.seed, "runs", "common")
-    # radcal's own runs of a case that was another's say nothing
-    put_run(tmp_path / "mine", "a", old, "builtin")
-    assert with_seed_bits(case, tmp_path).simulator.seed_width == 31
-    put_run(tmp_path / "mine", "b", old)
-    assert noise_seed(with_seed_bits(case, tmp_path)) == old
-    # what simulator.json records goes before runs of both widths; the configuration before either
-    with provenance("mine"):
-        write_json(tmp_path / "mine/simulator.json", {"kind": "command", "seed_bits": 40})
+    case = case_of(["{noise_seed}"], {"design": {"reuse": "earlier"}})
+    record_bits(tmp_path, "earlier", 63)
+    assert noise_seed(with_seed_bits(case, tmp_path)) == derived_seed(case.seed, "runs", "common")
+    assert with_seed_bits(case_of(["{noise_seed}"]), tmp_path).simulator.seed_width == 31
+    # the case's own goes before the earlier one's; the configuration before either
+    path = record_bits(tmp_path, "mine", 40)
     assert with_seed_bits(case, tmp_path).simulator.seed_width == 40
     assert with_seed_bits(case_of(["{noise_seed}"], seed_bits=16), tmp_path).simulator.seed_width == 16
     # a damaged one says nothing, and stays for salvage to find
-    text = (tmp_path / "mine/simulator.json").read_text()
-    (tmp_path / "mine/simulator.json").write_text(text.replace("40", "41"))
+    path.write_text(path.read_text().replace("40", "41"))
     assert with_seed_bits(case, tmp_path).simulator.seed_width == 63
-    assert (tmp_path / "mine/simulator.json").exists()
-
-
-def test_runs_of_an_earlier_case_bring_their_width(tmp_path: Path) -> None:
-    put_run(tmp_path / "earlier", "b", 2**62)
-    case = case_of(["{noise_seed}"], {"design": {"reuse": "earlier"}})
-    assert with_seed_bits(case, tmp_path).simulator.seed_width == 63
-    assert with_seed_bits(case_of(["{noise_seed}"]), tmp_path).simulator.seed_width == 31
-    # the case's own goes before the earlier one's
-    with provenance("mine"):
-        write_json(tmp_path / "mine/simulator.json", {"kind": "command", "seed_bits": 40})
-    assert with_seed_bits(case, tmp_path).simulator.seed_width == 40
-
-
-@pytest.mark.parametrize(("seed", "width"), [(2**31 - 1, 31), (2**31, 63)])
-def test_the_smallest_seed_that_no_c_int_holds_is_of_an_earlier_version(tmp_path: Path, seed: int, width: int) -> None:
-    put_run(tmp_path / "mine", "a", seed)
-    assert with_seed_bits(case_of(["{noise_seed}"]), tmp_path).simulator.seed_width == width
+    assert path.exists()
 
 
 def test_a_program_without_its_seed_is_refused_unless_it_takes_none() -> None:

@@ -16,7 +16,7 @@ from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
 from radcal.errors import StoreError
-from radcal.storage.dataclass_groups import About, Attribute, Inline, Main, put, same, table, take
+from radcal.storage.dataclass_groups import About, Attribute, Main, put, same, table, take
 
 
 @dataclass(frozen=True)
@@ -225,50 +225,26 @@ def test_any_array_text_and_number_comes_back(
 
 
 @dataclass(frozen=True)
-class Errors:
-    rmse_db: Annotated[float, About("error", "dB")]
-    means_db: Annotated[NDArray[np.float64], About("means of blocks", "dB", "b")]
-
-
-@dataclass(frozen=True)
 class Checked:
     words: Annotated[tuple[str, ...], Attribute(), About("warnings")]
     curves: Annotated[Mapping[str, Curve], About("a law each", "dB", "n")]
     parts: Mapping[str, Inner]
-    held: Annotated[Errors | None, Inline()] = None
     image: Annotated[NDArray[Any] | None, About("image")] = None
 
 
-def test_marked_texts_are_an_attribute_and_marked_fields_stand_in_the_group(tmp_path: Path) -> None:
-    errors = Errors(1.5, np.array([2.0, 3.0]))
+def test_marked_texts_are_an_attribute(tmp_path: Path) -> None:
     curves = {"a": Curve(np.array([1.0]), "mangia", None)}
     with h5py.File(tmp_path / "a.h5", "w") as file:
-        put(file.create_group("with"), Checked(("one", "zwölf"), curves, {}, errors))
+        put(file.create_group("with"), Checked(("one", "zwölf"), curves, {}))
         put(file.create_group("without"), Checked((), {}, {}))
     with h5py.File(tmp_path / "a.h5", "r") as file:
         assert file["with"].attrs["words"].tolist() == ["one", "zwölf"]
-        assert file["with"].attrs["rmse_db"] == 1.5
-        said = {"description": "means of blocks", "unit": "dB"}
-        assert {key: file["with/means_db"].attrs[key] for key in ("description", "unit")} == said
-        assert file["with/means_db"].dims[0].label == "b"
         # each law of a mapping is described as the mapping
         assert file["with/curves/a"].attrs["description"] == "a law each"
         assert file["with/curves/a"].dims[0].label == "n"
         assert set(file["without"]) == {"curves", "parts"}
         found, empty = take(file["with"], Checked), take(file["without"], Checked)
     assert (found.words, empty.words) == (("one", "zwölf"), ())
-    assert found.held is not None
-    assert found.held.rmse_db == 1.5
-    np.testing.assert_array_equal(found.held.means_db, [2.0, 3.0])
-    assert empty.held is None
-
-
-def test_half_of_the_marked_fields_is_not_enough(tmp_path: Path) -> None:
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        put(file, Checked((), {}, {}, Errors(1.5, np.zeros(2))))
-        del file["means_db"]
-        with pytest.raises(StoreError, match="lacks means_db"):
-            take(file, Checked)
 
 
 def test_fields_that_are_not_wanted_are_not_read(tmp_path: Path) -> None:
@@ -291,8 +267,6 @@ def test_the_table_names_every_place(tmp_path: Path) -> None:
         "| `parts/<name>` |  | group |  |  |",
         "| `parts/<name>` | `level_db` | number |  |  |",
         "| `parts/<name>/flags` |  | bool |  |  |",
-        "| `/` | `rmse_db` | number, or absent | dB | error |",
-        "| `means_db` |  | float64 (b), or absent | dB | means of blocks |",
         "| `image` |  | numbers, or absent |  | image |",
     ]
     kinds = {row.split("|")[3].strip() for row in table(Outer).splitlines()[2:]}

@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sealed import changed, flip
+from sealed import changed, flip, seal
 
 from radcal.errors import ConfigError, DamagedError, StoreError
 from radcal.storage.inspection import SCHEMAS, inspect, set_aside
 from radcal.storage.provenance import provenance
 from radcal.storage.records import REPLACE, read_hdf5, read_json, write_hdf5, write_json
-from radcal.storage.sealing import seal
 
 X = np.arange(3000, dtype=np.float32)
 
@@ -258,15 +257,6 @@ def test_the_schemas_in_the_documents_are_those_of_the_code() -> None:
     page = (Path(__file__).parents[2] / "docs" / "records.md").read_text(encoding="utf-8")
     told = dict(re.findall(r"^\| `[^`]+` \| (\w+) (\d+) \|", page, flags=re.MULTILINE))
     assert {kind: int(number) for kind, number in told.items()} == dict(SCHEMAS)
-
-
-def test_seal_is_for_changes_on_purpose(tmp_path: Path) -> None:
-    path = write(tmp_path / "a.h5")
-    with h5py.File(path, "r+") as file:
-        file["x"][0] = -1.0
-    seal(path)
-    with read_hdf5(path, "scene") as file:
-        assert file["x"][0] == -1.0
 
 
 def test_a_file_that_cannot_be_reached_is_not_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

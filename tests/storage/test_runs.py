@@ -20,7 +20,7 @@ from radcal.laws import LAWS, Law
 from radcal.radar.geometry import Geometry
 from radcal.simulators.runner import Runner
 from radcal.storage.files import digest
-from radcal.storage.runs import Record, RunStore, _checksum
+from radcal.storage.runs import Record, RunStore
 
 X = {"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [10.0, 14.0, 6.0, 4.0]}
 
@@ -428,13 +428,6 @@ def test_a_record_keeps_what_an_earlier_one_held(store: RunStore) -> None:
     np.testing.assert_array_equal(latest.pixels_db["a"], [3, 4])
     np.testing.assert_array_equal(latest.image_db, np.full((2, 2), 5))
     assert store.get("k", ["a", "c"]) is None
-
-
-def test_checksum_of_early_records_is_that_of_the_names_in_order() -> None:
-    a, b, image = np.array([1, 2], np.float32), np.array([3], np.float32), np.array([[4]], np.float32)
-    expected = hashlib.sha256(b"a" + a.tobytes() + b"b" + b.tobytes() + image.tobytes()).hexdigest()
-    assert _checksum({"b": b, "a": a}, image) == _checksum({"a": a, "b": b}, image) == expected
-    assert _checksum({"a": a, "b": b}, None) != expected
 
 
 def test_the_largest_difference_counts_in_either_direction() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import platform
 import shutil
 from collections.abc import Mapping
@@ -23,10 +22,10 @@ from radcal.errors import ConfigError
 from radcal.programs.placeholders import SEED, Marked, Marker, argument, template
 from radcal.programs.seed_width import check_seeds
 from radcal.programs.written_numbers import check_numbers
+from radcal.storage.files import file_sha256
 
 __all__ = ["CommandPlan", "changed_links", "check_command", "check_image_shape"]
 
-_HASH_CHUNK = 1 << 20
 _SCRIPTS = (".bash", ".jar", ".jl", ".js", ".lua", ".m", ".pl", ".pro", ".py", ".r", ".rb", ".sh", ".tcl")
 
 
@@ -112,15 +111,17 @@ class CommandPlan:
             # for Python, the version replaces the hash, so that an update of the system does not invalidate all runs
             "executable": f"{platform.python_implementation()} {platform.python_version()}"
             if config.command[0] == "{python}"
-            else _sha256(self.executable),
-            "templates": [_sha256(expand_path(item.template, "simulator.templates")) for item in config.templates],
-            "files": {path.name: _sha256(path) for path in self.files},
+            else file_sha256(self.executable),
+            "templates": [file_sha256(expand_path(item.template, "simulator.templates")) for item in config.templates],
+            "files": {path.name: file_sha256(path) for path in self.files},
             "links": self.linked(),
         }
 
     def linked(self) -> dict[str, str]:
         """SHA-256 of all linked files, by their paths relative to the folder of a run."""
-        return {str(item.relative_to(path.parent)): _sha256(item) for path in self.links for item in files_below(path)}
+        return {
+            str(item.relative_to(path.parent)): file_sha256(item) for path in self.links for item in files_below(path)
+        }
 
 
 def changed_links(case: stages.Simulation, identity: Mapping[str, Any]) -> str:
@@ -204,11 +205,3 @@ def check_image_shape(simulator: SimulatorConfig, shape: tuple[int, ...]) -> Non
             f"simulator.output.shape is [{given[0]}, {given[1]}], the scene's image has {rows} rows (slant range) and "
             f"{columns} columns (azimuth): write {other * (given == stored[::-1])}shape: [{stored[0]}, {stored[1]}]."
         )
-
-
-def _sha256(path: Path) -> str:
-    total = hashlib.sha256()
-    with path.open("rb") as handle:
-        while chunk := handle.read(_HASH_CHUNK):
-            total.update(chunk)
-    return total.hexdigest()

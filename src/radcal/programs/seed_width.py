@@ -1,7 +1,7 @@
 """Number of bits of the seeds for an external program, and a check that the seeds of a case are distinct.
 
 In a new case the program receives seeds of 31 bits, which fit into a C int. A case with earlier runs keeps the number
-of bits of the earlier seeds, because runs with other seeds would not match the earlier runs.
+of bits in its simulator.json, because runs with other seeds would not match the earlier runs.
 """
 
 from __future__ import annotations
@@ -11,8 +11,6 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 
-import h5py
-
 from radcal.config import Case, CommandSimulation, SyntheticMeasurement, stages
 from radcal.errors import ConfigError
 from radcal.programs.placeholders import SEED, Marker
@@ -20,9 +18,6 @@ from radcal.seeds import measurement_seed, noise_seed
 from radcal.storage.inspection import inspect_file
 
 __all__ = ["check_seeds", "with_seed_bits"]
-
-_EARLIER = 63  # number of bits in all runs made before the number of bits could be configured
-_INT = 31
 
 
 def with_seed_bits(case: Case, results: str | Path) -> Case:
@@ -53,17 +48,12 @@ def with_seed_bits(case: Case, results: str | Path) -> Case:
 
 
 def _recorded(folder: Path) -> int | None:
-    """Number of bits of the seeds, from a case's simulator.json, else from the seeds of its runs; None if unknown."""
+    """Number of bits of the seeds, from the simulator.json of a case; None if it has none."""
     path = folder / "simulator.json"
     # radcal.session.salvage reports damaged files
     with contextlib.suppress(Exception):
         inspect_file(path, None)
         return int(json.loads(path.read_text(encoding="utf-8"))["data"]["seed_bits"])
-    for path in sorted((folder / "runs").glob("[!.]*.h5")):
-        with contextlib.suppress(Exception), h5py.File(path, "r", locking=False) as file:
-            description = json.loads(str(file.attrs["description"]))
-            if description["simulator"]["kind"] == "command" and int(description[SEED]) >= 2**_INT:
-                return _EARLIER
     return None
 
 

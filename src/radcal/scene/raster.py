@@ -29,12 +29,7 @@ from radcal.scene.model import Scene
 from radcal.scene.names import by_id, landcover_names, read_names
 from radcal.storage.files import digest
 
-__all__ = [
-    "check_elevation",
-    "height_step_m",
-    "raster_scene",
-    "rounding_error_m",
-]
+__all__ = ["height_step_m", "raster_scene", "rounding_error_m"]
 
 _LOWEST_M, _HIGHEST_M = -1000.0, 9000.0  # lowest and highest land, with a margin for mines and ellipsoidal heights
 _MISSING_SHARE = 0.5
@@ -133,25 +128,6 @@ def raster_scene(config: RasterScene, heading_deg: float = 0.0) -> Scene:
         heading_deg=heading_deg or None,
         slope_error_deg=slope_error,
     )
-
-
-def check_elevation(config: RasterScene) -> None:
-    """Raise an error if the header of the elevation raster or its vertical datum is not suitable for a scene.
-
-    Parameters
-    ----------
-    config : RasterScene
-        Section ``scene``.
-
-    Raises
-    ------
-    SceneError
-        The file cannot be read, its values are not heights in metres, or the vertical datum is missing or
-        contradictory.
-    """
-    with opened("scene.elevation", config) as elevation:
-        _check_heights(elevation)
-        _datum(elevation, config)
 
 
 def _named(ids: NDArray[np.uint8], materials: Source, config: RasterScene) -> tuple[NDArray[np.uint8], dict[int, str]]:

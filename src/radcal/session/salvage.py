@@ -15,8 +15,7 @@ from radcal.storage.inspection import inspect, kind_of, set_aside
 from radcal.storage.listing import faulty, listed
 from radcal.storage.provenance import provenance
 from radcal.storage.records import read_json
-from radcal.storage.runs import RunStore
-from radcal.storage.sealing import Fault, is_sealed
+from radcal.storage.sealing import Fault
 
 __all__ = ["files_of", "salvage"]
 
@@ -155,16 +154,10 @@ def _here(error: StoreError) -> str:
 
 def _records(folder: Path, sentences: list[str]) -> set[str]:
     """Hashes of all runs with an undamaged record in the run store; damaged records are renamed."""
-    store = RunStore(folder)
     found = set()
     for path in sorted(folder.glob("[!.]*.h5")):
         try:
-            if is_sealed(path):
-                inspect(path, "run", _MOST_BYTES)
-            elif store.get(path.stem, ()) is None:
-                aside = path.with_suffix(".damaged").name
-                sentences.append(f"{path}: is damaged; set aside as {aside}; it is made again where needed.")
-                continue
+            inspect(path, "run", _MOST_BYTES)
         except DamagedError as error:
             sentences.append(_here(error))
             continue

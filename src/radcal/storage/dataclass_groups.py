@@ -9,8 +9,7 @@ numpy array                                            dataset, compressed from 
 ``tuple[str, ...]``                                    dataset of strings, because HDF5 limits the size of attributes;
                                                        attribute if annotated with :class:`Attribute`
 ``tuple[Finding, ...]``                                dataset of strings, each of them a finding as JSON
-dataclass                                              group; if annotated with :class:`Inline`, its fields are
-                                                       stored in the enclosing group
+dataclass                                              group
 dataclass with one field annotated :class:`Main`       dataset with this field's values; the other fields are its
                                                        attributes
 ``Mapping[str, ...]`` of any type above                group with one entry for each key, in the order of the keys
@@ -43,7 +42,7 @@ from radcal.errors import StoreError
 from radcal.findings import Finding
 from radcal.storage.dimensions import attach_scales, label_dimensions
 
-__all__ = ["About", "Attribute", "Inline", "Main", "put", "same", "table", "take"]
+__all__ = ["About", "Attribute", "Main", "put", "same", "table", "take"]
 
 _COMPRESSED = (
     1024  # smallest size of a compressed dataset [bytes]; for smaller datasets, compression would not save space
@@ -92,14 +91,6 @@ class Attribute:
 
 
 @dataclass(frozen=True)
-class Inline:
-    """Annotation of a dataclass whose fields are stored in the enclosing group.
-
-    If the group contains none of these fields, the dataclass is read as None.
-    """
-
-
-@dataclass(frozen=True)
 class _Entry:
     """Field of a dataclass: name, type (without None and without annotations), description and annotations."""
 
@@ -107,15 +98,12 @@ class _Entry:
     kind: Any
     about: About | None
     main: bool
-    inline: bool
     attribute: bool
     optional: bool
     default: Any  # MISSING for a field that the file must contain
 
     def there(self, group: h5py.Group) -> bool:
         """Whether an HDF5 group contains the field."""
-        if self.inline:
-            return any(entry.there(group) for entry in _entries(self.kind))
         return self.name in (group.attrs if self.attribute else group)
 
 
@@ -138,9 +126,7 @@ def put(group: h5py.Group, value: Any) -> None:
         one = getattr(value, entry.name)
         if one is None:
             continue
-        if entry.inline:
-            put(group, one)
-        elif entry.attribute:
+        if entry.attribute:
             group.attrs[entry.name] = _attribute(one, entry.kind)
         else:
             _put(group, entry.name, one, entry.kind, entry.about)
@@ -168,11 +154,8 @@ def take(group: h5py.Group, kind: type[T], without: Collection[str] = ()) -> T:
     found = {}
     for entry in _entries(kind):
         if entry.name not in without and entry.there(group):
-            if entry.inline:
-                found[entry.name] = take(group, entry.kind)
-            else:
-                held = group.attrs if entry.attribute else group
-                found[entry.name] = _take(held[entry.name], entry.kind)
+            held = group.attrs if entry.attribute else group
+            found[entry.name] = _take(held[entry.name], entry.kind)
         elif entry.default is None:
             found[entry.name] = None
         elif entry.default is MISSING:
@@ -237,8 +220,8 @@ def _entry(item: Field[Any], hint: Any, documented: About | None) -> _Entry:
     if optional and default is MISSING:
         default = None
     about = next((one for one in said if isinstance(one, About)), documented)
-    main, inline, attribute = (any(isinstance(one, mark) for one in said) for mark in (Main, Inline, Attribute))
-    return _Entry(item.name, bare, about, main, inline, attribute or _is_attribute(bare), optional, default)
+    main, attribute = (any(isinstance(one, mark) for one in said) for mark in (Main, Attribute))
+    return _Entry(item.name, bare, about, main, attribute or _is_attribute(bare), optional, default)
 
 
 def _without_none(hint: Any) -> tuple[Any, bool]:
@@ -388,19 +371,16 @@ def table(kind: type) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _rows(kind: type, path: str, absent: bool = False) -> Iterator[tuple[str, str, str, str, str]]:
+def _rows(kind: type, path: str) -> Iterator[tuple[str, str, str, str, str]]:
     """Rows of the table that describes the layout of a file: one for each dataclass field stored below an HDF5 path."""
     for entry in _entries(kind):
         if entry.main:  # the table already has a line for the field whose type is this dataclass
             continue
         about, inner, place = entry.about or About(""), entry.kind, f"{path}{entry.name}"
-        if entry.inline:
-            yield from _rows(inner, path, entry.optional)
-            continue
         if _is_mapping(inner):
             inner, place = _item(inner), f"{place}/<name>"
         shape = f" ({about.shape})" if about.shape else ""
-        holds = f"{_holds(inner)}{shape}{', or absent' if absent or entry.optional else ''}"
+        holds = f"{_holds(inner)}{shape}{', or absent' if entry.optional else ''}"
         if _is_mapping(entry.kind) and _is_attribute(inner):
             place, attribute = f"{path}{entry.name}", "`<name>`"
         elif _is_attribute(inner) or entry.attribute or _main(kind):

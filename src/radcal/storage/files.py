@@ -22,6 +22,7 @@ __all__ = [
     "atomic",
     "clamp_future_mtimes",
     "digest",
+    "file_sha256",
     "first_difference",
     "sweep",
     "sweep_scripts",
@@ -76,6 +77,12 @@ def digest(data: Any) -> str:
     """Hash of plain data, as twenty hex digits; the order of keys does not change the hash."""
     text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+def file_sha256(path: Path) -> str:
+    """SHA-256 of the bytes of a file, in hexadecimal digits."""
+    with path.open("rb") as handle:
+        return hashlib.file_digest(handle, "sha256").hexdigest()
 
 
 def working_folder(parent: str | Path) -> Path:

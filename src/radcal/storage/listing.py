@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from radcal.storage.files import file_sha256
 from radcal.storage.records import write_json
 from radcal.storage.sealing import Fault
 
@@ -33,7 +33,7 @@ def write_listing(path: str | Path, files: Iterable[str | Path]) -> None:
         The list cannot be written.
     """
     folder = Path(path).parent
-    write_json(path, {_KEY: {Path(file).relative_to(folder).as_posix(): _sha256(Path(file)) for file in files}})
+    write_json(path, {_KEY: {Path(file).relative_to(folder).as_posix(): file_sha256(Path(file)) for file in files}})
 
 
 def listed(data: Any) -> Mapping[str, str]:
@@ -69,11 +69,6 @@ def faulty(folder: str | Path, checksums: Mapping[str, str]) -> dict[Path, str]:
             found[path] = "is missing"
         elif not path.is_file():
             found[path] = "is no file"
-        elif _sha256(path) != expected:
+        elif file_sha256(path) != expected:
             found[path] = "is damaged or was changed (it differs from its checksum)"
     return found
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as handle:
-        return hashlib.file_digest(handle, "sha256").hexdigest()

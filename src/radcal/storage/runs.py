@@ -7,10 +7,8 @@ needs a run first looks up the run's record in the store. A recorded run is ther
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import logging
-import os
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,15 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import DamagedError, StoreError
-from radcal.reading.intake import elsewhere
 from radcal.storage.disclosure import disclosed
-from radcal.storage.inspection import inspect, set_aside
+from radcal.storage.inspection import inspect, set_aside, unreachable
 from radcal.storage.records import write_hdf5
-from radcal.storage.sealing import is_sealed
 
 __all__ = ["Parameters", "Record", "RunStore", "median_seconds"]
 
-_UNSEALED = 1  # schema version of records written before HDF5 files had checksums
 Parameters = Mapping[str, Sequence[float]]
 
 logger = logging.getLogger(__name__)
@@ -83,17 +78,6 @@ class Record:
         return float(max(each, default=0.0))
 
 
-def _checksum(pixels_db: Mapping[str, NDArray[np.float32]], image_db: NDArray[np.float32] | None) -> str:
-    """SHA-256 of the pixel values in a record of schema 1; such a file has no checksum of all its bytes."""
-    total = hashlib.sha256()
-    for name in sorted(pixels_db):
-        total.update(name.encode())
-        total.update(np.ascontiguousarray(pixels_db[name], dtype="<f4").tobytes())
-    if image_db is not None:
-        total.update(np.ascontiguousarray(image_db, dtype="<f4").tobytes())
-    return total.hexdigest()
-
-
 class RunStore:
     """Folder of run records, with one file for each run.
 
@@ -113,8 +97,7 @@ class RunStore:
     def get(self, key: str, materials: Iterable[str], image: bool = False) -> Record | None:
         """Record of the run with the hash ``key``; None if the store lacks the record or a requested part of it.
 
-        A damaged file is renamed to ``*.damaged`` and counts as missing. Records of schema 1 can also be read; their
-        checksum covers only the pixel values.
+        A damaged file is renamed to ``*.damaged`` and counts as missing.
 
         Parameters
         ----------
@@ -140,35 +123,19 @@ class RunStore:
         path = self.path(key)
         try:
             number = path.stat().st_ino
-            sealed = is_sealed(path)
-            if sealed:
-                inspect(path, "run")
+            inspect(path, "run")
             # no lock is needed, because a record never changes after its file was renamed to this path
             with h5py.File(path, "r", locking=False) as file:
-                if not sealed and (outside := elsewhere(file)) is not None:
-                    raise KeyError(outside)
-                if not sealed and file.attrs["schema"] != _UNSEALED:
-                    raise KeyError("schema")
-                if file.attrs["hash"] != key:
-                    raise KeyError("hash")
                 pixels = {name: item[()] for name, item in file["pixels_db"].items()}
                 whole = file["image_db"][()] if "image_db" in file else None
                 seconds = float(file.attrs["seconds"])
-                if not sealed and file.attrs["checksum"] != _checksum(pixels, whole):
-                    raise KeyError("checksum")
         except FileNotFoundError:
             return None
-        except DamagedError as error:
-            logger.warning("%s", error)
-            return None
-        except (OSError, KeyError, RuntimeError, TypeError, ValueError, AttributeError) as error:
-            # The exception that h5py raises depends on the place of the damage. An OSError with an error number comes
-            # from the operating system: the file could not be read, so that its content may be undamaged.
-            if isinstance(error, OSError) and error.errno is not None:
-                raise StoreError(
-                    f"{path}: cannot be read ({os.strerror(error.errno)}); nothing was changed."
-                ) from error
-            logger.warning("%s", set_aside(path, f"is damaged ({error})", number))
+        except OSError as error:
+            raise unreachable(path, error) from error
+        except (DamagedError, KeyError, RuntimeError, TypeError, ValueError, AttributeError) as error:
+            damaged = isinstance(error, DamagedError)
+            logger.warning("%s", error if damaged else set_aside(path, f"is damaged ({error})", number))
             return None
         return Record(key, pixels, whole, seconds)
 

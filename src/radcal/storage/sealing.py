@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import hashlib
 import re
-from pathlib import Path
-from typing import IO
+from io import BufferedReader
 
-__all__ = ["BLOCK", "EarlierVersion", "Fault", "check_hdf5", "check_json", "header", "is_sealed", "seal"]
+__all__ = ["BLOCK", "EarlierVersion", "Fault", "check_hdf5", "check_json", "header"]
 
 BLOCK = 512
 """Length of the user block [bytes]; HDF5 allows no smaller user block."""
@@ -21,7 +20,6 @@ _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _HEADER = re.compile(rb"radcal sha256 ([0-9a-f]{64}) bytes (\d{1,18})\n\0+\Z")
 _JSON_HEADER = re.compile(rb'\{\n "sha256": "([0-9a-f]{64})",\n')
 _JSON_HEADER_BYTES = len('{\n "sha256": "",\n') + 64
-_CHUNK = 1 << 20
 
 
 class Fault(Exception):
@@ -47,7 +45,7 @@ def header(total: str, size: int) -> bytes:
     return f"radcal sha256 {total} bytes {size - BLOCK}\n".encode().ljust(BLOCK, b"\0")
 
 
-def check_hdf5(handle: IO[bytes], size: int, whole: bool) -> None:
+def check_hdf5(handle: BufferedReader, size: int, whole: bool) -> None:
     """Compare the size and content of an open HDF5 file with the size and checksum in its user block.
 
     Parameters
@@ -72,11 +70,11 @@ def check_hdf5(handle: IO[bytes], size: int, whole: bool) -> None:
         raise Fault("is damaged (its first 512 bytes are no header)")
     if size - BLOCK != int(match[2]):
         raise Fault(f"is damaged ({size - BLOCK} bytes after the header, expected {int(match[2])})")
-    if whole and _sha256(handle) != match[1].decode():
+    if whole and hashlib.file_digest(handle, "sha256").hexdigest() != match[1].decode():
         raise Fault("is damaged (its contents differ from its checksum)")
 
 
-def check_json(handle: IO[bytes], whole: bool) -> None:
+def check_json(handle: BufferedReader, whole: bool) -> None:
     """Compare the content of an open JSON file with its checksum; ``handle`` and ``whole`` as in :func:`check_hdf5`.
 
     Raises
@@ -87,49 +85,5 @@ def check_json(handle: IO[bytes], whole: bool) -> None:
     match = _JSON_HEADER.fullmatch(handle.read(_JSON_HEADER_BYTES))
     if match is None:
         raise Fault("is damaged, or an earlier version wrote it (no checksum in its second line)")
-    if whole and _sha256(handle) != match[1].decode():
+    if whole and hashlib.file_digest(handle, "sha256").hexdigest() != match[1].decode():
         raise Fault("is damaged (its contents differ from its checksum)")
-
-
-def _sha256(handle: IO[bytes]) -> str:
-    """SHA-256 of all bytes of an open file from the present position to the end."""
-    total = hashlib.sha256()
-    while chunk := handle.read(_CHUNK):
-        total.update(chunk)
-    return total.hexdigest()
-
-
-def is_sealed(path: str | Path) -> bool:
-    """Whether an HDF5 file has a checksum; files written by the first versions of radcal have none.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read.
-    """
-    if not Path(path).is_file() and Path(path).exists():
-        return True  # a folder or a device, about which the later inspection reports an error
-    with Path(path).open("rb") as handle:
-        return handle.read(len(_SIGNATURE)) != _SIGNATURE
-
-
-def seal(path: str | Path) -> None:
-    """Compute the checksum of a closed HDF5 file and write it into the first 512 bytes of the file.
-
-    Parameters
-    ----------
-    path : path
-        Path of a file with a user block of 512 bytes. The file was written by
-        :func:`~radcal.storage.records.write_hdf5` and then changed intentionally.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read or written.
-    """
-    path = Path(path)
-    with path.open("r+b") as handle:
-        handle.seek(BLOCK)
-        first = header(_sha256(handle), path.stat().st_size)
-        handle.seek(0)
-        handle.write(first)
