@@ -20,12 +20,12 @@ from radcal.config import FileMeasurement, Radar
 from radcal.errors import MeasurementError
 from radcal.image.georeference import (
     GeoreferencedImage,
-    is_georeferenced,
     map_pixel_m,
     places_on_ground,
     read_georeferenced,
     values_at_ground,
 )
+from radcal.image.header import Header, header_of
 
 pytestmark = pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning")  # of rasterio about affine
 
@@ -161,7 +161,7 @@ def test_files_are_read_with_their_place(tmp_path: Path) -> None:
     values = np.arange(np.prod(shape), dtype=np.int32).reshape(shape)
     path = write(tmp_path / "image.tif", np.stack([values, 2 * values]), crs=crs, transform=transform, nodata=0)
     config = CONFIG.model_copy(update={"band": 2})
-    assert is_georeferenced(path)
+    assert header_of(path, config) == Header(CRS(UTM), pytest.approx((3.0, 3.0)))
     read = read_georeferenced(path, config)
     np.testing.assert_array_equal(read.values, np.where(values > 0, 2.0 * values, np.nan))
     assert np.isnan(read.values[0, 0])
@@ -213,14 +213,12 @@ def test_files_without_a_place_are_told_apart(tmp_path: Path) -> None:
         tmp_path / "local.tif", values, transform=SAME[1],
         crs=rasterio.crs.CRS.from_wkt('LOCAL_CS["radar",UNIT["metre",1]]'),
     )  # fmt: skip
-    np.save(tmp_path / "image.npy", values)
     (tmp_path / "text.tif").write_text("no raster")
+    assert [header_of(one, CONFIG).crs for one in (no_transform, no_crs, local)] == [CRS(UTM), None, None]
     for path in (plain, no_transform, no_crs, local):
-        assert not is_georeferenced(path), path
+        assert header_of(path, CONFIG).pixel_m is None, path
         with pytest.raises(MeasurementError, match=rf"{path.name} has no coordinate reference system or no transform"):
             read_georeferenced(path, CONFIG)
-    assert not is_georeferenced(tmp_path / "image.npy")
-    assert not is_georeferenced(tmp_path / "text.tif")
     with pytest.raises(MeasurementError, match=r"text\.tif cannot be read as a raster"):
         read_georeferenced(tmp_path / "text.tif", CONFIG)
 
@@ -230,7 +228,9 @@ def test_pixels_are_turned_into_range_and_azimuth(tmp_path: Path) -> None:
     settings = {"height": 9, "width": 9, "count": 1, "dtype": "uint8", "crs": UTM, "driver": "GTiff"}
     with rasterio.open(tmp_path / "a.tif", "w", transform=Affine(3.0, 0, WEST, 0, -5.0, SOUTH), **settings):
         pass
+    header = header_of(tmp_path / "a.tif", CONFIG)
+    assert header.pixel_m == pytest.approx((3.0, 5.0))
     half = math.cos(math.radians(60.0))
     for heading, across, along in ((0.0, 3.0, 5.0), (90.0, 5.0, 3.0), (45.0, math.sqrt(17.0), math.sqrt(17.0))):
-        sides = map_pixel_m(tmp_path / "a.tif", Radar(heading_deg=heading, depression_deg=60.0))
+        sides = map_pixel_m(header.pixel_m, Radar(heading_deg=heading, depression_deg=60.0))
         assert sides == pytest.approx((half * across, along), rel=1e-3)

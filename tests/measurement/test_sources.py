@@ -392,7 +392,8 @@ def test_an_image_on_the_map_is_seen_where_its_ground_lies(
     angle = found["incidence_by_map"]
     assert (angle["key"], angle["declared_deg"]) == ("radar.depression_deg", 45.0)
     assert (angle["from_deg"], angle["to_deg"]) == pytest.approx((42.5, 47.5), abs=0.6)
-    orbit = module._angle(path, case.measurement, Radar(incidence_deg=38.5, altitude_m=700_000.0), geometry, on_map)
+    pass_38 = Radar(incidence_deg=38.5, altitude_m=700_000.0)
+    orbit = module._angle(path, module.Header(), case.measurement, pass_38, geometry, on_map)
     assert (orbit.numbers["key"], orbit.numbers["declared_deg"]) == ("radar.incidence_deg", 38.5)
 
 

@@ -185,7 +185,10 @@ def test_noise_is_told_at_the_incidence_of_the_scenes_own_height(safe: Path) -> 
 
 def test_looks_of_other_modes_are_multiplied(safe: Path) -> None:
     product, radar = opened(safe)
-    swaths = tuple(replace(one, looks=(6, 3)) for one in product.annotation.swaths)
+    swaths = tuple(
+        replace(one, range=replace(one.range, looks=6), azimuth=replace(one.azimuth, looks=3))
+        for one in product.annotation.swaths
+    )
     other = replace(product, annotation=replace(product.annotation, mode="EW", swaths=swaths))
     ground = scene()
     found = overpass_of(other, ground, make_geometry(ground, radar).ground).acquisition

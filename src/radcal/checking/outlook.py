@@ -9,9 +9,9 @@ import numpy as np
 
 from radcal.checking.hidden_by_noise import hidden_by_noise
 from radcal.checking.unregistered import start_image
-from radcal.config import Case, FileMeasurement, Material, SyntheticMeasurement, expand_path, vrt_folders
+from radcal.config import Case, FileMeasurement, Material, SyntheticMeasurement, expand_path
 from radcal.findings import Finding, of_pass
-from radcal.image.georeference import is_georeferenced
+from radcal.image.header import header_of
 from radcal.image.model import Measurement
 from radcal.posterior.curves import NORMAL_90
 from radcal.radar.geometry import Geometry
@@ -66,7 +66,7 @@ def is_on_map(config: FileMeasurement) -> bool:
     """Whether a measured image is georeferenced, so that its place does not depend on section ``radar``."""
     product = is_safe_name(config.path)
     path = expand_path(config.path, "measurement.path", folder=product)
-    return product or is_georeferenced(path, vrt_folders(config))
+    return product or header_of(path, config).pixel_m is not None
 
 
 def hidden_ground(scene: Scene, geometry: Geometry) -> list[Finding]:

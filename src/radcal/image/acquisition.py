@@ -96,6 +96,16 @@ class Acquisition:
         return self.range_spacing_m * float(np.sin(np.radians(self.incidence_deg)))
 
     @property
+    def lengths_m(self) -> dict[str, float]:
+        """Resolutions and spacings in slant range and azimuth [m], by the keys of section ``radar``."""
+        return {
+            "range_resolution_m": self.range_resolution_m,
+            "azimuth_resolution_m": self.azimuth_resolution_m,
+            "range_spacing_m": self.slant_spacing_m,
+            "azimuth_spacing_m": self.azimuth_spacing_m,
+        }
+
+    @property
     def look_azimuth_deg(self) -> float:
         """Direction in which the radar looks, clockwise from true north [deg, 0 to 360]."""
         return (self.heading_deg + (90.0 if self.look_side == "right" else -90.0)) % 360.0
@@ -158,13 +168,7 @@ def radar_keys(acquisition: Acquisition) -> dict[str, tuple[Any, str]]:
 def _sensor(acquisition: Acquisition) -> str | None:
     """Name of the sensor in :data:`.SENSORS` whose values agree with an acquisition; None if no sensor agrees."""
     a = acquisition
-    lengths = {
-        "range_resolution_m": a.range_resolution_m,
-        "azimuth_resolution_m": a.azimuth_resolution_m,
-        "range_spacing_m": a.slant_spacing_m,
-        "azimuth_spacing_m": a.azimuth_spacing_m,
-        "looks": a.looks,
-    }
+    lengths = {**a.lengths_m, "looks": a.looks}
     for name, sensor in SENSORS.items():
         known = sensor.values_at(a.incidence_deg)
         if (
@@ -261,12 +265,7 @@ def differences(acquisition: Acquisition, radar: Radar) -> list[Finding]:
         worst = int(np.argmax(np.abs(configured - levels)))
         at = {"angle_deg": angles[worst], "nesz_db": levels[worst], "configured_db": configured[worst]}
         found.append(Finding("noise_differs", "note", a.product, {key: float(x) for key, x in at.items()}))
-    for key, own in (
-        ("range_resolution_m", a.range_resolution_m),
-        ("azimuth_resolution_m", a.azimuth_resolution_m),
-        ("range_spacing_m", a.slant_spacing_m),
-        ("azimuth_spacing_m", a.azimuth_spacing_m),
-    ):
+    for key, own in a.lengths_m.items():
         value = getattr(radar, key)
         if not 1.0 / _RATIO <= value / own <= _RATIO:
             found.append(Finding("radar_differs", "note", a.product, {"key": key, "own_m": own, "configured_m": value}))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,10 +12,11 @@ from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement, Radar
 from radcal.errors import MeasurementError
-from radcal.image.readers import Places, read_raster
-from radcal.reading.arrays import is_raster
+from radcal.image.readers import image_file
+from radcal.reading.arrays import raster_band
+from radcal.reading.images import reading
 from radcal.reading.rasters import open_raster
-from radcal.scene.crs import crs_of, horizontal, pixel_size_m, transformer
+from radcal.scene.crs import crs_of, horizontal, transformer
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -24,14 +24,13 @@ if TYPE_CHECKING:
 __all__ = [
     "GeoreferencedImage",
     "check_spacing",
-    "is_georeferenced",
     "map_pixel_m",
-    "off_the_map",
     "places_on_ground",
     "read_georeferenced",
     "values_at_ground",
 ]
 
+Places = Callable[[Any], tuple[NDArray[np.float64], NDArray[np.float64]]]
 _FAR_OFF = 5.0  # largest ratio of pixel spacing to pixel size, or of pixel size to pixel spacing
 
 
@@ -57,50 +56,7 @@ class GeoreferencedImage:
     crs: CRS
 
 
-def is_georeferenced(path: Path, folders: Sequence[Path] = ()) -> bool:
-    """Whether a file is a raster with a CRS and a transform from its pixels to coordinates in this CRS.
-
-    For a file that cannot be read, the function returns False; the function that reads the file later raises an error.
-
-    Parameters
-    ----------
-    path : path
-        Path of a measured image of any format.
-    folders : sequence of path
-        Folders that may contain the source files of a VRT, besides the folder of the VRT.
-    """
-    if not is_raster(path):
-        return False
-    try:
-        with open_raster(path, folders) as raster:
-            return not raster.transform.is_identity and crs_of(raster) is not None
-    except Exception:  # the libraries' exceptions for damaged files have no common base class
-        return False
-
-
-def off_the_map(path: Path, crs: str, folders: Sequence[Path] = ()) -> str:
-    """Text for the error about an image whose size differs, for which :func:`is_georeferenced` is false.
-
-    Parameters
-    ----------
-    path, folders
-        Arguments of :func:`is_georeferenced`.
-    crs : str
-        The scene's CRS.
-    """
-    from pyproj import CRS
-
-    lacks = "CRS"
-    if is_raster(path):
-        with contextlib.suppress(Exception), open_raster(path, folders) as raster:
-            lacks = "CRS" if crs_of(raster) is None else "transform from its pixels to the map"
-    return (
-        f", and the file has no {lacks}, expected a georeferenced image, as the scene in "
-        f"{CRS.from_user_input(crs).name} is, or one in slant range on the grid of the scene's image"
-    )
-
-
-def check_spacing(path: Path, radar: Radar, folders: Sequence[Path] = ()) -> None:
+def check_spacing(path: Path, pixel_m: tuple[float, float], radar: Radar) -> None:
     """Refuse pixel spacings that are much larger or smaller than the pixels of a georeferenced image.
 
     If the pixels of the image were much larger than the spacings, each pixel would be used many times, as if its copies
@@ -109,44 +65,39 @@ def check_spacing(path: Path, radar: Radar, folders: Sequence[Path] = ()) -> Non
     Parameters
     ----------
     path : path
-        File for which :func:`is_georeferenced` is true.
+        File of the image, for messages.
+    pixel_m : (float, float)
+        Sides of the image's pixels on the ground [m].
     radar : Radar
         Pixel spacings.
-    folders : sequence of path
-        Folders that may contain the source files of a VRT, besides the folder of the VRT.
 
     Raises
     ------
     MeasurementError
         A spacing on the ground is more than five times the mean side of the image's pixels, or less than a fifth of it.
     """
-    sides = _sides_m(path, folders)
-    side = float(np.sqrt(sides[0] * sides[1]))
+    side = float(np.sqrt(pixel_m[0] * pixel_m[1]))
     for way, per_ground in (("range", radar.slant_per_ground), ("azimuth", 1.0)):
         spacing = getattr(radar, f"{way}_spacing_m")
         if not 1.0 / _FAR_OFF <= spacing / per_ground / side <= _FAR_OFF:
             ground = f" ({spacing / per_ground:.3g} m on the ground)" if way == "range" else ""
             raise MeasurementError(
-                f"radar.{way}_spacing_m is {spacing:g}{ground}, the pixels of {path} are {sides[0]:.3g} x "
-                f"{sides[1]:.3g} m: expected about {per_ground * side:.3g}, at most {_FAR_OFF:g} times more or less."
+                f"radar.{way}_spacing_m is {spacing:g}{ground}, the pixels of {path} are {pixel_m[0]:.3g} x "
+                f"{pixel_m[1]:.3g} m: expected about {per_ground * side:.3g}, at most {_FAR_OFF:g} times more or less."
             )
 
 
-def _sides_m(path: Path, folders: Sequence[Path]) -> tuple[float, float]:
-    with open_raster(path, folders) as raster:
-        crs = crs_of(raster)
-        return pixel_size_m(raster, horizontal(crs)) if crs is not None else (1.0, 1.0)
-
-
-def map_pixel_m(path: Path, radar: Radar, folders: Sequence[Path] = ()) -> tuple[float, float]:
+def map_pixel_m(pixel_m: tuple[float, float], radar: Radar) -> tuple[float, float]:
     """Sides of a georeferenced image's pixels along slant range and azimuth [m], as the root of their mean square.
 
     Parameters
     ----------
-    path, radar, folders
-        Arguments of :func:`check_spacing`.
+    pixel_m : (float, float)
+        Sides of the pixels on the ground, to the east and to the north [m].
+    radar : Radar
+        Heading and angle of the pass.
     """
-    east, north = _sides_m(path, folders)
+    east, north = pixel_m
     heading = np.radians(radar.heading_deg)
     across = float(np.hypot(east * np.cos(heading), north * np.sin(heading)))
     return across * radar.slant_per_ground, float(np.hypot(east * np.sin(heading), north * np.cos(heading)))
@@ -158,7 +109,7 @@ def read_georeferenced(path: Path, config: FileMeasurement, places: Places | Non
     Parameters
     ----------
     path : path
-        File for which :func:`is_georeferenced` is true.
+        GeoTIFF or another raster.
     config : FileMeasurement
         Band.
     places : callable, optional
@@ -168,15 +119,37 @@ def read_georeferenced(path: Path, config: FileMeasurement, places: Places | Non
     Raises
     ------
     MeasurementError
-        The file cannot be read, or has no CRS or transform.
+        The file cannot be read, does not hold the band, or has no CRS or transform.
     """
-    values, transform, crs = read_raster(path, config, places)
-    if crs is None or transform.is_identity:
-        raise MeasurementError(
-            f"measurement.path: {path} has no coordinate reference system or no transform to one, expected a "
-            "georeferenced image."
-        )
-    return GeoreferencedImage(path, values, transform, crs)
+    file = image_file(path, config)
+    with reading(file, "a raster"), open_raster(path, file.folders) as raster:
+        crs = crs_of(raster)
+        if crs is None or raster.transform.is_identity:
+            raise file.refused(
+                f"{path} has no coordinate reference system or no transform to one, expected a georeferenced image."
+            )
+        plane = horizontal(crs)
+        window = _window(raster, *places(plane)) if places is not None else None
+        transform = raster.window_transform(window) if window is not None else raster.transform
+        return GeoreferencedImage(path, raster_band(raster, file, window), transform, plane)
+
+
+def _window(raster: Any, x: NDArray[np.float64], y: NDArray[np.float64]) -> Any:
+    """Rectangle of a raster's pixels around coordinates; one pixel if all coordinates lie outside the raster."""
+    from rasterio.windows import Window
+
+    inverse = ~raster.transform
+    around = []
+    for at, size in (
+        (inverse.a * x + inverse.b * y + inverse.c, raster.width),
+        (inverse.d * x + inverse.e * y + inverse.f, raster.height),
+    ):
+        known = at[np.isfinite(at)]
+        low, high = (known.min(), known.max()) if known.size else (0.0, 0.0)
+        first = int(np.clip(np.floor(low), 0, size - 1))
+        around.append((first, int(np.clip(np.floor(high) + 1, first + 1, size)) - first))
+    (left, width), (top, height) = around
+    return Window(left, top, width, height)
 
 
 def places_on_ground(

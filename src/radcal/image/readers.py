@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,16 +13,13 @@ from radcal.config import FileMeasurement, vrt_folders
 from radcal.errors import MeasurementError
 from radcal.findings import Finding
 from radcal.image.sicd import is_sicd, read_sicd
-from radcal.reading.arrays import raster_band, read_array
-from radcal.reading.images import Counts, ImageFile, reading, to_db
-from radcal.reading.rasters import open_raster
-from radcal.scene.crs import crs_of, horizontal
+from radcal.reading.arrays import read_array
+from radcal.reading.images import Counts, ImageFile, to_db
 from radcal.sections.measurement import SICD_ENDINGS
 
-__all__ = ["ReadImage", "image_file", "image_of", "read_image", "read_raster"]
+__all__ = ["ReadImage", "image_file", "image_of", "read_image"]
 
 Values = NDArray[Any]
-Places = Callable[[Any], tuple[NDArray[np.float64], NDArray[np.float64]]]
 # smallest share of impossible values for which an image is refused. At this share, a target of 1,000 pixels loses one
 # pixel. A sector of random bytes in a float32 image of 10^6 pixels gives half of this share. Single-look power with a
 # mean of 29, read as dB, has this share of values above 200, because exp(-200 / 29) = 0.001.
@@ -121,61 +117,6 @@ def image_of(values: Values, path: Path, config: FileMeasurement, shape: tuple[i
             f"median {np.median(present):.3g}, none negative, which looks like power: set measurement.scale: power."
         )
     return ReadImage(image, counts)
-
-
-def read_raster(path: Path, config: FileMeasurement, places: Places | None = None) -> tuple[Values, Any, Any]:
-    """Pixel values of a raster, with its transform and CRS.
-
-    Parameters
-    ----------
-    path : path
-        GeoTIFF or another raster.
-    config : FileMeasurement
-        Band.
-    places : callable, optional
-        Function that returns the coordinates of interest in a given CRS; only the rectangle around these coordinates is
-        read.
-
-    Returns
-    -------
-    values : ndarray, shape (rows, columns)
-        Numbers without conversion; values that the file format marks as no data become NaN.
-    transform : affine.Affine
-        Affine transform from (column, row) of pixel corners to coordinates; identity where the file has none.
-    crs : pyproj.CRS or None
-        Horizontal CRS of the coordinates.
-
-    Raises
-    ------
-    MeasurementError
-        The file cannot be read or does not hold the band.
-    """
-    file = image_file(path, config)
-    with reading(file, "a raster"), open_raster(path, vrt_folders(config)) as raster:
-        crs = crs_of(raster)
-        plane = horizontal(crs) if crs is not None else None
-        if plane is None or places is None:
-            return raster_band(raster, file), raster.transform, plane
-        window = _window(raster, *places(plane))
-        return raster_band(raster, file, window), raster.window_transform(window), plane
-
-
-def _window(raster: Any, x: NDArray[np.float64], y: NDArray[np.float64]) -> Any:
-    """Rectangle of a raster's pixels around coordinates; one pixel if all coordinates lie outside the raster."""
-    from rasterio.windows import Window
-
-    inverse = ~raster.transform
-    around = []
-    for at, size in (
-        (inverse.a * x + inverse.b * y + inverse.c, raster.width),
-        (inverse.d * x + inverse.e * y + inverse.f, raster.height),
-    ):
-        known = at[np.isfinite(at)]
-        low, high = (known.min(), known.max()) if known.size else (0.0, 0.0)
-        first = int(np.clip(np.floor(low), 0, size - 1))
-        around.append((first, int(np.clip(np.floor(high) + 1, first + 1, size)) - first))
-    (left, width), (top, height) = around
-    return Window(left, top, width, height)
 
 
 def image_file(

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
 from radcal.findings import Finding
-from radcal.reading.images import ImageFile, check_header
-from radcal.reading.intake import LARGEST_VALUES, bounded_memory, parse_xml, unchanged
+from radcal.reading.images import ImageFile, check_header, reading
+from radcal.reading.intake import parse_xml
 
 __all__ = ["SicdImage", "is_sicd", "read_sicd"]
 
@@ -104,15 +104,8 @@ def read_sicd(path: Path, config: FileMeasurement, file: ImageFile) -> SicdImage
         raise MeasurementError(f"measurement.band is {config.band}, {path} has 1.")
     if config.dataset is not None:
         raise MeasurementError(f"measurement.dataset is {config.dataset!r}, {path} is SICD, which has no datasets.")
-    pixels = LARGEST_VALUES if file.shape is None else file.shape[0] * file.shape[1]
-    try:
-        with unchanged(path), bounded_memory(pixels):
-            return _read(path, file)
-    except MeasurementError:
-        raise
-    except Exception as error:  # the libraries' exceptions for damaged files have no common base class
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise MeasurementError(f"measurement.path: {path} cannot be read as SICD ({reason}).") from None
+    with reading(file, "SICD"):
+        return _read(path, file)
 
 
 def _read(path: Path, checked: ImageFile) -> SicdImage:

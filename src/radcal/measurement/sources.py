@@ -14,24 +14,22 @@ from scipy.ndimage import map_coordinates
 
 from radcal import skewnormal
 from radcal.bands import LETTER_BANDS_GHZ, letter_band, within_band
-from radcal.config import FileMeasurement, Radar, TargetConfig, expand_path, stages, vrt_folders
+from radcal.config import FileMeasurement, Radar, TargetConfig, expand_path, stages
 from radcal.errors import FitError, MeasurementError, MissingSign
 from radcal.findings import Finding
 from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited
 from radcal.image.georeference import (
     check_spacing,
-    is_georeferenced,
     map_pixel_m,
-    off_the_map,
     places_on_ground,
     read_georeferenced,
     values_at_ground,
 )
+from radcal.image.header import Header, header_of
 from radcal.image.model import Measurement
 from radcal.image.readers import ReadImage, image_of, read_image
 from radcal.image.resolution import check_resolutions
 from radcal.image.speckle_check import check_speckle
-from radcal.image.tags import Tags, incidence_band, tags_of
 from radcal.measurement.synthetic import make_synthetic
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
@@ -134,18 +132,20 @@ def _noise_above(measurement: Measurement, noise_db: NDArray[np.float64], radar:
 
 
 def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None) -> Measurement:
-    path = expand_path(config.path, "measurement.path", folder=is_safe_name(config.path))
+    safe = is_safe_name(config.path)
+    path = expand_path(config.path, "measurement.path", folder=safe)
     crs, transform = (scene.crs, scene.transform) if scene is not None else (None, None)
+    header = Header() if safe else header_of(path, config)
     sides, resampled, of_file = None, False, list[Finding]()
-    if is_safe_name(config.path):
+    if safe:
         opened = open_product(path, config, radar)
         power, _, found = sigma0_image(opened, config, radar, geometry, scene)
         config = config.model_copy(update={"scale": "power"})
         read = replace(image_of(power, path, config, geometry.shape), findings=found, radiometry="sigma0_ref")
         path, resampled = path.with_name(opened.name), True
-    elif crs is not None and transform is not None and is_georeferenced(path, vrt_folders(config)):
-        check_spacing(path, radar, vrt_folders(config))
-        sides = map_pixel_m(path, radar, vrt_folders(config))
+    elif crs is not None and transform is not None and header.pixel_m is not None:
+        check_spacing(path, header.pixel_m, radar)
+        sides = map_pixel_m(header.pixel_m, radar)
         places = partial(places_on_ground, crs, transform, geometry.ground)
         image = read_georeferenced(path, config, places)
         resampled = True
@@ -155,23 +155,21 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
         _check_no_heights(values, path, geometry, scene)
         read = image_of(values, path, config, geometry.shape)
     else:
-        resized = "" if crs is None else off_the_map(path, crs, vrt_folders(config))
-        read = read_image(path, config, geometry.shape, resized)
-    if not is_safe_name(config.path):
-        read = _tagged(read, tags_of(path, config.band, vrt_folders(config)), config, path)
+        read = read_image(path, config, geometry.shape, "" if crs is None else _off_the_map(header, crs))
+    read = _tagged(read, header, config, path)
     _check_pass(read, radar, path)
     _check_radiometry(read.radiometry, config.radiometry, radar, path)
     code = "pixels_at_ground" if resampled else "pixels"
     findings = [Finding(code, "note", path.name, vars(read.counts)), *of_file, *read.findings]
     if sides is not None:
-        findings.append(_angle(path, config, radar, geometry, scene))
-    scale = None if is_safe_name(config.path) else config.scale
+        findings.append(_angle(path, header, config, radar, geometry, scene))
+    scale = None if safe else config.scale
     findings += check_speckle(read.image_db, geometry.material, radar, path.name, scale, sides)
     slope = relief_slope(read.image_db, geometry, radar)
     if slope is not None:
         slope_error_deg = scene.slope_error_deg if scene is not None else 0.0
         findings += check_relief(slope, radar, path.name, slope_error_deg)
-    product = None if is_safe_name(config.path) else named_product(config.path)
+    product = None if safe else named_product(config.path)
     if product is not None:
         keys = {key: str(getattr(config, key)) for key in ("scale", "radiometry", "polarisation")}
         findings.append(Finding("product", "note", path.name, {"product": product.called, **keys}))
@@ -197,7 +195,20 @@ def _check_no_heights(values: NDArray[Any], path: Path, geometry: Geometry, scen
         )
 
 
-def _angle(path: Path, config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None) -> Finding:
+def _off_the_map(header: Header, crs: str) -> str:
+    """End of the message about an image of another size that has no place on the map; ``crs`` is the scene's."""
+    from pyproj import CRS
+
+    lacks = "CRS" if header.crs is None else "transform from its pixels to the map"
+    return (
+        f", and the file has no {lacks}, expected a georeferenced image, as the scene in "
+        f"{CRS.from_user_input(crs).name} is, or one in slant range on the grid of the scene's image"
+    )
+
+
+def _angle(
+    path: Path, header: Header, config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None
+) -> Finding:
     """Finding on the incidence of an image on the map, in which the map and not the angle places the pixels.
 
     Raises
@@ -209,7 +220,7 @@ def _angle(path: Path, config: FileMeasurement, radar: Radar, geometry: Geometry
     value = getattr(radar, key)
     low, high = geometry.flat_incidence_deg.min(), geometry.flat_incidence_deg.max()
     numbers = {"key": f"radar.{key}", "declared_deg": value, "from_deg": float(low), "to_deg": float(high)}
-    band = incidence_band(path, vrt_folders(config))
+    band = header.incidence
     off_deg = None if band is None else _off_band_deg(path, config, geometry, scene, *band)
     if band is None or off_deg is None:
         return Finding("incidence_by_map", "note", path.name, numbers)
@@ -237,7 +248,7 @@ def _off_band_deg(
     return float(np.nanmedian(off)) if np.isfinite(off).any() else None
 
 
-def _tagged(read: ReadImage, tags: Tags, config: FileMeasurement, path: Path) -> ReadImage:
+def _tagged(read: ReadImage, tags: Header, config: FileMeasurement, path: Path) -> ReadImage:
     """Image with the polarisation from its raster tags; tags that contradict the configuration raise an error."""
     if tags.decibels and config.scale != "db":
         raise MeasurementError(

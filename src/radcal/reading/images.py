@@ -6,8 +6,7 @@ packages the conversion is the same; only the configuration keys in error messag
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import RadcalError, WrongNumbers
-from radcal.reading.intake import LARGEST_VALUES, bounded_memory, unchanged
+from radcal.reading.intake import LARGEST_VALUES, guarded
 
 __all__ = [
     "LARGEST_DB",
@@ -243,9 +242,8 @@ def check_header(file: ImageFile, shape: tuple[int, ...], dtype: np.dtype[Any]) 
         )
 
 
-@contextmanager
-def reading(file: ImageFile, called: str) -> Iterator[None]:
-    """Context that limits the memory for reading a file, and converts exceptions of libraries to ``file.error``.
+def reading(file: ImageFile, called: str) -> AbstractContextManager[None]:
+    """Context that reads a file as :func:`.guarded` does; its errors are ``file.error``.
 
     Parameters
     ----------
@@ -255,16 +253,4 @@ def reading(file: ImageFile, called: str) -> Iterator[None]:
         Name of the file's format in error messages, such as "a raster".
     """
     pixels = LARGEST_VALUES if file.shape is None else file.shape[0] * file.shape[1]
-    try:
-        with unchanged(file.path), bounded_memory(pixels):
-            yield
-    except RadcalError:
-        raise
-    except MemoryError:
-        raise file.refused(
-            f"{file.path} cannot be read as {called} (it takes far more memory than {pixels:,} pixels do)."
-        ) from None
-    except Exception as error:  # the libraries' exceptions for damaged files have no common base class
-        # rasterio's message is only "see the previous exception", so that the cause is quoted instead
-        reason = " ".join(str(error.__cause__ or error).split())
-        raise file.refused(f"{file.path} cannot be read as {called} ({reason}).") from None
+    return guarded(file.path, lambda text: file.refused(f"{file.path} {text}"), called, pixels)

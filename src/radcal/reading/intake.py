@@ -5,13 +5,15 @@ from __future__ import annotations
 import contextlib
 import os
 import resource
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import h5py
 
-__all__ = ["LARGEST_VALUES", "bounded_memory", "elsewhere", "parse_xml", "read_xml", "unchanged"]
+from radcal.errors import RadcalError
+
+__all__ = ["LARGEST_VALUES", "bounded_memory", "elsewhere", "guarded", "parse_xml", "read_xml", "unchanged"]
 
 LARGEST_VALUES = 100_000_000  # largest number of values read from a file if the expected size is unknown
 _LARGEST_XML = 100_000_000  # largest size of an XML file [bytes]
@@ -62,6 +64,38 @@ def unchanged(path: Path) -> Iterator[None]:
     after = path.stat()
     if (before.st_size, before.st_mtime_ns, before.st_ino) != (after.st_size, after.st_mtime_ns, after.st_ino):
         raise ValueError("it changed while it was read")
+
+
+@contextlib.contextmanager
+def guarded(
+    path: Path, refused: Callable[[str], RadcalError], called: str, values: int = LARGEST_VALUES
+) -> Iterator[None]:
+    """Context that reads an untrusted file: with a limit of memory, and with one sentence for all errors of libraries.
+
+    Parameters
+    ----------
+    path : path
+        File that the ``with`` block reads.
+    refused : callable
+        Function from the end of a sentence, such as "cannot be read as a raster (it is damaged).", to the exception
+        whose message begins with the configuration key and the path.
+    called : str
+        Name of the file's format in error messages, such as "a raster".
+    values : int
+        Expected number of values in the file, as in :func:`bounded_memory`.
+    """
+    try:
+        with unchanged(path), bounded_memory(values):
+            yield
+    except RadcalError:
+        raise
+    except MemoryError:
+        reason = f"it takes far more memory than {values:,} pixels do"
+        raise refused(f"cannot be read as {called} ({reason}).") from None
+    except Exception as error:  # the libraries' exceptions for damaged files have no common base class
+        # rasterio's message is only "see the previous exception", so that the cause is quoted instead
+        reason = " ".join(str(error.__cause__ or error).split()) or type(error).__name__
+        raise refused(f"cannot be read as {called} ({reason}).") from None
 
 
 def parse_xml(text: bytes) -> Any:

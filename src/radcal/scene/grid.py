@@ -12,7 +12,7 @@ import numpy as np
 
 from radcal.config import RasterScene, expand_path, vrt_folders
 from radcal.errors import SceneError
-from radcal.reading.intake import LARGEST_VALUES
+from radcal.reading.intake import LARGEST_VALUES, guarded
 from radcal.reading.rasters import open_raster
 from radcal.scene.crs import METRES, crs_from, crs_of, horizontal, same_place, transformer, turned, utm
 
@@ -120,27 +120,28 @@ def opened(key: str, config: RasterScene) -> Iterator[Source]:
         the CRS.
     """
     path = expand_path(getattr(config, key.removeprefix("scene.")), key)
+
+    def refused(text: str) -> SceneError:
+        return SceneError(f"{key}: {path} {text}")
+
     with ExitStack() as stack:
-        try:
+        with guarded(path, refused, "a raster"):
             # without this option, GDAL drops the vertical part of the CRS of GeoTIFF 1.0
             raster = stack.enter_context(open_raster(path, vrt_folders(config), GTIFF_REPORT_COMPD_CS="YES"))
             crs, transform = crs_of(raster), raster.transform
-        except Exception as error:  # the libraries' exceptions for damaged files have no common base class
-            raise SceneError(f"{key}: {path} cannot be read as a raster ({error}).") from None
         if raster.count != 1:
-            raise SceneError(f"{key}: {path} has {raster.count} bands, expected one.")
+            raise refused(f"has {raster.count} bands, expected one.")
         if crs is None:
-            raise SceneError(
-                f"{key}: {path} has no coordinate reference system, expected a geographic or projected one: "
-                "give it one with gdal_edit -a_srs."
+            raise refused(
+                "has no coordinate reference system, expected a geographic or projected one: give it one with "
+                "gdal_edit -a_srs."
             )
         if transform.is_identity:
-            raise SceneError(
-                f"{key}: {path} has a coordinate reference system and no transform from pixels to it: "
-                "warp it with gdalwarp."
+            raise refused(
+                "has a coordinate reference system and no transform from pixels to it: warp it with gdalwarp."
             )
         if transform.b != 0 or transform.d != 0:
-            raise SceneError(f"{key}: {path} is rotated against its coordinate axes: warp it with gdalwarp.")
+            raise refused("is rotated against its coordinate axes: warp it with gdalwarp.")
         yield Source(key, path, raster, crs, horizontal(crs))
 
 

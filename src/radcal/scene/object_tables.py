@@ -6,6 +6,7 @@ import difflib
 import sqlite3
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import SceneError
-from radcal.reading.intake import LARGEST_VALUES, bounded_memory, elsewhere, unchanged
+from radcal.reading.intake import elsewhere, guarded
 from radcal.scene.objects import Objects
 from radcal.sections.scene import DBSM_LIMITS, check_curve
 
@@ -129,42 +130,37 @@ def _hdf5(path: Path, place: Place) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Table of objects and curves of cross-section, from the groups ``objects`` and ``aspect`` of an HDF5 file."""
     import pandas as pd
 
-    try:
-        with unchanged(path), bounded_memory(LARGEST_VALUES), h5py.File(path, "r") as file:
-            if (what := elsewhere(file)) is not None:
-                raise _error(path, f"is not read: {what}.")
-            group = file.get("objects")
-            if not isinstance(group, h5py.Group):
-                raise _error(path, "has no group 'objects', expected one with a dataset for each column.")
-            if "crs" in group.attrs:
-                _check_crs(path, str(group.attrs["crs"]), str(group.attrs["crs"]), place)
-            columns: dict[str, NDArray[Any]] = {}
-            for name, data in group.items():
-                text = isinstance(data, h5py.Dataset) and h5py.check_string_dtype(data.dtype) is not None
-                if not isinstance(data, h5py.Dataset) or data.ndim != 1 or not (text or data.dtype.kind in "fiub"):
-                    raise _error(path, f"objects/{name} is not a list of one number or text for each object.")
-                if data.size > _LARGEST_TABLE:
-                    raise _error(path, f"objects/{name} has {data.size} entries, expected at most {_LARGEST_TABLE}.")
-                columns[name] = data.asstr()[()] if text else data[()]
-            counts = {name: len(values) for name, values in columns.items()}
-            for name, count in counts.items():
-                if count != (first := next(iter(counts.values()))):
-                    raise _error(path, f"objects/{name} has {count} entries, objects/{next(iter(counts))} {first}.")
-            found = file.get("aspect", {})
-            if not isinstance(found, h5py.Group | dict):
-                raise _error(path, "aspect is not a group, expected one with a dataset for each aspect class.")
-            curves = {}
-            for name, data in found.items():
-                if not isinstance(data, h5py.Dataset) or data.dtype.kind not in "fiu" or data.size > _LARGEST_TABLE:
-                    raise _error(path, f"aspect/{name} is not a dataset of numbers.")
-                if (wrong := check_curve(data[()])) is not None:
-                    raise _error(path, f"aspect/{name} {wrong}.")
-                curves[name] = data[()]
-            return pd.DataFrame(columns), curves
-    except SceneError:
-        raise
-    except Exception as error:  # the libraries' exceptions for damaged files have no common base class
-        raise _error(path, f"cannot be read as HDF5 ({error}).") from None
+    with guarded(path, partial(_error, path), "HDF5"), h5py.File(path, "r") as file:
+        if (what := elsewhere(file)) is not None:
+            raise _error(path, f"is not read: {what}.")
+        group = file.get("objects")
+        if not isinstance(group, h5py.Group):
+            raise _error(path, "has no group 'objects', expected one with a dataset for each column.")
+        if "crs" in group.attrs:
+            _check_crs(path, str(group.attrs["crs"]), str(group.attrs["crs"]), place)
+        columns: dict[str, NDArray[Any]] = {}
+        for name, data in group.items():
+            text = isinstance(data, h5py.Dataset) and h5py.check_string_dtype(data.dtype) is not None
+            if not isinstance(data, h5py.Dataset) or data.ndim != 1 or not (text or data.dtype.kind in "fiub"):
+                raise _error(path, f"objects/{name} is not a list of one number or text for each object.")
+            if data.size > _LARGEST_TABLE:
+                raise _error(path, f"objects/{name} has {data.size} entries, expected at most {_LARGEST_TABLE}.")
+            columns[name] = data.asstr()[()] if text else data[()]
+        counts = {name: len(values) for name, values in columns.items()}
+        for name, count in counts.items():
+            if count != (first := next(iter(counts.values()))):
+                raise _error(path, f"objects/{name} has {count} entries, objects/{next(iter(counts))} {first}.")
+        found = file.get("aspect", {})
+        if not isinstance(found, h5py.Group | dict):
+            raise _error(path, "aspect is not a group, expected one with a dataset for each aspect class.")
+        curves = {}
+        for name, data in found.items():
+            if not isinstance(data, h5py.Dataset) or data.dtype.kind not in "fiu" or data.size > _LARGEST_TABLE:
+                raise _error(path, f"aspect/{name} is not a dataset of numbers.")
+            if (wrong := check_curve(data[()])) is not None:
+                raise _error(path, f"aspect/{name} {wrong}.")
+            curves[name] = data[()]
+        return pd.DataFrame(columns), curves
 
 
 def _check_crs(path: Path, text: str, name: str, place: Place) -> None:

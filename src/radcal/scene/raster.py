@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from radcal.config import RasterScene, expand_path
 from radcal.errors import SceneError
 from radcal.findings import Finding
-from radcal.reading.intake import bounded_memory, unchanged
+from radcal.reading.intake import guarded
 from radcal.reading.rasters import check_blocks
 from radcal.scene.crs import (
     METRES,
@@ -209,12 +209,9 @@ def _window(source: Source, grid: Grid) -> tuple[np.ma.MaskedArray[Any, Any], An
             "give smaller scene.bounds or a coarser raster."
         )
     window = Window(left, top, right - left, bottom - top)
-    try:
+    with guarded(source.path, source.error, "a raster"):
         check_blocks(source.raster)
-        with unchanged(source.path), bounded_memory(LARGEST_CELLS):
-            return source.raster.read(1, window=window, masked=True), of_window(window, t)
-    except Exception as error:  # the libraries' exceptions for damaged files have no common base class
-        raise source.error(f"cannot be read as a raster ({error}).") from None
+        return source.raster.read(1, window=window, masked=True), of_window(window, t)
 
 
 def _warped(

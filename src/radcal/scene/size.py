@@ -54,17 +54,16 @@ def scene_size(config: SceneConfig) -> SceneSize:
 
 
 def _slant_range(config: SlantRangeScene) -> SceneSize:
-    from rasterio.errors import RasterioError
-
     from radcal.errors import SceneError
-    from radcal.reading.rasters import RasterRefused, open_raster
+    from radcal.reading.intake import guarded
+    from radcal.reading.rasters import open_raster
 
     path = expand_path(config.labels, "scene.labels")
-    try:
-        with open_raster(path, vrt_folders(config)) as raster:
-            cells = int(raster.width) * int(raster.height)
-    except (OSError, RasterioError, RasterRefused) as error:
-        raise SceneError(f"scene.labels: {path} cannot be read as a raster ({error}).") from None
+    with (
+        guarded(path, lambda text: SceneError(f"scene.labels: {path} {text}"), "a raster"),
+        open_raster(path, vrt_folders(config)) as raster,
+    ):
+        cells = int(raster.width) * int(raster.height)
     return SceneSize(cells, None, cells)
 
 

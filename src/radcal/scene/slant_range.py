@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radcal.config import SlantRangeScene, expand_path, vrt_folders
 from radcal.errors import SceneError
-from radcal.reading.intake import LARGEST_VALUES, bounded_memory, unchanged
+from radcal.reading.intake import LARGEST_VALUES, guarded
 from radcal.reading.rasters import check_blocks, open_raster
 from radcal.scene.model import Scene
 from radcal.scene.names import by_id, read_names
@@ -49,21 +49,17 @@ def flat_incidence_deg(near_deg: float, far_deg: float, rows: int) -> NDArray[np
 
 def _labels(path: Path, folders: Sequence[Path]) -> NDArray[Any]:
     """Values of the single band of a label raster; the memory for reading is limited."""
-    try:
-        with unchanged(path), bounded_memory(LARGEST_VALUES), open_raster(path, folders) as raster:
-            if raster.count != 1:
-                raise SceneError(f"scene.labels: {path} has {raster.count} bands, expected one.")
-            if raster.height * raster.width > LARGEST_VALUES:
-                raise SceneError(
-                    f"scene.labels: {path} has {raster.height} x {raster.width} pixels, expected at most "
-                    f"{LARGEST_VALUES:.0e}."
-                )
-            check_blocks(raster)
-            return np.asarray(raster.read(1))
-    except SceneError:
-        raise
-    except Exception as error:  # the libraries' exceptions for damaged files have no common base class
-        raise SceneError(f"scene.labels: {path} cannot be read as a raster ({error}).") from None
+
+    def refused(text: str) -> SceneError:
+        return SceneError(f"scene.labels: {path} {text}")
+
+    with guarded(path, refused, "a raster"), open_raster(path, folders) as raster:
+        if raster.count != 1:
+            raise refused(f"has {raster.count} bands, expected one.")
+        if raster.height * raster.width > LARGEST_VALUES:
+            raise refused(f"has {raster.height} x {raster.width} pixels, expected at most {LARGEST_VALUES:.0e}.")
+        check_blocks(raster)
+        return np.asarray(raster.read(1))
 
 
 def read_labels(config: SlantRangeScene) -> tuple[NDArray[Any], list[int]]:

@@ -8,11 +8,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.sentinel1.geolocation import GroundRange
+from radcal.sentinel1.geolocation import GroundRange, between
 
-__all__ = ["Annotation", "LookUpTable", "NoiseTable", "Swath", "annotation_of", "calibration_of", "noise_of"]
+__all__ = [
+    "Annotation", "LookUpTable", "NoiseTable", "Processing", "Swath", "annotation_of", "calibration_of", "noise_of",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
+Bounds = tuple[int, int, int, int]
+
+
+@dataclass(frozen=True)
+class Processing:
+    """Processing of a swath along one axis of the image.
+
+    Attributes
+    ----------
+    looks : int
+        Number of looks.
+    bandwidth_hz : float
+        Bandwidth of a look [Hz].
+    window : float
+        Coefficient of the generalised Hamming window; 1 without a window.
+    """
+
+    looks: int
+    bandwidth_hz: float
+    window: float
 
 
 @dataclass(frozen=True)
@@ -26,19 +48,14 @@ class Swath:
     bounds : tuple of (int, int, int, int)
         First line, last line, first pixel and last pixel of each part of the image that shows the swath; empty if the
         swath is the whole image.
-    looks : (int, int)
-        Numbers of looks in range and azimuth.
-    bandwidth_hz : (float, float)
-        Bandwidth of a look in range and azimuth [Hz].
-    window : (float, float)
-        Coefficient of the generalised Hamming window in range and azimuth; 1 without a window.
+    range, azimuth : Processing
+        Processing in range and azimuth.
     """
 
     name: str
-    bounds: tuple[tuple[int, int, int, int], ...]
-    looks: tuple[int, int]
-    bandwidth_hz: tuple[float, float]
-    window: tuple[float, float]
+    bounds: tuple[Bounds, ...]
+    range: Processing
+    azimuth: Processing
 
     def shows(self, line: float, pixel: float) -> bool:
         """Whether a position of the image lies in this swath."""
@@ -112,15 +129,7 @@ class LookUpTable:
         line, pixel : ndarray, shape (k,)
             Line and pixel of each position; all numbers are finite.
         """
-        found = np.empty(line.shape)
-        before = np.clip(np.searchsorted(self.lines, line, side="right") - 1, 0, len(self.lines) - 1)
-        for k in np.unique(before):
-            there, after = before == k, min(int(k) + 1, len(self.lines) - 1)
-            lower, upper = (np.interp(pixel[there], self.pixels[n], self.values[n]) for n in (int(k), after))
-            apart = self.lines[after] - self.lines[k]
-            share = np.clip((line[there] - self.lines[k]) / apart, 0.0, 1.0) if apart > 0 else 0.0
-            found[there] = lower + share * (upper - lower)
-        return found
+        return between(self.lines, line, lambda k, there: np.interp(pixel[there], self.pixels[k], self.values[k]))
 
 
 @dataclass(frozen=True)
@@ -137,7 +146,7 @@ class NoiseTable:
     """
 
     over_range: LookUpTable
-    along: tuple[tuple[tuple[int, int, int, int], Array, Array], ...] = ()
+    along: tuple[tuple[Bounds, Array, Array], ...] = ()
 
     def at(self, line: Array, pixel: Array) -> Array:
         """Thermal noise at positions of the image, in squared digital numbers, shape (k,)."""
@@ -191,12 +200,10 @@ def noise_of(root: Any) -> NoiseTable:
         return NoiseTable(_table(root, "noiseVectorList/noiseVector", "noiseLut"))
     blocks = []
     for block in root.findall("noiseAzimuthVectorList/noiseAzimuthVector"):
-        names = ("firstAzimuthLine", "lastAzimuthLine", "firstRangeSample", "lastRangeSample")
-        first, last, near, far = (int(_number(block, name)) for name in names)
         lines, factors = _numbers(block, "line"), _numbers(block, "noiseAzimuthLut")
         if lines.shape != factors.shape:
             raise ValueError(f"it has {factors.size} noiseAzimuthLut on {lines.size} lines")
-        blocks.append(((first, last, near, far), lines, factors))
+        blocks.append((_bounds(block), lines, factors))
     return NoiseTable(_table(root, "noiseRangeVectorList/noiseRangeVector", "noiseRangeLut"), tuple(blocks))
 
 
@@ -212,41 +219,33 @@ def _table(root: Any, path: str, quantity: str) -> LookUpTable:
     return LookUpTable(np.array([_number(vector, "line") for vector in vectors]), pixels, values)
 
 
+def _bounds(part: Any) -> Bounds:
+    """First line, last line, first pixel and last pixel of a part of the image."""
+    names = ("firstAzimuthLine", "lastAzimuthLine", "firstRangeSample", "lastRangeSample")
+    first, last, near, far = (int(_number(part, name)) for name in names)
+    return first, last, near, far
+
+
 def _swaths(root: Any) -> tuple[Swath, ...]:
     merged = {
-        _text(part, "swath"): tuple(
-            (
-                int(_number(bounds, "firstAzimuthLine")),
-                int(_number(bounds, "lastAzimuthLine")),
-                int(_number(bounds, "firstRangeSample")),
-                int(_number(bounds, "lastRangeSample")),
-            )
-            for bounds in part.findall("swathBoundsList/swathBounds")
-        )
+        _text(part, "swath"): tuple(map(_bounds, part.findall("swathBoundsList/swathBounds")))
         for part in root.findall("swathMerging/swathMergeList/swathMerge")
     }
     found = []
     for part in _all(root, "imageAnnotation/processingInformation/swathProcParamsList/swathProcParams"):
-        ways = ("rangeProcessing", "azimuthProcessing")
-        looks = [int(_number(part, f"{way}/numberOfLooks")) for way in ways]
-        bandwidths = [_number(part, f"{way}/lookBandwidth") for way in ways]
-        windows = [
-            _number(part, f"{way}/windowCoefficient")
-            if _text(part, f"{way}/windowType", "NONE").upper() != "NONE"
-            else 1.0
-            for way in ways
-        ]
         name = _text(part, "swath")
-        found.append(
-            Swath(
-                name,
-                merged.get(name, ()),
-                (looks[0], looks[1]),
-                (bandwidths[0], bandwidths[1]),
-                (windows[0], windows[1]),
-            )
-        )
+        processing = (_processing(part, f"{way}Processing") for way in ("range", "azimuth"))
+        found.append(Swath(name, merged.get(name, ()), *processing))
     return tuple(found)
+
+
+def _processing(part: Any, way: str) -> Processing:
+    windowed = _text(part, f"{way}/windowType", "NONE").upper() != "NONE"
+    return Processing(
+        int(_number(part, f"{way}/numberOfLooks")),
+        _number(part, f"{way}/lookBandwidth"),
+        _number(part, f"{way}/windowCoefficient") if windowed else 1.0,
+    )
 
 
 def _ground_range(root: Any, start: str, shape: tuple[int, int]) -> GroundRange:

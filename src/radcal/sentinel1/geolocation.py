@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
 from radcal.scene.crs import transformer
 
-__all__ = ["GroundRange", "Look"]
+__all__ = ["GroundRange", "Look", "between"]
 
 Array = NDArray[np.float64]
 
@@ -102,7 +104,12 @@ class GroundRange:
         place = _geocentric(longitude_deg, latitude_deg, height_m)
         time = self._zero_doppler(place)
         slant = np.linalg.norm(place - self._orbit(time), axis=-1)
-        line, pixel = time / self.line_s, self._ground_range(time, slant) / self.range_spacing_m
+        ground = between(  # counted from the first pixel of a line [m]
+            self.conversion_s,
+            time,
+            lambda k, there: polyval(slant[there] - self.near_m[k], self.coefficients[k]),
+        )
+        line, pixel = time / self.line_s, ground / self.range_spacing_m
         rows, columns = self.shape
         inside = (line >= -0.5) & (line < rows - 0.5) & (pixel >= -0.5) & (pixel < columns - 0.5)
         return np.where(inside, line, np.nan), np.where(inside, pixel, np.nan)
@@ -147,20 +154,28 @@ class GroundRange:
                 break
         return time
 
-    def _ground_range(self, time: Array, slant_m: Array) -> Array:
-        """Ground range, counted from the first pixel of a line [m]."""
-        before = np.clip(np.searchsorted(self.conversion_s, time, side="right") - 1, 0, len(self.conversion_s) - 1)
-        ground = np.empty_like(slant_m)
-        for k in np.unique(before):
-            there, after = before == k, min(int(k) + 1, len(self.conversion_s) - 1)
-            lower, upper = (self._polynomial(n, slant_m[there]) for n in (int(k), after))
-            apart = self.conversion_s[after] - self.conversion_s[k]
-            share = np.clip((time[there] - self.conversion_s[k]) / apart, 0.0, 1.0) if apart > 0 else 0.0
-            ground[there] = lower + share * (upper - lower)
-        return ground
 
-    def _polynomial(self, number: int, slant_m: Array) -> Array:
-        return np.asarray(np.polynomial.polynomial.polyval(slant_m - self.near_m[number], self.coefficients[number]))
+def between(knots: Array, at: Array, values: Callable[[int, NDArray[np.bool_]], Array]) -> Array:
+    """Values of a quantity between knots, by linear interpolation; beyond the outer knots, those of the nearest knot.
+
+    Parameters
+    ----------
+    knots : ndarray, shape (n,)
+        Places of the knots, ascending.
+    at : ndarray, shape (k,)
+        Places at which the quantity is sought.
+    values : callable
+        Function from the number of a knot, and a mask of the places, to the values at these places by this knot.
+    """
+    found = np.empty(at.shape)
+    before = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 1)
+    for k in np.unique(before):
+        there, after = before == k, min(int(k) + 1, len(knots) - 1)
+        lower, upper = values(int(k), there), values(after, there)
+        apart = knots[after] - knots[k]
+        share = np.clip((at[there] - knots[k]) / apart, 0.0, 1.0) if apart > 0 else 0.0
+        found[there] = lower + share * (upper - lower)
+    return found
 
 
 def _geocentric(longitude_deg: Array, latitude_deg: Array, height_m: Array) -> Array:

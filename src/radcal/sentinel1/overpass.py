@@ -17,7 +17,6 @@ from radcal.image.georeference import places_on_ground
 from radcal.reading.safe import SafeRefused, safe_images
 from radcal.scene.crs import geoid_m
 from radcal.scene.model import Scene
-from radcal.sentinel1.annotation import Swath
 from radcal.sentinel1.product import Product, open_product
 
 __all__ = ["Overpass", "overpass_of", "overpass_unchecked"]
@@ -145,7 +144,7 @@ def _acquisition(product: Product, middle: Array, line: Array, pixel: Array) -> 
     look = of.ground.look(*middle)
     at_line, at_pixel = float(np.median(line)), float(np.median(pixel))
     swath = next((one for one in of.swaths if one.shows(at_line, at_pixel)), of.swaths[0])
-    numbers = swath.looks
+    numbers = (swath.range.looks, swath.azimuth.looks)
     return Acquisition(
         product=product.name,
         sensor=f"{of.mission} {of.mode} {of.product_type}",
@@ -162,8 +161,11 @@ def _acquisition(product: Product, middle: Array, line: Array, pixel: Array) -> 
         numbers_of_looks=numbers,
         range_spacing_m=of.ground.range_spacing_m,
         azimuth_spacing_m=of.azimuth_spacing_m,
-        range_resolution_m=0.5 * _LIGHT_M_S / swath.bandwidth_hz[0] * _width(swath, 0),
-        azimuth_resolution_m=of.azimuth_spacing_m / of.ground.line_s / swath.bandwidth_hz[1] * _width(swath, 1),
+        range_resolution_m=0.5 * _LIGHT_M_S / swath.range.bandwidth_hz * _width(swath.range.window),
+        azimuth_resolution_m=of.azimuth_spacing_m
+        / of.ground.line_s
+        / swath.azimuth.bandwidth_hz
+        * _width(swath.azimuth.window),
         nesz_db=_noise_over_incidence(product, at_line, float(pixel.min()), float(pixel.max()), at_pixel, middle),
         noise_removed=of.noise_removed,
     )
@@ -188,15 +190,13 @@ def _noise_over_incidence(
     return tuple((round(float(a), 2), round(float(b), 2)) for a, b in zip(angle[keep], level[keep], strict=True))
 
 
-def _width(swath: Swath, way: int) -> float:
+def _width(a: float) -> float:
     """-3 dB width of a look's impulse response, in units of the inverse of the look's bandwidth.
 
     A look of bandwidth B with the spectral window a + (1 - a) cos(2 pi f / B) has, with x in units of 1 / B, the
     impulse response a sinc(x) + (1 - a) / 2 (sinc(x - 1) + sinc(x + 1)).
     """
     from scipy.optimize import brentq
-
-    a = swath.window[way]
 
     def response(x: float) -> float:
         return float(a * np.sinc(x) + 0.5 * (1.0 - a) * (np.sinc(x - 1.0) + np.sinc(x + 1.0)))

@@ -14,7 +14,7 @@ from radcal.errors import MeasurementError
 from radcal.image.readers import image_file
 from radcal.reading.images import reading
 from radcal.reading.intake import read_xml
-from radcal.reading.safe import SafeRefused, chosen_image, safe_folder, safe_images
+from radcal.reading.safe import chosen_image, safe_folder, safe_images
 from radcal.sentinel1.annotation import (
     Annotation,
     LookUpTable,
@@ -84,10 +84,8 @@ def open_product(path: Path, config: FileMeasurement, radar: Radar) -> Product:
     """
     if config.band not in (None, 1):
         raise MeasurementError(f"measurement.band is {config.band}, {path} has 1 for each polarisation.")
-    try:
+    with reading(image_file(path, config), "a Sentinel-1 product"):
         image = chosen_image(safe_images(path), radar.polarisation)
-    except SafeRefused as error:
-        raise MeasurementError(f"measurement.path: {path} cannot be read as a Sentinel-1 product ({error}).") from None
     annotation = _parsed(image.annotation, config, "annotation", annotation_of)
     if annotation.product_type != "GRD":
         raise MeasurementError(

@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 import rasterio
 
-from radcal.config import Case
+from radcal.config import Case, FileMeasurement
 from radcal.errors import MeasurementError
+from radcal.image.header import Header, header_of
 from radcal.image.model import Measurement
-from radcal.image.tags import Tags, tags_of
 from radcal.measurement.sources import make_measurement
 from radcal.radar.geometry import Geometry
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 
+CONFIG = FileMeasurement(path="a.tif", scale="power", radiometry="sigma0_ref")
 NORMALISATION = "PROCESSING_INFORMATION_OUTPUT_BACKSCATTER_NORMALIZATION_CONVENTION"
 
 
@@ -36,23 +37,25 @@ def write(path: Path, shape: tuple[int, int], names: list[str | None], **tags: s
 @pytest.mark.parametrize(
     ("names", "band", "tags", "expected"),
     [
-        (["VV", "VH"], 2, {}, Tags("VH")),
-        (["VV", "angle"], 2, {}, Tags()),
-        (["Sigma0_VH_db"], None, {}, Tags("VH", decibels=True)),
-        (["Gamma0_HH"], None, {NORMALISATION: "gamma0"}, Tags("HH", "gamma0")),
-        ([None], None, {}, Tags()),
+        (["VV", "VH"], 2, {}, Header(polarisation="VH")),
+        (["VV", " Angle"], 2, {}, Header(incidence=(2, "Angle", False))),
+        (["localIncidenceAngle", "HV"], 3, {}, Header(incidence=(1, "localIncidenceAngle", True))),
+        (["Sigma0_VH_db"], None, {}, Header(polarisation="VH", decibels=True)),
+        (["Gamma0_HH"], None, {NORMALISATION: "gamma0"}, Header(polarisation="HH", normalisation="gamma0")),
+        ([None], None, {}, Header()),
     ],
 )
 def test_bands_and_tags_are_read(
-    tmp_path: Path, names: list[str | None], band: int | None, tags: dict[str, str], expected: Tags
+    tmp_path: Path, names: list[str | None], band: int | None, tags: dict[str, str], expected: Header
 ) -> None:
-    assert tags_of(write(tmp_path / "a.tif", (4, 5), names, **tags), band) == expected
+    config = CONFIG.model_copy(update={"band": band})
+    assert header_of(write(tmp_path / "a.tif", (4, 5), names, **tags), config) == expected
 
 
 def test_files_without_tags_say_nothing(tmp_path: Path) -> None:
     (tmp_path / "a.tif").write_text("no raster")
-    assert tags_of(tmp_path / "a.tif", None) == Tags()
-    assert tags_of(tmp_path / "a.npy", None) == Tags()
+    assert header_of(tmp_path / "a.tif", CONFIG) == Header()
+    assert header_of(tmp_path / "a.npy", CONFIG) == Header()
 
 
 @pytest.mark.parametrize(
