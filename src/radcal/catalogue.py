@@ -241,5 +241,25 @@ _OF_MODEL: Mapping[str, str] = {
     "pixels (rms; stated standard error {stated_px:.1f}) and sigma0 by {moved_db:.1f} dB",
 }
 
-TEXTS: Mapping[str, str] = {**_OF_SCENE, **_OF_IMAGE, **_OF_CASE, **_OF_RUNS, **_OF_MODEL}
+_CRITERION_MET = "{about}: stop criterion met after {counted_runs}: "
+_EXHAUSTED = "every combination of whole parameters inside the bounds has been simulated"
+_OF_SEARCH: Mapping[str, str] = {
+    "search_goes_on": "{about}: {standing} yet",
+    "search_stagnated": "{about}: {standing}, no better for {counted_idle}",
+    "search_out_of_runs": "{about}: {standing} at the maximum of {counted_runs}",
+    "rms_before_infill": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} before any infill",
+    "rms_reached": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} after {counted_runs}",
+    "rms_unreachable": "{about}: {standing}, after {counted_runs}; a multi-start search of the surrogate, two standard "
+    "errors in favour, finds no rms below {floor:.2g} inside the bounds: the target seems out of reach there",
+    "rms_exhausted": "{about}: {standing}: " + _EXHAUSTED,
+    "rms_below_sampling_error": "{about}: rms {rms:.2g}, no better for {counted_idle} and below a third of the "
+    "sampling error {sampling:.2g}: a better fit would not be significant (stop.at_sampling_error: false continues)",
+    "criterion_met_exhausted": _CRITERION_MET + _EXHAUSTED,
+    "no_better_x": _CRITERION_MET + "the surrogate of all runs predicts no clearly better X",
+    "no_better_law": _CRITERION_MET + "the surrogate of all runs predicts no clearly better law",
+    "law_settled": _CRITERION_MET + "the best law that the surrogate of all runs predicts differs from that of the "
+    "best run by {moved_db:.2g} dB over the incidence seen",
+}
+
+TEXTS: Mapping[str, str] = {**_OF_SCENE, **_OF_IMAGE, **_OF_CASE, **_OF_RUNS, **_OF_SEARCH, **_OF_MODEL}
 """Text of each code, to be formatted with ``about``, ``do`` and the numbers of the finding."""

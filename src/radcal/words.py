@@ -37,6 +37,7 @@ _WIDTHS = (
     "+-{half_width_db:.1f} dB for the material, +-{field_half_width_db:.1f} dB for its fields in this image; level, "
     "radiometry, noise, incidence and point spread (systematic) alone give +-{systematic_db:.1f} dB"
 )
+_ABOVE = "rms {rms:.2g}, above the tolerance {tolerance:.2g}"
 _NAMED = 4  # most materials named in a headline
 _STEPS = ("depression", "relief", "place", "radiometry", "fixed_law", "fixed_law_and_image", "level")
 _DO = {
@@ -70,14 +71,20 @@ def sentence(finding: Finding, prefix: bool = True) -> str:
 
 
 def _numbers(finding: Finding) -> dict[str, float | str]:
-    """Numbers of a finding, with the texts of its intervals."""
+    """Numbers of a finding, with the texts of its intervals and counts."""
     numbers = dict(finding.numbers)
+    numbers |= {f"counted_{key}": _runs(int(numbers[key])) for key in ("runs", "idle") if key in numbers}
+    numbers["standing"] = (_ABOVE if "tolerance" in numbers else "stop criterion not met").format(**numbers)
     if "least_nesz_db" in numbers:
         low, high = f"{numbers['least_nesz_db']:.1f}", f"{numbers['largest_nesz_db']:.1f}"
         numbers["nesz"] = low if low == high else f"{low} to {high}"
     if "from_deg" in numbers:
         numbers["between"] = degrees(float(numbers["from_deg"]), float(numbers["to_deg"]))
     return numbers
+
+
+def _runs(number: int) -> str:
+    return f"{number} run{'' if number == 1 else 's'}"
 
 
 def _do(finding: Finding) -> str:

@@ -22,6 +22,7 @@ from radcal.calibration.steps import (
 )
 from radcal.config import stages
 from radcal.errors import MissingSign, SimulatorError
+from radcal.findings import Finding
 from radcal.objectives import make_objectives
 from radcal.objectives.history import History, read_proposals, read_runs, write_proposals, write_runs
 from radcal.proposals.surrogate import read_trainings, write_trainings
@@ -45,7 +46,7 @@ def test_the_maximum_of_runs_ends_it(parts, runner):
     history, decision = calibrate(case, runner, targets)
     assert (decision.reason, decision.converged) == ("max_runs", False)
     assert not history.infill
-    assert "stop criterion not met at the maximum of 2 runs" in decision.materials["lake"].sentence
+    assert decision.materials["lake"].finding == Finding("search_out_of_runs", "note", "lake", {"runs": 2})
 
 
 @pytest.mark.slow

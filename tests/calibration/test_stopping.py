@@ -7,7 +7,9 @@ from calibration_samples import make_run
 
 from radcal.calibration.stopping import decide
 from radcal.config import Stop
+from radcal.findings import Finding
 from radcal.objectives.history import History, Proposal
+from radcal.words import sentence
 
 X = [1.0, 2.0]  # d = 2: no floor before the fourth run of design and infill
 
@@ -52,7 +54,7 @@ def test_the_reference_run_alone_may_be_within_the_tolerance():
     """There may be no design."""
     within = History([run("reference", 0, {"dyke": 9e-4})])
     assert reason(within) == "rms"
-    assert "before any infill" in judged(within).materials["dyke"].sentence
+    assert judged(within).materials["dyke"].finding.code == "rms_before_infill"
     assert reason(History([run("reference", 0, {"dyke": 2e-3})])) is None
 
 
@@ -100,13 +102,14 @@ def test_a_floor_counts_only_where_the_surrogate_kept_its_promise():
     assert found == ["unreachable", None, None, None]
 
 
-def test_the_sentence_says_why():
-    verdict = judged(history([0.1, 0.1], floors=[None, 0.095])).materials["dyke"]
-    for word in ("dyke", "0.1", "0.001", "0.095", "seems out of reach", "after 4 runs"):
-        assert word in verdict.sentence
-    assert judged(history([0.1])).materials["dyke"].sentence == "dyke: rms 0.1, above the tolerance 0.001 yet."
-    said = judged(history([0.6]), stagnation_runs=1).materials["dyke"].sentence
-    assert said.endswith("no better for 1 run.")
+def test_the_finding_says_why():
+    numbers = {"rms": 0.1, "tolerance": 1e-3}
+    found = judged(history([0.1, 0.1], floors=[None, 0.095])).materials["dyke"].finding
+    assert found == Finding("rms_unreachable", "note", "dyke", {**numbers, "runs": 4, "floor": 0.095})
+    found = judged(history([0.1])).materials["dyke"].finding
+    assert sentence(found) == "dyke: rms 0.1, above the tolerance 0.001 yet."
+    found = judged(history([0.6]), stagnation_runs=1).materials["dyke"].finding
+    assert sentence(found).endswith("no better for 1 run.")
 
 
 @pytest.mark.parametrize("patience", [1, 2, 5])
@@ -163,8 +166,8 @@ def test_a_law_without_a_curve_settles_by_its_gain_alone():
     """Its search explores, so that there is a floor; 0.05 is its limit."""
     assert reason(of_law([5.0], gain=0.06, moved=None, floor=5.0), "classes") is None
     assert reason(of_law([5.0], gain=0.05, moved=None, floor=5.0), "classes") == "settled"
-    said = judged(of_law([5.0], gain=0.04, moved=None, floor=5.0), "classes").materials["dyke"].sentence
-    assert said.endswith("stop criterion met after 2 runs: the surrogate of all runs predicts no clearly better X.")
+    found = judged(of_law([5.0], gain=0.04, moved=None, floor=5.0), "classes").materials["dyke"].finding
+    assert found == Finding("no_better_x", "note", "dyke", {"runs": 2})
 
 
 def test_a_law_does_not_settle_where_more_may_be_hidden():
@@ -173,14 +176,14 @@ def test_a_law_does_not_settle_where_more_may_be_hidden():
     assert reason(of_law([5.0], gain=0.0, floor=4.96), "classes") == "settled"
 
 
-def test_the_sentence_says_how_the_law_settled():
+def test_the_finding_says_how_the_law_settled():
     gained, moved = (
-        judged(of_law([5.0, 4.0], **last), "classes").materials["dyke"].sentence
+        judged(of_law([5.0, 4.0], **last), "classes").materials["dyke"].finding
         for last in ({"gain": 0.01}, {"moved": 0.04})
     )
-    assert gained == "dyke: stop criterion met after 2 runs: the surrogate of all runs predicts no clearly better law."
-    promised = "the best law that the surrogate of all runs predicts"
-    assert f"after 2 runs: {promised} differs from that of the best run by 0.04 dB" in moved
+    text = "dyke: stop criterion met after 2 runs: the surrogate of all runs predicts no clearly better law."
+    assert (gained.code, sentence(gained)) == ("no_better_law", text)
+    assert moved == Finding("law_settled", "note", "dyke", {"runs": 2, "moved_db": 0.04})
 
 
 @pytest.mark.parametrize(("predicted", "infill", "settles"), [(2.0, 1, True), (1.6, 1, False), (1.6, 3, True)])
@@ -208,7 +211,8 @@ def test_another_program_ends_where_the_image_tells_no_more():
     below = [0.099, *[0.2] * 5]
     verdict = outside(below)
     assert verdict.reason == "stagnation"
-    assert "no better for 5 runs and below a third of the sampling error 0.3" in verdict.sentence
+    assert verdict.finding.code == "rms_below_sampling_error"
+    assert (verdict.finding.numbers["idle"], verdict.finding.numbers["sampling"]) == (5, 0.3)
     assert outside(below[:-1]).reason is None, "four runs without a better one"
     assert outside([0.101, *[0.2] * 5]).reason is None, "above a third"
     assert outside([0.099, 0.2, 0.2, 0.098, 0.2, 0.2]).reason is None, "a better one in between"
@@ -221,4 +225,4 @@ def test_all_whole_numbers_simulated_is_out_of_reach():
     last = run("infill", 1, {"dyke": 0.2}, mode="exhausted", floor=0.2)
     verdict = decide(History([*runs, last]), ["dyke"], Stop(), "density").materials["dyke"]
     assert verdict.reason == "unreachable"
-    assert "every combination of whole parameters" in verdict.sentence
+    assert verdict.finding.code == "rms_exhausted"

@@ -18,7 +18,7 @@ from radcal.inference.expected import LawForward
 from radcal.inference.moments import from_cumulants
 from radcal.objectives import Objective, make_objectives
 from radcal.objectives.density import Density
-from radcal.objectives.objective import Verdict
+from radcal.objectives.objective import SearchState
 from radcal.sections import objectives as traits
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
@@ -26,7 +26,7 @@ from radcal.targets.target import Targets
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "src" / "radcal"
-ROOMS = (SOURCE / "objectives", SOURCE / "config" / "objectives.py")
+ROOMS = (SOURCE / "objectives", SOURCE / "sections" / "objectives.py")
 # the same word for something else: a way of fitting a density, and its name in a module's list
 OTHER = {("sections/target.py", "likelihood"), ("skewnormal/__init__.py", "density")}
 OTHER |= {("skewnormal/distribution.py", "density")}
@@ -122,11 +122,7 @@ class Quartiles(Objective):
     def ending(cls, progress, stop):
         if progress.score.gain > 0.01:
             return None
-        return Verdict("settled", f"{progress.name}: quartiles agree best after {progress.runs} runs.")
-
-    @classmethod
-    def standing(cls, name, best, stop):
-        return f"{name}: quartiles differ"
+        return SearchState.of("settled", "no_better_x", progress.name, runs=progress.runs)
 
     @classmethod
     def progress_line(cls, history, materials, ended, stop):
@@ -155,7 +151,7 @@ def test_a_fourth_objective_is_one_class_and_two_entries(parts, monkeypatch, tmp
     runner = Runner(RunStore(tmp_path), simulator, geometry, scene.identity, case)
     history, decision = calibrate(case, runner, targets)
     assert decision.reason == "settled"
-    assert decision.materials["lake"].sentence.startswith("lake: quartiles agree best after ")
+    assert decision.materials["lake"].finding.code == "no_better_x"
     for name, objective in make_objectives(case, targets).items():
         best, measured = history.best(name), objective._measured[0]
         np.testing.assert_allclose(best.statistics[0][0], measured[0], atol=0.3)

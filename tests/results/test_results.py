@@ -77,8 +77,8 @@ def test_how_it_ended(made):
         assert file["decision/materials/dyke"].attrs["reason"] == "rms"
         assert file["materials/dyke"].attrs["best"] == 6
         assert file["materials/stem beans"].attrs["best"] == 5
-        sentences = [file[f"decision/materials/{name}"].attrs["sentence"] for name in made.targets]
-        assert [sentence.split(":")[0] for sentence in sentences] == list(made.targets)
+        found = [Finding.of_json(file[f"decision/materials/{name}"].attrs["finding"]) for name in made.targets]
+        assert [one.about for one in found] == list(made.targets)
         # the calibrated run is the last infill run, only the one with fresh numbers is new
         assert file.attrs["final_runs"] == 1
         assert json.loads(file.attrs["config"])["stop"]["rms"] == made.stop.rms

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from radcal.config import Stop
 from radcal.objectives import OBJECTIVES, Objective
 from radcal.objectives.history import History
-from radcal.objectives.objective import Progress, Reason, Verdict, run_count
+from radcal.objectives.objective import Progress, Reason, SearchState
 
 __all__ = ["Decision", "decide"]
 
@@ -20,13 +20,13 @@ class Decision:
     Attributes
     ----------
     materials : mapping
-        Verdict by material.
+        State of the search by material.
     reason : str or None
         Reason why the loop ended, the first of max_runs, stagnation, unreachable, rms and settled that applies to a
         material; None while the loop goes on.
     """
 
-    materials: Mapping[str, Verdict]
+    materials: Mapping[str, SearchState]
     reason: Reason | None
 
     @property
@@ -60,14 +60,14 @@ def decide(history: History, materials: Sequence[str], stop: Stop, objective: st
         Decision that depends on the arguments alone: after a change of settings, earlier runs are judged as if the new
         settings had always held.
     """
-    verdicts = {name: _judge(history, name, stop, OBJECTIVES[objective]) for name in materials}
-    reasons = {verdict.reason for verdict in verdicts.values()}
+    states = {name: _judge(history, name, stop, OBJECTIVES[objective]) for name in materials}
+    reasons = {state.reason for state in states.values()}
     order: tuple[Reason | None, ...] = (None, "max_runs", "stagnation", "unreachable", "rms", "settled")
-    return Decision(verdicts, next(reason for reason in order if reason in reasons))
+    return Decision(states, next(reason for reason in order if reason in reasons))
 
 
-def _judge(history: History, name: str, stop: Stop, objective: type[Objective]) -> Verdict:
-    """Verdict on one material: its infill runs are judged in order, until a criterion ends the search."""
+def _judge(history: History, name: str, stop: Stop, objective: type[Objective]) -> SearchState:
+    """State of the search of one material: its infill runs are judged in order, until a criterion ends the search."""
     design = history.count("design")
     scores = [run.scores[name] for run in history.runs if run.kind != "infill"]
     best, idle = min(score.cost for score in scores if score.own_law), 0
@@ -84,8 +84,8 @@ def _judge(history: History, name: str, stop: Stop, objective: type[Objective]) 
         if ending := objective.ending(Progress(name, design + k, best, idle, score, proposal, sampling), stop):
             return ending
         if idle >= stop.stagnation_runs:
-            return Verdict("stagnation", f"{objective.standing(name, best, stop)}, no better for {run_count(idle)}.")
-    standing = objective.standing(name, best, stop)
+            return SearchState.of("stagnation", "search_stagnated", name, idle=idle, **objective.standing(best, stop))
     if design + len(history.infill) >= stop.max_runs:
-        return Verdict("max_runs", f"{standing} at the maximum of {run_count(stop.max_runs)}.")
-    return Verdict(None, f"{standing} yet.")
+        numbers = {**objective.standing(best, stop), "runs": stop.max_runs}
+        return SearchState.of("max_runs", "search_out_of_runs", name, **numbers)
+    return SearchState.of(None, "search_goes_on", name, **objective.standing(best, stop))

@@ -23,8 +23,7 @@ from radcal.objectives.objective import (
     Objective,
     PredictedPoints,
     Progress,
-    Verdict,
-    run_count,
+    SearchState,
 )
 
 __all__ = ["Bins", "Likelihood"]
@@ -122,12 +121,11 @@ class Bins(Objective):
         return best - floor > _EXPLORED
 
     @classmethod
-    def ending(cls, progress: Progress, stop: Stop) -> Verdict | None:
+    def ending(cls, progress: Progress, stop: Stop) -> SearchState | None:
         """End of a search if the surrogate of all runs predicts no better law, or one that hardly differs."""
         score, name = progress.score, progress.name
         if progress.proposal.mode == "exhausted":
-            text = "every combination of whole parameters inside the bounds has been simulated."
-            return Verdict("settled", f"{name}: stop criterion met after {run_count(progress.runs)}: {text}")
+            return SearchState.of("settled", "criterion_met_exhausted", name, runs=progress.runs)
         if score.gain is None:
             return None
         predicted, fewest = progress.proposal.cost, len(score.parameters) + 2
@@ -136,20 +134,11 @@ class Bins(Objective):
         if score.floor is not None and cls.leaves_open(score.floor, progress.best):
             return None
         if score.gain <= (_SETTLED if score.floor is None else _EXPLORED):
-            text = f"the surrogate of all runs predicts no clearly better {'X' if score.moved_db is None else 'law'}."
-        elif score.moved_db is not None and score.moved_db <= stop.law_db:
-            text = (
-                f"the best law that the surrogate of all runs predicts differs from that of the best run by "
-                f"{score.moved_db:.2g} dB over the incidence seen."
-            )
-        else:
-            return None
-        return Verdict("settled", f"{name}: stop criterion met after {run_count(progress.runs)}: {text}")
-
-    @classmethod
-    def standing(cls, name: str, best: float, stop: Stop) -> str:
-        """Start of the sentence which says that a material does not meet the stop criterion."""
-        return f"{name}: stop criterion not met"
+            code = "no_better_x" if score.moved_db is None else "no_better_law"
+            return SearchState.of("settled", code, name, runs=progress.runs)
+        if score.moved_db is not None and score.moved_db <= stop.law_db:
+            return SearchState.of("settled", "law_settled", name, runs=progress.runs, moved_db=score.moved_db)
+        return None
 
     @classmethod
     def progress_line(cls, history: History, materials: Sequence[str], ended: Sequence[str], stop: Stop) -> str:

@@ -23,8 +23,7 @@ from radcal.objectives.objective import (
     Objective,
     PredictedPoints,
     Progress,
-    Verdict,
-    run_count,
+    SearchState,
 )
 
 __all__ = ["UNREACHABLE_SHARE", "Density"]
@@ -117,47 +116,32 @@ class Density(Objective):
         return np.asarray(np.sqrt(np.mean(costs**2, axis=0)))
 
     @classmethod
-    def ending_before_infill(cls, name: str, best: float, stop: Stop) -> Verdict | None:
+    def ending_before_infill(cls, name: str, best: float, stop: Stop) -> SearchState | None:
         """End of a search if the rms of the best run is within the tolerance."""
-        if best <= stop.rms:
-            sentence = f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} before any infill."
-            return Verdict("rms", sentence)
-        return None
+        reached = best <= stop.rms
+        return SearchState.of("rms", "rms_before_infill", name, **cls.standing(best, stop)) if reached else None
 
     @classmethod
-    def ending(cls, progress: Progress, stop: Stop) -> Verdict | None:
+    def ending(cls, progress: Progress, stop: Stop) -> SearchState | None:
         """End of a search: rms within the tolerance, target unreachable, or rms well below the sampling error."""
         name, best, proposal = progress.name, progress.best, progress.proposal
+        numbers = {**cls.standing(best, stop), "runs": progress.runs}
         if best <= stop.rms:
-            sentence = f"{name}: rms {best:.2g} within the tolerance {stop.rms:.2g} after {run_count(progress.runs)}."
-            return Verdict("rms", sentence)
+            return SearchState.of("rms", "rms_reached", name, **numbers)
         known = len(progress.score.parameters) + 2 <= progress.runs and _kept(proposal, progress.score.cost)
         if proposal.floor is not None and not cls.leaves_open(proposal.floor, best) and known:
-            return Verdict(
-                "unreachable",
-                f"{name}: rms {best:.2g} after {run_count(progress.runs)}, above the tolerance {stop.rms:.2g}; a "
-                "multi-start search of the surrogate, two standard errors in favour, finds no rms below "
-                f"{proposal.floor:.2g} inside the bounds: the target seems out of reach there.",
-            )
+            return SearchState.of("unreachable", "rms_unreachable", name, **numbers, floor=proposal.floor)
         if proposal.mode == "exhausted":
-            return Verdict(
-                "unreachable",
-                f"{name}: rms {best:.2g}, above the tolerance {stop.rms:.2g}: every combination of whole parameters "
-                "inside the bounds has been simulated.",
-            )
+            return SearchState.of("unreachable", "rms_exhausted", name, **numbers)
         if stop.at_sampling_error and progress.idle >= _PATIENCE and best < _OF_SAMPLING * progress.sampling:
-            return Verdict(
-                "stagnation",
-                f"{name}: rms {best:.2g}, no better for {run_count(progress.idle)} and below a third of the sampling "
-                f"error {progress.sampling:.2g}: a better fit would not be significant (stop.at_sampling_error: false "
-                "continues).",
-            )
+            noise = {"idle": progress.idle, "sampling": progress.sampling}
+            return SearchState.of("stagnation", "rms_below_sampling_error", name, **numbers, **noise)
         return None
 
     @classmethod
-    def standing(cls, name: str, best: float, stop: Stop) -> str:
-        """Start of the sentence on the state of a search: best rms of the material, and tolerance."""
-        return f"{name}: rms {best:.2g}, above the tolerance {stop.rms:.2g}"
+    def standing(cls, best: float, stop: Stop) -> dict[str, float]:
+        """Best rms of the material, and tolerance [1/dB]."""
+        return {"rms": best, "tolerance": stop.rms}
 
     @classmethod
     def progress_line(cls, history: History, materials: Sequence[str], ended: Sequence[str], stop: Stop) -> str:

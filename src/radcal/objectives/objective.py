@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.config import Stop
+from radcal.findings import Finding
 from radcal.ground.classes import Classes
 from radcal.ground.ground import Ground
 from radcal.inference.expected import LawForward
@@ -31,7 +32,7 @@ __all__ = [
     "PredictedPoints",
     "Progress",
     "Reason",
-    "Verdict",
+    "SearchState",
 ]
 
 Doubles = NDArray[np.float64]
@@ -155,19 +156,24 @@ class Progress:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class SearchState:
     """State of a material's search.
 
     Attributes
     ----------
     reason : str or None
         Reason why the search ended; None while it goes on.
-    sentence : str
-        Sentence for the user that describes the state of the search.
+    finding : Finding
+        Finding that describes the state of the search.
     """
 
     reason: Reason | None
-    sentence: str
+    finding: Finding
+
+    @classmethod
+    def of(cls, reason: Reason | None, code: str, name: str, **numbers: float) -> SearchState:
+        """State of the search of the material ``name``, with code and numbers of its finding."""
+        return cls(reason, Finding(code, "note", name, numbers))
 
 
 class Comparison(ABC):
@@ -323,18 +329,18 @@ class Objective(Comparison):
 
     @classmethod
     @abstractmethod
-    def ending(cls, progress: Progress, stop: Stop) -> Verdict | None:
+    def ending(cls, progress: Progress, stop: Stop) -> SearchState | None:
         """End of a material's search after an infill run, or None while the search goes on."""
 
     @classmethod
-    def ending_before_infill(cls, name: str, best: float, stop: Stop) -> Verdict | None:
+    def ending_before_infill(cls, name: str, best: float, stop: Stop) -> SearchState | None:
         """End of a material's search before any infill run, or None if the search goes on."""
         return None
 
     @classmethod
-    @abstractmethod
-    def standing(cls, name: str, best: float, stop: Stop) -> str:
-        """Start of the sentence that describes a search which goes on or ends without success."""
+    def standing(cls, best: float, stop: Stop) -> dict[str, float]:
+        """Numbers that describe a search which goes on or ends without success; empty without a tolerance."""
+        return {}
 
     @classmethod
     @abstractmethod
@@ -346,8 +352,3 @@ class Objective(Comparison):
         law = self.material.law
         incidence_deg = self.material.target.incidence_deg
         return law.largest_difference_db(first, second, incidence_deg) if law.has_curve else None
-
-
-def run_count(number: int) -> str:
-    """Text of a number of runs."""
-    return f"{number} run{'' if number == 1 else 's'}"

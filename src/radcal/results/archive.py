@@ -290,4 +290,4 @@ def read_archive(path: str | Path, images: bool = True) -> Archive:
 
 
 if __name__ == "__main__":
-    print(table(Archive), end="")  # noqa: T201 - the module's output is the table
+    print(table(Archive, unlisted=(Target,)), end="")  # noqa: T201 - the module's output is the table

@@ -90,7 +90,7 @@ def sentences(archive: Archive) -> list[str]:
     return [
         *lines,
         *beside_headline(_warnings(archive), findings),
-        *(one.sentence for one in archive.decision.materials.values()),
+        *(sentence(one.finding) for one in archive.decision.materials.values()),
         *found,
     ]
 
@@ -208,7 +208,7 @@ def _material(archive: Archive, name: str, material: MaterialResult) -> dict[str
         **({"formula": configured.formula} if configured.formula is not None else {}),
         "start_law": configured.at_start.law,
         "stop_reason": ending.reason or "running",
-        "sentence": ending.sentence,
+        "sentence": sentence(ending.finding),
         "looks": material.best_looks,
         "looks_nominal": archive.looks,
         "incidence_error_deg": target.incidence_error_deg,

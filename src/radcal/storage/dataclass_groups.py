@@ -4,6 +4,7 @@
 type of a field                                        in the file
 =====================================================  =====================================================
 ``bool``, ``int``, ``float``, ``str``, ``Literal``     attribute of the group
+``Finding``                                            attribute of the group, as JSON
 ``tuple`` of numbers                                   attribute of the group
 numpy array                                            dataset, compressed from 1 KiB on
 ``tuple[str, ...]``                                    dataset of strings, because HDF5 limits the size of attributes;
@@ -253,7 +254,7 @@ def _is_attribute(kind: Any) -> bool:
     """Whether values of a type are stored as attributes."""
     if typing.get_origin(kind) is tuple:
         return not (_is_text_list(kind) or _is_findings(kind))
-    return kind in (bool, int, float, str) or typing.get_origin(kind) is Literal
+    return kind in (bool, int, float, str, Finding) or typing.get_origin(kind) is Literal
 
 
 def _is_dataset(kind: Any) -> bool:
@@ -268,7 +269,7 @@ def _main(kind: Any) -> str | None:
 
 def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | None = None) -> None:
     if _is_attribute(kind):
-        group.attrs[name] = value
+        group.attrs[name] = _attribute(value, kind)
         return
     made: h5py.Group | h5py.Dataset
     if _is_array(kind):
@@ -303,6 +304,8 @@ def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | Non
 
 def _attribute(value: Any, kind: Any) -> Any:
     """Value converted for h5py, which stores it as an attribute."""
+    if kind is Finding:
+        return value.json()
     return np.array(value, dtype=_TEXT) if _is_text_list(kind) else value
 
 
@@ -349,17 +352,21 @@ def _scalar(held: Any, kind: Any) -> Any:
     """Attribute of an HDF5 file as a Python value of the annotated type."""
     if typing.get_origin(kind) is tuple:
         return tuple(np.asarray(held).tolist())
+    if kind is Finding:
+        return Finding.of_json(held)
     value = held.item() if isinstance(held, np.generic) else held
     return kind(value) if kind in (bool, int, float, str) else value
 
 
-def table(kind: type) -> str:
+def table(kind: type, unlisted: Collection[type] = ()) -> str:
     """Table that documents the layout of a file.
 
     Parameters
     ----------
     kind : type
         Type of the dataclass that the file contains.
+    unlisted : collection of type
+        Dataclasses whose fields the table does not list.
 
     Returns
     -------
@@ -367,11 +374,11 @@ def table(kind: type) -> str:
         Table in Markdown with one line for each group, dataset and attribute.
     """
     lines = ["| group or dataset | attribute | holds | unit | description |", "|---|---|---|---|---|"]
-    lines += [f"| {' | '.join(row)} |" for row in _rows(kind, "")]
+    lines += [f"| {' | '.join(row)} |" for row in _rows(kind, "", unlisted)]
     return "\n".join(lines) + "\n"
 
 
-def _rows(kind: type, path: str) -> Iterator[tuple[str, str, str, str, str]]:
+def _rows(kind: type, path: str, unlisted: Collection[type]) -> Iterator[tuple[str, str, str, str, str]]:
     """Rows of the table that describes the layout of a file: one for each dataclass field stored below an HDF5 path."""
     for entry in _entries(kind):
         if entry.main:  # the table already has a line for the field whose type is this dataclass
@@ -388,8 +395,8 @@ def _rows(kind: type, path: str) -> Iterator[tuple[str, str, str, str, str]]:
         else:
             attribute = ""
         yield f"`{place}`", attribute, holds, about.unit, about.description
-        if isinstance(inner, type) and is_dataclass(inner):
-            yield from _rows(inner, f"{place}/")
+        if isinstance(inner, type) and is_dataclass(inner) and inner not in (Finding, *unlisted):
+            yield from _rows(inner, f"{place}/", unlisted)
 
 
 def _holds(kind: Any) -> str:
@@ -397,8 +404,8 @@ def _holds(kind: Any) -> str:
     if _is_array(kind):
         (number,) = typing.get_args(typing.get_args(kind)[1])
         return "numbers" if number is Any else "text" if number is np.str_ else str(number.__name__).rstrip("_")
-    if isinstance(kind, type) and is_dataclass(kind):
+    if isinstance(kind, type) and is_dataclass(kind) and kind is not Finding:
         return next((_holds(entry.kind) for entry in _entries(kind) if entry.main), "group")
     if typing.get_origin(kind) is tuple:
         return "findings" if _is_findings(kind) else "texts" if _is_text_list(kind) else "numbers"
-    return {bool: "true or false", int: "integer", float: "number"}.get(kind, "text")
+    return {bool: "true or false", int: "integer", float: "number", Finding: "finding"}.get(kind, "text")
