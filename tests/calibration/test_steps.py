@@ -13,14 +13,16 @@ from radcal.calibration.scoring import score, score_reference, with_texture
 from radcal.calibration.steps import (
     _noisy,
     called,
+    design_line,
     noise_seed,
+    progress_line,
     propose_all,
     reference_runs,
     repeatability,
     train_all,
     verify,
 )
-from radcal.config import stages
+from radcal.config import Stop, stages
 from radcal.errors import MissingSign, SimulatorError
 from radcal.findings import Finding
 from radcal.objectives import make_objectives
@@ -237,6 +239,22 @@ def test_a_repeated_reference_run_tells_the_noise(parts, runner, made):
     equal = score_reference(stages.Scores.of(case), [first, first], targets, made[0])
     assert History(equal).noise_variance("field") is None
     assert equal[1].repeat_db == 0.0
+
+
+def test_lines_of_the_log_name_the_nearest_and_the_worst_material(parts, runner, calibrated):
+    case, *_, targets = parts
+    run = calibrated[0].runs[2]
+    record = runner.run({name: one.parameters for name, one in run.scores.items()}, noise_seed(case))
+    rms = {name: score for name, (_, score) in targets.score(record.pixels_db).items()}
+    (low, best), (high, worst) = sorted(rms.items(), key=lambda item: item[1])
+    line = f"design run 2 of 12: {record.seconds:.1f} s, rms "
+    assert design_line(2, 12, record, targets) == f"{line}{best:.2e} ({low}) to {worst:.2e} ({high})"
+    assert design_line(2, 12, record, Targets({"lake": targets["lake"]})) == f"{line}{rms['lake']:.2e}"
+    history = History([make_run("reference", 0, {"a": 0.6, "b": 0.4}), make_run("design", 0, {"a": 0.2, "b": 0.3})])
+    wanted = "run   1 (iteration 0): 1 of 2 materials within tolerance, worst b at rms 3.00e-01, tolerance 2.5e-01"
+    assert progress_line(history, ["a", "b"], Stop(rms=0.25), "density") == wanted
+    alone = progress_line(history, ["a"], Stop(rms=0.25), "density")
+    assert alone == "run   1 (iteration 0): best rms 2.00e-01, tolerance 2.5e-01"
 
 
 def test_a_failure_names_its_run() -> None:

@@ -256,6 +256,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"registration": {"method": "magic"}}, ["registration.method is 'magic'", "'none'"]),
     ({"target": {"pixels": 49}}, ["target.pixels is 49", "50"]),
     ({"design": {"sampler": "halton"}}, ["design.sampler is 'halton'", "'sobol'", "'latin_hypercube'"]),
+    ({"case": "dune", "design": {"reuse": "dune"}}, ["design.reuse is 'dune', this case itself"]),
     ({"surrogate": {"training": "hot"}}, ["surrogate.training is 'hot'", "'posterior'"]),
     ({"surrogate": {"baseline": "law"}}, ["surrogate.baseline is 'law'"]),
     ({"surrogate": {"training": "smt"}}, ["surrogate.training smt, which objective: classes does not use"]),

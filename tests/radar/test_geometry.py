@@ -143,16 +143,6 @@ def test_local_incidence_cosine_is_normal_times_direction(across: float, along: 
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
-def test_slope_steeper_than_the_look_angle_faces_away() -> None:
-    x = np.arange(5.0) * np.ones((3, 1))
-    look = np.radians(40.0)
-    for slope_deg, sign in [(49.0, 1), (51.0, -1)]:  # falls away from the radar
-        cosine = local_incidence_cosine(
-            0.0 * x, -np.tan(np.radians(slope_deg)) + 0.0 * x, (-np.sin(look) * np.ones(1), np.cos(look) * np.ones(1))
-        )
-        assert (np.sign(cosine) == sign).all()
-
-
 STEEP = Radar(
     altitude_m=3000.0,
     range_spacing_m=1.0,

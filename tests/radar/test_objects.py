@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from radcal.bands import WIDTH_FACTOR
 from radcal.config import Radar
 from radcal.errors import SceneError
 from radcal.laws import LAWS
-from radcal.radar.geometry import Geometry, PointScatterers, read_geometry, write_geometry
+from radcal.radar.geometry import Geometry, PointScatterers
 from radcal.radar.image import ImageFormation
 from radcal.radar.points import phased
 from radcal.radar.projection import make_geometry
@@ -344,15 +343,6 @@ def test_objects_without_an_echo_leave_the_ground_as_it_is(scene: Scene, radar: 
     bare = make_geometry(scene, radar)
     for name in ("cell_start", "cell_material", "facet_start", "facet_incidence", "facet_weight", "layover", "shadow"):
         np.testing.assert_array_equal(getattr(geometry, name), getattr(bare, name))
-
-
-def test_hdf5_round_trip_is_exact(flat: Scene, tmp_path: Path) -> None:
-    geometry = make_geometry(with_objects(flat, x_m=[40.0, 90.5], length_m=[0, 5.0], width_m=[0, 5.0]), FINE)
-    write_geometry(tmp_path / "geometry.h5", geometry)
-    found = read_geometry(tmp_path / "geometry.h5")
-    for name in ("point_row", "point_column", "point_amplitude", "point_number", "cell_material", "facet_weight"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(geometry, name))
-        assert getattr(found, name).dtype == getattr(geometry, name).dtype
 
 
 def test_box_smaller_than_a_facet_is_a_point(flat: Scene) -> None:

@@ -14,7 +14,6 @@ from scipy.signal import windows
 
 from radcal.config import Radar
 from radcal.radar.image import ImageFormation
-from radcal.radar.lines import local_incidence_cosine
 from radcal.radar.projection import make_geometry
 from radcal.radar.reflectivity import Reflectivity, uniform
 from radcal.scene.model import Scene
@@ -82,13 +81,6 @@ def test_even_ground_is_even_up_to_the_border(sigma0_db: float, nesz_db: float) 
         np.testing.assert_allclose(power.mean(axis=axis % 2) / expected, 1.0, atol=4.5 * sd)
 
 
-def test_signal_as_strong_as_noise_follows_the_gamma_law() -> None:
-    image = ImageFormation(Radar(looks=4), SHAPE, -10.0).intensity(uniform(np.full(SHAPE, 0.1, np.float32)), 4)
-    power = image[APART].astype(np.float64).ravel() / 0.2
-    assert stats.kstest(power, stats.gamma(4, scale=1 / 4).cdf).pvalue > 0.003
-    assert 10 * np.log10(power.mean()) == pytest.approx(0.0, abs=0.05)
-
-
 def test_power_of_materials_adds() -> None:
     """Two materials in every pixel: the mean power is the sum of theirs."""
     shape = (420, 430)  # 10,000 pixels that are apart, of four looks: a standard error of half a percent
@@ -133,17 +125,6 @@ def test_point_target(spacing: tuple[float, float]) -> None:
         assert highest_sidelobe(db[peak : peak + 64 * 20]) == pytest.approx(theory_db, abs=0.5)
 
 
-def test_energy_of_pixels_is_conserved() -> None:
-    """The band limit neither makes nor loses power: bright pixels apart, each with the power of its own speckle."""
-    bright = np.zeros((300, 270), dtype=np.float32)
-    bright[20:-20:24, 20:-20:24] = 1e3  # further apart than the impulse response reaches
-    radar = Radar(looks=2)
-    image = ImageFormation(radar, bright.shape, DARK).intensity(uniform(bright), 6)
-    speckle = [np.abs(circular_gaussian(6, look, 1, bright.shape)[bright > 0]) ** 2 for look in range(2)]
-    # what reaches over each other at the ends of the responses, below -45 dB
-    assert image.sum(dtype=np.float64) == pytest.approx(1e3 * np.mean(speckle, axis=0).sum(), rel=1e-3)
-
-
 def interpolated(profile: np.ndarray, times: int) -> np.ndarray:
     """A band-limited line at so many times its samples, by zeros in the middle of its spectrum."""
     n = profile.size
@@ -157,72 +138,6 @@ def highest_sidelobe(db: np.ndarray) -> float:
     """Highest level beyond the first null of a line that begins at its peak [dB]."""
     null = int(np.flatnonzero(np.diff(db) > 0)[0])
     return float(db[null:].max())
-
-
-def test_normals_of_planes_and_of_a_sphere() -> None:
-    radius = 100.0
-
-    def worst(step: float) -> float:
-        axis = np.arange(-72.0, 72.0 + step / 2, step)
-        north, east = np.meshgrid(axis, axis, indexing="ij")
-        height = np.sqrt(np.maximum(radius**2 - east**2 - north**2, 1.0))
-        inside = np.hypot(east, north) < radius * np.sin(np.pi / 4)
-        # n . r for r up and along each axis gives the normal's three components
-        slopes = np.gradient(height, step)
-        up = local_incidence_cosine(*slopes, (np.zeros(1), np.ones(1)))
-        across = local_incidence_cosine(*slopes, (np.ones(1), np.zeros(1)))
-        error = np.hypot(up - height / radius, across - east / radius)
-        return float(error[inside].max())
-
-    at_1_m, at_half = worst(1.0), worst(0.5)
-    assert at_1_m < 2e-4
-    assert np.log2(at_1_m / at_half) >= 1.8
-    north, east = np.meshgrid(np.arange(20.0), np.arange(20.0), indexing="ij")
-    plane = 0.3 * east - 0.2 * north
-    normal = np.array([-0.3, 0.2, 1.0]) / np.sqrt(1 + 0.3**2 + 0.2**2)
-    for component, direction in ((normal[0], (1.0, 0.0)), (normal[2], (0.0, 1.0))):
-        found = local_incidence_cosine(*np.gradient(plane), (np.full(1, direction[0]), np.full(1, direction[1])))
-        np.testing.assert_allclose(found, component, atol=1e-6)
-
-
-@pytest.mark.parametrize("height", [12.0, 25.0])
-def test_layover_and_shadow_of_a_tower(build_scene: Build, height: float) -> None:
-    """A flat-topped tower, flat ground around it: edges within a cell of where rays put them.
-
-    Rows are counted at their middles; edges fall on whole rows, half a row to either side.
-    """
-    cell, altitude, depression = 1.0, 3000.0, 45.0
-    radar = Radar(
-        altitude_m=altitude, depression_deg=depression, range_spacing_m=0.7, range_resolution_m=1.0,
-        azimuth_spacing_m=1.0, azimuth_resolution_m=1.2,
-    )  # fmt: skip
-    near, far = -10.0, 10.0  # of the tower, from the scene's middle [m]
-
-    def surface(east: np.ndarray, north: np.ndarray) -> np.ndarray:
-        return np.where((east > near) & (east < far) & (np.abs(north) < 20), height, 0.0)
-
-    geometry = make_geometry(build_scene(surface, cells=(80, 200), cell_m=cell), radar)
-    centre = altitude / np.tan(np.radians(depression))
-    column = geometry.shape[1] // 2
-    mean = float(surface(*np.meshgrid(np.arange(-99.5, 100), np.arange(-39.5, 40))).mean())
-    track = altitude + mean
-    slant = altitude / np.cos(np.radians(geometry.flat_incidence_deg))
-
-    def row_of(ground_m: float, up_m: float) -> float:
-        return float(np.interp(np.hypot(centre + ground_m, track - up_m), slant, np.arange(slant.size)))
-
-    # shadow: behind the tower's far upper edge, to where the ray over it meets the ground
-    reach = (centre + far) * track / (track - height) - centre
-    shadow = np.flatnonzero(geometry.shadow[:, column] & ~geometry.visible[:, column])
-    along = radar.range_spacing_m / np.sin(np.radians(90 - depression))  # a row on the ground [m]
-    assert abs(shadow[-1] + 0.5 - row_of(reach, 0.0)) * along < cell + along / 2
-    # it begins where the roof ends, unless ground in front of the tower is laid over it
-    start = max(row_of(far, height), row_of(near, 0.0))
-    assert abs(shadow[0] - 0.5 - start) * along < cell + along / 2
-    # layover: from the roof's near edge to the foot of the near wall
-    layover = np.flatnonzero(geometry.layover[:, column])
-    assert abs(layover[0] - 0.5 - row_of(near, height)) * along < cell + along / 2
-    assert abs(layover[-1] + 0.5 - row_of(near, 0.0)) * along < cell + along / 2
 
 
 def test_layover_of_a_wedge(build_scene: Build) -> None:

@@ -39,17 +39,6 @@ def test_a_dry_run_lists_the_stages_in_their_order(project):
     assert "design_chunk (2 jobs)" in line
 
 
-def test_first_steps_are_targets_of_their_own(project):
-    done = project.run("reference", "--configfile", "tiny.yaml")
-    assert done.returncode == 0, done.stdout
-    assert len(project.records()) == 1
-    done = project.run("design", "--configfile", "tiny.yaml")
-    assert done.returncode == 0, done.stdout
-    assert len(project.records()) == 13
-    assert (project.out() / "scores.json").is_file()
-    assert not (project.out() / "iterations").exists()
-
-
 def test_a_larger_design_keeps_the_runs_of_a_smaller_one(project):
     project.write(design={"size": 6, "chunk": 4})
     assert project.run("design", "--configfile", "tiny.yaml").returncode == 0

@@ -71,25 +71,3 @@ def walk(project, made, **stop):
         if decision.ended:
             return k, decision.reason
     return made, None
-
-
-def test_the_command_line_overrides_a_single_key(finished):
-    done = finished.run("--configfile", "tiny.yaml", "--config", 'stop={"rms": 0.02}')
-    assert done.returncode == 0, done.stdout
-    summary = finished.summary()
-    assert summary["tolerance"] == 0.02
-    assert summary["iterations"] <= 2
-
-
-def test_target_settings_take_new_pixels_from_finished_runs(finished):
-    """Another draw of pixels scores the design again; no run of it is repeated."""
-    before, old = finished.records(), finished.summary()
-    finished.write(target={"pixels": 300}, stop={"rms": 4e-3})
-    done = finished.run("--configfile", "tiny.yaml")
-    assert done.returncode == 0, done.stdout
-    after, new = finished.records(), finished.summary()
-    assert {name: after[name] for name in before} == before
-    field = new["materials"]["field"]
-    assert field["target"] != old["materials"]["field"]["target"]
-    assert field["rms"] <= 4e-3
-    assert len(after) - len(before) <= new["runs"]["infill"] + 1
