@@ -15,13 +15,6 @@ def effective_sample_size(image, inside, drawn, incidence=None):
     return estimate_correlation(image, inside, incidence).effective(drawn)
 
 
-def test_white_pixels_are_all_independent():
-    image = np.random.default_rng(0).normal(size=SHAPE).astype(np.float32)
-    inside = np.arange(image.size)
-    drawn = np.sort(np.random.default_rng(1).choice(inside, 1000, replace=False))
-    assert effective_sample_size(image, inside, drawn) == pytest.approx(1000, rel=0.1)
-
-
 def test_effective_size_is_that_of_the_variance_of_the_mean():
     """Moving averages over 3 x 5 pixels: the mean of all has the variance of that many independent ones."""
     images = [uniform_filter(np.random.default_rng(k).normal(size=SHAPE), (3, 5), mode="wrap") for k in range(300)]
@@ -33,13 +26,6 @@ def test_effective_size_is_that_of_the_variance_of_the_mean():
     # few pixels drawn far apart share little
     drawn = np.sort(np.random.default_rng(1).choice(inside, 200, replace=False))
     assert 150 < effective_sample_size(images[0].astype(np.float32), inside, drawn) < 200
-
-
-def test_a_slope_of_level_is_not_taken_for_correlation():
-    image = np.random.default_rng(0).normal(size=SHAPE) + np.linspace(0.0, 4.0, SHAPE[0])[:, None]
-    inside = np.arange(image.size)
-    drawn = np.sort(np.random.default_rng(1).choice(inside, 1000, replace=False))
-    assert effective_sample_size(image.astype(np.float32), inside, drawn) > 800
 
 
 def test_correlated_pixels_on_a_slope_of_level_stay_correlated():

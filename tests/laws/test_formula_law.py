@@ -97,8 +97,6 @@ def test_differences_follow_the_parameters() -> None:
         ("cos(x=a)", "found 'cos(x=a)'"),
         ("cos(*a)", "found '*a'"),
         ("cos + a", "found 'cos'"),
-        ("a**21", "expected exponents up to 20"),
-        ("a**-21.0", "expected exponents up to 20"),
         ("a // 2", "found 'a // 2'"),
         ("a @ a", "found 'a @ a'"),
         ("a; a", "expected one expression"),
@@ -108,7 +106,6 @@ def test_differences_follow_the_parameters() -> None:
         ("", "expected one expression"),
         ("a\0", "expected one expression"),
         ("a" + " + a" * 150, "has 601 characters, expected at most 500"),
-        ("a" + " + a" * 60, "nested more than 30 deep"),
         ("-" * 400 + "a", "nested more than 30 deep"),
     ],
 )

@@ -45,10 +45,6 @@ def test_mangia_is_equation_1_in_radians(degrees: float) -> None:
     assert float(mangia(phi, X)) == pytest.approx(expected, rel=1e-14)
 
 
-def test_mangia_at_nadir_is_the_sum_of_its_levels() -> None:
-    assert float(mangia(0.0, X)) == pytest.approx(X[0] + X[1] + X[2])
-
-
 def test_mangia_keeps_its_default_box() -> None:
     assert LAWS["mangia"].bounds == ((0.0, 50.0),) * 4
 
@@ -141,20 +137,6 @@ def test_oh1992_against_scalar_arithmetic(
     sigma *= {"VV": 1.0, "HH": root_p**2, "HV": 0.23 * math.sqrt(gamma_0) * (1 - math.exp(-ks))}[polarisation]
     law = ready("oh1992", polarisation, frequency_ghz)
     assert at(law, degrees, [real, imaginary, height_cm]) == pytest.approx(10 * math.log10(sigma), abs=1e-8)
-
-
-def test_oh1992_ratios_where_they_are_simple() -> None:
-    # Gamma0 = 1/3 makes the exponent of p one
-    n = (1 + 3**-0.5) / (1 - 3**-0.5)
-    x = [n**2, 0.0, 29.9792458 / (2 * math.pi * FREQUENCY_GHZ)]  # ks = 1
-    hh, hv, vv = (at(ready("oh1992", polarisation), 45.0, x) for polarisation in ("HH", "HV", "VV"))
-    assert hh - vv == pytest.approx(20 * math.log10(1 - 0.5 * math.exp(-1)))
-    assert hv - vv == pytest.approx(10 * math.log10(0.23 * 3**-0.5 * (1 - math.exp(-1))))
-
-
-def test_oh1992_at_nadir_does_not_tell_hh_from_vv() -> None:
-    x = ORDINARY["oh1992"]
-    assert at(ready("oh1992", "HH"), 0.0, x) == pytest.approx(at(ready("oh1992", "VV"), 0.0, x), abs=1e-12)
 
 
 def test_oh1992_says_where_its_parameters_are_doubtful() -> None:

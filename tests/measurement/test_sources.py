@@ -42,23 +42,20 @@ class NoSimulator:
         raise AssertionError("called")
 
 
-def write(path: Path, values: np.ndarray, nodata: float | None = None) -> None:
-    bands = values if values.ndim == 3 else values[None]
-    with rasterio.open(
-        path, "w", driver="GTiff", count=len(bands), height=bands.shape[1], width=bands.shape[2], dtype=bands.dtype,
-        nodata=nodata,
-    ) as raster:  # fmt: skip
-        raster.write(bands)
+def write(path: Path, values: np.ndarray) -> None:
+    height, width = values.shape
+    with rasterio.open(path, "w", driver="GTiff", count=1, height=height, width=width, dtype=values.dtype) as raster:
+        raster.write(values, 1)
 
 
 @pytest.fixture
 def read(tmp_path: Path, geometry: Geometry, build_case: Build) -> Read:
     """Write values as GeoTIFF and read them as the measurement of the tiny case."""
 
-    def read(values: np.ndarray | None, scale: str = "db", nodata: float | None = None, **sections: Any) -> Measurement:
+    def read(values: np.ndarray | None, scale: str = "db", **sections: Any) -> Measurement:
         path = tmp_path / "measured.tif"
         if values is not None:
-            write(path, values, nodata)
+            write(path, values)
         case = build_case(
             measurement={"source": "file", "path": str(path), "scale": scale, "radiometry": "sigma0_local"}, **sections
         )
@@ -70,37 +67,6 @@ def read(tmp_path: Path, geometry: Geometry, build_case: Build) -> Read:
 @pytest.fixture
 def image_db(geometry: Geometry) -> np.ndarray:
     return np.random.default_rng(1).normal(-12.0, 3.0, geometry.shape).astype(np.float32)
-
-
-def test_db_is_read_as_it_is(read: Read, image_db: np.ndarray) -> None:
-    measurement = read(image_db)
-    np.testing.assert_array_equal(measurement.image_db, image_db)
-    assert measurement.image_db.dtype == np.float32
-    assert measurement.source == "measured.tif"
-    assert measurement.hidden == {}
-
-
-def test_power_becomes_db(read: Read, image_db: np.ndarray) -> None:
-    np.testing.assert_allclose(read(10 ** (image_db / 10), "power").image_db, image_db, atol=1e-5)
-    whole = np.ceil(100 * np.random.default_rng(2).gamma(4.0, size=image_db.shape)).astype(np.uint16)
-    whole[:2, 0] = [1000, 100]
-    found = read(whole, "power").image_db
-    np.testing.assert_allclose(found[:2, 0], [30.0, 20.0])
-
-
-def test_power_without_signal_is_nan(read: Read, image_db: np.ndarray) -> None:
-    power = 10 ** (image_db / 10)
-    power[0, :3] = [0.0, np.nan, -1e-9]  # a few negative values are what noise subtraction leaves
-    found = read(power, "power").image_db
-    assert np.isnan(found[0, :3]).all()
-    assert np.isfinite(found[1:]).all()
-
-
-def test_nodata_is_nan(read: Read, image_db: np.ndarray) -> None:
-    image_db[3, 4:9] = -9999.0
-    found = read(image_db, nodata=-9999.0).image_db
-    assert np.isnan(found[3, 4:9]).all()
-    assert np.count_nonzero(np.isnan(found)) == 5
 
 
 def test_findings_tell_what_is_unusable(read: Read, image_db: np.ndarray) -> None:
@@ -127,61 +93,6 @@ def test_findings_tell_what_is_unusable(read: Read, image_db: np.ndarray) -> Non
     assert (unusual.code, unusual.about) == ("resolution_unusual", "radar.range_resolution_m")
     with pytest.raises(MeasurementError, match=r"^radar\.range_resolution_m is 4000: no area of a single material "):
         read(power, "power", radar={**coarse, "range_resolution_m": 4000.0, "range_spacing_m": 5.0})
-
-
-def test_image_of_another_size(read: Read, geometry: Geometry) -> None:
-    rows, columns = geometry.shape
-    with pytest.raises(
-        MeasurementError, match=rf"measured\.tif has 30 x 20 pixels, the scene's image {rows} x {columns}: crop"
-    ):
-        read(np.zeros((30, 20), dtype=np.float32))
-
-
-@pytest.mark.parametrize("scale", ["db", "power"])
-def test_image_of_nan_only(read: Read, geometry: Geometry, scale: str) -> None:
-    with pytest.raises(MeasurementError, match=r"measurement.path: .*measured\.tif holds no finite number"):
-        read(np.full(geometry.shape, np.nan, dtype=np.float32), scale)
-
-
-def test_several_bands(read: Read, image_db: np.ndarray) -> None:
-    with pytest.raises(MeasurementError, match=r"measured\.tif has 3 bands, expected one"):
-        read(np.stack([image_db] * 3))
-
-
-@pytest.mark.parametrize("scale", ["db", "power"])
-def test_complex_numbers(read: Read, image_db: np.ndarray, scale: str) -> None:
-    with pytest.raises(MeasurementError, match=rf"measured\.tif holds complex64, expected real .*scale: {scale}"):
-        read(image_db.astype(np.complex64), scale)
-
-
-def test_db_declared_as_power(read: Read, image_db: np.ndarray) -> None:
-    negative = np.count_nonzero(image_db < 0)
-    with pytest.raises(
-        MeasurementError, match=rf"{negative} of {image_db.size} values .* negative, .* set measurement\.scale: db"
-    ):
-        read(image_db, "power")
-
-
-def test_power_declared_as_db(read: Read, image_db: np.ndarray) -> None:
-    power = 10 ** (3 * image_db / 10)  # a wide dynamic range, as of single-look power
-    with pytest.raises(
-        MeasurementError, match=r"run from .*e-\d+ to .*looks like power: set measurement\.scale: power"
-    ):
-        read(power, "db")
-
-
-def test_file_that_is_no_raster(read: Read, tmp_path: Path) -> None:
-    (tmp_path / "measured.tif").write_text("hello")
-    with pytest.raises(MeasurementError, match=r"measurement.path: .*measured\.tif cannot be read as a raster"):
-        read(None)
-
-
-def test_raster_cut_short(read: Read, tmp_path: Path, image_db: np.ndarray) -> None:
-    path = tmp_path / "measured.tif"
-    write(path, image_db)
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(MeasurementError, match=r"measured\.tif cannot be read as a raster"):
-        read(None)
 
 
 def test_missing_file(read: Read) -> None:
@@ -230,11 +141,6 @@ def test_material_with_too_few_pixels(read: Read, geometry: Geometry, image_db: 
         assert words in str(caught.value)
     image_db.ravel()[pixels[49]] = -12.0
     read(image_db)
-
-
-def test_margin_that_leaves_nothing(read: Read, image_db: np.ndarray) -> None:
-    with pytest.raises(MeasurementError, match=r"materials\.dyke: 0 usable pixels, .*target\.margin_px is 100"):
-        read(image_db, target={"margin_px": 100})
 
 
 @pytest.fixture(scope="module")

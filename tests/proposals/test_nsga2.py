@@ -17,14 +17,6 @@ def bowl(u):
     return ((u - CENTRE[: u.shape[1]]) ** 2).sum(axis=1)
 
 
-def test_it_finds_the_minimum_of_a_bowl():
-    found = nsga2(bowl, 3, Optimiser(population=20, evaluations=2000), seed=1)
-    np.testing.assert_allclose(found.points[0], CENTRE, atol=0.02)
-    assert found.points.shape == (20, 3)
-    np.testing.assert_array_equal(found.objectives[:, 0], bowl(found.points))
-    assert 0 in found.front
-
-
 def test_several_objectives_give_a_front():
     """Distance to two places: best are the points between them, and the first of all has the least sum."""
     ends = np.array([[0.2, 0.3], [0.7, 0.6]])

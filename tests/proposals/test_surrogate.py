@@ -227,12 +227,6 @@ def test_smt_trains_where_the_paper_asks_for_it():
     )
 
 
-def test_a_useless_fit_is_not_silent():
-    """Noise has no structure: Q2 says so."""
-    values = np.random.default_rng(0).normal(size=(12, 1, 3))
-    assert (train_surrogate(objective(), points(12), values, POSTERIOR).q2 < 0.5).all()
-
-
 def test_bad_training_data_is_refused():
     values = truth(points(5))
     values[3, 1, 1] = np.nan
@@ -291,16 +285,6 @@ def test_a_measured_noise_is_part_of_the_surrogate(tmp_path):
     )
     np.testing.assert_allclose(both.scales, equal.scales, rtol=1e-9)
     np.testing.assert_allclose(both.nugget, equal.nugget, rtol=1e-9)
-
-
-def test_a_noise_of_unknown_size_is_estimated():
-    x, y = noisy_runs(40)
-    found = Surrogate(train_surrogate(objective(), x, y, POSTERIOR, None, noisy=True), objective())
-    assert (found.training.nugget > 1e-6).all()
-    left = (found.predict(found.unit(x)) - y).std(axis=0)
-    np.testing.assert_allclose(left, np.sqrt(NOISE), rtol=0.28)
-    error = np.sqrt(np.mean((found.predict(found.unit(x)) - truth(x)[:, :1]) ** 2, axis=0))
-    assert (error < 0.7 * np.sqrt(NOISE)).all()
 
 
 def test_a_noisy_surrogate_states_its_error_at_unseen_points_and_is_rebuilt_with_its_nugget(tmp_path):
