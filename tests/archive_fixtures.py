@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from archives import image, posterior, without_curve
+from geometry_samples import of_pixels
 
 from radcal import skewnormal
 from radcal.assessment.conclusion import conclude
@@ -140,21 +141,7 @@ def make_archive(
     material = np.broadcast_to(np.expand_dims(stripe, 1 - axis), shape).astype(np.uint8).copy()
     material[0, 0] = 0
     incidence = np.linspace(20.0, 50.0, material.size).reshape(shape).astype(np.float32)
-    geometry = Geometry(
-        shape=shape,
-        names=tuple(names),
-        cell_start=np.arange(material.size + 1, dtype=np.int32),
-        cell_material=material.ravel(),
-        facet_start=np.arange(material.size + 1, dtype=np.int32),
-        facet_incidence=(incidence.ravel() / 90 * 65535).astype(np.uint16),
-        facet_weight=np.ones(material.size, dtype=np.float32),
-        material=material,
-        incidence_deg=incidence,
-        layover=np.zeros(shape, dtype=bool),
-        shadow=np.zeros(shape, dtype=bool),
-        flat_incidence_deg=np.linspace(20.0, 50.0, shape[0]),
-        ground=np.full((2, *shape), np.nan, dtype=np.float32),
-    )
+    geometry = of_pixels(tuple(names), material, incidence, flat_incidence_deg=np.linspace(20.0, 50.0, shape[0]))
 
     def simulated() -> Any:
         u = np.abs(rng.standard_normal(shape))

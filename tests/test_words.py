@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import pytest
-
 from radcal.findings import Finding
-from radcal.words import beside_headline, degrees, next_steps, remarks, sentence, state, verdict, widths
+from radcal.words import beside_headline, remarks, sentence, state, widths
 
 DETERMINED = Finding(
     "determined",
@@ -40,11 +38,6 @@ def test_widths_are_those_of_material_fields_and_systematic_part():
     assert widths("dyke", [NOT_REFUTED]) == ""
 
 
-def test_angles_are_rounded_into_the_interval():
-    assert "(90 %) between 15 and 40 degrees, if scene" in verdict("dyke", [DETERMINED, NOT_REFUTED])
-    assert degrees(31.25, 31.75) == "between 31.25 and 31.75 degrees"
-
-
 def test_remarks_are_what_no_verdict_tells_and_warnings_come_first():
     assert remarks([DETERMINED, LEVEL, NOT_REFUTED, WATER]) == [WATER, LEVEL]
 
@@ -55,9 +48,3 @@ def test_what_the_headline_tells_is_not_told_again():
     # a refusal stands there in place of the warning
     assert beside_headline(said, [LEVEL, WATER, RADIOMETRY]) == [said[0]]
     assert beside_headline(said, [LEVEL]) == said
-
-
-@pytest.mark.parametrize("order", [1, -1])
-def test_radiometry_is_acted_on_before_a_fixed_law(order):
-    steps = next_steps([WATER, RADIOMETRY, LEVEL][::order])
-    assert steps == ["set radar.radiometry: sigma0_ref", "check materials.water.parameters"]

@@ -31,6 +31,11 @@ def write_raster(path: Path, values: np.ndarray) -> Path:
     return path
 
 
+def sentences(text: str) -> list[str]:
+    """What radcal itself says in the output of a command that fails, without the remark on what is kept."""
+    return [line for line in text.splitlines() if line.startswith("radcal: ") and "stopped." not in line]
+
+
 def tiny_case(**changes: Any) -> dict[str, Any]:
     """Two materials over flat ground in slant range, one of them calibrated."""
     case: dict[str, Any] = {
@@ -121,6 +126,10 @@ class Project:
     def records(self, case: str = "tiny") -> dict[str, int]:
         """Time stamp of every finished run record [ns]; what is being written has a name with a dot first."""
         return {path.name: path.stat().st_mtime_ns for path in (self.out(case) / "runs").glob("[!.]*.h5")}
+
+    def contents(self, case: str = "tiny") -> dict[str, bytes]:
+        """Every finished run record, byte for byte."""
+        return {name: (self.out(case) / "runs" / name).read_bytes() for name in self.records(case)}
 
     def listing(self, case: str = "tiny") -> dict[str, tuple[int, int]]:
         """Size and time stamp of every result, logs and lock aside."""

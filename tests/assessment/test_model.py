@@ -47,12 +47,6 @@ def test_cells_of_several_passes():
     np.testing.assert_array_equal(np.concatenate(program.law_db + program.slope_db), np.zeros(6))
 
 
-def test_the_mean_area_counts_pixels():
-    cells = made_cells([-7.0, -9.0], [30.0, 40.0], area_db=np.array([1.0, -0.5]), pixels=np.array([30, 10]))
-    other = made_cells([-7.0], [30.0], area_db=np.array([2.0]), pixels=np.array([60]))
-    assert model._mean_areas([{"a": cells, "b": other}, {"b": other}]) == pytest.approx([1.45, 2.0])
-
-
 def case_of(normalisation="none", declared=("sigma0_local",), **changes):
     laws = {"water": LINE, "wood": LINE, "program": external_law(["mv"])}
     return SimpleNamespace(
@@ -166,9 +160,10 @@ def replace_classes(target, error_deg):
     return SimpleNamespace(**{**vars(target), "classes": SimpleNamespace(incidence_error_deg=error_deg)})
 
 
-def test_the_mean_area_of_a_pass_without_cells_is_zero():
+def test_the_mean_area_counts_pixels_and_is_zero_in_a_pass_without_cells():
     cells = made_cells([-7.0, -9.0], [30.0, 40.0], area_db=np.array([1.0, -0.5]), pixels=np.array([30, 10]))
-    assert model._mean_areas([{}, {"a": cells}]) == pytest.approx([0.0, 0.625])
+    other = made_cells([-7.0], [30.0], area_db=np.array([2.0]), pixels=np.array([60]))
+    assert model._mean_areas([{"a": cells, "b": other}, {"b": other}, {}]) == pytest.approx([1.45, 2.0, 0.0])
     image = image_of(case_of(declared=("sigma0_ref", "sigma0_local")), [*images((0.0,)), {}])
     assert image.levels_db.shape == (2, 3)
     assert np.isfinite(image.shared["0 0"].mean).all()

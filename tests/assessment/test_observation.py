@@ -7,13 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from assessment_samples import LINE, LINE_X
+from geometry_samples import of_pixels
 
 from radcal.assessment.observation import observe
 from radcal.config import BuiltinSimulation, Radar, RegistrationConfig, TargetConfig, Validation
 from radcal.image.model import Measurement
 from radcal.laws import external_law
 from radcal.posterior.cells import Simulated
-from radcal.radar.geometry import Geometry
 from radcal.registration.registered import register
 
 SHAPE = (96, 120)
@@ -28,22 +28,8 @@ def geometry(area=None):
     """Four materials side by side, 48 columns of the first and of the second each, and a pond of 25 pixels."""
     material = np.where(COLUMN < 48, 1, np.where(COLUMN < 96, 2, 3)).astype(np.uint8)
     material[:5, 100:105] = 4
-    n = material.size
-    return Geometry(
-        shape=SHAPE,
-        names=NAMES,
-        cell_start=np.arange(n + 1, dtype=np.int32),
-        cell_material=material.ravel(),
-        facet_start=np.arange(n + 1, dtype=np.int32),
-        facet_incidence=(INCIDENCE.ravel() / 90.0 * 65535.0).astype(np.uint16),
-        facet_weight=np.ones(n, np.float32) if area is None else area.ravel().astype(np.float32),
-        material=material,
-        incidence_deg=INCIDENCE,
-        layover=np.zeros(SHAPE, np.bool_),
-        shadow=np.zeros(SHAPE, np.bool_),
-        flat_incidence_deg=INCIDENCE[:, 0].astype(np.float64),
-        ground=np.full((2, *SHAPE), np.nan, dtype=np.float32),
-    )
+    weight = {} if area is None else {"facet_weight": area.ravel().astype(np.float32)}
+    return of_pixels(NAMES, material, INCIDENCE, **weight)
 
 
 def found(measured_db=LEVEL, simulated_db=LEVEL, *, area=None, simulator=None, validation=None, **radar):

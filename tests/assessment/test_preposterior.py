@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from geometry_samples import of_pixels
 from scipy.special import polygamma
 
 from radcal.assessment.preposterior import (
@@ -73,15 +74,6 @@ def at_30(draws: KeptDraws) -> float:
     return sd(draws.form_db[:, 30]) ** 2
 
 
-def test_a_known_variance_shrinks_as_two_normal_measurements_do() -> None:
-    draws = lines()
-    prior, speckle = at_30(draws), speckle_db2(7.0)
-    expected = np.sqrt(prior * speckle / (prior + speckle))
-    assert sd_left(draws, [view(independent=7.0)], AT_30) == pytest.approx(expected, rel=1e-6)
-    twice = np.sqrt(1.0 / (1.0 / prior + 2.0 / speckle))
-    assert sd_left(draws, [view(independent=7.0)] * 2, AT_30) == pytest.approx(twice, rel=1e-6)
-
-
 def narrowed(prior: float, own: float, further: float, common: float) -> float:
     """Standard deviation of a level after a further pass, by hand.
 
@@ -112,16 +104,6 @@ def test_a_level_that_the_same_fixed_laws_give_is_not_measured_again() -> None:
     assert same == pytest.approx(narrowed(at_30(draws), s, t, 0.36), rel=1e-6)
     apart = sd_left(draws, [further], AT_30, config, [own])
     assert apart == pytest.approx(narrowed(at_30(draws), s + 0.36, t + 0.36, 0.0), rel=1e-6)
-
-
-def test_cells_of_a_field_have_its_effect_in_common_and_their_own_effects_and_speckle() -> None:
-    """The precisions of the cells of a field add, and so do those of the fields."""
-    draws = lines(slope_sd=0.0, field_db=np.full(900, 0.6), cell_db=np.full(900, 0.3))
-    counts = ((3.0, 8.0, 20.0), (5.0,))
-    seen = joined(*(view(independent=n, number=k) for k, each in enumerate(counts) for n in each))
-    own = [1.0 / sum(1.0 / (speckle_db2(n) + 0.09) for n in each) for each in counts]
-    left = np.sqrt(1.0 / (1.0 / at_30(draws) + sum(1.0 / (0.36 + one) for one in own)))
-    assert sd_left(draws, [seen], AT_30) == pytest.approx(left, rel=1e-6)
 
 
 @pytest.mark.parametrize("same", [False, True])
@@ -175,31 +157,6 @@ def test_without_a_pass_nothing_changes() -> None:
     some = np.arange(80, 240, 40)
     left = half_widths_after(draws, FLAT, [view()], [], LOOKS, EXACT, some)
     assert left == pytest.approx(half_widths_now(draws.curves_db(FLAT)[:, some]))
-
-
-def test_a_pass_says_of_other_angles_what_the_draws_correlate() -> None:
-    draws = lines()
-    # at 30 degrees the slope is not seen: the level's part of the variance at 50 degrees goes
-    assert sd_left(draws, [view()], AT_50) == pytest.approx(20.0 * 0.06, rel=0.05)
-    # at 50 degrees level and slope are seen together
-    total, level = 0.8**2 + (20.0 * 0.06) ** 2, 0.8**2
-    left = np.sqrt(level * (1.0 - level / total))
-    assert sd_left(draws, [view(200)], AT_30) == pytest.approx(left, rel=0.05)
-
-
-@pytest.mark.parametrize(
-    ("level_db", "effects", "variance"),
-    [
-        (0.4, {}, 0.16),
-        (0.0, {"field_db": np.full(900, 0.6)}, 0.36),
-        (0.0, {"cell_db": np.full(900, 0.5)}, 0.25),
-    ],
-)
-def test_level_and_fields_limit_what_a_pass_says(level_db: float, effects: dict[str, Any], variance: float) -> None:
-    draws, config = lines(**effects), Uncertainty(level_db=level_db, noise_db=0.0)
-    prior = at_30(draws)
-    expected = np.sqrt(prior * variance / (prior + variance))
-    assert sd_left(draws, [view()], AT_30, config) == pytest.approx(expected, rel=1e-5)
 
 
 def test_an_error_of_the_noise_floor_counts_by_the_noise_in_the_mean_level() -> None:
@@ -257,22 +214,12 @@ def test_what_a_pass_sees_of_a_material(geometry_of_slopes) -> None:
 @pytest.fixture
 def geometry_of_slopes():
     """25 rows of 24 columns: two fields of slope (12 and 8 columns) apart, a patch of 40 pixels, a row in layover."""
-    from radcal.radar.geometry import Geometry
-
     material = np.zeros((25, 24), dtype=np.uint8)
     material[:, :12], material[:, 16:] = 1, 1
     material[:10, 12:16] = 2
-    incidence = np.broadcast_to(np.linspace(30.0, 40.0, 25)[:, None], material.shape).astype(np.float32)
     layover = np.zeros(material.shape, dtype=bool)
     layover[3] = True
-    n = material.size
-    return Geometry(
-        shape=(25, 24), names=("slope", "patch"), cell_start=np.arange(n + 1, dtype=np.int32),
-        cell_material=material.ravel(), facet_start=np.arange(n + 1, dtype=np.int32),
-        facet_incidence=np.zeros(n, dtype=np.uint16), facet_weight=np.ones(n, dtype=np.float32), material=material,
-        incidence_deg=incidence, layover=layover, shadow=np.zeros(material.shape, dtype=bool),
-        flat_incidence_deg=np.linspace(30.0, 40.0, 25), ground=np.full((2, 25, 24), np.nan, dtype=np.float32),
-    )  # fmt: skip
+    return of_pixels(("slope", "patch"), material, np.linspace(30.0, 40.0, 25)[:, None], layover=layover)
 
 
 def test_curves_of_kept_draws_are_mean_power() -> None:

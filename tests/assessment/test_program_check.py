@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from calibration_samples import make_run, make_target
-from two_materials import X, geometry
+from geometry_samples import X, two_materials
 
 from radcal.assessment.program_check import another_law, beyond_law_db
 from radcal.findings import Finding
@@ -24,7 +24,7 @@ DARK = [-45.0, *X[1:]]
 
 def made(added_db=0.0, power_db=-np.inf, weight=1.0, terrain=False, runs=(DARK, X)):
     """Check of a program whose runs at ``runs``, the last of them the best, differ from the law and get more power."""
-    seen = geometry()
+    seen = two_materials()
     pixels = seen.pixels("area")
     angle = seen.incidence_deg.ravel()[pixels]
     target = make_target(np.zeros(pixels.size), angle, pixels=pixels, dp=np.array([0.0, 1.0, 0.0]))

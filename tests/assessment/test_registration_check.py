@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from calibration_samples import make_target
+from geometry_samples import X, two_materials
 from scipy.ndimage import gaussian_filter
-from two_materials import X, geometry
 
 from radcal.assessment import registration_check
 from radcal.assessment.registration_check import check_registration, moved_again, moved_finding
@@ -67,7 +67,7 @@ def test_the_change_is_the_shift_that_is_left(present):
 
 def test_sigma0_changes_by_the_laws_slope_along_the_gradient_of_the_incidence(monkeypatch):
     """Incidence rises by 25 / 59 degrees a row: of a move by (0.6, -0.8) only 0.6 rows count."""
-    seen = geometry()
+    seen = two_materials()
     shape, pixels = seen.shape, seen.pixels("area")[::7]
     angle = seen.incidence_deg.ravel()[pixels]
     targets = {"area": make_target(np.linspace(-12.0, -8.0, pixels.size), angle, pixels=pixels)}

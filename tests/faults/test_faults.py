@@ -17,12 +17,10 @@ import pytest
 import yaml
 from faults.kills import Tally, Watch, campaign, result
 from sealed import DAMAGES
-from workflow_project import Project
+from workflow_project import Project, sentences
 
-from radcal.errors import RadcalError
 from radcal.session.salvage import salvage
-from radcal.storage.inspection import kind_of
-from radcal.storage.records import read_hdf5, read_json
+from radcal.storage.records import read_json
 
 SEALED = ("scene", "geometry", "measurement", "registered", "target", "calibration")
 
@@ -67,10 +65,6 @@ def simulated(project: Project, seconds: float = 0.0, fails: int = 10**9, **chan
     data = yaml.safe_load((project.folder / "tiny.yaml").read_text())
     data["materials"] = {"field": field, "lake": {"law": "external"}}
     (project.folder / "tiny.yaml").write_text(yaml.safe_dump(data))
-
-
-def sentences(text: str) -> list[str]:
-    return [line for line in text.splitlines() if line.startswith("radcal: ") and "stopped." not in line]
 
 
 def kill_when(project: Project, condition, *arguments: str) -> None:
@@ -340,20 +334,6 @@ def test_a_hundred_damaged_stores_are_recognised(finished):
             shutil.copy2(spare / path.relative_to(out), path)
             path.with_suffix(".damaged").unlink(missing_ok=True)
     assert salvage(out, "tiny", patterns) == []
-
-
-def test_a_reader_meets_damage_with_a_sentence(finished):
-    random = np.random.default_rng(6)
-    for path in sorted(finished.out().rglob("*")):
-        if path.suffix not in (".h5", ".json") or not path.is_file():
-            continue
-        DAMAGES[random.integers(len(DAMAGES))](path, random)
-        with pytest.raises(RadcalError, match=path.name):
-            if (kind := kind_of(path)) is None:
-                read_json(path)
-            else:
-                with read_hdf5(path, kind):
-                    pass
 
 
 def test_the_same_command_mends_what_is_damaged(finished):

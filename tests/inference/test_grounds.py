@@ -69,23 +69,6 @@ def test_one_bin_takes_missing_looks_for_a_law():
     assert found["one"].classes.size == 1
 
 
-@pytest.mark.slow
-def test_an_error_of_the_incidence_is_undone_where_it_is_known():
-    rng = np.random.default_rng(3)
-    n = 20_000
-    true = rng.normal(42.0, 6.0, n)
-    line = np.array([-40.0, 30.0, 0.0, 5.0])
-    values = LAW(np.radians(true), line) + 10.0 * np.log10(rng.gamma(4.0, 0.25, n))
-    block = np.arange(n) % 10
-    ground = Ground(values, true + rng.normal(0.0, 4.0, n), np.ones(n, dtype=int), block)
-    methods = {"without": METHOD, "with": replace(METHOD, incidence_error_deg=4.0)}
-    found = fit_grounds(dict.fromkeys(methods, ground), methods)
-    slope = {name: float(-np.diff(LAW(np.radians([37.0, 47.0]), f.fit.parameters))[0]) for name, f in found.items()}
-    wanted = float(-np.diff(LAW(np.radians([37.0, 47.0]), line))[0])
-    assert slope["without"] == pytest.approx(36.0 / 52.0 * wanted, rel=0.1)
-    assert slope["with"] == pytest.approx(wanted, rel=0.1)
-
-
 @pytest.mark.parametrize("classes", ["auto", 1])
 def test_blocks_of_a_pixel_or_two_do_not_end_in_an_error(classes):
     ground = fields(np.random.default_rng(5), rows=10, columns=12)

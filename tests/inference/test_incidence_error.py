@@ -11,18 +11,6 @@ from radcal.laws import law_for
 LINE = law_for("tabulated", angles_deg=[0.0, 90.0])  # straight: two knots
 
 
-def test_classical_error_draws_the_true_angle_to_the_mean():
-    rng = np.random.default_rng(1)
-    true = rng.normal(45.0, 6.0, 400_000)
-    mapped = true + rng.normal(0.0, 4.0, true.size)
-    share = attenuation(mapped, 4.0)
-    assert share == pytest.approx(36.0 / 52.0, rel=0.01)
-    near = np.abs(mapped - 52.0) < 0.5
-    nodes = true_nodes([[52.0]], 4.0, float(mapped.mean()), share)
-    assert nodes.mean() == pytest.approx(true[near].mean(), abs=0.1)
-    assert nodes.std() == pytest.approx(true[near].std(), rel=0.03)
-
-
 def test_without_attenuation_the_angles_only_spread():
     nodes = true_nodes([[40.0, 50.0]], 3.0, 45.0, 1.0).reshape(2, 5)
     np.testing.assert_allclose(nodes.mean(axis=1), [40.0, 50.0])

@@ -34,35 +34,6 @@ def one_patch(classes):
     return BinMisfit(classes, np.ones((n, 1)), np.eye(n), np.zeros(n, int), 0.0, 0.0, METHOD, classes.nodes_deg, one)
 
 
-def test_residuals_at_the_truth_have_unit_variance():
-    squares = []
-    for seed in range(40):
-        rng = np.random.default_rng(seed)
-        incidence = rng.normal(40.0, 6.0, 1000)
-        classes = make_classes(speckled(rng, incidence, 4.0), incidence, 5)
-        residuals = one_patch(classes)(X, 4.0, LawForward(LAW, classes.nodes_deg, 4.0)(X))
-        squares.append(residuals[:10] ** 2)  # of means and spreads: skewnesses are weighted down
-    assert np.mean(squares) == pytest.approx(1.0, abs=0.25)
-
-
-def test_a_patch_in_all_classes_hides_the_level_and_not_the_slope():
-    rng = np.random.default_rng(3)
-    incidence = rng.normal(40.0, 6.0, 3000)
-    classes = make_classes(speckled(rng, incidence, 4.0), incidence, 5)
-    expected = LawForward(LAW, classes.nodes_deg, 4.0)(X)
-    level, slope = expected.copy(), expected.copy()
-    level[:, 0] += 1.0
-    slope[:, 0] += np.linspace(-1.0, 1.0, 5)
-    alone = one_patch(classes)
-    shared = replace(alone, between_db=1.0)
-
-    def excess(objective, moved):
-        return (objective(X, 4.0, moved) ** 2).sum() - (objective(X, 4.0, expected) ** 2).sum()
-
-    assert excess(shared, level) < 0.05 * excess(alone, level)
-    assert excess(shared, slope) == pytest.approx(excess(alone, slope), rel=0.15)
-
-
 def test_the_likelihood_is_the_pixels_own():
     rng = np.random.default_rng(5)
     incidence = np.full(4000, 40.0)

@@ -70,28 +70,6 @@ def test_replicates_have_unit_variance_in_all_passes_together(passes):
     np.testing.assert_allclose(np.cov(drawn.T)[:10, :10], np.eye(10), atol=0.12)
 
 
-def test_two_passes_over_one_field_know_its_level_no_better_and_the_step_between_them_well():
-    """A field of 1.2 dB: the level of the law stays unknown by 1.2 dB; what both passes share cancels in the step."""
-    rng = np.random.default_rng(6)
-    fields = [misfit_of(seen(rng, *ends, [0.0], 40_000)) for ends in ((25.0, 35.0), (45.0, 55.0))]
-    apart = misfit_of(seen(rng, 45.0, 55.0, [0.0], 40_000, label=[9]))
-    level = np.ones(6)
-    step = np.repeat([-0.5, 0.5], 3)
-
-    def sd_db(pair, of_interest):
-        """Standard deviation of one number that the means depend on, by generalised least squares."""
-        information = np.linalg.inv(together(pair).covariance[:6, :6])
-        design = np.stack([level, step], axis=-1)
-        covariance = np.linalg.inv(design.T @ information @ design)
-        return float(np.sqrt(covariance[of_interest, of_interest]))
-
-    assert sd_db(fields, 0) == pytest.approx(1.2, rel=0.05)
-    assert sd_db(fields, 1) < 0.35
-    # other fields average, and differ
-    assert sd_db([fields[0], apart], 0) == pytest.approx(1.2 / np.sqrt(2.0), rel=0.05)
-    assert sd_db([fields[0], apart], 1) == pytest.approx(1.2 * np.sqrt(2.0), rel=0.05)
-
-
 def test_an_effect_that_both_passes_show_costs_as_much_as_one(passes):
     """Differences that a field explains in both passes are no more unlikely than in one of them."""
     shared = SharedFields(passes)

@@ -55,21 +55,6 @@ def test_no_name_of_an_objective_stands_anywhere_else(outside):
     assert found >= OTHER, "an exception that is none any more"
 
 
-def test_no_class_of_an_objective_is_asked_for_anywhere_else(outside):
-    """Neither by isinstance nor by an import."""
-    classes = {kind.__name__ for kind in objectives.OBJECTIVES.values()}
-    modules = tuple(f"radcal.objectives.{name}" for name in ("bins", "density"))
-    asked = set()
-    for path, nodes in outside.items():
-        for node in nodes:
-            if isinstance(node, ast.ImportFrom) and node.module in modules:
-                asked.add((path.name, node.module))
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("isinstance", "issubclass"):
-                names = {inner.id for inner in ast.walk(node.args[1]) if isinstance(inner, ast.Name)}
-                asked |= {(path.name, name) for name in names & (classes | {"Objective"})}
-    assert asked == set()
-
-
 def test_rules_scripts_and_the_report_compare_no_objective():
     files = [ROOT / "Snakefile", *(ROOT / "workflow").rglob("*.smk"), *(ROOT / "workflow").rglob("*.py")]
     files += SOURCE.rglob("*.j2")

@@ -13,7 +13,6 @@ from assessment_samples import (
     LINE,
     LINE_BOX,
     LINE_X,
-    image_of_fixed,
     known_common,
     line_db,
     line_model,
@@ -32,10 +31,6 @@ from radcal.posterior.sampling import Sample
 CONFIG = Uncertainty(walkers=64, steps=1500)
 BRIEF = Uncertainty(walkers=32, steps=100)
 GRID = np.log(np.geomspace(0.01, 3.0, 32)), np.log(np.geomspace(0.01, 8.0, 32))
-
-
-def none_known(config=CONFIG):
-    return image_of_fixed({}, [0.0], config, False, 1).shared["0"]
 
 
 @pytest.mark.parametrize("error", [None, 0.4])
@@ -162,34 +157,6 @@ def test_a_law_of_another_form_is_noticed(size_db, noticed):
         assert draws.sample.converged
     else:
         assert found.rms_db[1] < 0.4
-
-
-@pytest.mark.slow
-def test_the_error_of_a_surrogate_widens_x():
-    """A law without a curve: levels relative to the best run, an error of 1 dB common to all cells, no form."""
-    cells = seen_cells(np.random.default_rng(5), 160, fields=12, field_db=0.3)
-    common, widths = replace(known_common(), mean=np.zeros(5)), []
-    for error in (1e-6, 1.0):
-        parameters = line_parameters(lambda x, e=error: np.full(len(x), e))
-        model = line_model(cells, common, Uncertainty(walkers=32, steps=600), parameters, forms=False)
-        assert model.first_form == 1
-        draws = model.drawn(3, LINE_X)
-        level = line_db(draws.parameters, ANGLES).mean(axis=1)
-        widths.append(level.std())
-        form_sd_db = np.exp(draws.sample.draws[:, -1]).mean()
-        np.testing.assert_allclose(draws.form.std(axis=0).mean() / form_sd_db, 1.0, rtol=0.5)
-    assert widths[1] == pytest.approx(np.hypot(widths[0], 1.0), rel=0.2)
-
-
-@pytest.mark.slow
-def test_without_fixed_materials_the_level_has_its_prior():
-    config = Uncertainty(walkers=32, steps=600, level_db=1.5)
-    cells = seen_cells(np.random.default_rng(5), 160, fields=12, field_db=0.3)
-    levels = []
-    for common in (none_known(config), replace(known_common(sd_db=1e-3), mean=np.zeros(5))):
-        draws = line_model(cells, common, config).drawn(3, LINE_X)
-        levels.append(curves(draws, ANGLES).mean(axis=1).std())
-    assert levels[0] > 1.3 > 0.5 > levels[1]
 
 
 def test_the_same_seed_gives_the_same_draws():

@@ -80,16 +80,6 @@ def test_a_single_law_cannot_tell_its_error_from_a_level():
     assert -0.6 < level[0] < 2.0 < level[2] + law[2]
 
 
-@pytest.mark.slow
-def test_an_offset_is_a_level_without_a_prior():
-    """An error of all laws of 3 dB: with the prior of the calibration it is partly theirs."""
-    alike = {"water": 3.1, "lake": 2.9}
-    removed, kept = (image_of_fixed(fixed(alike), [0.0], CONFIG, offset, 3).levels_db[0] for offset in (True, False))
-    assert removed[1] > kept[1]
-    assert removed[2] - removed[0] > 0.5
-    assert removed[0] < 3.0 < removed[2]
-
-
 @pytest.mark.parametrize(("offset", "sd"), [(False, 0.4 * np.sqrt(2.0)), (True, 20.0)])
 def test_without_fixed_materials_there_are_the_priors(offset, sd):
     config = Uncertainty(level_db=0.4, area=0.07, field_db=0.6)

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from assessment_samples import ANGLES, FORM_KNOTS, KNOTS, LINE_X, known_common, line_model, seen_cells
+from assessment_samples import ANGLES, FORM_KNOTS, KNOTS, known_common, line_model, seen_cells
 
-from radcal.config import Uncertainty
 from radcal.posterior.calibrated import FORMS
 from radcal.posterior.effects import form_basis
 from radcal.posterior.form_error import form_error, noticed_db
@@ -89,21 +88,3 @@ def test_the_power_is_that_of_a_normal_regression(form_db):
             # of the angle that shows it best
             rates.append((np.abs(found) > sd[:, None]).mean(axis=1).max())
     assert min(rates) == pytest.approx(0.9, abs=0.03)
-
-
-@pytest.mark.slow
-def test_a_bump_of_this_size_is_noticed_in_sixteen_of_twenty_images():
-    """By the sampler, with scales that it finds itself; the bump that is hardest to see is the narrow one inside."""
-    noticed, config = 0, Uncertainty(walkers=32, steps=600)
-    common = replace(known_common(), mean=np.zeros(5))
-    angle = np.linspace(*SEEN, 41)
-    columns = form_basis(angle, FORM_KNOTS, FORMS)
-    for seed in range(20):
-        cells = seen_cells(np.random.default_rng(seed), 200, fields=12, field_db=0.4)
-        size = smallest(cells)
-        middle = np.linspace(*SEEN, 5)[seed % 5]
-        bump = size * np.exp(-0.5 * ((cells.incidence_deg - middle) / (0.25 * (SEEN[1] - SEEN[0]))) ** 2)
-        draws = line_model(replace(cells, measured_db=cells.measured_db + bump), common, config).drawn(seed, LINE_X)
-        forms = draws.form @ columns.T
-        noticed += form_error(forms - forms.mean(axis=1, keepdims=True), size).noticed
-    assert noticed >= 16

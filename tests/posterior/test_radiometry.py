@@ -156,21 +156,6 @@ def test_outliers_count_as_by_the_loss_of_huber():
     assert plain - wanted > wider - wanted > 0.02
 
 
-@pytest.mark.slow
-def test_the_exponent_scatters_as_its_error_says():
-    """Laws with normal errors of slope and form, and cells with the effects that the weights assume."""
-    rng, found = np.random.default_rng(4), []
-    for seed in range(120):
-        parts = materials(0.0, seed=seed, relief_db=0.5, cell_db=0.15)
-        for name, (cells, law) in parts.items():
-            error = law_columns(cells.incidence_deg)[:, 1:] @ rng.normal(0.0, [0.2, *[0.6745 * CONFIG.form_db] * 4])
-            parts[name] = cells, law + error
-        found.append(area_exponent(parts, CONFIG))
-    exponents, errors = np.array(found).T
-    assert 0.8 < exponents.std() / errors.mean() < 1.2
-    assert abs(exponents.mean()) < 0.3 * errors.mean()
-
-
 @pytest.mark.parametrize(("exponent", "error"), [(0.59, 0.1), (0.3, 0.4), (1.2, 0.5), (-0.5, 0.3), (0.8, 0.3)])
 def test_the_probability_of_the_other_radiometry_is_that_of_two_normal_distributions(exponent, error, monkeypatch):
     """One of ten images has it, before its values are seen; what cannot be told widens both by `area`."""

@@ -112,27 +112,6 @@ def test_terrain_flattening_leaves_the_cosine_of_the_local_incidence(
     np.testing.assert_allclose(10 * np.log10(weights(geometry)[inside] * cosine), 0.0, atol=0.05)
 
 
-def test_power_is_conserved_in_layover_and_shadow(build_scene: Build) -> None:
-    """Every visible facet's area arrives in the image, folded or not."""
-    radar = Radar(altitude_m=500.0, depression_deg=45.0, range_spacing_m=1.0, azimuth_spacing_m=1.0,
-                  range_resolution_m=2.0, azimuth_resolution_m=2.0, radiometry="beta0")  # fmt: skip
-    hill = build_scene(lambda east, north: 25.0 * np.exp(-(east**2) / 150.0), cells=(16, 200), cell_m=1.0)
-    geometry = make_geometry(hill, radar)
-    assert geometry.layover.any()
-    assert geometry.shadow.any()
-    x = np.arange(200) - 99.5
-    z = hill.elevation_m[0]
-    ground = 500.0 + x
-    height = 500.0 + hill.elevation_m.mean() - z
-    visible = ground / height >= np.maximum.accumulate(ground / height)
-    slope = np.gradient(z)
-    facing = (ground * slope + height) > 0
-    area = np.sum(np.sqrt(1 + slope**2) * (visible & facing))
-    per_column = weights(geometry).sum(axis=0)
-    # the image leaves out what lies before the furthest of the lines' first points: here nothing
-    np.testing.assert_allclose(per_column[2:-2], area, rtol=0.02)
-
-
 @pytest.mark.parametrize(("across", "along"), [(0.0, 0.0), (0.7, 0.0), (-0.4, 0.0), (0.0, 0.5), (0.4, -0.5)])
 def test_local_incidence_cosine_is_normal_times_direction(across: float, along: float) -> None:
     y, x = np.mgrid[0:6, 0:7] * 2.0

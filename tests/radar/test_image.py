@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -273,20 +271,3 @@ def test_results_do_not_depend_on_the_number_of_threads(scene: Scene, monkeypatc
         np.testing.assert_array_equal(getattr(found[1][0], name), value)
     for one, other in zip(found[0][1:], found[1][1:], strict=True):
         np.testing.assert_array_equal(one, other)
-
-
-@pytest.mark.slow
-def test_another_process_does_not_compile_again() -> None:
-    """What this process has compiled is on disk: jobs of a workflow load it."""
-    program = (
-        "import numpy as np\n"
-        "from radcal.config import Radar\n"
-        "from radcal.radar import image\n"
-        "from radcal.radar.reflectivity import uniform\n"
-        "image.ImageFormation(Radar(), (20, 20), -20.0).intensity(uniform(np.ones((20, 20), np.float32)), 1)\n"
-        "found = image._form.__wrapped__.stats\n"
-        "print(sum(found.cache_hits.values()), sum(found.cache_misses.values()))"
-    )
-    ImageFormation(Radar(), (20, 20), -20.0).intensity(uniform(np.ones((20, 20), np.float32)), 1)
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["1", "0"]

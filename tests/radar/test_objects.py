@@ -110,18 +110,6 @@ def test_cross_section_of_a_box_arrives_whole(flat: Scene, radiometry: str, head
     assert np.sum(found * area) == pytest.approx(10**2.3, rel=2e-3)
 
 
-def test_cross_section_of_a_box_in_the_image_is_unbiased(flat: Scene) -> None:
-    scene = with_objects(flat, length_m=12.0, width_m=8.0, height_m=6.0, rcs_dbsm=20.0)
-    radar = FINE.model_copy(update={"radiometry": "beta0", "looks": 1})
-    geometry = make_geometry(scene, radar)
-    formation = ImageFormation(radar, geometry.shape, QUIET)
-    cells = reflectivity(geometry, law_tables(geometry.names, {}, {}))
-    # 60 images; the sum of each has about as many independent values as the box has resolution cells (> 10)
-    sums = np.array([formation.intensity(cells, seed).astype(float).sum() for seed in range(60)])
-    assert sums.mean() == pytest.approx(100.0, abs=3 * sums.std(ddof=1) / np.sqrt(60))
-    assert sums.std(ddof=1) < 40.0
-
-
 def test_hidden_part_of_a_box_scatters_not(flat: Scene) -> None:
     near_wall = {"x_m": 40.0, "length_m": NY, "width_m": 2.0, "height_m": 20.0, "rcs_dbsm": -100.0}
     behind = {"x_m": 44.0, "length_m": 4.0, "width_m": 4.0, "rcs_dbsm": 20.0}
@@ -280,27 +268,6 @@ def test_points_do_not_depend_on_tiles() -> None:
     for row, column, value in zip(points.row, points.column, phased(points, 8) @ [1, 1j], strict=True):
         expected += value * np.outer(at(shape[0], row), at(shape[1], column))
     assert np.abs(found - expected).max() < 3e-3 * np.abs(expected).max()
-
-
-def test_left_mirrors_right(scene: Scene, radar: Radar) -> None:
-    rng = np.random.default_rng(4)
-    n, side = 40, 200.0
-    made = objects(
-        x_m=rng.uniform(0, side, n), y_m=rng.uniform(0, side, n), length_m=np.where(np.arange(n) % 3, 9.0, 0.0),
-        width_m=np.where(np.arange(n) % 3, 5.0, 0.0), heading_deg=rng.uniform(0, 360, n), height_m=rng.uniform(0, 9, n),
-        rcs_dbsm=rng.uniform(0, 30, n),
-    )  # fmt: skip
-    mirrored = replace(
-        scene, material=scene.material[:, ::-1], elevation_m=scene.elevation_m[:, ::-1],
-        objects=replace(made, x_m=side - made.x_m, heading_deg=-made.heading_deg),
-    )  # fmt: skip
-    right = make_geometry(replace(scene, objects=made), radar)
-    left = make_geometry(mirrored, radar.model_copy(update={"look_side": "left"}))
-    assert right.point_number.size > 5
-    np.testing.assert_array_equal(left.material, right.material)
-    np.testing.assert_array_equal(left.point_number, right.point_number)
-    np.testing.assert_allclose(left.point_row, right.point_row, atol=1e-9)
-    np.testing.assert_allclose(of_objects(left), of_objects(right), atol=1e-6 * of_objects(right).max())
 
 
 def test_a_run_with_one_new_law_is_a_run_from_nothing(scene: Scene, radar: Radar) -> None:

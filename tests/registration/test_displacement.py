@@ -2,17 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter
+from registration_samples import smooth_field
 
 from radcal.registration.displacement import compose, invert, warp
 
 SHAPE = (90, 120)
-
-
-def smooth_field(seed, length, sigma=15.0):
-    noise = np.random.default_rng(seed).standard_normal((2, *SHAPE))
-    field = np.stack([gaussian_filter(part, sigma) for part in noise])
-    return field * length / np.hypot(*field).max()
 
 
 def test_a_whole_shift_moves_pixels_unchanged():
@@ -39,7 +33,7 @@ def test_gaps_stay_gaps():
 
 @pytest.mark.parametrize("length", [0.5, 3.0, 8.0])
 def test_a_field_and_its_inverse_compose_to_nothing(length):
-    field = smooth_field(2, length)
+    field = smooth_field(SHAPE, 2, length, 15.0)
     inside = (slice(None), slice(12, -12), slice(12, -12))
     for both in (compose(field, invert(field)), compose(invert(field), field)):
         assert np.abs(both[inside]).max() < 0.02

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter, map_coordinates
+import registration_samples
+from registration_samples import displaced, speckled
 from scipy.stats import rankdata
 from threadpoolctl import threadpool_limits
 
-from radcal.registration.displacement import invert
 from radcal.registration.gefolki import (
     Level,
     _halved,
@@ -20,35 +22,13 @@ from radcal.registration.gefolki import (
 from radcal.registration.spline_field import Prior
 
 SHAPE = (240, 260)
-
-
-def ground(seed):
-    """Mean backscatter of fields with straight borders [dB]."""
-    rng = np.random.default_rng(seed)
-    image = np.zeros(SHAPE)
-    for _ in range(60):
-        row, column = rng.integers(0, SHAPE[0]), rng.integers(0, SHAPE[1])
-        image[row : row + rng.integers(15, 70), column : column + rng.integers(15, 70)] = rng.normal(0.0, 6.0)
-    return image
-
-
-def speckled(image, seed, looks=4):
-    """Independent multilook speckle on a mean image [dB]."""
-    gain = np.random.default_rng(seed).gamma(looks, 1.0 / looks, image.shape)
-    return (image + 10.0 * np.log10(gain)).astype(np.float32)
-
-
-def smooth_field(seed, length, sigma=50.0):
-    noise = np.random.default_rng(seed).standard_normal((2, *SHAPE))
-    field = np.stack([gaussian_filter(part, sigma, mode="reflect") for part in noise])
-    return field * length / np.hypot(*field).max()
+ground, smooth_field = partial(registration_samples.ground, SHAPE), partial(registration_samples.smooth_field, SHAPE)
 
 
 def pair(field, seed=1):
     """Two images with speckle of their own, the second displaced."""
     mean = ground(seed)
-    at = np.indices(SHAPE) + invert(field)
-    return speckled(mean, 10), speckled(map_coordinates(mean, at, order=1, mode="nearest"), 11)
+    return speckled(mean, 10), speckled(displaced(mean, field), 11)
 
 
 def error(found, field, margin=20):
@@ -57,7 +37,7 @@ def error(found, field, margin=20):
 
 @pytest.mark.parametrize("length", [2.0, 6.0])
 def test_a_smooth_field_is_found_under_independent_speckle(length):
-    field = smooth_field(3, length)
+    field = smooth_field(3, length, 50.0)
     fixed, moving = pair(field)
     assert error(gefolki(fixed, moving), field) < 0.35 < 0.5 * error(np.zeros_like(field), field)
 
@@ -81,7 +61,7 @@ def test_the_field_is_as_smooth_as_the_images_say():
 
 
 def test_threads_change_nothing():
-    fixed, moving = pair(smooth_field(3, 4.0))
+    fixed, moving = pair(smooth_field(3, 4.0, 50.0))
     with threadpool_limits(1):
         alone = gefolki(fixed, moving)
     with threadpool_limits(2):
@@ -89,7 +69,7 @@ def test_threads_change_nothing():
 
 
 def test_contrast_turned_over_is_registered_alike():
-    field = smooth_field(4, 4.0)
+    field = smooth_field(4, 4.0, 50.0)
     fixed, moving = pair(field)
     assert error(gefolki(fixed, -moving), field) < 0.4
     # half of the image turned over
@@ -99,7 +79,7 @@ def test_contrast_turned_over_is_registered_alike():
 
 
 def test_gaps_and_bright_points_do_no_harm():
-    field = smooth_field(6, 4.0)
+    field = smooth_field(6, 4.0, 50.0)
     fixed, moving = pair(field)
     rng = np.random.default_rng(0)
     moving[50:90, 60:140] = np.nan
@@ -111,7 +91,7 @@ def test_gaps_and_bright_points_do_no_harm():
 
 
 def test_pixels_that_do_not_count_pull_nothing():
-    field = smooth_field(7, 3.0)
+    field = smooth_field(7, 3.0, 50.0)
     fixed, moving = pair(field)
     keep = np.ones(SHAPE, dtype=bool)
     keep[:, 170:] = False

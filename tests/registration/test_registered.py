@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter, map_coordinates
+import registration_samples
+from registration_samples import displaced, smooth_field, speckled
 
 from radcal.config import RegistrationConfig
 from radcal.errors import MeasurementError
 from radcal.findings import Finding
 from radcal.image.model import Measurement
 from radcal.registration import registered as module
-from radcal.registration.displacement import invert
 from radcal.registration.registered import LEAST_CONTRAST_DB, contrast_db, read_registered, register, write_registered
 from radcal.storage.dataclass_groups import same
 
@@ -21,28 +21,15 @@ GEFOLKI = RegistrationConfig()
 
 
 def ground(seed=1):
-    rng = np.random.default_rng(seed)
-    image = np.zeros(SHAPE)
-    for _ in range(60):
-        row, column = rng.integers(0, SHAPE[0]), rng.integers(0, SHAPE[1])
-        image[row : row + rng.integers(15, 70), column : column + rng.integers(15, 70)] = rng.normal(0.0, 6.0)
-    return image
-
-
-def speckled(mean, seed):
-    gain = np.random.default_rng(seed).gamma(4, 0.25, mean.shape)
-    return (mean + 10.0 * np.log10(gain)).astype(np.float32)
+    return registration_samples.ground(SHAPE, seed)
 
 
 def field(length, seed=3):
-    noise = np.random.default_rng(seed).standard_normal((2, *SHAPE))
-    smooth = np.stack([gaussian_filter(part, 45.0, mode="reflect") for part in noise])
-    return smooth * length / np.hypot(*smooth).max()
+    return smooth_field(SHAPE, seed, length, 45.0)
 
 
 def measured(displacement, seed=11):
-    at = np.indices(SHAPE) + invert(displacement)
-    return Measurement(speckled(map_coordinates(ground(), at, order=1, mode="nearest"), seed), "image.tif")
+    return Measurement(speckled(displaced(ground(), displacement), seed), "image.tif")
 
 
 FIXED = speckled(ground(), 10)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from registration_samples import speckled
 from scipy.ndimage import gaussian_filter
 
 from radcal.config import RegistrationConfig
@@ -27,16 +28,9 @@ def relief(seed):
     return gaussian_filter(np.random.default_rng(seed).standard_normal(SHAPE), 6.0) * 30.0
 
 
-def speckled(mean_db, seed):
-    gain = np.random.default_rng(seed).gamma(4, 0.25, SHAPE)
-    return (mean_db + 10.0 * np.log10(gain)).astype(np.float32)
-
-
 RIGHT = relief(1)
 # half of the pattern of the real law, half of another one
 START, FOUND, OTHER = speckled(0.5 * RIGHT + relief(2), 3), speckled(RIGHT, 4), speckled(relief(5), 6)
-
-
 OF_FIRST = Finding("place", "note", "pass 1", {"correlation": 0.5})
 
 

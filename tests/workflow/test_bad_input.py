@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from workflow_project import COLUMNS, ROWS, write_raster
+from workflow_project import COLUMNS, ROWS, sentences, write_raster
 
 from radcal.config import input_files, load
 from radcal.errors import ConfigError
@@ -16,10 +16,9 @@ def refused(project, *words):
     """Run, expect failure with one sentence that holds these words, and no run spent."""
     done = project.run("--configfile", "tiny.yaml")
     assert done.returncode != 0, done.stdout
-    said = [line for line in done.stdout.splitlines() if line.startswith("radcal: ") and "stopped." not in line]
-    assert len(said) == 1, done.stdout
+    (said,) = sentences(done.stdout)
     for word in words:
-        assert word in said[0], said[0]
+        assert word in said
     assert "Traceback" not in done.stdout
     assert not project.out().exists() or not project.records()
 

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 import yaml
-from workflow_project import COLUMNS, ROOT, ROWS, Project, write_raster
+from workflow_project import COLUMNS, ROOT, ROWS, Project, sentences, write_raster
 
 from radcal.config import input_files, load
 from radcal.errors import ConfigError
@@ -165,10 +165,6 @@ def flawed(project: Project, mode: str, **changes) -> None:
     (project.folder / "tiny.yaml").write_text(yaml.safe_dump(data))
 
 
-def sentences(text: str) -> list[str]:
-    return [line for line in text.splitlines() if line.startswith("radcal: ") and "stopped." not in line]
-
-
 FAULTS = {
     "exit": ["ended with exit code 1", "simulator.accept_exit_codes", '"the licence server does not answer"'],
     "hang": ["was not done after", "simulator.timeout_s: 3", '"waiting for the licence server"'],
@@ -207,14 +203,14 @@ def test_every_failure_in_the_middle_ends_in_its_sentence_and_keeps_all_finished
         (new,) = set(folders(project)) - failed
         assert f"results/tiny/external/{new}." in said
         # twice the reference, the first chunk and the first run of the second
-        records = contents(project)
+        records = project.contents()
         assert len(records) == 6
         assert records == (kept or records)
         kept = records
     (project.folder / "fault").unlink()
     again = project.run("--configfile", "tiny.yaml")
     assert again.returncode == 0, again.stdout
-    records = contents(project)
+    records = project.contents()
     assert {name: records[name] for name in kept} == kept
     summary = project.summary()
     assert len(records) == summary["runs"]["total"]
@@ -237,11 +233,7 @@ def test_power_declared_as_db_costs_the_reference_run_and_no_other(project):
     (said,) = sentences(done.stdout)
     assert said.startswith("radcal: simulator.output.scale is db, but the values of the reference run's image run from")
     assert said.endswith("set simulator.output.scale: power?")
-    assert len(contents(project)) == 1
-
-
-def contents(project: Project) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in (project.out() / "runs").glob("[!.]*.h5")}
+    assert len(project.contents()) == 1
 
 
 def folders(project: Project) -> list[str]:

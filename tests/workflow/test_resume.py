@@ -23,18 +23,3 @@ def test_a_second_snakemake_on_the_case_says_so(project):
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
         process.wait()
-
-
-def test_a_damaged_record_is_set_aside_and_made_again(project):
-    done = project.radcal("tiny.yaml", "design", "--cores", "2")
-    assert done.returncode == 0, done.stdout
-    before = project.records()
-    victim = sorted(project.out().glob("runs/*.h5"))[3]
-    content = victim.read_bytes()
-    victim.write_bytes(content[: len(content) // 2])
-    done = project.radcal("tiny.yaml", "design", "--cores", "2", "--", "--forcerun", "reference_run", "design_chunk")
-    assert done.returncode == 0, done.stdout
-    after = project.records()
-    assert after.keys() == before.keys()
-    assert {name for name in after if after[name] != before[name]} == {victim.name}
-    assert victim.with_suffix(".damaged").is_file()

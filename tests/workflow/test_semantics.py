@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import yaml
 from sealed import changed
-from workflow_project import COLUMNS, ROOT, ROWS, Project, make_project, tiny_case, write_raster
+from workflow_project import COLUMNS, ROOT, ROWS, Project, make_project, sentences, tiny_case, write_raster
 
 from radcal.config import case_from
 from radcal.config.stages import STAGES
@@ -74,11 +74,6 @@ def ended(project: Project, *arguments: str, cores: int = 2) -> str:
     return done.stdout
 
 
-def contents(project: Project, case: str = "tiny") -> dict[str, bytes]:
-    """Every finished record, byte for byte."""
-    return {path.name: path.read_bytes() for path in (project.out(case) / "runs").glob("[!.]*.h5")}
-
-
 def test_the_table_in_the_documents_is_that_of_the_code():
     page = (ROOT / "docs" / "reruns.md").read_text()
     assert reruns_table() in page
@@ -118,7 +113,7 @@ def test_a_changed_section_makes_again_what_the_table_says(finished, section):
 
 
 def test_commands_of_snakemake_behave(finished):
-    before, listing = contents(finished), finished.listing()
+    before, listing = finished.contents(), finished.listing()
     assert "Nothing to be done" in ended(finished, "-n", *CASE)
     changed = ended(finished, "-n", *CASE, "--config", "target={pixels: 300}")
     assert "target" in changed
@@ -145,10 +140,10 @@ def test_commands_of_snakemake_behave(finished):
     assert (finished.out() / "calibration.h5").read_bytes() == archive
     # a stage by name: made again, its runs found
     ended(finished, "--forcerun", "design_chunk", "--until", "scores", *CASE)
-    assert contents(finished) == before
+    assert finished.contents() == before
     summary = finished.summary()
     ended(finished, "all", *CASE, cores=1)
-    assert contents(finished) == before
+    assert finished.contents() == before
     assert finished.summary()["materials"] == summary["materials"]
 
 
@@ -205,7 +200,7 @@ def test_whatever_is_missing_comes_back_and_no_run_is_repeated(finished):
 
 
 def test_surrogate_optimiser_and_levels_repeat_no_run(finished):
-    before = contents(finished)
+    before = finished.contents()
     finished.write(
         surrogate={"outputs": "direct"},
         optimiser={"objective": "rms"},
@@ -213,14 +208,14 @@ def test_surrogate_optimiser_and_levels_repeat_no_run(finished):
         stop={"rms": 2e-2},
     )
     ended(finished, *CASE)
-    after = contents(finished)
+    after = finished.contents()
     assert {name: after[name] for name in before} == before
     assert len(after) - len(before) <= finished.summary()["runs"]["infill"] + 1
 
 
 def test_classes_and_held_out_ground_repeat_no_run(finished):
     """Objective, classes, looks, priors and validation are no part of what a run is known by."""
-    before = contents(finished)
+    before = finished.contents()
     finished.write(
         objective="classes",
         simulator={"draws": 1},
@@ -229,7 +224,7 @@ def test_classes_and_held_out_ground_repeat_no_run(finished):
         stop={"max_runs": 40},
     )
     ended(finished, *CASE)
-    after = contents(finished)
+    after = finished.contents()
     assert {name: after[name] for name in before} == before
     summary = finished.summary()
     assert len(after) - len(before) <= summary["runs"]["infill"] + summary["runs"]["final"]
@@ -241,7 +236,7 @@ def test_classes_and_held_out_ground_repeat_no_run(finished):
     # and back again nothing is simulated at all
     finished.write()
     ended(finished, *CASE)
-    assert contents(finished) == after
+    assert finished.contents() == after
 
 
 def test_another_seed_is_another_design_as_if_it_had_always_been(finished, tmp_path):
@@ -258,7 +253,7 @@ def test_another_seed_is_another_design_as_if_it_had_always_been(finished, tmp_p
 
 
 def test_another_scene_or_pass_leaves_finished_results_until_told(finished):
-    listing, records = finished.listing(), contents(finished)
+    listing, records = finished.listing(), finished.contents()
     finished.write(radar={"looks": 3})
     planned, refused = finished.run("-n", *CASE), finished.run(*CASE)
     assert planned.returncode != 0
@@ -286,11 +281,11 @@ def test_another_scene_or_pass_leaves_finished_results_until_told(finished):
     # under a name of its own it is a case like any other, and under the old one the old results still stand
     finished.write("looks3.yaml", case="looks3", radar={"looks": 3})
     ended(finished, "reference", "--configfile", "looks3.yaml")
-    assert len(contents(finished, "looks3")) == 1
+    assert len(finished.contents("looks3")) == 1
     # told to, the results give way; the runs stay
     finished.write(radar={"looks": 3})
     ended(finished, "reference", *CASE, "--config", "replace=true")
-    after = contents(finished)
+    after = finished.contents()
     assert {name: after[name] for name in records} == records
     assert len(after) == len(records) + 1
 
@@ -339,14 +334,14 @@ def test_a_stopped_command_says_what_is_kept_and_how_to_go_on(project, number, b
     assert "RuleException" not in log.read_text()
     assert int(said[0]) == len(project.records()) >= 5
     assert said[1] == "the same command goes on from there."
-    before = contents(project)
+    before = project.contents()
     ended(project, "design", *CASE)
-    after = contents(project)
+    after = project.contents()
     assert {name: after[name] for name in before} == before
 
 
 def test_runs_of_an_earlier_case_are_reused(finished):
-    earlier = contents(finished)
+    earlier = finished.contents()
     # other bounds, another target: none of the design's points would be the same
     other = tiny_case(
         case="second",
@@ -363,11 +358,11 @@ def test_runs_of_an_earlier_case_are_reused(finished):
     # its reference run too: with other bounds the start is another
     assert runs["reused"] == first["reference"] + first["design"] + first["infill"]
     assert runs["design"] == max(14 - runs["reused"], 0)
-    assert contents(finished) == earlier
-    shared = set(contents(finished, "second")) & set(earlier)
+    assert finished.contents() == earlier
+    shared = set(finished.contents("second")) & set(earlier)
     assert len(shared) >= runs["reused"]
     assert f"{runs['reused']} of an earlier case" in (finished.out("second") / "report.html").read_text()
-    assert len(contents(finished, "second")) - len(shared) <= runs["reference"] + runs["design"] + runs["infill"] + 1
+    assert len(finished.contents("second")) - len(shared) <= runs["reference"] + runs["design"] + runs["infill"] + 1
 
 
 def test_an_earlier_case_without_such_runs_is_refused(finished):
@@ -375,7 +370,7 @@ def test_an_earlier_case_without_such_runs_is_refused(finished):
     finished.write("second.yaml", case="second", **changes)
     done = finished.run("design", "--configfile", "second.yaml")
     assert done.returncode != 0
-    (said,) = [line for line in done.stdout.splitlines() if line.startswith("radcal: ") and "stopped." not in line]
+    (said,) = sentences(done.stdout)
     assert "none of the" in said
     assert "pass.looks is 4 there, 3 here" in said
-    assert not contents(finished, "second")
+    assert not finished.contents("second")

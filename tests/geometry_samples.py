@@ -1,0 +1,34 @@
+"""Geometries whose pixels are one facet each."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from radcal.radar.geometry import Geometry
+
+ROWS, COLUMNS = 60, 80
+X = [-28.0, 20.0, 6.0, 4.0]
+
+
+def of_pixels(names: tuple[str, ...], material: Any, incidence_deg: Any, **changes: Any) -> Geometry:
+    """Geometry of materials and incidence angles by pixel, all of them seen and none in layover."""
+    shape, n, nothing = material.shape, material.size, np.zeros(material.shape, dtype=bool)
+    incidence = np.broadcast_to(incidence_deg, shape)
+    keys = {
+        "facet_weight": np.ones(n, dtype=np.float32), "layover": nothing, "shadow": nothing,
+        "flat_incidence_deg": incidence[:, 0].astype(np.float64), **changes,
+    }  # fmt: skip
+    return Geometry(
+        shape=shape, names=names, cell_start=np.arange(n + 1, dtype=np.int32),
+        cell_material=material.ravel(), facet_start=np.arange(n + 1, dtype=np.int32),
+        facet_incidence=(incidence.ravel() / 90.0 * 65535.0).astype(np.uint16), material=material,
+        incidence_deg=incidence.astype(np.float32), ground=np.full((2, *shape), np.nan, dtype=np.float32), **keys,
+    )  # fmt: skip
+
+
+def two_materials() -> Geometry:
+    """Fifty columns of one material, thirty of another one; the incidence angle rises from row to row."""
+    material = np.where(np.arange(COLUMNS) < 50, 1, 2).astype(np.uint8) * np.ones((ROWS, 1), dtype=np.uint8)
+    return of_pixels(("area", "rest"), material, np.linspace(25.0, 50.0, ROWS)[:, None])
