@@ -1,7 +1,5 @@
 """Findings of the assessment: codes and numbers, in the order to act on them."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

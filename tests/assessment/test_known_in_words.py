@@ -1,7 +1,5 @@
 """Sentences of findings, and the headline."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Assembly of the model: cells of several passes, what is known of images, and summaries of draws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Cells of all materials in one pass: masks, leaks, and parts of the ground that are held out."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Programs that compute the law of a material, or another law, at the same X."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Registration onto the calibrated image: a shift that the first registration missed, and what it does to sigma0."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

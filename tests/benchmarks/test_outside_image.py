@@ -1,7 +1,5 @@
 """The image former of ``benchmarks/outside_image.py``, against formulas and against the simulator."""
 
-from __future__ import annotations
-
 import ast
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The figures of ``benchmarks/twins.py``."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from twins import ANGLES, figures, longest

@@ -1,7 +1,5 @@
 """Calibration of the small case: runs and X that no change outside of search and simulator may move."""
 
-from __future__ import annotations
-
 import pytest
 
 KEYS = ["6e37bbb2745d0674f82e", "6205631f8940c7894f68", "2d9a330666d2c3131dea"]

@@ -1,7 +1,5 @@
 """Figures are there, complete and drawn without a warning, also at the edges."""
 
-from __future__ import annotations
-
 import json
 import re
 import warnings

@@ -1,7 +1,5 @@
 """Classes of local incidence."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

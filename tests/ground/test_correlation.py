@@ -1,7 +1,5 @@
 """Correlation of the pixels of a material, against sums over all pairs and the scatter of images."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter

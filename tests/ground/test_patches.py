@@ -1,7 +1,5 @@
 """Spread among patches and their effects, against dense linear algebra and simulation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Bounded least squares and the starts of a search."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

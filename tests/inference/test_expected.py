@@ -1,7 +1,5 @@
 """What bins are expected to show, against simulated pixels."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

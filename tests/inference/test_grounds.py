@@ -1,7 +1,5 @@
 """Laws from measured pixels, and held-out ground, on simulated fields."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Errors of the incidence, against simulated maps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

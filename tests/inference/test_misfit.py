@@ -1,7 +1,5 @@
 """Misfits, against simulation and direct likelihoods."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Statistics of dB values, against scipy's sample moments and its skew normal."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

@@ -1,7 +1,5 @@
 """Priors on the curve, against scipy's densities."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

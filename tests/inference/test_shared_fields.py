@@ -1,7 +1,5 @@
 """Two passes over the same fields, against effects that are drawn."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

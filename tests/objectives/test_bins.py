@@ -1,7 +1,5 @@
 """Laws in incidence-angle bins, end to end on the built-in simulator."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

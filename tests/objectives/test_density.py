@@ -1,7 +1,5 @@
 """Objective of one density, against the definition of its rms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from calibration_samples import BOUNDS, TRUTH, make_material, make_target

@@ -1,7 +1,5 @@
 """One contract for all objectives: a further one needs its class, its traits and its entry."""
 
-from __future__ import annotations
-
 import ast
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Posterior of a calibrated law, against dense normal distributions and hidden laws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

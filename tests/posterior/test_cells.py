@@ -1,7 +1,5 @@
 """Cells of one pass: means of power, their bias and variance, and the area of the ground."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from types import SimpleNamespace
 

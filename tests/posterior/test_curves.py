@@ -1,7 +1,5 @@
 """Curves of many parameters at once, and their interpolation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What fixed materials say of level, radiometry and each other's laws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

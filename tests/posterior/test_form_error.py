@@ -1,7 +1,5 @@
 """Error of a law's form: its size, whether it is noticed, and the smallest one that would be."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

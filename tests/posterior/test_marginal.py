@@ -1,7 +1,5 @@
 """Marginal likelihood of cells, against dense normal distributions."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal

@@ -1,7 +1,5 @@
 """Bands and laws from the draws of a posterior."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

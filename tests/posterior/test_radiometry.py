@@ -1,7 +1,5 @@
 """Radiometry of an image by the area of the ground in cells of fixed materials."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Kriging of several outputs, against smt, scikit-learn and the formulas written out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import approx_fprime

@@ -1,7 +1,5 @@
 """Length scales by smt with its defaults."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Second registration: the better of two simulated images decides, and the sentence says which."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

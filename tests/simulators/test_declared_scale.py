@@ -1,7 +1,5 @@
 """Scale of an external simulator's image: power that is declared as db, against the measured image."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

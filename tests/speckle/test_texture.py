@@ -1,7 +1,5 @@
 """Speckle and texture in dB, against scipy's log-gamma law and sampling."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

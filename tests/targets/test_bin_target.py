@@ -1,7 +1,5 @@
 """Targets by incidence-angle bin."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bounds that cannot reach the measured level."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from calibration_samples import make_target

@@ -1,7 +1,5 @@
 """The workflow on a tiny case: what a second command does, first steps, a larger design, several materials."""
 
-from __future__ import annotations
-
 import csv
 
 import h5py

@@ -1,7 +1,5 @@
 """Other laws than the default one, from the configuration to the report."""
 
-from __future__ import annotations
-
 import csv
 import json
 

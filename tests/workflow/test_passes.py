@@ -1,7 +1,5 @@
 """A pass that is added to a case, a kill in between, and the report of both."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """An image that is registered twice: its run, the loop in one process, and one registration afterwards."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import rasterio

@@ -1,7 +1,5 @@
 """Two commands on one case, and a record that is damaged between two; kills are in tests/faults."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

@@ -1,7 +1,5 @@
 """Stop settings never touch finished runs; tightening them continues, loosening them goes back."""
 
-from __future__ import annotations
-
 import pytest
 
 from radcal.calibration.stopping import decide
