@@ -12,7 +12,8 @@ import sys
 from snakemake.logging import logger
 from snakemake.utils import min_version
 
-from radcal.forecast.planned_runs import planned_runs, runs_sentence, stages_sentence
+from radcal.forecast.planned_runs import planned_runs, stages_sentence
+from radcal.forecast.runs_and_time import runs_sentence
 from radcal.config.stages import STAGES
 from radcal.session.session import is_dry_run, is_finished, is_planned, open_session
 from radcal.session.slurm import job_name

@@ -130,12 +130,6 @@ _OF_IMAGE: Mapping[str, str] = {
     "are radar.depression_deg and the heights in scene.elevation right?",
 }
 
-_IN_NOISE = (
-    "{about}: {share_percent:.0f} % of its pixels in the measured image ({image}) are in the noise and will be masked "
-    "(less than target.snr_db, {snr_db:g} dB, above the noise): the mean level of the material is {level_db:.1f} dB "
-    "with noise, the noise alone (radar.nesz_db) {noise_db:.1f} dB. The pixels that remain are the brighter ones, so "
-    "that "
-)
 _OF_CASE: Mapping[str, str] = {
     "scene_large": "The scene is large: it is read when the calibration starts, not in this check",
     "refused_beside_results": "radcal run would refuse this case: {error}",
@@ -153,11 +147,8 @@ _OF_CASE: Mapping[str, str] = {
     "of sigma0 from this pass alone has a half-width below {half_width_db:.2g} dB",
     "no_contrast": "the image simulated at the start has no contrast between materials (the level of its squares "
     "varies by {contrast_db:.2f} dB), so that no image can be registered onto it: give {about} starts that differ "
-    "(materials.{name}.start: {other}), or, if the measured image lies on the simulated image's pixels already, set "
+    "(materials.*.start), or, if the measured image lies on the simulated image's pixels already, set "
     "registration.method: none",
-    "much_in_noise": _IN_NOISE + "its law may well be determined at no angle: set it fixed ({about}: calibrate: false, "
-    "with parameters), or use a pass with lower noise",
-    "some_in_noise": _IN_NOISE + "sigma0 may be found too high where the ground is darkest",
 }
 _SMOOTHS = "; the surrogate smooths over runs instead of passing through them"
 _OF_RUNS: Mapping[str, str] = {

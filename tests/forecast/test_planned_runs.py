@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from radcal.config import stages
-from radcal.forecast.planned_runs import planned_runs, runs_sentence
+from radcal.forecast.planned_runs import planned_runs
+from radcal.forecast.runs_and_time import runs_sentence
 from radcal.objectives.history import Run, write_runs
 from radcal.proposals.design import design_points
 from radcal.scene.model import write_scene

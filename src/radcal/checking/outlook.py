@@ -4,17 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
-from radcal.checking.hidden_by_noise import hidden_by_noise
 from radcal.checking.unregistered import start_image
 from radcal.config import Case, FileMeasurement, Material, SyntheticMeasurement, expand_path
+from radcal.errors import MeasurementError
 from radcal.findings import Finding, of_pass
+from radcal.ground.pixels import (
+    IN_THE_NOISE,
+    MANY_IN_NOISE,
+    eligible_pixels,
+    noise_limited,
+    point_targets,
+    share_in_noise,
+)
 from radcal.image.header import header_of
 from radcal.image.model import Measurement
 from radcal.posterior.curves import NORMAL_90
 from radcal.radar.geometry import Geometry
+from radcal.radar.radiometry import noise_floor_db
 from radcal.reading.safe import is_safe_name
 from radcal.registration.registered import LEAST_CONTRAST_DB, contrast_db
 from radcal.scene.model import Scene
@@ -22,6 +32,7 @@ from radcal.tables.landcover import BRIGHTEST_DB
 
 __all__ = [
     "bright_laws",
+    "hidden_by_noise",
     "hidden_ground",
     "high_noise",
     "is_on_map",
@@ -179,16 +190,37 @@ def start_contrast(case: Case, geometry: Geometry) -> list[Finding]:
     contrast = contrast_db(image)
     if not contrast < LEAST_CONTRAST_DB:
         return []
-    several = [name for name in case.calibrated if name in geometry.names]
-    other = str(_other(case, several[0]))
-    numbers: dict[str, float | str] = {"contrast_db": contrast, "name": several[0], "other": other}
-    return [Finding("no_contrast", "warning", ", ".join(several), numbers)]
+    about = ", ".join(name for name in case.calibrated if name in geometry.names)
+    return [Finding("no_contrast", "warning", about, {"contrast_db": contrast})]
 
 
-def _other(case: Case, name: str) -> list[float]:
-    """Example of a different start of a material: the first parameter moved by a tenth of its interval of bounds."""
-    material = case.materials[name]
-    start, (low, high) = list(material.start_parameters), material.box[0]
-    step = 0.1 * (high - low)
-    start[0] = float(f"{start[0] - step if start[0] - step >= low else start[0] + step:.3g}")
-    return start
+def hidden_by_noise(case: Case, geometry: Geometry, measured: Measurement) -> list[Finding]:
+    """Warnings on calibrated materials of which a part of the pixels is to be masked as noise.
+
+    The share of pixels is that of the report (:func:`radcal.ground.pixels.share_in_noise`), but for an image that
+    is not registered, and for all ground, held out or not. If the level of the image is removed, its noise is not known
+    before the reference run, and nothing is said.
+
+    Parameters
+    ----------
+    case : Case
+        One pass of the case.
+    geometry : Geometry
+        Geometry of the pass.
+    measured : Measurement
+        Measured image before registration.
+    """
+    if case.target.normalisation != "none":
+        return []
+    noise_db = noise_floor_db(case.radar, geometry.flat_incidence_deg)
+    flags = {IN_THE_NOISE: noise_limited(measured.image_db, noise_db, case.target.snr_db)}
+    if case.target.leave_out_point_targets:
+        flags["point targets"] = point_targets(measured.image_db, geometry.material, case.radar)
+    found = []
+    for name in case.calibrated:
+        with suppress(MeasurementError):  # too few pixels: a further pass, which may lack the material
+            eligible = eligible_pixels(name, geometry, measured, case.target, flags=flags)
+            share = share_in_noise(eligible.masked, eligible.pixels.size)
+            if share >= MANY_IN_NOISE:
+                found.append(Finding("in_the_noise", "warning", name, {"share": share}))
+    return found

@@ -65,12 +65,12 @@ def _is_right(case: Path, changed: dict[str, Any], results: Path) -> bool:
         typer.echo(f"radcal: {case} cannot be run; {count} problem{'s' if count > 1 else ''} found:", err=True)
         for text in found.problems:
             typer.echo(f"  - {text.removeprefix(f'{case}: ')}", err=True)
-        if unseen := found.not_looked_at():
-            typer.echo(unseen, err=True)
+        if found.unseen:
+            typer.echo(f"Not looked at yet, because of the above: {'; '.join(found.unseen)}.", err=True)
         for line in (*found.warnings(), *found.remarks()):
             typer.echo(line)
         return False
     warnings = found.warnings()
     more = f", {len(warnings)} warning{'s' * (len(warnings) > 1)}:" if warnings else "."
-    typer.echo("\n".join([f"{case}: no mistake found{more}", *warnings, found.summary()]))
+    typer.echo("\n".join([f"{case}: no mistake found{more}", *warnings, *found.summary()]))
     return True

@@ -10,7 +10,7 @@ from typing import Any
 
 from radcal.config import Case, stages
 from radcal.errors import RadcalError
-from radcal.forecast.runs_and_time import FINAL_RUNS, reference_count, runs_in_words
+from radcal.forecast.runs_and_time import FINAL_RUNS, reference_count
 from radcal.objectives.history import read_runs
 from radcal.proposals.design import design_points
 from radcal.radar import SIMULATOR_VERSION
@@ -20,7 +20,7 @@ from radcal.simulators.runner import Runner
 from radcal.storage.records import read_json, understood
 from radcal.storage.runs import RunStore
 
-__all__ = ["planned_runs", "runs_sentence", "stages_sentence"]
+__all__ = ["planned_runs", "stages_sentence"]
 
 Jobs = Sequence[tuple[str, Mapping[str, str]]]
 
@@ -131,26 +131,3 @@ def stages_sentence(jobs: Jobs) -> str:
     listed = ", ".join(rule if number == 1 else f"{rule} ({number} jobs)" for rule, number in counts.items())
     search = "; the search repeats train, propose and verify" if "final_runs" in counts else ""
     return f"stages in their order: {listed or 'none'}{search}."
-
-
-def runs_sentence(counts: Mapping[str, int], draws: int = 1, registration: int = 0) -> str:
-    """Sentence on the largest number of simulator runs.
-
-    Parameters
-    ----------
-    counts : mapping
-        Largest number of runs by kind.
-    draws : int
-        Number of speckle draws in each run.
-    registration : int
-        Number of the reference runs onto which the image is registered again.
-    """
-    kinds = runs_in_words(counts, registration, ("infill", "final"))
-    if not kinds:
-        return "no simulator run would be made."
-    each = f", each of {draws} speckle draws" if draws > 1 else ""
-    # which infill runs a search asks for, and so which of them are stored, is not known beforehand
-    search = "a search that meets its stop criterion ends earlier, and repeats no stored run"
-    rest = search if counts.get("infill") else "stored ones are left out"
-    most = sum(counts.values())
-    return f"at most {most} simulator runs would be made ({kinds}{each}); {rest}."

@@ -12,8 +12,8 @@ from radcal.config import Case, CommandSimulation, SimulatorConfig
 from radcal.storage.runs import median_seconds
 
 __all__ = [
-    "FINAL_RUNS", "duration", "largest_runs", "reference_count", "runs_in_words", "stored_iteration_seconds",
-    "time_expected",
+    "FINAL_RUNS", "duration", "largest_runs", "reference_count", "runs_in_words", "runs_sentence",
+    "stored_iteration_seconds", "time_expected",
 ]  # fmt: skip
 
 FINAL_RUNS = 2  # of each pass: one with the noise seed of all runs, one with another noise seed
@@ -56,6 +56,29 @@ def runs_in_words(counts: Mapping[str, int], registration: int = 0, most: Contai
         for kind, count in counts.items()
         if count
     )
+
+
+def runs_sentence(counts: Mapping[str, int], draws: int = 1, registration: int = 0) -> str:
+    """Sentence on the largest number of simulator runs.
+
+    Parameters
+    ----------
+    counts : mapping
+        Largest number of runs by kind.
+    draws : int
+        Number of speckle draws in each run.
+    registration : int
+        Number of the reference runs onto which the image is registered again.
+    """
+    kinds = runs_in_words(counts, registration, ("infill", "final"))
+    if not kinds:
+        return "no simulator run would be made."
+    each = f", each of {draws} speckle draws" if draws > 1 else ""
+    # which infill runs a search asks for, and so which of them are stored, is not known beforehand
+    search = "a search that meets its stop criterion ends earlier, and repeats no stored run"
+    rest = search if counts.get("infill") else "stored ones are left out"
+    most = sum(counts.values())
+    return f"at most {most} simulator runs would be made ({kinds}{each}); {rest}."
 
 
 def duration(seconds: float) -> str:
