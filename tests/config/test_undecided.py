@@ -44,10 +44,10 @@ def test_each_value_is_found_once_at_its_line(tmp_path: Path) -> None:
     assert "expected the name of a material of the scene in its place" in found[1].text
 
 
-def test_a_list_has_the_line_of_its_first_value_and_a_setting_none(tmp_path: Path) -> None:
+def test_a_list_has_the_line_of_its_key_and_a_setting_none(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text("materials:\n  crops:\n    parameters:\n    - 1\n    - FILL_IN\n    - FILL_IN\n")
-    assert undecided(yaml.safe_load(file.read_text()), [file])[0].line == 5
+    assert undecided(yaml.safe_load(file.read_text()), [file])[0].line == 3
     (setting,) = undecided({"radar": {"looks": "FILL_IN"}}, [file])
     assert setting.line is None
     assert setting.text.startswith("radar.looks is FILL_IN, expected")

@@ -51,7 +51,3 @@ def test_key_like_no_other_is_refused_with_all_known() -> None:
 def test_keys_of_another_source_are_not_known() -> None:
     assert "unknown key scene.labels" in message({"scene": {"source": "builtin", "labels": "a.tif"}})
     assert "unknown key measurement.synthetic" in message(measured(synthetic={}))
-
-
-def test_more_than_one_mistake_is_counted() -> None:
-    assert "(and 2 more)" in message({"seed": -1, "radar": {"looks": 0}, "stop": {"rms": -1}})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import shlex
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +22,6 @@ from radcal.sections.errors import first_of, mistakes, shown
 __all__ = [
     "Loaded",
     "case_from",
-    "listed_by",
     "load",
     "load_forward",
     "load_measured",
@@ -60,12 +59,12 @@ def case_from(data: Mapping[str, Any], origin: str = "configuration") -> Case:
     return _validated(dict(data), origin)
 
 
-def _validated(data: dict[str, Any], origin: str, where: str = "", contradictions: list[str] | None = None) -> Case:
+def _validated(data: dict[str, Any], origin: str, contradictions: list[str] | None = None) -> Case:
     """Case of plain data; a list given for ``contradictions`` collects those between sections, which are no errors."""
     try:
         return Case.model_validate(data, context=contradictions)
     except ValidationError as error:
-        raise ConfigError(f"{origin}: {first_of([one.text for one in mistakes(error, Case)], where)}") from None
+        raise ConfigError(f"{origin}: {first_of([one.text for one in mistakes(error, Case)])}") from None
 
 
 def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Case:
@@ -84,10 +83,10 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     ConfigError
         A file is missing, empty or not YAML, a key occurs twice, or a key or value is wrong.
     """
-    data, origin, where = read_cases(files, overrides), origin_of(files), listed_by(files, overrides)
+    data, origin = read_cases(files, overrides), origin_of(files)
     if marked := undecided(data, files):
-        raise ConfigError(f"{origin}: {first_of([one.text for one in marked], where)}")
-    return _validated(data, origin, where)
+        raise ConfigError(f"{origin}: {first_of([one.text for one in marked])}")
+    return _validated(data, origin)
 
 
 @dataclass(frozen=True)
@@ -128,12 +127,11 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     Raises
     ------
     ConfigError
-        A file is missing, empty or not YAML.
+        A file is missing, empty or not YAML, or contains a key twice.
     """
-    twice: list[str] = []
-    data, origin = read_cases(files, overrides, twice), origin_of(files)
+    data, origin = read_cases(files, overrides), origin_of(files)
     marked = undecided(data, files)
-    found = [ConfigError(text) for text in twice] + [ConfigError(f"{origin}: {one.text}.", one) for one in marked]
+    found = [ConfigError(f"{origin}: {one.text}.", one) for one in marked]
     contradictions: list[str] = []
     try:
         case = Case.model_validate(data, context=contradictions)
@@ -143,7 +141,7 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
         found += [
             ConfigError(f"{origin}: {shown(one.text, 600)}.")
             for one in wrong
-            if not any(f"{value.key}.".startswith(f"{one.key}.") for value in marked)
+            if not any(_meet(value.key, one.key) for value in marked)
         ]
     else:
         forward = "measurement" not in data and not case.calibrated
@@ -157,6 +155,12 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
         rest = {name: section for name, section in data.items() if name not in left_out}
         return Loaded(Case.model_validate(rest, context=[]), found)
     return Loaded(None, found)
+
+
+def _meet(key: str, other: str) -> bool:
+    """Whether one of two keys is the other or its section, in whichever pass."""
+    first, second = (re.sub(r"\.\d+", "", one) + "." for one in (key, other))
+    return first.startswith(second) or second.startswith(first)
 
 
 def load_forward(
@@ -182,15 +186,14 @@ def load_forward(
         As for :func:`load`; or the simulator cannot evaluate a law, or the pass lacks the carrier frequency that a law
         needs.
     """
-    origin, where = origin_of(files), listed_by(files, overrides)
+    origin = origin_of(files)
     data = {key: value for key, value in read_cases(files, overrides).items() if key not in _OF_CALIBRATION}
     if calibrated is not None:
         data["materials"] = {**data.get("materials", {}), **_materials_of(calibrated, "--materials")}
-        where = ""
     passes = data.get("radar")
     if isinstance(passes, list):  # a case must have a measurement for each pass; a forward run reads none of them
         data["measurement"] = [{}] * len(passes)
-    case = _validated(data, origin, where, [])
+    case = _validated(data, origin, [])
     for one in case.passes:
         for text in one.laws_without_pass():
             raise ConfigError(f"{origin}: {text}.")
@@ -219,16 +222,10 @@ def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | No
     if "measurement" not in data:
         return None
     found: list[str] = []
-    case = _validated(data, origin_of(files), listed_by(files, overrides), found)
+    case = _validated(data, origin_of(files), found)
     if found and case.calibrated:
         raise ConfigError(f"{origin_of(files)}: {shown(found[0], 600)}.")
     return case
-
-
-def listed_by(files: Sequence[str | Path], overrides: Mapping[str, Any] | None) -> str:
-    """Words on the command that lists all mistakes; empty for several files, which it checks one by one."""
-    settings = " with the same settings" if overrides else ""
-    return f"; radcal check {shlex.quote(str(files[0]))}{settings} lists them all" if len(files) == 1 else ""
 
 
 def origin_of(files: Sequence[str | Path]) -> str:
@@ -236,18 +233,13 @@ def origin_of(files: Sequence[str | Path]) -> str:
     return ", ".join(str(f) for f in files) or "configuration"
 
 
-def read_cases(
-    files: Sequence[str | Path], overrides: Mapping[str, Any] | None, twice: list[str] | None = None
-) -> dict[str, Any]:
-    """Plain data merged from configuration files and overrides; parameters and errors as for :func:`load`.
-
-    ``twice`` collects sentences on duplicate keys, as in :func:`radcal.config.yaml_file.read_case_file`.
-    """
+def read_cases(files: Sequence[str | Path], overrides: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Plain data merged from configuration files and overrides; parameters and errors as for :func:`load`."""
     from radcal.config.yaml_file import merged, read_case_file  # imports PyYAML, which workflow jobs do not need
 
     data: dict[str, Any] = {}
     for file in files:
-        data = merged(data, read_case_file(file, twice))
+        data = merged(data, read_case_file(file))
     data = merged(data, _parsed(overrides or {}))
     if (file := data.pop(MATERIALS_FROM, None)) is not None:
         own = data.get("materials", {})

@@ -12,7 +12,6 @@ from radcal.sections.base import EXAMPLES, MATERIALS_FROM
 __all__ = ["EXAMPLES", "FILL_IN", "Undecided", "undecided"]
 
 FILL_IN = "FILL_IN"  # mark of a missing value in a case that radcal new has written; the user must replace it
-_LEFT_OUT = {"radar.heading_deg": ", or no such line for a track to the grid's north"}  # keys with a usable default
 
 
 @dataclass(frozen=True)
@@ -44,10 +43,9 @@ class Undecided:
                 f"{self.key} is {FILL_IN}{line}, expected the name of a material of the scene in its place, for "
                 "example crops: {calibrate: true}"
             )
-        section = f"{self.place[0]}.{key}"
-        example = EXAMPLES.get(section)
+        example = EXAMPLES.get(f"{self.place[0]}.{key}")
         such = "its value" if example is None else f"its value, for example {key}: {example}"
-        return f"{self.key} is {FILL_IN}{line}, expected {such}{_LEFT_OUT.get(section, '')}"
+        return f"{self.key} is {FILL_IN}{line}, expected {such}"
 
 
 def undecided(data: Mapping[str, Any], files: Sequence[str | Path] = ()) -> list[Undecided]:
@@ -65,12 +63,10 @@ def undecided(data: Mapping[str, Any], files: Sequence[str | Path] = ()) -> list
         return []
     from radcal.config.yaml_file import lines_of
 
-    lines = {}
+    lines: dict[str, int] = {}
     for file in files:
-        for place, line in lines_of(file, FILL_IN):
-            lines[place] = line
-            lines.setdefault(place[:-1], line)  # line of the list that contains the item
-    return [Undecided(place, lines.get(place)) for place in places if place[0] != MATERIALS_FROM]
+        lines |= lines_of(file)
+    return [Undecided(place, lines.get(".".join(map(str, place)))) for place in places if place[0] != MATERIALS_FROM]
 
 
 def _marked(data: Any, above: tuple[int | str, ...] = ()) -> Iterator[tuple[int | str, ...]]:

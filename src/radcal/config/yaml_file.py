@@ -5,10 +5,9 @@ This module returns plain data; the models of :mod:`radcal.config` check keys an
 
 from __future__ import annotations
 
-import codecs
 import re
 import stat
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +36,9 @@ class _Fault(Exception):
 class _Loader(yaml.SafeLoader):
     """PyYAML's safe loader with an error message that names the line of a value that cannot be converted."""
 
-    twice: list[_Fault] | None = None  # duplicate keys, of which the last value is read; None to refuse the first
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self.lines: dict[str, int] = {}  # line of each key, in dotted form; items of a list are counted from 0
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
@@ -54,15 +55,13 @@ class _Loader(yaml.SafeLoader):
         return value
 
 
-def read_case_file(path: str | Path, twice: list[str] | None = None) -> dict[str, Any]:
+def read_case_file(path: str | Path) -> dict[str, Any]:
     """Read the keys and values of a case file.
 
     Parameters
     ----------
     path : path
         A YAML file in UTF-8 with one document.
-    twice : list of str, optional
-        List that is extended by a sentence on each duplicate key, of which the last value is then read.
 
     Returns
     -------
@@ -80,12 +79,10 @@ def read_case_file(path: str | Path, twice: list[str] | None = None) -> dict[str
     YAML 1.1, sections 3.2.1.3 (keys are unique) and 7.1 (aliases).
     """
     try:
-        faults = None if twice is None else list[_Fault]()
-        found = _parsed(_text(_content(Path(path))), faults)
+        found, _ = _parsed(_text(_content(Path(path))))
     except _Fault as fault:
-        raise ConfigError(_at_line(path, fault)) from None
-    if twice is not None:
-        twice += [_at_line(path, fault) for fault in faults or ()]
+        line = "" if fault.line is None else f", line {fault.line}"
+        raise ConfigError(f"{shown(str(path), 300)}{line}: {fault}.") from None
     if found is None:
         raise ConfigError(f"{path}: is empty, expected keys and values such as case: mine.")
     if not isinstance(found, Mapping):
@@ -93,40 +90,9 @@ def read_case_file(path: str | Path, twice: list[str] | None = None) -> dict[str
     return dict(found)
 
 
-def _at_line(path: str | Path, fault: _Fault) -> str:
-    line = "" if fault.line is None else f", line {fault.line}"
-    return f"{shown(str(path), 300)}{line}: {fault}."
-
-
-def lines_of(path: str | Path, text: str) -> list[tuple[tuple[int | str, ...], int]]:
-    """Positions of a text in a case file that :func:`read_case_file` accepts: keys and line numbers.
-
-    Parameters
-    ----------
-    path : path
-        Case file.
-    text : str
-        A value, or the name of a key.
-
-    Returns
-    -------
-    list of (tuple, int)
-        Keys and indices that lead to the value, or to the key itself; and the number of the line, from 1.
-    """
-    root = yaml.compose(_text(_content(Path(path))), _Loader)
-    return [] if root is None else list(_with_text(root, text, ()))
-
-
-def _with_text(node: yaml.Node, text: str, above: tuple[int | str, ...]) -> Iterator[tuple[tuple[int | str, ...], int]]:
-    if isinstance(node, yaml.ScalarNode) and node.value == text:
-        yield above, _line(node)
-    elif isinstance(node, yaml.SequenceNode):
-        for number, item in enumerate(node.value):
-            yield from _with_text(item, text, (*above, number))
-    elif isinstance(node, yaml.MappingNode):
-        for key, value in node.value:
-            place = (*above, str(key.value))
-            yield from [(place, _line(key))] if key.value == text else _with_text(value, text, place)
+def lines_of(path: str | Path) -> dict[str, int]:
+    """Line, from 1, of each key of a case file that :func:`read_case_file` accepts; keys are in dotted form."""
+    return _parsed(_text(_content(Path(path))))[1]
 
 
 def read_value(text: str, origin: str) -> Any:
@@ -145,7 +111,7 @@ def read_value(text: str, origin: str) -> Any:
         The text is neither JSON nor YAML, or contains a key twice.
     """
     try:
-        return _parsed(text)
+        return _parsed(text)[0]
     except _Fault as fault:
         raise ConfigError(f"{origin}={shown(text)}: not valid JSON or YAML ({fault}).") from None
 
@@ -220,10 +186,8 @@ def _content(path: Path) -> bytes:
     """Content of a regular file; a pipe or a device is refused, because reading it might never end."""
     try:
         found = path.stat()
-        if stat.S_ISDIR(found.st_mode):
-            raise _Fault("cannot be read (a folder, expected a YAML file)")
         if not stat.S_ISREG(found.st_mode):
-            raise _Fault("cannot be read (not a regular file)")
+            raise _Fault("cannot be read (not a regular file, expected a YAML file)")
         if found.st_size > _LARGEST_BYTES:
             raise _Fault(f"holds {found.st_size:,} bytes, expected a case file of at most {_LARGEST_BYTES:,}")
         return path.read_bytes()
@@ -234,49 +198,35 @@ def _content(path: Path) -> bytes:
 
 
 def _text(content: bytes) -> str:
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) or b"\0" in content[:2]:
-        raise _Fault("is text in UTF-16, expected UTF-8: save it as UTF-8")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         wrong = f"byte 0x{content[error.start]:02x} is not UTF-8"
-        raise _Fault(f"not a text file in UTF-8 ({wrong}; in Latin-1? save it as UTF-8)", line) from None
+        raise _Fault(f"not a text file in UTF-8 ({wrong}: save it as UTF-8)", line) from None
 
 
-def _parsed(text: str, twice: list[_Fault] | None = None) -> Any:
-    """Convert a YAML text to plain data; ``twice`` collects the duplicate keys, which are refused without it."""
+def _parsed(text: str) -> tuple[Any, dict[str, int]]:
+    """Convert a YAML text to plain data, with the line of each key."""
     try:
         loader = _Loader(text)
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         raise _Fault(f"not a YAML file (character U+{ord(text[error.position]):04X} in it)", line) from None
-    loader.twice = twice
     try:
         node = loader.get_single_node()
         if node is None:
-            return None
+            return None, {}
         _check(loader, node)
-        return loader.construct_document(node)
+        return loader.construct_document(node), loader.lines
     except RecursionError:
         raise _Fault("not a case (sections or lists nested in one another hundreds of times)") from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        raise _Fault(f"not a YAML file ({_problem(error)})", None if mark is None else mark.line + 1) from None
+        problem = shown(" ".join(str(error.problem).split()), 200)
+        raise _Fault(f"not a YAML file ({problem})", None if mark is None else mark.line + 1) from None
     finally:
         loader.dispose()
-
-
-def _problem(error: yaml.MarkedYAMLError) -> str:
-    """Error message for an error of PyYAML, with advice for frequent mistakes."""
-    problem = shown(" ".join(str(error.problem).split()), 200)
-    if "'\\t'" in problem:
-        return "a tab, expected blanks: YAML takes no tabs before a key"
-    if problem == "but found another document":
-        return "a second document begins, expected one"
-    if problem.startswith("could not determine a constructor"):
-        return f"{problem}: only plain values are read"
-    return problem
 
 
 def _check(loader: _Loader, root: yaml.Node) -> None:
@@ -292,7 +242,7 @@ def _check(loader: _Loader, root: yaml.Node) -> None:
         entered.add(id(node))
         weight = 1
         if isinstance(node, yaml.SequenceNode):
-            weight += sum(weigh(item, key) for item in node.value)
+            weight += sum(weigh(item, f"{key}.{number}") for number, item in enumerate(node.value))
         elif isinstance(node, yaml.MappingNode):
             for name, (key_node, value) in zip(_names(loader, node, key), node.value, strict=True):
                 weight += weigh(key_node, name) + weigh(value, name)
@@ -304,10 +254,9 @@ def _check(loader: _Loader, root: yaml.Node) -> None:
         raise _Fault(f"its aliases stand for {number} values, expected at most {_LARGEST_VALUES:,}")
 
 
-def _names(loader: _Loader, node: yaml.MappingNode, above: str) -> list[str]:
-    """Names of a section's keys in dotted form; a duplicate key is refused, or collected."""
-    lines: dict[Any, int] = {}
-    names = []
+def _names(loader: _Loader, node: yaml.MappingNode, above: str) -> Iterable[str]:
+    """Names of a section's keys in dotted form, none of which may occur twice."""
+    lines: dict[str, int] = {}
     for key_node, _ in node.value:
         if not isinstance(key_node, yaml.ScalarNode):
             raise _Fault("not a YAML file (a key is a list or a section, expected a name)", _line(key_node))
@@ -315,14 +264,12 @@ def _names(loader: _Loader, node: yaml.MappingNode, above: str) -> list[str]:
         if not isinstance(key, str):
             raise _Fault(f"YAML reads the key {key_node.value or 'null'} as {key}: put it in quotes", _line(key_node))
         name = f"{above}.{key}" if above else key
-        if key in lines:
-            text = f"{shown(name)} is given here and in line {lines[key]}, expected each key once"
-            if loader.twice is None:
-                raise _Fault(text, _line(key_node))
-            loader.twice.append(_Fault(f"{text} (only the last one was looked at)", _line(key_node)))
-        lines[key] = _line(key_node)
-        names.append(name)
-    return names
+        if name in lines:
+            text = f"{shown(name)} is given here and in line {lines[name]}, expected each key once"
+            raise _Fault(text, _line(key_node))
+        lines[name] = _line(key_node)
+    loader.lines |= lines
+    return lines
 
 
 def _line(node: yaml.Node) -> int:

@@ -73,9 +73,9 @@ def nearest(key: str, known: Iterable[str]) -> str:
     return f" (did you mean {found[0]!r}?)" if found else f" (known: {', '.join(known)})"
 
 
-def first_of(texts: Sequence[str], where: str = "") -> str:
-    """First of several sentences, with the number of the others and words on where they are listed."""
-    more = f" (and {len(texts) - 1} more{where})" if len(texts) > 1 else ""
+def first_of(texts: Sequence[str]) -> str:
+    """First of several sentences, with the number of the others."""
+    more = f" (and {len(texts) - 1} more; radcal check lists them)" if len(texts) > 1 else ""
     return f"{shown(texts[0], 600)}{more}."
 
 
