@@ -137,7 +137,7 @@ _OF_CASE: Mapping[str, str] = {
     "which the search already has",
     "ground_hidden": "{hidden_percent:.0f} % of the simulated image's pixels are in shadow or layover or without "
     "ground ({without_percent:.0f} % show none at all), and half of the ground is steeper than {slope_deg:.0f} "
-    "degrees: are the heights in {about} in another unit than metres{units}, or is radar.depression_deg wrong?",
+    "degrees: are the heights in {about} in another unit than metres ({units}), or is radar.depression_deg wrong?",
     "noise_positive": "{about} is {level_db:g} dB: is a minus sign missing (-{level_db:g})? Noise above 0 dB hides "
     "nearly all ground, unless the levels of the image itself lie far above 0 dB",
     "law_bright": "{about}: {law} gives gamma {gamma_db:.3g} dB at an incidence of {incidence_deg:g} degrees, the "
@@ -204,20 +204,20 @@ _OF_MODEL: Mapping[str, str] = {
     "identified",
     "level_unchecked": "{about}: level and radiometry unchecked, because no material has a fixed law; the bands "
     "contain the level's standard error of {level_db:.2g} dB (uncertainty.level_db)",
-    "determined": "{about}: sigma0 is determined to +-{half_width_db:.1f} dB (90 %) {between}, " + IF,
-    "undetermined": "{about}: sigma0 is determined at no angle: the half-width of its 90 % band is nowhere below "
+    "determined": "sigma0 is determined to +-{half_width_db:.1f} dB (90 %) {between}, " + IF,
+    "undetermined": "sigma0 is determined at no angle: the half-width of its 90 % band is nowhere below "
     "{narrowest_db:.1f} dB, and uncertainty.known_db asks for {known_db:.1f} dB",
-    "withheld": "{about}: sigma0 is determined at no angle, because the image is refused",
-    "level_only": "{about}: seen at one incidence, {incidence_deg:.1f} degrees, from which no law can be determined; "
+    "withheld": "sigma0 is determined at no angle, because the image is refused",
+    "level_only": "seen at one incidence, {incidence_deg:.1f} degrees, from which no law can be determined; "
     "sigma0 there is {median_db:.1f} dB (90 %: {p05_db:.1f} to {p95_db:.1f})",
-    "parameters_only": "{about}: its law has no curve in dB or the image is normalised: only parameters have intervals",
-    "without_cells": "{about}: sigma0 is determined at no angle, because too few of its pixels lie together: a cell "
+    "parameters_only": "its law has no curve in dB or the image is normalised: only parameters have intervals",
+    "without_cells": "sigma0 is determined at no angle, because too few of its pixels lie together: a cell "
     "has 8 pixels or more in a square of 24 pixels and 3 degrees of incidence, and a pass 3 cells or more",
-    "refuted": "{about}: the form of the law is refuted: it is wrong by {rms_db:.1f} dB (rms; 90 %: {p05_db:.1f} to "
+    "refuted": "the form of the law is refuted: it is wrong by {rms_db:.1f} dB (rms; 90 %: {p05_db:.1f} to "
     "{p95_db:.1f}), which the band contains",
-    "form_noticed": "{about}: an error of the law's form is noticed, {rms_db:.1f} dB (rms; 90 %: {p05_db:.1f} to "
+    "form_noticed": "an error of the law's form is noticed, {rms_db:.1f} dB (rms; 90 %: {p05_db:.1f} to "
     "{p95_db:.1f}), which the band contains; the law is not refuted",
-    "not_refuted": "{about}: the law is not refuted",
+    "not_refuted": "the law is not refuted",
     "not_sampled": "{about}: the sampler has not converged (uncertainty.steps), so that the band is less certain",
     "in_the_noise": "{about}: {share:.0%} of its pixels are masked, because they are in the noise (target.snr_db); the "
     "pixels that remain near the noise are the brighter ones",
@@ -252,5 +252,31 @@ _OF_SEARCH: Mapping[str, str] = {
     "best run by {moved_db:.2g} dB over the incidence seen",
 }
 
-TEXTS: Mapping[str, str] = {**_OF_SCENE, **_OF_IMAGE, **_OF_CASE, **_OF_RUNS, **_OF_SEARCH, **_OF_MODEL}
+_NARROWS = "{about}: a pass of {name} is expected to narrow "
+_ALIKE = (
+    "{about}: the passes of the table do not differ by more than 5 %, so that other reasons may decide: the best of "
+    "them is expected to narrow "
+)
+_TO_DB = (
+    "from +-{now_db:.2f} dB to +-{after_db:.2f} dB (mean half-width between {over_from_deg:.1f} and {over_to_deg:.1f} "
+    "degrees)"
+)
+_TO_RATIO = "to {ratio:.2f} times their half-widths (geometric mean over the materials)"
+_OF_ADVICE: Mapping[str, str] = {
+    "band_best": _NARROWS + "the band most, " + _TO_DB,
+    "band_alike": _ALIKE + "the band " + _TO_DB,
+    "band_none": "{about}: no pass of the table is expected to narrow the band by a tenth, the best " + _TO_DB,
+    "bands_best": _NARROWS + "the bands most, " + _TO_RATIO,
+    "bands_best_of_each": _NARROWS + "the band of each material most, and all bands " + _TO_RATIO,
+    "bands_alike": _ALIKE + "the bands " + _TO_RATIO,
+    "bands_none": "{about}: no pass of the table is expected to narrow the bands by a tenth, the best " + _TO_RATIO,
+    "passes_equal": "{about}: as good within 5 %: {names}",
+    "model_of_advice": "Expected of a linear-Gaussian model with the draws of the posterior: an image that cannot be "
+    "registered and a wrong radiometry are not part of it",
+    "opposite_side": "All passes have heading_deg {heading_deg:g}, that of the scene's grid. A satellite that sees the "
+    "scene from the other side with the same look side, half a day apart, heads to about {opposite_deg:.1f} deg: the "
+    "other look side of the table stands for it, in a direction that differs by {apart_deg:.1f} deg",
+}
+
+TEXTS: Mapping[str, str] = {**_OF_SCENE, **_OF_IMAGE, **_OF_CASE, **_OF_RUNS, **_OF_SEARCH, **_OF_MODEL, **_OF_ADVICE}
 """Text of each code, to be formatted with ``about``, ``do`` and the numbers of the finding."""

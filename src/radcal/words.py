@@ -12,6 +12,7 @@ __all__ = [
     "beside_headline",
     "degrees",
     "doubts",
+    "ends",
     "headline",
     "next_steps",
     "remarks",
@@ -60,14 +61,19 @@ def sentence(finding: Finding, prefix: bool = True) -> str:
     prefix : bool
         Whether the sentence of a warning or refusal begins with this word.
     """
+    start = f"{finding.severity}: " if prefix and finding.severity != "note" else ""
+    start += f"pass {finding.numbers['pass']:.0f}: " if "pass" in finding.numbers else ""
+    start += f"{finding.about}: " if finding.code in _OF_VERDICT else ""
+    text = f"{start}{_clause(finding)}"
+    return text if text.endswith(("?", ".")) else f"{text}."
+
+
+def _clause(finding: Finding) -> str:
+    """Text of a finding with what to do about it; of a part of a verdict, without the name of the material."""
     text = TEXTS[finding.code].format(about=finding.about, do=finding.do, **_numbers(finding))
     if finding.code == "not_refuted" and "noticed_db" in finding.numbers:
         text += _NOTICED.format(**finding.numbers)
-    do = f": {_do(finding)}" if finding.severity != "note" and _do(finding) else ""
-    start = f"{finding.severity}: " if prefix and finding.severity != "note" else ""
-    start += f"pass {finding.numbers['pass']:.0f}: " if "pass" in finding.numbers else ""
-    text = f"{start}{text}{do}"
-    return text if text.endswith(("?", ".")) else f"{text}."
+    return f"{text}: {_do(finding)}" if finding.severity != "note" and _do(finding) else text
 
 
 def _numbers(finding: Finding) -> dict[str, float | str]:
@@ -95,9 +101,8 @@ def _do(finding: Finding) -> str:
 
 def verdict(name: str, findings: Sequence[Finding]) -> str:
     """Verdict on one material: where sigma0 is determined, and whether the law is refuted."""
-    own = [one for one in findings if one.about == name and one.code in _OF_VERDICT]
-    texts = [sentence(one, prefix=False).removesuffix(".") for one in own]
-    return "; ".join([*texts[:1], *(text.removeprefix(f"{name}: ") for text in texts[1:])]) + "."
+    own = [_clause(one) for one in findings if one.about == name and one.code in _OF_VERDICT]
+    return f"{name}: {'; '.join(own)}."
 
 
 def doubts(names: Collection[str], findings: Iterable[Finding]) -> list[str]:
@@ -189,8 +194,11 @@ def _counts(findings: Sequence[Finding]) -> list[str]:
 
 
 def degrees(low: float, high: float) -> str:
-    """Text "between a and b degrees", rounded into the interval [deg]; the ends of a narrow one have two decimals."""
+    """Text "between a and b degrees" of an interval [deg], rounded by :func:`ends`."""
+    return "between {} and {} degrees".format(*ends(low, high))
+
+
+def ends(low: float, high: float) -> tuple[str, str]:
+    """Ends of an interval [deg], rounded into it; those of a narrow one have two decimals."""
     inner = math.ceil(low), math.floor(high)
-    if inner[0] < inner[1]:
-        return f"between {inner[0]} and {inner[1]} degrees"
-    return f"between {low:.2f} and {high:.2f} degrees"
+    return (str(inner[0]), str(inner[1])) if inner[0] < inner[1] else (f"{low:.2f}", f"{high:.2f}")

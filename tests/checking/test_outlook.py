@@ -61,9 +61,9 @@ def test_the_error_of_the_level_is_told_where_no_level_is_removed(build_case: Ca
     ("factor", "steep", "units"),
     [
         (1.0, None, ""),
-        (3.281, 45, " (feet or decimetres)"),
-        (10.0, 72, " (decimetres or centimetres)"),
-        (100.0, 88, " (centimetres)"),
+        (3.281, 45, "feet or decimetres"),
+        (10.0, 72, "decimetres or centimetres"),
+        (100.0, 88, "centimetres"),
     ],
 )
 def test_heights_in_another_unit_are_told(

@@ -23,15 +23,16 @@ from radcal.products.advice import (
     Advised,
     _opposite,
     _rows,
-    _sentences,
     _table,
     advice_on,
     advise,
+    best_passes,
     candidates,
     common_ratio,
     judged,
 )
 from radcal.scene.model import Scene, write_scene
+from radcal.words import sentence
 
 FLAT = law_for("tabulated", angles_deg=(20.0, 60.0))
 
@@ -99,9 +100,7 @@ def test_passes_of_an_orbit_are_offered_by_incidence():
         candidates(one, [3.0])
     assert Advised(found[1], "slope", None, 1.0, 1.0, (20.0, 60.0), 0.0, 0.0).name == "incidence 22 deg right"
     # to the east, an ascending pass looks to 351 + 90 = 81 deg; the other look side of the table looks to 99 deg
-    said = _opposite(orbit)
-    assert "heads to about 351.0 deg" in said
-    assert said.endswith("differs by 18.0 deg.")
+    assert _opposite(orbit).numbers == pytest.approx({"heading_deg": 189.0, "opposite_deg": 351.0, "apart_deg": 18.0})
 
 
 @pytest.mark.slow
@@ -163,26 +162,25 @@ def row(side: str, after: float, now: float = 2.0) -> Advised:
     return Advised(radar, "slope", (20.04, 41.0), now, after, (20.0, 60.0), 0.0123, 0.002)
 
 
+def codes(rows: list[Advised]) -> list[tuple[str, str]]:
+    return [(one.about, one.code) for one in best_passes(rows)]
+
+
 def test_lines():
     lines = list(_table([row("left", 1.25), replace(row("right", 1.5), incidence_deg=None)]))
     assert lines[1].split("  ")[0] == "45 deg left"
     assert "20.0-41.0 deg" in lines[1]
     assert lines[1].endswith("+-2.00 dB       +-1.25 dB  1.2 %    0.2 %")
     assert "too few pixels" in lines[2]
-    said = list(_sentences([row("left", 1.25), row("right", 1.5)]))
-    assert said[0] == (
+    (found,) = best_passes([row("left", 1.25), row("right", 1.5)])
+    assert sentence(found) == (
         "slope: a pass of 45 deg left is expected to narrow the band most, from +-2.00 dB to +-1.25 dB (mean "
         "half-width between 20.0 and 60.0 degrees)."
     )
-    assert said[1].startswith("Expected of a linear-Gaussian model")
-    assert len(said) == 2
     third = replace(row("right", 1.5), radar=case().radar.model_copy(update={"depression_deg": 30.0}))
-    said = list(_sentences([row("left", 1.25), row("right", 1.31), third]))
-    assert said[1] == "slope: as good within 5 %: 45 deg right."
-    assert next(_sentences([row("left", 1.85)])) == (
-        "slope: no pass of the table is expected to narrow the band by a tenth (mean half-width between 20.0 and 60.0 "
-        "degrees)."
-    )
+    equal = best_passes([row("left", 1.25), row("right", 1.31), third])[1]
+    assert equal == Finding("passes_equal", "note", "slope", {"names": "45 deg right"})
+    assert codes([row("left", 1.85)]) == [("slope", "band_none")]
 
 
 def test_a_pass_is_judged_by_how_far_it_narrows_a_band() -> None:
@@ -198,24 +196,20 @@ def test_passes_that_do_not_differ_are_called_so():
     """Half-widths of three passes within 5 % of the best one; their order is not that of the table."""
     steep = case().radar.model_copy(update={"depression_deg": 60.0})
     rows = [row("left", 1.24), row("right", 1.30), replace(row("right", 1.26), radar=steep)]
-    said = list(_sentences(rows))
-    assert said[0] == (
-        "slope: the passes of the table do not differ by more than 5 %, so that other reasons may decide: each is "
-        "expected to narrow the band from +-2.00 dB to between +-1.24 dB and +-1.30 dB (mean half-width between 20.0 "
-        "and 60.0 degrees)."
-    )
-    assert len(said) == 2
-    assert "to +-1.24 dB (mean" in next(_sentences([row("left", 1.24), row("right", 1.241)]))
-    assert "expected to narrow the band most" in next(_sentences(rows[:1]))
+    (found,) = best_passes(rows)
+    numbers = {"now_db": 2.0, "after_db": 1.24, "ratio": 0.62, "over_from_deg": 20.0, "over_to_deg": 60.0}
+    assert (found.code, found.numbers) == ("band_alike", numbers)
+    assert codes(rows[:1]) == [("slope", "band_best")]
     both = [
         one
         for each in (rows[0], rows[2], rows[1])
         for one in (each, replace(each, material="flat", now_db=0.4, after_db=0.2))
     ]
-    assert list(_sentences(both))[2] == (
-        "all materials: the passes of the table do not differ by more than 5 %, so that other reasons may decide: each "
-        "is expected to narrow the bands to between 0.56 and 0.57 times their half-widths (geometric mean "
-        "over the materials)."
+    last = best_passes(both)[-1]
+    assert (last.about, last.code, last.numbers["ratio"]) == (
+        "all materials",
+        "bands_alike",
+        pytest.approx(0.557, abs=1e-3),
     )
 
 
@@ -224,18 +218,21 @@ def test_a_pass_that_is_best_for_each_material_is_named_once():
     third = replace(row("left", 1.04), radar=case().radar.model_copy(update={"depression_deg": 30.0}))
     narrow = [replace(one, material="flat", now_db=0.4, after_db=x) for one, x in ((left, 0.3), (right, 0.1))]
     rows = [right, narrow[1], third, replace(third, material="flat", now_db=0.4, after_db=0.2), left, narrow[0]]
-    assert list(_sentences(rows))[:-1] == [
-        "slope: as good within 5 %: 30 deg right.",
-        "all materials: a pass of 45 deg right is expected to narrow the band of each material most, and all bands to "
-        "0.35 times their half-widths (geometric mean over the materials).",
-    ]
+    equal, best = best_passes(rows)
+    assert equal == Finding("passes_equal", "note", "slope", {"names": "30 deg right"})
+    assert (best.about, best.code, best.numbers["name"]) == ("all materials", "bands_best_of_each", "45 deg right")
+    assert best.numbers["ratio"] == pytest.approx(np.sqrt(0.5 * 0.25))
     # no pass narrows the band of the second material, or another pass narrows it most
     for to_right, to_left in ((0.38, 0.39), (0.3, 0.25)):
         flat = [replace(one, after_db=x) for one, x in zip(narrow, (to_left, to_right), strict=True)]
-        said = list(_sentences([right, flat[1], left, flat[0]]))
-        assert said[0].startswith("slope: a pass of 45 deg right is expected to narrow the band most, from +-2.00 dB")
-        assert said[1].startswith("flat: no pass" if to_left == 0.39 else "flat: a pass of 45 deg left")
-        assert "a pass of 45 deg right is expected to narrow the bands most, to" in said[2]
+        found = best_passes([right, flat[1], left, flat[0]])
+        assert [one.code for one in found] == [
+            "band_best",
+            "band_none" if to_left == 0.39 else "band_best",
+            "bands_best",
+        ]
+        names = [one.numbers.get("name") for one in found]
+        assert names == ["45 deg right", None if to_left == 0.39 else "45 deg left", "45 deg right"]
 
 
 def test_the_pass_that_is_best_for_all_materials_is_named():
@@ -251,15 +248,13 @@ def test_the_pass_that_is_best_for_all_materials_is_named():
     assert lines[3].endswith("times 0.43")
     assert list(_rows(rows))[2][2] == "all materials"
     assert list(_rows(rows))[2][7] == pytest.approx(np.sqrt(0.1875))
-    assert list(_sentences(rows))[-2] == (
-        "all materials: a pass of 45 deg right is expected to narrow the bands most, to 0.43 times their half-widths "
-        "(geometric mean over the materials)."
+    last = best_passes(rows)[-1]
+    assert (last.code, last.numbers) == (
+        "bands_best",
+        {"ratio": pytest.approx(np.sqrt(0.1875)), "name": "45 deg right"},
     )
     little = [replace(one, now_db=4.0, after_db=3.7) for one in rows]
-    assert list(_sentences(little))[-2] == (
-        "all materials: no pass of the table is expected to narrow the bands by a tenth (geometric mean over the "
-        "materials)."
-    )
+    assert codes(little)[-1] == ("all materials", "bands_none")
 
 
 @pytest.mark.slow

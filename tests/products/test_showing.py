@@ -110,13 +110,13 @@ def test_an_unfinished_case_says_what_is_missing(folder):
 
 def test_a_command_at_work_is_told_with_where_it_stands(folder):
     (folder / "summary.json").unlink()
-    logs = {"reference.log": "09:00:00,1 INFO radcal: reference run: 3.0 s", "measure/train_1.log": "a warning"}
+    logs = {"reference.log": "", "reference.progress": "reference run: 3.0 s", "measure/train_1.log": "a warning"}
     assert not any("running" in line for line in show(folder))
     lock = CaseLock(folder)
     lock.acquire()
     for name, text in logs.items():
         (folder / "logs" / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / "logs" / name).write_text(f"{text}\n")
+        (folder / "logs" / name).write_text(text)
     later = time.time() + 1.0
     os.utime(folder / "logs/measure/train_1.log", (later, later))
     lines = show(folder)

@@ -52,6 +52,7 @@ def test_progress_goes_to_the_terminal_and_the_log(tmp_path, monkeypatch, capsys
         progress("run 17: best rms 1e-4")
     assert capsys.readouterr().err == "[  1:15] run 17: best rms 1e-4\n"
     assert "run 17: best rms 1e-4" in (tmp_path / "job.log").read_text()
+    assert (tmp_path / "job.progress").read_text() == "run 17: best rms 1e-4"
 
 
 def test_lines_of_one_of_several_passes_name_it(tmp_path, monkeypatch, capsys):

@@ -110,7 +110,7 @@ def hidden_ground(scene: Scene, geometry: Geometry) -> list[Finding]:
         "hidden_percent": 100.0 * hidden,
         "without_percent": 100.0 * without,
         "slope_deg": slope_deg,
-        "units": f" ({' or '.join(likely[:2])})" * bool(likely),
+        "units": " or ".join(likely[:2]) or "smaller",
     }
     return [Finding("ground_hidden", "warning", "scene.elevation", numbers)]
 

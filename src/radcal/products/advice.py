@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from radcal.assessment.preposterior import View, half_widths_after, half_widths_now, view_of
 from radcal.config import Case, Radar, case_from
 from radcal.errors import ConfigError, StoreError
+from radcal.findings import Finding
 from radcal.laws import Law
 from radcal.posterior.curves import GRID_DEG, NORMAL_90
 from radcal.posterior.result import Posterior
@@ -22,9 +23,20 @@ from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.results.archive import Archive, read_archive
 from radcal.scene.model import Scene, read_scene
-from radcal.words import doubts
+from radcal.words import doubts, sentence
 
-__all__ = ["ALIKE", "NONE", "Advised", "advice_on", "advise", "candidates", "common_ratio", "judged", "of_archive"]
+__all__ = [
+    "ALIKE",
+    "NONE",
+    "Advised",
+    "advice_on",
+    "advise",
+    "best_passes",
+    "candidates",
+    "common_ratio",
+    "judged",
+    "of_archive",
+]
 
 Doubles = NDArray[np.float64]
 
@@ -127,15 +139,12 @@ def _of_orbit(case: Case, incidence_deg: float, depressions: Sequence[float]) ->
     ]
 
 
-def _opposite(radar: Radar) -> str:
-    """Sentence on the heading of a satellite that sees the scene from the other side, with the same look side."""
+def _opposite(radar: Radar) -> Finding:
+    """Heading of a satellite that sees the scene from the other side, with the same look side."""
     heading = (180.0 - radar.heading_deg) % 360.0
-    return (
-        f"All passes have heading_deg {radar.heading_deg:g}, that of the scene's grid. A satellite that sees the scene "
-        f"from the other side with the same look side, half a day apart, heads to about {heading:.1f} deg: the other "
-        "look side of the table stands for it, in a direction that differs by "
-        f"{abs((2.0 * radar.heading_deg + 180.0) % 360.0 - 180.0):.1f} deg."
-    )
+    apart = abs((2.0 * radar.heading_deg + 180.0) % 360.0 - 180.0)
+    numbers = {"heading_deg": radar.heading_deg, "opposite_deg": heading, "apart_deg": apart}
+    return Finding("opposite_side", "note", "radar.heading_deg", numbers)
 
 
 def advice_on(
@@ -296,8 +305,10 @@ def advise(
     words = ["advice", *("_".join([key, *(f"{x:g}" for x in angles)]) for key, angles in named if angles)]
     table = folder / f"{'_'.join(words)}.csv"
     write_csv(table, COLUMNS, _rows(rows))
+    notes = [*best_passes(rows), Finding("model_of_advice", "note", "")]
     orbit = [_opposite(case.radar)] if case.radar.incidence_deg is not None else []
-    return [*_table(rows), *_sentences(rows), *doubts(found, archive.findings), *orbit, f"table: {table}"]
+    told = [*map(sentence, notes), *doubts(found, archive.findings), *map(sentence, orbit)]
+    return [*_table(rows), *told, f"table: {table}"]
 
 
 def _rows(rows: Sequence[Advised]) -> Iterator[tuple[object, ...]]:
@@ -346,55 +357,34 @@ def judged(ratios: Sequence[float]) -> tuple[str | int, list[int]]:
     return (ALIKE if others and len(equal) == len(others) else best), equal
 
 
-def _sentences(rows: Sequence[Advised]) -> Iterator[str]:
-    """Sentences that name the best further pass: for each material, and once if it is the same for all materials."""
+def best_passes(rows: Sequence[Advised]) -> list[Finding]:
+    """Findings on the best further pass: for each material, and once if it is the same for all materials."""
     passes = list(_passes(rows))
-    names = [each[0].name for each in passes]
-    said = []
-    for each in zip(*passes, strict=True):
-        ratios, after = [row.after_db / row.now_db for row in each], [f"+-{row.after_db:.2f} dB" for row in each]
-        change = f"from +-{each[0].now_db:.2f} dB to {{}}"
-        mean = "mean half-width between {:.1f} and {:.1f} degrees".format(*each[0].over_deg)
-        said.append(_said(each[0].material, "the band", "the band most,", names, ratios, after, change, mean))
-    same = False
-    if len(said) > 1:
-        common = [common_ratio(each) for each in passes]
-        best, _ = judged(common)
-        same = isinstance(best, int) and {one for one, _ in said} == {best}
-        most = "the band of each material most, and all bands" if same else "the bands most,"
-        after, change = [f"{ratio:.2f}" for ratio in common], "to {} times their half-widths"
-        said.append(_said(_ALL, "the bands", most, names, common, after, change, "geometric mean over the materials"))
-    for number, (_, sentences) in enumerate(said, start=1):
-        yield from sentences[same and number < len(said) :]
-    yield (
-        "Expected of a linear-Gaussian model with the draws of the posterior: an image that cannot be registered and a "
-        "wrong radiometry are not part of it."
-    )
+    each = []
+    for of_one in zip(*passes, strict=True):
+        low, high = of_one[0].over_deg
+        now_db, after_db = of_one[0].now_db, min(row.after_db for row in of_one)
+        numbers = {"now_db": now_db, "after_db": after_db, "over_from_deg": low, "over_to_deg": high}
+        ratios = [row.after_db / row.now_db for row in of_one]
+        each.append(_best(of_one[0].material, "band", passes, ratios, **numbers))
+    if len(each) == 1:
+        return each[0][1]
+    best, common = _best(_ALL, "bands", passes, [common_ratio(one) for one in passes])
+    if isinstance(best, int) and {one for one, _ in each} == {best}:
+        common[0] = replace(common[0], code="bands_best_of_each")
+        each = [(best, of_one[1:]) for _, of_one in each]
+    return [*(one for _, of_one in each for one in of_one), *common]
 
 
-def _said(
-    name: str,
-    bands: str,
-    most: str,
-    names: Sequence[str],
-    ratios: Sequence[float],
-    after: Sequence[str],
-    change: str,
-    mean: str,
-) -> tuple[str | int, list[str]]:
-    """First result of :func:`judged`, and sentences: the best of the passes ``names``, and those as good as it.
-
-    ``after`` gives the half-width after each pass in words, of which ``change`` says what it was before.
-    """
+def _best(
+    about: str, code: str, passes: Sequence[Sequence[Advised]], ratios: Sequence[float], **numbers: float
+) -> tuple[str | int, list[Finding]]:
+    """First result of :func:`judged`, and findings: the best pass, and those as good as it."""
     best, equal = judged(ratios)
-    first, last = after[int(np.argmin(ratios))], after[int(np.argmax(ratios))]
-    if best == NONE:
-        return best, [f"{name}: no pass of the table is expected to narrow {bands} by a tenth ({mean})."]
-    if best == ALIKE:
-        to = change.format(first if first == last else f"between {first} and {last}")
-        return best, [
-            f"{name}: the passes of the table do not differ by more than 5 %, so that other reasons may decide: each "
-            f"is expected to narrow {bands} {to} ({mean})."
-        ]
-    found = f"{name}: a pass of {names[int(best)]} is expected to narrow {most} {change.format(first)} ({mean})."
-    return best, [found, *[f"{name}: as good within 5 %: {', '.join(names[k] for k in equal)}."] * bool(equal)]
+    smallest = min(ratios)
+    if isinstance(best, str):
+        return best, [Finding(f"{code}_{best}", "note", about, {**numbers, "ratio": smallest})]
+    names = [each[0].name for each in passes]
+    also = Finding("passes_equal", "note", about, {"names": ", ".join(names[k] for k in equal)})
+    found = Finding(f"{code}_best", "note", about, {**numbers, "ratio": smallest, "name": names[best]})
+    return best, [found, *[also] * bool(equal)]

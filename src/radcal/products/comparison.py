@@ -15,7 +15,7 @@ from radcal.figures.drawing import FOUND, START, law_panels
 from radcal.results.archive import Archive, MaterialResult, read_archive
 from radcal.results.summary import summarise
 from radcal.storage.records import understood
-from radcal.words import degrees as between
+from radcal.words import ends
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -209,9 +209,7 @@ def _known(material: MaterialResult) -> str:
     if material.level_only:
         return "level only"
     known = posterior.known_between_deg
-    if known is None:
-        return "nowhere"
-    return between(*known).removeprefix("between ").replace(" and ", "-").replace("degrees", "deg")
+    return "nowhere" if known is None else "{}-{} deg".format(*ends(*known))
 
 
 def _draw(first: Archive, second: Archive, names: Sequence[str], path: str | Path) -> None:

@@ -33,7 +33,6 @@ _STEPS = {
 }
 _FILES = {"report.html": "report", "export": "exports", "summary.json": "summary", "runs.csv": "table of runs"}
 
-_SAID = " INFO radcal: "  # text that precedes a line of progress in a job's log file
 _RECENT_LOGS = 20
 _AGAIN = "type the command that began the case again (radcal run with its YAML file): finished runs are kept"
 
@@ -116,10 +115,9 @@ def _running(folder: Path) -> list[str]:
         names = ", ".join(path.relative_to(folder / "logs").with_suffix("").as_posix() for path in recent[:-4:-1])
         ago = duration(max(0.0, time.time() - recent[-1].stat().st_mtime))
         lines.append(f"jobs that wrote a log last: {names} ({ago} ago).")
-    said = [line for path in recent for line in path.read_text("utf-8", "replace").splitlines() if _SAID in line]
-    if said:
-        # each line begins with its time, so that the largest is the latest
-        lines.append(f"last progress: {max(said).partition(_SAID)[2].strip()}")
+    latest = max((folder / "logs").rglob("*.progress"), key=lambda path: path.stat().st_mtime, default=None)
+    if latest is not None and latest.stat().st_mtime >= found.since:
+        lines.append(f"last progress: {latest.read_text('utf-8', 'replace')}")
     return lines
 
 

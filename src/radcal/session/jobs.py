@@ -48,6 +48,7 @@ RESULTS = "RADCAL_RESULTS"  # folder that contains the results folders of all ca
 
 
 _pass = [""]  # name of the pass that this job works on, with which its lines begin; empty for a job of all passes
+_latest: list[Path] = []  # file beside the log of this job that holds the job's last line of progress, for radcal show
 
 
 @contextmanager
@@ -90,6 +91,7 @@ def logged(path: str | Path, config: Mapping[str, Any] | None = None, at: str | 
     except OSError as error:
         sys.exit(f"radcal: {path}: cannot be written ({error.strerror or error}).")
     logging.captureWarnings(True)
+    _latest[:] = [Path(path).with_suffix(".progress")]
     try:
         with provenance(os.environ.get(CASE), config):
             yield
@@ -129,12 +131,15 @@ def clock(seconds: float) -> str:
 
 
 def progress(line: str) -> None:
-    """Print one line with the elapsed time on the terminal, and write the line to the job's log file.
+    """Print one line with the elapsed time on the terminal, and write it to the job's log and to a file beside the log.
 
     In a case of several passes, the line of a job of a single pass begins with the name of the pass.
     """
     line = f"{_pass[0]}{line}"
     logging.getLogger("radcal").info(line)
+    for path in _latest:
+        with suppress(OSError):  # the disk may be full
+            path.write_text(line, encoding="utf-8")
     _say(f"[{elapsed():>6}] {line}")
 
 
