@@ -261,13 +261,12 @@ def test_the_pass_that_is_best_for_all_materials_is_named():
 def test_from_a_results_folder(tmp_path, monkeypatch):
     with pytest.raises(StoreError, match="is not finished, expected calibration.h5"):
         advise(tmp_path)
-    (tmp_path / "calibration.h5").touch()
     result = SimpleNamespace(posterior=None)
     archive = SimpleNamespace(
         config=json.dumps(sections()), configured=SimpleNamespace(laws={"slope": FLAT}), materials={"slope": result},
         findings=[], image=SimpleNamespace(levels_db=np.array([[-1.6449, 0.1, 1.6449]])),
     )  # fmt: skip
-    monkeypatch.setattr(advice, "read_archive", lambda path, images: archive)
+    monkeypatch.setattr(advice, "read_finished", lambda folder: archive)
     write_scene(tmp_path / "scene.h5", scene())
     with pytest.raises(ConfigError, match="no calibrated material has a band of sigma0 in dB"):
         advise(tmp_path)

@@ -117,7 +117,7 @@ def test_images_of_a_further_pass_are_those_of_its_own_fresh_run(made, tmp_path)
     assert found.radar.depression_deg == 30
     np.testing.assert_array_equal(found.calibrated_db, image + 3)
     np.testing.assert_allclose(found.measured_db, made.registered.measurement.image_db - 0.5, rtol=1e-6)
-    assert found.said == "measured image, not registered, after subtraction of its assumed level"
+    assert found.description == "measured image, not registered, after subtraction of its assumed level"
 
 
 def test_a_scene_without_a_map_says_so(made, tmp_path):

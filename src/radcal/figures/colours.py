@@ -7,13 +7,16 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from radcal.figures.drawing import mark, titled
 from radcal.results.archive import Archive
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colors import BoundaryNorm, ListedColormap
 
-__all__ = ["FILLS", "colour_of", "colours_of", "head", "material_colours"]
+__all__ = ["FILLS", "colour_of", "colours_of", "head", "material_colours", "of_ids"]
 
 # sixteen colours of different lightness; the map also has numbers, so that nothing depends on colour alone
 FILLS = (
@@ -78,6 +81,15 @@ def colours_of(case: Archive) -> list[str]:
     materials = json.loads(case.config).get("materials", {})
     configured = {name: item["colour"] for name, item in materials.items() if item.get("colour")}
     return material_colours(case.names, configured)
+
+
+def of_ids(case: Archive) -> tuple[ListedColormap, BoundaryNorm]:
+    """Colour map of the ids of materials, white for 0, and its norm."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    colours = ["#FFFFFF", *colours_of(case)]
+    norm = BoundaryNorm((np.arange(len(colours) + 1) - 0.5).tolist(), len(colours))
+    return ListedColormap(colours), norm
 
 
 def colour_of(case: Archive, name: str) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.figures.colours import colours_of
+from radcal.figures.colours import colours_of, of_ids
 from radcal.figures.drawing import Array, add_legend, label, new_canvas
 from radcal.results.archive import Archive
 
@@ -225,11 +225,10 @@ def residual(case: Archive) -> tuple[Canvas, str, str] | None:
     rows = -(-(len(labels) + 1) // columns)
     canvas, panels, stacked, aspect = panels_for(difference.shape, 2, below=0.215 * rows)
     _difference_map(canvas, panels[0], difference, aspect)
-    colours = ["#FFFFFF", *colours_of(case)]
-    _material_map(panels[1], material, present, colours, aspect)
+    _material_map(panels[1], material, present, of_ids(case), aspect)
     if not stacked:
         canvas.set_layout_engine("compressed", wspace=0.05, h_pad=0.08)
-    _numbered_legend(canvas, [colours[number] for number in present], labels, columns)
+    _numbered_legend(canvas, [colours_of(case)[number - 1] for number in present], labels, columns)
     axis_labels(panels, stacked)
     # Oliver and Quegan 2004: variance of log intensity is trigamma(looks); neighbours are correlated, so that this is a
     # lower bound
@@ -272,15 +271,12 @@ def _difference_map(canvas: Canvas, panel: Axes, difference: NDArray[Any], aspec
 
 
 def _material_map(
-    panel: Axes, material: NDArray[np.int64], present: Sequence[int], colours: Sequence[str], aspect: Aspect
+    panel: Axes, material: NDArray[np.int64], present: Sequence[int], colours: tuple[Any, Any], aspect: Aspect
 ) -> None:
     """Map of the materials, each with its number."""
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-
-    k = _factor(material.shape)
-    norm = BoundaryNorm((np.arange(len(colours) + 1) - 0.5).tolist(), len(colours))
+    k, (cmap, norm) = _factor(material.shape), colours
     panel.imshow(
-        material[k // 2 :: k, k // 2 :: k], cmap=ListedColormap(colours), norm=norm, aspect=aspect,
+        material[k // 2 :: k, k // 2 :: k], cmap=cmap, norm=norm, aspect=aspect,
         extent=image_extent(material.shape), interpolation="nearest",
     )  # fmt: skip
     panel.set_title("materials")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.figures.colours import colours_of
+from radcal.figures.colours import colours_of, of_ids
 from radcal.figures.drawing import Array, add_legend, label, new_canvas
 from radcal.figures.map_figures import axis_labels, image_extent, panels_for
 from radcal.results.archive import Archive
@@ -27,13 +27,6 @@ _LISTED = 8  # largest number of materials named in the caption
 _LEAST_DEG = 0.01  # smaller slopes are not stated as a number
 _FLAT_DEG = 1.0  # ground whose slopes are below this angle at 99 % of the cells has no relief to show
 _LARGEST_TIMES = 20  # largest factor by which heights are exaggerated in the view in three dimensions
-
-
-def _colours(case: Archive) -> tuple[Any, Any]:
-    from matplotlib.colors import BoundaryNorm, ListedColormap
-
-    colours = ["#FFFFFF", *colours_of(case)]
-    return ListedColormap(colours), BoundaryNorm((np.arange(len(colours) + 1) - 0.5).tolist(), len(colours))
 
 
 def _material_legend(canvas: Canvas, case: Archive, present: NDArray[Any]) -> None:
@@ -55,10 +48,10 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     objects_m = None if view.objects is None else view.objects.places_m
     steepest_deg = _steepest_deg(elevation, cell_m)
     flat = steepest_deg < _FLAT_DEG
-    canvas = new_canvas(9.5, 5.0 if flat else 9.1)
-    _plans(canvas, elevation, view.material, objects_m, cell_m, _colours(case), _directions(case), flat)
+    canvas, colours, directions = new_canvas(9.5, 5.0 if flat else 9.1), of_ids(case), _directions(case)
+    _plans(canvas, elevation, view.material, objects_m, cell_m, colours, directions, flat)
     if not flat:
-        _view(canvas, elevation, view.material, cell_m, _colours(case), _directions(case))
+        _view(canvas, elevation, view.material, cell_m, colours, directions)
     _material_legend(canvas, case, view.material)
     ny, nx = elevation.shape
     # a low relief needs a digit after the point
@@ -211,21 +204,19 @@ def incidence(case: Archive) -> tuple[Canvas, str, str] | None:
         return None
     expected = _expected_db(case, angle, material)
     seen = expected[np.isfinite(expected)]
-    canvas, panels, stacked, aspect = panels_for(angle.shape, 2 if seen.size else 1)
-    where = image_extent(angle.shape)
-    k = max(1, max(angle.shape) // 1600)
-    low, high = _scale(finite)
-    first = panels[0].imshow(angle[::k, ::k], cmap="viridis", vmin=low, vmax=high, aspect=aspect, extent=where)
     # a label along the bar would stand beside the right panel like the label of its axis
-    panels[0].set_title("local incidence [deg]")
-    canvas.colorbar(first, ax=panels[0], extend=_extend(finite, low, high), fraction=0.05, pad=0.02)
-    if not seen.size:
-        axis_labels(panels, stacked)
-        return canvas, *_incidence_words(case, angle, material, expected)
-    low, high = _scale(seen)
-    second = panels[1].imshow(expected[::k, ::k], cmap="gray", vmin=low, vmax=high, aspect=aspect, extent=where)
-    panels[1].set_title("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} of the calibrated laws [dB]")
-    canvas.colorbar(second, ax=panels[1], extend=_extend(seen, low, high), fraction=0.05, pad=0.02)
+    maps: list[tuple[NDArray[Any], NDArray[Any], str, str]] = [(angle, finite, "viridis", "local incidence [deg]")]
+    if seen.size:
+        maps.append(
+            (expected, seen, "gray", "\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} of the calibrated laws [dB]")
+        )
+    canvas, panels, stacked, aspect = panels_for(angle.shape, len(maps))
+    where, k = image_extent(angle.shape), max(1, max(angle.shape) // 1600)
+    for panel, (values, known, colours, title) in zip(panels, maps, strict=True):
+        low, high = _scale(known)
+        drawn = panel.imshow(values[::k, ::k], cmap=colours, vmin=low, vmax=high, aspect=aspect, extent=where)
+        panel.set_title(title)
+        canvas.colorbar(drawn, ax=panel, extend=_extend(known, low, high), fraction=0.05, pad=0.02)
     axis_labels(panels, stacked)
     return canvas, *_incidence_words(case, angle, material, expected)
 

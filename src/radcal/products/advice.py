@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from radcal.assessment.preposterior import View, half_widths_after, half_widths_now, view_of
 from radcal.config import Case, Radar, case_from
-from radcal.errors import ConfigError, StoreError
+from radcal.errors import ConfigError
 from radcal.findings import Finding
 from radcal.laws import Law
 from radcal.posterior.curves import GRID_DEG, NORMAL_90
 from radcal.posterior.result import Posterior
-from radcal.products.tables import write_csv
+from radcal.products.tables import aligned, write_csv
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
-from radcal.results.archive import Archive, read_archive
+from radcal.results.archive import Archive, read_finished
 from radcal.scene.model import Scene, read_scene
 from radcal.words import doubts, sentence
 
@@ -105,37 +105,24 @@ def candidates(case: Case, depressions: Sequence[float] = ()) -> list[Radar]:
         ``incidence_deg``, a candidate has the incidence 90 degrees minus depression angle.
     """
     first = case.radar
-    if first.incidence_deg is not None:
-        return _of_orbit(case, first.incidence_deg, depressions)
-    if not depressions:
-        around = (first.depression_deg + step for step in (0.0, -_STEP_DEG, _STEP_DEG))
-        depressions = [angle for angle in around if _DEPRESSIONS[0] <= angle <= _DEPRESSIONS[1]]
     for angle in depressions:
         if not 5.0 < angle < 85.0:
             raise ConfigError(f"--depression is {angle:g}, expected an angle above 5 and below 85 degrees.")
-    taken = {(one.radar.depression_deg, one.radar.look_side) for one in case.passes}
+    if first.incidence_deg is None:
+        key, middle, (low, high), given = "depression_deg", first.depression_deg, _DEPRESSIONS, list(depressions)
+    else:
+        key, middle, (low, high) = "incidence_deg", first.incidence_deg, _INCIDENCES
+        given = [90.0 - angle for angle in depressions]
+    around = [middle + step for step in (0.0, -_STEP_DEG, _STEP_DEG)]
+    angles = given or [angle for angle in around if low <= angle <= high]
+    if first.incidence_deg is not None:
+        angles = [round(angle, 2) for angle in angles]
+    taken = {(getattr(one.radar, key), one.radar.look_side) for one in case.passes}
     return [
-        first.model_copy(update={"depression_deg": float(angle), "look_side": side})
-        for angle in depressions
+        first.model_copy(update={key: float(angle), "look_side": side})
+        for angle in angles
         for side in _SIDES
         if (angle, side) not in taken
-    ]
-
-
-def _of_orbit(case: Case, incidence_deg: float, depressions: Sequence[float]) -> list[Radar]:
-    """Candidate passes of a case with ``incidence_deg``, as for a satellite: incidence angles on both look sides."""
-    given = [90.0 - angle for angle in depressions]
-    around = [incidence_deg + step for step in (0.0, -_STEP_DEG, _STEP_DEG)]
-    incidences = given or [angle for angle in around if _INCIDENCES[0] <= angle <= _INCIDENCES[1]]
-    for angle in incidences:
-        if not 5.0 < angle < 85.0:
-            raise ConfigError(f"--depression is {90.0 - angle:g}, expected an angle above 5 and below 85 degrees.")
-    taken = {(one.radar.incidence_deg, one.radar.look_side) for one in case.passes}
-    return [
-        case.radar.model_copy(update={"incidence_deg": round(angle, 2), "look_side": side})
-        for angle in incidences
-        for side in _SIDES
-        if (round(angle, 2), side) not in taken
     ]
 
 
@@ -282,11 +269,9 @@ def advise(
         A file is damaged, or is missing because the calibration is not finished.
     """
     folder = Path(folder)
-    if not (folder / "calibration.h5").is_file():
-        raise StoreError(f"{folder}: the calibration is not finished, expected calibration.h5; radcal show says more.")
     if over_deg is not None and not 0.0 <= over_deg[0] < over_deg[1] <= 90.0:
         raise ConfigError(f"--between is {over_deg[0]:g} {over_deg[1]:g}, expected two increasing angles in 0 to 90.")
-    archive, scene = read_archive(folder / "calibration.h5", images=False), read_scene(folder / "scene.h5")
+    archive, scene = read_finished(folder), read_scene(folder / "scene.h5")
     if scene.elevation_m is None:
         raise ConfigError(
             f"{folder}: the scene is in slant range, whose incidence is the same in every pass, expected a scene with "
@@ -324,7 +309,7 @@ def _rows(rows: Sequence[Advised]) -> Iterator[tuple[object, ...]]:
             yield (float(radar.centre_depression_deg), radar.look_side, _ALL, *numbers)
 
 
-def _table(rows: Sequence[Advised]) -> Iterator[str]:
+def _table(rows: Sequence[Advised]) -> list[str]:
     cells = [_HEADINGS]
     for each in _passes(rows):
         for row in each:
@@ -334,9 +319,7 @@ def _table(rows: Sequence[Advised]) -> Iterator[str]:
             cells.append((row.name, row.material, seen, *widths, *hidden))
         if len(each) > 1:
             cells.append((each[0].name, _ALL, "", "", f"times {common_ratio(each):.2f}", "", ""))
-    sizes = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    for line in cells:
-        yield "  ".join(cell.ljust(size) for cell, size in zip(line, sizes, strict=True)).rstrip()
+    return aligned(cells)
 
 
 def judged(ratios: Sequence[float]) -> tuple[str | int, list[int]]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from radcal.assessment.preposterior import view_of
 from radcal.config import Case, Material, TargetConfig, Uncertainty, stages
-from radcal.errors import ConfigError, StoreError
+from radcal.errors import ConfigError
 from radcal.figures.applied_figures import KNOWN, OUTSIDE, SEEN, Prediction, draw_predictions
 from radcal.ground.one_incidence import LEAST_SPAN_DEG
 from radcal.measurement.sources import make_measurement
@@ -21,12 +21,12 @@ from radcal.posterior.prediction import predict
 from radcal.posterior.result import Posterior, Predicted
 from radcal.products.applied_bins import PredictionBins, by_constant_db, predictive_db
 from radcal.products.export import ground_layers
-from radcal.products.geotiff import Layer, map_grid, write_geotiff
+from radcal.products.geotiff import Layer, write_layers
 from radcal.products.simulated import Forward, forward
-from radcal.products.tables import calibrated_materials, write_csv
+from radcal.products.tables import aligned, calibrated_materials, write_csv
 from radcal.radar.geometry import Geometry
 from radcal.registration.registered import registered_as
-from radcal.results.archive import Archive, read_archive
+from radcal.results.archive import Archive, read_finished
 from radcal.scene.model import Scene
 from radcal.seeds import derived_rng
 from radcal.simulators.sources import make_simulator
@@ -168,9 +168,7 @@ def apply(
         The other case cannot be simulated, or its image cannot be read.
     """
     folder, out = Path(folder), Path(out)
-    if not (folder / "calibration.h5").is_file():
-        raise StoreError(f"{folder}: the calibration is not finished, expected calibration.h5; radcal show says more.")
-    archive = read_archive(folder / "calibration.h5", images=False)
+    archive = read_finished(folder)
     with understood(folder / "calibration.h5"):
         config = json.loads(archive.config)
         changed = with_laws(archive, config["materials"], other)
@@ -255,15 +253,11 @@ def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: 
 
 def _images(out: Path, number: int, case: stages.ForwardStage, scene: Scene, one: _Pass) -> list[Path]:
     """Write the GeoTIFFs of a pass, and return their paths."""
-    ending, tags = f"_pass{number}" if number > 1 else "", {"case": case.case, "radiometry": case.radar.radiometry}
+    tags = {"case": case.case, "radiometry": case.radar.radiometry}
     layers = {"predicted": Layer(one.predicted_db, "dB", "image predicted from the laws of another case", tags)}
     if one.measured_db is not None:
         layers["measured"] = Layer(one.measured_db, "dB", "measured image, registered", tags)
-    grid, paths = map_grid(scene, one.geometry), []
-    for name, layer in {**layers, **ground_layers(one.geometry, tags)}.items():
-        paths.append(out / f"{name}{ending}.tif")
-        write_geotiff(paths[-1], layer, grid)
-    return paths
+    return write_layers(out, number, {**layers, **ground_layers(one.geometry, tags)}, scene, one.geometry)
 
 
 def _of_pass(
@@ -296,7 +290,7 @@ def _cells(row: tuple[int, Prediction]) -> tuple[object, ...]:
     return (number, one.material, *one.edges_deg, one.incidence_deg, one.pixels, one.known, *band, one.inside)
 
 
-def _table(rows: Sequence[tuple[int, Prediction]], several: bool) -> Iterator[str]:
+def _table(rows: Sequence[tuple[int, Prediction]], several: bool) -> list[str]:
     cells = [("pass", "material", "incidence", "pixels", "law there", "predicted (90 %)", "measured", "inside")]
     for number, one in rows:
         band = f"{one.predicted_db:.2f} ({one.p05_db:.2f} to {one.p95_db:.2f}) dB"
@@ -304,10 +298,7 @@ def _table(rows: Sequence[tuple[int, Prediction]], several: bool) -> Iterator[st
         inside = {True: "yes", False: "no", None: "-"}[one.inside]
         angles = f"{one.edges_deg[0]:.1f}-{one.edges_deg[1]:.1f} deg"
         cells.append((str(number), one.material, angles, str(one.pixels), one.known, band, measured, inside))
-    shown = [line if several else line[1:] for line in cells]
-    sizes = [max(map(len, column)) for column in zip(*shown, strict=True)]
-    for line in shown:
-        yield "  ".join(cell.ljust(size) for cell, size in zip(line, sizes, strict=True)).rstrip()
+    return aligned([line if several else line[1:] for line in cells])
 
 
 def _conclusion(rows: Sequence[tuple[int, Prediction]]) -> Iterator[str]:

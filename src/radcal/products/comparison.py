@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.errors import ConfigError, StoreError
+from radcal.errors import ConfigError
 from radcal.figures.drawing import FOUND, START, law_panels
-from radcal.results.archive import Archive, MaterialResult, read_archive
+from radcal.posterior.result import Curve
+from radcal.products.tables import aligned
+from radcal.results.archive import Archive, MaterialResult, read_finished
 from radcal.results.summary import summarise
 from radcal.storage.records import understood
 from radcal.words import ends
@@ -28,24 +30,6 @@ Intervals = tuple[tuple[float, float], ...]
 _ANGLES = 101  # angles at which two laws are compared
 
 _HEADINGS = ("material", "seen by both", "mean B-A", "largest", "bands meet", "law", "determined", "runs of search")
-
-
-@dataclass(frozen=True)
-class _Band:
-    """Sigma0 of one material: median and 90 % band [dB], and incidence seen [deg]."""
-
-    incidence_deg: Doubles
-    median_db: Doubles
-    p05_db: Doubles
-    p95_db: Doubles
-    seen_deg: Intervals
-
-    def at(self, degrees: Doubles) -> tuple[Doubles, Doubles, Doubles]:
-        """Median, 5 % and 95 % quantile of sigma0 [dB] at the incidence angles ``degrees``."""
-        low, middle, high = (
-            np.interp(degrees, self.incidence_deg, db) for db in (self.p05_db, self.median_db, self.p95_db)
-        )
-        return middle, low, high
 
 
 @dataclass(frozen=True)
@@ -68,13 +52,12 @@ class LawDifference:
     bands_meet: float
 
 
-def _band(archive: Archive, name: str) -> _Band | None:
-    """Sigma0 of a material; None for a law without a curve."""
+def _band(archive: Archive, name: str) -> tuple[Curve, Intervals] | None:
+    """Sigma0 of a material with its band, and incidence seen [deg]; None for a law without a curve."""
     posterior = archive.materials[name].posterior
     if posterior is None or posterior.curve is None:
         return None
-    curve, seen = posterior.curve, _united(posterior.seen_deg.tolist())
-    return _Band(curve.incidence_deg, curve.median_db, curve.p05_db, curve.p95_db, seen)
+    return posterior.curve, _united(posterior.seen_deg.tolist())
 
 
 def _united(intervals: Sequence[Sequence[float]]) -> Intervals:
@@ -114,12 +97,12 @@ def law_difference(first: Archive, second: Archive, name: str) -> LawDifference 
     a, b = _band(first, name), _band(second, name)
     if a is None or b is None:
         return None
-    pairs = ((max(one[0], two[0]), min(one[1], two[1])) for one in a.seen_deg for two in b.seen_deg)
+    pairs = ((max(one[0], two[0]), min(one[1], two[1])) for one in a[1] for two in b[1])
     both = _united([(low, high) for low, high in pairs if low <= high])
     if not both:
         return None
     degrees = _angles(both)
-    (middle_a, low_a, high_a), (middle_b, low_b, high_b) = a.at(degrees), b.at(degrees)
+    (low_a, middle_a, high_a), (low_b, middle_b, high_b) = a[0].at(degrees), b[0].at(degrees)
     difference = middle_b - middle_a
     meet = float(np.mean((low_a <= high_b) & (low_b <= high_a)))
     largest = float(difference[np.argmax(np.abs(difference))])
@@ -148,13 +131,7 @@ def compare(folders: Sequence[str | Path], figure: str | Path) -> list[str]:
     DamagedError, StoreError
         An archive is damaged, or is missing because the calibration is not finished.
     """
-    for folder in folders:
-        if not (Path(folder) / "calibration.h5").is_file():
-            raise StoreError(
-                f"{folder}: the calibration is not finished, so that there are no laws to compare: radcal show "
-                f"{Path(folder).name} says what is missing."
-            )
-    first, second = (read_archive(Path(folder) / "calibration.h5", images=False) for folder in folders)
+    first, second = map(read_finished, folders)
     shared = [name for name in first.materials if name in second.materials]
     if not shared:
         raise ConfigError(
@@ -170,9 +147,7 @@ def compare(folders: Sequence[str | Path], figure: str | Path) -> list[str]:
             for name in shared:
                 _row(archive, archive, name)
     rows = [_HEADINGS, *(_row(first, second, name) for name in shared)]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [f"A: {folders[0]}", f"B: {folders[1]}", ""]
-    lines += ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    lines = [f"A: {folders[0]}", f"B: {folders[1]}", "", *aligned(rows)]
     for one, other, letter in ((first, second, "A"), (second, first, "B")):
         if alone := [name for name in one.materials if name not in other.materials]:
             lines.append(f"only in {letter}: {', '.join(alone)}")
@@ -220,16 +195,17 @@ def _draw(first: Archive, second: Archive, names: Sequence[str], path: str | Pat
                 _panel(axes, _band(archive, name), f"{letter}: {archive.case}", style)
 
 
-def _panel(axes: Axes, band: _Band | None, label: str, style: Mapping[str, Any]) -> None:
+def _panel(axes: Axes, band: tuple[Curve, Intervals] | None, label: str, style: Mapping[str, Any]) -> None:
     """Draw one law with its 90 % band; the line is thick over the incidence seen, and dashed lines lie on top."""
     if band is None:
         return
-    low, high = band.seen_deg[0][0], band.seen_deg[-1][1]
+    curve, each_seen = band
+    low, high = each_seen[0][0], each_seen[-1][1]
     around = np.linspace(max(low - 10.0, 0.0), min(high + 10.0, 90.0), 201)
-    middle, lowest, highest = band.at(around)
+    lowest, middle, highest = curve.at(around)
     line = {"color": style["color"], "linestyle": style["linestyle"], "zorder": 2 if style["linestyle"] == "-" else 3}
     axes.plot(around, middle, linewidth=1.0, **line)
-    for k, seen in enumerate(band.seen_deg):
+    for k, seen in enumerate(each_seen):
         inside = np.linspace(*seen, _ANGLES)
-        axes.plot(inside, band.at(inside)[0], linewidth=3.0, label=label if k == 0 else None, **line)
+        axes.plot(inside, curve.at(inside)[1], linewidth=3.0, label=label if k == 0 else None, **line)
     axes.fill_between(around, lowest, highest, color=style["color"], alpha=0.25, linewidth=0)

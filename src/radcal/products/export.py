@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from radcal.config import Radar, stages
 from radcal.errors import StoreError
 from radcal.ground.levels import Levels, without_level
-from radcal.products.geotiff import Layer, map_grid, write_geotiff
+from radcal.products.geotiff import Layer, write_layers
 from radcal.products.tables import (
     LAWS,
     PARAMETERS,
@@ -35,20 +35,20 @@ from radcal.storage.files import atomic
 from radcal.storage.run_index import read_index
 from radcal.storage.runs import RunStore
 
-__all__ = ["PassImages", "ground_layers", "image_layers", "pass_images", "write_export"]
+__all__ = ["PassImages", "ground_layers", "pass_images", "write_export"]
 
 _INPUT = "simulator_input"
 
 
 @dataclass(frozen=True)
 class PassImages:
-    """Images of the second or a later pass [dB], and description of the measured image; the archive has the first."""
+    """Images of a pass [dB], None for an image that is not known, and description of the measured image."""
 
     radar: Radar
     geometry: Geometry
-    measured_db: NDArray[np.float32]
-    calibrated_db: NDArray[np.float32]
-    said: str
+    measured_db: NDArray[np.float32] | None
+    calibrated_db: NDArray[np.float32] | None
+    description: str
 
 
 def pass_images(
@@ -85,9 +85,9 @@ def pass_images(
                 f"{store.path(key)}: missing or without the whole image, though {final} lists it; delete {final} and "
                 "type the same command again to make this run again."
             )
-        said = _measured_words(image.applied, level.normalisation)
+        text = _measured_words(image.applied, level.normalisation)
         measured_db = without_level(image.measurement.image_db, level)
-        found.append(PassImages(one.radar, geometry, measured_db, record.image_db, said))
+        found.append(PassImages(one.radar, geometry, measured_db, record.image_db, text))
     return found
 
 
@@ -147,52 +147,25 @@ def write_export(
         parameters = {name: archive.laws[name].tolist() for name in case.materials}
         files += simulator.write_input(folder / _INPUT, parameters, seed)
     images = archive.images
-    said = _measured_words(archive.registration.applied, archive.levels.normalisation)
-    first = image_layers(images.measured_db, images.calibrated_db, _tags(archive, case.radar), said)
-    passes = [("", geometry, case.radar, first)]
-    for number, one in enumerate(further, start=2):
-        layers = image_layers(one.measured_db, one.calibrated_db, _tags(archive, one.radar), one.said)
-        passes.append((f"_pass{number}", one.geometry, one.radar, layers))
-    for ending, made, radar, layers in passes:
-        grid = map_grid(scene, made)
-        for name, layer in {**layers, **ground_layers(made, _tags(archive, radar))}.items():
-            files.append(folder / f"{name}{ending}.tif")
-            write_geotiff(files[-1], layer, grid)
+    what = _measured_words(archive.registration.applied, archive.levels.normalisation)
+    first = PassImages(case.radar, geometry, images.measured_db, images.calibrated_db, what)
+    for number, one in enumerate([first, *further], start=1):
+        tags = {"case": archive.case, "radiometry": one.radar.radiometry}
+        layers = {**_image_layers(one, tags), **ground_layers(one.geometry, tags)}
+        files += write_layers(folder, number, layers, scene, one.geometry)
     return files
 
 
-def _tags(archive: Archive, radar: Radar) -> dict[str, str]:
-    return {"case": archive.case, "radiometry": radar.radiometry}
-
-
-def image_layers(
-    measured_db: NDArray[np.float32] | None,
-    calibrated_db: NDArray[np.float32] | None,
-    tags: Mapping[str, str],
-    said: str,
-) -> dict[str, Layer]:
-    """Measured, calibrated and difference image of a pass, by file name; an image that is not known has no entry.
-
-    Parameters
-    ----------
-    measured_db : ndarray, shape (rows, columns), optional
-        Measured image [dB].
-    calibrated_db : ndarray, shape (rows, columns), optional
-        Simulated image with the laws of the search and textures [dB].
-    tags : mapping
-        Further tags of the files.
-    said : str
-        Description of the measured image.
-    """
-    found = {}
-    if measured_db is not None:
-        found["measured"] = Layer(measured_db, "dB", said, tags)
-    if calibrated_db is not None:
-        found["calibrated"] = Layer(
-            calibrated_db, "dB", "simulated image with the laws of the search and textures", tags
-        )
-    if measured_db is not None and calibrated_db is not None:
-        found["difference"] = Layer(calibrated_db - measured_db, "dB", "calibrated minus measured image", tags)
+def _image_layers(images: PassImages, tags: Mapping[str, str]) -> dict[str, Layer]:
+    """Measured, calibrated and difference image of a pass, by file name; an image that is not known has no entry."""
+    measured, calibrated, found = images.measured_db, images.calibrated_db, {}
+    if measured is not None:
+        found["measured"] = Layer(measured, "dB", images.description, tags)
+    if calibrated is not None:
+        text = "simulated image with the laws of the search and textures"
+        found["calibrated"] = Layer(calibrated, "dB", text, tags)
+    if measured is not None and calibrated is not None:
+        found["difference"] = Layer(calibrated - measured, "dB", "calibrated minus measured image", tags)
     return found
 
 

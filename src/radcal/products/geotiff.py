@@ -15,7 +15,7 @@ from radcal.radar.geometry import Geometry
 from radcal.scene.model import Scene
 from radcal.storage.files import atomic
 
-__all__ = ["SLANT_RANGE", "Layer", "MapGrid", "map_grid", "pixel_at_cell", "write_geotiff"]
+__all__ = ["SLANT_RANGE", "Layer", "MapGrid", "map_grid", "of_pass", "pixel_at_cell", "write_geotiff", "write_layers"]
 
 SLANT_RANGE = "slant range, not georeferenced"
 _MAP = "map of the scene"
@@ -127,6 +127,39 @@ def _spacing(places: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
     padded = np.pad(step, edge, constant_values=np.nan)
     before, after = (padded[:-1], padded[1:]) if axis == 1 else (padded[:, :-1], padded[:, 1:])
     return np.asarray(np.nan_to_num(np.fmin(before, after), nan=0.0))
+
+
+def write_layers(
+    folder: Path, number: int, layers: Mapping[str, Layer], scene: Scene, geometry: Geometry
+) -> list[Path]:
+    """Write the images of the pass ``number`` (from 1) as ``<name>.tif``, from pass 2 on ``<name>_pass<number>.tif``.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the files.
+    number : int
+        Number of the pass.
+    layers : mapping
+        Images by name.
+    scene, geometry : Scene, Geometry
+        Scene of the case, and geometry of the pass.
+
+    Returns
+    -------
+    list of Path
+        Paths of the files.
+    """
+    grid = map_grid(scene, geometry)
+    paths = [folder / f"{name}{of_pass(number)}.tif" for name in layers]
+    for path, layer in zip(paths, layers.values(), strict=True):
+        write_geotiff(path, layer, grid)
+    return paths
+
+
+def of_pass(number: int) -> str:
+    """End of the name of a pass's files, before the extension."""
+    return f"_pass{number}" if number > 1 else ""
 
 
 def write_geotiff(path: str | Path, layer: Layer, grid: MapGrid | None) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from radcal.config import nearest, stages
 from radcal.errors import ConfigError, RadcalError, SceneError
 from radcal.products.export import ground_layers
-from radcal.products.geotiff import Layer, map_grid, write_geotiff
+from radcal.products.geotiff import Layer, of_pass, write_layers
 from radcal.radar.geometry import Geometry, write_geometry
 from radcal.radar.projection import make_geometry
 from radcal.reading.rasters import open_raster
@@ -145,37 +145,21 @@ def simulate(case: stages.ForwardStage, folder: str | Path, runs: str | Path, re
     scene, passes = forward(case, folder, runs, check)
     lines = [sentence(one) for one in scene.findings]
     for number, (one, made) in enumerate(zip(case.passes, passes, strict=True), start=1):
-        ending = _ending(number)
         tags = {"case": case.case, "radiometry": one.radar.radiometry, "run": made.key}
         layers = {
             "simulated": Layer(made.image_db, "dB", "simulated image", tags),
             **ground_layers(made.geometry, tags),
         }
-        written = _written(folder, ending, layers, scene, made.geometry)
         how = "was in the run store" if made.kept else "simulated"
         lines.append(f"pass {number}: {made.image_db.shape[0]} x {made.image_db.shape[1]} pixels, run {made.key} {how}")
-        lines += [f"  {path}" for path in written]
+        lines += [f"  {path}" for path in write_layers(folder, number, layers, scene, made.geometry)]
     return lines
-
-
-def _written(folder: Path, ending: str, layers: dict[str, Layer], scene: Scene, geometry: Geometry) -> Sequence[Path]:
-    grid = map_grid(scene, geometry)
-    paths = []
-    for name, layer in layers.items():
-        paths.append(folder / f"{name}{ending}.tif")
-        write_geotiff(paths[-1], layer, grid)
-    return paths
-
-
-def _ending(number: int) -> str:
-    """End of the file names of a pass, before the extension."""
-    return f"_pass{number}" if number > 1 else ""
 
 
 def _check_former(folder: Path, keys: Sequence[str]) -> None:
     """Raise an error if the folder has the image of another run than those with the given hashes."""
     for number, key in enumerate(keys, start=1):
-        path = folder / f"simulated{_ending(number)}.tif"
+        path = folder / f"simulated{of_pass(number)}.tif"
         if not path.exists():
             continue
         former = None

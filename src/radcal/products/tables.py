@@ -16,7 +16,7 @@ from radcal.config import Material
 from radcal.results.archive import Archive, MaterialResult
 from radcal.storage.files import atomic
 
-__all__ = ["calibrated_materials", "calibrated_yaml", "law_rows", "parameter_rows", "write_csv"]
+__all__ = ["aligned", "calibrated_materials", "calibrated_yaml", "law_rows", "parameter_rows", "write_csv"]
 
 LAWS = (
     "material", "incidence_deg", "median_db", "p05_db", "p95_db", "known", "calibrated_db", "parameters_model_db",
@@ -119,6 +119,12 @@ def _known(material: MaterialResult) -> tuple[float, float]:
     """Lowest and highest incidence at which sigma0 of a material is determined [deg]; NaN if at none."""
     known = None if material.posterior is None else material.posterior.known_between_deg
     return (math.nan, math.nan) if known is None else (known[0], known[1])
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Lines of a table for the terminal, with columns of equal width."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
 
 def write_csv(path: str | Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:

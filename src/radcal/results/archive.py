@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from radcal.assessment.conclusion import MaterialPixels
 from radcal.calibration.stopping import Decision
 from radcal.config import stages
+from radcal.errors import StoreError
 from radcal.findings import Finding
 from radcal.ground.levels import Levels
 from radcal.posterior.result import Image, Posterior
@@ -37,6 +38,7 @@ __all__ = [
     "Runs",
     "SceneView",
     "read_archive",
+    "read_finished",
     "write_archive",
 ]
 
@@ -287,6 +289,20 @@ def read_archive(path: str | Path, images: bool = True) -> Archive:
     """
     with read_hdf5(path, _KIND) as file:
         return take(file, Archive, without=() if images else ("images",))
+
+
+def read_finished(folder: str | Path) -> Archive:
+    """Archive of a results folder, without images.
+
+    Raises
+    ------
+    DamagedError, StoreError
+        As for :func:`read_archive`, or the calibration is not finished.
+    """
+    path = Path(folder) / "calibration.h5"
+    if not path.is_file():
+        raise StoreError(f"{folder}: the calibration is not finished, expected calibration.h5; radcal show says more.")
+    return read_archive(path, images=False)
 
 
 if __name__ == "__main__":
