@@ -12,7 +12,7 @@ import pytest
 from radcal.figures.colours import FILLS, colour_of, colours_of, head, material_colours
 from radcal.figures.drawing import new_canvas
 from radcal.results.archive import Archive
-from radcal.tables.landcover import LANDCOVERS
+from radcal.tables.landcover import landcovers
 
 
 def lightness(colour: str) -> float:
@@ -66,9 +66,9 @@ def test_configured_colours_come_first_and_are_no_one_elses() -> None:
     assert material_colours(["a", "b"], {"b": FILLS[0]}) == [FILLS[1], FILLS[0]]
 
 
-@pytest.mark.parametrize("landcover", LANDCOVERS)
+@pytest.mark.parametrize("landcover", landcovers())
 def test_covers_of_a_map_have_colours_of_their_own(landcover: str) -> None:
-    names = [cover.name for cover in LANDCOVERS[landcover].values()][: len(FILLS)]
+    names = [cover.name for cover in landcovers()[landcover].values()][: len(FILLS)]
     found = material_colours(names)
     assert len(set(found)) == len(found)
 

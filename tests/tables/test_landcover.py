@@ -11,7 +11,7 @@ import pytest
 from radcal.config import Case, case_from
 from radcal.errors import ConfigError
 from radcal.laws import law_for
-from radcal.tables.landcover import LANDCOVERS, landcover_table, starting_keys, starting_levels
+from radcal.tables.landcover import landcover_table, landcovers, starting_keys, starting_levels
 
 
 def case(materials: dict[str, Any], landcover: str | None = "esa_worldcover", **keys: Any) -> Case:
@@ -74,9 +74,9 @@ def test_other_names_and_maps_give_nothing() -> None:
         case({"cropland": {"calibrate": True}}, elevation="b.tif")
 
 
-@pytest.mark.parametrize("landcover", LANDCOVERS)
+@pytest.mark.parametrize("landcover", landcovers())
 def test_all_classes_start_inside_of_their_bounds(landcover: str) -> None:
-    names = [cover.name for cover in LANDCOVERS[landcover].values()]
+    names = [cover.name for cover in landcovers()[landcover].values()]
     assert len(set(names)) == len(names)
     fixed = case({**{name: {} for name in names}, names[0]: {"calibrate": True}}, landcover=landcover)
     assert set(fixed.materials) == set(names)
@@ -97,7 +97,7 @@ def test_colours_are_no_part_of_what_determines_runs() -> None:
         case_from({"colours": {"dyke": "#000000"}})
 
 
-@pytest.mark.parametrize("landcover", LANDCOVERS)
+@pytest.mark.parametrize("landcover", landcovers())
 def test_the_page_has_the_generated_table(landcover: str) -> None:
     page = (Path(__file__).resolve().parents[2] / "docs/landcover.md").read_text(encoding="utf-8")
     assert landcover_table(landcover) in page

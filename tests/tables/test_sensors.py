@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
 from radcal.config import Radar, case_from
 from radcal.errors import ConfigError
-from radcal.tables.sensors import SENSORS, sensors_table
+from radcal.tables.landcover import LandCover, landcovers
+from radcal.tables.sensors import sensors, sensors_table
 
 PAGE = Path(__file__).parents[2] / "docs" / "sensors.md"
 GRD = {"sensor": "sentinel1_iw_grdh", "incidence_deg": 37.0, "polarisation": "VV", "nesz_db": -23.5}
@@ -32,6 +33,11 @@ def test_lengths_in_ground_range_become_lengths_in_slant_range() -> None:
     )  # fmt: skip
 
 
+def test_every_name_that_a_case_may_give_is_in_the_table() -> None:
+    assert tuple(sensors()) == get_args(SensorName)
+    assert tuple(landcovers()) == get_args(LandCover)
+
+
 def test_the_case_overrides_every_value() -> None:
     given = {"altitude_m": 700e3, "look_side": "left", "range_spacing_m": 5.0, "looks": 4, "azimuth_resolution_m": 25.0}
     radar = Radar(**GRD, **given)
@@ -39,9 +45,9 @@ def test_the_case_overrides_every_value() -> None:
     assert radar.range_resolution_m == pytest.approx(20.0 * math.sin(math.radians(37.0)))
 
 
-@pytest.mark.parametrize("name", SENSORS)
+@pytest.mark.parametrize("name", sensors())
 def test_what_is_asked_for_and_what_is_given_are_a_whole_pass(name: str) -> None:
-    sensor = SENSORS[name]
+    sensor = sensors()[name]
     radar = Radar(sensor=name, **{key: EXAMPLES[key] for key in sensor.asks})
     assert Radar.model_validate(radar.model_dump(mode="json")) == radar
     assert "sensor" not in radar.described()

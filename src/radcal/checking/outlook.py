@@ -28,7 +28,7 @@ from radcal.radar.radiometry import noise_floor_db
 from radcal.reading.safe import is_safe_name
 from radcal.registration.registered import LEAST_CONTRAST_DB, contrast_db
 from radcal.scene.model import Scene
-from radcal.tables.landcover import BRIGHTEST_DB
+from radcal.tables.landcover import brightest_db
 
 __all__ = [
     "bright_laws",
@@ -144,7 +144,7 @@ def bright_laws(case: Case) -> list[Finding]:
     case : Case
         The case; nothing is said if a calibrated material starts as bright, because its levels are then relative.
     """
-    gamma = {name: g for name, one in case.materials.items() if (g := _gamma_db(one)) > BRIGHTEST_DB + _BRIGHTER_DB}
+    gamma = {name: g for name, one in case.materials.items() if (g := _gamma_db(one)) > brightest_db() + _BRIGHTER_DB}
     if gamma.keys() & set(case.calibrated):
         return []
     return [
@@ -156,7 +156,7 @@ def bright_laws(case: Case) -> list[Finding]:
                 "law": str(case.materials[name].at_start.law),
                 "gamma_db": level,
                 "incidence_deg": _MIDDLE_DEG,
-                "brightest_db": BRIGHTEST_DB,
+                "brightest_db": brightest_db(),
             },
         )
         for name, level in gamma.items()

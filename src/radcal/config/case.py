@@ -39,7 +39,7 @@ from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
 from radcal.sections.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
 from radcal.sections.target import TargetConfig
 from radcal.sections.uncertainty import Uncertainty, Validation
-from radcal.tables.sensors import SENSORS
+from radcal.tables.sensors import sensors
 
 __all__ = ["Case"]
 
@@ -331,7 +331,7 @@ class Case(Part):
                 f"radar.heading_deg is {radar.heading_deg:g} and scene.objects.path is given, whose positions are not "
                 "turned with the scene's grid, expected scene.objects.generate or a track to the north"
             )
-        if radar.sensor is not None and SENSORS[radar.sensor].orbit and "heading_deg" not in radar.model_fields_set:
+        if radar.sensor is not None and sensors()[radar.sensor].orbit and "heading_deg" not in radar.model_fields_set:
             yield (
                 f"radar.heading_deg is missing: the track of sensor {radar.sensor} does not head north "
                 "(docs/sensors.md)"

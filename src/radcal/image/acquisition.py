@@ -13,7 +13,7 @@ from radcal.bands import letter_band, within_band
 from radcal.config import Radar
 from radcal.findings import Finding
 from radcal.radar.radiometry import noise_floor_db
-from radcal.tables.sensors import SENSORS
+from radcal.tables.sensors import sensors
 
 __all__ = ["Acquisition", "contradictions", "differences", "radar_keys", "radar_section"]
 
@@ -166,10 +166,10 @@ def radar_keys(acquisition: Acquisition) -> dict[str, tuple[Any, str]]:
 
 
 def _sensor(acquisition: Acquisition) -> str | None:
-    """Name of the sensor in :data:`.SENSORS` whose values agree with an acquisition; None if no sensor agrees."""
+    """Name of the sensor in :func:`.sensors` whose values agree with an acquisition; None if no sensor agrees."""
     a = acquisition
     lengths = {**a.lengths_m, "looks": a.looks}
-    for name, sensor in SENSORS.items():
+    for name, sensor in sensors().items():
         known = sensor.values_at(a.incidence_deg)
         if (
             {*lengths, "frequency_ghz", "look_side"} <= known.keys()

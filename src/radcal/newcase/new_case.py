@@ -22,8 +22,8 @@ from radcal.reading.safe import is_safe_name
 from radcal.scene.names import read_names
 from radcal.sections.base import check_case_name
 from radcal.storage.files import atomic
-from radcal.tables.landcover import LANDCOVERS
-from radcal.tables.sensors import SENSORS, Sensor
+from radcal.tables.landcover import landcovers
+from radcal.tables.sensors import Sensor, sensors
 
 __all__ = ["NewCase", "case_path"]
 
@@ -147,7 +147,7 @@ class NewCase:
 
     @property
     def _sensor(self) -> Sensor | None:
-        return SENSORS.get(self._values.get("radar.sensor", ""))
+        return sensors().get(self._values.get("radar.sensor", ""))
 
     def _read_scene(self, heights: RasterFacts | None) -> tuple[dict[int, str], dict[int, int]]:
         """Section ``scene``; returns name and number of pixels of each code of the land cover."""
@@ -167,7 +167,7 @@ class NewCase:
         counts = {} if path is None else {code: count for code, count in code_counts(path).items() if code != 0}
         if path is None or not counts:
             return {}, {}
-        preset = LANDCOVERS.get(self._values.get("scene.landcover", ""))
+        preset = landcovers().get(self._values.get("scene.landcover", ""))
         if "scene.names" in self._values:
             return read_names(self._path("scene.names"), counts, path), counts
         if preset is not None:
@@ -175,7 +175,7 @@ class NewCase:
                 raise ConfigError(f"scene.landcover: the map has no code {unknown} of {path}, expected --names.")
             self._unneeded.add("scene.names")
             return {code: preset[code].name for code in counts}, counts
-        if fits := ", ".join(name for name, codes in LANDCOVERS.items() if codes.keys() >= counts.keys()):
+        if fits := ", ".join(name for name, codes in landcovers().items() if codes.keys() >= counts.keys()):
             self._comments["scene.names"] = f"maps with these codes (--landcover-preset): {fits}"
         beside = self.path.with_name(f"{self.path.stem}_names.json")
         _refuse_existing(beside, "give it with --names")

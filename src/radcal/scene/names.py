@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 
 from radcal.errors import SceneError
-from radcal.tables.landcover import LANDCOVERS
+from radcal.tables.landcover import landcovers
 
 __all__ = ["by_id", "landcover_names", "not_in_scene", "read_names"]
 
@@ -87,7 +87,7 @@ def landcover_names(landcover: str, path: Path | None, present: Iterable[int], r
     Parameters
     ----------
     landcover : str
-        Name of the land-cover map, a key of :data:`radcal.tables.landcover.LANDCOVERS`.
+        Name of the land-cover map, a key of :func:`radcal.tables.landcover.landcovers`.
     path : path, optional
         File with names that replace names of the land-cover map, or with names of further codes.
     present : iterable of int
@@ -108,7 +108,7 @@ def landcover_names(landcover: str, path: Path | None, present: Iterable[int], r
     """
     codes = sorted(set(present) - {0})
     own = read_names(path, (), raster) if path is not None else {}
-    known = {code: cover.name for code, cover in LANDCOVERS[landcover].items()} | own
+    known = {code: cover.name for code, cover in landcovers()[landcover].items()} | own
     missing = [code for code in codes if code not in known]
     if missing:
         raise SceneError(

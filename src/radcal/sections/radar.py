@@ -21,7 +21,7 @@ from radcal.angles import depression_deg, incidence_deg
 from radcal.bands import WIDTH_FACTOR, within_band
 from radcal.sections.base import Section
 from radcal.sections.limits import Altitude, Decibels, Frequency, Length, Looks, Real
-from radcal.tables.sensors import SENSORS, SensorName
+from radcal.tables.sensors import SensorName, sensors
 
 __all__ = ["Radar", "Radiometry"]
 
@@ -125,7 +125,7 @@ class Radar(Section):
         if data.get("incidence_deg") is not None and data.get("earth") is None:
             data = {**data, "earth": "curved"}
         name = data.get("sensor")
-        sensor = SENSORS.get(name) if isinstance(name, str) else None
+        sensor = sensors().get(name) if isinstance(name, str) else None
         if sensor is None:
             return data
         return {**sensor.values_at(_centre_incidence_deg({**sensor.values_at(90.0), **data})), **data}
@@ -133,7 +133,7 @@ class Radar(Section):
     @model_validator(mode="after")
     def _asked(self) -> Self:
         given = {key: getattr(self, key) for key in self.model_fields_set}
-        if self.sensor is not None and (missing := SENSORS[self.sensor].missing(given)):
+        if self.sensor is not None and (missing := sensors()[self.sensor].missing(given)):
             *others, last = missing
             several = f"{', '.join(others)} and {last} are" if others else f"{last} is"
             raise ValueError(f"{several} missing, which sensor {self.sensor} does not give (docs/sensors.md)")
