@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,47 +10,19 @@ from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement, vrt_folders
 from radcal.errors import MeasurementError
-from radcal.findings import Finding
+from radcal.image.model import ReadImage
 from radcal.image.sicd import is_sicd, read_sicd
 from radcal.reading.arrays import read_array
-from radcal.reading.images import Counts, ImageFile, to_db
+from radcal.reading.images import ImageFile, to_db
 from radcal.sections.measurement import SICD_ENDINGS
 
-__all__ = ["ReadImage", "image_file", "image_of", "read_image"]
+__all__ = ["image_file", "image_of", "read_image"]
 
 Values = NDArray[Any]
 # smallest share of impossible values for which an image is refused. At this share, a target of 1,000 pixels loses one
 # pixel. A sector of random bytes in a float32 image of 10^6 pixels gives half of this share. Single-look power with a
 # mean of 29, read as dB, has this share of values above 200, because exp(-200 / 29) = 0.001.
 _IMPOSSIBLE_SHARE = 1e-3
-
-
-@dataclass(frozen=True)
-class ReadImage:
-    """Content of a measured image file.
-
-    Attributes
-    ----------
-    image_db : ndarray of float32, shape (rows, columns)
-        Backscatter [dB], NaN for pixels marked as no data and for zero or negative power.
-    counts : Counts
-        Number of NaN pixels for each reason.
-    findings : tuple of Finding
-        Findings on the levels of the image, from the metadata of the file.
-    polarisation : str or None
-        Transmitted and received polarisation, such as "VV", where the file gives it.
-    frequency_hz : float or None
-        Carrier frequency [Hz], where the file gives it.
-    radiometry : str or None
-        Radiometry of the image, where the file gives it.
-    """
-
-    image_db: NDArray[np.float32]
-    counts: Counts
-    findings: tuple[Finding, ...] = ()
-    polarisation: str | None = None
-    frequency_hz: float | None = None
-    radiometry: str | None = None
 
 
 def read_image(
@@ -76,16 +47,7 @@ def read_image(
         The file cannot be read or holds no image, or its numbers contradict the scale.
     """
     if path.suffix.lower() in SICD_ENDINGS and is_sicd(path):
-        sicd = read_sicd(path, config, image_file(path, config, shape))
-        # complex pixels have been converted to power already, at the level that the file gives
-        read = image_of(sicd.power, path, config.model_copy(update={"scale": "power"}), shape)
-        return replace(
-            read,
-            findings=sicd.findings,
-            polarisation=sicd.polarisation,
-            frequency_hz=sicd.frequency_hz,
-            radiometry=sicd.radiometry,
-        )
+        return read_sicd(path, config, image_file(path, config, shape))
     return image_of(read_array(image_file(path, config, shape, resized)), path, config, shape)
 
 

@@ -8,7 +8,7 @@ flight direction if the radar looks right, and against the flight direction if i
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -19,40 +19,15 @@ from numpy.typing import NDArray
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
 from radcal.findings import Finding
-from radcal.reading.images import ImageFile, check_header, reading
+from radcal.image.model import ReadImage
+from radcal.reading.images import ImageFile, check_header, reading, to_db
 from radcal.reading.intake import parse_xml
 
-__all__ = ["SicdImage", "is_sicd", "read_sicd"]
+__all__ = ["is_sicd", "read_sicd"]
 
 _HEADER_BYTES = 1_000_000  # a NITF header gives its length in six digits
 _IMAGE, _EXTENSION = 0, 4  # segments of a NITF file, in the order of its header
 _LINEAR = frozenset("HV")
-
-
-@dataclass(frozen=True)
-class SicdImage:
-    """SICD image turned to slant range along rows and azimuth along columns.
-
-    Attributes
-    ----------
-    power : ndarray of float64, shape (slant range, azimuth)
-        sigma0, or relative power (finding ``levels_relative``); row 0 is nearest to the radar, and
-        columns grow along the flight.
-    findings : tuple of Finding
-        Findings on the levels and other properties of the image.
-    polarisation : str or None
-        Transmitted and received polarisation, such as "VV", where the file gives both.
-    frequency_hz : float or None
-        Centre of the processed band [Hz], where the file gives it.
-    radiometry : str or None
-        ``sigma0_ref`` for sigma0 of level ground; None for relative power.
-    """
-
-    power: NDArray[np.float64]
-    findings: tuple[Finding, ...]
-    polarisation: str | None
-    frequency_hz: float | None
-    radiometry: str | None
 
 
 def is_sicd(path: Path) -> bool:
@@ -66,8 +41,10 @@ def is_sicd(path: Path) -> bool:
         return False
 
 
-def read_sicd(path: Path, config: FileMeasurement, file: ImageFile) -> SicdImage:
-    """Read a SICD image as sigma0.
+def read_sicd(path: Path, config: FileMeasurement, file: ImageFile) -> ReadImage:
+    """Read a SICD image as sigma0 [dB], turned to slant range along rows and azimuth along columns.
+
+    Row 0 is nearest to the radar, and columns grow along the flight.
 
     Sigma0 is the pixel power times the polynomial SigmaZeroSFPoly of the file, whose variables are the row and column
     distances [m] from the scene centre point. If this polynomial is missing, sigma0 follows from BetaZeroSFPoly or
@@ -108,7 +85,7 @@ def read_sicd(path: Path, config: FileMeasurement, file: ImageFile) -> SicdImage
         return _read(path, file)
 
 
-def _read(path: Path, checked: ImageFile) -> SicdImage:
+def _read(path: Path, checked: ImageFile) -> ReadImage:
     from sarkit import sicd
 
     with path.open("rb") as file:
@@ -143,7 +120,9 @@ def _read(path: Path, checked: ImageFile) -> SicdImage:
         findings.append(Finding("carrier_unknown", "note", path.name))
     # the clutter cell of all three polynomials is level ground at the height of the scene centre point
     radiometry = "sigma0_ref" if factor is not None else None
-    return SicdImage(np.ascontiguousarray(power), tuple(findings), polarisation, frequency_hz, radiometry)
+    as_power = replace(checked, options=checked.options.model_copy(update={"scale": "power"}))
+    image_db, counts = to_db(np.ascontiguousarray(power), as_power)
+    return ReadImage(image_db, counts, tuple(findings), polarisation, frequency_hz, radiometry)
 
 
 def _check_header(file: BinaryIO) -> None:

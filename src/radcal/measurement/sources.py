@@ -26,8 +26,8 @@ from radcal.image.georeference import (
     values_at_ground,
 )
 from radcal.image.header import Header, header_of
-from radcal.image.model import Measurement
-from radcal.image.readers import ReadImage, image_of, read_image
+from radcal.image.model import Measurement, ReadImage
+from radcal.image.readers import image_of, read_image
 from radcal.image.resolution import check_resolutions
 from radcal.image.speckle_check import check_speckle
 from radcal.measurement.synthetic import make_synthetic

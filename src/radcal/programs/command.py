@@ -17,12 +17,7 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from radcal.config import (
-    InputFile,
-    Material,
-    Radar,
-    executable_path,
-)
+from radcal.config import Material, Radar, executable_path
 from radcal.errors import ConfigError, SimulatorError, StoreError, WrongNumbers
 from radcal.programs.command_plan import CommandPlan, check_command, check_image_shape
 from radcal.programs.placeholders import SEED, argument
@@ -108,7 +103,10 @@ class CommandSimulator:
             "name": config.name or Path(config.command[0]).name,
             "version": config.version if config.version_command is None else self._version(config.version_command),
             "command": list(config.command),
-            "input": _plain(config.input),
+            # a later key, which is left out if it has its default, so that earlier runs keep their keys
+            "input": config.input.model_dump(mode="json", exclude={"radar"} if config.input.radar else None)
+            if config.input is not None
+            else None,
             "templates": [item.model_dump(mode="json", exclude={"template"}) for item in config.templates],
             "environment": dict(config.environment),
             "output": config.output.model_dump(mode="json"),
@@ -191,11 +189,7 @@ class CommandSimulator:
             Paths of the input files, and of ``command.txt`` with the command line for a POSIX shell.
         """
         command, texts = self._filled(folder.absolute(), parameters, noise_seed)
-        texts["command.txt"] = (shlex.join(command) + "\n").encode()
-        for name, content in texts.items():
-            with atomic(folder / name) as partial:
-                partial.write_bytes(content)
-        return [folder / name for name in texts]
+        return _write(folder, {**texts, "command.txt": (shlex.join(command) + "\n").encode()})
 
     def _filled(
         self, folder: Path, parameters: Mapping[str, Sequence[float]], noise_seed: int
@@ -226,8 +220,7 @@ class CommandSimulator:
         config = self._config
         output = folder / config.output.file
         command, texts = self._filled(folder, parameters, noise_seed)
-        for name, content in texts.items():
-            self._write(folder / name, content)
+        _write(folder, texts)
         output.parent.mkdir(parents=True, exist_ok=True)
         ended = run_program(command, folder, config.environment, config.timeout_s)
         program = self._plan.executable.name
@@ -289,14 +282,6 @@ class CommandSimulator:
         }
         return toml_text(data) if self._config.input.format == "toml" else json.dumps(data, indent=1) + "\n"
 
-    @staticmethod
-    def _write(path: Path, content: bytes) -> None:
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content)
-        except OSError as error:
-            raise StoreError(f"{path}: cannot be written ({error.strerror or error}).") from error
-
     def _version(self, words: Sequence[str]) -> str:
         """Version that the program of ``version_command`` prints."""
         key = "simulator.version_command"
@@ -316,10 +301,12 @@ class CommandSimulator:
             return printed
 
 
-def _plain(config: InputFile | None) -> dict[str, Any] | None:
-    """Settings of the input file, for the identity of the simulator; ``radar`` is omitted if true (the default)."""
-    later = {"radar"} if config is not None and config.radar else None
-    return None if config is None else config.model_dump(mode="json", exclude=later)
+def _write(folder: Path, texts: Mapping[str, bytes]) -> list[Path]:
+    """Write files into a folder, each atomically; return their paths."""
+    for name, content in texts.items():
+        with atomic(folder / name) as partial:
+            partial.write_bytes(content)
+    return [folder / name for name in texts]
 
 
 def toml_text(data: Mapping[str, Any]) -> str:

@@ -16,8 +16,7 @@ from radcal.inference.moments import STATISTICS, from_dp, to_dp
 from radcal.objectives import Comparison
 from radcal.proposals.kriging import JITTER, Kriging, baseline_factor, train
 from radcal.proposals.smt_kriging import train_smt
-from radcal.storage.dataclass_groups import put, take
-from radcal.storage.records import read_hdf5, write_hdf5
+from radcal.storage.records import read_item, write_item
 
 __all__ = ["Surrogate", "Training", "read_trainings", "train_surrogate", "write_trainings"]
 
@@ -305,8 +304,7 @@ class _Stored:
 
 def write_trainings(path: str | Path, trainings: Mapping[str, Training]) -> None:
     """Write the data and hyper-parameters of all materials' surrogates to an HDF5 file, atomically."""
-    with write_hdf5(path, "surrogate") as file:
-        put(file, _Stored(trainings))
+    write_item(path, "surrogate", _Stored(trainings))
 
 
 def read_trainings(path: str | Path) -> dict[str, Training]:
@@ -317,5 +315,4 @@ def read_trainings(path: str | Path) -> dict[str, Training]:
     StoreError
         The file is missing, damaged, or of another version or case.
     """
-    with read_hdf5(path, "surrogate") as file:
-        return dict(take(file, _Stored).materials)
+    return dict(read_item(path, "surrogate", _Stored).materials)

@@ -104,7 +104,8 @@ def _raster(file: ImageFile) -> Values:
 
 def _chosen(names: list[str], file: ImageFile) -> str:
     """Name of the configured array, or of the only array in a file."""
-    listed, chosen = ", ".join(names) or "no array", file.options.dataset
+    listed = ", ".join(names) or "no array"
+    chosen: str | None = file.options.dataset
     if chosen is None:
         if len(names) == 1:
             return names[0]

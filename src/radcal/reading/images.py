@@ -9,7 +9,7 @@ from __future__ import annotations
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,6 @@ __all__ = [
     "NOT_FINITE",
     "Counts",
     "ImageFile",
-    "Options",
     "Values",
     "check_header",
     "reading",
@@ -37,25 +36,6 @@ LARGEST_DB = 200.0
 NOT_FINITE = "not finite"  # what the numbers of a refused file are, if they should be finite
 
 
-class Options(Protocol):
-    """Configured options of an image file."""
-
-    @property
-    def scale(self) -> str:
-        """Scale of the numbers in the file: db, power, amplitude or complex."""
-        ...
-
-    @property
-    def band(self) -> int | None:
-        """Number of the raster band, from 1; None if not configured."""
-        ...
-
-    @property
-    def dataset(self) -> str | None:
-        """Name of the array in an npz, mat or HDF5 file; None if not configured."""
-        ...
-
-
 @dataclass(frozen=True)
 class ImageFile:
     """Image file with its options, and the configuration keys that error messages name.
@@ -64,8 +44,9 @@ class ImageFile:
     ----------
     path : Path
         Path of the file.
-    options : Options
-        Configured scale, band and dataset.
+    options : FileMeasurement or Output
+        Section of the configuration with ``scale`` (db, power, amplitude or complex), ``band`` (number of the raster
+        band, from 1, or None) and ``dataset`` (name of the array in an npz, mat or HDF5 file, or None).
     section, key : str
         Section of the configuration that contains the options, and the key in this section that contains the path.
     error : type of RadcalError
@@ -82,7 +63,7 @@ class ImageFile:
     """
 
     path: Path
-    options: Options
+    options: Any
     section: str
     key: str
     error: type[RadcalError]

@@ -17,8 +17,7 @@ from radcal.image.model import Measurement
 from radcal.registration.displacement import warp
 from radcal.registration.gefolki import Flow, Level, find_flow, local_correlation, pyramid, rank_transform
 from radcal.registration.spline_field import Prior
-from radcal.storage.dataclass_groups import put, take
-from radcal.storage.records import read_hdf5, write_hdf5
+from radcal.storage.records import read_item, write_item
 
 __all__ = [
     "LEAST_CONTRAST_DB",
@@ -345,14 +344,12 @@ def _ilk(
 
 def write_registered(path: str | Path, registered: Registered) -> None:
     """Write a registered image to HDF5, atomically."""
-    with write_hdf5(path, "registered") as file:
-        put(file, registered)
+    write_item(path, "registered", registered)
 
 
 def read_registered(path: str | Path) -> Registered:
     """Read a registered image that :func:`write_registered` wrote; raises the errors of :func:`.read_hdf5`."""
-    with read_hdf5(path, "registered") as file:
-        return take(file, Registered)
+    return read_item(path, "registered", Registered)
 
 
 def registered_as(

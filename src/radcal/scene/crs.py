@@ -275,27 +275,27 @@ def named_datum(text: str) -> str:
         return name
     if "ellips" in text.lower() or _key(text) == "local":
         return text.strip()
-    known = _vertical_names()
+    known = _vertical_crs()
     if _key(text) not in known:
         near = difflib.get_close_matches(_key(text), known, n=1, cutoff=0.6)
-        meant = f" (did you mean {known[near[0]]!r}?)" if near else ""
+        meant = f" (did you mean {known[near[0]].name!r}?)" if near else ""
         raise SceneError(
             f"scene.vertical_datum is {text!r}{meant}, expected a vertical datum of the EPSG database such as EGM96, "
             "EGM2008 or NAP, WGS84 ellipsoid, or local."
         )
-    return known[_key(text)]
+    return str(known[_key(text)].name)
 
 
 @functools.cache
-def _vertical_names() -> dict[str, str]:
-    """Names of the vertical CRSs of the EPSG database, by their keys; the search of the database takes 0.1 s."""
+def _vertical_crs() -> dict[str, Any]:
+    """Name and code of the vertical CRSs of the EPSG database, by key; the search of the database takes 0.1 s."""
     from pyproj.database import query_crs_info
     from pyproj.enums import PJType
 
-    known: dict[str, str] = {}
+    known: dict[str, Any] = {}
     # shortest name first, because longer names add the unit
-    for name in sorted((info.name for info in query_crs_info("EPSG", PJType.VERTICAL_CRS)), key=len):
-        known.setdefault(_key(name), name)
+    for info in sorted(query_crs_info("EPSG", PJType.VERTICAL_CRS), key=lambda info: len(info.name)):
+        known.setdefault(_key(info.name), info)
     return known
 
 
@@ -353,27 +353,24 @@ def geoid_m(datum: str, longitude_deg: float, latitude_deg: float) -> float | No
     """
     from pyproj import CRS, Transformer
     from pyproj.crs import CompoundCRS
-    from pyproj.database import query_crs_info
-    from pyproj.enums import PJType
     from pyproj.exceptions import ProjError
     from pyproj.transformer import TransformerGroup
 
     if "ellips" in datum.lower():
         return 0.0
-    found = [info for info in query_crs_info("EPSG", PJType.VERTICAL_CRS) if _key(info.name) == _key(datum)]
-    for info in sorted(found, key=lambda info: len(info.name)):  # shortest first, because longer names add the unit
-        above = CompoundCRS("heights", [CRS.from_epsg(4326), CRS.from_authority(info.auth_name, info.code)])
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            if not TransformerGroup(above, CRS.from_epsg(4979), always_xy=True).best_available:
-                return None
-        try:
-            change = Transformer.from_crs(above, CRS.from_epsg(4979), always_xy=True)
-            height = change.transform(longitude_deg, latitude_deg, 0.0, errcheck=True)[2]
-        except ProjError:
+    info = _vertical_crs().get(_key(datum))
+    if info is None:
+        return None
+    above = CompoundCRS("heights", [CRS.from_epsg(4326), CRS.from_authority(info.auth_name, info.code)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if not TransformerGroup(above, CRS.from_epsg(4979), always_xy=True).best_available:
             return None
-        return float(height)
-    return None
+    try:
+        change = Transformer.from_crs(above, CRS.from_epsg(4979), always_xy=True)
+        return float(change.transform(longitude_deg, latitude_deg, 0.0, errcheck=True)[2])
+    except ProjError:
+        return None
 
 
 def pixel_size_m(raster: Any, plane: CRS) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,10 +11,9 @@ from numpy.typing import NDArray
 
 from radcal.errors import SceneError
 from radcal.findings import Finding
-from radcal.scene.names import not_in_scene
 from radcal.scene.objects import Objects
 from radcal.storage.dataclass_groups import put, same, take
-from radcal.storage.records import read_hdf5, write_hdf5
+from radcal.storage.records import read_item, write_hdf5
 
 __all__ = ["Scene", "read_scene", "write_scene"]
 
@@ -80,7 +80,10 @@ class Scene:
         present = {self.names[k - 1] for k in np.unique(self.material) if k > 0}
         for name in materials:
             if name not in self.names:
-                raise not_in_scene(name, self.names, materials)
+                others = [one for one in self.names if one not in materials]
+                near = difflib.get_close_matches(name, others, n=1, cutoff=0.5)
+                hint = f" (did you mean {near[0]!r}?)" if near else ""
+                raise SceneError(f"materials.{name}: not in the scene, which has {', '.join(self.names)}{hint}.")
             if name not in present:
                 raise SceneError(f"materials.{name}: covers no cell of the scene.")
         lawless = sorted(present - set(materials))
@@ -108,5 +111,4 @@ def write_scene(path: str | Path, scene: Scene) -> None:
 
 def read_scene(path: str | Path) -> Scene:
     """Read a scene that :func:`write_scene` wrote; :func:`.read_hdf5` describes the errors."""
-    with read_hdf5(path, "scene") as file:
-        return take(file, Scene)
+    return read_item(path, "scene", Scene)

@@ -2,37 +2,18 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from radcal.errors import SceneError
 from radcal.tables.landcover import landcovers
 
-__all__ = ["by_id", "landcover_names", "not_in_scene", "read_names"]
+__all__ = ["by_id", "landcover_names", "read_names"]
 
 _LARGEST_ID = 255  # ids are stored in one byte
 _LARGEST_BYTES = 1_000_000  # size limit of a file of names
-
-
-def not_in_scene(name: str, names: Iterable[str], materials: Collection[str]) -> SceneError:
-    """Error about a material of the case that the scene lacks, with the name that was probably meant.
-
-    Parameters
-    ----------
-    name : str
-        Material of the case.
-    names : iterable of str
-        Names of the scene's materials.
-    materials : collection of str
-        Names of all materials of the case; none of them is suggested.
-    """
-    names = list(names)
-    near = difflib.get_close_matches(name, [one for one in names if one not in materials], n=1, cutoff=0.5)
-    hint = f" (did you mean {near[0]!r}?)" if near else ""
-    return SceneError(f"materials.{name}: not in the scene, which has {', '.join(names)}{hint}.")
 
 
 def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, str]:
@@ -72,9 +53,8 @@ def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, st
     names.pop(0, None)
     if not names:
         raise SceneError(f"scene.names: {path} names no material.")
-    twice = [name for name, times in Counter(names.values()).items() if times > 1]
-    if twice:
-        raise SceneError(f"scene.names: {path} gives the name {twice[0]!r} to more than one material id.")
+    if (twice := _twice(names)) is not None:
+        raise SceneError(f"scene.names: {path} gives the name {twice!r} to more than one material id.")
     missing = sorted(set(present) - {0, *names})
     if missing:
         raise SceneError(f"scene.names: {path} has no name for material id {missing[0]} of {raster}.")
@@ -116,10 +96,14 @@ def landcover_names(landcover: str, path: Path | None, present: Iterable[int], r
             "declare it as no-data of the raster."
         )
     names = {code: known[code] for code in codes}
-    twice = [name for name, times in Counter(names.values()).items() if times > 1]
-    if twice:
-        raise SceneError(f"scene.names: more than one code of {raster} has the name {twice[0]!r}.")
+    if (twice := _twice(names)) is not None:
+        raise SceneError(f"scene.names: more than one code of {raster} has the name {twice!r}.")
     return names
+
+
+def _twice(names: Mapping[int, str]) -> str | None:
+    """First name of more than one id; None if all names differ."""
+    return next((name for name, times in Counter(names.values()).items() if times > 1), None)
 
 
 def by_id(names: Mapping[int, str]) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from radcal.scene.model import Scene
 from radcal.scene.names import by_id, read_names
 from radcal.storage.files import digest
 
-__all__ = ["flat_incidence_deg", "read_labels", "slant_range_scene"]
+__all__ = ["flat_incidence_deg", "slant_range_scene"]
 
 
 def flat_incidence_deg(near_deg: float, far_deg: float, rows: int) -> NDArray[np.float64]:
@@ -62,24 +62,6 @@ def _labels(path: Path, folders: Sequence[Path]) -> NDArray[Any]:
         return np.asarray(raster.read(1))
 
 
-def read_labels(config: SlantRangeScene) -> tuple[NDArray[Any], list[int]]:
-    """Labels of a scene in slant range, shape (rows, columns), and the material ids that occur in them.
-
-    Raises
-    ------
-    SceneError
-        The file cannot be read, or a label is not a material id.
-    """
-    path = expand_path(config.labels, "scene.labels")
-    labels = _labels(path, vrt_folders(config))
-    if labels.dtype.kind not in "ui" or labels.min() < 0 or labels.max() > 255:
-        raise SceneError(
-            f"scene.labels: {path} holds {labels.dtype} from {labels.min()} to {labels.max()}, "
-            "expected whole material ids from 0 to 255."
-        )
-    return labels, [int(k) for k in np.unique(labels)]
-
-
 def slant_range_scene(config: SlantRangeScene) -> Scene:
     """Scene from a label raster and a file with the names of its labels.
 
@@ -88,9 +70,14 @@ def slant_range_scene(config: SlantRangeScene) -> Scene:
     SceneError
         A file cannot be read, a label is not a material id, or a material id has no name.
     """
-    names_path = expand_path(config.names, "scene.names")
-    labels, present = read_labels(config)
-    names = read_names(names_path, present, expand_path(config.labels, "scene.labels"))
+    names_path, path = expand_path(config.names, "scene.names"), expand_path(config.labels, "scene.labels")
+    labels = _labels(path, vrt_folders(config))
+    if labels.dtype.kind not in "ui" or labels.min() < 0 or labels.max() > 255:
+        raise SceneError(
+            f"scene.labels: {path} holds {labels.dtype} from {labels.min()} to {labels.max()}, "
+            "expected whole material ids from 0 to 255."
+        )
+    names = read_names(names_path, [int(k) for k in np.unique(labels)], path)
     return Scene(
         identity=digest(
             {

@@ -45,10 +45,11 @@ def make_scene(config: SceneConfig, materials: list[str] | None, heading_deg: fl
         scene.require(materials)
     if isinstance(config, BuiltinScene | RasterScene) and config.objects is not None:
         objects = _objects(config.objects, scene)
+        numbers = {"objects": len(objects), "points": int((~objects.extended).sum())}
         scene = replace(
             scene,
             identity=digest({"scene": scene.identity, "objects": objects.identity}),
-            findings=(*scene.findings, _count(objects)),
+            findings=(*scene.findings, Finding("objects", "note", "scene", numbers)),
             objects=objects,
         )
     return scene
@@ -64,7 +65,3 @@ def _objects(config: SceneObjects, scene: Scene) -> Objects:
     corner = (0.0, 0.0) if scene.transform is None else (scene.transform[2], scene.transform[5])
     path = expand_path(str(config.path), "scene.objects.path")
     return read_objects(path, Place(size, corner, scene.crs), config.layer, config.aspect)
-
-
-def _count(objects: Objects) -> Finding:
-    return Finding("objects", "note", "scene", {"objects": len(objects), "points": int((~objects.extended).sum())})

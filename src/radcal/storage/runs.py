@@ -19,10 +19,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.errors import DamagedError, StoreError
+from radcal.errors import DamagedError
 from radcal.storage.disclosure import disclosed
 from radcal.storage.inspection import inspect, set_aside, unreachable
-from radcal.storage.records import write_hdf5
+from radcal.storage.records import read_hdf5, write_hdf5
 
 __all__ = ["Parameters", "Record", "RunStore", "median_seconds"]
 
@@ -147,13 +147,8 @@ class RunStore:
         StoreError
             The record is missing or cannot be read.
         """
-        if self._read(key) is None:
-            raise StoreError(f"{self.path(key)}: is missing; type the same command again to have it made.")
-        try:
-            with h5py.File(self.path(key), "r", locking=False) as file:
-                return disclosed(json.loads(str(file.attrs["description"])))
-        except (OSError, KeyError, ValueError) as error:
-            raise StoreError(f"{self.path(key)}: cannot be read ({error}).") from None
+        with read_hdf5(self.path(key), "run") as file:
+            return disclosed(json.loads(str(file.attrs["description"])))
 
     def put(self, record: Record, description: Mapping[str, Any]) -> None:
         """Write a record atomically.

@@ -16,8 +16,8 @@ from radcal.ground.goodness import Goodness
 from radcal.ground.ground import Ground
 from radcal.ground.levels import Levels
 from radcal.ground.one_incidence import LEAST_SPAN_DEG, seen_at_one_incidence
-from radcal.storage.dataclass_groups import About, put, take
-from radcal.storage.records import read_hdf5, write_hdf5
+from radcal.storage.dataclass_groups import About
+from radcal.storage.records import read_item, write_item
 from radcal.targets.class_target import ClassTarget
 
 __all__ = ["Target", "Targets", "read_targets", "write_targets"]
@@ -247,16 +247,14 @@ class _Stored:
 
 def write_targets(path: str | Path, targets: Targets) -> None:
     """Write the targets of all materials, and the level normalisation of both images, to HDF5, atomically."""
-    with write_hdf5(path, "target") as file:
-        put(file, _Stored(targets, targets.levels, targets.looks))
+    write_item(path, "target", _Stored(targets, targets.levels, targets.looks))
 
 
 def read_targets(*paths: str | Path) -> Targets:
     """Read the targets of all passes, one file for each pass; raises the errors of :func:`.read_hdf5`."""
     found = []
     for path in paths:
-        with read_hdf5(path, "target") as file:
-            found.append(take(file, _Stored))
+        found.append(read_item(path, "target", _Stored))
     further = [Targets(stored.materials, stored.levels, stored.looks) for stored in found[1:]]
     first = found[0]
     return Targets(first.materials, first.levels, first.looks, further)
