@@ -7,28 +7,16 @@ import os
 import shutil
 import subprocess
 import sys
-import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import rasterio
 import yaml
-from rasterio.errors import NotGeoreferencedWarning
+from raster_files import write_raster
 
 ROOT = Path(__file__).resolve().parents[1]
 ROWS, COLUMNS = 96, 80
-
-
-def write_raster(path: Path, values: np.ndarray) -> Path:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        with rasterio.open(
-            path, "w", driver="GTiff", height=values.shape[0], width=values.shape[1], count=1, dtype=values.dtype
-        ) as raster:
-            raster.write(values, 1)
-    return path
 
 
 def sentences(text: str) -> list[str]:

@@ -12,6 +12,7 @@ import pytest
 import rasterio
 import yaml
 from pyproj import Transformer
+from raster_files import write_raster
 from rasterio.transform import from_origin
 from safe_product import LINES, NAME, PIXELS, place_of, write_product
 from typer.testing import CliRunner
@@ -62,11 +63,7 @@ def test_ten_mistakes_are_found_at_once(tmp_path: Path, monkeypatch: pytest.Monk
 def slant_range(folder: Path, names: str, shape: tuple[int, int] = (60, 50)) -> Path:
     labels = np.ones((60, 50), dtype=np.uint8)
     labels[:, 20:] = 2
-    settings = {"height": 60, "width": 50, "count": 1, "dtype": "uint8"}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-        with rasterio.open(folder / "labels.tif", "w", driver="GTiff", **settings) as raster:
-            raster.write(labels, 1)
+    write_raster(folder / "labels.tif", labels)
     (folder / "names.json").write_text(names)
     power = np.random.default_rng(3).gamma(4.0, 0.25, shape)
     np.save(folder / "image.npy", power.astype(np.float32))
@@ -218,11 +215,9 @@ def test_a_sentinel1_product_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyP
         speckle = np.random.default_rng(4).gamma(4.4, 1.0 / 4.4, (LINES, PIXELS))
         safe = write_product(tmp_path, np.ceil(400.0 * np.sqrt(speckle)).astype(np.uint16))
     x, y = Transformer.from_crs("EPSG:4326", "EPSG:32633", always_xy=True).transform(*place_of(60.0, 50.0, 120.0))
-    settings = {"height": 40, "width": 40, "count": 1, "crs": "EPSG:32633", "driver": "GTiff"}
+    where = {"crs": "EPSG:32633", "transform": from_origin(x - 300.0, y + 300.0, 15.0, 15.0)}
     for name, dtype, value in (("height.tif", "float32", 120.0), ("cover.tif", "uint8", 1)):
-        transform = from_origin(x - 300.0, y + 300.0, 15.0, 15.0)
-        with rasterio.open(name, "w", dtype=dtype, transform=transform, **settings) as raster:
-            raster.write(np.full((40, 40), value, dtype=dtype), 1)
+        write_raster(name, np.full((40, 40), value, dtype=dtype), **where)
     Path("names.json").write_text('{"1": "crops"}')
     Path("mine.yaml").write_text(
         "scene: {source: raster, elevation: height.tif, materials: cover.tif, names: names.json, "

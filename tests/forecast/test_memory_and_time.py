@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rasterio
 from hypothesis import given
 from hypothesis import strategies as st
+from raster_files import write_raster
 from rasterio.transform import from_origin
 
 from radcal.config import BuiltinScene, Radar, RasterScene, SlantRangeScene, case_from
@@ -29,12 +29,7 @@ pytestmark = [
 
 def write(path: Path, values: np.ndarray, pixel_m: float | None) -> str:
     where = {} if pixel_m is None else {"crs": "EPSG:32631", "transform": from_origin(6e5, 5.8e6, pixel_m, pixel_m)}
-    height, width = values.shape
-    with rasterio.open(
-        path, "w", driver="GTiff", height=height, width=width, count=1, dtype=values.dtype, **where
-    ) as raster:
-        raster.write(values, 1)
-    return str(path)
+    return str(write_raster(path, values, **where))
 
 
 @pytest.fixture

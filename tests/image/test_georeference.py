@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-import warnings
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import rasterio
 from affine import Affine
 from pyproj import CRS, Transformer
-from rasterio.errors import NotGeoreferencedWarning
+from raster_files import write_raster
 from rasterio.windows import Window
 
 from radcal.config import FileMeasurement, Radar
@@ -144,22 +142,10 @@ def test_gaps_and_complex_values_are_kept() -> None:
         )
 
 
-def write(path: Path, values: np.ndarray, **profile: Any) -> Path:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        bands = values if values.ndim == 3 else values[None]
-        with rasterio.open(
-            path, "w", driver="GTiff", count=len(bands), height=bands.shape[1], width=bands.shape[2],
-            dtype=values.dtype, **profile,
-        ) as raster:  # fmt: skip
-            raster.write(bands)
-    return path
-
-
 def test_files_are_read_with_their_place(tmp_path: Path) -> None:
     crs, transform, shape = SAME
     values = np.arange(np.prod(shape), dtype=np.int32).reshape(shape)
-    path = write(tmp_path / "image.tif", np.stack([values, 2 * values]), crs=crs, transform=transform, nodata=0)
+    path = write_raster(tmp_path / "image.tif", np.stack([values, 2 * values]), crs=crs, transform=transform, nodata=0)
     config = CONFIG.model_copy(update={"band": 2})
     assert header_of(path, config) == Header(CRS(UTM), pytest.approx((3.0, 3.0)))
     read = read_georeferenced(path, config)
@@ -189,7 +175,7 @@ def test_of_a_large_image_the_scenes_part_is_read(tmp_path: Path) -> None:
         values_at_ground(read, UTM, SCENE, ground_of()), values_at_ground(image(*SAME), UTM, SCENE, ground_of())
     )
     # of one that lies elsewhere nothing is read, and it is said
-    far = write(tmp_path / "far.tif", np.ones((9, 9)), crs=crs, transform=Affine.translation(1e5, 0) @ transform)
+    far = write_raster(tmp_path / "far.tif", np.ones((9, 9)), crs=crs, transform=Affine.translation(1e5, 0) @ transform)
     read = read_georeferenced(far, CONFIG, partial(places_on_ground, UTM, SCENE, ground_of()))
     with pytest.raises(MeasurementError, match="covers no place"):
         values_at_ground(read, UTM, SCENE, ground_of())
@@ -197,7 +183,7 @@ def test_of_a_large_image_the_scenes_part_is_read(tmp_path: Path) -> None:
 
 def test_the_vertical_part_of_a_crs_does_not_matter(tmp_path: Path) -> None:
     _, transform, _ = SAME
-    path = write(tmp_path / "image.tif", image(*SAME).values, crs="EPSG:32631+5773", transform=transform)
+    path = write_raster(tmp_path / "image.tif", image(*SAME).values, crs="EPSG:32631+5773", transform=transform)
     read = read_georeferenced(path, CONFIG)
     np.testing.assert_array_equal(
         values_at_ground(read, UTM, SCENE, ground_of()), values_at_ground(image(*SAME), UTM, SCENE, ground_of())
@@ -206,10 +192,10 @@ def test_the_vertical_part_of_a_crs_does_not_matter(tmp_path: Path) -> None:
 
 def test_files_without_a_place_are_told_apart(tmp_path: Path) -> None:
     values = np.ones((20, 30), dtype=np.float32)
-    plain = write(tmp_path / "plain.tif", values)
-    no_transform = write(tmp_path / "crs.tif", values, crs=UTM)
-    no_crs = write(tmp_path / "transform.tif", values, transform=SAME[1])
-    local = write(
+    plain = write_raster(tmp_path / "plain.tif", values)
+    no_transform = write_raster(tmp_path / "crs.tif", values, crs=UTM)
+    no_crs = write_raster(tmp_path / "transform.tif", values, transform=SAME[1])
+    local = write_raster(
         tmp_path / "local.tif", values, transform=SAME[1],
         crs=rasterio.crs.CRS.from_wkt('LOCAL_CS["radar",UNIT["metre",1]]'),
     )  # fmt: skip
@@ -225,10 +211,8 @@ def test_files_without_a_place_are_told_apart(tmp_path: Path) -> None:
 
 def test_pixels_are_turned_into_range_and_azimuth(tmp_path: Path) -> None:
     """Pixels of 3 m to the east and 5 m to the north, seen by a track to the north, the east and the north-east."""
-    settings = {"height": 9, "width": 9, "count": 1, "dtype": "uint8", "crs": UTM, "driver": "GTiff"}
-    with rasterio.open(tmp_path / "a.tif", "w", transform=Affine(3.0, 0, WEST, 0, -5.0, SOUTH), **settings):
-        pass
-    header = header_of(tmp_path / "a.tif", CONFIG)
+    where = {"crs": UTM, "transform": Affine(3.0, 0, WEST, 0, -5.0, SOUTH)}
+    header = header_of(write_raster(tmp_path / "a.tif", np.ones((9, 9), np.uint8), **where), CONFIG)
     assert header.pixel_m == pytest.approx((3.0, 5.0))
     half = math.cos(math.radians(60.0))
     for heading, across, along in ((0.0, 3.0, 5.0), (90.0, 5.0, 3.0), (45.0, math.sqrt(17.0), math.sqrt(17.0))):

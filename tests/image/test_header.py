@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
+from raster_files import write_raster
 
 from radcal.config import Case, FileMeasurement
 from radcal.errors import MeasurementError
@@ -24,12 +25,8 @@ NORMALISATION = "PROCESSING_INFORMATION_OUTPUT_BACKSCATTER_NORMALIZATION_CONVENT
 
 
 def write(path: Path, shape: tuple[int, int], names: list[str | None], **tags: str) -> Path:
-    with rasterio.open(
-        path, "w", driver="GTiff", count=len(names), height=shape[0], width=shape[1], dtype="float32"
-    ) as raster:
-        values = np.random.default_rng(1).normal(-12.0, 3.0, (len(names), *shape))
-        raster.write(values.astype(np.float32))
-        raster.descriptions = tuple(names)
+    write_raster(path, np.random.default_rng(1).normal(-12.0, 3.0, (len(names), *shape)).astype(np.float32), names)
+    with rasterio.open(path, "r+") as raster:
         raster.update_tags(**tags)
     return path
 

@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter, uniform_filter
 from radcal.config import Radar
 from radcal.image import point_spread
 from radcal.image.looks import estimate_looks
-from radcal.image.point_spread import PointSpread, estimate_point_spread, is_filtered, point_spread_findings
+from radcal.image.point_spread import PointSpread, Width, estimate_point_spread, is_filtered, point_spread_findings
 from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.reflectivity import uniform
 
@@ -38,6 +38,12 @@ def lee(image: np.ndarray, side: int, looks: int) -> np.ndarray:
     return np.asarray(mean + beyond / np.maximum(variance, 1e-12) * (image - mean))
 
 
+def spread_of(
+    range_m: float, azimuth_m: float, range_error_m: float, azimuth_error_m: float, smoothing: float, windows: int
+) -> PointSpread:
+    return PointSpread(Width(range_m, range_error_m, smoothing), Width(azimuth_m, azimuth_error_m, 1.0), windows)
+
+
 def found(image: np.ndarray, radar: Radar = RADAR) -> PointSpread:
     spread = estimate_point_spread(decibels(image.astype(np.float32)), ONE, radar)
     assert spread is not None
@@ -62,14 +68,14 @@ def judged(image: np.ndarray, radar: Radar = RADAR) -> tuple[bool, list[str]]:
 @pytest.mark.parametrize(("range_m", "azimuth_m"), [(2.0, 3.5), (2.8, 3.1), (4.0, 6.0)])
 def test_widths_are_those_of_the_response(looks: int, range_m: float, azimuth_m: float) -> None:
     spread = found(power(looks=looks, range_resolution_m=range_m, azimuth_resolution_m=azimuth_m))
-    assert spread.range_m == pytest.approx(range_m, rel=0.04)
-    assert spread.azimuth_m == pytest.approx(azimuth_m, rel=0.04)
+    assert spread.range.width_m == pytest.approx(range_m, rel=0.04)
+    assert spread.azimuth.width_m == pytest.approx(azimuth_m, rel=0.04)
     # 5 percent for what is not known, and little from so many windows
-    assert spread.range_error_m == pytest.approx(0.05 * range_m, rel=0.2)
+    assert spread.range.error_m == pytest.approx(0.05 * range_m, rel=0.2)
 
 
 def test_texture_that_is_correlated_further_does_not_count() -> None:
-    assert found(power(texture(10.0, 1.5))).range_m == pytest.approx(found(power()).range_m, rel=0.04)
+    assert found(power(texture(10.0, 1.5))).range.width_m == pytest.approx(found(power()).range.width_m, rel=0.04)
 
 
 @pytest.mark.parametrize(("side", "looks"), [(3, 4), (3, 1), (5, 4)])
@@ -90,7 +96,9 @@ def test_errors_are_the_scatter_over_seeds(monkeypatch: pytest.MonkeyPatch) -> N
     formation = ImageFormation(RADAR.model_copy(update={"looks": 1}), shape, -30.0)
     level, material = uniform(np.ones(shape, dtype=np.float32)), np.ones(shape, dtype=np.uint8)
     spreads = [estimate_point_spread(decibels(formation.intensity(level, seed)), material, RADAR) for seed in range(32)]
-    found = np.array([[[s.range_m, s.range_error_m], [s.azimuth_m, s.azimuth_error_m]] for s in spreads if s])
+    found = np.array(
+        [[[s.range.width_m, s.range.error_m], [s.azimuth.width_m, s.azimuth.error_m]] for s in spreads if s]
+    )
     assert found.shape == (32, 2, 2)
     widths, errors = found[..., 0], found[..., 1]
     sampling = errors**2 - (0.05 * widths) ** 2
@@ -101,7 +109,7 @@ def test_errors_are_the_scatter_over_seeds(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_pixels_without_correlation_are_narrow() -> None:
     independent = np.random.default_rng(1).gamma(4.0, 0.25, SHAPE)
-    assert found(independent).range_m < 1.3
+    assert found(independent).range.width_m < 1.3
     assert judged(independent)[1][0].endswith(" resolutions")
 
 
@@ -141,7 +149,7 @@ def test_what_is_not_a_filter(keys: dict[str, float], sd_db: float, exponent: fl
 
 
 def test_findings_give_both_numbers() -> None:
-    spread = PointSpread(2.5, 3.4, 0.13, 0.17, 1.2, 100)
+    spread = spread_of(2.5, 3.4, 0.13, 0.17, 1.2, 100)
     (wider,) = point_spread_findings(spread, None, RADAR, "b.tif")
     assert (wider.code, wider.severity, wider.about) == ("resolutions", "warning", "b.tif")
     assert wider.numbers == {
@@ -150,7 +158,7 @@ def test_findings_give_both_numbers() -> None:
         "azimuth_possible_m": 3.4, "correlation_ratio": 1.2,
     }  # fmt: skip
     # an image whose speckle is hardly correlated: 1.184 times the spacings is the finest, rounded upwards
-    fine = PointSpread(1.2, 2.71, 0.06, 0.14, 0.9, 100)
+    fine = spread_of(1.2, 2.71, 0.06, 0.14, 0.9, 100)
     coarse = Radar(range_spacing_m=1.5, azimuth_spacing_m=2.3, range_resolution_m=2.2, azimuth_resolution_m=3.5)
     finer, *limits = point_spread_findings(fine, None, coarse, "b.tif")
     assert (finer.severity, finer.code) == ("note", "resolutions")
@@ -163,10 +171,10 @@ def test_findings_give_both_numbers() -> None:
     assert told(fine, far)[0] == ("warning", "resolutions")
     advised = coarse.model_copy(update={"range_resolution_m": 1.78, "azimuth_resolution_m": 2.74})
     assert told(fine, advised) == [("note", "resolutions_nearest"), *[("note", "spacing_limits")] * 2]
-    assert told(PointSpread(2.2, 3.4, 0.13, 0.17, 1.1, 100), RADAR) == []
+    assert told(spread_of(2.2, 3.4, 0.13, 0.17, 1.1, 100), RADAR) == []
     # as an impulse response without weighting, which is estimated at 0.66 to 0.76 of its width
     for range_m, possible in ((1.48, True), (1.0, False)):
-        narrow = told(PointSpread(range_m, 2.6, 0.09, 0.16, 0.8, 100), RADAR)
+        narrow = told(spread_of(range_m, 2.6, 0.09, 0.16, 0.8, 100), RADAR)
         assert (("note", "unweighted") in narrow) == possible
 
 
@@ -181,23 +189,23 @@ def test_resampling_from_a_map_explains_a_wider_spread() -> None:
     spread = estimate_point_spread(image_db, ones, radar)
     assert spread is not None
     # of the nearest neighbour alone, 2.355 / sqrt(12) pixels are added in quadrature
-    assert spread.range_m == pytest.approx(math.hypot(11.0, 0.68 * 6.5), abs=2 * spread.range_error_m)
-    wide = PointSpread(13.9, 18.2, 0.7, 0.9, 1.3, 100)
+    assert spread.range.width_m == pytest.approx(math.hypot(11.0, 0.68 * 6.5), abs=2 * spread.range.error_m)
+    wide = spread_of(13.9, 18.2, 0.7, 0.9, 1.3, 100)
     on_map_m = (6.5, 10.0)
     assert told(wide, radar)[0] == ("warning", "resolutions")
     explained, resampling = point_spread_findings(wide, None, radar, "b.tif", on_map_m)
     assert (explained.code, explained.severity) == ("resolutions_explained", "note")
     assert resampling.numbers == pytest.approx({"range_m": 13.4, "azimuth_m": 21.5}, abs=0.05)
     for range_m, severity in ((16.0, "warning"), (8.0, "note")):
-        beyond = PointSpread(range_m, 18.2, range_m / 22.0, 0.9, 1.3, 100)
+        beyond = spread_of(range_m, 18.2, range_m / 22.0, 0.9, 1.3, 100)
         first, *_ = point_spread_findings(beyond, None, radar, "b.tif", on_map_m)
         assert (first.code, first.severity) == ("resolutions", severity)
         assert [first.numbers[f"{way}_possible_m"] for way in ("range", "azimuth")] == [range_m, 18.2]
     # wider in azimuth as the resampling explains, and finer in slant range
-    assert told(PointSpread(8.0, 21.0, 0.4, 0.9, 1.3, 100), radar, on_map_m)[0] == ("note", "resolutions")
-    assert told(PointSpread(11.2, 18.2, 0.7, 0.9, 1.0, 9), radar, on_map_m) == []
+    assert told(spread_of(8.0, 21.0, 0.4, 0.9, 1.3, 100), radar, on_map_m)[0] == ("note", "resolutions")
+    assert told(spread_of(11.2, 18.2, 0.7, 0.9, 1.0, 9), radar, on_map_m) == []
     # smoothed, unless the resampling explains it
-    coarse = PointSpread(22.0, 24.0, 1.1, 1.2, 3.1, 100)
+    coarse = spread_of(22.0, 24.0, 1.1, 1.2, 3.1, 100)
     assert told(coarse, radar) == [("warning", "smoothed")]
     assert told(coarse, radar, on_map_m)[0][1] == "resolutions"
 
@@ -210,11 +218,11 @@ def test_windows_of_all_levels_are_used() -> None:
     assert both is not None
     assert alone is not None
     assert both.windows > 0.9 * alone.windows
-    assert both.azimuth_m == pytest.approx(3.5, rel=0.05)
+    assert both.azimuth.width_m == pytest.approx(3.5, rel=0.05)
 
 
 def test_area_of_a_point_spread_is_a_product() -> None:
-    assert PointSpread(3.0, 7.0, 0.1, 0.1, 1.0, 50).cells(RADAR) == pytest.approx(3.0)
+    assert spread_of(3.0, 7.0, 0.1, 0.1, 1.0, 50).cells(RADAR) == pytest.approx(3.0)
 
 
 def fields(side: int) -> np.ndarray:
@@ -233,9 +241,9 @@ def test_small_fields_are_pooled(looks: int, side: int, configured_m: float) -> 
     spread = estimate_point_spread(decibels(image.astype(np.float32)), material, radar)
     assert spread is not None
     # with the error of the bootstrap, beside 5 % that has no part in simulated images
-    assert spread.range_m == pytest.approx(2.0, rel=0.06)
-    assert spread.azimuth_m == pytest.approx(3.5, rel=0.06)
-    assert 0.05 * spread.azimuth_m < spread.azimuth_error_m < 0.1 * spread.azimuth_m
+    assert spread.range.width_m == pytest.approx(2.0, rel=0.06)
+    assert spread.azimuth.width_m == pytest.approx(3.5, rel=0.06)
+    assert 0.05 * spread.azimuth.width_m < spread.azimuth.error_m < 0.1 * spread.azimuth.width_m
     declared = [one.numbers.get("range_declared_m") for one in point_spread_findings(spread, None, radar, "b.tif")]
     assert declared[:1] == ([] if configured_m == 2.0 else [configured_m])
 
@@ -246,12 +254,12 @@ def test_edges_of_small_fields_may_be_displaced() -> None:
     image = np.roll(power(10.0 ** (0.4 * material)), (3, -4), (0, 1))
     spread = estimate_point_spread(decibels(image.astype(np.float32)), material, RADAR)
     assert spread is not None
-    assert spread.range_m == pytest.approx(2.0, rel=0.06)
-    assert spread.azimuth_m == pytest.approx(3.5, rel=0.06)
+    assert spread.range.width_m == pytest.approx(2.0, rel=0.06)
+    assert spread.azimuth.width_m == pytest.approx(3.5, rel=0.06)
 
 
 def test_an_uncertain_wide_spread_is_not_called_smoothed() -> None:
-    uncertain = PointSpread(4.0, 5.0, 1.2, 0.9, 2.0, 9)
+    uncertain = spread_of(4.0, 5.0, 1.2, 0.9, 2.0, 9)
     assert told(uncertain, RADAR) == []
 
 

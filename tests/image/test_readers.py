@@ -15,6 +15,7 @@ import pytest
 import rasterio
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from raster_files import write_raster
 from rasterio.errors import NotGeoreferencedWarning
 from scipy.io import savemat
 
@@ -27,16 +28,6 @@ POWER = np.random.default_rng(1).gamma(4, 0.025, (40, 30))
 DB = 10.0 * np.log10(POWER)
 PHASE = np.exp(2j * np.pi * np.random.default_rng(2).random((40, 30)))
 SCALES = {"db": DB, "power": POWER, "amplitude": np.sqrt(POWER), "complex": np.sqrt(POWER) * PHASE}
-
-
-def write_tif(path, values):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        bands = values if values.ndim == 3 else values[None]
-        with rasterio.open(
-            path, "w", driver="GTiff", count=len(bands), height=bands.shape[1], width=bands.shape[2], dtype=values.dtype
-        ) as raster:
-            raster.write(bands)
 
 
 def write_h5(path, values):
@@ -59,7 +50,7 @@ def write_mat73(path, values):
 
 
 WRITERS = {
-    "image.tif": write_tif,
+    "image.tif": write_raster,
     "image.npy": np.save,
     "image.npz": lambda path, values: np.savez(path, image=values),
     "image.mat": lambda path, values: savemat(path, {"image": values}),
@@ -110,14 +101,9 @@ def test_unusable_pixels_are_counted(tmp_path, scale, unusable, counts):
 
 
 def test_masked_pixels_are_counted(tmp_path):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        with rasterio.open(
-            tmp_path / "a.tif", "w", driver="GTiff", count=1, height=20, width=30, dtype="uint16", nodata=65535
-        ) as raster:
-            values = np.full((20, 30), 100, dtype=np.uint16)
-            values[2, 3:7], values[4, :2] = 65535, 0
-            raster.write(values, 1)
+    values = np.full((20, 30), 100, dtype=np.uint16)
+    values[2, 3:7], values[4, :2] = 65535, 0
+    write_raster(tmp_path / "a.tif", values, nodata=65535)
     assert read_image(
         tmp_path / "a.tif", FileMeasurement(path="a.tif", scale="power", radiometry="sigma0_ref")
     ).counts == Counts(600, 4, 2, 0)
@@ -127,7 +113,7 @@ def test_scale_and_offset_of_the_band_are_heeded(tmp_path):
     path = tmp_path / "a.tif"
     stored = np.round((DB + 30.0) / 0.01).astype(np.int16)
     stored[3, 4] = -9999
-    write_tif(path, np.stack([np.zeros_like(stored), stored]))
+    write_raster(path, np.stack([np.zeros_like(stored), stored]))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         with rasterio.open(path, "r+") as raster:
@@ -140,7 +126,7 @@ def test_scale_and_offset_of_the_band_are_heeded(tmp_path):
 
 
 def test_band_and_dataset_are_chosen_by_name(tmp_path):
-    write_tif(tmp_path / "two.tif", np.stack([POWER, 2 * POWER]))
+    write_raster(tmp_path / "two.tif", np.stack([POWER, 2 * POWER]))
     np.savez(tmp_path / "two.npz", hh=POWER, hv=2 * POWER)
     np.testing.assert_allclose(read(tmp_path / "two.tif", band=2), DB + 10 * np.log10(2), atol=1e-4)
     np.testing.assert_allclose(read(tmp_path / "two.npz", dataset="hv"), DB + 10 * np.log10(2), atol=1e-4)

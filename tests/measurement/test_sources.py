@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
+from raster_files import write_raster
 from scipy.ndimage import uniform_filter
 from sealed import changed
 
@@ -42,12 +43,6 @@ class NoSimulator:
         raise AssertionError("called")
 
 
-def write(path: Path, values: np.ndarray) -> None:
-    height, width = values.shape
-    with rasterio.open(path, "w", driver="GTiff", count=1, height=height, width=width, dtype=values.dtype) as raster:
-        raster.write(values, 1)
-
-
 @pytest.fixture
 def read(tmp_path: Path, geometry: Geometry, build_case: Build) -> Read:
     """Write values as GeoTIFF and read them as the measurement of the tiny case."""
@@ -55,7 +50,7 @@ def read(tmp_path: Path, geometry: Geometry, build_case: Build) -> Read:
     def read(values: np.ndarray | None, scale: str = "db", **sections: Any) -> Measurement:
         path = tmp_path / "measured.tif"
         if values is not None:
-            write(path, values)
+            write_raster(path, values)
         case = build_case(
             measurement={"source": "file", "path": str(path), "scale": scale, "radiometry": "sigma0_local"}, **sections
         )
@@ -103,7 +98,7 @@ def test_missing_file(read: Read) -> None:
 def test_variable_in_the_path(
     geometry: Geometry, build_case: Build, image_db: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    write(tmp_path / "a.tif", image_db)
+    write_raster(tmp_path / "a.tif", image_db)
     case = build_case(
         measurement={"source": "file", "path": "${RADCAL_TEST_DATA}/a.tif", "scale": "db", "radiometry": "sigma0_local"}
     )
@@ -264,12 +259,8 @@ def test_an_image_on_the_map_is_seen_where_its_ground_lies(
     speckle = 10.0 * np.log10(np.random.default_rng(6).gamma(4.0, 0.25, (220, 220)))
     values = (-20.0 + 0.1 * np.arange(-9.5, 210.0) + speckle).astype(np.float32)
     values[12:19, 12:17] = np.nan
-    path = tmp_path / "map.tif"
-    with rasterio.open(
-        path, "w", driver="GTiff", count=1, height=220, width=220, dtype="float32", crs="EPSG:32631",
-        transform=rasterio.Affine(1.0, 0.0, 600_000.0 - 10.0, 0.0, -1.0, 5_780_000.0 + 210.0),
-    ) as raster:  # fmt: skip
-        raster.write(values, 1)
+    transform = rasterio.Affine(1.0, 0.0, 600_000.0 - 10.0, 0.0, -1.0, 5_780_000.0 + 210.0)
+    path = write_raster(tmp_path / "map.tif", values, crs="EPSG:32631", transform=transform)
     case = build_case(
         measurement={"source": "file", "path": str(path), "scale": "db", "radiometry": "sigma0_ref"},
         radar={"altitude_m": 1000.0, "look_side": look_side},
@@ -316,12 +307,9 @@ def test_a_band_of_incidence_angles_is_compared(
     angle = np.degrees(np.arctan((902.5 + 5.0 * np.arange(40.0)) / 1000.0)) + turned_deg
     angle += -3.0 if name.startswith("local") else 0.0
     speckle = 10.0 * np.log10(np.random.default_rng(6).gamma(4.0, 0.25, (40, 40))) - 12.0
-    with rasterio.open(
-        tmp_path / "a.tif", "w", driver="GTiff", count=2, height=40, width=40, dtype="float32", crs="EPSG:32631",
-        transform=rasterio.Affine(5.0, 0.0, 6e5, 0.0, -5.0, 5.78e6 + 200.0),
-    ) as raster:  # fmt: skip
-        raster.write(np.stack([speckle, np.broadcast_to(angle, (40, 40))]).astype(np.float32))
-        raster.descriptions = ("VV", name)
+    where = {"crs": "EPSG:32631", "transform": rasterio.Affine(5.0, 0.0, 6e5, 0.0, -5.0, 5.78e6 + 200.0)}
+    bands = np.stack([speckle, np.broadcast_to(angle, (40, 40))]).astype(np.float32)
+    write_raster(tmp_path / "a.tif", bands, ("VV", name), **where)
     chosen = case.model_copy(
         update={
             "measurement": case.measurement.model_copy(update={"band": 1}),
@@ -353,12 +341,9 @@ def test_a_copy_of_the_elevation_is_no_image(
     low = replace(on_map, elevation_m=scene.elevation_m - 10.0 if scale == "db" else scene.elevation_m + 30.0)
     geometry = make_geometry(low, radar)
     speckle = 10.0 * np.log10(np.random.default_rng(6).gamma(4.0, 0.25, (40, 40)))
-    path = tmp_path / "copy.tif"
-    with rasterio.open(
-        path, "w", driver="GTiff", count=1, height=40, width=40, dtype="float32", crs="EPSG:32631",
-        transform=rasterio.Affine(5.0, 0.0, 6e5, 0.0, -5.0, 5.78e6 + 200.0),
-    ) as raster:  # fmt: skip
-        raster.write((low.elevation_m + (0.0 if copied else speckle))[::-1].astype(np.float32), 1)
+    where = {"crs": "EPSG:32631", "transform": rasterio.Affine(5.0, 0.0, 6e5, 0.0, -5.0, 5.78e6 + 200.0)}
+    values = (low.elevation_m + (0.0 if copied else speckle))[::-1].astype(np.float32)
+    path = write_raster(tmp_path / "copy.tif", values, **where)
     case = build_case(
         measurement={"source": "file", "path": str(path), "scale": scale, "radiometry": "sigma0_local"},
         radar={"altitude_m": 1000.0, "nesz_db": -60.0, "radiometry": "sigma0_local"},
@@ -406,7 +391,7 @@ def test_a_wrong_scale_is_told(
         "db": 20.0 + 10 * np.log10(power),
         "negative db": 10 * np.log10(power) - 20,
     }[held]
-    write(tmp_path / "a.tif", values.astype(np.float32))
+    write_raster(tmp_path / "a.tif", values.astype(np.float32))
     case = build_case(
         measurement={"source": "file", "path": str(tmp_path / "a.tif"), "scale": declared, "radiometry": "sigma0_local"}
     )
@@ -418,7 +403,7 @@ def test_the_right_scale_says_the_looks(
     speckle: tuple[Geometry, np.ndarray], tmp_path: Path, build_case: Build
 ) -> None:
     geometry, power = speckle
-    write(tmp_path / "a.tif", power.astype(np.float32))
+    write_raster(tmp_path / "a.tif", power.astype(np.float32))
     file = {"source": "file", "path": str(tmp_path / "a.tif"), "scale": "power", "radiometry": "sigma0_local"}
     (_, found) = make_measurement(build_case(measurement=file), geometry, NoSimulator()).findings
     assert (found.code, found.numbers["declared"]) == ("looks", 4)
@@ -431,7 +416,7 @@ def test_a_speckle_filtered_image_is_called_that(
     speckle: tuple[Geometry, np.ndarray], tmp_path: Path, build_case: Build
 ) -> None:
     geometry, power = speckle
-    write(tmp_path / "a.tif", uniform_filter(power, 3).astype(np.float32))
+    write_raster(tmp_path / "a.tif", uniform_filter(power, 3).astype(np.float32))
     file = {"source": "file", "path": str(tmp_path / "a.tif"), "scale": "power", "radiometry": "sigma0_ref"}
     with pytest.raises(
         MeasurementError,

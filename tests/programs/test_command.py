@@ -10,7 +10,6 @@ import subprocess
 import sys
 import time
 import tomllib
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,9 +18,9 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-import rasterio
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from raster_files import write_raster
 
 from radcal.config import Case, Material, Radar, case_from
 from radcal.errors import ConfigError, SimulatorError
@@ -176,11 +175,7 @@ def write_h5(path: Path, values: np.ndarray) -> None:
 
 
 def write_tif(path: Path, values: np.ndarray) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        profile = {"count": 2, "height": values.shape[0], "width": values.shape[1], "dtype": values.dtype}
-        with rasterio.open(path, "w", driver="GTiff", **profile) as raster:
-            raster.write(np.stack([0 * values, values]))
+    write_raster(path, np.stack([0 * values, values]))
 
 
 def header(dtype: str) -> Callable[[Path, np.ndarray], None]:

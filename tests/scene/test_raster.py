@@ -14,6 +14,7 @@ import pytest
 import rasterio
 from affine import Affine
 from pyproj import CRS, Geod, Transformer
+from raster_files import write_raster
 from scipy.ndimage import binary_erosion, gaussian_filter
 from sealed import changed
 
@@ -49,15 +50,10 @@ def centres(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     return a * column + b * row + c, d * column + e * row + f
 
 
-def write_raster(path: Path, values: np.ndarray, crs: str | None, transform: Affine, **profile: Any) -> str:
-    units = profile.pop("units", None)
-    bands = values if values.ndim == 3 else values[None]
-    with rasterio.open(
-        path, "w", driver="GTiff", count=len(bands), height=bands.shape[1], width=bands.shape[2], dtype=values.dtype,
-        crs=crs, transform=transform, **profile,
-    ) as raster:  # fmt: skip
-        raster.write(bands)
-        if units is not None:
+def write(path: Path, values: np.ndarray, units: str | None = None, **profile: Any) -> str:
+    write_raster(path, values, **profile)
+    if units is not None:
+        with rasterio.open(path, "r+") as raster:
             raster.units = (units,)
     return str(path)
 
@@ -102,8 +98,8 @@ def build(tmp_path: Path) -> Build:
             ids = np.ones(SHAPE, dtype=np.uint8)
         (tmp_path / "names.json").write_text(json.dumps(names))
         return RasterScene(
-            elevation=write_raster(tmp_path / "heights.tif", heights, crs, transform, **(profile or {})),
-            materials=write_raster(tmp_path / "ids.tif", ids, ids_crs, ids_transform, **(ids_profile or {})),
+            elevation=write(tmp_path / "heights.tif", heights, crs=crs, transform=transform, **(profile or {})),
+            materials=write(tmp_path / "ids.tif", ids, crs=ids_crs, transform=ids_transform, **(ids_profile or {})),
             names=str(tmp_path / "names.json"),
             **keys,
         )

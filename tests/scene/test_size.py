@@ -7,22 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rasterio
 from affine import Affine
+from raster_files import write_raster
 
 from radcal.config import BuiltinScene, RasterScene, SlantRangeScene
 from radcal.scene.size import SceneSize, scene_size
 
 
 def write(path: Path, shape: tuple[int, int], pixel_m: float, crs: str | None) -> str:
-    transform = Affine(pixel_m, 0.0, 600_000.0, 0.0, -pixel_m, 5_780_000.0)
-    values = np.ones(shape, dtype=np.uint8)
-    with rasterio.open(
-        path, "w", driver="GTiff", count=1, height=shape[0], width=shape[1], dtype="uint8", crs=crs,
-        transform=transform if crs else Affine.identity(),
-    ) as raster:  # fmt: skip
-        raster.write(values, 1)
-    return str(path)
+    transform = Affine(pixel_m, 0.0, 600_000.0, 0.0, -pixel_m, 5_780_000.0) if crs else Affine.identity()
+    return str(write_raster(path, np.ones(shape, dtype=np.uint8), crs=crs, transform=transform))
 
 
 def test_size_of_rasters_is_that_of_the_finer_one_in_cells(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rasterio
+from raster_files import write_raster
 
 from radcal.config import SlantRangeScene
 from radcal.errors import ConfigError, SceneError
@@ -22,11 +22,7 @@ def write(tmp_path: Path) -> Write:
     """Write the two files and return the configuration that names them."""
 
     def write(labels: np.ndarray = LABELS, names: object = None, **keys: object) -> SlantRangeScene:
-        with rasterio.open(
-            tmp_path / "labels.tif", "w", driver="GTiff", height=labels.shape[0], width=labels.shape[1], count=1,
-            dtype=labels.dtype,
-        ) as raster:  # fmt: skip
-            raster.write(labels, 1)
+        write_raster(tmp_path / "labels.tif", labels)
         text = names if isinstance(names, str) else json.dumps(names or {"0": "none", "1": "grass", "3": "bare soil"})
         (tmp_path / "names.json").write_text(text)
         data = {

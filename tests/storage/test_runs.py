@@ -473,26 +473,6 @@ def test_what_a_program_is_not_told_is_no_part_of_its_runs(
     assert run({"looks": 1}, input={"radar": False}).key == run({}, input={"radar": False}).key
 
 
-def test_runs_of_external_programs_of_earlier_versions_are_found(
-    store: RunStore, simulator: Counting, geometry: Geometry, build_case: Callable[..., Case]
-) -> None:
-    case = outside(build_case, {"nesz_db": -33.0})
-    runner = Runner(store, simulator, geometry, "scene", case)
-    # as it was: the whole pass, whatever the program is told
-    full = {**runner.description(OUTSIDE, 7), "pass": case.radar.model_dump(mode="json", exclude={"frequency_ghz"})}
-    values = np.linspace(0.0, 1.0, geometry.pixels("dyke").size, dtype=np.float32)
-    store.put(Record(digest(full), {"dyke": values}, None, 1.5), full)
-    assert digest(full) != digest(runner.description(OUTSIDE, 7))
-    # with the settings of that time, and with others that concern masks alone
-    for radar in ({"nesz_db": -33.0}, {"nesz_db": -40.0, "looks": 2}):
-        found = Runner(store, simulator, geometry, "scene", outside(build_case, radar)).run(OUTSIDE, 7)
-        assert found.key == digest(full)
-        np.testing.assert_array_equal(found.pixels_db["dyke"], values)
-    assert simulator.calls == 0
-    Runner(store, simulator, geometry, "scene", outside(build_case, {"altitude_m": 900.0})).run(OUTSIDE, 7)
-    assert simulator.calls == 1
-
-
 def test_key_knows_which_parameters_are_whole(
     store: RunStore, geometry: Geometry, build_case: Callable[..., Case]
 ) -> None:

@@ -12,7 +12,7 @@ import pytest
 from radcal.config import Radar, case_from
 from radcal.errors import ConfigError
 from radcal.tables.landcover import LandCover, landcovers
-from radcal.tables.sensors import sensors, sensors_table
+from radcal.tables.sensors import SensorName, sensors, sensors_table
 
 PAGE = Path(__file__).parents[2] / "docs" / "sensors.md"
 GRD = {"sensor": "sentinel1_iw_grdh", "incidence_deg": 37.0, "polarisation": "VV", "nesz_db": -23.5}

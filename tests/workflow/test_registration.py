@@ -2,7 +2,6 @@
 
 import numpy as np
 import pandas as pd
-import rasterio
 import yaml
 from rasterio.transform import from_origin
 from workflow_project import COLUMNS, ROWS, write_raster
@@ -97,11 +96,7 @@ def test_a_warning_on_the_geometry_is_said_before_the_design(project, monkeypatc
     for top, left, high, wide in rng.integers([0, 0, 12, 12], [150, 150, 40, 40], (40, 4)):
         cover[top : top + high, left : left + wide] = 10
     for name, values in (("dem.tif", np.full(cover.shape, 90.0, dtype=np.float32)), ("cover.tif", cover)):
-        with rasterio.open(
-            name, "w", driver="GTiff", height=150, width=150, count=1, dtype=values.dtype, crs="EPSG:32631",
-            transform=from_origin(6e5, 5.8e6, 20.0, 20.0),
-        ) as raster:  # fmt: skip
-            raster.write(values, 1)
+        write_raster(name, values, crs="EPSG:32631", transform=from_origin(6e5, 5.8e6, 20.0, 20.0))
     fixed = {"law": "constant_gamma", "parameters": [-8.0]}
     case = {
         "scene": {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ __all__ = [
     "local_looks",
     "looks_of_log_variance",
     "most_frequent_variance",
+    "windows_of",
 ]
 
 SIDE = 8  # number of independent pixels on a side of a window
@@ -183,20 +185,23 @@ def independent_steps(radar: Radar) -> tuple[int, int]:
     )
 
 
+def windows_of(values: NDArray[Any], height: int, width: int) -> NDArray[Any]:
+    """Windows of an image side by side, shape (windows, height, width); pixels that fill no window are left out."""
+    rows, columns = values.shape[0] // height, values.shape[1] // width
+    parts = values[: rows * height, : columns * width].reshape(rows, height, columns, width)
+    return parts.swapaxes(1, 2).reshape(rows * columns, height, width)
+
+
 def _window_variances(
     image_db: NDArray[np.float32], material: NDArray[np.uint8], down: int, across: int, side: int
 ) -> NDArray[np.float64]:
     """Variance about a fitted plane in every window of one material, of ``side`` pixels squared [dB^2]."""
-    rows, columns = (n // (side * step) for n, step in zip(image_db.shape, (down, across), strict=True))
-
-    def windows(values: NDArray[np.generic]) -> NDArray[np.generic]:
-        """Values of the independent pixels in each window, shape (windows, pixels)."""
-        cut = values[: rows * side * down, : columns * side * across][::down, ::across]
-        parts = cut.reshape(rows, side, columns, side)
-        return parts.transpose(0, 2, 1, 3).reshape(rows * columns, side**2)
-
-    labels = windows(material)
-    values = np.asarray(windows(image_db), dtype=np.float64)
+    # the independent pixels of each window, shape (windows, pixels)
+    labels, values = (
+        windows_of(part, side * down, side * across)[:, ::down, ::across].reshape(-1, side**2)
+        for part in (material, image_db)
+    )
+    values = values.astype(np.float64)
     whole = (labels[:, :1] != 0).ravel() & np.all(labels == labels[:, :1], axis=1) & np.isfinite(values).all(axis=1)
     y, x = np.indices((side, side)).reshape(2, -1) - (side - 1) / 2.0
     plane = np.stack([np.ones_like(x), x, y], axis=1)

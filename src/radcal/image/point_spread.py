@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from radcal.config import Radar
 from radcal.findings import Finding, Severity
-from radcal.image.looks import SIDE, Looks, independent_steps, most_frequent_variance
+from radcal.image.looks import SIDE, Looks, independent_steps, most_frequent_variance, windows_of
 from radcal.image.small_areas import pairs_of_areas
 from radcal.speckle.response import speckle_correlation
 
-__all__ = ["PointSpread", "estimate_point_spread", "is_filtered", "point_spread_findings"]
+__all__ = ["PointSpread", "Width", "estimate_point_spread", "is_filtered", "point_spread_findings"]
 
 _WINDOWS = (20, 2000)  # smallest number of windows, and largest number that is not thinned out
 _HOMOGENEOUS = (0.5, 2.0)  # times the most frequent variance; other windows have edges, texture or point targets
@@ -41,38 +41,75 @@ _WIDTHS = np.geomspace(0.4, 30.0, 600)
 
 
 @dataclass(frozen=True)
+class Width:
+    """Width of the impulse response along one axis.
+
+    Attributes
+    ----------
+    width_m : float
+        -3 dB width [m] of the impulse response that, with the simulator's weighting, gives speckle the same correlation
+        as in the image.
+    error_m : float
+        Standard error [m].
+    smoothing : float
+        Ratio of the sum of the autocorrelation to the sum for the configured resolution.
+    at_least : bool
+        Whether the width is only a lower limit, because speckle is correlated over half the windows.
+    """
+
+    width_m: float
+    error_m: float
+    smoothing: float
+    at_least: bool = False
+
+    @classmethod
+    def of(
+        cls, seen: NDArray[np.float64], again: Sequence[NDArray[np.float64]], start: float, way: str, radar: Radar
+    ) -> Width:
+        """Width from semivariances, and its error from those of bootstrap samples; ``start`` is a first guess."""
+        spacing, resolution = getattr(radar, f"{way}_spacing_m"), getattr(radar, f"{way}_resolution_m")
+        expected = speckle_correlation(np.arange(1, seen.size) / _WIDTHS[:, None])
+        width = _width(seen, expected, start)
+        scatter = float(np.std([_width(one, expected, start) for one in again]))
+        error = spacing * float(np.hypot(scatter, _SHAPE * width))
+        far = bool(np.ceil(_FAR * width) > seen.size - 1)  # the largest distances are correlated, too
+        return cls(width * spacing, error, _correlation_length(seen, resolution / spacing), far)
+
+
+@dataclass(frozen=True)
 class PointSpread:
     """Point spread of an image in slant range and in azimuth.
 
     Attributes
     ----------
-    range_m, azimuth_m : float
-        -3 dB widths [m] of the impulse response that, with the simulator's weighting, gives speckle the same
-        correlation as in the image.
-    range_error_m, azimuth_error_m : float
-        Standard errors [m].
-    smoothing : float
-        Ratio of the correlation area of the image's power to the correlation area for the configured resolutions. A
-        correlation area is the sum of the autocorrelation over both directions. Averaging over an area multiplies
-        ``smoothing`` by about the number of independent pixels in this area. Unlike the widths, ``smoothing`` also
-        grows if a filter keeps a part of each pixel's own value.
+    range, azimuth : Width
+        Width along each axis.
     windows : int
         Number of windows used, or of tiles with pairs of pixels if the areas are too small for windows.
-    at_least : (bool, bool)
-        Whether each width is only a lower limit, because speckle is correlated over half the windows.
     """
 
-    range_m: float
-    azimuth_m: float
-    range_error_m: float
-    azimuth_error_m: float
-    smoothing: float
+    range: Width
+    azimuth: Width
     windows: int
-    at_least: tuple[bool, bool] = (False, False)
+
+    @property
+    def smoothing(self) -> float:
+        """Ratio of the correlation area of the image's power to the correlation area for the configured resolutions.
+
+        A correlation area is the sum of the autocorrelation over both directions. Averaging over an area multiplies the
+        ratio by about the number of independent pixels in this area. Unlike the widths, it also grows if a filter keeps
+        a part of each pixel's own value.
+        """
+        return self.range.smoothing * self.azimuth.smoothing
+
+    @property
+    def cell_m2(self) -> float:
+        """Area of the point spread [m2]."""
+        return self.range.width_m * self.azimuth.width_m
 
     def cells(self, radar: Radar) -> float:
         """Ratio of the area of the point spread to the area of the configured resolution cell."""
-        return self.range_m * self.azimuth_m / (radar.range_resolution_m * radar.azimuth_resolution_m)
+        return self.cell_m2 / (radar.range_resolution_m * radar.azimuth_resolution_m)
 
 
 def estimate_point_spread(
@@ -134,8 +171,8 @@ def _of_windows(windows: NDArray[np.float64], radar: Radar) -> PointSpread | Non
         each = semivariances[usual]
         draws = rng.integers(len(each), size=(_DRAWS, len(each)))
         start = getattr(radar, f"{way}_resolution_m") / getattr(radar, f"{way}_spacing_m")
-        found.append(_Width.of(each.mean(axis=0), [each[draw].mean(axis=0) for draw in draws], start, way, radar))
-    return _Width.both(found, int(np.count_nonzero(usual)))
+        found.append(Width.of(each.mean(axis=0), [each[draw].mean(axis=0) for draw in draws], start, way, radar))
+    return PointSpread(found[0], found[1], int(np.count_nonzero(usual)))
 
 
 def _of_small_areas(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> PointSpread | None:
@@ -149,54 +186,17 @@ def _of_small_areas(image_db: NDArray[np.float32], material: NDArray[np.uint8], 
         tiles = len(pairs.sums)
         draws = rng.integers(tiles, size=(_DRAWS, tiles))
         # the first guess is one pixel, because a guess beyond the distances would make them all count as correlated
-        width = _Width.of(pairs.semivariances(), [pairs.semivariances(draw) for draw in draws], _NARROW, way, radar)
+        width = Width.of(pairs.semivariances(), [pairs.semivariances(draw) for draw in draws], _NARROW, way, radar)
         if width.at_least:  # a limit would not tell whether the image is finer than the resolutions
             return None
         found.append(width)
-    return _Width.both(found, len(both[0].sums))
-
-
-@dataclass(frozen=True)
-class _Width:
-    """Width along one axis, its standard error [m], its factor of ``smoothing``, and whether it is a lower limit."""
-
-    width_m: float
-    error_m: float
-    smoothing: float
-    at_least: bool
-
-    @classmethod
-    def of(
-        cls, seen: NDArray[np.float64], again: Sequence[NDArray[np.float64]], start: float, way: str, radar: Radar
-    ) -> _Width:
-        """Width from semivariances, and its error from those of bootstrap samples; ``start`` is a first guess."""
-        spacing, resolution = getattr(radar, f"{way}_spacing_m"), getattr(radar, f"{way}_resolution_m")
-        expected = speckle_correlation(np.arange(1, seen.size) / _WIDTHS[:, None])
-        width = _width(seen, expected, start)
-        scatter = float(np.std([_width(one, expected, start) for one in again]))
-        error = spacing * float(np.hypot(scatter, _SHAPE * width))
-        far = bool(np.ceil(_FAR * width) > seen.size - 1)  # the largest distances are correlated, too
-        return cls(width * spacing, error, _correlation_length(seen, resolution / spacing), far)
-
-    @staticmethod
-    def both(found: Sequence[_Width], windows: int) -> PointSpread:
-        """Point spread of the widths in range and azimuth."""
-        one, other = found
-        smoothing = one.smoothing * other.smoothing
-        limits = (one.at_least, other.at_least)
-        return PointSpread(one.width_m, other.width_m, one.error_m, other.error_m, smoothing, windows, limits)
+    return PointSpread(found[0], found[1], len(both[0].sums))
 
 
 def _windows(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> NDArray[np.float64]:
     """Power divided by the window's mean power, in windows of one material, shape (windows, rows, columns)."""
     height, width = (SIDE * step for step in independent_steps(radar))
-    rows, columns = image_db.shape[0] // height, image_db.shape[1] // width
-
-    def cut(values: NDArray[np.generic]) -> NDArray[np.generic]:
-        parts = values[: rows * height, : columns * width].reshape(rows, height, columns, width)
-        return parts.swapaxes(1, 2).reshape(rows * columns, height, width)
-
-    labels, values = cut(material), cut(image_db)
+    labels, values = windows_of(material, height, width), windows_of(image_db, height, width)
     first = labels[:, :1, :1]
     whole = np.flatnonzero(((labels == first) & (first != 0) & np.isfinite(values)).all(axis=(1, 2)))
     power = 10.0 ** (values[whole[:: max(1, -(-whole.size // _WINDOWS[1]))]].astype(np.float64) / 10.0)
@@ -286,26 +286,20 @@ def point_spread_findings(
     configured = (radar.range_resolution_m, radar.azimuth_resolution_m)
     sides = pixel_m or (0.0, 0.0)
     explained = [math.hypot(one, _RESAMPLED * side) for one, side in zip(configured, sides, strict=True)]
-    widths = ((found.range_m, found.range_error_m), (found.azimuth_m, found.azimuth_error_m))
+    widths = (found.range, found.azimuth)
     finer, wider, unexplained = (
-        any(sign * (width - one) > _CERTAIN * error for (width, error), one in zip(widths, limits, strict=True))
+        any(sign * (own.width_m - one) > _CERTAIN * own.error_m for own, one in zip(widths, limits, strict=True))
         for sign, limits in ((-1.0, configured), (1.0, configured), (1.0, explained))
     )
-    numbers: dict[str, float | str] = {
-        "range_m": found.range_m,
-        "range_error_m": found.range_error_m,
-        "range_least": "at least " * found.at_least[0],
-        "range_declared_m": radar.range_resolution_m,
-        "azimuth_m": found.azimuth_m,
-        "azimuth_error_m": found.azimuth_error_m,
-        "azimuth_least": "at least " * found.at_least[1],
-        "azimuth_declared_m": radar.azimuth_resolution_m,
-        "correlation_ratio": found.smoothing,
-    }
+    numbers: dict[str, float | str] = {}
+    for way, own, declared in zip(_WAYS, widths, configured, strict=True):
+        numbers[f"{way}_m"], numbers[f"{way}_error_m"] = own.width_m, own.error_m
+        numbers[f"{way}_least"], numbers[f"{way}_declared_m"] = "at least " * own.at_least, declared
+    numbers["correlation_ratio"] = found.smoothing
     if looks is not None and is_filtered(found, looks, radar):
         return [Finding("filtered", "warning", source, {**numbers, "looks_ratio": looks.looks / radar.looks})]
     as_many = looks is not None and looks.looks > _AS_MANY_LOOKS * radar.looks
-    cells = found.range_m * found.azimuth_m / math.prod(explained)
+    cells = found.cell_m2 / math.prod(explained)
     coarse = cells > _COARSE or (cells > _WIDER and found.smoothing > _SMOOTHED and as_many)
     if coarse and unexplained:
         return [Finding("smoothed", "warning", source, numbers)]
@@ -315,24 +309,17 @@ def point_spread_findings(
     more = [Finding("resampling", "note", source, resampled)] if pixel_m is not None else []
     if pixel_m is not None and not (finer or unexplained):
         return [Finding("resolutions_explained", "note", source, numbers), *more]
-    own = {"range": found.range_m, "azimuth": found.azimuth_m}
-    possible = {way: radar.possible_resolution_m(way, width) for way, width in own.items()}
+    possible = {way: radar.possible_resolution_m(way, own.width_m) for way, own in zip(_WAYS, widths, strict=True)}
     for way, width in possible.items():
-        if width > 1.01 * own[way]:  # smaller differences come from rounding
+        if width > 1.01 * getattr(found, way).width_m:  # smaller differences come from rounding
             limit = {"spacing_m": getattr(radar, f"{way}_spacing_m"), "finest_m": width}
             more.append(Finding("spacing_limits", "note", f"radar.{way}_spacing_m", limit))
     if all(abs(possible[way] / getattr(radar, f"{way}_resolution_m") - 1.0) <= _SHAPE for way in _WAYS):
         return [Finding("resolutions_nearest", "note", source, numbers), *more]
-    if not unexplained and _unweighted(widths, configured):
+    nearly = [(own.width_m + _CERTAIN * own.error_m) / one for own, one in zip(widths, configured, strict=True)]
+    if not unexplained and min(nearly) >= _UNWEIGHTED:  # an impulse response without weighting explains the widths
         more.append(Finding("unweighted", "note", source))
     far_finer = _COARSE * math.prod(possible.values()) < math.prod(configured)
     asked = {f"{way}_possible_m": width for way, width in possible.items()}
     severity: Severity = "warning" if unexplained or far_finer else "note"
     return [Finding("resolutions", severity, source, {**numbers, **asked}), *more]
-
-
-def _unweighted(widths: Sequence[tuple[float, float]], configured: Sequence[float]) -> bool:
-    """Whether an impulse response without weighting explains the widths of an estimate."""
-    return min((width + _CERTAIN * error) / one for (width, error), one in zip(widths, configured, strict=True)) >= (
-        _UNWEIGHTED
-    )

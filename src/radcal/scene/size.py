@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from radcal.config import BuiltinScene, RasterScene, SceneConfig, SlantRangeScene, expand_path, vrt_folders
+from radcal.config import BuiltinScene, SceneConfig, SlantRangeScene, expand_path, vrt_folders
+from radcal.errors import SceneError
+from radcal.reading.intake import guarded
+from radcal.reading.rasters import open_raster
+from radcal.scene.grid import opened, scene_grid, subdivision
 
 __all__ = ["SceneSize", "scene_size"]
 
@@ -49,27 +53,13 @@ def scene_size(config: SceneConfig) -> SceneSize:
 
         return SceneSize(CELLS, CELL_M, CELLS)
     if isinstance(config, SlantRangeScene):
-        return _slant_range(config)
-    return _raster(config)
-
-
-def _slant_range(config: SlantRangeScene) -> SceneSize:
-    from radcal.errors import SceneError
-    from radcal.reading.intake import guarded
-    from radcal.reading.rasters import open_raster
-
-    path = expand_path(config.labels, "scene.labels")
-    with (
-        guarded(path, lambda text: SceneError(f"scene.labels: {path} {text}"), "a raster"),
-        open_raster(path, vrt_folders(config)) as raster,
-    ):
-        cells = int(raster.width) * int(raster.height)
-    return SceneSize(cells, None, cells)
-
-
-def _raster(config: RasterScene) -> SceneSize:
-    from radcal.scene.grid import opened, scene_grid, subdivision
-
+        path = expand_path(config.labels, "scene.labels")
+        with (
+            guarded(path, lambda text: SceneError(f"scene.labels: {path} {text}"), "a raster"),
+            open_raster(path, vrt_folders(config)) as raster,
+        ):
+            cells = int(raster.width) * int(raster.height)
+        return SceneSize(cells, None, cells)
     with (
         opened("scene.elevation", config) as elevation,
         opened("scene.materials", config) as materials,

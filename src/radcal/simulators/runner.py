@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
-import json
 import time
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 
 from radcal.config import Material, Radar, stages
@@ -88,7 +85,6 @@ class Runner:
         self._scene_identity = scene_identity
         self._radar: Radar = case.radar
         self._not_told = case.simulator.not_told
-        self._fuller: dict[str, str] | None = None
         first = first or case.radar
         self._laws = {
             name: _law_description(material, first, case.radar, case.seed) for name, material in case.materials.items()
@@ -126,33 +122,6 @@ class Runner:
             "noise_seed": noise_seed,
             **({"repeat": True} if repeat else {}),
         }
-
-    def without_masks(self, description: Mapping[str, Any]) -> dict[str, Any]:
-        """Description of a run, without those settings of the pass that an external program does not receive.
-
-        Descriptions recorded by earlier versions of radcal contain the omitted settings.
-        """
-        told = {key: value for key, value in description.get("pass", {}).items() if key not in self._not_told}
-        return {**description, "pass": told}
-
-    def _find(self, key: str, image: bool) -> Record | None:
-        """Record of a run by its hash or by the hash of earlier radcal versions; None if the store has neither record.
-
-        Hashes of earlier versions depend on settings of the pass that an external program does not receive.
-        """
-        found = self._store.get(key, self._recorded, image)
-        if found is not None or not self._not_told:
-            return found
-        if self._fuller is None:
-            self._fuller = {}
-            for path in sorted(self._store.folder.glob("[!.]*.h5")):
-                # the store checks the file for damage when it reads the record
-                with contextlib.suppress(OSError, KeyError, ValueError), h5py.File(path, "r", locking=False) as file:
-                    theirs = json.loads(str(file.attrs["description"]))
-                    if theirs != (told := self.without_masks(theirs)):
-                        self._fuller[digest(told)] = path.stem
-        fuller = self._fuller.get(key)
-        return None if fuller is None else self._store.get(fuller, self._recorded, image)
 
     def take(self, other: RunStore, key: str) -> bool:
         """Copy a record from another store, unless this store already has a record of the run.
@@ -212,7 +181,7 @@ class Runner:
 
     def _found(self, key: str, image: bool) -> Record | None:
         """Record of a run; None if it is missing, or if its numbers of pixels differ from those of the geometry."""
-        record = self._find(key, image)
+        record = self._store.get(key, self._recorded, image)
         if record is not None and any(record.pixels_db[name].size != n for name, n in self._sizes.items()):
             return None
         return record

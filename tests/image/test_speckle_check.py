@@ -7,8 +7,7 @@ import pytest
 
 from radcal.config import Radar
 from radcal.findings import Finding
-from radcal.image.repeated import repeated_pixels
-from radcal.image.speckle_check import check_speckle
+from radcal.image.speckle_check import check_speckle, repeated_pixels
 from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.reflectivity import uniform
 
