@@ -16,8 +16,8 @@ from snakemake.cli import parse_args, parse_config
 from typer.testing import CliRunner, Result
 
 import radcal
-from radcal.cli import app, snakemake_command
-from radcal.cli.run import _outputs, files_of_stages, sorted_words
+from radcal.cli import app
+from radcal.cli.run import _outputs, files_of_stages, snakemake_command, sorted_words
 from radcal.config import load
 from radcal.config.yaml_file import check_words
 from radcal.errors import ConfigError

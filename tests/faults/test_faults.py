@@ -223,7 +223,7 @@ def test_results_that_may_not_be_written_are_a_sentence(finished):
     (out / "iterations/0/proposal.json").chmod(0o400)
     code, (sentence,) = without_rights(finished)
     assert code == 1
-    assert sentence.startswith("radcal: results/tiny/iterations/0/proposal.json is write-protected, and results of ")
+    assert sentence.startswith("radcal: results/tiny/iterations/0/proposal.json is write-protected, and is to be made")
     left = finished.listing()
     assert {**left, "stop.json": listing["stop.json"]} == listing
 

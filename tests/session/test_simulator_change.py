@@ -9,7 +9,7 @@ import pytest
 
 from radcal.config import Case
 from radcal.radar import SIMULATOR_VERSION, simulator_version
-from radcal.session.simulator_change import simulator_change
+from radcal.session.salvage import simulator_change
 from radcal.storage.records import write_json
 from radcal.storage.runs import Record, RunStore
 

@@ -6,6 +6,7 @@ import atexit
 import errno
 import logging
 import os
+import re
 import subprocess
 import sys
 
@@ -77,6 +78,8 @@ def test_a_full_disk_may_have_room_again_and_a_closed_pipe_stays_closed(tmp_path
 
 def shown(messages: Messages, text: str) -> str | None:
     record = logging.LogRecord("snakemake", logging.INFO, "", 0, text, None, None)
+    if exception := re.match(r"\w+(Exception|Error)\b", text):
+        record.exception = exception[0]  # as Snakemake's event ERROR has it
     return str(record.msg) if messages.filter(record) else None
 
 

@@ -8,9 +8,8 @@ from __future__ import annotations
 import typer
 
 from radcal.cli import advise, apply, check, compare, new, run, show, simulate
-from radcal.cli.run import check_folder, checked_case, snakemake_command
 
-__all__ = ["app", "check_folder", "checked_case", "snakemake_command"]
+__all__ = ["app"]
 
 app = typer.Typer(
     add_completion=False, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False,

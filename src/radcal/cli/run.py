@@ -14,7 +14,7 @@ import subprocess
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,18 +23,11 @@ from radcal.cli.arguments import Results, Settings, overrides, sentences
 if TYPE_CHECKING:
     from radcal.config import Case
 
-__all__ = ["HELP", "check_folder", "checked_case", "files_of_stages", "main", "snakemake_command", "sorted_words"]
+__all__ = ["HELP", "check_folder", "files_of_stages", "main", "snakemake_command", "sorted_words"]
 
 _OURS = ("--conf", "-C")  # prefixes of Snakemake's options --configfile and --config, however they are abbreviated
-_ELSEWHERE = (
-    "--cores",
-    "-c",
-    "--jobs",
-    "-j",
-    "--profile",
-    "--executor",
-    "-e",
-)  # with any of these options, --cores all is not added
+# with any of these options, --cores all is not added
+_ELSEWHERE = ("--cores", "-c", "--jobs", "-j", "--profile", "--executor", "-e")
 
 HELP = """Check cases and calibrate them, in the folder of your clone or anywhere else.
 
@@ -104,7 +97,10 @@ def main(
     if elsewhere is not None:
         typer.echo(f"radcal: results go to {(here / results).resolve()}", err=True)
     if len(commands) == 1:
-        _become(commands[0])
+        sys.stdout.flush()
+        sys.stderr.flush()
+        # this process becomes Snakemake, which then receives Ctrl-C and determines the exit status
+        os.execv(commands[0][0], commands[0])  # noqa: S606 - a list of arguments, never a shell
     raise typer.Exit(
         _one_after_the_other({case.case: command for case, command in zip(checked, commands, strict=True)})
     )
@@ -217,28 +213,6 @@ def files_of_stages(folder: Path, targets: Sequence[str], case: Case, results: P
     return found
 
 
-def checked_case(path: Path, overrides: dict[str, Any]) -> Case:
-    """Load a case file and check its keys, values and input files.
-
-    Parameters
-    ----------
-    path : path
-        The case file.
-    overrides : dict
-        Keys that the command line changes, section by section.
-
-    Raises
-    ------
-    ConfigError
-        The case is wrong; the message names the first problem.
-    """
-    from radcal.config import input_files, load
-
-    case = load([path], overrides)
-    input_files(case)
-    return case
-
-
 def snakemake_command(
     case: Path,
     targets: Sequence[str],
@@ -309,14 +283,16 @@ def _for_snakemake(value: Any) -> str:
 
 
 def _checked(files: Sequence[Path], changes: dict[str, Any]) -> list[Case]:
-    """Cases in the given files; if any case is wrong, one error reports every wrong case."""
+    """Cases in the given files, whose input files exist; if any case is wrong, one error reports every wrong case."""
+    from radcal.config import input_files, load
     from radcal.errors import ConfigError
 
     names: dict[str, Path] = {}
     cases, problems = [], []
     for file in files:
         try:
-            case = checked_case(file, changes)
+            case = load([file], changes)
+            input_files(case)
             name = case.case
             if name in names:
                 raise ConfigError(f"{file}: case is {name!r}, which {names[name]} is called, too, expected another.")
@@ -363,10 +339,3 @@ def _one_after_the_other(commands: Mapping[str, Sequence[str]]) -> int:
         typer.echo(f"radcal: {name}: {said}", err=True)
     failed = [status for status in ended.values() if status != 0]
     return 130 if stopped else failed[0] if failed else 0
-
-
-def _become(command: Sequence[str]) -> NoReturn:
-    """Replace this process by another program, which then receives Ctrl-C and determines the exit status."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os.execv(command[0], list(command))  # noqa: S606 - a list of arguments, never a shell

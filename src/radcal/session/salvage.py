@@ -9,15 +9,19 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from radcal.config import Case
 from radcal.errors import DamagedError, StoreError
+from radcal.radar import simulator_version
 from radcal.storage.files import clamp_future_mtimes
 from radcal.storage.inspection import inspect, kind_of, set_aside
 from radcal.storage.listing import faulty, listed
 from radcal.storage.provenance import provenance
 from radcal.storage.records import read_json
+from radcal.storage.run_index import read_index
+from radcal.storage.runs import RunStore
 from radcal.storage.sealing import Fault
 
-__all__ = ["files_of", "salvage"]
+__all__ = ["files_of", "salvage", "simulator_change"]
 
 _MOST_BYTES = 16 * 2**20
 _SHOWN = 3  # largest number of files named in one message
@@ -165,3 +169,37 @@ def _records(folder: Path, sentences: list[str]) -> set[str]:
             logger.info("%s", error)
         found.add(path.stem)
     return found
+
+
+def simulator_change(folder: str | Path, case: Case) -> list[str]:
+    """Message that radcal repeats the runs of a case because the version of the built-in simulator has changed.
+
+    Parameters
+    ----------
+    folder : path
+        Results folder of the case, ``results/<case>``.
+    case : Case
+        Configuration of the case.
+
+    Returns
+    -------
+    list of str
+        One message, or an empty list. The list is empty if no reference run exists, if the present version made the
+        reference run, or if the case or the reference run uses an external simulator.
+    """
+    folder = Path(folder)
+    if case.simulator.kind != "builtin" or not (folder / "reference.json").is_file():
+        return []
+    try:
+        key = read_index(folder / "reference.json")[0].key
+        theirs = RunStore(folder / "runs").description(key)["simulator"]
+    except (StoreError, KeyError, IndexError, TypeError):
+        return []  # salvage reports damaged files
+    ours = simulator_version(case.radar.earth)
+    if theirs.get("kind") != "builtin" or theirs.get("version") == ours:
+        return []
+    return [
+        f"the built-in simulator is version {ours} now, the runs of {folder} are of version "
+        f"{theirs.get('version')}: its identity has changed, runs are made anew, and the old ones are kept in "
+        f"{folder / 'runs'} (docs/simulator.md says what changed)."
+    ]

@@ -18,10 +18,9 @@ from radcal.programs.command import check_command
 from radcal.programs.seed_width import with_seed_bits
 from radcal.session.jobs import CASE, FAILURE, OWNER, PASSES, PROGRESS, RESULTS, STARTED, Follower
 from radcal.session.replacement import check_replacement
-from radcal.session.salvage import files_of, salvage
-from radcal.session.simulator_change import simulator_change
+from radcal.session.salvage import files_of, salvage, simulator_change
 from radcal.session.slurm import cancel_leftovers, remember
-from radcal.session.terminal import Messages, guard
+from radcal.session.terminal import Messages, guard, write_protected
 from radcal.storage.files import sweep_scripts, unwritable
 from radcal.storage.lock import CaseLock, leave
 from radcal.storage.records import REPLACE, read_json
@@ -163,21 +162,20 @@ class Session:
         self._started = remote
         # before the first job starts, an existing file of failures belongs to an earlier command
         self.messages = Messages(lambda: self._started and self._failure.exists())
-        os.environ[CASE] = case.case
-        os.environ[PASSES] = str(len(case.passes))
-        os.environ[OWNER] = str(os.getpid())
-        os.environ[FAILURE] = str(self._failure)
-        for name, value in (
-            (REPLACE, "1" if case.replace else None),
-            (PROGRESS, str(self._progress) if remote else None),
-        ):
-            if value is None:
-                os.environ.pop(name, None)
-            else:
+        settings = {
+            CASE: case.case,
+            PASSES: str(len(case.passes)),
+            OWNER: str(os.getpid()),
+            FAILURE: str(self._failure),
+            REPLACE: "1" if case.replace else None,
+            PROGRESS: str(self._progress) if remote else None,
+            # a remote job keeps the start time of the process that submitted it
+            STARTED: os.environ.get(STARTED, str(time.time())) if remote else str(time.time()),
+        }
+        for name, value in settings.items():
+            os.environ.pop(name, None)
+            if value is not None:
                 os.environ[name] = value
-        if not remote:  # a remote job keeps the start time of the process that submitted it
-            os.environ.pop(STARTED, None)
-        os.environ.setdefault(STARTED, str(time.time()))
 
     @property
     def _progress(self) -> Path:
@@ -263,17 +261,13 @@ class Session:
 
     def _refusal(self) -> str | None:
         """Message about the first folder or result file that is not writable; None if all are writable."""
-        if (path := unwritable(self.folder)) is not None:
-            return f"{path} cannot be written (Permission denied); results go there, so make it writable."
-        if (path := unwritable(_SNAKEMAKE)) is not None:
-            return f"{path} cannot be written (Permission denied); Snakemake's records go there, so make it writable."
+        for folder, what in ((self.folder, "results"), (_SNAKEMAKE, "Snakemake's records")):
+            if (path := unwritable(folder)) is not None:
+                return f"{path} cannot be written (Permission denied); {what} go there, so make it writable."
         # Snakemake detects a write-protected file only when the job that writes it starts, perhaps after hours
         for path in files_of(self.folder, self._patterns):
             if not os.access(path, os.W_OK):
-                return (
-                    f"{path} is write-protected, and results of this case are to be made again: make it writable "
-                    "(chmod u+w), or give the case another name (case: ...)."
-                )
+                return write_protected(path)
         return None
 
 

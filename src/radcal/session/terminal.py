@@ -16,7 +16,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, TextIO
 
-__all__ = ["Guarded", "Messages", "guard"]
+__all__ = ["Guarded", "Messages", "guard", "write_protected"]
 
 
 class Guarded:
@@ -102,19 +102,15 @@ def guard(logger: logging.Logger | None = None) -> None:
                 handler.setStream(streams[id(handler.stream)])
 
 
-# Snakemake's routine messages, which would appear before or between the lines of progress
+# first words of Snakemake's messages that carry no event: routine between the lines of progress; what follows a failure
+# for which the job has printed an error message; the same after SIGTERM
 _ROUTINE = ("Assuming unrestricted", "Select jobs to", "Execute ", "DAG of jobs will be", "Updating checkpoint")
-# Snakemake's messages about a failure for which the job has already printed an error message
-_AFTERMATH = (
-    *("RuleException", "Shutting down", "Exiting because", "WorkflowError"),
-    *("Cannot restore", "Restored previous version", "Removing output files of failed job"),
-)
+_UNDONE = ("Cannot restore", "Restored previous version", "Removing output files of failed job")
+_AFTERMATH = (*_UNDONE, "Shutting down", "Exiting because")
+_ENDING = (*_UNDONE, "Shutting down", "WorkflowError:\nAt least one job did not complete")
 _INTERRUPTED = "Terminating processes on user request"
 _TERMINATED = "Will exit after finishing currently running jobs"  # after SIGTERM
-# messages at the end after SIGTERM, and about jobs that have received SIGTERM, too
-_ENDING = ("Shutting down", "WorkflowError:\nAt least one job did not complete", *_AFTERMATH[-3:])
 _KILLED = "died with <Signals.SIGTERM"
-_PROTECTED = "ProtectedOutputException"
 _WILDCARDS = "Target rules may not contain wildcards"
 
 
@@ -145,6 +141,9 @@ class Messages:
         with a file for each pass or iteration, and one its text about SIGTERM.
         """
         text = str(record.msg)
+        exception = getattr(
+            record, "exception", ""
+        )  # class name of an exception, in records of Snakemake's event ERROR
         if text.startswith(_INTERRUPTED):
             self.interrupted = True
             return False
@@ -152,8 +151,9 @@ class Messages:
             record.msg = "radcal: SIGTERM: the command ends as soon as the jobs that are running have ended."
             told, self.terminated = self.terminated, True
             return not told
-        if text.startswith(_PROTECTED):
-            record.msg = f"radcal: {_protected(text)}"
+        if exception == "ProtectedOutputException":
+            files = re.findall(r"(?m)^\s+(\S.*)$", text.partition("affected files:")[2])
+            record.msg = f"radcal: {write_protected(files[0] if files else 'a result')}"
             return True
         if _WILDCARDS in text:
             record.msg = (
@@ -161,16 +161,16 @@ class Messages:
                 "radcal run config/mine.yaml registration, or name its file, such as results/CASE/registered.h5."
             )
             return True
-        explained = text.startswith(_AFTERMATH) and (self.interrupted or self._explained())
+        failed = exception in ("RuleException", "WorkflowError") or text.startswith(_AFTERMATH)
+        explained = failed and (self.interrupted or self._explained())
         # a job that fails for another reason is not explained by SIGTERM
         explained |= self.terminated and (text.startswith(_ENDING) or _KILLED in text)
         return not (text.startswith(_ROUTINE) or explained)
 
 
-def _protected(text: str) -> str:
-    """Error message that replaces Snakemake's message about write-protected outputs."""
-    files = re.findall(r"(?m)^\s+(\S.*)$", text.partition("affected files:")[2])
+def write_protected(path: str | os.PathLike[str]) -> str:
+    """Error message about a result that is to be made again and cannot be written."""
     return (
-        f"{files[0] if files else 'a result'} is write-protected, and is to be made again: make it writable "
-        "(chmod u+w), or give the case another name (case: ...)."
+        f"{path} is write-protected, and is to be made again: make it writable (chmod u+w), or give the case another "
+        "name (case: ...)."
     )
