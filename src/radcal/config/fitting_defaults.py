@@ -6,8 +6,9 @@ from typing import Any
 
 from radcal.laws import DEFAULT_LAW, LAWS
 from radcal.sections.base import FURTHER, TAGS
-from radcal.sections.measurement import HIDDEN_DYKE, PUBLISHED_DYKE, SyntheticMeasurement, default_synthetic, within
+from radcal.sections.measurement import SyntheticMeasurement, default_synthetic, hidden_dyke, within
 from radcal.sections.objectives import DEFAULT, OBJECTIVES
+from radcal.tables import read_table
 from radcal.tables.landcover import starting_keys
 
 __all__ = [
@@ -62,19 +63,20 @@ def _with_fitting_truth(data: dict[str, Any]) -> dict[str, Any]:
     if not isinstance(dyke, dict) or not dyke.get("calibrate") or dyke.get("law", DEFAULT_LAW) != DEFAULT_LAW:
         return data
     box = dyke.get("bounds") or LAWS[DEFAULT_LAW].bounds
-    if within(HIDDEN_DYKE, box) or not within(PUBLISHED_DYKE, box):
+    published = read_table("demonstration")["published_dyke"]
+    if within(hidden_dyke(), box) or not within(published, box):
         return data
     changed = {}
     for section in ("measurement", FURTHER["measurement"]):
         each = data.get(section, {} if section == "measurement" else None)
         several = each if isinstance(each, list) else [each]
-        found = [_with_truth(item) for item in several]
+        found = [_with_truth(item, published) for item in several]
         if each is not None:
             changed[section] = found if isinstance(each, list) else found[0]
     return {**data, **changed}
 
 
-def _with_truth(measurement: Any) -> Any:
+def _with_truth(measurement: Any, hidden: list[float]) -> Any:
     """Section of a synthetic measurement with the published hidden law, unless the section gives hidden laws itself."""
     if not isinstance(measurement, dict) or measurement.get(TAGS["measurement"], "synthetic") != "synthetic":
         return measurement
@@ -82,7 +84,7 @@ def _with_truth(measurement: Any) -> Any:
     if not isinstance(synthetic, dict) or "parameters" in synthetic or "dyke" in (synthetic.get("laws") or {}):
         return measurement
     tag = {TAGS["measurement"]: "synthetic"}
-    return {**tag, **measurement, "synthetic": {**synthetic, "parameters": {"dyke": list(PUBLISHED_DYKE)}}}
+    return {**tag, **measurement, "synthetic": {**synthetic, "parameters": {"dyke": list(hidden)}}}
 
 
 def with_passes(data: dict[str, Any]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import itertools
 import math
 import re
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -24,6 +24,7 @@ from radcal.laws import (
 from radcal.sections.base import Section
 from radcal.sections.errors import nearest, shown
 from radcal.sections.limits import Parameter, Real
+from radcal.tables import read_table
 
 __all__ = ["Material", "OtherLaw", "Start", "check_parameters", "default_materials"]
 
@@ -357,23 +358,6 @@ class Material(Section):
         return self.model_copy(update={**start, **nothing, "start": list(self.start.parameters)})
 
 
-_SYNTHETIC_MATERIALS: dict[str, dict[str, Any]] = {
-    "dyke": {
-        "calibrate": True,
-        "law": "mangia",
-        "bounds": [[-32, -8], [0, 16], [0, 22], [0, 12]],
-        # bare soil of Oh et al. 1992 (docs/laws.md)
-        "start": [-30.0, 13.07, 12.17, 0.09],
-    },
-    "water": {"parameters": [-30.0, 6.0, 22.0, 12.0]},
-    "grass": {"parameters": [-22.0, 9.0, 9.0, 3.5]},
-    "forest": {"parameters": [-15.0, 6.0, 3.0, 2.0]},
-    "crops": {"parameters": [-20.0, 9.0, 7.0, 3.5]},
-    "bare_soil": {"parameters": [-24.0, 10.0, 10.0, 4.0]},
-    "road": {"parameters": [-28.0, 8.0, 14.0, 8.0]},
-}
-
-
 def default_materials() -> dict[str, Material]:
     """Materials of the default case.
 
@@ -382,4 +366,4 @@ def default_materials() -> dict[str, Material]:
     dict
         Materials by name; the material ``dyke`` is calibrated, and six further materials have fixed parameters.
     """
-    return {name: Material.model_validate(value) for name, value in _SYNTHETIC_MATERIALS.items()}
+    return {name: Material.model_validate(value) for name, value in read_table("demonstration")["materials"].items()}

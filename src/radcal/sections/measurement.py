@@ -15,10 +15,9 @@ from radcal.sections.errors import MISSING
 from radcal.sections.limits import Count, Decibels, Length, Looks, Parameter, Real, Seed
 from radcal.sections.materials import OtherLaw
 from radcal.sections.radar import Radiometry
+from radcal.tables import read_table
 
 __all__ = [
-    "HIDDEN_DYKE",
-    "PUBLISHED_DYKE",
     "RADIOMETRY_EXPECTED",
     "SICD_ENDINGS",
     "FileMeasurement",
@@ -27,17 +26,19 @@ __all__ = [
     "Synthetic",
     "SyntheticMeasurement",
     "default_synthetic",
+    "hidden_dyke",
     "starts_as_truth",
     "within",
 ]
 
 SICD_ENDINGS = (".nitf", ".ntf", ".sicd")  # endings of files that may give the radiometry
 RADIOMETRY_EXPECTED = f"expected {', '.join(get_args(Radiometry)[:-1])} or {get_args(Radiometry)[-1]}"
-HIDDEN_DYKE = (-24.0, 10.0, 14.0, 5.0)
-"""Hidden parameters of the default case's dyke."""
-PUBLISHED_DYKE = (6.1, 14.2, 21.5, 3.3)
-"""Hidden parameters of the published case's dyke, inside the law's default bounds."""
 _SOURCE = "source of the measured image: synthetic or file; each source has its own keys"
+
+
+def hidden_dyke() -> list[float]:
+    """Hidden parameters of the default case's dyke."""
+    return list(read_table("demonstration")["synthetic"]["parameters"]["dyke"])
 
 
 class HiddenLaw(OtherLaw):
@@ -51,7 +52,7 @@ class Synthetic(Section):
     """
 
     parameters: dict[str, list[Parameter]] = Field(
-        default_factory=lambda: {"dyke": list(HIDDEN_DYKE)},
+        default_factory=lambda: {"dyke": hidden_dyke()},
         description="hidden law parameters by material; a material not listed uses its parameters in section materials",
     )
 
@@ -115,25 +116,10 @@ def within(parameters: Sequence[float], bounds: object) -> bool:
 def default_synthetic() -> Synthetic:
     """Synthetic measurement of the default case, made with other settings than the simulated images.
 
-    Relief, point spread, level and the laws of the materials with fixed parameters differ slightly from those of the
-    simulator. A case that has a section ``measurement.synthetic`` gets none of the mismatches of this measurement by
+    A case that has a section ``measurement.synthetic`` gets none of the mismatches of this measurement by
     default.
     """
-    return Synthetic(
-        parameters={
-            "dyke": list(HIDDEN_DYKE),
-            "water": [-30.0, 6.5, 22.0, 11.0],
-            "grass": [-21.5, 9.0, 9.0, 3.8],
-            "forest": [-15.6, 6.0, 3.0, 2.0],
-            "crops": [-20.0, 9.8, 6.5, 3.5],
-            "bare_soil": [-24.7, 10.0, 10.5, 4.0],
-            "road": [-28.0, 8.0, 15.0, 7.0],
-        },
-        offset_db=0.4,
-        relief_m=0.08,
-        relief_length_m=4.0,
-        resolution_factor=1.1,
-    )
+    return Synthetic.model_validate(read_table("demonstration")["synthetic"])
 
 
 class SyntheticMeasurement(Section):

@@ -1,4 +1,4 @@
-"""Published tables: values of known sensors, and classes of land-cover maps with the levels of their terrain.
+"""Tables: values of known sensors, classes of land-cover maps with the levels of their terrain, the demonstration case.
 
 The tables are the YAML files of this package.
 """
