@@ -53,6 +53,9 @@ def test_defaults_are_a_valid_case() -> None:
     assert case.has_baseline
 
 
+OTHER_START = {"law": "constant_gamma", "parameters": [-9]}
+MANGIA_AT, OH_AT = {"law": "mangia", "parameters": X}, {"law": "oh1992", "parameters": [8, 1, 2]}
+
 BAD: list[tuple[dict[str, Any], list[str]]] = [
     # laws
     (truth([-1, -2], GAMMA), ["measurement.synthetic.parameters.dyke has 2 numbers, law 'constant_gamma' takes 1"]),
@@ -79,20 +82,13 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (dyke(start={"low": "mangia", "parameters": X}), ["materials.dyke.start.low", "did you mean 'law'?"]),
     (dyke(start={"law": "mangia", "parameters": [60, 1, 1, 1]}), ["materials.dyke", "X1 is 60", "inside its bounds"]),
     (
-        {**dyke(start={"law": "oh1992", "parameters": [8, 1, 1]}), **synthetic(parameters={"dyke": X})},
+        {**dyke(start=OH_AT), **synthetic(parameters={"dyke": X})},
         ["radar.frequency_ghz is missing", "materials.dyke.start depends"],
     ),
+    ({**dyke(start=OTHER_START), **synthetic(parameters={})}, ["synthetic.parameters.dyke is missing", "dyke.start"]),
     (
-        {**dyke(start={"law": "constant_gamma", "parameters": [-9]}), **synthetic(parameters={})},
-        ["measurement.synthetic.parameters.dyke is missing", "materials.dyke.start is of another law"],
-    ),
-    (
-        {
-            **dyke(start={"law": "constant_gamma", "parameters": [-9]}),
-            **synthetic(parameters={"dyke": X}),
-            "design": {"size": 0},
-        },
-        ["design.size is 0 and materials.dyke.start is of another law", "expected design.size of at least 1"],
+        {**dyke(start=OTHER_START), **synthetic(parameters={"dyke": X}), "design": {"size": 0}},
+        ["design.size is 0", "at least 1"],
     ),
     (dyke(start=5), ["materials.dyke.start is 5"]),
     (dyke(start=[1, 2, 3, "x"]), ["materials.dyke.start.3 is 'x'"]),
@@ -126,20 +122,11 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
         {"radar": {"incidence_deg": 35, "earth": "flat"}},
         ["incidence_deg is 35 and earth is flat", "depression_deg: 55"],
     ),
-    (
-        {"radar": {"incidence_deg": 38.5, "altitude_m": 693}},
-        ["altitude_m is 693 beside incidence_deg 38.5", "expected metres: 693000 if", "depression_deg: 51.5 instead"],
-    ),
+    ({"radar": {"incidence_deg": 38.5, "altitude_m": 693}}, ["altitude_m is 693", "expected metres: 693000"]),
     ({"radar": {"earth": "round"}}, ["radar.earth is 'round'"]),
-    (
-        {"radar": {"earth": "curved", "altitude_m": 693e3, "depression_deg": 25}},
-        ["depression_deg is 25, at which a track at altitude_m 693000 sees the curved earth"],
-    ),
+    ({"radar": {"earth": "curved", "altitude_m": 693e3, "depression_deg": 25}}, ["depression_deg is 25", "larger"]),
     ({"radar": {"sensor": "sentinel2"}}, ["radar.sensor is 'sentinel2'", "'sentinel1_iw_grdh'"]),
-    (
-        {"radar": {"sensor": "sentinel1_iw_grdh", "polarisation": "VV"}},
-        ["incidence_deg and nesz_db are missing, which sensor sentinel1_iw_grdh does not give"],
-    ),
+    ({"radar": {"sensor": "sentinel1_iw_grdh", "polarisation": "VV"}}, ["incidence_deg and nesz_db are missing"]),
     ({"radar": {"nesz_db": [[30, -20]]}}, ["radar.nesz_db is [[30, -20]]", "at least 2"]),
     ({"radar": {"nesz_db": [[30, -20], [20, -18]]}}, ["radar.nesz_db", "[30.0, 20.0], expected increasing angles"]),
     ({"radar": {"nesz_db": [[30, -20], [95, -18]]}}, ["radar.nesz_db.1.0 is 95", "less than 90"]),
@@ -158,10 +145,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     ({"materials": {"dyke": None}}, ["materials.dyke is empty"]),
     ({"materials": {"a/b": {"calibrate": True}}}, ["materials", "'a/b'"]),
     ({"materials": {"ploughed" * 8: {"calibrate": True}}}, ["materials", "has 64 letters, expected at most 60"]),
-    (
-        {"materials": {"fen" + "ab" * 20: {"calibrate": True}}},
-        ["materials", "ends with 20 times 'ab', expected"],
-    ),
+    ({"materials": {"fen" + "ab" * 20: {"calibrate": True}}}, ["materials", "ends with 20 times 'ab', expected"]),
     ({"materials": {"grass": {"parameters": X}}}, ["materials", "calibrate: true"]),
     ({"materials": {"grass": {}}}, ["materials.grass", "needs parameters", "X1"]),
     ({"materials": {"grass": {"parameters": [1, 2]}}}, ["materials.grass", "2 numbers", "takes 4"]),
@@ -178,25 +162,16 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (dyke(start=[1, 2, 3, 51]), ["materials.dyke", "start of X4 is 51", "[0, 50]"]),
     # measurement
     ({"measurement": {"source": "satellite"}}, ["measurement.source is 'satellite'", "'file'", "'synthetic'"]),
-    (
-        mapped() | measured(path="./a.tif", band=1),
-        ["measurement.path and scene.elevation are the same file a.tif, expected the measured image"],
-    ),
+    (mapped() | measured(path="./a.tif", band=1), ["measurement.path and scene.elevation", "a.tif"]),
     (mapped() | measured(path="b.tif"), ["measurement.path and scene.materials are the same file b.tif, expected"]),
-    (
-        flat() | measured(path="ids.tif"),
-        ["measurement.path and scene.labels are the same file ids.tif, expected the measured image"],
-    ),
+    (flat() | measured(path="ids.tif"), ["measurement.path and scene.labels", "ids.tif"]),
     (measured(scale="dB"), ["measurement.scale is 'dB'", "'db', 'power', 'amplitude' or 'complex'"]),
     (measured(scale=None), ["measurement.scale is empty"]),
     ({"measurement": {"source": "file", "path": "a.tif"}}, ["measurement.scale is missing"]),
     ({"measurement": {"source": "file", "scale": "db"}}, ["measurement.path is missing"]),
     (
         {"measurement": {"source": "file", "path": "a.tif", "scale": "db"}},
-        [
-            "measurement.radiometry is missing: a.tif does not say it, expected sigma0_ref, sigma0_local",
-            "or gamma0_rtc",
-        ],
+        ["measurement.radiometry is missing: a.tif", "sigma0_ref"],
     ),
     (measured(radiometry="sigma0"), ["measurement.radiometry is 'sigma0'", "'gamma0_rtc'"]),
     (measured(polarisation="HH "), ["measurement.polarisation is 'HH '", "'HH', 'HV', 'VH' or 'VV'"]),
@@ -204,50 +179,23 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (measured(carrier_band="C"), ["measurement.carrier_band is 'C', radar.band is 'X'", "never mixed"]),
     (synthetic(parameters={"dyke": [1, 2]}), ["measurement.synthetic.parameters.dyke", "2 numbers", "takes 4"]),
     (synthetic(parameters={"dyke": [1, 2, 3, "x"]}), ["measurement.synthetic.parameters.dyke.3 is 'x'"]),
-    (
-        synthetic(laws={"dkye": {"law": "mangia", "parameters": X}}),
-        ["measurement.synthetic.laws.dkye: no such material (did you mean 'dyke'?)"],
-    ),
-    (
-        synthetic(parameters={"dyke": X}, laws={"dyke": {"law": "mangia", "parameters": X}}),
-        ["measurement.synthetic.laws.dyke and measurement.synthetic.parameters.dyke are both given"],
-    ),
-    (
-        synthetic(laws={"dyke": {"law": "oh1992", "parameters": [8, 1, 2]}}),
-        ["radar.frequency_ghz is missing", "'oh1992' of measurement.synthetic.laws.dyke"],
-    ),
-    (
-        synthetic(laws={"dyke": {"law": "mangia", "parameters": X[:3]}}),
-        ["measurement.synthetic.laws.dyke: parameters has 3 numbers, law 'mangia' takes 4"],
-    ),
-    (
-        synthetic(laws={"dyke": {"law": "external", "parameters": X}}),
-        ["measurement.synthetic.laws.dyke: law is 'external', which only an external simulator can evaluate"],
-    ),
-    (
-        {**synthetic(texture_db=1.0), "simulator": COMMAND},
-        ["measurement.synthetic.texture_db is for the built-in simulator", "the scene of the runs alone"],
-    ),
+    (synthetic(laws={"dkye": MANGIA_AT}), ["synthetic.laws.dkye", "'dyke'"]),
+    (synthetic(parameters={"dyke": X}, laws={"dyke": MANGIA_AT}), ["synthetic.laws.dyke and measurement", "both"]),
+    (synthetic(laws={"dyke": OH_AT}), ["radar.frequency_ghz is missing", "synthetic.laws.dyke"]),
+    (synthetic(laws={"dyke": {**MANGIA_AT, "parameters": X[:3]}}), ["laws.dyke: parameters has 3", "takes 4"]),
+    (synthetic(laws={"dyke": {**MANGIA_AT, "law": "external"}}), ["laws.dyke: law is 'external'", "one of"]),
+    ({**synthetic(texture_db=1.0), "simulator": COMMAND}, ["synthetic.texture_db", "kind: command"]),
     (synthetic(fields_db={"dike": 0.5}), ["measurement.synthetic.fields_db.dike: no such material", "'dyke'"]),
-    (
-        {**synthetic(relief_m=0.3), **flat()},
-        ["measurement.synthetic.relief_m is 0.3, expected 0: a slant-range scene has no heights"],
-    ),
-    (
-        {"radar": {"azimuth_resolution_m": 1e4}},
-        ["radar: azimuth_resolution_m is 10000, expected at most 1000 times azimuth_spacing_m (2.5)"],
-    ),
-    (
-        {"radar": {"range_resolution_m": 1.7, "range_spacing_m": 1.5}},
-        ["radar.range_resolution_m is 1.7, expected at least 1.78 at radar.range_spacing_m of 1.5", "at most 1.44"],
-    ),
+    ({**synthetic(relief_m=0.3), **flat()}, ["synthetic.relief_m is 0.3, expected 0"]),
+    ({"radar": {"azimuth_resolution_m": 1e4}}, ["azimuth_resolution_m is 10000", "at most 1000 times"]),
+    ({"radar": {"range_resolution_m": 1.7, "range_spacing_m": 1.5}}, ["resolution_m is 1.7", "at least 1.78", "1.44"]),
     # other shapes than those expected
     ({"radar": None}, ["some.yaml: radar is empty, expected keys and values."]),
     ({"radar": [4]}, ["radar is 4, expected keys and values."]),
     ({"materials": {}}, ["materials is {}, expected at least 1 item, not 0."]),
     ({"materials": ["dyke"]}, ["materials is ['dyke'], expected keys and values."]),
-    (dyke(bounds=[0, 1]), ["bounds.0 is 0, expected a list, for example bounds: [[-20, -10]] (and 1 more)."]),
-    (dyke(bounds=[[0, 1, 2]] * 4), ["bounds.0 is [0, 1, 2], expected at most 2 items, not 3 (and 3 more)."]),
+    (dyke(bounds=[0, 1]), ["bounds.0 is 0, expected a list, for example bounds: [[-20, -10]] (and 1 more"]),
+    (dyke(bounds=[[0, 1, 2]] * 4), ["bounds.0 is [0, 1, 2], expected at most 2 items, not 3 (and 3 more"]),
     ({"\x1b[31mred\n": 1}, ["unknown key \\x1b[31mred\\n (known: "]),
     ({"stop": {"[rms": 1}}, ["unknown key stop.[rms (did you mean 'rms'?)"]),
     ({"seed": [0] * 9000}, ["seed is [" + "0, " * 18 + "0,..., expected an integer."]),
@@ -387,25 +335,13 @@ def test_a_file_that_may_say_its_radiometry_is_not_asked_for_it(path: str) -> No
     ("changes", "words"),
     [
         ({"objective": "entropy"}, r"objective is 'entropy', expected 'classes', 'density' or 'likelihood'"),
-        (
-            {"objective": "density", "target": {"incidence_classes": 4}},
-            r"target\.incidence_classes is 4, .* expected objective: classes",
-        ),
-        (
-            {"objective": "classes", "target": {"normalisation": "image"}},
-            r"target\.normalisation is image, .* expected normalisation none or offset",
-        ),
-        (
-            {"validation": {}, "target": {"normalisation": "image"}},
-            r"validation is configured and target\.normalisation is image, .* expected normalisation none or offset",
-        ),
+        ({"objective": "density", "target": {"incidence_classes": 4}}, r"target\.incidence_classes is 4, .*: classes"),
+        ({"objective": "classes", "target": {"normalisation": "image"}}, r"normalisation is image, .* none or offset"),
+        ({"validation": {}, "target": {"normalisation": "image"}}, r"validation is .* is image, .* none or offset"),
         ({"validation": {"rows": 20, "means": 3}}, r"means is 3, expected a divisor of rows \(20\)"),
         ({"validation": {"keep": "all"}}, r"validation\.keep is 'all', expected 'even', 'odd', 'both' or 'fields'"),
         ({"validation": {"row": 20}}, r"unknown key validation\.row \(did you mean 'rows'"),
-        (
-            {"target": {"incidence_classes": 0}},
-            r"target\.incidence_classes is 0, expected greater than or equal to 1\.",
-        ),
+        ({"target": {"incidence_classes": 0}}, r"target\.incidence_classes is 0, expected"),
         ({"design": {"size": "many"}}, r"design\.size is 'many', expected"),
         ({"target": {"looks": 3}}, r"target\.looks is 3, expected 'free' or 'nominal'"),
         ({"target": {"incidence_error_deg": -1}}, r"target\.incidence_error_deg is -1, expected"),

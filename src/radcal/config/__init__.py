@@ -19,11 +19,9 @@ from radcal.config.loading import Loaded, case_from, load, load_forward, load_me
 from radcal.config.undecided import FILL_IN
 from radcal.config.writing import default_case, default_yaml
 from radcal.sections.errors import nearest
-from radcal.sections.materials import Material, Start
+from radcal.sections.materials import Material
 from radcal.sections.measurement import (
     FileMeasurement,
-    HiddenLaw,
-    MeasurementConfig,
     Synthetic,
     SyntheticMeasurement,
     starts_as_truth,
@@ -31,7 +29,7 @@ from radcal.sections.measurement import (
 from radcal.sections.radar import Radar
 from radcal.sections.registration import RegistrationConfig
 from radcal.sections.scene import BuiltinScene, RasterScene, SceneConfig, SceneObjects, SlantRangeScene
-from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
+from radcal.sections.search import Optimiser, Stop, SurrogateConfig
 from radcal.sections.simulator import (
     BuiltinSimulation,
     CommandSimulation,
@@ -39,7 +37,6 @@ from radcal.sections.simulator import (
     Output,
     RawType,
     SimulatorConfig,
-    Template,
 )
 from radcal.sections.target import TargetConfig
 from radcal.sections.uncertainty import Uncertainty, Validation
@@ -50,13 +47,10 @@ __all__ = [
     "BuiltinSimulation",
     "Case",
     "CommandSimulation",
-    "Design",
     "FileMeasurement",
-    "HiddenLaw",
     "InputFile",
     "Loaded",
     "Material",
-    "MeasurementConfig",
     "Optimiser",
     "Output",
     "Radar",
@@ -67,13 +61,11 @@ __all__ = [
     "SceneObjects",
     "SimulatorConfig",
     "SlantRangeScene",
-    "Start",
     "Stop",
     "SurrogateConfig",
     "Synthetic",
     "SyntheticMeasurement",
     "TargetConfig",
-    "Template",
     "Uncertainty",
     "Validation",
     "case_from",
