@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +13,7 @@ import yaml
 from pyproj import Transformer
 from raster_files import write_raster
 from rasterio.transform import from_origin
-from safe_product import LINES, NAME, PIXELS, place_of, write_product
+from safe_product import LINES, PIXELS, place_of, write_product
 from typer.testing import CliRunner
 
 from radcal.checking.case_check import check_case
@@ -253,39 +252,6 @@ def test_a_sentinel1_product_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyP
     differs = {"look_direction", "noise_differs", "radar_differs"}
     assert differs.isdisjoint(one.code for one in found.findings)
     assert [yaml.safe_load(text)["radar"]["heading_deg"] for text in found.sections] == [printed["heading_deg"]]
-
-
-@pytest.mark.skipif("RADCAL_DATA" not in os.environ, reason="RADCAL_DATA is not set: real data are elsewhere")
-def test_the_printed_section_of_a_real_product_does_not_contradict_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    data = Path(os.environ["RADCAL_DATA"]) / "sentinel1"
-    with rasterio.open(data / "elevation_rome_int16.tif") as heights:
-        profile = heights.profile | {"dtype": "uint8", "nodata": 0}
-        with rasterio.open("cover.tif", "w", **profile) as cover:
-            cover.write(np.full(heights.shape, 30, "uint8"), 1)
-    case = (
-        f"scene: {{source: raster, elevation: {data / 'elevation_rome_int16.tif'}, landcover: esa_worldcover, "
-        f"materials: cover.tif, cell_m: 60}}\nmeasurement: {{source: file, path: {data / NAME}}}\n"
-        "materials: {grassland: {calibrate: true}}\n"
-    )
-    Path("mine.yaml").write_text(case)
-    found = check_case(["mine.yaml"])
-    (problem,) = found.problems
-    assert "(it has VV, radar.polarisation is HH)" in problem
-    (section,) = found.sections
-    printed = yaml.safe_load(section)["radar"]
-    # platformHeading in the annotation is 193.69
-    assert printed["heading_deg"] == pytest.approx(189.28, abs=0.05)
-    assert printed["incidence_deg"] == pytest.approx(44.07, abs=0.05)
-    assert (printed["looks"], printed["sensor"]) == (4.4, "sentinel1_iw_grdh")
-    Path("mine.yaml").write_text(case + section)
-    found = check_case(["mine.yaml"])
-    (problem,) = found.problems
-    assert "holds no data (digital number 0) over the scene: the image is blank" in problem
-    differs = {"look_direction", "noise_differs", "radar_differs"}
-    assert differs.isdisjoint(one.code for one in found.findings)
 
 
 def on_the_map(folder: Path) -> None:

@@ -128,17 +128,12 @@ def test_a_clones_own_workflow_is_run_in_its_folder(clone: Path, started: list[l
     assert os.environ["RADCAL_RESULTS"] == "results"
 
 
-def test_rules_and_files_are_targets(clone: Path, started: list[list[str]]) -> None:
-    run("mine.yaml", "design", "results/mine/scene.h5")
-    assert parse_args(started[0][4:])[1].targets == ["design", "results/mine/scene.h5"]
-
-
 def test_stages_with_wildcards_are_targets(clone: Path, started: list[list[str]]) -> None:
-    run("mine.yaml", "registration", "scene", "design_chunk", "posterior")
+    run("mine.yaml", "registration", "scene", "results/mine/scene.h5", "design_chunk", "posterior")
     at = "results/mine/"
     targets = parse_args(started[0][4:])[1].targets
-    assert targets[:2] == [f"{at}registered.h5", "scene"]
-    assert f"{at}design/0.json" in targets[2:-1]
+    assert targets[:3] == [f"{at}registered.h5", "scene", f"{at}scene.h5"]
+    assert f"{at}design/0.json" in targets[3:-1]
     assert targets[-1] == f"{at}posterior/dyke.h5"
     said = "the target 'verify' is made in each iteration, expected a file of one iteration, such as "
     told = refused("mine.yaml", "verify")

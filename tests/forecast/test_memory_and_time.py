@@ -7,17 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from raster_files import write_raster
 from rasterio.transform import from_origin
 
-from radcal.config import BuiltinScene, Radar, RasterScene, SlantRangeScene, case_from
+from radcal.config import Radar, RasterScene, SlantRangeScene, case_from
 from radcal.errors import ConfigError, SceneError
 from radcal.forecast.memory_and_time import memory_mb, runtime_minutes, values_of
 from radcal.radar.projection import make_geometry
-from radcal.radar.size import ImageSize, check_size, image_size, refinement
-from radcal.scene.builtin import builtin_scene
+from radcal.radar.size import image_size, refinement
 from radcal.scene.raster import raster_scene
 from radcal.scene.size import SceneSize, scene_size
 
@@ -56,19 +53,6 @@ def test_the_size_of_a_raster_scene_is_what_it_is_made_with(rasters, keys):
     assert size.resampled == size.cells * max(1.0, made.cell_m / 5.0) ** 2
 
 
-def test_the_size_of_the_builtin_scene_is_what_it_is_made_with():
-    made = builtin_scene(1)
-    assert scene_size(BuiltinScene()) == SceneSize(made.material.size, made.cell_m, made.material.size)
-
-
-def test_the_size_of_a_slant_range_scene_is_that_of_its_labels(tmp_path):
-    labels = write(tmp_path / "labels.tif", np.ones((30, 20), dtype=np.uint8), None)
-    config = SlantRangeScene(labels=labels, names="-", near_incidence_deg=20, far_incidence_deg=40)
-    size = scene_size(config)
-    assert size == SceneSize(600, None, 600)
-    assert image_size(size, Radar()) == ImageSize(600, 600)
-
-
 def test_a_file_that_is_no_raster_is_named(tmp_path):
     (tmp_path / "labels.tif").write_text("no raster")
     config = SlantRangeScene(
@@ -88,15 +72,6 @@ def test_pixels_are_about_those_of_the_geometry(scene, range_m, azimuth_m, parts
     assert size.facets == 1600 * parts**2
     pixels = np.prod(make_geometry(scene, radar).shape)
     assert 0.8 * size.pixels < pixels <= size.pixels
-
-
-@given(st.floats(0.1, 50), st.floats(0.1, 20), st.floats(0.1, 20), st.floats(20, 70))
-def test_no_facet_is_larger_than_a_pixel_and_none_needlessly_small(cell_m, range_m, azimuth_m, depression_deg):
-    radar = Radar(range_spacing_m=range_m, azimuth_spacing_m=azimuth_m, depression_deg=depression_deg)
-    k = refinement(cell_m, radar)
-    ground_m = range_m / np.sin(np.radians(90.0 - depression_deg))
-    assert cell_m / k <= min(ground_m, azimuth_m) * (1 + 1e-6)
-    assert k == 1 or cell_m / (k - 1) > min(ground_m, azimuth_m) * (1 - 1e-6)
 
 
 # peaks measured in whole workflows and in benchmarks/simulator_scale.py, which has objects [MB]
@@ -149,6 +124,3 @@ def test_pixels_too_small_for_any_machine_are_refused_before_any_is_made(scene):
     facets = scene.material.size * refinement(scene.cell_m, fine) ** 2
     with pytest.raises(ConfigError, match=rf"^radar\.range_spacing_m is 0\.003 and .*_m 2: .* {facets:,} facets and"):
         make_geometry(scene, fine)
-    with pytest.raises(ConfigError, match=r"expected at most 1,000,000,000\.$"):
-        check_size(SceneSize(10**7, 5.0, 10**7), Radar(range_spacing_m=0.2, azimuth_spacing_m=0.2))
-    check_size(SceneSize(10**6, 5.0, 10**6), Radar(range_spacing_m=0.2, azimuth_spacing_m=0.2))

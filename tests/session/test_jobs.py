@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import fcntl
 import logging
 import os
 import socket
@@ -11,7 +10,7 @@ import time
 import pytest
 
 from radcal.errors import MeasurementError
-from radcal.session.jobs import FAILURE, OWNER, PASSES, PROGRESS, STARTED, Follower, elapsed, logged, progress
+from radcal.session.jobs import FAILURE, OWNER, PASSES, PROGRESS, STARTED, Follower, logged, progress
 from radcal.storage.files import alive
 from radcal.storage.lock import CaseLock, claimed
 
@@ -65,45 +64,6 @@ def test_lines_of_one_of_several_passes_name_it(tmp_path, monkeypatch, capsys):
         assert capsys.readouterr().err == f"[  0:00] {name}reference run: 3.0 s\n"
         assert f" {name}reference run" in (tmp_path / "job.log").read_text()
         assert stopped.value.code == f"radcal: {name}no image."
-
-
-def test_elapsed_without_a_start_is_zero(monkeypatch):
-    monkeypatch.delenv(STARTED, raising=False)
-    assert elapsed() == "0:00"
-
-
-def test_the_lock_is_taken_given_back_and_taken_again(tmp_path):
-    lock = CaseLock(tmp_path / "case")
-    lock.acquire()
-    assert (tmp_path / "case/.lock").read_text() == f"{os.getpid()} {socket.gethostname()}"
-    lock.release()
-    lock.release()
-    lock.acquire()
-    lock.release()
-
-
-def test_a_held_lock_ends_the_second_process_with_a_sentence(tmp_path):
-    lock = CaseLock(tmp_path)
-    lock.acquire()
-    code = f"from radcal.storage.lock import CaseLock; CaseLock({str(tmp_path)!r}).acquire(); print('taken')"
-    second = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert second.returncode == 1
-    assert second.stdout == ""
-    assert f"another snakemake (process {os.getpid()})" in second.stderr
-    lock.release()
-    again = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert again.stdout == "taken\n"
-
-
-def test_a_lock_held_on_another_machine_is_not_taken_for_a_dead_one(tmp_path):
-    code = f"from radcal.storage.lock import CaseLock; CaseLock({str(tmp_path)!r}).acquire()"
-    with (tmp_path / ".lock").open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        file.write("999999999 elsewhere")
-        file.flush()
-        second = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60)
-    assert second.returncode == 1
-    assert "another snakemake (process 999999999 on elsewhere)" in second.stderr
 
 
 def test_taking_the_lock_sweeps_what_dead_processes_left(tmp_path):

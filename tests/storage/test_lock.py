@@ -104,6 +104,7 @@ def test_a_lock_says_whose_it_is(tmp_path: Path) -> None:
     mine.acquire()
     assert (tmp_path / ".lock").read_text() == f"{os.getpid()} {socket.gethostname()}"
     mine.release()
+    mine.release()
     again = CaseLock(tmp_path)
     again.acquire()
     again.release()
