@@ -1,7 +1,5 @@
 """A field and a lake of the built-in simulator in slant range, in three incidence-angle bins."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Findings as data."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import FrozenInstanceError
 

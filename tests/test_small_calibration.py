@@ -1,7 +1,5 @@
 """A small calibration through Snakemake, from the configuration to the report: its end and its contracts."""
 
-from __future__ import annotations
-
 import json
 import math
 import warnings

@@ -1,7 +1,5 @@
 """Sentences of findings."""
 
-from __future__ import annotations
-
 from radcal.findings import Finding
 from radcal.words import beside_headline, remarks, sentence, state, widths
 

@@ -26,6 +26,13 @@ def test_effective_size_is_that_of_the_variance_of_the_mean():
     assert 150 < effective_sample_size(images[0].astype(np.float32), inside, drawn) < 200
 
 
+def test_a_slope_of_level_is_not_taken_for_correlation():
+    image = np.random.default_rng(0).normal(size=SHAPE) + np.linspace(0.0, 4.0, SHAPE[0])[:, None]
+    inside = np.arange(image.size)
+    drawn = np.sort(np.random.default_rng(1).choice(inside, 1000, replace=False))
+    assert effective_sample_size(image.astype(np.float32), inside, drawn) > 800
+
+
 def test_correlated_pixels_on_a_slope_of_level_stay_correlated():
     smooth = uniform_filter(np.random.default_rng(0).normal(size=SHAPE), (3, 5), mode="wrap")
     slope = 1.5 * smooth.std() * np.linspace(-1.0, 1.0, SHAPE[0])[:, None]

@@ -1,7 +1,5 @@
 """Every format round-trips; every broken file ends in its sentence."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

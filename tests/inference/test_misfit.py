@@ -32,6 +32,20 @@ def one_patch(classes):
     return BinMisfit(classes, np.ones((n, 1)), np.eye(n), np.zeros(n, int), 0.0, 0.0, METHOD, classes.nodes_deg, one)
 
 
+def test_patches_inside_of_a_class_widen_it():
+    classes = make_classes(np.random.default_rng(4).normal(size=300), np.linspace(20, 40, 300), 1)
+    objective = replace(
+        one_patch(classes),
+        patch_share=np.full((1, 4), 0.25),
+        cell_share=np.full((1, 10), 0.1),
+        patch_of_cell=np.arange(10) // 3,
+        between_db=2.0,
+        within_db=1.0,
+        patches=np.arange(4),
+    )
+    assert objective.patch_variance[0] == pytest.approx(4.0 * 0.75 + 0.9)
+
+
 def test_the_likelihood_is_the_pixels_own():
     rng = np.random.default_rng(5)
     incidence = np.full(4000, 40.0)

@@ -1,7 +1,5 @@
 """Exports: tables, calibrated materials, and images whose places on the map are known."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Results for scripts: tables, and images with their units and coordinates."""
 
-from __future__ import annotations
-
 import re
 import sys
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What is said of a case at the terminal."""
 
-from __future__ import annotations
-
 import json
 import os
 import time

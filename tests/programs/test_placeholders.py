@@ -1,7 +1,5 @@
 """Numbers reach the program's input files exactly, or not at all."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

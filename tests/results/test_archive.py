@@ -1,7 +1,5 @@
 """The archive is what its types say, in the file and in the documents."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What is known of a law, in archive, summary, terminal and figure."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

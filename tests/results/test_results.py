@@ -1,7 +1,5 @@
 """The results hold what they were gathered from."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """The table holds every run."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from radcal.results.run_table import write_table

@@ -1,7 +1,5 @@
 """The numbers of summary.json against numbers by hand."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
