@@ -93,26 +93,6 @@ def test_each_pixel_takes_the_nearest_value(name: str) -> None:
         assert found[i, j] == np.argmin(np.hypot(across, along))
 
 
-def test_a_map_of_the_scene_itself_gives_each_cell() -> None:
-    """Cells as pixels: the value of the cell whose number is nearest."""
-    numbers = np.arange(80 * 100, dtype=np.float64).reshape(80, 100)  # row 0 in the south
-    one = GeoreferencedImage(
-        Path("image.tif"), numbers[::-1], Affine(CELL_M, 0, WEST, 0, -CELL_M, SOUTH + 80 * CELL_M), CRS(UTM)
-    )
-    ground = ground_of()
-    shown = np.isfinite(ground[0])
-    cell = np.round(ground[:, shown]).astype(int)
-    np.testing.assert_array_equal(values_at_ground(one, UTM, SCENE, ground)[shown], numbers[cell[0], cell[1]])
-
-
-def test_speckle_keeps_its_spread() -> None:
-    values = np.random.default_rng(3).gamma(1.0, 1.0, (400, 400))
-    one = GeoreferencedImage(Path("image.tif"), values, Affine(1.0, 0, WEST, 0, -1.0, SOUTH + 400.0), CRS(UTM))
-    found = values_at_ground(one, UTM, SCENE, ground_of(200, 200))
-    # exponential: standard deviation over mean is 1, with a standard error of 1 / sqrt(n) = 0.005
-    assert np.nanstd(found) / np.nanmean(found) == pytest.approx(1.0, abs=0.03)
-
-
 def test_outside_the_image_there_is_nothing() -> None:
     crs, transform, _ = SAME
     ground = ground_of()

@@ -70,14 +70,6 @@ def test_every_format_and_scale_gives_the_same_db(tmp_path, name, scale):
     np.testing.assert_allclose(found, DB, atol=1e-4)
 
 
-def test_zeros_negative_power_and_gaps_are_no_values(tmp_path):
-    values = np.tile(POWER, (5, 5))
-    values[0, 0], values[0, 1], values[0, 2] = 0.0, -0.01, np.nan
-    np.save(tmp_path / "a.npy", values)
-    found = read(tmp_path / "a.npy")
-    assert np.flatnonzero(np.isnan(found)).tolist() == [0, 1, 2]
-
-
 @pytest.mark.parametrize(
     ("scale", "unusable", "counts"),
     [

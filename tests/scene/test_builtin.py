@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radcal.config import BuiltinScene, Case, Radar
+from radcal.config import Case, Radar
 from radcal.errors import SceneError
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
@@ -162,8 +162,3 @@ def test_scene_and_configuration_must_name_the_same_materials(materials: list[st
     scene.require(["dyke", "grass"])
     with pytest.raises(SceneError, match=words):
         scene.require(materials)
-
-
-def test_make_scene_checks_the_materials() -> None:
-    with pytest.raises(SceneError, match=r"materials\.sand: not in the scene"):
-        make_scene(BuiltinScene(seed=1), [*MATERIALS, "sand"])

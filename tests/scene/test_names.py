@@ -36,9 +36,10 @@ def test_wrong_names(tmp_path: Path, names: object, said: str) -> None:
         read_names(path, [0, 1, 3, 9], Path("ids.tif"))
 
 
-def test_a_file_of_names_nested_too_deeply_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("text", ["not json", "3", '{"1": ' + "[" * 100_000 + "]" * 100_000 + "}"], ids=len)
+def test_a_file_of_no_names_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "names.json"
-    path.write_text('{"1": ' + "[" * 100_000 + "]" * 100_000 + "}")
+    path.write_text(text)
     with pytest.raises(SceneError, match=r"^scene\.names: .*names\.json is not a JSON object of id and name"):
         read_names(path, [1], Path("ids.tif"))
 

@@ -169,6 +169,7 @@ def test_a_plane_in_degrees_has_its_heights_in_utm(build: Build, cell_m: float |
     if cell_m is None:
         # a pixel at this latitude: 30.9 m of meridian by 30.9 cos(latitude) m, and a cell of the same area
         assert scene.cell_m == pytest.approx(30.9 * np.sqrt(np.cos(np.radians(52.16))), rel=0.01)
+        assert scene.cell_m == float(f"{scene.cell_m:.3g}")
     else:
         assert scene.cell_m == cell_m
     inside = scene.material > 0
@@ -256,17 +257,6 @@ def test_pixels_narrower_than_high_are_averaged_in_their_cells(build: Build) -> 
     assert numbers_of(scene, "resampled")["elevation"] == "averaged"
 
 
-def test_cells_have_the_area_of_pixels_in_degrees(build: Build) -> None:
-    pixels = Affine(0.0001, 0.0, 4.47, 0.0, -0.0002, 52.17)
-    heights = np.full((60, 90), 40.0)
-    scene = raster_scene(build(heights, crs="EPSG:4326", transform=pixels, vertical_datum="EGM96", ids_crs="EPSG:4326",
-                               ids_transform=pixels, ids=np.ones((60, 90), dtype=np.uint8)))  # fmt: skip
-    geod = Geod(ellps="WGS84")
-    _, _, width = geod.inv(4.4745, 52.164, 4.4746, 52.164)
-    _, _, height = geod.inv(4.4745, 52.1639, 4.4745, 52.1641)
-    assert scene.cell_m == float(f"{np.sqrt(width * height):.3g}")
-
-
 def test_the_scene_ends_where_either_raster_ends(build: Build) -> None:
     part = Affine(10.0, 0.0, WEST + 120.0, 0.0, -10.0, SOUTH + 430.0)
     ids = np.ones((30, 20), dtype=np.uint8)
@@ -275,17 +265,11 @@ def test_the_scene_ends_where_either_raster_ends(build: Build) -> None:
     assert scene.material.shape == (30, 20)
 
 
-def test_bounds_between_cells_leave_out_the_parts(build: Build) -> None:
-    scene = raster_scene(build(bounds=[WEST + 103.0, SOUTH + 57.0, WEST + 309.0, SOUTH + 251.0]))
-    assert scene.transform == (10.0, 0.0, WEST + 110.0, 0.0, 10.0, SOUTH + 60.0)
-    assert scene.material.shape == (19, 19)
-
-
 def test_bounds_cut_the_scene(build: Build) -> None:
-    bounds = [WEST + 100.0, SOUTH + 50.0, WEST + 305.0, SOUTH + 250.0]
+    bounds = [WEST + 103.0, SOUTH + 50.0, WEST + 309.0, SOUTH + 250.0]
     scene = raster_scene(build(bounds=bounds))
-    assert scene.transform == (10.0, 0.0, WEST + 100.0, 0.0, 10.0, SOUTH + 50.0)
-    assert scene.material.shape == (20, 20)  # whole cells inside the bounds
+    assert scene.transform == (10.0, 0.0, WEST + 110.0, 0.0, 10.0, SOUTH + 50.0)
+    assert scene.material.shape == (20, 19)  # whole cells inside the bounds
     np.testing.assert_allclose(scene.elevation_m, plane(*centres(scene)), atol=1e-6)
     with pytest.raises(SceneError, match=r"scene\.bounds are \[.*expected inside \[600000\.0, .*UTM zone 31N"):
         raster_scene(build(bounds=[0.0, 0.0, 10.0, 10.0]))
@@ -712,25 +696,6 @@ def test_files_without_a_place_are_read(scene: Scene, tmp_path: Path) -> None:
         del file["findings"]  # as earlier versions wrote it
     back = read_scene(tmp_path / "scene.h5")
     assert (back.crs, back.transform, back.vertical_datum, back.findings) == (None, None, None, ())
-
-
-def test_a_raster_scene_is_seen_by_the_radar(build: Build) -> None:
-    """A plane that rises away from the track is seen at the depression's complement minus its slope."""
-    ids = np.ones(SHAPE, dtype=np.uint8)
-    ids[:, 30:] = 2
-    heights = 10.0 + 0.2 * (grid(HEIGHTS, SHAPE, UTM)[0] - WEST)
-    scene = make_scene(build(heights, ids), ["grass", "water"])
-    radar = Radar(altitude_m=4000.0, depression_deg=45.0, look_side="right")
-    geometry = make_geometry(scene, radar)
-    grass, water = geometry.pixels("grass", 1), geometry.pixels("water", 1)
-    assert grass.size > 1000
-    assert water.size > 1000
-    # the west is nearer
-    assert grass.max() // geometry.shape[1] <= water.min() // geometry.shape[1] + 1
-    incidence = geometry.incidence_deg.ravel()[np.concatenate([grass, water])]
-    assert np.median(incidence) == pytest.approx(45.0 - np.degrees(np.arctan(0.2)), abs=0.5)
-    left = make_geometry(scene, radar.model_copy(update={"look_side": "left"}))
-    assert np.nanmedian(left.incidence_deg) == pytest.approx(45.0 + np.degrees(np.arctan(0.2)), abs=0.5)
 
 
 def test_an_error_of_the_heights_is_one_of_the_slopes(build: Build, tmp_path: Path) -> None:

@@ -283,15 +283,6 @@ def test_asking_for_the_image_upgrades_the_record(runner: Runner, store: RunStor
     assert len(files(store)) == 1
 
 
-def test_keep_images_keeps_them(
-    store: RunStore, simulator: Counting, geometry: Geometry, build_case: Callable[..., Case]
-) -> None:
-    keeping = Runner(store, simulator, geometry, "scene", build_case(simulator={"keep_images": True}))
-    keeping.run(X, 7)
-    np.testing.assert_array_equal(keeping.run(X, 7, image=True).image_db, simulator.run(X, 7))
-    assert simulator.calls == 2
-
-
 def test_calibrating_one_more_material_upgrades_the_record(
     runner: Runner, store: RunStore, simulator: Counting, geometry: Geometry, build_case: Callable[..., Case]
 ) -> None:
