@@ -20,7 +20,6 @@ from radcal.cli import app
 from radcal.cli.run import _outputs, files_of_stages, snakemake_command, sorted_words
 from radcal.config import load
 from radcal.config.yaml_file import check_words
-from radcal.errors import ConfigError
 from radcal.session import workflow_files
 
 ROOT = Path(__file__).parents[2]
@@ -63,34 +62,17 @@ def refused(*arguments: str) -> str:
     return done.stderr.removeprefix("radcal: ").rstrip("\n")
 
 
-RASTER = {"source": "raster", "elevation": "dem.tif", "materials": "cover.tif", "vertical_datum": "EGM2008"}
-SLANT = {"source": "slant_range", "labels": "a.tif", "near_incidence_deg": 20, "far_incidence_deg": 40}
-
-
-BAD_FILES = {
-    "utf16.yaml": ("case: mine\n".encode("utf-16"), "utf16.yaml, line 1: not a text file in UTF-8 (byte 0xff"),
-    "latin1.yaml": ("# é\n".encode("latin-1"), "latin1.yaml, line 1: not a text file in UTF-8 (byte 0xe9"),
-    "recursive.yaml": (b"stop: &a {rms: *a}\n", "recursive.yaml, line 1: the anchor that stop.rms refers to contains"),
-    "empty.yaml": (b"", "empty.yaml: is empty, expected keys and values such as case: mine."),
-    "tabbed.yaml": (b"stop:\n\trms: 1\n", "tabbed.yaml, line 2: not a YAML file (found character"),
-    "two.yaml": (b"case: a\n---\ncase: b\n", "two.yaml, line 2: not a YAML file (but found another document"),
-    "twice.yaml": (b"seed: 1\nseed: 2\n", "twice.yaml, line 2: seed is given here and in line 1, expected each key"),
-    # Snakemake would run the Python code in it
-    "code.yaml": (b"__use_yte__: true\n", "code.yaml: unknown key __use_yte__ "),
-    "files.yaml": (
-        b"measurement: {source: file, path: gone.tif, scale: db, radiometry: sigma0_ref}\n",
-        "measurement.path: the file gone.tif does not exist in ",
-    ),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", BAD_FILES)
-def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(
-    clone: Path, name: str, started: list[list[str]]
-) -> None:
-    content, said = BAD_FILES[name]
-    (clone / name).write_bytes(content)
-    assert refused(name).startswith(said)
+def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(clone: Path, started: list[list[str]]) -> None:
+    gone = b"measurement: {source: file, path: gone.tif, scale: db, radiometry: sigma0_ref}\n"
+    for name, content, said in (
+        ("utf16.yaml", "case: mine\n".encode("utf-16"), "utf16.yaml, line 1: not a text file in UTF-8 (byte 0xff"),
+        ("two.yaml", b"case: a\n---\ncase: b\n", "two.yaml, line 2: not a YAML file (but found another document"),
+        # Snakemake would run the Python code in it
+        ("code.yaml", b"__use_yte__: true\n", "code.yaml: unknown key __use_yte__ "),
+        ("files.yaml", gone, "measurement.path: the file gone.tif does not exist in "),
+    ):
+        (clone / name).write_bytes(content)
+        assert refused(name).startswith(said)
     assert started == []
 
 
@@ -108,6 +90,7 @@ def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(
         (["mine.yaml", "-c", "1.5"], "--cores is '1.5', expected a number from 1 on, or all."),
         (["mine.yaml", "--set", "stop.rms"], "--set stop.rms: expected KEY=VALUE such as stop.rms=1e-6."),
         (["mine.yaml", "--set", "stop.rsm=1"], "mine.yaml: unknown key stop.rsm (did you mean 'rms'?)."),
+        (["mine.yaml", "--set", "stop.max_runs=1"], "mine.yaml: stop.max_runs is 1, expected at least design.size"),
         (["mine.yaml", "--set", "stop.rms=low"], "mine.yaml: stop.rms is 'low', expected a number"),
         (["mine.yaml", "--set", "seed=1", "--set", "seed=2"], "--set: seed is given twice, expected once."),
         (["mine.yaml", "--set", "stop.rms=[1"], "--set stop.rms=[1: not valid JSON or YAML ("),
@@ -336,12 +319,6 @@ def test_settings_arrive_as_they_were_meant(clone: Path, overrides: dict[str, ob
     words = parsed(overrides=overrides).config
     check_words(words)
     assert load(["mine.yaml"], parse_config(words)) == load(["mine.yaml"], overrides)
-
-
-def test_a_settings_numbers_are_those_of_a_case_file(clone: Path) -> None:
-    with pytest.raises(ConfigError, match=r"stop\.max_runs is 1, expected at least design\.size"):
-        load(["mine.yaml"], {"stop": {"max_runs": 1}})
-    assert "stop.max_runs is 1," in refused("mine.yaml", "--set", "stop.max_runs=1")
 
 
 def test_help_is_there_at_once() -> None:

@@ -30,20 +30,12 @@ from radcal.registration.registered import LEAST_CONTRAST_DB, contrast_db
 from radcal.scene.model import Scene
 from radcal.tables.landcover import brightest_db
 
-__all__ = [
-    "bright_laws",
-    "hidden_by_noise",
-    "hidden_ground",
-    "high_noise",
-    "is_on_map",
-    "outlook",
-    "start_contrast",
-]
+__all__ = ["bright_laws", "hidden_by_noise", "hidden_ground", "high_noise", "is_on_map", "outlook", "start_contrast"]
 
 _MOST_HIDDEN, _STEEPEST_DEG = 0.5, 35.0  # more hidden ground and steeper slopes (median) are rare, even in mountains
-# units of heights that are taken for metres, with the factors that convert them to metres
 _MIDDLE_DEG = 45.0  # incidence at which the gamma of a law is compared with those of terrain
 _BRIGHTER_DB = 6.0  # the source of those adds 5 log10(f / 10 GHz) to gamma, at most 5 dB below 100 GHz
+# units of heights that are taken for metres, with the factors that convert them to metres
 _UNITS = {"feet": 0.3048, "decimetres": 0.1, "centimetres": 0.01}
 
 
@@ -147,20 +139,12 @@ def bright_laws(case: Case) -> list[Finding]:
     gamma = {name: g for name, one in case.materials.items() if (g := _gamma_db(one)) > brightest_db() + _BRIGHTER_DB}
     if gamma.keys() & set(case.calibrated):
         return []
-    return [
-        Finding(
-            "law_bright",
-            "warning",
-            f"materials.{name}.parameters",
-            {
-                "law": str(case.materials[name].at_start.law),
-                "gamma_db": level,
-                "incidence_deg": _MIDDLE_DEG,
-                "brightest_db": brightest_db(),
-            },
-        )
-        for name, level in gamma.items()
-    ]
+    found = []
+    for name, level in gamma.items():
+        numbers: dict[str, float | str] = {"law": str(case.materials[name].at_start.law), "gamma_db": level}
+        numbers |= {"incidence_deg": _MIDDLE_DEG, "brightest_db": brightest_db()}
+        found.append(Finding("law_bright", "warning", f"materials.{name}.parameters", numbers))
+    return found
 
 
 def _gamma_db(material: Material) -> float:
