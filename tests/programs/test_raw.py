@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from radcal.errors import SimulatorError
-from radcal.programs.raw import read_raw
+from radcal.programs.command import read_raw
 from radcal.reading.images import ImageFile
 
 VALUES = np.array([[1.5, -2.25, 3e7], [4.0, 5.0, -6e-3]])

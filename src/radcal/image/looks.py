@@ -51,7 +51,7 @@ class Looks:
         Ends of the 95 % confidence interval of ``looks``.
     windows : int
         Number of windows used.
-    side : int
+    side_px : int
         Number of independent pixels on a side of a window.
     """
 
@@ -59,7 +59,7 @@ class Looks:
     low: float
     high: float
     windows: int
-    side: int = SIDE
+    side_px: int = SIDE
 
     def differs(self, looks: float) -> bool:
         """Whether the variance of the speckle certainly contradicts a number of looks.
@@ -263,15 +263,7 @@ def check_looks(found: Looks, looks: float, scale: str | None, source: str, filt
     MeasurementError
         The estimated and the configured looks differ so much that the scale, or ``radar.looks``, must be wrong.
     """
-    numbers = {
-        "looks": found.looks,
-        "low": found.low,
-        "high": found.high,
-        "windows": found.windows,
-        "side_px": found.side,
-        "declared": looks,
-    }
-    plain = Finding("looks", "note", source, numbers)
+    plain = Finding("looks", "note", source, {**vars(found), "declared": looks})
     said = sentence(plain).removesuffix(".")
     variance = _log_variance(found.looks)
     too_many, too_few = found.looks > _TOO_MANY * looks, found.looks < _TOO_FEW * looks

@@ -11,26 +11,25 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from radcal.config import Material, Radar, executable_path
+from radcal.config import Material, Output, Radar, RawType, executable_path
 from radcal.errors import ConfigError, SimulatorError, StoreError, WrongNumbers
 from radcal.programs.command_plan import CommandPlan, check_command, check_image_shape
 from radcal.programs.placeholders import SEED, argument
 from radcal.programs.process import output_tail, run_program
-from radcal.programs.raw import read_raw
 from radcal.reading.arrays import read_array
-from radcal.reading.images import NOT_FINITE, ImageFile, reading, to_db
+from radcal.reading.images import NOT_FINITE, ImageFile, Values, reading, to_db
 from radcal.storage.files import atomic, working_folder
 
 if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
 
-__all__ = ["CommandPlan", "CommandSimulator", "check_command", "toml_text"]
+__all__ = ["CommandPlan", "CommandSimulator", "check_command", "read_raw", "toml_text"]
 
 _VERSION_SECONDS = 60.0
 _MEND = (
@@ -316,3 +315,36 @@ def toml_text(data: Mapping[str, Any]) -> str:
         return {k: written(v) if isinstance(v, Mapping) else v for k, v in table.items() if v is not None}
 
     return tomli_w.dumps(written(data))
+
+
+def read_raw(file: ImageFile, config: Output, shape: tuple[int, int]) -> Values:
+    """Read the numbers of a raw file; a file of unexpected length raises an error.
+
+    Parameters
+    ----------
+    file : ImageFile
+        Raw file.
+    config : Output
+        Section with the type of the numbers, the byte order and the length of the header.
+    shape : (int, int)
+        Numbers of rows and columns, in the order in which the file stores them.
+
+    Raises
+    ------
+    SimulatorError
+        The length of the file does not match type, shape and header.
+    """
+    dtype = np.dtype(str(config.dtype)).newbyteorder("<" if config.byte_order in (None, "little") else ">")
+    header = config.header_bytes or 0
+    expected = header + shape[0] * shape[1] * dtype.itemsize
+    found = file.path.stat().st_size
+    if found != expected:
+        pixels = shape[0] * shape[1]
+        others = [name for name in get_args(RawType) if found == header + pixels * np.dtype(name).itemsize]
+        as_many = f": as many as of {' or '.join(others)}" if others else ""
+        raise file.refused(
+            f"{file.path} has {found} bytes, expected {expected} for {shape[0]} x {shape[1]} numbers of {config.dtype}"
+            f"{f' after a header of {header}' if header else ''}"
+            f"{as_many}"
+        )
+    return np.fromfile(file.path, dtype=dtype, offset=header).reshape(shape)

@@ -21,6 +21,10 @@ If a file lacks a field, the field gets its default value. Files written before 
 still be read. ``Annotated[type, About("description", unit="dB")]`` adds the attributes ``description`` and ``unit`` to
 a dataset or group; for a field without ``About``, they are taken from the section ``Attributes`` of the dataclass's
 docstring. :func:`table` lists the descriptions and units.
+
+References
+----------
+The HDF Group, "HDF5 Dimension Scale Specification and Design Notes" (2005).
 """
 
 from __future__ import annotations
@@ -41,7 +45,6 @@ from numpy.typing import NDArray
 
 from radcal.errors import StoreError
 from radcal.findings import Finding
-from radcal.storage.dimensions import attach_scales, label_dimensions
 
 __all__ = ["About", "Attribute", "Main", "put", "same", "table", "take"]
 
@@ -132,7 +135,29 @@ def put(group: h5py.Group, value: Any) -> None:
         else:
             _put(group, entry.name, one, entry.kind, entry.about)
     described = {entry.name: entry.about for entry in _entries(type(value)) if entry.about is not None}
-    attach_scales(group, {name: (about.labels, about.scale) for name, about in described.items()})
+    _attach_scales(group, {name: (about.labels, about.scale) for name, about in described.items()})
+
+
+def _attach_scales(group: h5py.Group, fields: Mapping[str, tuple[list[str], bool]]) -> None:
+    """Turn some datasets of a group into dimension scales, and attach each scale to the dimensions with its label.
+
+    Parameters
+    ----------
+    group : h5py.Group
+        Group that contains the datasets.
+    fields : mapping
+        For each dataset, by its name: labels of its dimensions, and whether the dataset is a scale, which has one
+        dimension. A dataset may be absent from the group.
+    """
+    held = {name: labels for name, (labels, _) in fields.items() if isinstance(group.get(name), h5py.Dataset)}
+    for name, (labels, is_scale) in fields.items():
+        if not is_scale or name not in held:
+            continue
+        group[name].make_scale(labels[0])
+        for other, theirs in held.items():
+            for place, label in enumerate(theirs):
+                if label == labels[0] and other != name:
+                    group[other].dims[place].attach_scale(group[name])
 
 
 def take(group: h5py.Group, kind: type[T], without: Collection[str] = ()) -> T:
@@ -299,7 +324,9 @@ def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | Non
         made.attrs["description"] = about.description
         if about.unit:
             made.attrs["unit"] = about.unit
-        label_dimensions(made, about.labels)
+        if isinstance(made, h5py.Dataset) and len(about.labels) == made.ndim:
+            for place, label in enumerate(about.labels):
+                made.dims[place].label = label
 
 
 def _attribute(value: Any, kind: Any) -> Any:
