@@ -78,7 +78,7 @@ def test_a_pass_added_later_reuses_all_runs_and_a_kill_loses_none(project, monke
     assert (project.out() / "figures/front_field.png").exists()
     with h5py.File(project.out() / "calibration.h5") as file:
         front = file["materials/field/front"]
-        assert front.attrs["objectives"].tolist() == ["pass 1", "pass 2"]
+        assert front["objectives"].asstr()[()].tolist() == ["pass 1", "pass 2"]
         assert front["verified"].shape == (len(file["runs/key"]), 2)
         assert len(front["predicted"]) > 1
     exported = radcal.open(project.out())

@@ -45,7 +45,7 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
         return None
     elevation = view.elevation_m.astype(np.float64)
     cell_m = view.cell_m * view.step
-    objects_m = None if view.objects is None else view.objects.places_m
+    objects_m = view.objects_m
     steepest_deg = _steepest_deg(elevation, cell_m)
     flat = steepest_deg < _FLAT_DEG
     canvas, colours, directions = new_canvas(9.5, 5.0 if flat else 9.1), of_ids(case), _directions(case)

@@ -23,7 +23,7 @@ from radcal.findings import Finding
 from radcal.ground.levels import Levels
 from radcal.posterior.result import Image, Posterior
 from radcal.results.search_front import SearchFront
-from radcal.storage.dataclass_groups import About, Main, put, table, take
+from radcal.storage.dataclass_groups import About, put, table, take
 from radcal.storage.records import read_hdf5, write_hdf5
 from radcal.targets.target import Target
 
@@ -31,7 +31,6 @@ __all__ = [
     "Archive",
     "Images",
     "MaterialResult",
-    "ObjectPlaces",
     "PassLaw",
     "PassSummary",
     "RegistrationSummary",
@@ -131,14 +130,6 @@ class Images:
 
 
 @dataclass(frozen=True)
-class ObjectPlaces:
-    """Centres of the scene's objects; if the scene has many objects, those of every n-th object."""
-
-    places_m: Annotated[Floats, Main()]
-    count: Annotated[int, About("number of objects in the scene")]
-
-
-@dataclass(frozen=True)
 class SceneView:
     """Scene, reduced to the resolution of the figures; row 0 is in the south."""
 
@@ -146,9 +137,11 @@ class SceneView:
     cell_m: Annotated[float, About("width of a cell of the scene", "m")]
     material: Annotated[Bytes | None, About("material id k of `names[k - 1]`", shape="y, x")] = None
     elevation_m: Annotated[Floats | None, About("elevation", "m", "y, x")] = None
-    objects: Annotated[
-        ObjectPlaces | None, About("centres of objects, east and north of the south-west corner", "m", "objects, 2")
+    objects_m: Annotated[
+        Floats | None,
+        About("centres of objects (of many, every n-th), east and north of the south-west corner", "m", "objects, 2"),
     ] = None
+    object_count: Annotated[int, About("number of objects in the scene")] = 0
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,6 @@ from radcal.results.archive import (
     Fidelity,
     Images,
     MaterialResult,
-    ObjectPlaces,
     PassLaw,
     PassSummary,
     RegistrationSummary,
@@ -271,17 +270,18 @@ def _registration(registered: Registered) -> RegistrationSummary:
 def _scene(scene: Scene) -> SceneView:
     """Scene, reduced to the resolution of the figures."""
     step = -(-max(scene.material.shape) // _LARGEST_SCENE)
-    places = None
-    if scene.objects is not None and (count := len(scene.objects)):
+    objects_m, count = None, len(scene.objects or ())
+    if scene.objects is not None and count:
         middles_m = np.stack([scene.objects.x_m, scene.objects.y_m], axis=1)
-        places = ObjectPlaces(middles_m[:: -(-count // _MOST_OBJECTS)].astype(np.float32), count)
+        objects_m = middles_m[:: -(-count // _MOST_OBJECTS)].astype(np.float32)
     elevation_m = scene.elevation_m
     return SceneView(
         step=step,
         cell_m=scene.cell_m,
         material=scene.material[::step, ::step].astype(np.uint8),
         elevation_m=None if elevation_m is None else elevation_m[::step, ::step].astype(np.float32),
-        objects=places,
+        objects_m=objects_m,
+        object_count=count,
     )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from radcal.objectives import Comparison
 from radcal.objectives.history import History
-from radcal.storage.dataclass_groups import About, Attribute
+from radcal.storage.dataclass_groups import About
 
 __all__ = ["SearchFront", "search_fronts"]
 
@@ -23,9 +23,7 @@ class SearchFront:
     """Front of NSGA-II in the last search for a material: f points with p objectives, and the objectives of n runs."""
 
     objectives: Annotated[
-        tuple[str, ...],
-        Attribute(),
-        About("names of the sums of squared residuals that NSGA-II minimises as objectives"),
+        tuple[str, ...], About("names of the sums of squared residuals that NSGA-II minimises as objectives")
     ]
     parameters: Annotated[Doubles, About("X of the points of the front", shape="f, d")]
     looks: Annotated[Doubles, About("effective number of looks of each point of the front", shape="f")]

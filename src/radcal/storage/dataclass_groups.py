@@ -7,12 +7,9 @@ type of a field                                        in the file
 ``Finding``                                            attribute of the group, as JSON
 ``tuple`` of numbers                                   attribute of the group
 numpy array                                            dataset, compressed from 1 KiB on
-``tuple[str, ...]``                                    dataset of strings, because HDF5 limits the size of attributes;
-                                                       attribute if annotated with :class:`Attribute`
+``tuple[str, ...]``                                    dataset of strings, because HDF5 limits the size of attributes
 ``tuple[Finding, ...]``                                dataset of strings, each of them a finding as JSON
 dataclass                                              group
-dataclass with one field annotated :class:`Main`       dataset with this field's values; the other fields are its
-                                                       attributes
 ``Mapping[str, ...]`` of any type above                group with one entry for each key, in the order of the keys
 any type above ``| None``                              absent if the value is None
 =====================================================  =====================================================
@@ -46,7 +43,7 @@ from numpy.typing import NDArray
 from radcal.errors import StoreError
 from radcal.findings import Finding
 
-__all__ = ["About", "Attribute", "Main", "put", "same", "table", "take"]
+__all__ = ["About", "put", "same", "table", "take"]
 
 _COMPRESSED = (
     1024  # smallest size of a compressed dataset [bytes]; for smaller datasets, compression would not save space
@@ -85,23 +82,12 @@ class About:
 
 
 @dataclass(frozen=True)
-class Main:
-    """Annotation of the field that becomes a dataset; the other fields of the dataclass become its attributes."""
-
-
-@dataclass(frozen=True)
-class Attribute:
-    """Annotation of a short tuple of strings that is stored as an attribute instead of a dataset."""
-
-
-@dataclass(frozen=True)
 class _Entry:
-    """Field of a dataclass: name, type (without None and without annotations), description and annotations."""
+    """Field of a dataclass: name, type (without None and without annotations), and description."""
 
     name: str
     kind: Any
     about: About | None
-    main: bool
     attribute: bool
     optional: bool
     default: Any  # MISSING for a field that the file must contain
@@ -127,12 +113,7 @@ def put(group: h5py.Group, value: Any) -> None:
         A field has a type that is not in the table in the docstring of :mod:`radcal.storage.dataclass_groups`.
     """
     for entry in _entries(type(value)):
-        one = getattr(value, entry.name)
-        if one is None:
-            continue
-        if entry.attribute:
-            group.attrs[entry.name] = _attribute(one, entry.kind)
-        else:
+        if (one := getattr(value, entry.name)) is not None:
             _put(group, entry.name, one, entry.kind, entry.about)
     described = {entry.name: entry.about for entry in _entries(type(value)) if entry.about is not None}
     _attach_scales(group, {name: (about.labels, about.scale) for name, about in described.items()})
@@ -246,8 +227,7 @@ def _entry(item: Field[Any], hint: Any, documented: About | None) -> _Entry:
     if optional and default is MISSING:
         default = None
     about = next((one for one in said if isinstance(one, About)), documented)
-    main, attribute = (any(isinstance(one, mark) for one in said) for mark in (Main, Attribute))
-    return _Entry(item.name, bare, about, main, attribute or _is_attribute(bare), optional, default)
+    return _Entry(item.name, bare, about, _is_attribute(bare), optional, default)
 
 
 def _without_none(hint: Any) -> tuple[Any, bool]:
@@ -282,19 +262,9 @@ def _is_attribute(kind: Any) -> bool:
     return kind in (bool, int, float, str, Finding) or typing.get_origin(kind) is Literal
 
 
-def _is_dataset(kind: Any) -> bool:
-    """Whether values of a type are stored as datasets."""
-    return _is_array(kind) or (isinstance(kind, type) and is_dataclass(kind) and _main(kind) is not None)
-
-
-def _main(kind: Any) -> str | None:
-    """Name of the field annotated :class:`Main`; None for a dataclass that is stored as a group."""
-    return next((entry.name for entry in _entries(kind) if entry.main), None)
-
-
 def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | None = None) -> None:
     if _is_attribute(kind):
-        group.attrs[name] = _attribute(value, kind)
+        group.attrs[name] = value.json() if kind is Finding else value
         return
     made: h5py.Group | h5py.Dataset
     if _is_array(kind):
@@ -306,17 +276,10 @@ def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | Non
     elif _is_mapping(kind):
         made = group.create_group(name, track_order=True)
         for key, item in value.items():
-            _put(made, key, item, _item(kind), about if _is_dataset(_item(kind)) else None)
+            _put(made, key, item, _item(kind), about if _is_array(_item(kind)) else None)
     elif isinstance(kind, type) and is_dataclass(kind):
-        main = _main(kind)
-        if main is None:
-            made = group.create_group(name)
-            put(made, value)
-        else:
-            made = _put_array(group, name, np.asarray(getattr(value, main)))
-            for entry in _entries(kind):
-                if entry.name != main and (one := getattr(value, entry.name)) is not None:
-                    made.attrs[entry.name] = _attribute(one, entry.kind)
+        made = group.create_group(name)
+        put(made, value)
     else:
         raise TypeError(f"{name}: a {kind} has no place in the layout")
     attributes_of_entries = _is_mapping(kind) and _is_attribute(_item(kind))
@@ -327,13 +290,6 @@ def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | Non
         if isinstance(made, h5py.Dataset) and len(about.labels) == made.ndim:
             for place, label in enumerate(about.labels):
                 made.dims[place].label = label
-
-
-def _attribute(value: Any, kind: Any) -> Any:
-    """Value converted for h5py, which stores it as an attribute."""
-    if kind is Finding:
-        return value.json()
-    return np.array(value, dtype=_TEXT) if _is_text_list(kind) else value
 
 
 def _put_array(group: h5py.Group, name: str, values: NDArray[Any]) -> h5py.Dataset:
@@ -354,25 +310,14 @@ def _take(held: Any, kind: Any) -> Any:
     if _is_array(kind):
         return held.asstr()[()] if h5py.check_string_dtype(held.dtype) else held[()]
     if _is_text_list(kind):
-        return tuple(map(str, held.asstr()[()] if isinstance(held, h5py.Dataset) else held))
+        return tuple(map(str, held.asstr()[()]))
     if _is_findings(kind):
         return tuple(map(Finding.of_json, held.asstr()[()]))
     if _is_mapping(kind):
         item = _item(kind)
         names = held.attrs if _is_attribute(item) else held
         return {name: _take(names[name], item) for name in names}
-    main = _main(kind)
-    if main is None:
-        return take(held, kind)
-    found: dict[str, Any] = {main: held[()]}
-    for entry in _entries(kind):
-        if entry.name == main:
-            continue
-        if entry.name in held.attrs:
-            found[entry.name] = _take(held.attrs[entry.name], entry.kind)
-        elif entry.default is None:
-            found[entry.name] = None
-    return kind(**found)
+    return take(held, kind)
 
 
 def _scalar(held: Any, kind: Any) -> Any:
@@ -408,8 +353,6 @@ def table(kind: type, unlisted: Collection[type] = ()) -> str:
 def _rows(kind: type, path: str, unlisted: Collection[type]) -> Iterator[tuple[str, str, str, str, str]]:
     """Rows of the table that describes the layout of a file: one for each dataclass field stored below an HDF5 path."""
     for entry in _entries(kind):
-        if entry.main:  # the table already has a line for the field whose type is this dataclass
-            continue
         about, inner, place = entry.about or About(""), entry.kind, f"{path}{entry.name}"
         if _is_mapping(inner):
             inner, place = _item(inner), f"{place}/<name>"
@@ -417,7 +360,7 @@ def _rows(kind: type, path: str, unlisted: Collection[type]) -> Iterator[tuple[s
         holds = f"{_holds(inner)}{shape}{', or absent' if entry.optional else ''}"
         if _is_mapping(entry.kind) and _is_attribute(inner):
             place, attribute = f"{path}{entry.name}", "`<name>`"
-        elif _is_attribute(inner) or entry.attribute or _main(kind):
+        elif _is_attribute(inner):
             place, attribute = path.removesuffix("/") or "/", f"`{entry.name}`"
         else:
             attribute = ""
@@ -432,7 +375,7 @@ def _holds(kind: Any) -> str:
         (number,) = typing.get_args(typing.get_args(kind)[1])
         return "numbers" if number is Any else "text" if number is np.str_ else str(number.__name__).rstrip("_")
     if isinstance(kind, type) and is_dataclass(kind) and kind is not Finding:
-        return next((_holds(entry.kind) for entry in _entries(kind) if entry.main), "group")
+        return "group"
     if typing.get_origin(kind) is tuple:
         return "findings" if _is_findings(kind) else "texts" if _is_text_list(kind) else "numbers"
     return {bool: "true or false", int: "integer", float: "number", Finding: "finding"}.get(kind, "text")
