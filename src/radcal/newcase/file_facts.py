@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.errors import ConfigError, RadcalError
+from radcal.errors import ConfigError
 from radcal.reading.arrays import is_raster
+from radcal.reading.intake import guarded
 from radcal.reading.rasters import check_blocks, open_raster
 from radcal.scene.crs import crs_of, horizontal, label, pixel_size_m, vertical_datum
 
@@ -186,14 +187,9 @@ def code_counts(path: Path) -> dict[int, int]:
 @contextmanager
 def _raster(path: Path, key: str) -> Iterator[Any]:
     """Context with an open raster, in which whatever a damaged file raises becomes a ConfigError."""
-    try:
-        with open_raster(path) as raster:
-            check_blocks(raster)
-            yield raster
-    except RadcalError:
-        raise
-    except Exception as error:  # the libraries' exceptions for damaged files have no common base class
-        raise ConfigError(f"{key}: {path} cannot be read as a raster ({error}).") from None
+    with guarded(path, lambda text: ConfigError(f"{key}: {path} {text}"), "a raster"), open_raster(path) as raster:
+        check_blocks(raster)
+        yield raster
 
 
 def _name(description: str | None) -> str:

@@ -171,6 +171,13 @@ def box_in(box: Box, source: CRS, target: CRS) -> Box:
     return west, south, east, north
 
 
+def _in_degrees(box: Box, source: CRS) -> Box:
+    """Bounding box in longitude and latitude of a box in a CRS."""
+    from pyproj import CRS
+
+    return box_in(box, source, CRS.from_user_input("OGC:CRS84"))
+
+
 def _common(one: Box, other: Box) -> Box:
     return max(one[0], other[0]), max(one[1], other[1]), min(one[2], other[2]), min(one[3], other[3])
 
@@ -187,12 +194,9 @@ def overlap(elevation: Source, materials: Source) -> tuple[Box, Box]:
     SceneError
         The rasters do not overlap.
     """
-    from pyproj import CRS
-
-    globe = CRS.from_user_input("OGC:CRS84")
 
     def area(source: Source) -> float:
-        west, south, east, north = box_in(source.box, source.plane, globe)
+        west, south, east, north = _in_degrees(source.box, source.plane)
         return (east - west) * (north - south)
 
     # the smaller box is transformed first, because the box of a continent may be undefined in the other raster's
@@ -209,9 +213,7 @@ def overlap(elevation: Source, materials: Source) -> tuple[Box, Box]:
 
 
 def _degrees(source: Source) -> str:
-    from pyproj import CRS
-
-    west, south, east, north = box_in(source.box, source.plane, CRS.from_user_input("OGC:CRS84"))
+    west, south, east, north = _in_degrees(source.box, source.plane)
     return f"longitude {west:.4g} to {east:.4g}, latitude {south:.4g} to {north:.4g}"
 
 
@@ -319,10 +321,9 @@ def _inscribed(width: float, height: float, angle: float) -> tuple[float, float]
 
 def _target(elevation: Source, box: Box, config: RasterScene) -> CRS:
     """CRS of the scene: a projected CRS in metres, with a scale of about 1."""
-    from pyproj import CRS
     from pyproj.exceptions import CRSError
 
-    longitude, latitude = _middle(box_in(box, elevation.plane, CRS.from_user_input("OGC:CRS84")))
+    longitude, latitude = _middle(_in_degrees(box, elevation.plane))
     if config.crs is None:
         if _unfit(elevation.plane, longitude, latitude) is None:
             return elevation.plane

@@ -362,16 +362,11 @@ def height_step_m(heights_m: NDArray[np.float64]) -> float:
     span = float(distinct[-1] - distinct[0])
     single = float(gaps[gaps < 1.5 * gaps.min()].mean())  # a mean, in which errors of single precision cancel
     step = span / round(span / single)  # the span of all heights gives more digits than one difference
-    if step < _FINEST_M or not _multiples(known - distinct[0], step):
+    ratio = (known - distinct[0]) / step
+    if step < _FINEST_M or not np.max(np.abs(ratio - np.round(ratio))) < _STEP_TOLERANCE:  # not all are multiples
         return 0.0
     curved = (np.diff(heights_m, 2, axis=0), np.diff(heights_m, 2, axis=1))
     return step if any(np.nanmax(np.abs(c), initial=0.0) > 0.5 * step for c in curved) else 0.0
-
-
-def _multiples(values: NDArray[Any], step: float) -> bool:
-    """Whether all values are multiples of a step."""
-    ratio = values / step
-    return bool(np.max(np.abs(ratio - np.round(ratio))) < _STEP_TOLERANCE)
 
 
 def rounding_error_m(step_m: float) -> float:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,21 +44,6 @@ def flat_incidence_deg(near_deg: float, far_deg: float, rows: int) -> NDArray[np
     return np.degrees(np.arccos(1.0 / np.linspace(near, far, rows)))
 
 
-def _labels(path: Path, folders: Sequence[Path]) -> NDArray[Any]:
-    """Values of the single band of a label raster; the memory for reading is limited."""
-
-    def refused(text: str) -> SceneError:
-        return SceneError(f"scene.labels: {path} {text}")
-
-    with guarded(path, refused, "a raster"), open_raster(path, folders) as raster:
-        if raster.count != 1:
-            raise refused(f"has {raster.count} bands, expected one.")
-        if raster.height * raster.width > LARGEST_VALUES:
-            raise refused(f"has {raster.height} x {raster.width} pixels, expected at most {LARGEST_VALUES:.0e}.")
-        check_blocks(raster)
-        return np.asarray(raster.read(1))
-
-
 def slant_range_scene(config: SlantRangeScene) -> Scene:
     """Scene from a label raster and a file with the names of its labels.
 
@@ -71,12 +53,20 @@ def slant_range_scene(config: SlantRangeScene) -> Scene:
         A file cannot be read, a label is not a material id, or a material id has no name.
     """
     names_path, path = expand_path(config.names, "scene.names"), expand_path(config.labels, "scene.labels")
-    labels = _labels(path, vrt_folders(config))
+
+    def refused(text: str) -> SceneError:
+        return SceneError(f"scene.labels: {path} {text}")
+
+    with guarded(path, refused, "a raster"), open_raster(path, vrt_folders(config)) as raster:
+        if raster.count != 1:
+            raise refused(f"has {raster.count} bands, expected one.")
+        if raster.height * raster.width > LARGEST_VALUES:
+            raise refused(f"has {raster.height} x {raster.width} pixels, expected at most {LARGEST_VALUES:.0e}.")
+        check_blocks(raster)
+        labels = np.asarray(raster.read(1))
     if labels.dtype.kind not in "ui" or labels.min() < 0 or labels.max() > 255:
-        raise SceneError(
-            f"scene.labels: {path} holds {labels.dtype} from {labels.min()} to {labels.max()}, "
-            "expected whole material ids from 0 to 255."
-        )
+        held = f"{labels.dtype} from {labels.min()} to {labels.max()}"
+        raise refused(f"holds {held}, expected whole material ids from 0 to 255.")
     names = read_names(names_path, [int(k) for k in np.unique(labels)], path)
     return Scene(
         identity=digest(

@@ -88,13 +88,8 @@ class _Entry:
     name: str
     kind: Any
     about: About | None
-    attribute: bool
     optional: bool
     default: Any  # MISSING for a field that the file must contain
-
-    def there(self, group: h5py.Group) -> bool:
-        """Whether an HDF5 group contains the field."""
-        return self.name in (group.attrs if self.attribute else group)
 
 
 def put(group: h5py.Group, value: Any) -> None:
@@ -160,8 +155,8 @@ def take(group: h5py.Group, kind: type[T], without: Collection[str] = ()) -> T:
     """
     found = {}
     for entry in _entries(kind):
-        if entry.name not in without and entry.there(group):
-            held = group.attrs if entry.attribute else group
+        held = group.attrs if _is_attribute(entry.kind) else group
+        if entry.name not in without and entry.name in held:
             found[entry.name] = _take(held[entry.name], entry.kind)
         elif entry.default is None:
             found[entry.name] = None
@@ -227,7 +222,7 @@ def _entry(item: Field[Any], hint: Any, documented: About | None) -> _Entry:
     if optional and default is MISSING:
         default = None
     about = next((one for one in said if isinstance(one, About)), documented)
-    return _Entry(item.name, bare, about, _is_attribute(bare), optional, default)
+    return _Entry(item.name, bare, about, optional, default)
 
 
 def _without_none(hint: Any) -> tuple[Any, bool]:
