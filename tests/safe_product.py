@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import rasterio
 from pyproj import Transformer
+from raster_files import write_raster
 from scipy.optimize import fsolve
 
 LINES, PIXELS = 120, 100
@@ -188,9 +188,5 @@ def write_product(
     over_range = _vectors("noiseRangeVector", "noiseRangeLut", noise_over_range)
     (tables / f"noise-{STEM}.xml").write_text(f"<noise>{over_range}{_azimuth_noise()}</noise>")
     values = digital_numbers() if pixels is None else pixels
-    with rasterio.open(
-        safe / f"measurement/{STEM}.tiff", "w", driver="GTiff", height=values.shape[0], width=values.shape[1], count=1,
-        dtype=values.dtype,
-    ) as raster:  # fmt: skip
-        raster.write(values, 1)
+    write_raster(safe / f"measurement/{STEM}.tiff", values)
     return safe

@@ -268,7 +268,6 @@ def on_the_map(folder: Path) -> None:
     """Heights, land cover and an image of two bands in dB, on one map, and a land cover elsewhere."""
     rng = np.random.default_rng(5)
     cover = np.where(np.arange(40) < 17, 40, 10).astype("uint8")[None].repeat(30, axis=0)
-    settings = {"height": 30, "width": 40, "crs": "EPSG:32631", "driver": "GTiff"}
     for name, values, west in (
         ("dem.tif", rng.normal(90, 2, (1, 30, 40)).astype("float32"), 6e5),
         ("cover.tif", cover[None], 6e5),
@@ -277,10 +276,7 @@ def on_the_map(folder: Path) -> None:
         ("two.tif", rng.normal(90, 2, (2, 30, 40)).astype("float32"), 6e5),
         ("fractions.tif", rng.normal(40, 2, (1, 30, 40)).astype("float32"), 6e5),
     ):
-        transform = from_origin(west, 5.8e6, 20.0, 20.0)
-        kind = {"count": len(values), "dtype": values.dtype, "transform": transform}
-        with rasterio.open(folder / name, "w", **settings, **kind) as raster:
-            raster.write(values)
+        write_raster(folder / name, values, crs="EPSG:32631", transform=from_origin(west, 5.8e6, 20.0, 20.0))
 
 
 ON_THE_MAP = """
@@ -354,7 +350,6 @@ def test_an_image_without_a_crs_is_told_so(tmp_path: Path, monkeypatch: pytest.M
     on_the_map(tmp_path)
     Path("mine.yaml").write_text(ON_THE_MAP)
     values = np.random.default_rng(5).normal(-12, 2, (7, 9)).astype("float32")
-    settings = {"height": 7, "width": 9, "count": 1, "dtype": "float32", "driver": "GTiff"}
     for name, place, lacks in (
         ("plain.tif", {}, "has no CRS"),
         ("half.tif", {"crs": "EPSG:32631"}, "has no transform from its pixels to the map"),
@@ -363,8 +358,7 @@ def test_an_image_without_a_crs_is_told_so(tmp_path: Path, monkeypatch: pytest.M
         if place is None:
             np.save(name, values)
         else:
-            with rasterio.open(name, "w", **settings, **place) as raster:
-                raster.write(values, 1)
+            write_raster(name, values, **place)
         (said,) = check_case(["mine.yaml"], {"measurement": {"path": name, "band": None}}).problems
         assert said.startswith(f"measurement.path: {name} has 7 x 9 pixels, the scene's image ")
         assert f" and the file {lacks}, expected a georeferenced image, as the scene in WGS 84 / UTM zone" in said
@@ -482,12 +476,10 @@ def test_a_fixed_law_without_its_minus_sign_is_asked_about(tmp_path: Path) -> No
 @pytest.mark.slow
 def test_a_start_without_contrast_is_told_before_any_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    level = {"height": 90, "width": 100, "crs": "EPSG:32631", "driver": "GTiff", "count": 1}
-    where = from_origin(6e5, 5.8e6, 20.0, 20.0)
+    where = {"crs": "EPSG:32631", "transform": from_origin(6e5, 5.8e6, 20.0, 20.0)}
     cover = np.where(np.add.outer(np.arange(90) // 30, np.arange(100) // 30) % 2, 40, 10).astype("uint8")
     for name, values in (("dem.tif", np.full((90, 100), 50.0, "float32")), ("cover.tif", cover)):
-        with rasterio.open(name, "w", dtype=values.dtype, transform=where, **level) as raster:
-            raster.write(values, 1)
+        write_raster(name, values, **where)
     text = ON_THE_MAP.replace("{source: file, path: image.tif, band: 1, scale: db, radiometry: sigma0_ref}", "{}")
     both = "{cropland: {calibrate: true, start: [-20, 6, 0, 4]}, tree_cover: {calibrate: true, start: [-20, 6, 0, 4]}}"
     Path("mine.yaml").write_text(text.replace("{cropland: {calibrate: true}, tree_cover: {}}", both))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rasterio
+from raster_files import write_raster
 from rasterio.transform import from_origin
 from safe_product import write_product
 
@@ -24,8 +24,7 @@ def test_products_and_rasters_with_a_place_are_on_the_map(tmp_path: Path) -> Non
     values = np.ones((4, 5), dtype=np.float32)
     place = {"crs": "EPSG:32631", "transform": from_origin(6e5, 5.8e6, 20.0, 20.0)}
     for name, where in (("placed.tif", place), ("plain.tif", {})):
-        with rasterio.open(tmp_path / name, "w", "GTiff", 5, 4, 1, dtype="float32", **where) as raster:
-            raster.write(values, 1)
+        write_raster(tmp_path / name, values, **where)
     np.save(tmp_path / "plain.npy", values)
     found = {
         path.name: is_on_map(FileMeasurement(path=str(path), scale="db", radiometry="sigma0_ref"))

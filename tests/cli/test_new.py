@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rasterio
 import yaml
 from pyproj import Transformer
+from raster_files import write_raster
 from rasterio.transform import from_origin
 from safe_product import place_of, write_product
 from typer.testing import CliRunner, Result
@@ -44,14 +44,7 @@ def written(*arguments: object) -> dict[str, dict[str, object]]:
 
 def write(path: Path, bands: list[np.ndarray], names: tuple[str, ...] = (), pixel_m: float | None = 20.0) -> str:
     where = {} if pixel_m is None else {"crs": "EPSG:32631", "transform": from_origin(6e5, 5.8e6, pixel_m, pixel_m)}
-    height, width = bands[0].shape
-    settings = {"height": height, "width": width, "count": len(bands), "dtype": bands[0].dtype, **where}
-    with rasterio.open(path, "w", driver="GTiff", **settings) as raster:
-        for number, values in enumerate(bands, start=1):
-            raster.write(values, number)
-            if names:
-                raster.set_band_description(number, names[number - 1])
-    return path.name
+    return write_raster(path, np.stack(bands), names, **where).name
 
 
 @pytest.fixture
@@ -292,8 +285,7 @@ def test_a_product_fills_the_section_of_the_radar(tmp_path: Path, monkeypatch: p
     x, y = Transformer.from_crs("EPSG:4326", "EPSG:32633", always_xy=True).transform(*place_of(60.0, 50.0, 120.0))
     where = {"crs": "EPSG:32633", "transform": from_origin(x - 300.0, y + 300.0, 15.0, 15.0)}
     for name, dtype, value in (("level.tif", "float32", 120.0), ("level_cover.tif", "uint8", 40)):
-        with rasterio.open(name, "w", "GTiff", 40, 40, 1, dtype=dtype, **where) as raster:
-            raster.write(np.full((40, 40), value, dtype=dtype), 1)
+        write_raster(name, np.full((40, 40), value, dtype=dtype), **where)
     scene = ["--elevation", "level.tif", "--landcover", "level_cover.tif", "--landcover-preset", "esa_worldcover"]
     written(*scene, "--vertical-datum", "WGS84 ellipsoid", "--image", safe, "--nesz", "-31")
     assert "FILL_IN" not in Path("mine.yaml").read_text()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rasterio
+from raster_files import write_raster
 
 from radcal.newcase.file_facts import code_counts
 
@@ -16,6 +16,5 @@ def test_codes_are_those_of_the_file_as_it_is(tmp_path: Path) -> None:
     path, cover = tmp_path / "cover.tif", np.full((6, 7), 3, np.uint8)
     for code, expected in ((9, {3: 35, 9: 7}), (4, {3: 35, 4: 7})):
         cover[0] = code
-        with rasterio.open(path, "w", driver="GTiff", height=6, width=7, count=1, dtype="uint8") as raster:
-            raster.write(cover, 1)
+        write_raster(path, cover)
         assert code_counts(path) == expected

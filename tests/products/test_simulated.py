@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rasterio
 import yaml
+from raster_files import write_raster
 from typer.testing import CliRunner, Result
 
 from radcal.cli import app
@@ -27,8 +27,7 @@ def case(tmp_path: Path) -> Path:
     """Case with two passes over a scene in slant range."""
     labels = np.ones((30, 40), dtype=np.uint8)
     labels[:, 25:] = 2
-    with rasterio.open(tmp_path / "labels.tif", "w", "GTiff", 40, 30, 1, dtype="uint8") as raster:
-        raster.write(labels, 1)
+    write_raster(tmp_path / "labels.tif", labels)
     (tmp_path / "names.json").write_text(json.dumps({"1": "field", "2": "lake"}))
     path = tmp_path / "case.yaml"
     path.write_text(

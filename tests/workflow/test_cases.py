@@ -10,6 +10,7 @@ import pytest
 import rasterio
 import rasterio.warp
 import yaml
+from raster_files import write_raster
 from workflow_project import ROOT, tiny_case
 
 from radcal.calibration.loop import calibrate
@@ -127,13 +128,10 @@ def test_a_scene_from_gis_rasters_to_the_report(project):
     """Elevation and materials on the map, a track to the south-west, looks that are not whole, and the level taken
     from the material of a fixed law."""
     north, east = np.mgrid[0:80, 0:80] * 5.0
-    profile = {"driver": "GTiff", "count": 1, "height": 80, "width": 80, "crs": "EPSG:32631",
-               "transform": rasterio.Affine(5.0, 0.0, 600_000.0, 0.0, -5.0, 5_780_000.0)}  # fmt: skip
+    profile = {"crs": "EPSG:32631", "transform": rasterio.Affine(5.0, 0.0, 600_000.0, 0.0, -5.0, 5_780_000.0)}
     heights = (20.0 + 2.0 * np.sin(east / 25.0) * np.cos(north / 30.0)).astype(np.float32)
-    with rasterio.open(project.folder / "elevation.tif", "w", dtype="float32", **profile) as raster:
-        raster.write(heights, 1)
-    with rasterio.open(project.folder / "cover.tif", "w", dtype="uint8", **profile) as raster:
-        raster.write(np.where(east < 250, 1, 2).astype(np.uint8), 1)
+    write_raster(project.folder / "elevation.tif", heights, **profile)
+    write_raster(project.folder / "cover.tif", np.where(east < 250, 1, 2).astype(np.uint8), **profile)
     scene = {"source": "raster", "elevation": "elevation.tif", "materials": "cover.tif", "names": "names.json"}
     level = {"pixels": 400, "normalisation": "offset"}
     hidden = {"parameters": {"field": [6.1, 14.2, 21.5, 3.3]}, "seed": 1, "warp_px": 0, "offset_db": 3.0}
