@@ -19,7 +19,7 @@ from radcal.config import (
     stages,
 )
 from radcal.errors import ConfigError
-from radcal.programs.placeholders import SEED, Marked, Marker, argument, template
+from radcal.programs.placeholders import SEED, Marked, argument, template
 from radcal.programs.seed_width import check_seeds
 from radcal.programs.written_numbers import check_numbers
 from radcal.storage.files import file_sha256
@@ -92,11 +92,6 @@ class CommandPlan:
         """All texts with placeholders: arguments of the command, and templates."""
         return [*self.arguments, *(marked for marked, _ in self.templates)]
 
-    @property
-    def seed_places(self) -> list[tuple[str, Marker]]:
-        """Placeholders of the seed in the arguments of the command and in the templates."""
-        return [(marked.where, place) for marked in self.texts for place in marked.places(SEED)]
-
     def stage(self, folder: Path) -> None:
         """Copy the configured files into a run's folder, and make the configured symbolic links in this folder."""
         for path in self.files:
@@ -161,7 +156,7 @@ def check_command(case: Case) -> None:
         _check_scripts(case.simulator)
         check_numbers(case.materials, plan.texts)
         if case.simulator.input is None:
-            check_seeds(case, plan.seed_places)
+            check_seeds(case, plan.texts)
 
 
 def _check_scripts(config: CommandSimulation) -> None:

@@ -85,10 +85,6 @@ class Marked:
         """Names of all values for which the text has placeholders."""
         return {part.name for part in self.parts if isinstance(part, Marker)}
 
-    def places(self, name: str) -> list[Marker]:
-        """All placeholders for the value with the given name."""
-        return [part for part in self.parts if isinstance(part, Marker) and part.name == name]
-
     def filled(self, values: Mapping[str, float | int | str]) -> str:
         """Text with values in place of the placeholders.
 

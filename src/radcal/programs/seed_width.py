@@ -13,7 +13,7 @@ from pathlib import Path
 
 from radcal.config import Case, CommandSimulation, SyntheticMeasurement, stages
 from radcal.errors import ConfigError
-from radcal.programs.placeholders import SEED, Marker
+from radcal.programs.placeholders import SEED, Marked, Marker
 from radcal.seeds import measurement_seed, noise_seed
 from radcal.storage.inspection import inspect_file
 
@@ -39,12 +39,9 @@ def with_seed_bits(case: Case, results: str | Path) -> Case:
     simulator = case.simulator
     if not isinstance(simulator, CommandSimulation) or simulator.seed_bits is not None:
         return case
-    bits = None
-    for name in (case.case, case.design.reuse):
-        if bits is None and name is not None:
-            bits = _recorded(Path(results) / name)
-    update = {"seed_bits": simulator.seed_width if bits is None else bits}
-    return case.model_copy(update={"simulator": simulator.model_copy(update=update)})
+    recorded = (_recorded(Path(results) / name) for name in (case.case, case.design.reuse) if name is not None)
+    bits = next((bits for bits in recorded if bits is not None), simulator.seed_width)
+    return case.model_copy(update={"simulator": simulator.model_copy(update={"seed_bits": bits})})
 
 
 def _recorded(folder: Path) -> int | None:
@@ -57,15 +54,15 @@ def _recorded(folder: Path) -> int | None:
     return None
 
 
-def check_seeds(case: Case, places: Iterable[tuple[str, Marker]]) -> None:
+def check_seeds(case: Case, texts: Iterable[Marked]) -> None:
     """Raise an error if the placeholders map different seeds of a case to the same number.
 
     Parameters
     ----------
     case : Case
         The configuration.
-    places : iterable of (str, Marker)
-        For every placeholder of the seed, the name of the placeholder's text in error messages, and the placeholder.
+    texts : iterable of Marked
+        Arguments and templates with placeholders.
 
     Raises
     ------
@@ -83,7 +80,8 @@ def check_seeds(case: Case, places: Iterable[tuple[str, Marker]]) -> None:
     if isinstance(case.measurement, SyntheticMeasurement):
         seeds["the synthetic measurement"] = measurement_seed(case.simulator, case.measurement.synthetic.seed)
     seen: dict[tuple[str, ...], str] = {}
-    places = list(places)
+    parts = ((one.where, part) for one in texts for part in one.parts)
+    places = [(where, part) for where, part in parts if isinstance(part, Marker) and part.name == SEED]
     for what, seed in seeds.items():
         text = tuple(marker.text(seed, where) for where, marker in places)
         if text and text in seen:

@@ -13,6 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import h5py
+
 from radcal.reading.intake import LARGEST_VALUES, elsewhere, read_xml
 
 __all__ = ["DRIVERS", "RasterRefused", "check_blocks", "open_raster", "raster_files"]
@@ -179,11 +181,15 @@ def _check(path: Path) -> None:
     """Refuse a raster if its content, or a metadata file beside it, would make GDAL read further files."""
     if not _is_vrt(path):
         head = _head(path)
-        if _looks_like_xml(head) or any(mark in head for mark in _MARKS):
+        xml = head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<") or head[:2] in (b"\xff\xfe", b"\xfe\xff")
+        if xml or any(mark in head for mark in _MARKS):
             raise RasterRefused(
                 f"{path.name} holds XML, which is read as a mosaic (VRT) only in a file whose name ends with .vrt"
             )
-        _check_hdf5(path)
+        if h5py.is_hdf5(path):
+            with h5py.File(path, "r") as file:
+                if (what := elsewhere(file)) is not None:
+                    raise RasterRefused(f"in {path.name} {what}, which is not followed")
     for other in _beside(path):
         if other.suffix in (".msk", ".ovr") and _head(other)[:4] not in _TIFF:
             raise RasterRefused(f"{other.name} beside it is not a TIFF")
@@ -205,20 +211,6 @@ def _parsed(path: Path) -> Any:
         return read_xml(path)
     except (OSError, ValueError) as error:
         raise RasterRefused(f"{path.name}: {error}") from None
-
-
-def _looks_like_xml(head: bytes) -> bool:
-    start = head.removeprefix(b"\xef\xbb\xbf").lstrip()
-    return start.startswith(b"<") or head[:2] in (b"\xff\xfe", b"\xfe\xff")
-
-
-def _check_hdf5(path: Path) -> None:
-    import h5py
-
-    if h5py.is_hdf5(path):
-        with h5py.File(path, "r") as file:
-            if (what := elsewhere(file)) is not None:
-                raise RasterRefused(f"in {path.name} {what}, which is not followed")
 
 
 def _check_metadata(root: Any, name: str) -> None:

@@ -49,6 +49,7 @@ _COMPRESSED = (
     1024  # smallest size of a compressed dataset [bytes]; for smaller datasets, compression would not save space
 )
 _TEXT = h5py.string_dtype()
+_TEXTS, _FINDINGS = tuple[str, ...], tuple[Finding, ...]
 
 T = TypeVar("T")
 
@@ -242,18 +243,10 @@ def _is_mapping(kind: Any) -> bool:
     return isinstance(typing.get_origin(kind), type) and issubclass(typing.get_origin(kind), Mapping)
 
 
-def _is_text_list(kind: Any) -> bool:
-    return bool(kind == tuple[str, ...])
-
-
-def _is_findings(kind: Any) -> bool:
-    return bool(kind == tuple[Finding, ...])
-
-
 def _is_attribute(kind: Any) -> bool:
     """Whether values of a type are stored as attributes."""
     if typing.get_origin(kind) is tuple:
-        return not (_is_text_list(kind) or _is_findings(kind))
+        return kind not in (_TEXTS, _FINDINGS)
     return kind in (bool, int, float, str, Finding) or typing.get_origin(kind) is Literal
 
 
@@ -264,9 +257,9 @@ def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | Non
     made: h5py.Group | h5py.Dataset
     if _is_array(kind):
         made = _put_array(group, name, np.asarray(value))
-    elif _is_text_list(kind):
+    elif kind == _TEXTS:
         made = group.create_dataset(name, data=np.array(value, dtype=_TEXT), dtype=_TEXT)
-    elif _is_findings(kind):
+    elif kind == _FINDINGS:
         made = group.create_dataset(name, data=np.array([one.json() for one in value], dtype=_TEXT), dtype=_TEXT)
     elif _is_mapping(kind):
         made = group.create_group(name, track_order=True)
@@ -304,9 +297,9 @@ def _take(held: Any, kind: Any) -> Any:
         return _scalar(held, kind)
     if _is_array(kind):
         return held.asstr()[()] if h5py.check_string_dtype(held.dtype) else held[()]
-    if _is_text_list(kind):
+    if kind == _TEXTS:
         return tuple(map(str, held.asstr()[()]))
-    if _is_findings(kind):
+    if kind == _FINDINGS:
         return tuple(map(Finding.of_json, held.asstr()[()]))
     if _is_mapping(kind):
         item = _item(kind)
@@ -372,5 +365,5 @@ def _holds(kind: Any) -> str:
     if isinstance(kind, type) and is_dataclass(kind) and kind is not Finding:
         return "group"
     if typing.get_origin(kind) is tuple:
-        return "findings" if _is_findings(kind) else "texts" if _is_text_list(kind) else "numbers"
+        return "findings" if kind == _FINDINGS else "texts" if kind == _TEXTS else "numbers"
     return {bool: "true or false", int: "integer", float: "number", Finding: "finding"}.get(kind, "text")
