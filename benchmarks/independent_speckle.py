@@ -55,9 +55,9 @@ def dense_search(name: str, sample: int = 256, starts: int = 6) -> float:
     """Smallest density rms [1/dB] found by a dense search on the simulator itself."""
     folder = ROOT / "results" / name
     case = load([folder / "case.yaml"])
-    geometry = read_geometry(folder / "geometry.h5")
-    simulator = make_simulator(case, geometry, folder / "geometry.h5")
-    target = read_targets(folder / "target.h5")["dyke"]
+    geometry = read_geometry(folder / "passes/1/geometry.h5")
+    simulator = make_simulator(case, geometry, folder / "passes/1/geometry.h5")
+    target = read_targets(folder / "passes/1/target.h5")["dyke"]
     pixels = geometry.pixels("dyke")[target.order]
     low, high = np.array(case.materials["dyke"].box).T
     grid = skewnormal.target_grid(target.dp, 200)

@@ -106,10 +106,8 @@ def calibrated_passes(
         images.append(registered)
         misfit = OBJECTIVES[stage.objective].misfit
         targets.append(make_targets(stage, geometry, registered, start, misfit, scene=scene))
-    first, *others = targets
-    together = Targets(first, first.levels, first.looks, others)
-    runners[0].further = tuple(runners[1:])
-    return together, *calibrate(case, runners[0], together), images
+    targets[0].passes, runners[0].passes = targets, runners
+    return targets[0], *calibrate(case, runners[0], targets[0]), images
 
 
 def calibrated(case: Case, scene: Scene, geometries: list[Geometry], truth: np.ndarray) -> dict[str, Any]:

@@ -98,7 +98,7 @@ def slow_runs(folder: Path, sleep_s: float, size: int = 8) -> dict[str, Any]:
             },
             design={"size": size, "chunk": 1},
         )
-        timed(project, "results/tiny/target.h5", "--configfile", "tiny.yaml", cores=2)
+        timed(project, "results/tiny/passes/1/target.h5", "--configfile", "tiny.yaml", cores=2)
         walls[cores], _ = timed(project, "design", "--configfile", "tiny.yaml", cores=cores)
         beyond = (walls[cores] - size * sleep_s / cores) / size
         print(f"{cores:>6} {walls[cores]:>11.1f} {beyond:>30.2f}", flush=True)

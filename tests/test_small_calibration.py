@@ -72,8 +72,8 @@ def test_pictures_and_page_are_there(finished):
 def test_the_loop_in_one_process_gives_the_same_runs(finished, tmp_path, monkeypatch):
     monkeypatch.chdir(finished.folder)
     case = load(["tiny.yaml"])
-    runner = make_runner(case, finished.out() / "scene.h5", finished.out() / "geometry.h5", tmp_path / "runs")
-    history, decision = calibrate(case, runner, read_targets(finished.out() / "target.h5"))
+    runner = make_runner(case, finished.out() / "scene.h5", finished.out() / "passes/1/geometry.h5", tmp_path / "runs")
+    history, decision = calibrate(case, runner, read_targets(finished.out() / "passes/1/target.h5"))
     assert decision.converged
     with h5py.File(finished.out() / "calibration.h5") as file:
         assert [run.key for run in history.runs] == list(file["runs/key"].asstr()[()])
@@ -91,7 +91,7 @@ def test_exported_materials_in_another_case_give_the_calibrated_image_again(fini
     Path("other.yaml").write_text(yaml.safe_dump(other))
     case = load(["other.yaml"])
     assert (list(case.materials), case.calibrated) == (["field", "lake"], ["lake"])
-    runner = make_runner(case, finished.out() / "scene.h5", finished.out() / "geometry.h5", tmp_path / "runs")
+    runner = make_runner(case, finished.out() / "scene.h5", finished.out() / "passes/1/geometry.h5", tmp_path / "runs")
     parameters = {name: material.start_parameters for name, material in case.materials.items()}
     image = runner.run(parameters, noise_seed(case, fresh=True), image=True).image_db
     np.testing.assert_array_equal(radcal.open(finished.out()).array("calibrated"), image)

@@ -127,6 +127,18 @@ class Project:
             if path.is_file() and "logs" not in path.parts and path.name != ".lock"
         }
 
+    def lay_as_earlier(self, passes: int = 1) -> None:
+        """Move results of all passes to where an earlier version of radcal had them."""
+        out, parts = self.out(), sorted((self.out() / "design").iterdir(), key=lambda path: int(path.stem))
+        for place in ("", "logs/", "benchmarks/"):
+            for path in (out / place / "passes/1").iterdir():
+                path.rename(out / place / path.name)
+            (out / place / "passes/1").rmdir()
+        for number in range(2, passes + 1):
+            (out / f"passes/{number}/design").mkdir()
+            for k, path in enumerate(parts[(number - 1) * len(parts) // passes :][: len(parts) // passes]):
+                path.rename(out / f"passes/{number}/design/{k}.json")
+
 
 def make_project(folder: Path) -> Project:
     folder.mkdir(parents=True, exist_ok=True)

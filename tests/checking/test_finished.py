@@ -28,7 +28,7 @@ def test_results_that_a_run_would_not_replace_are_noted(tmp_path: Path, monkeypa
     with provenance("tiny", STAGES["scene"].params(case)):
         write_scene(out / "scene.h5", scene)
     with provenance("tiny", STAGES["geometry"].params(case)):
-        write_geometry(out / "geometry.h5", make_geometry(scene, case.radar), case.radar)
+        write_geometry(out / "passes/1/geometry.h5", make_geometry(scene, case.radar), case.radar)
     Path("mine.yaml").write_text(yaml.safe_dump(tiny_case()))
 
     def noted(results: str = "elsewhere", **changes: object) -> list[str]:

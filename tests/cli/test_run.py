@@ -115,7 +115,7 @@ def test_stages_with_wildcards_are_targets(clone: Path, started: list[list[str]]
     run("mine.yaml", "registration", "scene", "results/mine/scene.h5", "design_chunk", "posterior")
     at = "results/mine/"
     targets = parse_args(started[0][4:])[1].targets
-    assert targets[:3] == [f"{at}registered.h5", "scene", f"{at}scene.h5"]
+    assert targets[:3] == [f"{at}passes/1/registered.h5", "scene", f"{at}scene.h5"]
     assert f"{at}design/0.json" in targets[3:-1]
     assert targets[-1] == f"{at}posterior/dyke.h5"
     said = "the target 'verify' is made in each iteration, expected a file of one iteration, such as "
@@ -126,17 +126,17 @@ def test_stages_with_wildcards_are_targets(clone: Path, started: list[list[str]]
     # every output of the workflow is read from its text: no rule with a wildcard remains for Snakemake to refuse
     outputs = _outputs(clone)
     assert {name for name, files in outputs.items() if not files} == {"all", "reference", "design"}
-    known = {"{at}", "{chunk}", "{material}", "{k}"}
+    known = {"{p}", "{chunk}", "{material}", "{k}"}
     assert {mark for files in outputs.values() for file in files for mark in re.findall(r"\{\w*\}", file)} == known
 
 
 def test_a_stage_of_several_passes_is_made_in_each() -> None:
     case = SimpleNamespace(
-        case="two", passes=(1, 2), calibrated=("a", "b"), design_size=5, design=SimpleNamespace(chunk=3, reuse=None)
+        case="two", passes=(1, 2), calibrated=("a", "b"), design_parts=2, design=SimpleNamespace(reuse=None)
     )
     files = files_of_stages(ROOT, ["target", "design_chunk"], case, Path("found"))  # type: ignore[arg-type]
-    assert files[:2] == ["found/two/target.h5", "found/two/passes/2/target.h5"]
-    assert files[2:] == [f"found/two/{at}design/{k}.json" for at in ("", "passes/2/") for k in (0, 1)]
+    assert files[:2] == ["found/two/passes/1/target.h5", "found/two/passes/2/target.h5"]
+    assert files[2:] == [f"found/two/design/{k}.json" for k in range(4)]
 
 
 def test_runs_are_reused_of_a_case_that_is_named(clone: Path, started: list[list[str]]) -> None:

@@ -125,7 +125,7 @@ def test_images_of_further_passes_are_inputs_by_their_number(tmp_path: Path) -> 
     one = {"source": "file", "scale": "db", "radiometry": "sigma0_ref"}
     radar = [{"depression_deg": angle} for angle in (45, 50, 55)]
     case = case_from({"radar": radar, "measurement": [{**one, "path": str(path)} for path in images]})
-    keys = ("measurement.path", "measurement.2.path", "measurement.3.path")
+    keys = ("measurement.1.path", "measurement.2.path", "measurement.3.path")
     assert input_files(case) == dict(zip(keys, images, strict=True))
 
 

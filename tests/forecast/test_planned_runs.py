@@ -17,8 +17,8 @@ from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
 
-START = [("scene", {}), ("geometry", {"at": ""}), ("measurement", {"at": ""}), ("reference_run", {"at": ""})]
-CHUNKS = [("design_chunk", {"at": "", "chunk": str(k)}) for k in range(3)]
+START = [("scene", {}), ("geometry", {"p": "1"}), ("measurement", {"p": "1"}), ("reference_run", {"p": "1"})]
+CHUNKS = [("design_chunk", {"chunk": str(k)}) for k in range(3)]
 LOOP = [("scores", {}), ("final_runs", {}), ("archive", {})]
 
 
@@ -38,7 +38,7 @@ def test_a_new_case_may_take_all_its_runs(case, tmp_path: Path) -> None:
     counts = planned_runs(case, [*START, CHUNKS[2]], tmp_path)
     assert counts == {"measurement": 1, "reference": 1, "design": 2, "infill": 0, "final": 0}
     assert "(1 measurement, 1 reference, 2 design, each of 4 speckle draws); stored" in runs_sentence(counts, 4)
-    twice = [("registration_run", {"at": ""}), ("registration_run", {"at": "passes/2/"})]
+    twice = [("registration_run", {"p": "1"}), ("registration_run", {"p": "2"})]
     assert planned_runs(case, [*START, *twice], tmp_path)["reference"] == 2, "the case has no second pass"
     assert runs_sentence(planned_runs(case, [("report", {})], tmp_path)) == "no simulator run would be made."
 
@@ -62,7 +62,7 @@ def test_stored_runs_are_left_out(case, scene, geometry, tmp_path: Path) -> None
     counts = planned_runs(case, [*START, *CHUNKS], tmp_path)
     assert (counts["reference"], counts["design"]) == (0, 7)
     assert planned_runs(case.model_copy(update={"replace": True}), [*START, *CHUNKS], tmp_path)["design"] == 10
-    assert planned_runs(case, [*START, ("simulator", {"at": ""}), *CHUNKS], tmp_path)["design"] == 10
+    assert planned_runs(case, [*START, ("simulator", {"p": "1"}), *CHUNKS], tmp_path)["design"] == 10
 
 
 def test_finished_iterations_are_left_out(case, tmp_path: Path) -> None:
@@ -83,7 +83,8 @@ def test_every_pass_counts(build_case, tmp_path: Path) -> None:
         radar=[radar, {**radar, "depression_deg": 50}], measurement=[file, file], design={"size": 6, "chunk": 4},
         stop={"max_runs": 20},
     )  # fmt: skip
-    second = [(rule, {**words, "at": "passes/2/"}) for rule, words in [*START[1:], *CHUNKS[:2]]]
+    second = [(rule, {"p": "2"}) for rule, _ in START[1:]]
+    second += [("design_chunk", {"chunk": chunk}) for chunk in "23"]
     counts = planned_runs(case, [*START, *CHUNKS[:2], *second, *LOOP], tmp_path)
     assert counts == {"measurement": 0, "reference": 2, "design": 12, "infill": 28, "final": 4}
     assert planned_runs(case, second, tmp_path)["design"] == 6

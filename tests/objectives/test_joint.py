@@ -72,7 +72,8 @@ def two_passes(objective: str, looks: tuple[int, int] = (4, 4)):
         records.append(
             Record(f"run{number}", {name: image.ravel()[geometry.pixels(name)] for name in TRUTH}, None, 1.5)
         )
-    together = Targets(targets[0], targets[0].levels, targets[0].looks, targets[1:])
+    together = Targets(targets[0], targets[0].levels, targets[0].looks)
+    together.passes = [together, *targets[1:]]
     return case, together, replace(records[0], further=(records[1],))
 
 

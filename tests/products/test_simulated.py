@@ -91,7 +91,7 @@ def test_an_image_of_another_run_is_replaced_only_on_demand(tmp_path: Path, case
     assert f"radcal: {folder}/simulated.tif: is the image of run " in done.stderr
     assert "give --replace to replace it, or --out with another folder." in done.stderr
     assert {path: path.read_bytes() for path in folder.rglob("*.tif")}.items() <= before.items()
-    assert (folder / "geometry.h5").read_bytes() == before[folder / "geometry.h5"]
+    assert (folder / "passes/1/geometry.h5").read_bytes() == before[folder / "passes/1/geometry.h5"]
     assert simulate(case, *darker, "--out", tmp_path / "dark").exit_code == 0
     (folder / "simulated.tif").unlink()  # of the second pass, too
     assert "simulated_pass2.tif: is the image of run " in simulate(case, *darker).stderr

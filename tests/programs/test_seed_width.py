@@ -46,9 +46,10 @@ def test_a_new_case_has_seeds_that_a_c_int_holds(tmp_path: Path) -> None:
 
 
 def record_bits(results: Path, case: str, bits: int) -> Path:
+    path = results / case / "passes/1/simulator.json"
     with provenance(case):
-        write_json(results / case / "simulator.json", {"kind": "command", "seed_bits": bits})
-    return results / case / "simulator.json"
+        write_json(path, {"kind": "command", "seed_bits": bits})
+    return path
 
 
 def test_a_case_keeps_the_seeds_of_its_runs(tmp_path: Path) -> None:
@@ -61,9 +62,13 @@ def test_a_case_keeps_the_seeds_of_its_runs(tmp_path: Path) -> None:
     assert with_seed_bits(case, tmp_path).simulator.seed_width == 40
     assert with_seed_bits(case_of(["{noise_seed}"], seed_bits=16), tmp_path).simulator.seed_width == 16
     # a damaged one says nothing, and stays for salvage to find
-    path.write_text(path.read_text().replace("40", "41"))
+    text = path.read_text()
+    path.write_text(text.replace("40", "41"))
     assert with_seed_bits(case, tmp_path).simulator.seed_width == 63
     assert path.exists()
+    # the place of an earlier version of radcal
+    (tmp_path / "mine/simulator.json").write_text(text)
+    assert with_seed_bits(case, tmp_path).simulator.seed_width == 40
 
 
 def test_a_program_without_its_seed_is_refused_unless_it_takes_none() -> None:

@@ -191,7 +191,8 @@ def test_each_pass_has_its_own_runs_and_counts_its_own_new_ones(made, monkeypatc
     final = [replace(made.final[0], key=key) for key in (runs[3].key, "new", f"second {runs[3].key}", "newer")]
     radar = [{"depression_deg": 45}, {"depression_deg": 30}]
     case = case_from({**made.case.sections("materials"), "radar": radar, "measurement": [{}, {}]})
-    targets = Targets(made.targets, further=[made.targets])
+    targets = Targets(made.targets)
+    targets.passes = [targets, made.targets]
     found = _passes(stages.ArchiveStage.of(case), History(runs), targets, {}, [made.registered] * 2, final)
     assert [one.keys.tolist() for one in found.values()] == [
         [run.key for run in runs],
@@ -226,7 +227,8 @@ def test_the_level_is_subtracted_where_one_is_assumed():
 
 
 def test_fields_are_shared_where_the_search_shares_them(made):
-    targets = Targets(made.targets, further=[made.targets])
+    targets = Targets(made.targets)
+    targets.passes = [targets, made.targets]
     assert _of_passes(Targets(made.targets), "classes") == []
     for objective, codes in (("classes", ["fields_shared"]), ("density", []), ("likelihood", [])):
         assert [one.code for one in _of_passes(targets, objective)] == ["passes_together", *codes]

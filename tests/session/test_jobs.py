@@ -54,9 +54,9 @@ def test_progress_goes_to_the_terminal_and_the_log(tmp_path, monkeypatch, capsys
 
 def test_lines_of_one_of_several_passes_name_it(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv(STARTED, str(time.time()))
-    for passes, at, name in (("2", "", "pass 1: "), ("2", "passes/2/", "pass 2: "), ("2", None, ""), ("1", "", "")):
+    for passes, number, name in (("2", "1", "pass 1: "), ("2", 2, "pass 2: "), ("2", None, ""), ("1", "1", "")):
         monkeypatch.setenv(PASSES, passes)
-        with pytest.raises(SystemExit) as stopped, logged(tmp_path / "job.log", at=at):
+        with pytest.raises(SystemExit) as stopped, logged(tmp_path / "job.log", number=number):
             progress("reference run: 3.0 s")
             raise MeasurementError("no image.")
         assert capsys.readouterr().err == f"[  0:00] {name}reference run: 3.0 s\n"

@@ -36,7 +36,7 @@ def _made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with provenance("tiny", STAGES["scene"].params(case)):
         write_scene(OUT / "scene.h5", scene)
     with provenance("tiny", STAGES["geometry"].params(case)):
-        write_geometry(OUT / "geometry.h5", make_geometry(scene, case.radar), case.radar)
+        write_geometry(OUT / "passes/1/geometry.h5", make_geometry(scene, case.radar), case.radar)
     (OUT / "calibration.h5").touch()
 
 
@@ -58,8 +58,23 @@ def test_another_scene_or_pass_is_refused_until_allowed(changes: dict[str, Any],
     with pytest.raises(ConfigError, match=f"results/tiny holds a finished calibration of {said}"):
         check(case_from(tiny_case(**changes)))
     check(case_from(tiny_case(**changes, replace=True)))
+    # also where an earlier version of radcal wrote the geometry
+    (OUT / "passes/1/geometry.h5").rename(OUT / "geometry.h5")
+    with pytest.raises(ConfigError, match=f"results/tiny holds a finished calibration of {said}"):
+        check(case_from(tiny_case(**changes)))
     (OUT / "calibration.h5").unlink()
     check(case_from(tiny_case(**changes)))
+
+
+def test_a_second_pass_is_kept_like_the_first_and_one_may_be_added() -> None:
+    second = {**tiny_case()["radar"], "looks": 3}
+    two = tiny_case()
+    two |= {"radar": [two["radar"], second], "measurement": [two["measurement"]] * 2}
+    check(case_from(two))
+    (OUT / "passes/2").mkdir()
+    (OUT / "passes/1/geometry.h5").rename(OUT / "passes/2/geometry.h5")
+    with pytest.raises(ConfigError, match=r"another geometry \(radar\.looks is 4 there, 3 here\)"):
+        check(case_from(two))
 
 
 def test_what_makes_the_same_scene_and_pass_is_not_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,6 +104,6 @@ def test_a_newer_file_is_compared_by_what_it_holds() -> None:
 
 
 def test_a_damaged_file_is_nothing_to_keep() -> None:
-    (OUT / "geometry.h5").write_bytes((OUT / "geometry.h5").read_bytes()[:-1])
+    (OUT / "passes/1/geometry.h5").write_bytes((OUT / "passes/1/geometry.h5").read_bytes()[:-1])
     check(case_from(tiny_case(radar={"looks": 3})))
-    assert (OUT / "geometry.h5").is_file(), "a check sets nothing aside"
+    assert (OUT / "passes/1/geometry.h5").is_file(), "a check sets nothing aside"

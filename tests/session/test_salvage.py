@@ -15,10 +15,11 @@ from radcal.storage.records import read_json, write_hdf5, write_json
 from radcal.storage.runs import Record, RunStore
 
 PATTERNS = (
-    *("scene.h5", "reference.json", "scores.json", "design/{chunk}.json", "iterations/{k}/proposal.json"),
+    *("scene.h5", "passes/{p}/reference.json", "scores.json", "design/{chunk}.json", "iterations/{k}/proposal.json"),
     *("figures", "runs.csv", "table.json", "report.json"),
 )
 KEYS = [f"{digit}" * 20 for digit in "abcdef"]
+INDEXES = ("passes/1/reference.json", "design/0.json", "design/1.json")
 
 
 @pytest.fixture
@@ -32,7 +33,7 @@ def out(tmp_path: Path) -> Path:
         with write_hdf5(folder / "scene.h5", "scene") as file:
             file["x"] = 1.5
         entries = [{"key": key, "parameters": {"field": [1.0]}} for key in KEYS]
-        for name, some in (("reference", entries[:1]), ("design/0", entries[1:3]), ("design/1", entries[3:])):
+        for name, some in (("passes/1/reference", entries[:1]), ("design/0", entries[1:3]), ("design/1", entries[3:])):
             write_json(folder / f"{name}.json", some)
         write_json(folder / "iterations/0/proposal.json", {"field": {"parameters": [1.0]}})
     (folder / "figures").mkdir()
@@ -61,7 +62,7 @@ def test_sound_files_stay(out):
 def test_patterns_stand_for_the_files_that_are_there(out):
     found = [path.relative_to(out).as_posix() for path in files_of(out, PATTERNS)]
     assert found == [
-        *("scene.h5", "reference.json", "design/0.json", "design/1.json", "iterations/0/proposal.json"),
+        *("scene.h5", "passes/1/reference.json", "design/0.json", "design/1.json", "iterations/0/proposal.json"),
         *("figures", "runs.csv", "table.json", "report.json"),
     ]
 
@@ -82,6 +83,25 @@ def test_files_that_no_rule_makes_are_left_alone(out):
     assert salvage(out, "tiny", PATTERNS) == []
 
 
+def test_files_at_the_place_of_an_earlier_version_are_removed(out):
+    earlier = {
+        *("geometry.h5", "measurement.h5", "reference.json", "registration_run.json", "target.h5"),
+        *("first/registered.h5", "registered.h5", "passes/2/design/0.json", "passes/2/external/failed-1/log"),
+        *("logs/first_registration.log", "logs/passes/2/design/0.log", "benchmarks/passes/2/design_0.tsv"),
+    }
+    # the number of bits in simulator.json is needed until there is a new one
+    stay = {"passes/1/target.h5", "passes/2/geometry.h5", "logs/passes/1/target.log", "logs/scene.log"}
+    for name in {*earlier, *stay, "benchmarks/scene.tsv", "simulator.json"}:
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / name).touch()
+    before = names(out)
+    (sentence,) = salvage(out, "tiny", PATTERNS)
+    assert sentence.startswith(f"{out}: the files of pass 1 lie in passes/1 now; those of an earlier ")
+    assert names(out) == before - earlier
+    assert {path.name for path in (out / "passes/2").iterdir()} == {"geometry.h5"}
+    assert salvage(out, "tiny", PATTERNS) == []
+
+
 def test_a_lost_run_takes_its_index_with_it(out):
     (out / f"runs/{KEYS[2]}.h5").unlink()
     (sentence,) = salvage(out, "tiny", PATTERNS)
@@ -89,7 +109,7 @@ def test_a_lost_run_takes_its_index_with_it(out):
         f"{out}/runs/{KEYS[2]}.h5: the run is not there, though design/0.json lists it; it alone is made again where "
         "needed."
     )
-    assert names(out) & {"reference.json", "design/0.json", "design/1.json"} == {"reference.json", "design/1.json"}
+    assert names(out) & {*INDEXES} == {*INDEXES[::2]}
 
 
 def test_all_runs_lost_are_one_sentence_with_their_number(out):
@@ -100,10 +120,10 @@ def test_all_runs_lost_are_one_sentence_with_their_number(out):
         write_json(out / "scores.json", [{"key": key, "rms": {}} for key in KEYS])
     (sentence,) = salvage(out, "tiny", PATTERNS)
     assert sentence == (
-        f"{out}/runs: 6 runs are not there, though reference.json, scores.json, design/0.json and 1 more list them; "
-        "they alone are made again where needed."
+        f"{out}/runs: 6 runs are not there, though passes/1/reference.json, scores.json, design/0.json and 1 more list "
+        "them; they alone are made again where needed."
     )
-    assert not names(out) & {"reference.json", "scores.json", "design/0.json", "design/1.json"}
+    assert not names(out) & {"scores.json", *INDEXES}
 
 
 def test_a_folder_in_the_place_of_a_record_is_noticed(out):

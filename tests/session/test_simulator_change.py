@@ -18,7 +18,7 @@ def reference_run(folder: Path, simulator: dict[str, Any]) -> None:
     RunStore(folder / "runs").put(
         Record("a" * 20, {"dyke": np.ones(3, np.float32)}, None, 1.0), {"simulator": simulator}
     )
-    write_json(folder / "reference.json", [{"key": "a" * 20, "parameters": {}}])
+    write_json(folder / "passes/1/reference.json", [{"key": "a" * 20, "parameters": {}}])
 
 
 def test_runs_of_an_earlier_version_are_said_to_be_made_anew(tmp_path: Path, case: Case) -> None:
@@ -52,5 +52,5 @@ def test_nothing_is_said_of_other_simulators(tmp_path: Path, case: Case, simulat
 
 def test_nothing_is_said_where_there_are_no_runs(tmp_path: Path, case: Case) -> None:
     assert simulator_change(tmp_path / "new", case) == []
-    write_json(tmp_path / "reference.json", [{"key": "b" * 20, "parameters": {}}])
+    write_json(tmp_path / "passes/1/reference.json", [{"key": "b" * 20, "parameters": {}}])
     assert simulator_change(tmp_path, case) == []

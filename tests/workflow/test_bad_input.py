@@ -79,17 +79,17 @@ def test_an_image_of_another_place_or_level_costs_the_reference_run_and_no_other
 
 
 def test_a_refused_image_leaves_a_finished_case_untouched(finished):
-    before, content = finished.listing(), (finished.out() / "measurement.h5").read_bytes()
+    before, content = finished.listing(), (finished.out() / "passes/1/measurement.h5").read_bytes()
     image(finished, np.full((ROWS + 4, COLUMNS), -10.0))
     done = finished.run("--configfile", "tiny.yaml")
     finished.write()
     assert done.returncode != 0
     assert "radcal: measurement.path" in done.stdout
     # Snakemake puts the one file back that the refused job would have replaced
-    assert (finished.out() / "measurement.h5").read_bytes() == content
+    assert (finished.out() / "passes/1/measurement.h5").read_bytes() == content
     now = finished.listing()
     assert now.keys() == before.keys()
-    assert [name for name in now if now[name] != before[name]] in ([], ["measurement.h5"])
+    assert [name for name in now if now[name] != before[name]] in ([], ["passes/1/measurement.h5"])
     again = finished.run("--configfile", "tiny.yaml")
     assert again.returncode == 0, again.stdout
     assert finished.records() == {

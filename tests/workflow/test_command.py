@@ -50,7 +50,7 @@ def run_example(project: Project, name: str) -> tuple[dict, str]:
     assert summary["runs"]["infill"] > 0
     assert len(project.records(name)) == summary["runs"]["total"]
     assert not any((project.out(name) / "external").iterdir())
-    reference = read_json(project.out(name) / "reference.json")
+    reference = read_json(project.out(name) / "passes/1/reference.json")
     assert [entry.get("difference_db") for entry in reference] == [None, 0.0]
     return summary, (project.out(name) / "report.html").read_text()
 

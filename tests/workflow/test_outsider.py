@@ -95,4 +95,4 @@ def test_a_program_that_radcal_was_not_written_for(project: Project) -> None:
     assert (exported / "sim.inp").read_text().split() in [line.split() for line in made]
     assert (exported / "sim.inp").read_text().split()[1:] == [repr(field["parameters"]["level"]), "4"]
     assert (exported / "command.txt").read_text() == f"{sys.executable} -S -E sim.py sim.inp\n"
-    assert json.loads((project.out() / "simulator.json").read_text())["data"]["seed_bits"] == 31
+    assert json.loads((project.out() / "passes/1/simulator.json").read_text())["data"]["seed_bits"] == 31

@@ -61,11 +61,9 @@ def test_a_pass_added_later_reuses_all_runs_and_a_kill_loses_none(project, monke
     assert {name: records[name] for name in killed} == killed
     assert {name: records[name] for name in first} == first
     # nothing of the first pass alone was made again
-    same = ("scene.h5", "geometry.h5", "measurement.h5", "reference.json", "registered.h5", "target.h5")
+    same = {"scene.h5", "design/0.json", *(name for name in files if name.startswith("passes/1/"))}
     now = project.listing()
-    assert {name: now[name] for name in (*same, "design/0.json")} == {
-        name: files[name] for name in (*same, "design/0.json")
-    }
+    assert {name: now[name] for name in same} == {name: files[name] for name in same}
     runs = summary["runs"]
     assert (runs["reference"], runs["design"], runs["infill"] % 2, runs["final"]) == (2, 4, 0, 2)
     assert len(records) == runs["total"] == sum(one["runs"] for one in summary["passes"])
@@ -94,8 +92,8 @@ def test_a_pass_added_later_reuses_all_runs_and_a_kill_loses_none(project, monke
     monkeypatch.chdir(project.folder)
     out = project.out()
     case = load(["tiny.yaml"])
-    geometries = [out / "geometry.h5", out / "passes/2/geometry.h5"]
-    targets = read_targets(out / "target.h5", out / "passes/2/target.h5")
+    geometries = [out / "passes/1/geometry.h5", out / "passes/2/geometry.h5"]
+    targets = read_targets(out / "passes/1/target.h5", out / "passes/2/target.h5")
     runner = make_runner(case, out / "scene.h5", geometries, tmp_path / "runs")
     history, decision = calibrate(case, runner, targets)
     assert decision.ended
@@ -108,3 +106,12 @@ def test_a_pass_added_later_reuses_all_runs_and_a_kill_loses_none(project, monke
     done = project.run("--configfile", "tiny.yaml")
     assert "Nothing to be done" in done.stdout
     assert project.records() == records
+
+    # so do the files of an earlier version of radcal
+    project.lay_as_earlier(2)
+    done = project.run("--configfile", "tiny.yaml")
+    assert "the files of pass 1 lie in passes/1 now" in done.stdout
+    assert project.records() == records
+    assert project.listing().keys() == now.keys()
+    assert project.summary()["materials"] == summary["materials"]
+    assert "Nothing to be done" in project.run("--configfile", "tiny.yaml").stdout

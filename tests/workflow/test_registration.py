@@ -54,23 +54,24 @@ def test_the_image_is_registered_again_onto_a_run_of_the_laws_found(project, mon
     assert summary["runs"]["total"] == sum(summary["runs"][kind] for kind in ("reference", "design", "infill", "final"))
     table = pd.read_csv(out / "runs.csv")
     assert table["kind"].tolist()[:3] == ["reference", "registration", "design"]
-    (run,) = read_index(out / "registration_run.json")
+    (run,) = read_index(out / "passes/1/registration_run.json")
     laws = read_json(out / "laws_of_image.json")
     assert run.key == table["key"][1]
     assert len(run.draws) == 1
     assert run.parameters["field"] == laws["field"] == table[["X1", "X2", "X3", "X4"]].to_numpy()[1].tolist()
     assert "second registration" in summary["registration"]["verdict"]
-    first, registered = (read_registered(out / name) for name in ("first/registered.h5", "registered.h5"))
+    first, registered = (read_registered(out / f"passes/1/{name}registered.h5") for name in ("first/", ""))
     assert registered.correlation.mean() > first.correlation.mean()
     assert "second" not in first.verdict
 
     # the same in one process
     monkeypatch.chdir(project.folder)
-    case, geometry, scene = load(["tiny.yaml"]), read_geometry(out / "geometry.h5"), read_scene(out / "scene.h5")
-    runner = make_runner(case, out / "scene.h5", out / "geometry.h5", tmp_path / "runs")
-    again, made = register_rounds(case, runner, geometry, read_measurement(out / "measurement.h5"), scene)
+    case, scene = load(["tiny.yaml"]), read_scene(out / "scene.h5")
+    geometry = read_geometry(out / "passes/1/geometry.h5")
+    runner = make_runner(case, out / "scene.h5", out / "passes/1/geometry.h5", tmp_path / "runs")
+    again, made = register_rounds(case, runner, geometry, read_measurement(out / "passes/1/measurement.h5"), scene)
     assert same(again, registered)
-    history, _ = calibrate(case, runner, read_targets(out / "target.h5"), registration=made)
+    history, _ = calibrate(case, runner, read_targets(out / "passes/1/target.h5"), registration=made)
     theirs = read_runs(
         [out / "scores.json", *(out / f"iterations/{k}/verified.json" for k in range(len(history.infill)))]
     )
@@ -84,7 +85,7 @@ def test_the_image_is_registered_again_onto_a_run_of_the_laws_found(project, mon
     done = project.run("design", "--configfile", "tiny.yaml")
     assert done.returncode == 0, done.stdout
     assert project.records() == records
-    once = read_registered(out / "registered.h5")
+    once = read_registered(out / "passes/1/registered.h5")
     assert same(once, first)
     assert [run.kind for run in read_runs([out / "scores.json"]).runs] == ["reference", "design"]
 

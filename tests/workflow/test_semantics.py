@@ -173,14 +173,14 @@ def test_whatever_is_missing_comes_back_and_no_run_is_repeated(finished):
         assert f"Missing output files: results/tiny/{name}" in planned
         assert not (out / name).exists(), "a dry run changed something"
         (out / "aside").rename(out / name)
-    with changed(out / "target.h5") as file:
+    with changed(out / "passes/1/target.h5") as file:
         file.attrs["schema"] = SCHEMAS["target"] - 1  # as an earlier version wrote it
-    for name in before.keys() - noticed - {"target.h5"}:
+    for name in before.keys() - noticed - {"passes/1/target.h5"}:
         (out / name).unlink()
     shutil.rmtree(out / "figures")
     said = ended(finished, *CASE)
     assert (
-        "radcal: results/tiny/target.h5: is of an earlier version of radcal: it was written with schema "
+        "radcal: results/tiny/passes/1/target.h5: is of an earlier version of radcal: it was written with schema "
         f"{SCHEMAS['target'] - 1}, this radcal reads {SCHEMAS['target']}; set aside as target.earlier; it is made "
         "again where needed (finished runs are kept)."
     ) in said

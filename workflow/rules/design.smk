@@ -4,14 +4,17 @@
 # job of an ancient() input runs, Snakemake does not check whether the following job must run, too, so that the old
 # design would remain after a change of the seed, which also changes the target.
 
-CHUNKS = range(-(-CASE.design_size // CASE.design.chunk))
+# Pass and part of the design of each chunk: all parts of pass 1 first, so that a pass added later changes no chunk of
+# earlier passes.
+PARTS = [(p, part) for p in PASSES for part in range(CASE.design_parts)]
+CHUNKS = range(len(PARTS))
 EARLIER = f"{OUT.parent}/{CASE.design.reuse}/runs" if CASE.design.reuse else None
 # Without an earlier case the rule needs nothing, so that its job says at once that the case is not named.
 FOR_REUSE = {
     "simulator": every_pass(SIMULATOR),
     "scene": rules.scene.output.scene,
-    "geometry": f"{OUT}/geometry.h5",
-    "measurement": f"{OUT}/measurement.h5",
+    "geometry": every_pass(rules.geometry.output.geometry),
+    "measurement": every_pass(rules.measurement.output.measurement),
 }
 
 
@@ -52,11 +55,11 @@ rule reference_run:
         measurement=rules.measurement.output.measurement,
         reused=REUSED,
     output:
-        index=f"{OUT}/{{at}}reference.json",
+        index=f"{OUT}/passes/{{p}}/reference.json",
     log:
-        f"{OUT}/logs/{{at}}reference.log",
+        f"{OUT}/logs/passes/{{p}}/reference.log",
     benchmark:
-        f"{OUT}/benchmarks/{{at}}reference.tsv"
+        f"{OUT}/benchmarks/passes/{{p}}/reference.tsv"
     threads: 1
     resources:
         mem_mb=memory("run"),
@@ -70,25 +73,33 @@ rule reference_run:
         "../scripts/reference.py"
 
 
+def of_chunk(files):
+    """Files of a rule in the pass of the chunk."""
+    return lambda wildcards: every_pass(files, PARTS[int(wildcards.chunk)][0])
+
+
 rule design_chunk:
     input:
-        SIMULATOR,
+        of_chunk(SIMULATOR),
         scene=rules.scene.output.scene,
-        geometry=rules.geometry.output.geometry,
-        target=rules.target.output.target,
+        geometry=of_chunk(rules.geometry.output.geometry),
+        target=of_chunk(rules.target.output.target),
         reused=REUSED,
     output:
-        index=f"{OUT}/{{at}}design/{{chunk}}.json",
+        index=f"{OUT}/design/{{chunk}}.json",
     log:
-        f"{OUT}/logs/{{at}}design/{{chunk}}.log",
+        f"{OUT}/logs/design/{{chunk}}.log",
     benchmark:
-        f"{OUT}/benchmarks/{{at}}design_{{chunk}}.tsv"
+        f"{OUT}/benchmarks/design_{{chunk}}.tsv"
     threads: 1
     resources:
         mem_mb=memory("run"),
         runtime=minutes("run", CASE.design.chunk),
     params:
-        case=of_pass("design_chunk"),
+        case=lambda wildcards: STAGES["design_chunk"].params(
+            PASSES[PARTS[int(wildcards.chunk)][0]]
+        ),
+        part=lambda wildcards: PARTS[int(wildcards.chunk)],
         size=CASE.design_size,
         runs=f"{OUT}/runs",
     message:
@@ -103,7 +114,7 @@ checkpoint scores:
         reference=every_pass(rules.reference_run.output.index),
         registration=REGISTRATION_RUN,
         reused=REUSED,
-        design=expand(every_pass(rules.design_chunk.output.index), chunk=CHUNKS),
+        design=expand(rules.design_chunk.output.index, chunk=CHUNKS),
     output:
         scores=f"{OUT}/scores.json",
     log:

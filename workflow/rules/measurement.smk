@@ -3,18 +3,18 @@
 
 rule measurement:
     input:
-        inputs_of("measurement"),
+        measured_files,
         lambda wildcards: every_pass(
-            SIMULATOR if synthetic(wildcards) else [], wildcards.at
+            SIMULATOR if synthetic(wildcards) else [], wildcards.p
         ),
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
     output:
-        measurement=update(f"{OUT}/{{at}}measurement.h5"),
+        measurement=update(f"{OUT}/passes/{{p}}/measurement.h5"),
     log:
-        f"{OUT}/logs/{{at}}measurement.log",
+        f"{OUT}/logs/passes/{{p}}/measurement.log",
     benchmark:
-        f"{OUT}/benchmarks/{{at}}measurement.tsv"
+        f"{OUT}/benchmarks/passes/{{p}}/measurement.tsv"
     retries: 0
     threads: 1
     resources:
@@ -39,20 +39,20 @@ REGISTERED_TWICE = CASE.registers_twice
 rule registration:
     input:
         onto=(
-            f"{OUT}/{{at}}registration_run.json"
+            f"{OUT}/passes/{{p}}/registration_run.json"
             if REGISTERED_TWICE
-            else f"{OUT}/{{at}}reference.json"
+            else f"{OUT}/passes/{{p}}/reference.json"
         ),
-        first=[f"{OUT}/{{at}}first/registered.h5"] if REGISTERED_TWICE else [],
+        first=[f"{OUT}/passes/{{p}}/first/registered.h5"] if REGISTERED_TWICE else [],
         measurement=rules.measurement.output.measurement,
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
     output:
-        registered=update(f"{OUT}/{{at}}registered.h5"),
+        registered=update(f"{OUT}/passes/{{p}}/registered.h5"),
     log:
-        f"{OUT}/logs/{{at}}registration.log",
+        f"{OUT}/logs/passes/{{p}}/registration.log",
     benchmark:
-        f"{OUT}/benchmarks/{{at}}registration.tsv"
+        f"{OUT}/benchmarks/passes/{{p}}/registration.tsv"
     retries: 0
     threads: 1
     resources:
@@ -69,17 +69,17 @@ rule registration:
 
 use rule registration as first_registration with:
     input:
-        onto=f"{OUT}/{{at}}reference.json",
+        onto=f"{OUT}/passes/{{p}}/reference.json",
         first=[],
         measurement=rules.measurement.output.measurement,
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
     output:
-        registered=update(f"{OUT}/{{at}}first/registered.h5"),
+        registered=update(f"{OUT}/passes/{{p}}/first/registered.h5"),
     log:
-        f"{OUT}/logs/{{at}}first_registration.log",
+        f"{OUT}/logs/passes/{{p}}/first_registration.log",
     benchmark:
-        f"{OUT}/benchmarks/{{at}}first_registration.tsv"
+        f"{OUT}/benchmarks/passes/{{p}}/first_registration.tsv"
     message:
         "first registration"
 
@@ -87,9 +87,10 @@ use rule registration as first_registration with:
 rule laws_of_image:
     input:
         scene=rules.scene.output.scene,
-        geometry=f"{OUT}/geometry.h5",
-        reference=f"{OUT}/reference.json",
-        registered=f"{OUT}/first/registered.h5",
+        # those of the first pass
+        geometry=every_pass(rules.geometry.output.geometry)[0],
+        reference=f"{OUT}/passes/1/reference.json",
+        registered=every_pass(rules.first_registration.output.registered)[0],
     output:
         laws=f"{OUT}/laws_of_image.json",
     log:
@@ -100,7 +101,7 @@ rule laws_of_image:
         mem_mb=memory("target"),
         runtime=minutes("target"),
     params:
-        case=STAGES["laws_of_image"].params(PASSES[""]),
+        case=STAGES["laws_of_image"].params(PASSES[1]),
         runs=f"{OUT}/runs",
     message:
         "laws for the registration run"
@@ -115,11 +116,11 @@ rule registration_run:
         geometry=rules.geometry.output.geometry,
         laws=rules.laws_of_image.output.laws,
     output:
-        index=f"{OUT}/{{at}}registration_run.json",
+        index=f"{OUT}/passes/{{p}}/registration_run.json",
     log:
-        f"{OUT}/logs/{{at}}registration_run.log",
+        f"{OUT}/logs/passes/{{p}}/registration_run.log",
     benchmark:
-        f"{OUT}/benchmarks/{{at}}registration_run.tsv"
+        f"{OUT}/benchmarks/passes/{{p}}/registration_run.tsv"
     threads: 1
     resources:
         mem_mb=memory("run"),
@@ -137,14 +138,14 @@ rule target:
     input:
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
-        reference=f"{OUT}/{{at}}reference.json",
+        reference=f"{OUT}/passes/{{p}}/reference.json",
         registered=rules.registration.output.registered,
     output:
-        target=update(f"{OUT}/{{at}}target.h5"),
+        target=update(f"{OUT}/passes/{{p}}/target.h5"),
     log:
-        f"{OUT}/logs/{{at}}target.log",
+        f"{OUT}/logs/passes/{{p}}/target.log",
     benchmark:
-        f"{OUT}/benchmarks/{{at}}target.tsv"
+        f"{OUT}/benchmarks/passes/{{p}}/target.tsv"
     retries: 0
     threads: 1
     resources:

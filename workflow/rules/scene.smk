@@ -44,11 +44,11 @@ rule geometry:
     input:
         scene=rules.scene.output.scene,
     output:
-        geometry=update(f"{OUT}/{{at}}geometry.h5"),
+        geometry=update(f"{OUT}/passes/{{p}}/geometry.h5"),
     log:
-        f"{OUT}/logs/{{at}}geometry.log",
+        f"{OUT}/logs/passes/{{p}}/geometry.log",
     benchmark:
-        f"{OUT}/benchmarks/{{at}}geometry.tsv"
+        f"{OUT}/benchmarks/passes/{{p}}/geometry.tsv"
     retries: 0
     threads: 1
     resources:

@@ -3,7 +3,7 @@
 
 def synthetic(wildcards):
     """Whether the simulator makes the measured image of a pass."""
-    return PASSES[wildcards.at].measurement.source == "synthetic"
+    return PASSES[int(wildcards.p)].measurement.source == "synthetic"
 
 
 # A new build or setting of an external simulator is another simulator. Every job that simulates has simulator.json as
@@ -14,9 +14,9 @@ rule simulator:
         [FILES[key] for key in FILES if key.startswith("simulator.")],
         geometry=rules.geometry.output.geometry,
     output:
-        identity=update(f"{OUT}/{{at}}simulator.json"),
+        identity=update(f"{OUT}/passes/{{p}}/simulator.json"),
     log:
-        f"{OUT}/logs/{{at}}simulator.log",
+        f"{OUT}/logs/passes/{{p}}/simulator.log",
     retries: 0
     threads: 1
     resources:

@@ -8,13 +8,14 @@ from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import IndexedRun, read_index, write_index
 from radcal.targets.target import read_targets
 
-with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
+p, part = snakemake.params.part
+with logged(snakemake.log[0], snakemake.params.case, p):
     case = stages.DesignChunk.model_validate(snakemake.params.case)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
-    targets = read_targets(snakemake.input.target)
+    targets = read_targets(*snakemake.input.target)
     reused = [run.parameters for file in snakemake.input.reused for run in read_index(file)]
     points = design_points(case, snakemake.params.size, reused)
-    first = int(snakemake.wildcards.chunk) * case.design.chunk
+    first = part * case.design.chunk
     index = []
     for k, parameters in list(enumerate(points))[first : first + case.design.chunk]:
         with called(f"design run {k + 1} of {len(points)}"):

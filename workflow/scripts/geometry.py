@@ -6,7 +6,7 @@ from radcal.radar.projection import make_geometry
 from radcal.scene.model import read_scene
 from radcal.session.jobs import logged, progress
 
-with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
+with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.p):
     case = stages.GeometryStage.model_validate(snakemake.params.case)
     geometry = make_geometry(read_scene(snakemake.input.scene), case.radar)
     write_geometry(snakemake.output.geometry, geometry, case.radar, snakemake.params.immaterial)

@@ -9,12 +9,12 @@ from radcal.session.jobs import logged, progress
 from radcal.simulators.sources import make_simulator
 from radcal.words import sentence
 
-with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
+with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.p):
     case = stages.MeasurementStage.model_validate(snakemake.params.case)
     scene = read_scene(snakemake.input.scene)
     geometry = read_geometry(snakemake.input.geometry)
     simulator = make_simulator(case, geometry, snakemake.input.geometry)
-    measurement = make_measurement(case, geometry, simulator, scene, partly=bool(snakemake.wildcards.at))
+    measurement = make_measurement(case, geometry, simulator, scene, partly=snakemake.wildcards.p != "1")
     write_measurement(snakemake.output.measurement, measurement)
     progress(f"measured image: {measurement.source}")
     for finding in measurement.findings:

@@ -10,7 +10,7 @@ from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import IndexedRun, write_index
 from radcal.words import sentence
 
-with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
+with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.p):
     case = stages.ReferenceRun.model_validate(snakemake.params.case)
     runner = make_runner(case.at_start, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     first, *again = reference_runs(case, runner)

@@ -11,7 +11,7 @@ from radcal.session.jobs import logged, progress
 from radcal.storage.run_index import indexed
 from radcal.words import sentence
 
-with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
+with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.p):
     case = stages.Registration.model_validate(snakemake.params.case)
     run, _ = next(indexed([snakemake.input.onto], snakemake.params.runs, case.calibrated, image=True))
     rows, columns = run.image_db.shape

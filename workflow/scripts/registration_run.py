@@ -7,7 +7,7 @@ from radcal.simulators.sources import make_runner
 from radcal.storage.records import read_json, understood
 from radcal.storage.run_index import IndexedRun, write_index
 
-with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
+with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.p):
     case = stages.RegistrationRun.model_validate(snakemake.params.case)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     with understood(snakemake.input.laws):

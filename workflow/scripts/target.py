@@ -12,13 +12,13 @@ from radcal.targets.target import write_targets
 from radcal.targets.target_fit import make_targets
 from radcal.words import sentence
 
-with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.at):
+with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.p):
     case = stages.TargetStage.model_validate(snakemake.params.case)
     reference, _ = next(indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True))
     registered = read_registered(snakemake.input.registered)
     geometry = read_geometry(snakemake.input.geometry)
     scene = read_scene(snakemake.input.scene)
-    misfit, partly = OBJECTIVES[case.objective].misfit, bool(snakemake.wildcards.at)
+    misfit, partly = OBJECTIVES[case.objective].misfit, snakemake.wildcards.p != "1"
     targets = make_targets(case, geometry, registered, reference.image_db, misfit, partly, scene)
     write_targets(snakemake.output.target, targets)
     for text in (*map(sentence, height_findings(registered, geometry, scene, case.radar)), *targets.sentences()):

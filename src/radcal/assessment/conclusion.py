@@ -130,7 +130,7 @@ def conclude(
     if reference is None:
         raise StoreError(
             f"{store.path(key)}: the reference run is missing or without its image; delete "
-            f"{Path(runs).parent / 'reference.json'} and type the same command again to make it again."
+            f"{Path(runs).parent / 'passes/1/reference.json'} and type the same command again to make it again."
         )
     first = {name: score.looks for name, score in history.runs[0].scores.items()}
     looks = {name: history.best(name).looks for name in targets}

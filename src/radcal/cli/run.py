@@ -197,8 +197,8 @@ def files_of_stages(folder: Path, targets: Sequence[str], case: Case, results: P
                 "missing, expected the earlier case's name: --set design.reuse=NAME."
             )
     wildcards = {
-        "at": [f"passes/{number}/" if number > 1 else "" for number in range(1, len(case.passes) + 1)],
-        "chunk": [str(chunk) for chunk in range(-(-case.design_size // case.design.chunk))],
+        "p": [str(number) for number in range(1, len(case.passes) + 1)],
+        "chunk": [str(chunk) for chunk in range(len(case.passes) * case.design_parts)],
         "material": list(case.calibrated),
     }
     found = []

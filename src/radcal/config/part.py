@@ -59,6 +59,11 @@ class _Design(_Levels, Protocol):
     def has_baseline(self) -> bool: ...
 
 
+class _Sized(_Design, Protocol):
+    @property
+    def design_size(self) -> int: ...
+
+
 class _Registered(_Design, Protocol):
     @property
     def registration(self) -> RegistrationConfig: ...
@@ -160,3 +165,8 @@ class Part(Section):
             return _DESIGN_SIZE
         most = max(len(material.box) for material in self.materials.values() if material.calibrate)
         return max(_DESIGN_SIZE_WITHOUT_BASELINE, 2 * most)
+
+    @property
+    def design_parts(self: _Sized) -> int:
+        """Number of workflow jobs that simulate the design in one pass."""
+        return -(-self.design_size // self.design.chunk)

@@ -61,31 +61,30 @@ def planned_runs(case: Case, jobs: Jobs, folder: str | Path) -> dict[str, int]:
     # beside a finished calibration, jobs that would write another scene are refused (radcal.session.replacement)
     kept = not case.replace and (folder / "calibration.h5").is_file()
     unsure = {"simulator", "reuse"} | (set() if kept else {"scene", "geometry"})
-    passes = {f"passes/{number}/" if number > 1 else "": one for number, one in enumerate(case.passes, start=1)}
-    for at, one in passes.items():
-        of_pass = [(rule, words) for rule, words in jobs if words.get("at", "") == at]
-        if ("measurement", at) in [(rule, words.get("at", "")) for rule, words in of_pass]:
-            counts["measurement"] += one.measurement.source == "synthetic"
-        known = None if planned & unsure else _known(case, folder, at)
-        if any(rule == "reference_run" for rule, _ in of_pass):
+    parts = [divmod(int(words["chunk"]), case.design_parts) for rule, words in jobs if rule == "design_chunk"]
+    for number, one in enumerate(case.passes):
+        of_pass = Counter(rule for rule, words in jobs if words.get("p") == str(number + 1))
+        counts["measurement"] += of_pass["measurement"] * (one.measurement.source == "synthetic")
+        known = None if planned & unsure else _known(case, folder / f"passes/{number + 1}", folder)
+        if of_pass["reference_run"]:
             start = stages.ReferenceRun.of(one).at_start
             stored = known is not None and known(start).is_recorded(one.start_parameters, noise_seed(start))
             counts["reference"] += reference_count(case.simulator) - stored
-        counts["reference"] += sum(rule == "registration_run" for rule, _ in of_pass)
-        chunks = [int(words["chunk"]) for rule, words in of_pass if rule == "design_chunk"]
-        if chunks:
-            counts["design"] += _of_design(case, chunks, None if known is None else known(stages.DesignChunk.of(one)))
+        counts["reference"] += of_pass["registration_run"]
+        runner = None if known is None else known(stages.DesignChunk.of(one))
+        counts["design"] += _of_design(case, [part for k, part in parts if k == number], runner)
     if "final_runs" in planned:
-        counts["final"] = FINAL_RUNS * len(passes)
-        counts["infill"] = len(passes) * _infill(case, jobs, folder)
+        counts["final"] = FINAL_RUNS * len(case.passes)
+        counts["infill"] = len(case.passes) * _infill(case, jobs, folder)
     return counts
 
 
-def _of_design(case: Case, chunks: Sequence[int], runner: Runner | None) -> int:
-    """Number of design runs that given chunks of the design still need in one pass."""
+def _of_design(case: Case, parts: Sequence[int], runner: Runner | None) -> int:
+    """Number of design runs that given parts of the design still need in one pass."""
     size, step = case.design_size, case.design.chunk
-    numbers = [k for chunk in chunks for k in range(chunk * step, min((chunk + 1) * step, size))]
-    if runner is None or case.design.reuse is not None:  # reused runs replace an unknown number of them
+    numbers = [k for part in parts for k in range(part * step, min((part + 1) * step, size))]
+    # reused runs replace an unknown number of them
+    if not numbers or runner is None or case.design.reuse is not None:
         return len(numbers)
     stage = stages.DesignChunk.of(case)
     points, seed = design_points(stage, size), noise_seed(stage)
@@ -107,13 +106,13 @@ def _infill(case: Case, jobs: Jobs, folder: Path) -> int:
     return max(case.stop.max_runs - design - first, 0)
 
 
-def _known(case: Case, folder: Path, at: str) -> Callable[[stages.Simulation], Runner] | None:
+def _known(case: Case, of_pass: Path, folder: Path) -> Callable[[stages.Simulation], Runner] | None:
     """Function that makes a runner which only computes hashes of runs; None if hashes cannot be computed yet."""
     try:
         identity: dict[str, Any] = {"kind": "builtin", "version": SIMULATOR_VERSION}
         if case.simulator.kind == "command":
-            with understood(folder / f"{at}simulator.json"):
-                held = read_json(folder / f"{at}simulator.json")
+            with understood(of_pass / "simulator.json"):
+                held = read_json(of_pass / "simulator.json")
                 identity = {key: x for key, x in held.items() if key != "seed_bits"}
         scene = read_scene(folder / "scene.h5").identity
     except (RadcalError, OSError):

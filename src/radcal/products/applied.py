@@ -242,11 +242,10 @@ def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: 
     if case is None:
         return _Pass(made.geometry, made.image_db, None, ())
     one = case.passes[number - 1]
-    path = (out / f"passes/{number}" if number > 1 else out) / "geometry.h5"
-    simulator = make_simulator(stages.SimulatorStage.of(one), made.geometry, path)
+    below = f"passes/{number}"
+    simulator = make_simulator(stages.SimulatorStage.of(one), made.geometry, out / below / "geometry.h5")
     found = make_measurement(stages.MeasurementStage.of(one), made.geometry, simulator, scene, partly=True)
-    below = own / f"passes/{number}" if number > 1 else own
-    registered, by = registered_as(below / "registered.h5", made.image_db, found, one.registration)
+    registered, by = registered_as(own / below / "registered.h5", made.image_db, found, one.registration)
     said = (f"pass {number}: {found.source}; {by}: {registered.verdict}", *map(sentence, found.findings))
     return _Pass(made.geometry, made.image_db, registered.measurement.image_db, said)
 

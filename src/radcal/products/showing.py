@@ -23,7 +23,7 @@ __all__ = ["results_folder", "show"]
 # names of the workflow's steps, by a file that the step writes in every case
 _STEPS = {
     "scene.h5": "scene",
-    "reference.json": "reference run",
+    "passes/1/reference.json": "reference run",
     "scores.json": "design",
     "final.json": "search and final runs",
     "calibration.h5": "archive",
@@ -89,7 +89,10 @@ def show(folder: str | Path) -> list[str]:
         ``summary.json`` cannot be read.
     """
     folder = Path(folder)
-    missing = [name for file, name in _STEPS.items() if not (folder / file).is_file()]
+    # in results of an earlier version of radcal, the files of the first pass lie in the folder of the case
+    missing = [
+        name for file, name in _STEPS.items() if not any((folder / own).is_file() for own in (file, Path(file).name))
+    ]
     there = [f"{title}: {folder / file}" for file, title in _FILES.items() if (folder / file).exists()]
     failed, running = _failure(folder), _running(folder)
     if not missing:

@@ -64,7 +64,7 @@ def forward(
     case : stages.ForwardStage
         Scene, passes, simulator and materials. A material to be calibrated has its starting parameters.
     folder : path
-        Folder of ``scene.h5`` and ``geometry.h5``. From pass 2 on, ``geometry.h5`` of pass p lies in ``passes/<p>/``.
+        Folder of ``scene.h5``, and of the geometry of each pass, ``passes/<p>/geometry.h5``.
     runs : path
         Folder of the run store; a run that has a record there is not simulated.
     check : callable
@@ -87,13 +87,13 @@ def forward(
         scene = make_scene(case.scene, None, case.radar.heading_deg)
         _check_materials(scene, list(case.materials))
         geometries = [make_geometry(scene, one.radar) for one in case.passes]
-        folders = [folder / f"passes/{number}" if number > 1 else folder for number in range(1, len(geometries) + 1)]
-        paths = [each / "geometry.h5" for each in folders]
+        paths = [folder / f"passes/{number}/geometry.h5" for number in range(1, len(geometries) + 1)]
         runner = runner_of(started, scene.identity, geometries, paths, runs)
         runners, seed, store = runner.passes, noise_seed(case, fresh=True), RunStore(runs)
         keys = [digest(each.description(case.start_parameters, seed)) for each in runners]
         check(keys)
         write_scene(folder / "scene.h5", scene)
+        (folder / "geometry.h5").unlink(missing_ok=True)  # of an earlier version of radcal
         for path, geometry, one in zip(paths, geometries, case.passes, strict=True):
             write_geometry(path, geometry, one.radar)
         found = []

@@ -46,11 +46,11 @@ def with_seed_bits(case: Case, results: str | Path) -> Case:
 
 def _recorded(folder: Path) -> int | None:
     """Number of bits of the seeds, from the simulator.json of a case; None if it has none."""
-    path = folder / "simulator.json"
-    # radcal.session.salvage reports damaged files
-    with contextlib.suppress(Exception):
-        inspect_file(path, None)
-        return int(json.loads(path.read_text(encoding="utf-8"))["data"]["seed_bits"])
+    for name in ("passes/1/simulator.json", "simulator.json"):  # the second one of an earlier version of radcal
+        # radcal.session.salvage reports damaged files
+        with contextlib.suppress(Exception):
+            inspect_file(folder / name, None)
+            return int(json.loads((folder / name).read_text(encoding="utf-8"))["data"]["seed_bits"])
     return None
 
 

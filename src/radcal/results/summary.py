@@ -43,7 +43,7 @@ def numbered_jobs(archive: Archive) -> dict[str, int]:
     iterations = int(np.count_nonzero(archive.runs.kind == "infill"))
     config = json.loads(archive.config)
     sizes = stages.DesignSize.model_validate({key: config[key] for key in stages.DesignSize.model_fields})
-    chunks = -(-sizes.design_size // sizes.design.chunk)
+    chunks = len(archive.passes or [1]) * sizes.design_parts
     return {"design": chunks, **dict.fromkeys(("train", "propose", "verify"), iterations)}
 
 

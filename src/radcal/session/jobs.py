@@ -52,7 +52,9 @@ _latest: list[Path] = []  # file beside the log of this job that holds the job's
 
 
 @contextmanager
-def logged(path: str | Path, config: Mapping[str, Any] | None = None, at: str | None = None) -> Iterator[None]:
+def logged(
+    path: str | Path, config: Mapping[str, Any] | None = None, number: int | str | None = None
+) -> Iterator[None]:
     """Context that logs to a file; after an exception it prints a one-line error message and exits.
 
     The message of a :class:`RadcalError` is printed unchanged. After a lack of memory, the printed message names ways
@@ -65,13 +67,13 @@ def logged(path: str | Path, config: Mapping[str, Any] | None = None, at: str | 
         Log file of the job.
     config : mapping, optional
         Sections of the configuration that the job reads; every file that the job writes records these sections.
-    at : str, optional
-        Wildcard "at" of a job of a single pass: empty for the first pass, ``passes/2/`` for the second. If the case has
-        several passes, the lines and the error message of the job begin with the name of the pass.
+    number : int or str, optional
+        Number of the pass, for a job of a single pass. If the case has several passes, the lines and the error message
+        of the job begin with the name of the pass.
     """
     guard()
-    several = at is not None and int(os.environ.get(PASSES, "1")) > 1
-    _pass[0] = f"pass {(at or 'passes/1/').split('/')[1]}: " if several else ""
+    several = int(os.environ.get(PASSES, "1")) > 1
+    _pass[0] = "" if number is None or not several else f"pass {number}: "
     gc.freeze()  # the garbage collector need not search the imported objects, which exist until the job ends
     if OWNER in os.environ:
         die_with_parent()

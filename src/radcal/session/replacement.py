@@ -54,17 +54,19 @@ def check_replacement(case: Case, folder: str | Path, inputs: Mapping[str, Path]
     if case.replace or not (folder / "calibration.h5").is_file():
         return
     with provenance(case.case):
-        _check_geometry(case, folder / "geometry.h5")
+        _check_geometry(case.passes[0], folder / "geometry.h5")  # of an earlier version of radcal
+        for number, one in enumerate(case.passes, start=1):
+            _check_geometry(one, folder / f"passes/{number}/geometry.h5")
         _check_scene(case, folder / "scene.h5", [path for key, path in inputs.items() if key.startswith("scene.")])
 
 
 def _check_geometry(case: Case, path: Path) -> None:
     recorded = _recorded(path, "geometry", GeometryStage)
-    if recorded is None or recorded.radar == case.passes[0].radar:
+    radar, immaterial = case.radar, case.simulator.not_told
+    if recorded is None or recorded.radar == radar:
         return
     from radcal.radar.geometry import is_of_pass  # imported here, because every job imports this module
 
-    radar, immaterial = case.passes[0].radar, case.simulator.not_told
     keep_finished(path, "geometry", STAGES["geometry"].params(case), lambda _: is_of_pass(path, radar, immaterial))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import re
+import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,14 @@ __all__ = ["files_of", "salvage", "simulator_change"]
 
 _MOST_BYTES = 16 * 2**20
 _SHOWN = 3  # largest number of files named in one message
+# files of earlier versions of radcal: those of the first pass, which now lie in passes/1, and the design of the other
+# passes, which now lies beside that of the first pass
+_JOBS = ("geometry", "measurement", "reference", "registration_run", "target")
+_EARLIER = (
+    *(f"{place}{job}.*" for place in ("", "logs/", "benchmarks/") for job in _JOBS),
+    *("first", "registered.h5", "logs/*registration.log", "benchmarks/*registration.tsv", "logs/simulator.log"),
+    *("passes/*/design", "passes/*/external", "logs/passes/*/design", "benchmarks/passes/*/design_*.tsv"),
+)
 
 logger = logging.getLogger(__name__)
 
@@ -46,6 +55,7 @@ def files_of(folder: str | Path, patterns: Iterable[str]) -> Iterator[Path]:
 def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]:
     """Rename damaged files of a results folder, and remove each index of runs that lists a missing run.
 
+    Files that an earlier version of radcal wrote to another place are removed.
     Modification times in the future, which remain after a clock was set back, are set to the present.
 
     Files of up to 16 MiB are read completely and compared with their checksums. In larger files, only the header and
@@ -68,7 +78,7 @@ def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]
     """
     folder = Path(folder)
     clamp_future_mtimes(folder)
-    sentences: list[str] = []
+    sentences = _remove_earlier(folder)
     sealed = [path for path in files_of(folder, patterns) if path.suffix in (".h5", ".json")]
     with provenance(case):
         contents = {path: _contents(path, sentences) for path in sealed}
@@ -77,6 +87,23 @@ def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]
     kept = _records(folder / "runs", sentences)
     _indexes(folder, {path: _keys(data) - kept for path, data in contents.items()}, sentences)
     return sentences
+
+
+def _remove_earlier(folder: Path) -> list[str]:
+    """Remove files at the place where earlier versions of radcal wrote them.
+
+    They are not renamed, because Snakemake would no longer see a change of the parameters from which they were made.
+    """
+    found = [path for pattern in _EARLIER for path in folder.glob(pattern)]
+    for path in found:
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            _remove(path)
+    return [
+        f"{folder}: the files of pass 1 lie in passes/1 now; those of an earlier version of radcal are removed, and "
+        "made again from the runs, none of which is repeated."
+    ] * bool(found)
 
 
 def _contents(path: Path, sentences: list[str]) -> Any:
@@ -188,10 +215,11 @@ def simulator_change(folder: str | Path, case: Case) -> list[str]:
         reference run, or if the case or the reference run uses an external simulator.
     """
     folder = Path(folder)
-    if case.simulator.kind != "builtin" or not (folder / "reference.json").is_file():
+    index = folder / "passes/1/reference.json"
+    if case.simulator.kind != "builtin" or not index.is_file():
         return []
     try:
-        key = read_index(folder / "reference.json")[0].key
+        key = read_index(index)[0].key
         theirs = RunStore(folder / "runs").description(key)["simulator"]
     except (StoreError, KeyError, IndexError, TypeError):
         return []  # salvage reports damaged files

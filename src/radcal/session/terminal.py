@@ -158,7 +158,8 @@ class Messages:
         if _WILDCARDS in text:
             record.msg = (
                 "radcal: to snakemake, this target has no single file: type radcal run CASE TARGET, such as "
-                "radcal run config/mine.yaml registration, or name its file, such as results/CASE/registered.h5."
+                "radcal run config/mine.yaml registration, or name its file, such as "
+                "results/CASE/passes/1/registered.h5."
             )
             return True
         failed = exception in ("RuleException", "WorkflowError") or text.startswith(_AFTERMATH)

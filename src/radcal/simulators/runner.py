@@ -61,11 +61,14 @@ class Runner:
         Hash that identifies the scene.
     case : stages.Simulation
         Pass, laws, and calibrated materials, whose pixels are recorded.
-    further : sequence of Runner
-        Runners of the second and later passes.
     first : Radar, optional
         First pass of the case; the keys ``looks`` of the materials are effective looks in the image of this pass. By
         default the pass of ``case``.
+
+    Attributes
+    ----------
+    passes : sequence of Runner
+        Runners of all passes of a case, in their order; by default this one alone.
     """
 
     def __init__(
@@ -75,10 +78,9 @@ class Runner:
         geometry: Geometry,
         scene_identity: str,
         case: stages.Simulation,
-        further: Sequence[Runner] = (),
         first: Radar | None = None,
     ) -> None:
-        self.further = tuple(further)
+        self.passes: Sequence[Runner] = (self,)
         self._store = store
         self._simulator = simulator
         self._geometry = geometry
@@ -93,11 +95,6 @@ class Runner:
         self._seed, self._fresh = case.seed, seed_of_noise(case, fresh=True)
         self._recorded = case.calibrated
         self._keep_images = case.simulator.keep_images
-
-    @property
-    def passes(self) -> tuple[Runner, ...]:
-        """Runners of all passes, in the order of the passes."""
-        return (self, *self.further)
 
     @property
     def identity(self) -> Mapping[str, Any]:

@@ -11,6 +11,7 @@ from radcal.radar.geometry import Geometry, read_geometry
 from radcal.scene.model import read_scene
 from radcal.simulators.protocol import Simulator
 from radcal.simulators.runner import Runner
+from radcal.storage.files import case_folder
 from radcal.storage.runs import RunStore
 
 __all__ = ["make_runner", "make_simulator", "runner_of"]
@@ -36,7 +37,7 @@ def make_simulator(case: stages.SimulatorStage, geometry: Geometry, geometry_pat
     """
     if isinstance(case.simulator, CommandSimulation):
         plan = CommandPlan(case.simulator, case.materials)
-        work = Path(geometry_path).parent / "external"
+        work = case_folder(geometry_path) / "external"
         return CommandSimulator(plan, case.materials, case.radar, geometry, geometry_path, work)
     from radcal.simulators.builtin import BuiltinSimulator  # imported here, because it loads compiled functions
 
@@ -49,7 +50,7 @@ def make_runner(
     """Runner that reads runs from the case's run store, and simulates new runs with the configured simulator.
 
     ``geometry_path`` may be a list with the geometry file of each pass of the case. The result is the runner of the
-    first pass; its attribute ``further`` contains the runners of the other passes.
+    first pass; its attribute ``passes`` contains the runners of all passes.
     """
     paths = [geometry_path] if isinstance(geometry_path, str | Path) else list(geometry_path)
     return runner_of(case, read_scene(scene_path).identity, [read_geometry(path) for path in paths], paths, runs)
@@ -67,10 +68,9 @@ def runner_of(
     The files ``paths`` need not exist before the first run.
     """
     each = [case] if len(paths) == 1 else case.passes  # type: ignore[misc]  # a stage of all passes has this attribute
-    further: list[Runner] = []
-    for number in reversed(range(len(paths))):
-        simulator = make_simulator(each[number], geometries[number], paths[number])
-        passes = [] if number else further
-        runner = Runner(RunStore(runs), simulator, geometries[number], identity, each[number], passes, each[0].radar)
-        further.insert(0, runner)
-    return further[0]
+    runners = [
+        Runner(RunStore(runs), make_simulator(one, geometry, path), geometry, identity, one, first=each[0].radar)
+        for one, geometry, path in zip(each, geometries, paths, strict=True)
+    ]
+    runners[0].passes = runners
+    return runners[0]

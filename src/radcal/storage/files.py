@@ -20,6 +20,7 @@ from radcal.errors import StoreError
 __all__ = [
     "alive",
     "atomic",
+    "case_folder",
     "clamp_future_mtimes",
     "digest",
     "file_sha256",
@@ -139,6 +140,12 @@ def sweep_scripts(folder: str | Path, case_folder: str | Path) -> int:
                 script.unlink()
                 removed += 1
     return removed
+
+
+def case_folder(path: str | Path) -> Path:
+    """Results folder ``results/<case>`` of a file that lies there, or in the folder ``passes/<p>`` of its pass."""
+    folder = Path(path).parent
+    return folder.parent.parent if folder.parent.name == "passes" else folder
 
 
 def unwritable(folder: str | Path) -> Path | None:

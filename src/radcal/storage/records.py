@@ -27,7 +27,7 @@ from pydantic import TypeAdapter, ValidationError
 from radcal.errors import ConfigError, StoreError
 from radcal.storage.dataclass_groups import put, take
 from radcal.storage.disclosure import disclosed
-from radcal.storage.files import atomic, first_difference
+from radcal.storage.files import atomic, case_folder, first_difference
 from radcal.storage.inspection import SCHEMAS, check_case, inspect, inspect_file, set_aside, unreachable
 from radcal.storage.provenance import origin
 from radcal.storage.sealing import BLOCK, Fault, header
@@ -138,7 +138,8 @@ def keep_finished(path: Path, kind: str, config: Mapping[str, Any] | None, alike
     ConfigError
         The folder of the file has a finished calibration, and the file is undamaged and not ``alike``.
     """
-    if not (path.parent / "calibration.h5").is_file():
+    folder = case_folder(path)
+    if not (folder / "calibration.h5").is_file():
         return
     try:
         inspect_file(path, kind)
@@ -157,7 +158,7 @@ def keep_finished(path: Path, kind: str, config: Mapping[str, Any] | None, alike
     else:
         why = "the files that it is made from are others"
     raise ConfigError(
-        f"{path.parent} holds a finished calibration of another {kind} ({why}), which stays as it is: give this one a "
+        f"{folder} holds a finished calibration of another {kind} ({why}), which stays as it is: give this one a "
         "name of its own (case: ...), or add --config replace=true (to radcal run: --set replace=true) to have those "
         "results replaced (runs are kept)."
     )

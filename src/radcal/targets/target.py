@@ -167,8 +167,11 @@ class Targets(dict[str, Target]):
         Level normalisation of both images; by default none.
     looks : float
         Equivalent number of looks of the measured image's homogeneous areas; NaN if unknown.
-    further : sequence of Targets
-        Targets of the second and later passes, which may lack a material.
+
+    Attributes
+    ----------
+    passes : sequence of Targets
+        Targets of all passes of a case, in their order; by default these alone. Later passes may lack a material.
     """
 
     def __init__(
@@ -176,17 +179,11 @@ class Targets(dict[str, Target]):
         targets: Mapping[str, Target],
         levels: Levels | None = None,
         looks: float = float("nan"),
-        further: Sequence[Targets] = (),
     ) -> None:
         super().__init__(targets)
-        self.further = tuple(further)
+        self.passes: Sequence[Targets] = (self,)
         self.levels = levels or Levels()
         self.looks = looks
-
-    @property
-    def passes(self) -> tuple[Targets, ...]:
-        """Targets of all passes, in the order of the passes."""
-        return (self, *self.further)
 
     def level_only(self, name: str) -> bool:
         """Whether a material is seen at one incidence angle only, in each pass that shows it."""
@@ -254,7 +251,7 @@ def read_targets(*paths: str | Path) -> Targets:
     """Read the targets of all passes, one file for each pass; raises the errors of :func:`.read_hdf5`."""
     found = []
     for path in paths:
-        found.append(read_item(path, "target", _Stored))
-    further = [Targets(stored.materials, stored.levels, stored.looks) for stored in found[1:]]
-    first = found[0]
-    return Targets(first.materials, first.levels, first.looks, further)
+        stored = read_item(path, "target", _Stored)
+        found.append(Targets(stored.materials, stored.levels, stored.looks))
+    found[0].passes = found
+    return found[0]
