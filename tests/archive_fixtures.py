@@ -14,18 +14,15 @@ from archives import image, posterior, without_curve
 from geometry_samples import of_pixels
 
 from radcal import skewnormal
-from radcal.assessment.conclusion import conclude
 from radcal.config import Case, RegistrationConfig, Stop, case_from, stages
 from radcal.ground.goodness import Goodness
 from radcal.image.model import Measurement
 from radcal.inference.moments import from_dp
-from radcal.objectives import make_objectives
 from radcal.objectives.history import History, Proposal, Run, Score
 from radcal.radar.geometry import Geometry
 from radcal.registration.registered import Registered, register
 from radcal.results.archive import Archive, read_archive, write_archive
-from radcal.results.results import collect_results
-from radcal.results.search_front import search_fronts
+from radcal.results.results import archive_of
 from radcal.scene.model import Scene
 from radcal.storage.runs import Record, RunStore
 from radcal.targets.target import Target, Targets
@@ -51,6 +48,7 @@ class Made:
     registered: Registered
     geometry: Geometry
     scene: Scene
+    passes: Sequence[Registered] = ()
 
     @property
     def archive(self) -> Archive:
@@ -59,33 +57,21 @@ class Made:
 
     def gathered(self, path: Path, **changes: Any) -> Archive:
         """Results of the same calibration but for some arguments, written and read back."""
-        at = SimpleNamespace(**{**vars(self), "runs": self.path.parent / "runs", **changes})
-        laws = stages.ArchiveStage.of(at.case).laws
-        posteriors = {name: posterior() if laws[name].has_curve else without_curve() for name in at.targets}
-        objectives = make_objectives(at.case, at.targets)
-        archive = collect_results(
-            case=at.case,
-            stop=at.stop,
-            history=at.history,
-            scene=at.scene,
-            geometry=at.geometry,
-            registered=at.registered,
-            targets=at.targets,
-            conclusion=conclude(
-                at.case,
-                at.stop,
-                at.history,
-                at.targets,
-                objectives,
-                at.geometry,
-                at.runs,
-                at.final,
-                posteriors,
-                image(),
-            ),
-            image=image(),
-            final=at.final,
-            fronts=search_fronts(objectives, at.history),
+        at = SimpleNamespace(**{**vars(self), "runs": self.path.parent / "runs", "image": image(), **changes})
+        case = stages.ArchiveStage.of(at.case)
+        each = [posterior() if case.laws[name].has_curve else without_curve() for name in at.targets]
+        archive = archive_of(
+            case,
+            at.stop,
+            at.history,
+            at.scene,
+            at.geometry,
+            at.passes or [at.registered],
+            at.targets,
+            at.runs,
+            at.final,
+            each,
+            at.image,
         )
         write_archive(path, archive)
         return read_archive(path)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radcal.calibration.stopping import Decision
 from radcal.findings import Finding
@@ -24,8 +25,16 @@ def changed_material(archive: Archive, name: str, **changes: Any) -> Archive:
 
 
 def changed_target(archive: Archive, name: str, **changes: Any) -> Archive:
-    """Copy of an archive with a changed target of one material."""
-    return changed_material(archive, name, target=replace(archive.materials[name].target, **changes))
+    """Copy of an archive with a changed target of one material in the first pass."""
+    material = archive.materials[name]
+    return changed_material(archive, name, targets={**material.targets, "1": replace(material.target, **changes)})
+
+
+def changed_measurement(archive: Archive, image_db: NDArray[Any]) -> Archive:
+    """Copy of an archive with another measured image of the first pass."""
+    measurement = replace(archive.registered.measurement, image_db=image_db)
+    first = replace(archive.passes["1"], registered=replace(archive.registered, measurement=measurement))
+    return replace(archive, passes={**archive.passes, "1": first})
 
 
 def selected(archive: Archive, **materials: str) -> Archive:

@@ -9,7 +9,7 @@ import h5py
 import matplotlib as mpl
 import numpy as np
 import pytest
-from archives import changed_material, changed_target, posterior, selected
+from archives import changed_material, changed_measurement, changed_target, posterior, selected
 from assessment_samples import held_cells
 from matplotlib.text import Text
 from scipy import stats
@@ -263,22 +263,20 @@ def test_many_materials(build_archive, tmp_path):
 
 @pytest.mark.slow
 def test_images_without_a_value_or_missing(made):
-    images = made.archive.images
-    blank = np.full_like(images.measured_db, np.nan)
-    case = replace(made.archive, images=replace(images, measured_db=blank, reference_db=None))
+    blank = np.full_like(made.archive.measured_db, np.nan)
+    case = changed_measurement(made.archive, blank)
+    case = replace(case, images=replace(case.images, reference_db=None))
     with mpl.rc_context(drawing.STYLE):
         for canvas, _, _ in (module.images(case), module.residual(case)):
             assert drawn(canvas) == []
-    case = replace(made.archive, images=Images())
-    assert module.images(case) is None
-    assert module.residual(case) is None
+    assert module.residual(replace(made.archive, images=Images())) is None
 
 
 @pytest.mark.parametrize(("shift_db", "own"), [(-1.0, False), (-25.0, True), (25.0, True)])
 def test_a_start_far_from_the_measured_level_has_a_gray_scale_of_its_own(made, shift_db, own):
     measured = np.random.default_rng(5).normal(-12.0, 3.0, (60, 50))
-    images = replace(made.archive.images, measured_db=measured, reference_db=measured + shift_db)
-    case = replace(made.archive, images=replace(images, calibrated_db=measured[::-1]))
+    images = replace(made.archive.images, reference_db=measured + shift_db, calibrated_db=measured[::-1])
+    case = replace(changed_measurement(made.archive, measured), images=images)
     with mpl.rc_context(drawing.STYLE):
         canvas, caption, alt = module.images(case)
         assert drawn(canvas) == []

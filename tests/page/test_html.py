@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -16,7 +17,6 @@ from radcal.figures.figures import Figure
 from radcal.findings import Finding
 from radcal.page.html import _material, _number, _span, write_report
 from radcal.posterior.radiometry import Radiometry
-from radcal.results.archive import PassLaw, PassSummary
 from radcal.results.law_notes import at_bound
 from radcal.results.summary import summarise
 
@@ -336,16 +336,25 @@ def test_a_better_law_is_excluded_as_far_as_the_surrogate_does(made, tmp_path):
 
 
 def test_the_truth_is_compared_over_the_incidence_of_all_passes(made, tmp_path):
-    def law(low, high, difference):
-        return PassLaw(low, high, rms=0.1, half_width_db=0.73, pixels=90, difference_db=difference)
-
-    one = {"looks": 4.0, "measurement": "m", "registration": "r.", "levels": "l.", "notes": (), "final_runs": 1}
-    one |= {"depression_deg": 40.0, "look_side": "right", "polarisation": "HH", "keys": made.archive.runs.key}
-    found = {"1": law(21.0, 41.0, 1.25), "2": law(47.0, 66.0, 87.0)}
-    passes = {key: PassSummary(**one, materials={"dyke": value}) for key, value in found.items()}
-    text = render(tmp_path / "report.html", replace(made.archive, passes=passes))[1].text
-    assert re.search(r"47\.0 to 66\.0\s*0\.73\s*0\.100", text)
-    assert "up to 87 dB over the incidence seen (21.0 to 41.0 and 47.0 to 66.0 deg), the law" in text
+    """The dyke is seen from 20 to 40 degrees and from 46 to 66 degrees, where its law is further from the truth."""
+    seen = [np.linspace(low, low + 20.0, 201, dtype=np.float32) for low in (20.0, 46.0)]
+    dyke, first, config = made.archive.materials["dyke"], made.archive.passes["1"], json.loads(made.archive.config)
+    targets = {str(k): replace(dyke.target, incidence_deg=angles) for k, angles in enumerate(seen, start=1)}
+    known = first.registered.measurement
+    other = replace(known, hidden={"dyke": (known.hidden["dyke"][0] - 50.0, *known.hidden["dyke"][1:])})
+    archive = replace(
+        changed_material(made.archive, "dyke", targets=targets),
+        config=json.dumps({**config, "radar": [config["radar"]] * 2}),
+        passes={
+            "1": first,
+            "2": replace(first, rms={"dyke": 0.1}, registered=replace(first.registered, measurement=other)),
+        },
+    )
+    near, far = (one["materials"]["dyke"]["difference_db"] for one in summarise(archive)["passes"])
+    assert far > 1.1 * near
+    text = render(tmp_path / "report.html", archive)[1].text
+    assert re.search(r"47\.0 to 65\.0\s*1\.9\s*0\.100", text)
+    assert f"up to {_number(far, 2)} dB over the incidence seen (21.0 to 39.0 and 47.0 to 65.0 deg), the law" in text
     assert re.search(r"\(parameters_model\) by up to [\d.]+ dB in the first pass\.", text)
 
 

@@ -113,7 +113,7 @@ def test_an_unfinished_case_says_what_to_type(pair, tmp_path):
     [
         ("materials/dyke/posterior/curve/median_db", [1.0, 2.0]),
         ("materials/dyke/posterior/seen_deg", ["a", "b"]),
-        ("materials/dyke/target", 7.0),
+        ("materials/dyke/targets/1", 7.0),
     ],
 )
 def test_other_contents_under_a_right_checksum_are_one_sentence(pair, tmp_path, place, value):

@@ -50,7 +50,7 @@ def export(made, folder, archive=None, scene=None, geometry=None):
 
 def test_a_known_corner_lies_at_its_place(made, on_map, tmp_path):
     export(made, tmp_path, scene=on_map[0], geometry=on_map[1])
-    measured = made.archive.images.measured_db
+    measured = made.archive.measured_db
     with rasterio.open(tmp_path / "measured.tif") as raster:
         assert raster.crs.to_epsg() == 32631
         assert (raster.shape, raster.units, raster.tags()["grid"]) == ((70, 45), ("dB",), "map of the scene")
@@ -101,7 +101,7 @@ def test_masks_tell_layover_from_shadow(made):
 
 def test_images_of_a_further_pass_are_those_of_its_own_fresh_run(made, tmp_path):
     """Two final runs in each of two passes: with the runs' random numbers, then with fresh ones."""
-    image = made.archive.images.measured_db
+    image = made.archive.measured_db
     store, keys = RunStore(tmp_path / "runs"), [f"{k}" * 20 for k in range(4)]
     for k, key in enumerate(keys):
         store.put(Record(key, {name: np.zeros(3, np.float32) for name in made.targets}, image + k, 0.1), {})
@@ -122,7 +122,7 @@ def test_a_scene_without_a_map_says_so(made, tmp_path):
     files = export(made, tmp_path)
     assert map_grid(made.scene, made.geometry) is None
     with rasterio.open(tmp_path / "measured.tif") as raster:
-        np.testing.assert_array_equal(raster.read(1), made.archive.images.measured_db)
+        np.testing.assert_array_equal(raster.read(1), made.archive.measured_db)
         assert raster.crs is None
         assert raster.tags()["grid"] == SLANT_RANGE
         assert raster.descriptions == ("measured image, not registered",)
@@ -211,7 +211,7 @@ def test_calibrated_materials(made, tmp_path):
     with rasterio.open(tmp_path / "calibrated.tif") as raster:
         np.testing.assert_array_equal(raster.read(1), archive.images.calibrated_db)
     with rasterio.open(tmp_path / "difference.tif") as raster:
-        np.testing.assert_array_equal(raster.read(1), archive.images.calibrated_db - archive.images.measured_db)
+        np.testing.assert_array_equal(raster.read(1), archive.images.calibrated_db - archive.measured_db)
     # the image is that of the run with fresh random numbers
     case = stages.Export.of(made.case)
     assert f"calibrated image again, bit for bit, with the noise seed {noise_seed(case, fresh=True)}." in text

@@ -6,10 +6,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from radcal.results.archive import Archive, Images, read_archive
+from radcal.results.archive import UNLISTED, Archive, Images, read_archive
 from radcal.storage.dataclass_groups import table
 from radcal.storage.inspection import SCHEMAS
-from radcal.targets.target import Target
 
 # of any dataset: description, unit, and what HDF5 needs for dimension scales
 GENERAL = ("description", "unit", "CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "DIMENSION_LABELS")
@@ -17,7 +16,7 @@ GENERAL = ("description", "unit", "CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_
 
 def test_the_table_in_the_documents_is_that_of_the_types():
     page = (Path(__file__).resolve().parents[2] / "docs" / "records.md").read_text()
-    assert table(Archive, unlisted=(Target,)) in page
+    assert table(Archive, unlisted=UNLISTED) in page
     assert f"| `calibration.h5` | calibration {SCHEMAS['calibration']} |" in page
 
 
@@ -36,18 +35,22 @@ def test_the_file_has_what_the_table_lists_and_no_more(made):
         "laws",
         "decision/materials",
         "materials",
+        "passes",
         "image/laws_db",
         "image/apart_db",
         "image/radiometry",
         "image/shared",
     )
 
+    named = ("left_out", "/rms", "measurement/hidden")
+
     def look(path, item):
         # any name stands for all of them
         place = re.sub(rf"^({'|'.join(groups)})/[^/]+", r"\1/<name>", path)
+        place = re.sub(r"(<name>/targets)/[^/]+", r"\1/<name>", place)
         if place not in groups:
             found.add((place, ""))
-        keys = ["<name>" if place.endswith("left_out") else key for key in item.attrs if key not in GENERAL]
+        keys = ["<name>" if place.endswith(named) else key for key in item.attrs if key not in GENERAL]
         found.update((place or "/", key) for key in keys)
 
     with h5py.File(made.path) as file:
@@ -55,14 +58,21 @@ def test_the_file_has_what_the_table_lists_and_no_more(made):
         look("", file)
         assert file["materials/dyke/dp"].attrs["unit"] == "dB or IQR"
         assert file["materials/dyke/dp"].attrs["description"].startswith("xi, omega and alpha")
-        target = file["materials/dyke/target"]
+        target = file["materials/dyke/targets/1"]
         assert target["values_db"].dims[0][0] == target["pixels"]
         assert target["incidence_deg"].attrs["unit"] == "deg"
         assert file["runs/seconds"].dims[0][0].asstr()[0] == file["runs/key"].asstr()[0]
-        assert [one.label for one in file["images/measured_db"].dims] == ["rows", "columns"]
+        assert [one.label for one in file["images/reference_db"].dims] == ["rows", "columns"]
         assert file["laws/dyke"].attrs["description"].startswith("X of every material")
     provenance = {("/", key) for key in ("kind", "schema", "content", "created", "radcal")}
-    assert found - listed == provenance | {("", ""), ("levels/valid", ""), ("materials/<name>/target/left_out", "")}
+    assert found - listed == provenance | {
+        ("", ""),
+        ("materials/<name>/targets", ""),
+        ("materials/<name>/targets/<name>/left_out", ""),
+        ("passes/<name>/levels/valid", ""),
+        ("passes/<name>/rms", ""),
+        ("passes/<name>/registered/measurement/hidden", ""),
+    }
     assert {
         ("materials/<name>/posterior/curve/p05_db", ""),
         ("materials/<name>", "best"),
@@ -78,7 +88,7 @@ def test_what_is_gathered_is_what_is_read(made):
     assert archive.materials["stem beans"].hidden is None
     assert archive.materials["stem beans"].cost is None
     assert archive.image.radiometry["1"].materials == ("unused",)
-    assert archive.images.measured_db.dtype == np.float32
-    np.testing.assert_array_equal(archive.images.measured_db, made.registered.measurement.image_db)
+    assert archive.measured_db.dtype == np.float32
+    np.testing.assert_array_equal(archive.measured_db, made.registered.measurement.image_db)
     assert read_archive(made.path, images=False).images == Images()
     assert archive.names == made.geometry.names

@@ -8,18 +8,20 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
+from archive_fixtures import HIDDEN
+from archives import changed_material, image
 
-from radcal.config import case_from, stages
+from radcal.config import case_from
 from radcal.errors import StoreError
 from radcal.findings import Finding
-from radcal.ground.levels import Levels
+from radcal.ground.levels import Levels, without_level
 from radcal.laws import LAWS
 from radcal.objectives.history import History, PassScore
 from radcal.page.html import write_report
 from radcal.results.law_notes import law_notes
-from radcal.results.results import _difference_db, _of_passes, _pass_law, _passes, without_level
+from radcal.results.results import _of_passes
 from radcal.results.run_table import write_table
-from radcal.results.summary import summarise
+from radcal.results.summary import _pass_law, summarise
 from radcal.targets.target import Targets
 
 
@@ -36,14 +38,12 @@ def test_every_run_is_there_in_order(made):
 
 def test_final_runs_that_the_search_has_made_are_no_new_ones_and_equal_pixels_are_told(made, tmp_path):
     """The first final run is the best run of the search, the second one has fresh random numbers."""
-    assert made.archive.final_runs == 1
+    assert summarise(made.archive)["runs"]["final"] == 1
     assert "seed_without_effect" not in [one.code for one in made.archive.notes]
     first = made.final[0]
     again = made.gathered(tmp_path / "again.h5", final=(first, replace(first, key="fresh")))
-    assert again.final_runs == 1
+    assert summarise(again)["runs"]["final"] == 1
     assert "seed_without_effect" in [one.code for one in again.notes]
-    third = replace(made.final[1], key="of another pass")
-    assert made.gathered(tmp_path / "third.h5", final=(*made.final, third)).final_runs == 1
 
 
 def test_promises_of_proposals_not_computed_are_nan(made):
@@ -56,13 +56,13 @@ def test_promises_of_proposals_not_computed_are_nan(made):
 
 def test_pixels_are_those_of_the_images(made):
     with h5py.File(made.path) as file:
-        measured = file["images/measured_db"][()].ravel()
+        measured = file["passes/1/registered/measurement/image_db"][()].ravel()
         fresh = file["images/calibrated_db"][()].ravel()
         for name, target in made.targets.items():
             group = file[f"materials/{name}"]
-            pixels, simulated = group["target/pixels"][()], group["simulated"]
+            pixels, simulated = group["targets/1/pixels"][()], group["simulated"]
             np.testing.assert_array_equal(pixels, target.pixels)
-            np.testing.assert_array_equal(group["target/values_db"], measured[pixels])
+            np.testing.assert_array_equal(group["targets/1/values_db"], measured[pixels])
             np.testing.assert_array_equal(simulated["fresh"], fresh[pixels])
             np.testing.assert_array_equal(simulated["start"], file["images/reference_db"][()].ravel()[pixels])
             np.testing.assert_array_equal(simulated["calibrated"], made.final[0].pixels_db[name][target.order])
@@ -77,8 +77,6 @@ def test_how_it_ended(made):
         assert file["materials/stem beans"].attrs["best"] == 5
         found = [Finding.of_json(file[f"decision/materials/{name}"].attrs["finding"]) for name in made.targets]
         assert [one.about for one in found] == list(made.targets)
-        # the calibrated run is the last infill run, only the one with fresh numbers is new
-        assert file.attrs["final_runs"] == 1
         assert json.loads(file.attrs["config"])["stop"]["rms"] == made.stop.rms
         assert "radcal" in json.loads(file.attrs["versions"])
 
@@ -177,47 +175,83 @@ def test_laws_beyond_their_angles_are_noted(made):
     assert doubted == Finding("outside_data", "note", "dyke", {"law": "made up", "doubt": "X4 is 4"})
 
 
-def test_the_largest_difference_from_a_hidden_law_has_no_sign():
-    for level in (2.0, -2.0):
-        found = _difference_db(LAWS["mangia"], [level, 3.0, 5.0, 2.0], [0.0, 3.0, 5.0, 2.0], [20.0, 40.0])
-        assert found == pytest.approx(2.0)
-    assert _difference_db(LAWS["mangia"], [0.0, 3.0, 5.0, 2.0], None, [20.0, 40.0]) is None
-
-
-def test_each_pass_has_its_own_runs_and_counts_its_own_new_ones(made, monkeypatch):
-    """Two final runs in each pass; one of the first pass and one of the second are runs of the search."""
-    monkeypatch.setattr("radcal.results.results._pass_law", lambda *_: None)
-    runs = [replace(run, further_keys=[f"second {run.key}"]) for run in made.history.runs]
-    final = [replace(made.final[0], key=key) for key in (runs[3].key, "new", f"second {runs[3].key}", "newer")]
-    radar = [{"depression_deg": 45}, {"depression_deg": 30}]
-    case = case_from({**made.case.sections("materials"), "radar": radar, "measurement": [{}, {}]})
-    targets = Targets(made.targets)
-    targets.passes = [targets, made.targets]
-    found = _passes(stages.ArchiveStage.of(case), History(runs), targets, {}, [made.registered] * 2, final)
-    assert [one.keys.tolist() for one in found.values()] == [
-        [run.key for run in runs],
-        [f"second {r.key}" for r in runs],
+def several(made):
+    """Changes for two passes: other densities, keys, final runs, target and image in the second pass."""
+    runs = [
+        replace(
+            run,
+            further_keys=[f"second {run.key}"],
+            scores={
+                name: replace(score, further=[PassScore([1.0, 2.0, 0.5], 0.0375) if name == "dyke" else None])
+                for name, score in run.scores.items()
+            },
+        )
+        for run in made.history.runs
     ]
-    assert [one.final_runs for one in found.values()] == [1, 1]
-    assert [one.depression_deg for one in found.values()] == [45, 30]
+    keys = (runs[3].key, "new", f"second {runs[3].key}", "newer")
+    final = [replace(record, key=key) for record, key in zip(made.final * 2, keys, strict=True)]
+    radar = [{"depression_deg": 45, "looks": 3}, {"depression_deg": 30, "look_side": "left"}]
+    case = case_from({**made.case.sections("materials", "objective"), "radar": radar, "measurement": [{}, {}]})
+    angles = np.linspace(30.0, 50.0, 201, dtype=np.float32)
+    second = Targets({"dyke": replace(made.targets["dyke"], incidence_deg=angles)}, Levels("offset", 1.5, 0.2))
+    finding = Finding("noted", "warning", "b.tif", {"text": "It is old."})
+    measurement = replace(made.registered.measurement, source="b.tif", findings=(finding,))
+    passes = [made.registered, replace(made.registered, measurement=measurement, verdict="not moved.")]
+    targets = Targets(made.targets, looks=made.targets.looks)
+    targets.passes = [targets, second]
+    of_image = image(radiometry=dict.fromkeys("12", image().radiometry["1"]))
+    return {
+        "case": case,
+        "history": History(runs),
+        "targets": targets,
+        "final": final,
+        "passes": passes,
+        "image": of_image,
+    }
 
 
-def test_the_law_of_a_pass_is_judged_over_its_own_incidence(made):
+def test_each_pass_has_its_own_runs_and_counts_its_own_new_ones(made, tmp_path):
+    """Two final runs in each pass; one of the first pass and one of the second are runs of the search."""
+    archive = made.gathered(tmp_path / "two.h5", **several(made))
+    assert [one.keys[3] for one in archive.passes.values()] == ["design0002", "second design0002"]
+    assert [one.registered.measurement.image_db.size for one in archive.passes.values()] == [1200, 0]
+    assert [dict(one.rms) for one in archive.passes.values()] == [
+        {name: material.rms[material.best] for name, material in archive.materials.items()},
+        {"dyke": 0.0375},
+    ]
+    summary = summarise(archive)
+    first, second = summary["passes"]
+    assert (first["runs"], second["runs"], summary["runs"]["final"], summary["runs"]["total"]) == (8, 8, 2, 16)
+    assert ([one["depression_deg"] for one in (first, second)], second["look_side"]) == ([45, 30], "left")
+    assert (first["looks"], second["looks"], second["measurement"]) == (3.0, 4.0, "b.tif")
+    assert (second["registration"], second["levels"]) == ("not moved.", archive.passes["2"].levels.sentence)
+    assert [len(one["notes"]) for one in (first, second)] == [0, 2]  # with too few pixels of stem beans
+    assert list(second["materials"]) == ["dyke"]
+    assert [text for text in summary["warnings"] if "It is old." in text]
+
+
+def test_the_law_of_a_pass_is_judged_over_its_own_incidence(made, tmp_path):
     """Band whose half-width grows by 0.1 dB per degree, seen from 30 to 50 degrees; the second pass has its own rms."""
-    angle = np.arange(86.0)
+    archive = made.gathered(tmp_path / "two.h5", **several(made))
+    angle, known = np.arange(86.0), archive.materials["dyke"].posterior
     curve = replace(
-        made.archive.materials["dyke"].posterior.curve,
-        incidence_deg=angle, p05_db=-10.0 - 0.1 * angle, p95_db=-10.0 + 0.1 * angle,
+        known.curve, incidence_deg=angle, p05_db=-10.0 - 0.1 * angle, p95_db=-10.0 + 0.1 * angle,
     )  # fmt: skip
-    posterior = replace(made.archive.materials["dyke"].posterior, curve=curve)
-    target = replace(made.targets["dyke"], incidence_deg=np.linspace(30.0, 50.0, 201, dtype=np.float32))
-    score = replace(made.history.runs[3].scores["dyke"], further=[PassScore([1.0, 2.0, 0.5], 0.0375)])
-    first, second = (_pass_law(k, LAWS["mangia"], score, target, posterior, None) for k in (0, 1))
-    assert (first.rms, second.rms) == (score.rms, 0.0375)
-    assert (first.low_deg, first.high_deg) == pytest.approx((31.0, 49.0))
-    assert second.half_width_db == pytest.approx(4.9)
-    assert (second.pixels, second.difference_db) == (target.pixels.size, None)
-    assert _pass_law(0, LAWS["mangia"], score, target, replace(posterior, curve=None), None).half_width_db is None
+    archive = changed_material(archive, "dyke", posterior=replace(known, curve=curve))
+    first, second = (one["materials"]["dyke"] for one in summarise(archive)["passes"])
+    assert (first["rms"], second["rms"]) == (archive.passes["1"].rms["dyke"], 0.0375)
+    assert (second["low_deg"], second["high_deg"]) == pytest.approx((31.0, 49.0))
+    assert second["half_width_db"] == pytest.approx(4.9)
+    assert second["pixels"] == made.targets["dyke"].pixels.size
+    unknown = changed_material(archive, "dyke", posterior=replace(known, curve=None))
+    assert summarise(unknown)["passes"][1]["materials"]["dyke"]["half_width_db"] is None
+
+
+def test_the_largest_difference_from_a_hidden_law_has_no_sign(made):
+    for level in (2.0, -2.0):
+        archive = replace(made.archive, laws={"dyke": np.add(HIDDEN, [level, 0.0, 0.0, 0.0])})
+        assert _pass_law(archive, "1", "dyke", LAWS["mangia"])["difference_db"] == pytest.approx(2.0)
+    assert _pass_law(made.archive, "1", "stem beans", LAWS["mangia"])["difference_db"] is None
 
 
 def test_the_level_is_subtracted_where_one_is_assumed():

@@ -6,7 +6,7 @@ from radcal.posterior.result import Image, Posterior
 from radcal.radar.geometry import read_geometry
 from radcal.registration.registered import read_registered
 from radcal.results.archive import write_archive
-from radcal.results.concluded import archive_of
+from radcal.results.results import archive_of
 from radcal.results.run_table import write_table
 from radcal.scene.model import read_scene
 from radcal.session.jobs import logged

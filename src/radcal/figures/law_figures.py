@@ -216,12 +216,12 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
             for words, curve, x, _ in laws
             if words in (_SEARCH, _NEAREST)
         ]
-        where = "the incidence of pass 1" if case.passes else "the incidence seen"
+        where = "the incidence of pass 1" if len(case.passes) > 1 else "the incidence seen"
         remark = f" Over {where} the hidden truth (middle panel) differs from the {' and from the '.join(found)}."
     _pixels(panels[-1], incidence_deg, view)
     add_legend(canvas, panels[0].get_legend_handles_labels(), 2)
     shaded = " and ".join(f"{low:.1f} to {high:.1f}" for low, high in each_seen)
-    histogram = "in each pass (histogram of pass 1 below)" if case.passes else "(histogram below)"
+    histogram = "in each pass (histogram of pass 1 below)" if len(case.passes) > 1 else "(histogram below)"
     caption = (
         f"Backscatter against local incidence. Shaded, thick: {shaded} deg, where 90 % of the material's pixels lie "
         f"{histogram}; outside, every law is an extrapolation.{_of_band(case, name)}{remark}"
@@ -237,7 +237,7 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
 
 def _seen(case: Archive, material: MaterialResult) -> Array:
     """5 and 95 % quantile of the incidence at which a material is seen [deg], shape (passes, 2)."""
-    if case.passes and material.posterior is not None:
+    if len(case.passes) > 1 and material.posterior is not None:
         return np.asarray(material.posterior.seen_deg)
     return np.percentile(material.target.incidence_deg.astype(np.float64), [5.0, 95.0])[None]
 

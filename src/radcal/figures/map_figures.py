@@ -94,14 +94,12 @@ def image_extent(shape: tuple[int, ...]) -> tuple[float, float, float, float]:
     return (-0.5, shape[1] - 0.5, shape[0] - 0.5, -0.5)
 
 
-def images(case: Archive) -> tuple[Canvas, str, str] | None:
+def images(case: Archive) -> tuple[Canvas, str, str]:
     """Figure of the measured image and of the simulated images before (start) and after calibration."""
     kept = case.images
-    titled = {"measured": kept.measured_db, "start": kept.reference_db, "calibrated": kept.calibrated_db}
+    titled = {"measured": case.measured_db, "start": kept.reference_db, "calibrated": kept.calibrated_db}
     there = {title: image for title, image in titled.items() if image is not None}
-    if not there:
-        return None
-    first = next(iter(there.values()))
+    first = there["measured"]
     common = _gray_scale(first)
     own = "start" in there and _unreadable(there["start"], first)
     canvas, panels, stacked, aspect = panels_for(first.shape, len(there))
@@ -157,18 +155,19 @@ def _images_caption(first: NDArray[Any], own: bool) -> str:
 
 def registration(case: Archive) -> tuple[Canvas, str, str] | None:
     """Figure of the measured image before and after registration, and of the displacement."""
-    before, moved_px = case.registration.unregistered_db, case.registration.displacement_px
-    simulated, after = case.images.reference_db, case.images.measured_db
-    if before is None or moved_px is None or simulated is None or after is None:
+    registered, simulated = case.registered, case.images.reference_db
+    if not registered.applied or simulated is None:
         return None
-    field = moved_px.astype(np.float64)
+    field = registered.displacement_px.astype(np.float64)
     canvas, panels, stacked, aspect = panels_for(simulated.shape, 3)
     extent, k = image_extent(simulated.shape), _factor(simulated.shape)
     # chequerboard of both images, in which roads and borders must continue from square to square
     rows, columns = np.indices(simulated.shape) // (max(simulated.shape) // 9)
     squares = (rows + columns) % 2 == 0
     levelled = _levelled(simulated)
-    for panel, title, image in zip(panels, ("as measured", "registered"), (before, after), strict=False):
+    for panel, title, image in zip(
+        panels, ("as measured", "registered"), (registered.unregistered_db, case.measured_db), strict=False
+    ):
         both = np.where(squares, levelled, _levelled(image))
         panel.imshow(both[::k, ::k], cmap="gray", vmin=-2.0, vmax=2.0, aspect=aspect, extent=extent)
         panel.set_title(title)
@@ -189,8 +188,8 @@ def registration(case: Archive) -> tuple[Canvas, str, str] | None:
         f"Right: displacement of each pixel to its place in the measured image; the longest arrow stands for "
         f"{largest:.1f} pixels."
     )
-    if case.registration.misregistration_px is not None:
-        error = np.hypot(*(field - case.registration.misregistration_px)).mean()
+    if (true_px := registered.measurement.misregistration_px) is not None:
+        error = np.hypot(*(field - true_px)).mean()
         caption += f" The true displacement of this synthetic image is known: the mean error is {error:.2f} pixels."
     alt = "Chequerboards of simulated and measured image before and after registration, and the displacement field."
     return canvas, caption, alt
@@ -212,9 +211,9 @@ def residual(case: Archive) -> tuple[Canvas, str, str] | None:
     from scipy.special import polygamma
 
     images = case.images
-    if images.measured_db is None or images.calibrated_db is None or images.material is None:
+    if images.calibrated_db is None or images.material is None:
         return None
-    difference = _smoothed(images.calibrated_db - images.measured_db, images.incidence_deg)
+    difference = _smoothed(images.calibrated_db - case.measured_db, images.incidence_deg)
     material = images.material.astype(np.int64)
     present = [int(number) for number in np.unique(material) if 0 < number <= len(case.names)]
     labels = [

@@ -147,8 +147,8 @@ def write_export(
         parameters = {name: archive.laws[name].tolist() for name in case.materials}
         files += simulator.write_input(folder / _INPUT, parameters, seed)
     images = archive.images
-    what = _measured_words(archive.registration.applied, archive.levels.normalisation)
-    first = PassImages(case.radar, geometry, images.measured_db, images.calibrated_db, what)
+    what = _measured_words(archive.registered.applied, archive.levels.normalisation)
+    first = PassImages(case.radar, geometry, archive.measured_db, images.calibrated_db, what)
     for number, one in enumerate([first, *further], start=1):
         tags = {"case": archive.case, "radiometry": one.radar.radiometry}
         layers = {**_image_layers(one, tags), **ground_layers(one.geometry, tags)}

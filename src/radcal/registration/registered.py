@@ -26,6 +26,7 @@ __all__ = [
     "read_registered",
     "register",
     "registered_as",
+    "without_images",
     "write_registered",
 ]
 
@@ -85,6 +86,21 @@ class Registered:
     def found_px(self) -> NDArray[np.float32] | None:
         """Displacement that the registration has found [pixels], applied or not; None if none was sought."""
         return self.displacement_px if self.applied else self.refused_px
+
+
+def without_images(registered: Registered) -> Registered:
+    """Result of a registration with empty images."""
+    nothing = np.empty((0, 0), dtype=np.float32)
+    measurement = replace(registered.measurement, image_db=nothing, misregistration_px=None)
+    return replace(
+        registered,
+        measurement=measurement,
+        unregistered_db=nothing,
+        displacement_px=nothing,
+        uncertainty_px=nothing,
+        correlation=nothing,
+        refused_px=None,
+    )
 
 
 def contrast_db(image_db: NDArray[np.float32]) -> float:

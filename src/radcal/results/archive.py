@@ -20,20 +20,20 @@ from radcal.calibration.stopping import Decision
 from radcal.config import stages
 from radcal.errors import StoreError
 from radcal.findings import Finding
-from radcal.ground.levels import Levels
+from radcal.ground.levels import Levels, without_level
 from radcal.posterior.result import Image, Posterior
+from radcal.registration.registered import Registered
 from radcal.results.search_front import SearchFront
 from radcal.storage.dataclass_groups import About, put, table, take
 from radcal.storage.records import read_hdf5, write_hdf5
 from radcal.targets.target import Target
 
 __all__ = [
+    "UNLISTED",
     "Archive",
     "Images",
     "MaterialResult",
-    "PassLaw",
-    "PassSummary",
-    "RegistrationSummary",
+    "PassResult",
     "Runs",
     "SceneView",
     "read_archive",
@@ -44,6 +44,8 @@ __all__ = [
 _KIND = "calibration"
 _UNIT = "dB or IQR"  # levels.unit says which of the two applies
 _DENSITY = "1/dB or 1/IQR"
+UNLISTED = (Registered, Target)
+"""Classes whose fields the table of the layout does not list."""
 
 Bytes = NDArray[np.uint8]
 Doubles = NDArray[np.float64]
@@ -81,7 +83,9 @@ class Fidelity:
 class MaterialResult:
     """Target and results of one calibrated material: d parameters, n runs, m infill runs, p pixels of the target."""
 
-    target: Annotated[Target, About("target density and its measured pixels, in the first pass")]
+    targets: Annotated[
+        Mapping[str, Target], About("target density and its measured pixels, by the number of the pass that shows it")
+    ]
     simulated: Annotated[MaterialPixels, About("target's pixels in the reference run and both final runs")]
     textured: Annotated[bool, About("material has far fewer looks than the image's homogeneous areas")]
     level_only: Annotated[bool, About("material is seen at one incidence: only its level can be determined")]
@@ -107,6 +111,11 @@ class MaterialResult:
     posterior: Annotated[Posterior | None, About("posterior of the law")] = None
 
     @property
+    def target(self) -> Target:
+        """Target density and its measured pixels in the first pass."""
+        return self.targets["1"]
+
+    @property
     def fits(self) -> bool | None:
         """Whether the form of the law is not refuted; None where it cannot be told."""
         if self.posterior is None or self.posterior.form is None:
@@ -118,9 +127,6 @@ class MaterialResult:
 class Images:
     """Whole images, with rows along slant range and columns along azimuth; None for an image that is not archived."""
 
-    measured_db: Annotated[
-        Floats | None, About("measured image after subtraction of its assumed level", "dB", "rows, columns")
-    ] = None
     reference_db: Annotated[Floats | None, About("reference run", "dB", "rows, columns")] = None
     calibrated_db: Annotated[Floats | None, About("calibrated run with another seed", "dB", "rows, columns")] = None
     material: Annotated[
@@ -145,57 +151,19 @@ class SceneView:
 
 
 @dataclass(frozen=True)
-class RegistrationSummary:
-    """Outcome of the registration of the measured image; the arrays are None if no displacement was applied."""
+class PassResult:
+    """Measured image of one pass, and the runs in this pass."""
 
-    method: Annotated[str, About("method: gefolki, ilk or none")]
-    applied: Annotated[bool, About("displacement applied to the measured image")]
-    verdict: Annotated[str, About("outcome in words")]
-    unregistered_db: Annotated[Floats | None, About("measured image before registration", "dB", "rows, columns")] = None
-    displacement_px: Annotated[
-        Floats | None,
-        About("displacement of each pixel to its place in the measured image", "pixel", "2, rows, columns"),
-    ] = None
-    uncertainty_px: Annotated[Floats | None, About("standard error of the displacement", "pixel", "rows, columns")] = (
-        None
-    )
-    misregistration_px: Annotated[
-        Floats | None, About("true displacement of a synthetic image", "pixel", "2, rows, columns")
-    ] = None
-
-
-@dataclass(frozen=True)
-class PassLaw:
-    """Law of a material over the incidence of one pass, from 5 to 95 % of the pixels of its target."""
-
-    low_deg: Annotated[float, About("5 % quantile of the local incidence of the target's pixels", "deg")]
-    high_deg: Annotated[float, About("95 % quantile of the local incidence of the target's pixels", "deg")]
-    rms: Annotated[float, About("rms difference of the best run's density from the target's in this pass", _DENSITY)]
-    half_width_db: Annotated[
-        float | None,
-        About("largest half-width of the 90 % band of sigma0 over the pass's incidence; absent without a curve", "dB"),
+    registered: Annotated[
+        Registered, About("measured image and its registration; only the first pass has images, as in `registered.h5`")
     ]
-    pixels: Annotated[int, About("number of the target's pixels")]
-    difference_db: Annotated[
-        float | None, About("largest difference of the law from the hidden law of a synthetic measurement", "dB")
-    ] = None
-
-
-@dataclass(frozen=True)
-class PassSummary:
-    """Summary of one pass of a case of several passes."""
-
-    depression_deg: Annotated[float, About("depression angle", "deg")]
-    look_side: Annotated[str, About("look side")]
-    polarisation: Annotated[str, About("transmitted and received polarisation")]
-    looks: Annotated[float, About("number of looks of the simulation")]
-    measurement: Annotated[str, About("source of the measured image")]
-    registration: Annotated[str, About("outcome of the registration in words")]
-    levels: Annotated[str, About("level of the measured image and its consequences in words")]
-    notes: Annotated[tuple[Finding, ...], About("findings on the measurement and on missing materials (JSON)")]
+    levels: Annotated[Levels, About("level of the measured image relative to the simulated")]
     keys: Annotated[NDArray[np.str_], About("hash of each run in this pass", shape="n")]
-    final_runs: Annotated[int, About("final runs that were not simulated before")]
-    materials: Annotated[Mapping[str, PassLaw], About("laws over the incidence of this pass")]
+    final_keys: Annotated[tuple[str, ...], About("hashes of the two final runs in this pass")]
+    rms: Annotated[
+        Mapping[str, float],
+        About("rms difference of the density of each material's best run from the target's, in this pass", _DENSITY),
+    ]
 
 
 @dataclass(frozen=True)
@@ -212,16 +180,13 @@ class Archive:
     measured_looks: Annotated[
         float, About("equivalent number of looks (ENL) of the measured image's homogeneous areas")
     ]
-    measurement: Annotated[str, About("source of the measured image")]
-    notes: Annotated[tuple[Finding, ...], About("findings on measurement and simulator (JSON)")]
+    notes: Annotated[tuple[Finding, ...], About("findings on simulator and passes (JSON)")]
     law_notes: Annotated[tuple[Finding, ...], About("laws used outside of their validity (JSON)")]
     simulator: Annotated[str, About("identity of the simulator (JSON)")]
     versions: Annotated[str, About("versions of Python and packages (JSON)")]
-    final_runs: Annotated[int, About("final runs that were not simulated before")]
     names: Annotated[tuple[str, ...], About("names of all materials, in the order of their ids")]
     runs: Annotated[Runs, About("all n runs in their order: reference, registration, reused, design, infill")]
-    registration: Annotated[RegistrationSummary, About("registration of the measured image")]
-    levels: Annotated[Levels, About("level of the measured image relative to the simulated")]
+    passes: Annotated[Mapping[str, PassResult], About("passes by their number from 1")]
     image: Annotated[Image, About("what the fixed materials say of the images")]
     findings: Annotated[tuple[Finding, ...], About("findings on images and materials (JSON)")]
     scene: Annotated[SceneView, About("scene at the resolution of the figures; row 0 is in the south")]
@@ -230,20 +195,32 @@ class Archive:
         Mapping[str, MaterialResult],
         About("calibrated materials: d parameters, p pixels, m infill runs, b or c incidence-angle bins"),
     ]
-    passes: Annotated[
-        Mapping[str, PassSummary] | None, About("passes by their number; absent in a case of one pass")
-    ] = None
     images: Annotated[Images, About("whole images; rows: slant range, columns: azimuth")] = field(
         default_factory=Images
     )
 
     @cached_property
-    def configured(self) -> stages.Laws:
-        """Materials of the configuration, with their laws in the first pass."""
+    def configured(self) -> stages.Scores:
+        """Objective and materials of the configuration, with their laws in all passes."""
         sections = json.loads(self.config)
-        radar = sections["radar"]
-        first = radar[0] if isinstance(radar, list) else radar
-        return stages.Laws(seed=sections["seed"], radar=first, materials=sections["materials"])
+        radar, kept = sections["radar"], ("seed", "materials", "objective")
+        first, *further = radar if isinstance(radar, list) else [radar]
+        return stages.Scores(radar=first, further_radar=further or None, **{key: sections[key] for key in kept})
+
+    @property
+    def registered(self) -> Registered:
+        """Measured image of the first pass and its registration."""
+        return self.passes["1"].registered
+
+    @property
+    def levels(self) -> Levels:
+        """Level of the measured image of the first pass relative to the simulated."""
+        return self.passes["1"].levels
+
+    @cached_property
+    def measured_db(self) -> Floats:
+        """Measured image of the first pass [dB], after subtraction of its assumed level."""
+        return without_level(self.registered.measurement.image_db, self.levels)
 
 
 def write_archive(path: str | Path, archive: Archive) -> None:
@@ -299,4 +276,4 @@ def read_finished(folder: str | Path) -> Archive:
 
 
 if __name__ == "__main__":
-    print(table(Archive, unlisted=(Target,)), end="")  # noqa: T201 - the module's output is the table
+    print(table(Archive, unlisted=UNLISTED), end="")  # noqa: T201 - the module's output is the table

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from numpy.typing import ArrayLike
+
 from radcal.config import stages
 from radcal.findings import Finding
 from radcal.radar.geometry import Geometry
@@ -14,9 +16,7 @@ _AT_BOUND = 1e-3  # share of the interval between bounds within which a value is
 _SHARE = 0.05  # share of a material's pixels outside the law's valid angles above which a note is made
 
 
-def law_notes(
-    case: stages.ArchiveStage, geometry: Geometry, parameters: Mapping[str, Sequence[float]]
-) -> list[Finding]:
+def law_notes(case: stages.ArchiveStage, geometry: Geometry, parameters: Mapping[str, ArrayLike]) -> list[Finding]:
     """Findings on laws that are used outside their valid incidence angles or parameters.
 
     Parameters

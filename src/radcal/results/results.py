@@ -1,70 +1,66 @@
-"""Results of a calibration, collected for the archive."""
+"""Conclusion of a calibration, and its results in one archive."""
 
 from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.conclusion import Conclusion
+from radcal.assessment.conclusion import Conclusion, conclude
 from radcal.calibration.steps import random_findings
 from radcal.config import Stop, stages
 from radcal.findings import Finding
-from radcal.ground.levels import without_level
-from radcal.laws import Law
-from radcal.objectives import OBJECTIVES
-from radcal.objectives.history import History, Run, Score
+from radcal.objectives import OBJECTIVES, make_objectives
+from radcal.objectives.history import History, Run
 from radcal.posterior.result import Image, Posterior
 from radcal.radar.geometry import Geometry
-from radcal.registration.registered import Registered
+from radcal.registration.height_shift import with_height_finding
+from radcal.registration.registered import Registered, without_images
 from radcal.results.archive import (
     Archive,
     Fidelity,
     Images,
     MaterialResult,
-    PassLaw,
-    PassSummary,
-    RegistrationSummary,
+    PassResult,
     Runs,
     SceneView,
 )
 from radcal.results.law_notes import law_notes
-from radcal.results.search_front import SearchFront
+from radcal.results.search_front import search_fronts
 from radcal.scene.model import Scene
 from radcal.sections.base import FURTHER
 from radcal.storage.disclosure import disclosed
 from radcal.storage.runs import Record
-from radcal.targets.target import Target, Targets
+from radcal.targets.target import Targets
 
-__all__ = ["collect_results"]
+__all__ = ["archive_of"]
 
 _LARGEST_SCENE = 1200  # largest number of archived cells per side
 _MOST_OBJECTS = 20_000  # largest number of archived objects; a figure cannot show more as separate dots
 _PACKAGES = ("radcal", "numpy", "scipy", "smt", "platypus-opt", "h5py", "snakemake")
 
 
-def collect_results(
-    *,
+def archive_of(
     case: stages.ArchiveStage,
     stop: Stop,
     history: History,
     scene: Scene,
     geometry: Geometry,
-    registered: Registered,
+    passes: Sequence[Registered],
     targets: Targets,
-    conclusion: Conclusion,
-    image: Image,
+    runs: str | Path,
     final: Sequence[Record],
-    fronts: Mapping[str, SearchFront],
-    passes: Sequence[Registered] = (),
+    posteriors: Sequence[Posterior],
+    image: Image,
 ) -> Archive:
-    """Collect the results of a calibration.
+    """Conclude a calibration (:func:`.conclude`) and collect its results.
 
     Parameters
     ----------
@@ -76,67 +72,80 @@ def collect_results(
         Scene of the case.
     geometry : Geometry
         Geometry of the first pass.
-    registered : Registered
-        Registered measured image of the first pass.
-    targets : Targets
-        Targets of the calibrated materials.
-    conclusion : Conclusion
-        Decision on the end of the search, posteriors, findings, and final runs.
-    image : Image
-        What the fixed materials say.
-    final : sequence of Record
-        Final runs of all passes, two for each.
-    fronts : mapping
-        Front of the last search by material, for searches with several objectives.
     passes : sequence of Registered
         Registered measured images of all passes.
+    targets : Targets
+        Targets of the calibrated materials.
+    runs : path
+        Folder of the run store.
+    final : sequence of Record
+        Final runs of all passes, two for each.
+    posteriors : sequence of Posterior
+        Posterior of each law, in the order of the calibrated materials.
+    image : Image
+        What the fixed materials say.
 
     Returns
     -------
     Archive
         Results, with the materials in the order of the configuration.
     """
-    parameters = _final_parameters(case, history, targets)
-    measurement, remarks = registered.measurement, random_findings(case, history, targets, final[:2])
+    images = [with_height_finding(passes[0], geometry, scene, case.radar), *passes[1:]]
+    of_each = dict(zip(case.calibrated, posteriors, strict=True))
+    objectives = make_objectives(case, targets)
+    found = conclude(case, stop, history, targets, objectives, geometry, runs, final[:2], of_each, image, images)
+    best = {name: history.best(name) for name in targets}
+    laws = {
+        name: np.array(best[name].parameters if name in best else material.start_parameters, dtype=np.float64)
+        for name, material in case.materials.items()
+    }
+    fronts, hidden = search_fronts(objectives, history), images[0].measurement.hidden
+    remarks = random_findings(case, history, targets, final[:2])
     return Archive(
         case=case.case,
         config=json.dumps(disclosed(_as_written(case, stop))),
         objective=case.objective,
-        decision=conclusion.decision,
+        decision=found.decision,
         tolerance=stop.rms,
         max_runs=stop.max_runs,
         looks=case.radar.looks,
         measured_looks=targets.looks,
-        measurement=measurement.source,
-        notes=(*measurement.findings, *remarks, *_of_passes(targets, case.objective)),
-        law_notes=tuple(law_notes(case, geometry, parameters)),
-        simulator=json.dumps(conclusion.simulator),
-        versions=json.dumps(_versions()),
-        final_runs=len({record.key for record in final[:2]} - {run.key for run in history.runs}),
+        notes=(*remarks, *_of_passes(targets, case.objective)),
+        law_notes=tuple(law_notes(case, geometry, laws)),
+        simulator=json.dumps(found.simulator),
+        versions=json.dumps({"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}),
         names=tuple(geometry.names),
-        runs=_runs(history),
-        registration=_registration(registered),
-        levels=targets.levels,
+        runs=Runs(
+            kind=np.array([run.kind for run in history.runs]),
+            index=np.array([run.index for run in history.runs]),
+            key=np.array([run.key for run in history.runs]),
+            seconds=np.array([run.seconds for run in history.runs]),
+        ),
+        passes={
+            str(k + 1): PassResult(
+                registered=one if k == 0 else without_images(one),
+                levels=targets.passes[k].levels,
+                keys=np.array([run.keys[k] for run in history.runs]),
+                final_keys=tuple(record.key for record in final[2 * k : 2 * k + 2]),
+                rms={name: density.rms for name in targets if (density := best[name].densities[k]) is not None},
+            )
+            for k, one in enumerate(images)
+        },
         image=image,
-        findings=tuple(conclusion.findings),
+        findings=tuple(found.findings),
         scene=_scene(scene),
-        laws={name: np.array(x, dtype=np.float64) for name, x in parameters.items()},
+        laws=laws,
         materials={
             name: replace(
-                _material(name, case, history, targets, conclusion, measurement.hidden.get(name)),
-                posterior=conclusion.posteriors.get(name),
+                _material(name, case, history, targets, found, hidden.get(name)),
+                posterior=found.posteriors.get(name),
                 front=fronts.get(name),
             )
             for name in targets
         },
-        passes=_passes(case, history, targets, conclusion.posteriors, passes, final)
-        if len(targets.passes) > 1
-        else None,
         images=Images(
-            # figures compare whole images in dB, after subtraction of the assumed level
-            measured_db=without_level(measurement.image_db, targets.levels),
-            reference_db=conclusion.reference_db,
-            calibrated_db=conclusion.calibrated_db,
+            reference_db=found.reference_db,
+            calibrated_db=found.calibrated_db,
             material=geometry.material,
             incidence_deg=geometry.incidence_deg,
         ),
@@ -162,109 +171,6 @@ def _as_written(case: stages.ArchiveStage, stop: Stop) -> dict[str, Any]:
     for name, colour in data.pop("colours", {}).items():
         data["materials"][name]["colour"] = colour
     return data
-
-
-def _passes(
-    case: stages.ArchiveStage,
-    history: History,
-    targets: Targets,
-    posteriors: Mapping[str, Posterior],
-    images: Sequence[Registered],
-    final: Sequence[Record],
-) -> dict[str, PassSummary]:
-    """Summaries of the passes of a case, by the number of the pass from 1."""
-    found = {}
-    known = {key for run in history.runs for key in run.keys}
-    for k, (one, registered, target) in enumerate(zip(case.passes, images, targets.passes, strict=True)):
-        keys = [run.keys[k] for run in history.runs]
-        missing = [name for name in targets if name not in target]
-        too_few = [Finding("too_few_pixels", "note", name) for name in missing]
-        new = {record.key for record in final[2 * k : 2 * k + 2]} - known
-        known |= new
-        found[str(k + 1)] = PassSummary(
-            depression_deg=one.radar.centre_depression_deg,
-            look_side=one.radar.look_side,
-            polarisation=one.radar.polarisation,
-            looks=one.radar.looks,
-            measurement=registered.measurement.source,
-            registration=registered.verdict,
-            levels=target.levels.sentence,
-            notes=(*registered.measurement.findings, *too_few),
-            keys=np.array(keys),
-            final_runs=len(new),
-            materials={
-                name: _pass_law(
-                    k,
-                    one.laws[name],
-                    history.best(name),
-                    target[name],
-                    posteriors.get(name),
-                    registered.measurement.hidden.get(name),
-                )
-                for name in targets
-                if name in target
-            },
-        )
-    return found
-
-
-def _pass_law(
-    k: int, law: Law, score: Score, target: Target, posterior: Posterior | None, hidden: Sequence[float] | None
-) -> PassLaw:
-    """Law of a material over the incidence of the pass ``k`` (from 0), and density of its best run there."""
-    low, high = (float(end) for end in np.quantile(target.incidence_deg.astype(np.float64), [0.05, 0.95]))
-    density = score.densities[k]
-    curve = None if posterior is None else posterior.curve
-    return PassLaw(
-        low_deg=low,
-        high_deg=high,
-        rms=float("nan") if density is None else density.rms,
-        half_width_db=None if curve is None else float(curve.half_widths_over(low, high).max()),
-        pixels=target.pixels.size,
-        difference_db=_difference_db(law, score.parameters, hidden, target.incidence_deg),
-    )
-
-
-def _difference_db(
-    law: Law, found: Sequence[float], hidden: Sequence[float] | None, incidence_deg: Any
-) -> float | None:
-    """Largest difference of the law from the hidden law over a pass's incidence [dB].
-
-    None if there is no hidden law, or if the law has no curve.
-    """
-    if hidden is None or not law.has_curve:
-        return None
-    return law.largest_difference_db(found, hidden, incidence_deg)
-
-
-def _final_parameters(case: stages.ArchiveStage, history: History, targets: Targets) -> dict[str, Sequence[float]]:
-    """X of every material in the final runs: for a calibrated material X of the best run, else the fixed X."""
-    best = {name: history.best(name).parameters for name in targets}
-    return {name: best.get(name, material.start_parameters) for name, material in case.materials.items()}
-
-
-def _runs(history: History) -> Runs:
-    """Kind, number, hash and time of all runs, in the order reference, registration, reused, design, infill."""
-    return Runs(
-        kind=np.array([run.kind for run in history.runs]),
-        index=np.array([run.index for run in history.runs]),
-        key=np.array([run.key for run in history.runs]),
-        seconds=np.array([run.seconds for run in history.runs]),
-    )
-
-
-def _registration(registered: Registered) -> RegistrationSummary:
-    """Outcome of the registration, with the arrays only if the displacement was applied."""
-    said = (registered.method, registered.applied, registered.verdict)
-    if not registered.applied:
-        return RegistrationSummary(*said)
-    return RegistrationSummary(
-        *said,
-        unregistered_db=registered.unregistered_db,
-        displacement_px=registered.displacement_px,
-        uncertainty_px=registered.uncertainty_px,
-        misregistration_px=registered.measurement.misregistration_px,
-    )
 
 
 def _scene(scene: Scene) -> SceneView:
@@ -300,7 +206,7 @@ def _material(
     proposals = [run.proposals[name] for run in history.infill]
     scores = [run.scores[name] for run in runs]
     return MaterialResult(
-        target=target,
+        targets={str(k): one[name] for k, one in enumerate(targets.passes, start=1) if name in one},
         simulated=conclusion.materials[name],
         textured=targets.textured(name),
         level_only=targets.level_only(name),
@@ -338,7 +244,3 @@ def _fidelity(infill: Sequence[Run], name: str) -> Fidelity | None:
 def _numbers(values: Iterable[float | None]) -> NDArray[np.float64]:
     """Numbers as an array, with NaN in place of None."""
     return np.array(list(values), dtype=np.float64)
-
-
-def _versions() -> dict[str, str]:
-    return {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}

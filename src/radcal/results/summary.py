@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from radcal import skewnormal
 from radcal.config import stages
 from radcal.findings import Finding
+from radcal.laws import Law
 from radcal.posterior.result import HeldOut, Posterior
-from radcal.results.archive import Archive, MaterialResult, PassSummary, RegistrationSummary
+from radcal.registration.registered import Registered
+from radcal.results.archive import Archive, MaterialResult
 from radcal.results.law_notes import found_words
 from radcal.words import beside_headline, headline, next_steps, remarks, sentence, verdict
 
@@ -43,7 +45,7 @@ def numbered_jobs(archive: Archive) -> dict[str, int]:
     iterations = int(np.count_nonzero(archive.runs.kind == "infill"))
     config = json.loads(archive.config)
     sizes = stages.DesignSize.model_validate({key: config[key] for key in stages.DesignSize.model_fields})
-    chunks = len(archive.passes or [1]) * sizes.design_parts
+    chunks = len(archive.passes) * sizes.design_parts
     return {"design": chunks, **dict.fromkeys(("train", "propose", "verify"), iterations)}
 
 
@@ -109,9 +111,14 @@ def _without_curve(archive: Archive, name: str) -> str:
 
 def _warnings(archive: Archive) -> list[str]:
     """Warnings and refusals: notes on the measured images of all passes, and findings that no verdict tells."""
-    of_passes = [one for each in (archive.passes or {}).values() for one in each.notes]
-    told = [*archive.notes, *of_passes, *remarks(archive.findings)]
+    others = [one for each in archive.passes.values() for one in each.registered.measurement.findings]
+    told = [*_notes(archive), *others, *remarks(archive.findings)]
     return list(dict.fromkeys(sentence(one) for one in told if one.severity != "note"))
+
+
+def _notes(archive: Archive) -> list[Finding]:
+    """Findings on the measurement of the first pass, on simulator and passes."""
+    return [*archive.registered.measurement.findings, *archive.notes]
 
 
 def _verdict(archive: Archive) -> str:
@@ -247,31 +254,69 @@ def _material(archive: Archive, name: str, material: MaterialResult) -> dict[str
     return summary
 
 
-def _registration(registration: RegistrationSummary) -> dict[str, Any]:
+def _registration(registered: Registered) -> dict[str, Any]:
     """Registration: method, verdict, and rms, standard error and true error of the displacement [pixels]."""
-    summary: dict[str, Any] = {
-        "method": registration.method,
-        "applied": registration.applied,
-        "verdict": registration.verdict,
-    }
-    if registration.displacement_px is not None and registration.uncertainty_px is not None:
-        field = registration.displacement_px.astype(np.float64)
+    summary: dict[str, Any] = {key: getattr(registered, key) for key in ("method", "applied", "verdict")}
+    if registered.applied:
+        field = registered.displacement_px.astype(np.float64)
         summary["rms_px"] = float(np.sqrt((field**2).sum(axis=0).mean()))
-        summary["uncertainty_px"] = float(np.median(registration.uncertainty_px))
-        if registration.misregistration_px is not None:
-            summary["error_px"] = float(np.hypot(*(field - registration.misregistration_px)).mean())
+        summary["uncertainty_px"] = float(np.median(registered.uncertainty_px))
+        if (true_px := registered.measurement.misregistration_px) is not None:
+            summary["error_px"] = float(np.hypot(*(field - true_px)).mean())
     return summary
 
 
-def _pass(one: PassSummary) -> dict[str, Any]:
-    """Summary of one pass of several, with the standard deviations of the laws over its incidence."""
-    known = {key: value for key, value in vars(one).items() if key not in ("keys", "materials", "final_runs")}
+def _pass(archive: Archive, number: str, final_runs: int) -> dict[str, Any]:
+    """Summary of one pass of several, with the laws over its incidence."""
+    one, configured = archive.passes[number], archive.configured.passes[int(number) - 1]
+    radar, measurement = configured.radar, one.registered.measurement
+    missing = [name for name, material in archive.materials.items() if number not in material.targets]
+    too_few = [Finding("too_few_pixels", "note", name) for name in missing]
     return {
-        **known,
-        "notes": list(map(sentence, one.notes)),
-        "runs": int(np.unique(one.keys).size) + one.final_runs,
-        "materials": {name: dict(vars(law)) for name, law in one.materials.items()},
+        "depression_deg": radar.centre_depression_deg,
+        "look_side": radar.look_side,
+        "polarisation": radar.polarisation,
+        "looks": float(radar.looks),
+        "measurement": measurement.source,
+        "registration": one.registered.verdict,
+        "levels": one.levels.sentence,
+        "notes": list(map(sentence, (*measurement.findings, *too_few))),
+        "runs": int(np.unique(one.keys).size) + final_runs,
+        "materials": {
+            name: _pass_law(archive, number, name, configured.laws[name])
+            for name in archive.materials
+            if name not in missing
+        },
     }
+
+
+def _pass_law(archive: Archive, number: str, name: str, law: Law) -> dict[str, Any]:
+    """Law of a material over the incidence of one pass, from 5 to 95 % of the pixels of its target."""
+    one, material = archive.passes[number], archive.materials[name]
+    target, hidden = material.targets[number], one.registered.measurement.hidden.get(name)
+    low, high = (float(end) for end in np.quantile(target.incidence_deg.astype(np.float64), [0.05, 0.95]))
+    curve = None if material.posterior is None else material.posterior.curve
+    difference_db = None
+    if hidden is not None and law.has_curve:
+        difference_db = law.largest_difference_db(archive.laws[name], hidden, target.incidence_deg)
+    return {
+        "low_deg": low,
+        "high_deg": high,
+        "rms": one.rms.get(name),
+        "half_width_db": None if curve is None else float(curve.half_widths_over(low, high).max()),
+        "pixels": target.pixels.size,
+        "difference_db": difference_db,
+    }
+
+
+def _final_runs(archive: Archive) -> dict[str, int]:
+    """Number of final runs in each pass that were not simulated before."""
+    known, found = {key for one in archive.passes.values() for key in one.keys}, {}
+    for number, one in archive.passes.items():
+        new = set(one.final_keys) - known
+        known |= new
+        found[number] = len(new)
+    return found
 
 
 def _finite(value: Any) -> Any:
@@ -299,15 +344,14 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         Keys of ``summary.json``; rms in 1/dB, mse in 1/dB^2, all numbers finite or None.
     """
     kinds = archive.runs.kind
-    passes = archive.passes or {}
-    keys = np.concatenate([one.keys for one in passes.values()] or [archive.runs.key])
+    keys, final_runs = np.concatenate([one.keys for one in archive.passes.values()]), _final_runs(archive)
     # a proposal whose run was simulated before does not count as a run; each pass of an X is a run
     made = np.isin(np.arange(keys.size), np.unique(keys, return_index=True)[1])
     each = np.tile(kinds, keys.size // kinds.size)
     runs = {kind: int(np.count_nonzero((each == kind) & made)) for kind in ("reference", "design", "infill")}
     again = int(np.count_nonzero((each == "registration") & made))
     runs["reference"] += again
-    runs["final"] = sum(one.final_runs for one in passes.values()) if passes else archive.final_runs
+    runs["final"] = sum(final_runs.values())
     search = runs["design"] + runs["infill"]
     reused = int(np.count_nonzero(kinds == "reused"))
     summary: dict[str, Any] = {
@@ -319,18 +363,18 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "tolerance": archive.tolerance,
         "runs": {**runs, "total": sum(runs.values()), "registration": again, "search": search, "reused": reused},
         "iterations": int(np.count_nonzero(kinds == "infill")),
-        "measurement": archive.measurement,
+        "measurement": archive.registered.measurement.source,
         "looks": {
             "simulated": int(archive.looks) if archive.looks.is_integer() else archive.looks,
             "measured": archive.measured_looks,
         },
         "simulator": json.loads(archive.simulator),
-        "notes": list(map(sentence, archive.notes)),
+        "notes": list(map(sentence, _notes(archive))),
         "warnings": _warnings(archive),
         "next": next_steps(archive.findings),
-        "findings": [_finding(one) for one in (*archive.findings, *archive.notes, *archive.law_notes)],
+        "findings": [_finding(one) for one in (*archive.findings, *_notes(archive), *archive.law_notes)],
         "law_notes": list(map(sentence, archive.law_notes)),
-        "registration": _registration(archive.registration),
+        "registration": _registration(archive.registered),
         "levels": {key: getattr(archive.levels, key) for key in _LEVELS},
         "fixed_laws": {
             "levels_db": archive.image.levels_db.tolist(),
@@ -350,8 +394,8 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
             for name, material in archive.materials.items()
         },
     }
-    if passes:
-        summary["passes"] = [_pass(one) for one in passes.values()]
+    if len(archive.passes) > 1:
+        summary["passes"] = [_pass(archive, number, count) for number, count in final_runs.items()]
     result = _finite(summary)
     assert isinstance(result, dict)  # noqa: S101 - the type checker cannot infer that a dict stays a dict
     return result
