@@ -24,8 +24,8 @@ from threadpoolctl import threadpool_limits
 from radcal.ground.correlation import estimate_correlation
 from radcal.ground.ground import Ground
 from radcal.ground.patches import label_patches
-from radcal.inference.grounds import GroundLaw, fit_grounds
 from radcal.inference.misfit import LikelihoodMisfit, Method
+from radcal.inference.pooled_laws import FittedLaw, fit_laws
 from radcal.laws import LAWS
 from radcal.scene.slant_range import flat_incidence_deg
 
@@ -50,12 +50,12 @@ def one_area(incidence_deg: NDArray[np.float64], looks: float, rng: np.random.Ge
     return Ground(values, incidence_deg + rng.normal(0.0, error_deg, incidence_deg.size), one, one)
 
 
-def hidden(seed: int, sd_deg: float, looks: float, method: Method, error_deg: float = 0.0) -> tuple[float, GroundLaw]:
+def hidden(seed: int, sd_deg: float, looks: float, method: Method, error_deg: float = 0.0) -> tuple[float, FittedLaw]:
     """Law error [dB] over the mapped incidence, and the law found."""
     rng = np.random.default_rng(seed)
     incidence = np.clip(rng.normal(45.0, sd_deg, PIXELS), 2.0, 85.0)
     ground = one_area(incidence, looks, rng, error_deg)
-    found = fit_grounds({"area": ground}, {"area": method})["area"]
+    found = fit_laws({"area": ground}, {"area": method})["area"]
     return LAW.largest_difference_db(found.fit.parameters, TRUTH, incidence), found
 
 

@@ -124,15 +124,14 @@ _OF_IMAGE: Mapping[str, str] = {
     "scene.elevation upside down?)",
     "relief_not_followed": _RELIEF + "it does not follow the relief of scene.elevation as seen with radar.look_side "
     "{look_side} and radar.heading_deg {heading_deg:g}; is the elevation of this area, and not flipped or displaced?",
-    "height_shift": "{about}: the registration finds ground {m_per_m:.2f} m (standard error {error_m_per_m:.2f}) "
-    "{where} in slant range for each metre of its height, expected no such change (an image geocoded on the "
-    "ellipsoid has {ellipsoid_m_per_m:.2f} m, nearer): if the image lies on the map, is it terrain-corrected? Else, "
-    "are radar.depression_deg and the heights in scene.elevation right?",
+    "height_shift": "{about}: the registration moves ground by {m_per_m:+.2f} m (standard error {error_m_per_m:.2f}; "
+    "negative: nearer to the radar) in slant range for each metre of its height, expected 0 (an image geocoded on the "
+    "ellipsoid has {ellipsoid_m_per_m:+.2f}): if the image lies on the map, is it terrain-corrected? Else, are "
+    "radar.depression_deg and the heights in scene.elevation right?",
 }
 
 _OF_CASE: Mapping[str, str] = {
     "scene_large": "The scene is large: it is read when the calibration starts, not in this check",
-    "refused_beside_results": "radcal run would refuse this case: {error}",
     "starts_as_truth": "{about}: no hidden law in measurement.synthetic.parameters, so that the start is simulated, "
     "which the search already has",
     "ground_hidden": "{hidden_percent:.0f} % of the simulated image's pixels are in shadow or layover or without "

@@ -130,10 +130,10 @@ def remarks(findings: Iterable[Finding]) -> list[Finding]:
     return sorted((one for one in findings if one.code not in _OF_VERDICT), key=lambda one: one.severity == "note")
 
 
-def beside_headline(said: Iterable[str], findings: Iterable[Finding]) -> list[str]:
+def beside_headline(sentences: Iterable[str], findings: Iterable[Finding]) -> list[str]:
     """Sentences of findings without those that the headline on ``findings`` tells."""
-    told = {sentence(one) for one in _in_headline(findings)}
-    return [one for one in said if one not in told]
+    stated = {sentence(one) for one in _in_headline(findings)}
+    return [one for one in sentences if one not in stated]
 
 
 def _in_headline(findings: Iterable[Finding]) -> list[Finding]:
@@ -165,17 +165,17 @@ def headline(names: Sequence[str], findings: Sequence[Finding], finished: bool) 
     finished : bool
         Whether the search has met its stop criterion.
     """
-    told = _in_headline(findings)
-    refused = any(one.severity == "refusal" for one in told)
-    texts = [sentence(one, prefix=False) for one in told]
+    stated = _in_headline(findings)
+    refused = any(one.severity == "refusal" for one in stated)
+    texts = [sentence(one, prefix=False) for one in stated]
     if len(names) == 1:
-        said = verdict(names[0], findings)
+        overall = verdict(names[0], findings)
     else:
-        said = f"Of {len(names)} materials {', '.join(_counts(findings))}."
+        overall = f"Of {len(names)} materials {', '.join(_counts(findings))}."
     unchecked = [one.code for one in findings if one.code.endswith("_unchecked")]
     if unchecked and not refused:
-        said += f" Unchecked: {', '.join(dict.fromkeys(code.removesuffix('_unchecked') for code in unchecked))}."
-    return " ".join([*texts, said] if refused else [said, *texts]) + (
+        overall += f" Unchecked: {', '.join(dict.fromkeys(code.removesuffix('_unchecked') for code in unchecked))}."
+    return " ".join([*texts, overall] if refused else [overall, *texts]) + (
         "" if finished else " The search is not finished."
     )
 

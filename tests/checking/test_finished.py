@@ -16,7 +16,6 @@ from radcal.radar.projection import make_geometry
 from radcal.scene.model import write_scene
 from radcal.scene.sources import make_scene
 from radcal.storage.provenance import provenance
-from radcal.words import sentence
 
 
 def test_results_that_a_run_would_not_replace_are_noted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -32,15 +31,16 @@ def test_results_that_a_run_would_not_replace_are_noted(tmp_path: Path, monkeypa
     Path("mine.yaml").write_text(yaml.safe_dump(tiny_case()))
 
     def noted(results: str = "elsewhere", **changes: object) -> list[str]:
-        found = check_case(["mine.yaml"], changes, results).findings
-        return [sentence(one) for one in found if one.code == "refused_beside_results"]
+        found = check_case(["mine.yaml"], changes, results)
+        assert all(any(reason in line for line in found.remarks()) for reason in found.refused)
+        return found.refused
 
     looks = {"looks": 3, "nesz_db": -20.0}
     assert noted(radar=looks) == []  # not finished
     (out / "calibration.h5").touch()
     assert noted() == []
     (note,) = noted(radar=looks)
-    assert note.startswith("radcal run would refuse this case: elsewhere/tiny holds a finished calibration of another ")
+    assert note.startswith("elsewhere/tiny holds a finished calibration of another ")
     assert "geometry (radar.looks is 4 there, 3 here), which stays as it is: give this one a name of its own" in note
     assert noted(radar=looks, replace=True) == noted("results", radar=looks) == []
     assert noted(radar=looks, stop={"rms": "small"}) == [], "a case with problems is refused for these"

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from radcal.ground.levels import Levels, image_levels, median_and_range, offset_levels, pooled_offset
+from radcal.words import sentence
 
 
 def test_equal_materials_are_averaged_by_their_errors() -> None:
@@ -46,7 +47,7 @@ def test_offset_is_taken_from_the_measured_image_only() -> None:
     np.testing.assert_allclose(levels.apply([1.0, 5.0], levels.measured), [-2.0, 2.0])
     assert levels.simulated({}) == (0.0, 1.0)
     assert levels.unit == "dB"
-    assert levels.sentence == (
+    assert sentence(levels.finding) == (
         "the measured image lies +3.00 dB (standard error 0.10) from the reference run on grass; this offset is "
         "subtracted."
     )
@@ -59,10 +60,10 @@ def test_none_takes_nothing_but_says_what_it_sees() -> None:
     assert levels.finding.severity == "note"
     assert levels.finding.numbers == {"offset_db": pytest.approx(-7.0), "error_db": pytest.approx(error)}
     assert (
-        levels.sentence
+        sentence(levels.finding)
         == f"the measured image lies -7.00 dB (standard error {error:.2f}) from the reference run on grass, crops."
     )
-    assert "no material" in offset_levels("none", {}).sentence
+    assert "no material" in sentence(offset_levels("none", {}).finding)
 
 
 @pytest.fixture
@@ -84,8 +85,8 @@ def test_image_levels_are_median_and_quartiles(images: tuple[np.ndarray, np.ndar
     assert np.subtract(*np.percentile(mapped, [75, 25])) == pytest.approx(1.0, rel=1e-6)
     assert levels.scale == pytest.approx(2.0, rel=1e-5)
     assert levels.offset_db == pytest.approx(np.median(measured[valid]) - np.median(reference[valid]), abs=1e-5)
-    assert "not identified" not in levels.sentence
-    said = image_levels(measured, reference, material, {"a": 1, "b": 2, "c": 3}).sentence
+    assert "not identified" not in sentence(levels.finding)
+    said = sentence(image_levels(measured, reference, material, {"a": 1, "b": 2, "c": 3}).finding)
     assert "all materials are calibrated, so that a level common to all laws is not identified" in said
 
 

@@ -83,7 +83,7 @@ def page(made, pictures, tmp_path_factory):
 
 def test_verdict_comes_first_and_claims_no_more_than_the_density(page):
     text = page[1].text
-    assert "Stopped after 6 runs with stem beans outside the tolerance of 1.0" in text
+    assert "Stopped after 6 runs: the tolerance of 1.0" in text
     order = [
         "Of 2 materials 2 are determined at some angles",
         "Stopped after",
@@ -137,7 +137,7 @@ def test_the_bar_is_good_only_if_something_is_determined_and_nothing_refused_or_
     assert good(archive)
     assert not good(changed_material(archive, "stem beans", posterior=lost))
     assert not good(changed_findings(archive, RADIOMETRY))
-    assert not good(ended(archive, "max_runs"))
+    assert not good(ended(archive, "max_runs", dyke="max_runs"))
 
 
 def test_findings_are_listed_warnings_first_and_notes_folded(made, tmp_path):
@@ -168,10 +168,10 @@ def test_findings_are_listed_warnings_first_and_notes_folded(made, tmp_path):
 def test_the_line_below_the_verdict_says_how_the_search_ended(made, tmp_path):
     archive = settled(made.archive)
     text = render(tmp_path / "report.html", archive)[1].text
-    assert "Converged: the stop criterion is met for the laws of 2 materials after 6 runs." in text
+    assert "Converged after 6 runs: the stop criterion of the law is met for dyke and stem beans." in text
     archive = ended(archive, "max_runs", dyke="max_runs")
     text = render(tmp_path / "report.html", archive)[1].text
-    assert "Stopped after 6 runs before the stop criterion was met for the law of dyke: maximum number of runs." in text
+    assert "Stopped after 6 runs: the stop criterion of the law is not met for dyke (maximum number of runs)." in text
 
 
 def test_bands_and_form_errors_have_a_table(made, tmp_path):
@@ -287,9 +287,9 @@ def test_what_does_not_apply_is_not_said(made, tmp_path):
 @pytest.mark.parametrize(
     ("reason", "words"),
     [
-        ("rms", "Converged: the backscatter densities of all 2 materials agree with"),
-        (None, "Not finished: after 6 runs the backscatter densities of all 2"),
-        ("max_runs", "Stopped after 6 runs with stem beans outside the tolerance"),
+        ("rms", "(rms of the densities) is met for dyke and stem beans."),
+        (None, "Not finished after 6 runs: the tolerance of"),
+        ("max_runs", "(rms of the densities) is not met for stem beans ("),
     ],
 )
 def test_verdicts(made, tmp_path, reason, words):
@@ -302,7 +302,7 @@ def test_one_material(made, tmp_path, hidden):
     dyke = dyke if hidden else replace(dyke, hidden=None)
     archive = ended(replace(made.archive, materials={"dyke": dyke}), "rms")
     text = render(tmp_path / "report.html", archive)[1].text
-    assert "Converged: the backscatter density of dyke agrees with the measured within the tolerance" in text
+    assert "Converged after 6 runs: the tolerance of" in text
     assert "The density of dyke's backscatter is matched to rms" in text
     assert ("cannot be checked from this image alone" in text) is not hidden
     assert ("The truth behind this synthetic measurement is known" in text) is hidden
@@ -315,24 +315,18 @@ def test_one_material(made, tmp_path, hidden):
 @pytest.mark.slow
 def test_a_better_law_is_excluded_as_far_as_the_surrogate_does(made, tmp_path):
     """Laws that meet the stop criterion; where the search ended before, better laws may exist."""
-    promise = "predicts no law that is clearly better and differs by more than stop.law_db."
+    promise = "the surrogate of all runs predicts no law that is clearly better and differs by more than stop.law_db"
+    start = f"Laws that meet the stop criterion ({promise}):"
 
     def shown(archive):
         return re.search(r"What has been shown (.*?) The search compared", render(tmp_path / "p", archive)[1].text)[1]
 
     archive = settled(made.archive)
-    assert shown(archive) == f"2 of 2 laws meet the stop criterion: the surrogate of all runs {promise}"
+    assert shown(archive) == f"{start} 2 of 2."
     archive = ended(archive, "max_runs", dyke="max_runs")
-    assert shown(archive) == (
-        f"1 of 2 laws meets the stop criterion: the surrogate of all runs {promise} Better laws of the other materials "
-        "may exist."
-    )
+    assert shown(archive) == f"{start} 1 of 2. Better laws of dyke may exist."
     nobody = ended(archive, "max_runs", **{"stem beans": "stagnation"})
-    assert shown(nobody) == "None of 2 laws meets the stop criterion. Better laws may exist."
-    alone = replace(archive, materials={"dyke": archive.materials["dyke"]})
-    assert shown(alone) == "The law of dyke does not meet the stop criterion. Better laws may exist."
-    met = shown(ended(alone, "settled", dyke="settled"))
-    assert met == f"The law of dyke meets the stop criterion: the surrogate of all runs {promise}"
+    assert shown(nobody) == f"{start} 0 of 2. Better laws of dyke and stem beans may exist."
 
 
 def test_the_truth_is_compared_over_the_incidence_of_all_passes(made, tmp_path):

@@ -99,11 +99,10 @@ def test_the_warning_gives_the_direction_and_what_the_ellipsoid_would_do(hills: 
     told = by_height(hills, geometry, -0.38)
     (found,) = height_findings(told, geometry, hills, RADAR)
     assert (found.code, found.severity, found.about) == ("height_shift", "warning", "a.tif")
-    assert found.numbers["m_per_m"] == pytest.approx(0.38, abs=0.08)
-    assert found.numbers["ellipsoid_m_per_m"] == pytest.approx(0.76, abs=0.005)
-    assert found.numbers["where"] == "nearer to the radar"
+    assert found.numbers["m_per_m"] == pytest.approx(-0.38, abs=0.08)
+    assert found.numbers["ellipsoid_m_per_m"] == pytest.approx(-0.76, abs=0.005)
     (other,) = height_findings(by_height(hills, geometry, 0.3), geometry, hills, RADAR)
-    assert other.numbers["where"] == "further from the radar"
+    assert other.numbers["m_per_m"] == pytest.approx(0.3, abs=0.08)
     assert with_height_finding(told, geometry, hills, RADAR).measurement.findings == (PLAIN, found)
     right = by_height(hills, geometry, 0.0)
     assert with_height_finding(right, geometry, hills, RADAR).measurement.findings == (PLAIN,)

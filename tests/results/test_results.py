@@ -23,6 +23,7 @@ from radcal.results.results import _of_passes
 from radcal.results.run_table import write_table
 from radcal.results.summary import _pass_law, summarise
 from radcal.targets.target import Targets
+from radcal.words import sentence
 
 
 def test_every_run_is_there_in_order(made):
@@ -224,7 +225,7 @@ def test_each_pass_has_its_own_runs_and_counts_its_own_new_ones(made, tmp_path):
     assert (first["runs"], second["runs"], summary["runs"]["final"], summary["runs"]["total"]) == (8, 8, 2, 16)
     assert ([one["depression_deg"] for one in (first, second)], second["look_side"]) == ([45, 30], "left")
     assert (first["looks"], second["looks"], second["measurement"]) == (3.0, 4.0, "b.tif")
-    assert (second["registration"], second["levels"]) == ("not moved.", archive.passes["2"].levels.sentence)
+    assert (second["registration"], second["levels"]) == ("not moved.", sentence(archive.passes["2"].levels.finding))
     assert [len(one["notes"]) for one in (first, second)] == [0, 2]  # with too few pixels of stem beans
     assert list(second["materials"]) == ["dyke"]
     assert [text for text in summary["warnings"] if "It is old." in text]

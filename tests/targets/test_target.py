@@ -19,6 +19,7 @@ from radcal.radar.geometry import Geometry
 from radcal.storage.dataclass_groups import same
 from radcal.targets.target import Targets, read_targets, write_targets
 from radcal.targets.target_fit import make_target, sampling_rms
+from radcal.words import sentence
 
 CONFIG = TargetConfig(pixels=500)
 
@@ -193,4 +194,4 @@ def test_the_level_is_told_where_a_fixed_law_or_a_mapping_shows_it() -> None:
         ("offset", {"grass": (1.4, 0.2)}, True),
     ):
         levels = offset_levels(normalisation, differences)
-        assert Targets({}, levels).sentences() == [f"levels: {levels.sentence}"] * told
+        assert Targets({}, levels).sentences() == [f"levels: {sentence(levels.finding)}"] * told

@@ -68,6 +68,8 @@ class CaseCheck:
         Largest memory [MB] that a job of each stage requests.
     time : str
         Line on the expected time; empty with problems.
+    refused : list of str
+        Reasons why ``radcal run`` would refuse this case beside its earlier results.
     unseen : tuple of str
         Parts of the case that could not be checked because of the problems.
     """
@@ -80,6 +82,7 @@ class CaseCheck:
     shape: tuple[int, int] | None = None
     memory_mb: Mapping[Stage, int] = field(default_factory=dict)
     time: str = ""
+    refused: list[str] = field(default_factory=list)
     unseen: tuple[str, ...] = _OF_SCENE
 
     def summary(self) -> list[str]:
@@ -107,6 +110,7 @@ class CaseCheck:
     def remarks(self) -> list[str]:
         """Lines of the other notes and of each image's section ``radar``; a case with problems has them, too."""
         lines = [f"  note: {sentence(one)}" for one in self.findings if one.severity == "note"]
+        lines += [f"  note: radcal run would refuse this case: {reason}" for reason in self.refused]
         for section in self.sections:
             lines += ["  section radar as the annotation of the image gives it:"]
             lines += [f"    {line}" for line in section.splitlines()]
@@ -158,7 +162,7 @@ def check_case(
     found.findings += starts_as_truth(case.calibrated, [one.measurement for one in case.passes])
     if found.shape is not None:
         refused = _refused(check_replacement, case, Path(results) / case.case, input_files(case))
-        found.findings += [Finding("refused_beside_results", "note", case.case, {"error": str(one)}) for one in refused]
+        found.refused = list(map(str, refused))
     found.time = time_expected(case, results)
     return found
 

@@ -333,9 +333,9 @@ def _one_after_the_other(commands: Mapping[str, Sequence[str]]) -> int:
             signal.signal(number, handler)
     for name in commands:
         status = ended.get(name)
-        said = "not begun" if status is None else "done" if status == 0 else f"failed (exit status {status})"
+        state = "not begun" if status is None else "done" if status == 0 else f"failed (exit status {status})"
         if stopped and status not in (None, 0) and name == list(ended)[-1]:
-            said = "stopped; the same command continues"
-        typer.echo(f"radcal: {name}: {said}", err=True)
+            state = "stopped; the same command continues"
+        typer.echo(f"radcal: {name}: {state}", err=True)
     failed = [status for status in ended.values() if status != 0]
     return 130 if stopped else failed[0] if failed else 0

@@ -95,8 +95,8 @@ def with_passes(data: dict[str, Any]) -> dict[str, Any]:
     found = {name: value for name, value in data.items() if name not in FURTHER.values()}
     counts = {name: len(data[name]) if isinstance(data.get(name), list) else 1 for name in FURTHER}
     if counts["radar"] != counts["measurement"] or 0 in counts.values():
-        said = " and ".join(f"{name} of {count}" for name, count in counts.items())
-        raise ValueError(f"passes: found {said}, expected lists of equal length, with one item for each pass")
+        lengths = " and ".join(f"{name} of {count}" for name, count in counts.items())
+        raise ValueError(f"passes: found {lengths}, expected lists of equal length, with one item for each pass")
     for name, further in FURTHER.items():
         if isinstance(data.get(name), list):
             found[name], *others = data[name]

@@ -152,6 +152,14 @@ def law_panels(path: str | Path, names: Sequence[str], y_label: str) -> Iterator
             canvas.savefig(partial, format="png", dpi=150, metadata={"Software": None}, facecolor="white")
 
 
+def add_fills(canvas: Canvas, colours: Iterable[str], labels: Sequence[str], columns: int) -> None:
+    """Add a legend of filled squares."""
+    from matplotlib.patches import Patch
+
+    handles = [Patch(facecolor=colour, edgecolor="black", linewidth=0.5) for colour in colours]
+    add_legend(canvas, (handles, labels), columns)
+
+
 def add_legend(canvas: Canvas, entries: tuple[Sequence[Any], Sequence[str]], columns: int) -> None:
     """Add a legend below the axes, with ``columns`` columns or, if these are too wide, with as many as fit."""
     while True:

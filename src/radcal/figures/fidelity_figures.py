@@ -58,8 +58,8 @@ def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
         upper.plot(runs, np.maximum(values, bottom), linestyle="none", markersize=7, label=label, **style)
     upper.set_yscale("log")
     if positive.size:  # at least a decade, so that equal costs are seen to be equal
-        middle, reach = np.log10(positive).mean(), max(0.5, 0.6 * float(np.ptp(np.log10(positive))))
-        upper.set_ylim(10.0 ** (middle - reach), 10.0 ** (middle + reach))
+        middle, half_length = np.log10(positive).mean(), max(0.5, 0.6 * float(np.ptp(np.log10(positive))))
+        upper.set_ylim(10.0 ** (middle - half_length), 10.0 ** (middle + half_length))
     upper.set_ylabel(what.replace(", ", ",\n", 1))
     head(upper, case, name, "surrogate's predictions and verifying runs")
     lower.axhspan(-2.0, 2.0, color=PALE, alpha=0.6, linewidth=0, label="two standard deviations")

@@ -84,5 +84,5 @@ def _panel(axes: Axes, case: Archive, name: str, other: int) -> NDArray[np.bool_
 def _limits(values: Array) -> tuple[float, float]:
     """Ends of a logarithmic axis around ``values``, which do not include runs far from the front."""
     log = np.log10(values)
-    middle, reach = 0.5 * (log.min() + log.max()), max(_LEAST_REACH, 0.9 * float(np.ptp(log)))
-    return float(10.0 ** (middle - reach)), float(10.0 ** (middle + reach))
+    middle, half_length = 0.5 * (log.min() + log.max()), max(_LEAST_REACH, 0.9 * float(np.ptp(log)))
+    return float(10.0 ** (middle - half_length)), float(10.0 ** (middle + half_length))

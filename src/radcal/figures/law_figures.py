@@ -71,24 +71,24 @@ def _run_words(case: Archive, material: MaterialResult) -> tuple[str, str]:
     """Remark for the title on the last run of a material's search, and sentences on the numbers of the runs."""
     kinds, ended = case.runs.kind, _ended(case, material)
     reused, design = np.flatnonzero(kinds == "reused"), np.flatnonzero(kinds == "design")
-    said = "Run 0 is the reference run"
+    text = "Run 0 is the reference run"
     if (again := np.flatnonzero(kinds == "registration")).size:
-        said += f", run {again[0]} the registration run"
+        text += f", run {again[0]} the registration run"
     if reused.size:
         which = f"runs {reused[0]} to {reused[-1]} are" if reused.size > 1 else f"run {reused[0]} is"
-        said += f", {which} from an earlier case"
+        text += f", {which} from an earlier case"
     if design.size:
-        said += f", run {design[0]} the first of the design"
-    said = f" {said}."
+        text += f", run {design[0]} the first of the design"
+    text = f" {text}."
     if not ended.any():
-        return "", said
+        return "", text
     last = int(np.flatnonzero(ended)[0]) - 1
     count = int(np.isin(kinds[: last + 1], ("design", "infill")).sum())
-    said += (
+    text += (
         f" The search of this material ended after run {last} (runs of design and infill until then: {count}); the "
         "runs after it (grey) were made for other materials and repeat its best X."
     )
-    return f", search ended after run {last}", said
+    return f", search ended after run {last}", text
 
 
 def _number_runs(axes: Axes, number: int) -> None:
@@ -247,13 +247,13 @@ def _of_band(case: Archive, name: str) -> str:
     posterior = case.materials[name].posterior
     if posterior is None or posterior.curve is None:
         return ""
-    said = (
+    text = (
         " Violet: 90 % band of the mean power of the ground, pale for the material and darker for its fields in this "
         "image, and its median (dotted)."
     )
     if width := widths(name, case.findings):
-        said += f" Half-widths where sigma0 is determined (bar): {width}."
-    return f"{said} Verdict on {verdict(name, case.findings)}" if state(name, case.findings) else said
+        text += f" Half-widths where sigma0 is determined (bar): {width}."
+    return f"{text} Verdict on {verdict(name, case.findings)}" if state(name, case.findings) else text
 
 
 def _view(low_deg: float, high_deg: float) -> tuple[float, float]:
@@ -332,23 +332,23 @@ def _truth(
     """Draw bands and laws minus the hidden law, thin at all ``angles`` of the axis [deg] and thick at those seen."""
     hidden = material.hidden
     assert hidden is not None  # noqa: S101
-    reach = [0.05]
+    largest = [0.05]
     for label, _, x, style in laws:
         if label not in (_SEARCH, _NEAREST):
             continue
         for there, width in ((angles, 0.8), *((one, 2.6) for one in seen)):
             gap = curve(np.radians(there), x) - curve(np.radians(there), hidden)
             axes.plot(there, gap, **style | {"linewidth": width})
-            reach.append(float(np.abs(gap).max()) if width > 1.0 else 0.0)
+            largest.append(float(np.abs(gap).max()) if width > 1.0 else 0.0)
     if material.posterior is not None and (band := material.posterior.curve) is not None:
         _bands(axes, band, angles, curve(np.radians(angles), hidden))
         at = np.concatenate(seen)
         truth = curve(np.radians(at), hidden)
-        reach += [
+        largest += [
             float(np.abs(np.interp(at, band.incidence_deg, edge) - truth).max()) for edge in (band.p05_db, band.p95_db)
         ]
     axes.axhline(0.0, **HIDDEN)
-    axes.set_ylim(-1.2 * max(reach), 1.2 * max(reach))
+    axes.set_ylim(-1.2 * max(largest), 1.2 * max(largest))
     axes.set_ylabel("minus\ntruth [dB]")
 
 

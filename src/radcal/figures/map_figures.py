@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.figures.colours import colours_of, of_ids
-from radcal.figures.drawing import Array, add_legend, label, new_canvas
+from radcal.figures.drawing import Array, add_fills, label, new_canvas
 from radcal.results.archive import Archive
 
 if TYPE_CHECKING:
@@ -227,7 +227,8 @@ def residual(case: Archive) -> tuple[Canvas, str, str] | None:
     _material_map(panels[1], material, present, of_ids(case), aspect)
     if not stacked:
         canvas.set_layout_engine("compressed", wspace=0.05, h_pad=0.08)
-    _numbered_legend(canvas, [colours_of(case)[number - 1] for number in present], labels, columns)
+    fills = [*(colours_of(case)[number - 1] for number in present), "#FFFFFF"]
+    add_fills(canvas, fills, [*labels, "mixed or unseen"], columns)
     axis_labels(panels, stacked)
     # Oliver and Quegan 2004: variance of log intensity is trigamma(looks); neighbours are correlated, so that this is a
     # lower bound
@@ -287,14 +288,6 @@ def _material_map(
             column, row, str(number), ha="center", va="center", fontsize=10.0, fontweight="bold",
             bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "black", "linewidth": 0.6},
         )  # fmt: skip
-
-
-def _numbered_legend(canvas: Canvas, colours: Sequence[str], labels: Sequence[str], columns: int) -> None:
-    """Legend that names the material of each number on the map."""
-    from matplotlib.patches import Patch
-
-    handles = [Patch(facecolor=colour, edgecolor="black", linewidth=0.5) for colour in (*colours, "#FFFFFF")]
-    add_legend(canvas, (handles, [*labels, "mixed or unseen"]), columns)
 
 
 def _middle(inside: NDArray[np.bool_], taken: Sequence[tuple[int, int]] = ()) -> tuple[int, int]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.figures.colours import colours_of, of_ids
-from radcal.figures.drawing import Array, add_legend, label, new_canvas
+from radcal.figures.drawing import Array, add_fills, label, new_canvas
 from radcal.figures.map_figures import axis_labels, image_extent, panels_for
 from radcal.results.archive import Archive
 
@@ -29,15 +29,6 @@ _FLAT_DEG = 1.0  # ground whose slopes are below this angle at 99 % of the cells
 _LARGEST_TIMES = 20  # largest factor by which heights are exaggerated in the view in three dimensions
 
 
-def _material_legend(canvas: Canvas, case: Archive, present: NDArray[Any]) -> None:
-    from matplotlib.patches import Patch
-
-    numbers = [int(k) for k in np.unique(present) if 0 < k <= len(case.names)]
-    colours = colours_of(case)
-    handles = [Patch(facecolor=colours[k - 1], edgecolor="black", linewidth=0.5) for k in numbers]
-    add_legend(canvas, (handles, [label(case.names[k - 1], 30) for k in numbers]), 6)
-
-
 def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     """Figure of the scene: materials and elevation and, unless the ground is flat, relief and a view in 3-D."""
     view = case.scene
@@ -52,7 +43,8 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     _plans(canvas, elevation, view.material, objects_m, cell_m, colours, directions, flat)
     if not flat:
         _view(canvas, elevation, view.material, cell_m, colours, directions)
-    _material_legend(canvas, case, view.material)
+    places = [int(k) - 1 for k in np.unique(view.material) if 0 < k <= len(case.names)]
+    add_fills(canvas, [colours_of(case)[k] for k in places], [label(case.names[k], 30) for k in places], 6)
     ny, nx = elevation.shape
     # a low relief needs a digit after the point
     digits = 1 if np.ptp(elevation) < 10.0 else 0

@@ -253,7 +253,7 @@ def winsorised(values_db: ArrayLike, member: NDArray[np.int64]) -> NDArray[np.fl
     for k in np.unique(member):
         inside = member == k
         median = np.median(values[inside])
-        reach = _FAR * 1.4826 * np.median(np.abs(values[inside] - median))
-        if reach > 0.0:
-            values[inside] = np.clip(values[inside], median - reach, median + reach)
+        limit = _FAR * 1.4826 * np.median(np.abs(values[inside] - median))
+        if limit > 0.0:
+            values[inside] = np.clip(values[inside], median - limit, median + limit)
     return values

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.findings import Finding
-from radcal.words import sentence
 
 __all__ = ["Levels", "image_levels", "median_and_range", "offset_levels", "pooled_offset", "without_level"]
 
@@ -71,11 +70,6 @@ class Levels:
         code = "level_subtracted" if self.normalisation == "offset" else "level_found"
         numbers = {"offset_db": self.offset_db, "error_db": self.offset_error_db}
         return Finding(code, "note", ", ".join(self.references), numbers)
-
-    @property
-    def sentence(self) -> str:
-        """Sentence of :attr:`finding`."""
-        return sentence(self.finding)
 
     def simulated(self, pixels_db: Mapping[str, NDArray[np.float32]]) -> tuple[float, float]:
         """Shift to subtract from a run's values, and scale by which to divide them.

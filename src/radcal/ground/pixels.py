@@ -146,10 +146,11 @@ def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], ra
         if np.count_nonzero(inside) < MINIMUM_PIXELS:
             continue
         low, middle, high = np.percentile(ratio_db[inside], [25.0, 50.0, 75.0])
-        looks = min(float(radar.looks), _looks_of_spread(float(high - low)))
+        spread_db = max(float(high - low), 1e-3) / _IQR_OF_NORMAL
+        looks = min(float(radar.looks), looks_of_log_variance(spread_db**2))
         # the observed median replaces the median of speckle, because the greatest of four means exceeds the mean
-        reach = 10.0 * np.log10(gammainccinv(looks, _FALSE_ALARMS) / gammainccinv(looks, 0.5))
-        bright |= inside & (ratio_db > middle + reach)
+        threshold_db = 10.0 * np.log10(gammainccinv(looks, _FALSE_ALARMS) / gammainccinv(looks, 0.5))
+        bright |= inside & (ratio_db > middle + threshold_db)
     spill = [
         int(np.ceil(resolution / spacing))
         for resolution, spacing in (
@@ -158,11 +159,6 @@ def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], ra
         )
     ]
     return np.asarray(binary_dilation(bright, np.ones([2 * n + 1 for n in spill], dtype=bool)))
-
-
-def _looks_of_spread(iqr_db: float) -> float:
-    """Number of looks of gamma speckle, from the interquartile range of its dB values [dB]."""
-    return looks_of_log_variance((max(iqr_db, 1e-3) / _IQR_OF_NORMAL) ** 2)
 
 
 def eligible_pixels(

@@ -226,8 +226,8 @@ def most_frequent_variance(variances: NDArray[np.float64], side: int = SIDE) -> 
     width = _BANDWIDTH * np.sqrt(2.0 / (side**2 - 3))
     grid = np.arange(logs.min() - 4.0 * width, logs.max() + 4.0 * width, width / 10.0)  # not shorter than the kernel
     counts, _ = np.histogram(logs, np.append(grid, grid[-1] + width / 10.0) - width / 20.0)
-    reach = np.arange(-40, 41) / 10.0
-    density = np.convolve(counts, np.exp(-0.5 * reach**2), mode="same")
+    offsets = np.arange(-40, 41) / 10.0
+    density = np.convolve(counts, np.exp(-0.5 * offsets**2), mode="same")
     return float(np.exp(grid[int(np.argmax(density))]))
 
 
@@ -264,7 +264,7 @@ def check_looks(found: Looks, looks: float, scale: str | None, source: str, filt
         The estimated and the configured looks differ so much that the scale, or ``radar.looks``, must be wrong.
     """
     plain = Finding("looks", "note", source, {**vars(found), "declared": looks})
-    said = sentence(plain).removesuffix(".")
+    clause = sentence(plain).removesuffix(".")
     variance = _log_variance(found.looks)
     too_many, too_few = found.looks > _TOO_MANY * looks, found.looks < _TOO_FEW * looks
     if scale in ("amplitude", "db"):  # scales with which power would have four times its variance
@@ -274,14 +274,14 @@ def check_looks(found: Looks, looks: float, scale: str | None, source: str, filt
         return replace(plain, code="looks_uncertain")
     if too_many and filtered:
         raise MeasurementError(
-            f"measurement.path: {source} is speckle-filtered: {said}, and its speckle is correlated over a larger area "
-            "than the resolutions say; use the image before filtering, or set radar.looks: "
+            f"measurement.path: {source} is speckle-filtered: {clause}, and its speckle is correlated over a larger "
+            "area than the resolutions say; use the image before filtering, or set radar.looks: "
             f"{min(64, round(found.looks))} (docs/measured_images.md says what is then lost; a multilooked image needs "
             "its own resolutions, too)."
         )
     if scale is None and (too_many or too_few):
         raise MeasurementError(
-            f"measurement.path: {said}, which is no speckle of this product: use it as it was delivered, or set "
+            f"measurement.path: {clause}, which is no speckle of this product: use it as it was delivered, or set "
             "radar.looks to what it has."
         )
     if too_many:
@@ -295,7 +295,7 @@ def check_looks(found: Looks, looks: float, scale: str | None, source: str, filt
                 f"it would be that of {as_amplitude:.3g} if its numbers are amplitude: set measurement.scale: amplitude"
             )
         raise MeasurementError(
-            f"measurement.scale is {scale}, but {said}; {guess}, or radar.looks if they are so many."
+            f"measurement.scale is {scale}, but {clause}; {guess}, or radar.looks if they are so many."
         )
     if too_few:
         guess = ""
@@ -303,7 +303,7 @@ def check_looks(found: Looks, looks: float, scale: str | None, source: str, filt
             guess = f"it would be that of {looks_of_log_variance(0.25 * variance):.3g} if its numbers are "
             guess += "power: set measurement.scale: power" if scale == "amplitude" else "20 log10 of power"
             guess += ", or "
-        raise MeasurementError(f"measurement.scale is {scale}, but {said}; {guess}set radar.looks to what it has.")
+        raise MeasurementError(f"measurement.scale is {scale}, but {clause}; {guess}set radar.looks to what it has.")
     if found.looks > _ALIKE[1] * looks and not found.low <= looks <= found.high:
         return replace(plain, code="looks_more")
     if found.looks < _ALIKE[0] * looks and not found.low <= looks <= found.high:

@@ -84,6 +84,8 @@ def read_measurement(path: str | Path) -> Measurement:
             return made
         # an earlier version wrote sentences; to make a synthetic image again would take a run of the simulator
         notes = [str(text) for text in file["notes"].asstr()[()]]
-    told = [(text.removeprefix("warning: "), text.startswith("warning: ")) for text in notes]
-    findings = (Finding("noted", "warning" if warned else "note", made.source, {"text": text}) for text, warned in told)
+    parts = [(text.removeprefix("warning: "), text.startswith("warning: ")) for text in notes]
+    findings = (
+        Finding("noted", "warning" if warned else "note", made.source, {"text": text}) for text, warned in parts
+    )
     return replace(made, findings=tuple(findings))

@@ -226,9 +226,9 @@ def _width(semivariances: NDArray[np.float64], expected: NDArray[np.float64], st
 
 def _correlation_length(semivariances: NDArray[np.float64], resolution: float) -> float:
     """Ratio of the sums of two autocorrelations over distances of both signs: observed, and for a given resolution."""
-    reach = min(semivariances.size - 2, _REACH)
-    seen = 1.0 - semivariances[:reach] / semivariances[reach : reach + 2].mean()
-    expected = speckle_correlation(np.arange(1, reach + 1) / resolution)
+    lags = min(semivariances.size - 2, _REACH)
+    seen = 1.0 - semivariances[:lags] / semivariances[lags : lags + 2].mean()
+    expected = speckle_correlation(np.arange(1, lags + 1) / resolution)
     return float((1.0 + 2.0 * np.maximum(seen, 0.0).sum()) / (1.0 + 2.0 * expected.sum()))
 
 

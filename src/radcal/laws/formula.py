@@ -231,10 +231,10 @@ class Formula:
         place = tuple(np.argwhere(refused)[0])
         angle = np.broadcast_to(np.degrees(np.asarray(phi_rad, dtype=np.float64)), found.shape)[place]
         each = [np.broadcast_to(one, found.shape)[place] for one in x]
-        said = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.names, each, strict=True))
+        values = ", ".join(f"{name} = {value:.6g}" for name, value in zip(self.names, each, strict=True))
         return (
-            f"formula {self.text!r} is {found[place]:g} at an incidence of {angle:.4g} degrees and {said}, expected a "
-            "finite sigma0 in dB from 0 to 90 degrees"
+            f"formula {self.text!r} is {found[place]:g} at an incidence of {angle:.4g} degrees and {values}, expected "
+            "a finite sigma0 in dB from 0 to 90 degrees"
         )
 
     def check(self, points: NDArray[np.float64]) -> None:

@@ -83,5 +83,5 @@ def _checked_materials(file: str | Path, scene: Any) -> dict[str, Any]:
 
 def _refuse(sentences: Any) -> None:
     """Raise one error with all sentences, if there are any."""
-    if said := list(sentences):
-        raise ConfigError("\nradcal: ".join(said))
+    if texts := list(sentences):
+        raise ConfigError("\nradcal: ".join(texts))

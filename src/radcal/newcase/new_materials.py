@@ -37,8 +37,8 @@ def fixed_laws(words: Iterable[str]) -> dict[str, dict[str, Any]]:
     """
     found = dict[str, dict[str, Any]]()
     for word in words:
-        name, _, said = (part.strip() for part in word.partition("="))
-        law, colon, numbers = said.rpartition(":")
+        name, _, value = (part.strip() for part in word.partition("="))
+        law, colon, numbers = value.rpartition(":")
         if not name or not _NUMBERS.fullmatch(numbers.strip()):
             raise ConfigError(f"--fixed {word}: expected NAME=DB such as water=-17, or NAME=LAW:X1,X2,... of its law.")
         if name in found:

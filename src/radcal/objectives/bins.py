@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from radcal.config import Stop
 from radcal.errors import MeasurementError
 from radcal.inference.expected import LawForward
-from radcal.inference.grounds import curve_prior, law_prior, limited
 from radcal.inference.misfit import BinMisfit, LikelihoodMisfit, Method, Misfit
 from radcal.inference.moments import from_cumulants, to_cumulants
+from radcal.inference.pooled_laws import curve_prior, law_prior, limited
 from radcal.objectives.history import History
 from radcal.objectives.objective import (
     CalibratedMaterial,
@@ -98,8 +98,8 @@ class Bins(Objective):
         each = zip(to_cumulants(points.statistics), points.parameters, points.looks, slack, strict=True)
         return np.stack(
             [
-                np.concatenate([self._misfit(x, float(n), simulated, reach), self._prior(x, float(n))])
-                for simulated, x, n, reach in each
+                np.concatenate([self._misfit(x, float(n), simulated, part), self._prior(x, float(n))])
+                for simulated, x, n, part in each
             ]
         )
 

@@ -12,9 +12,9 @@ from radcal import skewnormal
 from radcal.config import Stop
 from radcal.ground.classes import Classes
 from radcal.inference.expected import LawForward
-from radcal.inference.grounds import bins_of
 from radcal.inference.misfit import Method, drawn
 from radcal.inference.moments import from_cumulants, from_dp, to_dp
+from radcal.inference.pooled_laws import bins_of
 from radcal.objectives.history import History, Proposal
 from radcal.objectives.objective import (
     CalibratedMaterial,

@@ -72,10 +72,10 @@ class Joint(Comparison):
             (
                 part,
                 PredictedPoints(
-                    found, points.parameters, np.array([self._there(part, n) for n in points.looks]), reach
+                    found, points.parameters, np.array([self._there(part, n) for n in points.looks]), shift
                 ),
             )
-            for part, found, reach in each
+            for part, found, shift in each
         ]
 
     @property

@@ -43,10 +43,6 @@ def _number(value: float | None, digits: int = 3) -> str:
     return f"{mantissa.replace('-', _MINUS)}{_TIMES}10{str(int(exponent)).translate(_SUPERSCRIPTS)}"
 
 
-def _unit(unit: str) -> str:
-    return unit.replace("rad2", "rad²")
-
-
 def _listed(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
@@ -91,7 +87,7 @@ def _material(
     parameters = [
         {
             "name": key,
-            "unit": _unit(unit),
+            "unit": unit.replace("rad2", "rad²"),
             # a value next to a bound has digits of the search without meaning
             "value": {"lower": bounds[0], "upper": bounds[1]}.get(at_bound(value, *bounds), value),
             "start": begun,
@@ -147,45 +143,32 @@ def _who(found: Sequence[Mapping[str, Any]], total: int) -> str:
 
 def _criterion(materials: Sequence[Mapping[str, Any]]) -> str:
     """Sentences on the stop criterion of laws that are compared by incidence-angle bin."""
-    promise = "the surrogate of all runs predicts no law that is clearly better and differs by more than stop.law_db"
-    met, count = [m for m in materials if m["within"]], len(materials)
-    if count == 1:
-        ends = f"meets the stop criterion: {promise}" if met else "does not meet the stop criterion"
-        return f"The law of {materials[0]['name']} {ends}." + " Better laws may exist." * (not met)
-    if not met:
-        return f"None of {count} laws meets the stop criterion. Better laws may exist."
-    text = f"{len(met)} of {count} laws {'meet' if len(met) > 1 else 'meets'} the stop criterion: {promise}."
-    return text + " Better laws of the other materials may exist." * (len(met) < count)
+    missed, count = [m for m in materials if not m["within"]], len(materials)
+    text = (
+        "Laws that meet the stop criterion (the surrogate of all runs predicts no law that is clearly better and "
+        f"differs by more than stop.law_db): {count - len(missed)} of {count}."
+    )
+    return f"{text} Better laws of {_who(missed, count)} may exist." if missed else text
 
 
 def _ending(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
     """Sentence that says how the search ended, and after how many runs."""
-    tolerance = f"the tolerance of {_number(summary['tolerance'], 2)} 1/{summary['levels']['unit']}"
-    count = summary["runs"]["design"] + summary["runs"]["infill"]
-    runs = "one run" if count == 1 else f"{count} runs"
+    runs = f"{summary['runs']['design'] + summary['runs']['infill']} runs"
     if reused := summary["runs"]["reused"]:
         runs += f" and {reused} of an earlier case"
-    missed = [m for m in materials if not m["within"]]
-    reasons = _listed(list(dict.fromkeys(m["reason"] for m in missed))) if missed else summary["stop_reason"]
-    who = _who(missed, len(materials)) if missed else "none"
-    if OBJECTIVES[summary["objective"]].bins:
-        whose = (
-            f"the law of {materials[0]['name']}" if len(materials) == 1 else f"the laws of {len(materials)} materials"
+    aim = "the stop criterion of the law"
+    if not OBJECTIVES[summary["objective"]].bins:
+        aim = (
+            f"the tolerance of {_number(summary['tolerance'], 2)} 1/{summary['levels']['unit']} (rms of the densities)"
         )
-        if summary["converged"]:
-            return f"Converged: the stop criterion is met for {whose} after {runs}."
-        if summary["stop_reason"] == "running":
-            return f"Not finished: after {runs} the stop criterion is not yet met for {whose}."
-        return f"Stopped after {runs} before the stop criterion was met for the law of {who}: {reasons}."
-    if len(materials) == 1:
-        what, agree, is_not = f"the backscatter density of {materials[0]['name']}", "agrees", "is not"
-    else:
-        what, agree, is_not = f"the backscatter densities of all {len(materials)} materials", "agree", "are not all"
     if summary["converged"]:
-        return f"Converged: {what} {agree} with the measured within {tolerance}, after {runs}."
+        return f"Converged after {runs}: {aim} is met for {_who(materials, len(materials))}."
+    missed = [m for m in materials if not m["within"]]
+    who = _who(missed, len(materials))
     if summary["stop_reason"] == "running":
-        return f"Not finished: after {runs} {what} {is_not} yet within {tolerance}."
-    return f"Stopped after {runs} with {who} outside {tolerance}: {reasons}."
+        return f"Not finished after {runs}: {aim} is not yet met for {who}."
+    reasons = _listed(list(dict.fromkeys(m["reason"] for m in missed)))
+    return f"Stopped after {runs}: {aim} is not met for {who} ({reasons})."
 
 
 def _yaml(text: str) -> str:

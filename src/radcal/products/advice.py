@@ -292,8 +292,8 @@ def advise(
     write_csv(table, COLUMNS, _rows(rows))
     notes = [*best_passes(rows), Finding("model_of_advice", "note", "")]
     orbit = [_opposite(case.radar)] if case.radar.incidence_deg is not None else []
-    told = [*map(sentence, notes), *doubts(found, archive.findings), *map(sentence, orbit)]
-    return [*_table(rows), *told, f"table: {table}"]
+    remarks = [*map(sentence, notes), *doubts(found, archive.findings), *map(sentence, orbit)]
+    return [*_table(rows), *remarks, f"table: {table}"]
 
 
 def _rows(rows: Sequence[Advised]) -> Iterator[tuple[object, ...]]:

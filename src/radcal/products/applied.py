@@ -132,7 +132,7 @@ class _Pass:
     geometry: Geometry
     predicted_db: NDArray[np.float32]
     measured_db: NDArray[np.float32] | None
-    said: tuple[str, ...]
+    remarks: tuple[str, ...]
 
 
 def apply(
@@ -178,20 +178,20 @@ def apply(
     files: list[Path] = []
     for number, made in enumerate(passes, start=1):
         one = _measured(measured, number, made, scene, out, Path(runs).parent)
-        lines += one.said
+        lines += one.remarks
         files += _images(out, number, other.passes[number - 1], scene, one)
         with understood(folder / "calibration.h5"):
             rows += [(number, row) for row in _of_pass(archive, config, changed, number, one)]
     shared = [name for name in archive.materials if name in other.materials]
-    said = [*_few_pixels(archive, shared, {one.material for _, one in rows}), *doubts(shared, archive.findings)]
+    remarks = [*_few_pixels(archive, shared, {one.material for _, one in rows}), *doubts(shared, archive.findings)]
     rows, left_out = where_seen(archive, rows)
-    said += left_out
+    remarks += left_out
     if not rows:
-        raise ConfigError(f"{folder}: nothing can be predicted of {other.case}: {' '.join(said)}")
+        raise ConfigError(f"{folder}: nothing can be predicted of {other.case}: {' '.join(remarks)}")
     files += [out / "predictions.csv", out / "predictions.png"]
     write_csv(files[-2], COLUMNS, map(_cells, rows))
     draw_predictions(files[-1], [row for _, row in rows], archive.case, other.case)
-    return [*_table(rows, len(passes) > 1), *lines, *said, *_conclusion(rows), *map(str, files)]
+    return [*_table(rows, len(passes) > 1), *lines, *remarks, *_conclusion(rows), *map(str, files)]
 
 
 def where_seen(
@@ -246,8 +246,8 @@ def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: 
     simulator = make_simulator(stages.SimulatorStage.of(one), made.geometry, out / below / "geometry.h5")
     found = make_measurement(stages.MeasurementStage.of(one), made.geometry, simulator, scene, partly=True)
     registered, by = registered_as(own / below / "registered.h5", made.image_db, found, one.registration)
-    said = (f"pass {number}: {found.source}; {by}: {registered.verdict}", *map(sentence, found.findings))
-    return _Pass(made.geometry, made.image_db, registered.measurement.image_db, said)
+    remarks = (f"pass {number}: {found.source}; {by}: {registered.verdict}", *map(sentence, found.findings))
+    return _Pass(made.geometry, made.image_db, registered.measurement.image_db, remarks)
 
 
 def _images(out: Path, number: int, case: stages.ForwardStage, scene: Scene, one: _Pass) -> list[Path]:

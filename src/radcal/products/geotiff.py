@@ -108,11 +108,11 @@ def pixel_at_cell(ground: NDArray[np.float32], layover: NDArray[np.bool_], shape
     usable = np.flatnonzero(np.isfinite(places).all(axis=0) & ~layover)
     if usable.size == 0:
         return np.full(shape, -1, dtype=np.int64)
-    reach = _REACH * np.hypot(_spacing(places, 1), _spacing(places, 2)).ravel()[usable]
+    farthest = _REACH * np.hypot(_spacing(places, 1), _spacing(places, 2)).ravel()[usable]
     tree = KDTree(places.reshape(2, -1).T[usable])
     cells = np.stack(np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij"), axis=-1)
     distance, nearest = tree.query(cells.reshape(-1, 2).astype(np.float64))
-    found = np.where(distance <= np.maximum(reach[nearest], _REACH), usable[nearest], -1)
+    found = np.where(distance <= np.maximum(farthest[nearest], _REACH), usable[nearest], -1)
     return found.reshape(shape).astype(np.int64)
 
 

@@ -127,12 +127,12 @@ def _running(folder: Path) -> list[str]:
 def _failure(folder: Path) -> list[str]:
     """Lines on the failure that ended the last command on a case, and on what to type next; empty without failure."""
     try:
-        said = (folder / "logs" / "failure.txt").read_text(encoding="utf-8").split("\n")[0].strip()
+        message = (folder / "logs" / "failure.txt").read_text(encoding="utf-8").split("\n")[0].strip()
     except (OSError, ValueError):
         return []
-    if not said:
+    if not message:
         return []
-    return [f"the last command failed: {said}", f"Once the cause is removed, {_AGAIN}."]
+    return [f"the last command failed: {message}", f"Once the cause is removed, {_AGAIN}."]
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -154,9 +154,9 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
         interval = (material.get(f"parameters_{end}") for end in ("p05", "p95"))
         parameters = found_words(material["parameters"], material["bounds"], *interval)
         # in a case of one material, the first line is its verdict
-        said = f"{material['verdict']}" if len(materials) > 1 else f"{name}:"
+        start = f"{material['verdict']}" if len(materials) > 1 else f"{name}:"
         law = material.get("formula", material["law"])
-        lines.append(f"{said} {law} with {parameters}.")
+        lines.append(f"{start} {law} with {parameters}.")
         if (model := material.get("parameters_model")) is not None:
             lines.append(f"{name}: parameters_model, nearest to the band: {found_words(model, material['bounds'])}.")
     # files of earlier versions have neither

@@ -108,8 +108,8 @@ def forward(
 def _check_materials(scene: Scene, materials: list[str]) -> None:
     """Raise an error with a sentence for each material that the scene lacks; see also :meth:`Scene.require`."""
     if wrong := [name for name in materials if name not in scene.names]:
-        said = (f"materials.{name}: not in the scene{nearest(name, scene.names)}." for name in wrong)
-        raise SceneError("\nradcal: ".join(said))
+        texts = (f"materials.{name}: not in the scene{nearest(name, scene.names)}." for name in wrong)
+        raise SceneError("\nradcal: ".join(texts))
     scene.require(materials)
 
 

@@ -178,11 +178,6 @@ def calibrated_materials(archive: Archive, materials: Mapping[str, Material]) ->
     return found
 
 
-def _repeats(simulator: Mapping[str, Any]) -> bool:
-    """Whether equal runs are known to give equal images: built-in simulator, or declared by the section."""
-    return simulator.get("kind") != "command" or simulator.get("deterministic") is True
-
-
 def calibrated_yaml(archive: Archive, materials: Mapping[str, Mapping[str, Any]], verdict: str, noise_seed: int) -> str:
     """Text of ``calibrated.yaml``: a heading that explains it, and the section ``materials``.
 
@@ -199,12 +194,14 @@ def calibrated_yaml(archive: Archive, materials: Mapping[str, Mapping[str, Any]]
     """
     import yaml
 
+    simulator = json.loads(archive.config).get("simulator", {})
+    repeats = simulator.get("kind") != "command" or simulator.get("deterministic") is True
     heading = _HEADING.format(
         case=archive.case,
         verdict=" ".join(verdict.split()),
         looks=f"{archive.looks:g}",
         noise_seed=noise_seed,
-        exactly=", bit for bit," * _repeats(json.loads(archive.config).get("simulator", {})),
+        exactly=", bit for bit," * repeats,
     )
     plain = {name: dict(material) for name, material in materials.items()}
     return heading + yaml.safe_dump(

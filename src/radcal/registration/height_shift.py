@@ -124,10 +124,9 @@ def height_findings(registered: Registered, geometry: Geometry, scene: Scene, ra
     if found is None or not found.doubtful:
         return []
     numbers = {
-        "m_per_m": abs(found.m_per_m),
+        "m_per_m": found.m_per_m,
         "error_m_per_m": found.error,
-        "where": "nearer to the radar" if found.m_per_m < 0 else "further from the radar",
-        "ellipsoid_m_per_m": abs(found.ellipsoid),
+        "ellipsoid_m_per_m": found.ellipsoid,
     }
     return [Finding("height_shift", "warning", registered.measurement.source, numbers)]
 

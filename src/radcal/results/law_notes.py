@@ -78,12 +78,12 @@ def found_words(
     low, high : mapping, optional
         5 % and 95 % quantile by name of the parameter; None without a posterior.
     """
-    said = []
+    parts = []
     for (name, value), ends in zip(values.items(), bounds, strict=True):
         side = at_bound(value, *ends)
         remarks = [f"at its {side} bound"] if side else []
         if low is not None and high is not None:
             remarks.append(f"5 to 95 %: {low[name]:.3g} to {high[name]:.3g}")
         text = f"{ends[0] if side == 'lower' else ends[1]:g}" if side else f"{value:.4g}"
-        said.append(f"{name} {text}" + (f" ({'; '.join(remarks)})" if remarks else ""))
-    return ", ".join(said)
+        parts.append(f"{name} {text}" + (f" ({'; '.join(remarks)})" if remarks else ""))
+    return ", ".join(parts)

@@ -26,7 +26,7 @@ from radcal.words import beside_headline, headline, next_steps, remarks, sentenc
 
 __all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
 
-_LEVELS = ("normalisation", "offset_db", "offset_error_db", "scale", "sentence", "unit")
+_LEVELS = ("normalisation", "offset_db", "offset_error_db", "scale", "unit")
 
 
 def numbered_jobs(archive: Archive) -> dict[str, int]:
@@ -88,7 +88,7 @@ def sentences(archive: Archive) -> list[str]:
     each = [verdict(name, findings) for name in archive.materials]
     lines = [_verdict(archive), *(each if len(each) > 1 else [])]
     lines += [f"next: {step}." for step in next_steps(findings)[:1]]
-    found = [said for name in archive.materials if (said := _without_curve(archive, name))]
+    found = [text for name in archive.materials if (text := _without_curve(archive, name))]
     return [
         *lines,
         *beside_headline(_warnings(archive), findings),
@@ -112,8 +112,8 @@ def _without_curve(archive: Archive, name: str) -> str:
 def _warnings(archive: Archive) -> list[str]:
     """Warnings and refusals: notes on the measured images of all passes, and findings that no verdict tells."""
     others = [one for each in archive.passes.values() for one in each.registered.measurement.findings]
-    told = [*_notes(archive), *others, *remarks(archive.findings)]
-    return list(dict.fromkeys(sentence(one) for one in told if one.severity != "note"))
+    found = [*_notes(archive), *others, *remarks(archive.findings)]
+    return list(dict.fromkeys(sentence(one) for one in found if one.severity != "note"))
 
 
 def _notes(archive: Archive) -> list[Finding]:
@@ -279,7 +279,7 @@ def _pass(archive: Archive, number: str, final_runs: int) -> dict[str, Any]:
         "looks": float(radar.looks),
         "measurement": measurement.source,
         "registration": one.registered.verdict,
-        "levels": one.levels.sentence,
+        "levels": sentence(one.levels.finding),
         "notes": list(map(sentence, (*measurement.findings, *too_few))),
         "runs": int(np.unique(one.keys).size) + final_runs,
         "materials": {
@@ -375,7 +375,10 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "findings": [_finding(one) for one in (*archive.findings, *_notes(archive), *archive.law_notes)],
         "law_notes": list(map(sentence, archive.law_notes)),
         "registration": _registration(archive.registered),
-        "levels": {key: getattr(archive.levels, key) for key in _LEVELS},
+        "levels": {
+            **{key: getattr(archive.levels, key) for key in _LEVELS},
+            "sentence": sentence(archive.levels.finding),
+        },
         "fixed_laws": {
             "levels_db": archive.image.levels_db.tolist(),
             "errors_db": {name: error.tolist() for name, error in archive.image.laws_db.items()},

@@ -166,8 +166,8 @@ def _check_heights(elevation: Source) -> None:
         raise elevation.error(f"holds {dtype}, expected heights as real numbers.")
     raster = elevation.raster
     units = (vertical_unit(elevation.crs), raster.units[0])
-    told = unit_in_metadata({**raster.tags(), **raster.tags(1)}, raster.descriptions[0])
-    other = [*(unit for unit in units if unit and unit.lower() not in METRES), *filter(None, [told])]
+    in_metadata = unit_in_metadata({**raster.tags(), **raster.tags(1)}, raster.descriptions[0])
+    other = [*(unit for unit in units if unit and unit.lower() not in METRES), *filter(None, [in_metadata])]
     if other:
         raise elevation.error(f"has heights in {other[0]}, expected metres: convert it, for example with gdal_calc.")
 

@@ -146,8 +146,8 @@ def starts_as_truth(
         if not isinstance(one, SyntheticMeasurement):
             continue
         names = [name for name in calibrated if name not in {**one.synthetic.parameters, **one.synthetic.laws}]
-        told = [Finding("starts_as_truth", "note", ", ".join(names))] * bool(names)
-        found += of_pass(told, number, len(measurements))
+        as_truth = [Finding("starts_as_truth", "note", ", ".join(names))] * bool(names)
+        found += of_pass(as_truth, number, len(measurements))
     return found
 
 
@@ -192,17 +192,17 @@ class FileMeasurement(Section):
         product = named_product(path) if isinstance(path, str) else None
         if product is None:
             return data
-        said = {key: getattr(product, key) for key in ("scale", "radiometry", "polarisation")}
-        return {**{key: value for key, value in said.items() if value is not None}, **data}
+        named = {key: getattr(product, key) for key in ("scale", "radiometry", "polarisation")}
+        return {**{key: value for key, value in named.items() if value is not None}, **data}
 
     @model_validator(mode="after")
     def _as_named(self) -> Self:
         product = named_product(self.path)
         for key in ("scale", "radiometry", "polarisation") if product is not None else ():
-            said, given = getattr(product, key), getattr(self, key)
-            if said is not None and given is not None and given != said:
+            named, given = getattr(product, key), getattr(self, key)
+            if named is not None and given is not None and given != named:
                 raise ValueError(
-                    f"{key} is {given}, {self.path} is {product.called if product else ''}, whose {key} is {said}: "
+                    f"{key} is {given}, {self.path} is {product.called if product else ''}, whose {key} is {named}: "
                     "leave the key out"
                 )
         return self

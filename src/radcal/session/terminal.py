@@ -149,8 +149,8 @@ class Messages:
             return False
         if text.startswith(_TERMINATED):
             record.msg = "radcal: SIGTERM: the command ends as soon as the jobs that are running have ended."
-            told, self.terminated = self.terminated, True
-            return not told
+            before, self.terminated = self.terminated, True
+            return not before
         if exception == "ProtectedOutputException":
             files = re.findall(r"(?m)^\s+(\S.*)$", text.partition("affected files:")[2])
             record.msg = f"radcal: {write_protected(files[0] if files else 'a result')}"

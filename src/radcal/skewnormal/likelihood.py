@@ -365,9 +365,9 @@ def covariance(sample: ArrayLike, found: Fit, effective: float | None = None) ->
     # Near alpha = 0 the likelihood has a term in |skewness|^(4/3) times the sample's excess kurtosis, whose second
     # derivative is infinite at 0. The curvature is therefore a difference quotient over about one standard error of the
     # skewness.
-    reach = np.array([0.0, 0.0, min(0.3, math.sqrt(6.0 / x.size))])
+    step = np.array([0.0, 0.0, min(0.3, math.sqrt(6.0 / x.size))])
     information = objective(u, y)[2]
-    information[2] = (objective(u + reach, y)[1] - objective(u - reach, y)[1]) / (2.0 * reach[2])
+    information[2] = (objective(u + step, y)[1] - objective(u - step, y)[1]) / (2.0 * step[2])
     information[:2, 2] = information[2, :2]
     scales = np.array([sd, sd, MAX_SKEWNESS * (1.0 - (skewness / MAX_SKEWNESS) ** 2)])
     if np.linalg.eigvalsh(information)[0] <= 0.0:

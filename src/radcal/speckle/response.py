@@ -126,11 +126,11 @@ def border_gain(taps: NDArray[np.floating], n: int) -> NDArray[np.float32]:
         Without the gain, the outermost pixel has 0.85 of the mean power (-0.7 dB) if the impulse response is 1.5 pixels
         wide.
     """
-    reach = len(taps) // 2
+    half_width = len(taps) // 2
     total = np.concatenate([[0.0], np.cumsum(np.asarray(taps, dtype=np.float64) ** 2)])
     at = np.arange(n)
-    energy = total[np.minimum(reach + n - at, len(taps))] - total[np.maximum(reach - at, 0)]
-    inside = (at >= reach) & (at < n - reach)
+    energy = total[np.minimum(half_width + n - at, len(taps))] - total[np.maximum(half_width - at, 0)]
+    inside = (at >= half_width) & (at < n - half_width)
     return np.where(inside, 1.0, 1.0 / np.sqrt(energy)).astype(np.float32)
 
 

@@ -206,9 +206,9 @@ def _documented(kind: type) -> dict[str, About]:
     """Descriptions of fields in the section ``Attributes`` of a dataclass's docstring, which has numpydoc's form."""
     _, _, section = inspect.cleandoc(kind.__doc__ or "").partition("Attributes\n----------\n")
     found = {}
-    for names, said, lines in re.findall(r"^(\w[\w, ]*) : (.*)\n((?: {4}.*\n?)+)", section, re.MULTILINE):
+    for names, described, lines in re.findall(r"^(\w[\w, ]*) : (.*)\n((?: {4}.*\n?)+)", section, re.MULTILINE):
         text = re.sub(r":\w+:`[~.\w]*?(\w+)`", r"`\1`", " ".join(lines.split()).removesuffix(".").replace("``", "`"))
-        shape, units = re.search(r"shape \(([^()]*?),?\)", said), re.findall(r" \[([^\]]*)\]", text)
+        shape, units = re.search(r"shape \(([^()]*?),?\)", described), re.findall(r" \[([^\]]*)\]", text)
         unit = units[0] if len(units) == 1 else ""
         about = About(text.replace(f" [{unit}]", ""), unit, shape[1] if shape else "")
         found.update(dict.fromkeys(names.split(", "), about))
@@ -217,12 +217,12 @@ def _documented(kind: type) -> dict[str, About]:
 
 def _entry(item: Field[Any], hint: Any, documented: About | None) -> _Entry:
     """Entry for a field of a dataclass; a field that may be None gets the default None."""
-    said = typing.get_args(hint)[1:] if typing.get_origin(hint) is Annotated else ()
-    bare, optional = _without_none(typing.get_args(hint)[0] if said else hint)
+    notes = typing.get_args(hint)[1:] if typing.get_origin(hint) is Annotated else ()
+    bare, optional = _without_none(typing.get_args(hint)[0] if notes else hint)
     default = item.default if item.default_factory is MISSING else item.default_factory
     if optional and default is MISSING:
         default = None
-    about = next((one for one in said if isinstance(one, About)), documented)
+    about = next((one for one in notes if isinstance(one, About)), documented)
     return _Entry(item.name, bare, about, optional, default)
 
 

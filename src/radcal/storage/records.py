@@ -301,9 +301,9 @@ def from_json(kind: type[T], data: Mapping[str, Any], path: str | Path) -> T:
         for name, needed in known.items()
         if needed and name not in data
     ]
-    for said in sorted(unknown) + lacking:
+    for fault in sorted(unknown) + lacking:
         raise StoreError(
-            f"{path}: a {kind.__name__} {said}: another version of radcal wrote it; use that version, or delete the "
+            f"{path}: a {kind.__name__} {fault}: another version of radcal wrote it; use that version, or delete the "
             "file and type the same command again to make it again (finished runs are kept)."
         )
     for name, value in data.items():

@@ -63,8 +63,8 @@ class StartingLevel:
         return [round(first, 2), _LINE_DB[1], 0.0, _X4]
 
     def __str__(self) -> str:
-        said = "of no known kind" if self.terrain is None else f"of {self.terrain}"
-        return f"gamma {self.gamma_db:g} dB {said}" + ", moved apart from another material" * self.moved
+        kind = "of no known kind" if self.terrain is None else f"of {self.terrain}"
+        return f"gamma {self.gamma_db:g} dB {kind}" + ", moved apart from another material" * self.moved
 
 
 @dataclass(frozen=True)

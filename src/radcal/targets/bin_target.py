@@ -10,9 +10,9 @@ import numpy as np
 from radcal.config import stages
 from radcal.ground.classes import incidence_edges
 from radcal.ground.ground import Ground
-from radcal.inference.grounds import fit_grounds
 from radcal.inference.incidence_error import registration_error_deg
 from radcal.inference.misfit import BinMisfit, Method, Misfit
+from radcal.inference.pooled_laws import fit_laws
 from radcal.laws import law_for
 from radcal.targets.class_target import ClassTarget
 from radcal.targets.target import Targets
@@ -37,7 +37,7 @@ def bin_targets(
     """Divide the pixels of all targets into incidence-angle bins, and estimate the variance between fields.
 
     The variance is estimated from the measured image alone, without simulator runs
-    (:func:`radcal.inference.grounds.fit_grounds`), and pooled over the materials.
+    (:func:`radcal.inference.pooled_laws.fit_laws`), and pooled over the materials.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def bin_targets(
     Targets
         Targets with their ``classes``.
     """
-    laws, grounds, methods, binned = case.laws, {}, {}, {}
+    laws, measured, methods, binned = case.laws, {}, {}, {}
     for name, target in targets.items():
         law, error, each = laws[name], case.target.incidence_error_deg, None
         if error is None:
@@ -69,7 +69,7 @@ def bin_targets(
                 slope_error_deg,
             )
             error = float(np.sqrt(np.mean(each**2)))
-        grounds[name] = replace(target.ground, error_deg=each if law.has_curve else None)
+        measured[name] = replace(target.ground, error_deg=each if law.has_curve else None)
         method = Method(
             law,
             case.materials[name].box,
@@ -81,7 +81,7 @@ def bin_targets(
             incidence_error_deg=error,
         )
         methods[name] = method if law.has_curve else _without_curve(method, target.ground)
-    for name, found in fit_grounds(grounds, methods).items():
+    for name, found in fit_laws(measured, methods).items():
         classes = ClassTarget(
             classes=found.classes.compared(case.simulator.draws),
             draws=case.simulator.draws,
@@ -91,7 +91,7 @@ def bin_targets(
             incidence_error_deg=found.method.incidence_error_deg,
             first=found.fit.parameters if laws[name].has_curve else np.empty(0),
             first_looks=found.fit.looks,
-            error_deg=grounds[name].error_deg,
+            error_deg=measured[name].error_deg,
         )
         binned[name] = replace(targets[name], classes=classes)
     return Targets(binned, targets.levels, targets.looks)

@@ -19,6 +19,7 @@ from radcal.ground.one_incidence import LEAST_SPAN_DEG, seen_at_one_incidence
 from radcal.storage.dataclass_groups import About
 from radcal.storage.records import read_item, write_item
 from radcal.targets.class_target import ClassTarget
+from radcal.words import sentence
 
 __all__ = ["Target", "Targets", "read_targets", "write_targets"]
 
@@ -201,7 +202,7 @@ class Targets(dict[str, Target]):
     def sentences(self) -> list[str]:
         """Lines for the terminal about levels, the target of each material, and warnings."""
         levels = self.levels
-        lines = [f"levels: {levels.sentence}"] if levels.normalisation != "none" or levels.references else []
+        lines = [f"levels: {sentence(levels.finding)}"] if levels.normalisation != "none" or levels.references else []
         for name, target in self.items():
             mean, sd, skewness = target.cp
             size, unit = f"target of {name}: {len(target.pixels)} pixels", levels.unit

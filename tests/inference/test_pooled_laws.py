@@ -9,9 +9,9 @@ from scipy.special import polygamma
 from radcal.ground.classes import make_classes
 from radcal.ground.ground import Ground
 from radcal.ground.patches import Spread, spreads
-from radcal.inference.grounds import GroundLaw, fit_grounds
 from radcal.inference.law_fit import LawFit, fit_law
 from radcal.inference.misfit import BinMisfit, LikelihoodMisfit, Method
+from radcal.inference.pooled_laws import FittedLaw, fit_laws
 from radcal.laws import LAWS
 from radcal.speckle.texture import log_speckle_cumulants
 
@@ -42,7 +42,7 @@ def law_error(found, x=TRUTH):
 @pytest.mark.slow
 @pytest.mark.parametrize("misfit", [BinMisfit, LikelihoodMisfit])
 def test_law_and_looks_are_found(misfit):
-    found = fit_grounds({"field": fields(np.random.default_rng(1))}, {"field": replace(METHOD, misfit=misfit)})
+    found = fit_laws({"field": fields(np.random.default_rng(1))}, {"field": replace(METHOD, misfit=misfit)})
     assert law_error(found["field"]) < 0.35
     assert found["field"].fit.looks == pytest.approx(2.8, rel=0.08)
 
@@ -52,7 +52,7 @@ def test_law_and_looks_are_found(misfit):
 def test_the_prior_hardly_moves_the_looks_of_a_single_field(looks):
     """Its bins tell the spread of a field, and not of how many looks other fields are."""
     grounds = {str(k): fields(np.random.default_rng(k), looks=looks, rows=40, width=96) for k in range(6)}
-    found = fit_grounds(grounds, dict.fromkeys(grounds, METHOD))
+    found = fit_laws(grounds, dict.fromkeys(grounds, METHOD))
     mean = np.exp(np.mean([np.log(law.fit.looks) for law in found.values()]))
     assert mean == pytest.approx(looks, rel=0.05)
 
@@ -61,7 +61,7 @@ def test_one_bin_takes_missing_looks_for_a_law():
     """At looks that are held for known: what one density of all pixels tells."""
     ground = fields(np.random.default_rng(1), looks=2.0)
     methods = {"bins": METHOD, "one": replace(METHOD, classes=1, free_looks=False, priors=False)}
-    found = fit_grounds(dict.fromkeys(methods, ground), methods)
+    found = fit_laws(dict.fromkeys(methods, ground), methods)
     assert law_error(found["one"]) > 2.0 * law_error(found["bins"])
     assert found["one"].fit.looks == 4.0
     assert found["one"].classes.size == 1
@@ -73,14 +73,14 @@ def test_blocks_of_a_pixel_or_two_do_not_end_in_an_error(classes):
     block = np.zeros(ground.block.size, dtype=int)
     block[0] = 1  # the rest of its fold is one pixel
     ground = replace(ground, block=block)
-    found = fit_grounds({"field": ground}, {"field": replace(METHOD, classes=classes)})["field"]
+    found = fit_laws({"field": ground}, {"field": replace(METHOD, classes=classes)})["field"]
     assert np.isfinite(found.fit.parameters).all()
 
 
 def test_cells_of_one_pixel_each():
     ground = fields(np.random.default_rng(5), rows=20, columns=12)
     alone = replace(ground, block=np.arange(ground.block.size))
-    found = fit_grounds({"alone": alone, "other": ground}, dict.fromkeys(("alone", "other"), METHOD))
+    found = fit_laws({"alone": alone, "other": ground}, dict.fromkeys(("alone", "other"), METHOD))
     for law in found.values():
         assert np.isfinite([law.spread.between, law.spread.within, *law.fit.parameters]).all()
 
@@ -88,14 +88,14 @@ def test_cells_of_one_pixel_each():
 def test_pixels_that_are_all_equal_in_a_class():
     ground = fields(np.random.default_rng(5), rows=20, columns=12)
     filled = replace(ground, values_db=np.where(ground.incidence_deg < 30.0, -5.0, ground.values_db))
-    found = fit_grounds({"field": filled}, {"field": METHOD})["field"]
+    found = fit_laws({"field": filled}, {"field": METHOD})["field"]
     assert np.isfinite(found.fit.parameters).all()
 
 
 def known_law(ground, looks=2.8, classes=3):
     """The true law of a ground, as if it had been found."""
     made = make_classes(ground.values_db, ground.incidence_deg, classes)
-    return GroundLaw(ground, METHOD, made, Spread(0.5, 0.3), LawFit(TRUTH, looks, 0.0, np.eye(5), np.eye(5)))
+    return FittedLaw(ground, METHOD, made, Spread(0.5, 0.3), LawFit(TRUTH, looks, 0.0, np.eye(5), np.eye(5)))
 
 
 def test_levels_and_their_derivatives():
@@ -160,7 +160,7 @@ def test_of_several_minima_the_lowest_is_taken(right):
 def test_law_and_spread_of_fields_agree_with_each_other():
     """The spread that the last law's residuals tell is that with which it was fitted."""
     ground = fields(np.random.default_rng(3), between=3.0, within=0.2, rows=60, columns=48, height=30)
-    law = fit_grounds({"field": ground}, {"field": METHOD})["field"]
+    law = fit_laws({"field": ground}, {"field": METHOD})["field"]
     (again,) = spreads([law.cell_residuals()])
     assert (law.spread.between, law.spread.within) == pytest.approx((again.between, again.within), rel=1e-4)
     assert law.spread.between > 2.0

@@ -20,10 +20,10 @@ from radcal.inference.priors import CurvePrior, looks_residuals
 from radcal.speckle.texture import log_speckle_cumulants
 
 __all__ = [
-    "GroundLaw",
+    "FittedLaw",
     "bins_of",
     "curve_prior",
-    "fit_grounds",
+    "fit_laws",
     "ground_residuals",
     "law_prior",
     "limited",
@@ -35,7 +35,7 @@ _STEP = 1e-4
 
 
 @dataclass(frozen=True)
-class GroundLaw:
+class FittedLaw:
     """Fitted law of one material, with the data and the settings of the fit.
 
     Attributes
@@ -134,22 +134,22 @@ def ground_residuals(ground: Ground, classes: Classes, method: Method, spread: S
 
 def _fitted(
     ground: Ground, method: Method, classes: Classes, spread: Spread, start: tuple[ArrayLike, float] | None
-) -> GroundLaw:
+) -> FittedLaw:
     """Law fitted to the pixels in their bins; looks that are not free are those of ``start``, or of the sensor."""
     residuals, prior = ground_residuals(ground, classes, method, spread), curve_prior(ground, method)
     fit = fit_law(residuals, method.bounds, method.looks, method.free_looks, start, prior)
-    return GroundLaw(ground, method, classes, spread, fit)
+    return FittedLaw(ground, method, classes, spread, fit)
 
 
-def fit_grounds(
-    grounds: Mapping[str, Ground],
+def fit_laws(
+    measured: Mapping[str, Ground],
     methods: Mapping[str, Method],
-) -> dict[str, GroundLaw]:
+) -> dict[str, FittedLaw]:
     """Fit the laws of several materials and, alternately, estimate the variance between and within their fields.
 
     Parameters
     ----------
-    grounds : mapping
+    measured : mapping
         Pixels by material.
     methods : mapping
         Settings of the fit by material.
@@ -159,12 +159,12 @@ def fit_grounds(
     dict
         Fitted law by material.
     """
-    grounds = {name: _limited(ground, methods[name]) for name, ground in grounds.items()}
-    classes = {name: bins_of(g, methods[name].classes) for name, g in grounds.items()}
-    spread = dict.fromkeys(grounds, _START_SPREAD)
-    found: dict[str, GroundLaw] = {}
+    measured = {name: _limited(ground, methods[name]) for name, ground in measured.items()}
+    classes = {name: bins_of(g, methods[name].classes) for name, g in measured.items()}
+    spread = dict.fromkeys(measured, _START_SPREAD)
+    found: dict[str, FittedLaw] = {}
     for turn in range(_ROUNDS):
-        for name, ground in grounds.items():
+        for name, ground in measured.items():
             method = methods[name]
             if turn and not method.misfit.of_fields:  # only misfits with variance between fields depend on the spread
                 found[name] = replace(found[name], spread=spread[name])
