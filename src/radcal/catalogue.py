@@ -155,10 +155,11 @@ _OF_RUNS: Mapping[str, str] = {
     "repeats": "The simulator is deterministic: the reference run repeated gives the same pixels",
     "does_not_repeat": "The simulator is not deterministic: the reference run repeated, with equal parameters and "
     "seed, differs by up to {largest_db:.2g} dB in a pixel" + _SMOOTHS,
-    "seedless": "The simulator takes no seed: no run has fresh random numbers, and no rms of any is given",
+    "seedless": "The simulator takes no seed, so that no run with other random numbers can be asked of it: the rms of "
+    "such a run is not given",
     "seed_without_effect": "The final run with another seed gives the same pixels as the one that it repeats, bit for "
     "bit: the seed does not reach the program's random numbers, or there are none (simulator.seedless: true says so). "
-    "No rms with fresh random numbers is given",
+    "The rms with other random numbers is not given",
     "scatter": "{about}: between runs of equal parameters the mean scatters by {mean_db:.2g} dB, its standard "
     "deviation by {sd_percent:.2g} %, its skewness by {skewness:.2g} (one standard deviation, from the repeated "
     "reference run); the surrogate takes no less than that for noise",
@@ -186,11 +187,11 @@ _OF_MODEL: Mapping[str, str] = {
     "{exponent:+.2f} on the area of the ground, standard error {error:.2f}); the bands are given for {other}",
     "radiometry_unchecked": "{about}: radiometry unchecked, because the fixed materials show too little of it; the "
     "bands allow for {other} with a probability of {chance_percent:.0f} %",
-    "fixed_law": "{about}: its fixed law and the image differ by {error_db:+.2f} dB (90 %: {p05_db:+.2f} to "
+    "fixed_law": "{about}: the image minus its fixed law is {error_db:+.2f} dB (90 %: {p05_db:+.2f} to "
     "{p95_db:+.2f}), more than those of the other fixed materials",
-    "fixed_law_and_image": "{about}: the fixed law and the image differ by {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "
+    "fixed_law_and_image": "{about}: the image minus the fixed law is {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "
     "{p95_db:+.2f}); one fixed law cannot tell an error of the law from a level of the image",
-    "level": "{about}: the fixed laws and the image differ by a level of " + _LEVEL,
+    "level": "{about}: the image minus the fixed laws is a level of " + _LEVEL,
     "fixed_level": "{about}: before the registration, the image minus the fixed law is roughly {apart_db:+.2f} dB "
     "(90 %: {p05_db:+.2f} to {p95_db:+.2f})",
     "level_of_image": "the measured image is taken at its own level; no material of a fixed law checks it",
@@ -223,8 +224,8 @@ _OF_MODEL: Mapping[str, str] = {
     "law_outside_band": "{about}: the law of the search (parameters) leaves the band by up to {beyond_db:.1f} dB "
     "({cause}); parameters_model gives the law nearest to the band",
     "texture": "{about}: the simulated pixels are multiplied by gamma texture, which lowers the {looks_nominal:.3g} "
-    "looks of the simulated speckle to the {looks:.2f} effective looks that the search found; values above about 0.9 "
-    "of the sensor's looks, the median of their prior, show no texture",
+    "looks of the simulated speckle to the {looks:.2f} effective looks that the search found; effective looks above "
+    "about 0.9 times radar.looks (the median of their prior) are no evidence of texture",
     "another_law": "{about}: the program's backscatter differs from law {law} by up to {difference_db:.1f} dB at the "
     "same X, so that curve and band are the formula's, not the program's",
     "registration_moved": "{about}: onto the calibrated image, the registration moves these pixels by {moved_px:.1f} "

@@ -97,13 +97,13 @@ def test_every_code_has_a_sentence_for_its_numbers():
         ),
         (
             of_image(**LAW_OFF)[0],
-            "warning: water: its fixed law and the image differ by +1.90 dB (90 %: +1.20 to +2.60), more than those of "
+            "warning: water: the image minus its fixed law is +1.90 dB (90 %: +1.20 to +2.60), more than those of "
             "the other fixed materials: check materials.water.parameters.",
         ),
-        (of_image()[-1], "pass 1: the fixed laws and the image differ by a level of +0.10 dB (90 %: -0.40 to +0.50)."),
+        (of_image()[-1], "pass 1: the image minus the fixed laws is a level of +0.10 dB (90 %: -0.40 to +0.50)."),
         (
             of_image(**ONE)[-1],
-            "warning: lake: the fixed law and the image differ by +2.00 dB (90 %: +1.40 to +2.50); one fixed law "
+            "warning: lake: the image minus the fixed law is +2.00 dB (90 %: +1.40 to +2.50); one fixed law "
             "cannot tell an error of the law from a level of the image: check materials.lake.parameters and the "
             "calibration of the image.",
         ),
@@ -167,7 +167,7 @@ def test_a_refusal_comes_first_and_takes_the_rest_away():
 
 def test_the_first_thing_to_act_on_is_in_the_headline():
     said = headline(["dyke"], [*of_image(**LAW_OFF, **TOO_BRIGHT), *of_material()], True)
-    assert " water: its fixed law and the image differ by +1.90 dB" in said
+    assert " water: the image minus its fixed law is +1.90 dB" in said
     assert "a level of" not in said
 
 

@@ -74,7 +74,7 @@ def test_findings_are_data_and_sentences(made):
         "code": "fixed_law", "severity": "warning", "about": "unused", "do": "materials.unused.parameters",
     }  # fmt: skip
     assert found["numbers"] == {"error_db": 2.0, "p05_db": 1.4, "p95_db": None}
-    assert found["text"].startswith("unused: its fixed law and the image differ by +2.00 dB")
+    assert found["text"].startswith("unused: the image minus its fixed law is +2.00 dB")
     assert summary["next"] == ["check materials.unused.parameters"]
     assert "next: check materials.unused.parameters." in sentences(archive)
 
