@@ -30,8 +30,17 @@ _SHOWN = 3  # largest number of files named in one message
 # passes, which now lies beside that of the first pass
 _JOBS = ("geometry", "measurement", "reference", "registration_run", "target")
 _EARLIER = (
-    *(f"{place}{job}.*" for place in ("", "logs/", "benchmarks/") for job in _JOBS),
-    *("first", "registered.h5", "logs/*registration.log", "benchmarks/*registration.tsv", "logs/simulator.log"),
+    *(
+        "geometry.h5",
+        "measurement.h5",
+        "reference.json",
+        "registration_run.json",
+        "registered.h5",
+        "target.h5",
+        "first",
+    ),
+    *(name.format(job) for name in ("logs/{}.log", "benchmarks/{}.tsv") for job in _JOBS),
+    *("logs/*registration.log", "benchmarks/*registration.tsv", "logs/simulator.log"),
     *("passes/*/design", "passes/*/external", "logs/passes/*/design", "benchmarks/passes/*/design_*.tsv"),
 )
 
