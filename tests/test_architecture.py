@@ -130,6 +130,13 @@ def test_the_page_on_architecture_names_every_room() -> None:
     assert named - rooms == set(), "rooms that are gone"
 
 
+def test_a_folder_has_at_most_twelve_modules() -> None:
+    counts = {
+        path: sum(one.stem != "__init__" for one in path.glob("*.py")) for path in SOURCE.iterdir() if path.is_dir()
+    }
+    assert [path.name for path, count in counts.items() if count > 12] == []
+
+
 @pytest.mark.parametrize(
     ("files", "sentence"),
     [

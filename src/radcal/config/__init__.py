@@ -22,12 +22,12 @@ from radcal.sections.errors import nearest
 from radcal.sections.materials import Material
 from radcal.sections.measurement import (
     FileMeasurement,
+    RegistrationConfig,
     Synthetic,
     SyntheticMeasurement,
     starts_as_truth,
 )
 from radcal.sections.radar import Radar
-from radcal.sections.registration import RegistrationConfig
 from radcal.sections.scene import BuiltinScene, RasterScene, SceneConfig, SceneObjects, SlantRangeScene
 from radcal.sections.search import Optimiser, Stop, SurrogateConfig
 from radcal.sections.simulator import (

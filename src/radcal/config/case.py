@@ -28,12 +28,12 @@ from radcal.sections.materials import Material, check_parameters, default_materi
 from radcal.sections.measurement import (
     FileMeasurement,
     MeasurementConfig,
+    RegistrationConfig,
     Synthetic,
     SyntheticMeasurement,
 )
 from radcal.sections.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
 from radcal.sections.radar import Radar
-from radcal.sections.registration import RegistrationConfig
 from radcal.sections.scene import BuiltinScene, RasterScene, SceneConfig, SlantRangeScene
 from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
 from radcal.sections.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig

@@ -8,8 +8,8 @@ from typing import Any, Protocol, Self, TypeVar
 from radcal.laws import EXTERNAL, Law, law_for
 from radcal.sections.base import DERIVED, FURTHER, Section
 from radcal.sections.materials import Material
+from radcal.sections.measurement import RegistrationConfig
 from radcal.sections.radar import Radar
-from radcal.sections.registration import RegistrationConfig
 from radcal.sections.search import Design, SurrogateConfig
 from radcal.sections.target import TargetConfig
 from radcal.storage.disclosure import Undisclosed

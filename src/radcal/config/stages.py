@@ -15,10 +15,9 @@ from radcal.config.part import Part
 from radcal.sections.base import CaseName
 from radcal.sections.limits import Seed
 from radcal.sections.materials import Material
-from radcal.sections.measurement import MeasurementConfig
+from radcal.sections.measurement import MeasurementConfig, RegistrationConfig
 from radcal.sections.objectives import Objective
 from radcal.sections.radar import Radar
-from radcal.sections.registration import RegistrationConfig
 from radcal.sections.scene import SceneConfig
 from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
 from radcal.sections.simulator import SimulatorConfig
