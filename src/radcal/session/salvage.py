@@ -28,21 +28,14 @@ _MOST_BYTES = 16 * 2**20
 _SHOWN = 3  # largest number of files named in one message
 # files of earlier versions of radcal: those of the first pass, which now lie in passes/1, and the design of the other
 # passes, which now lies beside that of the first pass
-_JOBS = ("geometry", "measurement", "reference", "registration_run", "target")
 _EARLIER = (
-    *(
-        "geometry.h5",
-        "measurement.h5",
-        "reference.json",
-        "registration_run.json",
-        "registered.h5",
-        "target.h5",
-        "first",
-    ),
-    *(name.format(job) for name in ("logs/{}.log", "benchmarks/{}.tsv") for job in _JOBS),
-    *("logs/*registration.log", "benchmarks/*registration.tsv", "logs/simulator.log"),
-    *("passes/*/design", "passes/*/external", "logs/passes/*/design", "benchmarks/passes/*/design_*.tsv"),
-)
+    "geometry.h5", "measurement.h5", "reference.json", "registration_run.json", "registered.h5", "target.h5", "first",
+    "logs/geometry.log", "logs/measurement.log", "logs/reference.log", "logs/registration_run.log", "logs/target.log",
+    "logs/registration.log", "logs/first_registration.log", "logs/simulator.log",
+    "benchmarks/geometry.tsv", "benchmarks/measurement.tsv", "benchmarks/reference.tsv", "benchmarks/target.tsv",
+    "benchmarks/registration_run.tsv", "benchmarks/registration.tsv", "benchmarks/first_registration.tsv",
+    "passes/*/design", "passes/*/external", "logs/passes/*/design", "benchmarks/passes/*/design_*.tsv",
+)  # fmt: skip
 
 logger = logging.getLogger(__name__)
 
@@ -64,8 +57,8 @@ def files_of(folder: str | Path, patterns: Iterable[str]) -> Iterator[Path]:
 def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]:
     """Rename damaged files of a results folder, and remove each index of runs that lists a missing run.
 
-    Files that an earlier version of radcal wrote to another place are removed.
-    Modification times in the future, which remain after a clock was set back, are set to the present.
+    Files that an earlier version of radcal wrote to another place are removed. Modification times in the future, which
+    remain after a clock was set back, are set to the present.
 
     Files of up to 16 MiB are read completely and compared with their checksums. In larger files, only the header and
     the size are checked here; a job that reads a larger file checks the content.
@@ -110,8 +103,8 @@ def _remove_earlier(folder: Path) -> list[str]:
         else:
             _remove(path)
     return [
-        f"{folder}: the files of pass 1 lie in passes/1 now; those of an earlier version of radcal are removed, and "
-        "made again from the runs, none of which is repeated."
+        f"{folder}: the files of pass 1 lie in passes/1 now; those of an earlier version of radcal are removed and "
+        "made again. No stored run is repeated; a synthetic measured image is simulated again."
     ] * bool(found)
 
 
