@@ -49,7 +49,6 @@ _OF_SCENE: Mapping[str, str] = {
     "transformation_unknown": _TRANSFORMATION + "the one used has no known accuracy",
 }
 _OF_IMAGE: Mapping[str, str] = {
-    "noted": "{text}",  # as an earlier version of radcal wrote it
     "pixels": "{about}: " + _COUNTS,
     "pixels_at_ground": "{about}, resampled to the grid of the scene's image: " + _COUNTS,
     "file_around_scene": "{about}: the part of the file around the scene has {pixels:,} pixels, {no_data:,} without "

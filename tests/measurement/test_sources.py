@@ -10,7 +10,6 @@ import pytest
 import rasterio
 from raster_files import write_raster
 from scipy.ndimage import uniform_filter
-from sealed import changed
 
 from radcal.config import Case, Radar
 from radcal.errors import ConfigError, MeasurementError
@@ -26,7 +25,6 @@ from radcal.radar.reflectivity import uniform
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.storage.dataclass_groups import same
-from radcal.words import sentence
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 
@@ -234,18 +232,6 @@ def test_measurement_file_round_trip(tmp_path: Path, image_db: np.ndarray) -> No
     assert same(replace(back, findings=()), replace(measurement, findings=()))
     assert back.findings == findings
     assert list(back.hidden) == ["bare soil", "dyke"]
-
-
-def test_sentences_of_an_earlier_version_are_findings(tmp_path: Path, image_db: np.ndarray) -> None:
-    """A new file of a synthetic image would take a run of the simulator."""
-    write_measurement(tmp_path / "m.h5", Measurement(image_db, "a.tif"))
-    said = ["warning: a.tif changes.", "a.tif: 3 pixels."]
-    with changed(tmp_path / "m.h5") as file:
-        del file["findings"]
-        file["notes"] = said
-    found = read_measurement(tmp_path / "m.h5").findings
-    assert [one.severity for one in found] == ["warning", "note"]
-    assert [sentence(one) for one in found] == said
 
 
 @pytest.mark.parametrize("look_side", ["right", "left"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from radcal.findings import Finding
 from radcal.reading.images import Counts
-from radcal.storage.dataclass_groups import take
-from radcal.storage.records import read_hdf5, write_item
+from radcal.storage.records import read_item, write_item
 
 __all__ = ["Measurement", "ReadImage", "read_measurement", "write_measurement"]
 
@@ -78,14 +77,4 @@ def write_measurement(path: str | Path, measurement: Measurement) -> None:
 
 def read_measurement(path: str | Path) -> Measurement:
     """Read a measurement that :func:`write_measurement` wrote; raises the errors of :func:`.read_hdf5`."""
-    with read_hdf5(path, "measurement") as file:
-        made = take(file, Measurement)
-        if "findings" in file:
-            return made
-        # an earlier version wrote sentences; to make a synthetic image again would take a run of the simulator
-        notes = [str(text) for text in file["notes"].asstr()[()]]
-    parts = [(text.removeprefix("warning: "), text.startswith("warning: ")) for text in notes]
-    findings = (
-        Finding("noted", "warning" if warned else "note", made.source, {"text": text}) for text, warned in parts
-    )
-    return replace(made, findings=tuple(findings))
+    return read_item(path, "measurement", Measurement)
