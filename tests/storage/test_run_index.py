@@ -45,7 +45,11 @@ def test_listed_runs_come_in_order_and_one_that_is_gone_is_named(tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    "held", [7, {"key": "a"}, ["a"], [{"key": 7, "parameters": X}], [{"key": "a", "parameters": {"dyke": [None]}}]]
+    "held",
+    [
+        *(7, {"key": "a"}, ["a"], [{"key": 7, "parameters": X}], [{"key": "a", "parameters": {"dyke": [None]}}]),
+        *([{"key": "../scores", "parameters": X}], [{"key": "a", "parameters": X, "draws": ["/tmp/a"]}]),
+    ],
 )
 def test_other_contents_under_a_right_checksum_are_one_sentence(tmp_path: Path, held: object) -> None:
     write_json(tmp_path / "index.json", held)

@@ -319,7 +319,7 @@ def from_json(kind: type[T], data: Mapping[str, Any], path: str | Path) -> T:
 @functools.cache
 def _adapters(kind: Any) -> dict[str, TypeAdapter[Any]]:
     """Checks of the types of a dataclass's fields, by name."""
-    return {name: TypeAdapter(hint) for name, hint in typing.get_type_hints(kind).items()}
+    return {name: TypeAdapter(hint) for name, hint in typing.get_type_hints(kind, include_extras=True).items()}
 
 
 def write_item(path: str | Path, kind: str, item: Any) -> None:

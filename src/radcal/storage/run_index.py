@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
 
 from radcal.errors import StoreError
 from radcal.storage.records import from_json, read_json, understood, write_json
 from radcal.storage.runs import Parameters, Record, RunStore
 
 __all__ = ["IndexedRun", "in_all_passes", "indexed", "read_index", "write_index"]
+
+Key = Annotated[str, Field(pattern=r"^\w+$")]  # a file name, which stays below the folder of the runs
 
 
 @dataclass(frozen=True)
@@ -29,10 +34,10 @@ class IndexedRun:
         Hashes of the records of the run's further speckle draws.
     """
 
-    key: str
+    key: Key
     parameters: Parameters
     difference_db: float | None = None
-    draws: tuple[str, ...] = ()
+    draws: tuple[Key, ...] = ()
 
     @classmethod
     def of(cls, record: Record, parameters: Parameters, difference_db: float | None = None) -> IndexedRun:
