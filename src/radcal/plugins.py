@@ -1,0 +1,105 @@
+"""Variants of one kind by name, such as laws or readers: radcal's own, and those that other distributions add.
+
+A distribution adds a variant by an entry point in one of the groups ``radcal.laws``, ``radcal.readers``,
+``radcal.scenes``, ``radcal.simulators``, ``radcal.objectives`` and ``radcal.registrations``. The name of the entry
+point is the name that a case file uses. radcal's own variants are not entry points, because the entry points of an
+editable installation are those of the day on which it was installed.
+
+The metadata of the installed distributions are read once in a process, and only for a name that radcal does not have
+itself, or for the list of all names: a job of a case without foreign variants does not pay for them.
+"""
+
+from __future__ import annotations
+
+import functools
+import pkgutil
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, TypeVar, cast
+
+from radcal.errors import ConfigError
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
+__all__ = ["Plugins"]
+
+T = TypeVar("T")
+
+
+@functools.cache
+def _entry_points(group: str) -> tuple[EntryPoint, ...]:
+    from importlib.metadata import entry_points
+
+    return tuple(entry_points(group=group))
+
+
+def _distribution(entry: EntryPoint) -> tuple[str, str]:
+    """Name and version of the distribution of an entry point."""
+    return (entry.dist.name, entry.dist.version) if entry.dist is not None else ("unknown", "unknown")
+
+
+class Plugins(Mapping[str, T]):
+    """Variants of one kind by name: first radcal's own in their order, then those of other distributions.
+
+    Parameters
+    ----------
+    group : str
+        Group of entry points, such as "radcal.laws".
+    builtin : mapping
+        radcal's own variants by name: each a variant, or the place "package.module:name" of one that is imported when
+        it is first used.
+    """
+
+    def __init__(self, group: str, builtin: Mapping[str, T | str]) -> None:
+        self.group = group
+        self.builtin = builtin
+
+    @property
+    def foreign(self) -> dict[str, EntryPoint]:
+        """Entry points of other distributions by name.
+
+        Raises
+        ------
+        ConfigError
+            Two distributions have a variant of the same name.
+        """
+        found: dict[str, EntryPoint] = {}
+        for entry in _entry_points(self.group):
+            if entry.name in self.builtin or entry.name in found:
+                other = _distribution(found[entry.name])[0] if entry.name in found else "radcal"
+                raise ConfigError(
+                    f"{self.group}: {entry.name!r} is a name of {other} and of {' '.join(_distribution(entry))}, "
+                    "expected one of each name: uninstall one of them."
+                )
+            found[entry.name] = entry
+        return found
+
+    def __getitem__(self, name: str) -> T:
+        """Variant of a name; a KeyError for an unknown name, a ConfigError if a foreign variant cannot be imported."""
+        if name in self.builtin:
+            own = self.builtin[name]
+            return cast("T", pkgutil.resolve_name(own)) if isinstance(own, str) else own
+        entry = self.foreign[name]
+        try:
+            return cast("T", entry.load())
+        except Exception as error:  # whatever a foreign module raises when it is imported
+            raise ConfigError(
+                f"{self.group}: {name!r} of {' '.join(_distribution(entry))} cannot be imported from {entry.value}: "
+                f"{type(error).__name__}: {error}."
+            ) from error
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is a variant of a name; a foreign one is not imported."""
+        return name in self.builtin or name in self.foreign
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*self.builtin, *self.foreign))
+
+    def __len__(self) -> int:
+        return len(self.builtin) + len(self.foreign)
+
+    def origin(self, name: str) -> dict[str, str]:
+        """Distribution and version of a foreign variant, for the description of a run; empty for radcal's own."""
+        if name in self.builtin:
+            return {}
+        return dict(zip(("distribution", "version"), _distribution(self.foreign[name]), strict=True))

@@ -1,0 +1,56 @@
+"""Variants by name: radcal's own first, those of other distributions by their entry points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from radcal import plugins
+from radcal.errors import ConfigError
+from radcal.plugins import Plugins
+
+OWN = Plugins("radcal.laws", {"at_once": 2, "late": "math:tau"})
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
+    """Function that installs a distribution with entry points of group ``radcal.laws``."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    plugins._entry_points.cache_clear()
+
+    def install(name: str, **points: str) -> None:
+        folder = tmp_path / f"{name}-1.5.dist-info"
+        folder.mkdir()
+        (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.5\n")
+        lines = [f"{key} = {value}" for key, value in points.items()]
+        (folder / "entry_points.txt").write_text("\n".join(["[radcal.laws]", *lines]))
+
+    yield install
+    plugins._entry_points.cache_clear()
+
+
+def test_own_variants_come_without_a_look_at_installed_distributions(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plugins, "_entry_points", lambda group: pytest.fail("metadata are read"))
+    assert (OWN["at_once"], "late" in OWN, OWN.origin("late")) == (2, True, {})
+    assert OWN["late"] == pytest.approx(6.2831853)
+
+
+def test_a_foreign_variant_has_distribution_and_version(installed: Callable[..., None]) -> None:
+    installed("elsewhere", theirs="math:e", broken="no_such_module:x")
+    assert list(OWN) == ["at_once", "late", "theirs", "broken"]
+    assert len(OWN) == 4
+    assert OWN["theirs"] == pytest.approx(2.7182818)
+    assert OWN.origin("theirs") == {"distribution": "elsewhere", "version": "1.5"}
+    assert ("broken" in OWN, "unknown" in OWN, OWN.get("unknown")) == (True, False, None)
+    with pytest.raises(ConfigError, match=r"'broken' of elsewhere 1\.5 .* no_such_module:x: ModuleNotFoundError"):
+        _ = OWN["broken"]
+
+
+@pytest.mark.parametrize(("name", "owner"), [("late", "radcal"), ("theirs", "elsewhere")])
+def test_a_name_of_two_distributions_is_refused(installed: Callable[..., None], name: str, owner: str) -> None:
+    installed("elsewhere", theirs="math:e")
+    installed("other", **{name: "math:pi"})
+    with pytest.raises(ConfigError, match=rf"'{name}' is a name of {owner} and of other 1\.5|of other and of {owner}"):
+        list(OWN)
