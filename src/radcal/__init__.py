@@ -17,7 +17,7 @@ __all__ = ["open"]
 if "RADCAL_OWNER" in os.environ:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
-__version__ = "0.1.0"
+__version__ = "0.2.0.dev0"
 
 
 def open(folder: str | Path) -> Results:  # noqa: A001 - called radcal.open
