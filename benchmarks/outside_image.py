@@ -1,4 +1,4 @@
-"""Image former that shares no code with the simulator: the measured images of ``benchmarks/outside_twins.py``.
+"""Image former that shares no code with the simulator: the measured images of ``benchmarks/twins.py``.
 
 Ground of facets of 1 m, of which each one scatters with a random amplitude of its own. The echoes of all facets are
 added coherently at their slant range and azimuth, spread by the impulse response of the system, and averaged in power

@@ -19,7 +19,7 @@ def register_again(image_db: NDArray[np.float32], first: Registered, config: Reg
     A registration compares patterns of brightness. The reference run has the starting laws. If a starting law differs
     much from the real law, other slopes are bright in the reference run than in the measured image, and the
     displacement has an error that its standard error does not contain. A run of the laws found with the first
-    registration usually has a pattern that is nearer to that of the measured image (``docs/measured_images.md``).
+    registration usually has a pattern that is nearer to that of the measured image (``docs/registration.md``).
 
     Parameters
     ----------
