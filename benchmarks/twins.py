@@ -6,8 +6,8 @@
 
 A twin is a part of the default case's scene with a hidden law, drawn uniformly in the bounds of the calibrated
 material. ``benchmarks/outside_image.py`` forms the measured image of the twin, disturbed as the kind of the twin says
-(``docs/evidence/twins.md``); the image is written to a GeoTIFF, read like any measured file, and calibrated by radcal's own
-stages. ``--check`` compares undisturbed images of the former with the simulator's.
+(``docs/evidence/twins.md``); the image is written to a GeoTIFF, read like any measured file, and calibrated by radcal's
+own stages. ``--check`` compares undisturbed images of the former with the simulator's.
 
 Each finished twin is one line of the file ``--out`` and is not made again. ``--save`` also keeps image, runs and
 geometry of each twin. The last line printed is one JSON object.
@@ -530,7 +530,7 @@ def keep(
     registered: Registered,
     row: dict[str, Any],
 ) -> None:
-    """Write ``twin.npz`` and ``case.json``: registered image, images of all runs, and geometry (docs/evidence/twins.md)."""
+    """Write ``twin.npz`` and ``case.json``: registered image, images of all runs, geometry (docs/evidence/twins.md)."""
     g, name = b.geometry, b.material
     x = np.array([run.scores[name].parameters for run in history.runs])
     best = history.best(name).parameters
