@@ -1,6 +1,6 @@
 """Archive of all results of a calibration, ``calibration.h5``; the classes of this module define its layout.
 
-``python -m radcal.results.archive`` prints the layout as a table, which ``docs/records.md`` contains.
+``python -m radcal.results.archive`` prints the layout as a table, which ``docs/archive.md`` contains.
 """
 
 from __future__ import annotations
