@@ -117,7 +117,7 @@ def test_texture_of_the_simulated_pixels_is_a_finding(parts, found):
     (note,) = [one for one in found.findings if one.code == "texture"]
     assert note == Finding("texture", "note", "area", {"looks": 2.5, "looks_nominal": 4.0})
     case, *rest = parts[0]
-    fewer = case.model_copy(update={"radar": case.radar.model_copy(update={"looks": 2.5})})
+    fewer = case.model_copy(update={"radars": [case.radar.model_copy(update={"looks": 2.5})]})
     assert "texture" not in [one.code for one in conclude(fewer, *rest).findings]
 
 

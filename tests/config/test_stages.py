@@ -13,7 +13,6 @@ from pydantic import ValidationError
 
 from radcal.config import Case, case_from, stages
 from radcal.config.stages import STAGES
-from radcal.sections.base import DERIVED
 
 WORKFLOW = Path(__file__).resolve().parents[2] / "workflow"
 
@@ -24,18 +23,18 @@ def test_a_job_has_the_sections_of_its_stage_and_no_others(rule: str) -> None:
     params = stage.params(case)
     assert yaml.safe_load(yaml.safe_dump(params)) == params  # plain data
     # a job's params are compared as they are printed, in the order of the whole case
-    whole = [name for name in Case.model_fields if name not in DERIVED]  # the case has one pass, and no colours
-    assert list(params) == [name for name in whole if name in stage.model_fields]
+    whole = {name: field.alias or name for name, field in Case.model_fields.items() if name != "colours"}  # has none
+    assert list(params) == [key for name, key in whole.items() if name in stage.model_fields]
     job = stage.model_validate(params)
     assert job == stage.of(case)
-    for name in whole:
-        if name in params:
+    for name, key in whole.items():
+        if key in params:
             assert getattr(job, name) == getattr(case, name)
         else:
             with pytest.raises(AttributeError):
                 getattr(job, name)
-            with pytest.raises(ValidationError, match=name):
-                stage.model_validate({**params, name: case.sections(name)[name]})
+            with pytest.raises(ValidationError, match=key):
+                stage.model_validate({**params, key: case.sections(name)[key]})
 
 
 @pytest.mark.parametrize("rule", STAGES)

@@ -298,8 +298,8 @@ def test_a_band_of_incidence_angles_is_compared(
     write_raster(tmp_path / "a.tif", bands, ("VV", name), **where)
     chosen = case.model_copy(
         update={
-            "measurement": case.measurement.model_copy(update={"band": 1}),
-            "radar": case.radar.model_copy(update={"polarisation": "VV"}),
+            "measurements": [case.measurement.model_copy(update={"band": 1})],
+            "radars": [case.radar.model_copy(update={"polarisation": "VV"})],
         }
     )
     geometry = make_geometry(on_map, chosen.radar)

@@ -89,7 +89,7 @@ def test_passes_to_compare():
 def test_passes_of_an_orbit_are_offered_by_incidence():
     one = case(altitude_m=693_000)
     orbit = one.radar.model_copy(update={"incidence_deg": 37.0, "earth": "curved", "heading_deg": 189.0})
-    one = one.model_copy(update={"radar": orbit})
+    one = one.model_copy(update={"radars": [orbit]})
     found = candidates(one)
     assert [(each.incidence_deg, each.look_side) for each in found] == [
         (37, "left"), (22, "right"), (22, "left"), (52, "right"), (52, "left"),

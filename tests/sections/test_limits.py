@@ -47,9 +47,11 @@ def numbers(annotation: Any, metadata: list[Any], path: str) -> Iterator[tuple[s
             yield from numbers(part, [], f"{path}.*")
     elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
         for name, field in annotation.model_fields.items():
-            if name.startswith("further_"):  # of the second and later passes: the same sections again
-                continue
-            yield from numbers(field.annotation, field.metadata, f"{path}.{name}".lstrip("."))
+            if field.alias is not None:  # a section of each pass, which is written as in a case of one pass
+                (inner,) = typing.get_args(field.annotation)
+                yield from numbers(inner, [], field.alias)
+            else:
+                yield from numbers(field.annotation, field.metadata, f"{path}.{name}".lstrip("."))
     elif annotation in (int, float):
         found = {type(item): item for item in metadata}
         low = said(found[Ge].ge) if Ge in found else f"above {said(found[Gt].gt)}" if Gt in found else "none"

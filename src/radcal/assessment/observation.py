@@ -59,7 +59,7 @@ def simulated_of(
     for k, (one, geometry, path) in enumerate(zip(case.passes, geometries, paths, strict=True)):
         own = [Simulated(run.image_db, x) for run, x in final[2 * k : 2 * k + 2] if run.image_db is not None]
         if isinstance(case.simulator, BuiltinSimulation):
-            many = one.model_copy(update={"radar": one.radar.model_copy(update={"looks": float(_LOOKS)})})
+            many = one.model_copy(update={"radars": [one.radar.model_copy(update={"looks": float(_LOOKS)})]})
             parameters, seed = final[2 * k][1], derived_seed(case.seed, "posterior", "draw", bits=_SEED_BITS)
             record = runner_of(many, scene.identity, [geometry], [path], folder).run(parameters, seed, image=True)
             assert record.image_db is not None  # noqa: S101 - asked for

@@ -16,18 +16,16 @@ from radcal.config.fitting_defaults import (
     with_fitting_draws,
     with_fitting_measurement,
     with_fitting_stop,
-    with_passes,
     with_starting_laws,
 )
-from radcal.config.part import Part
+from radcal.config.part import Measurements, Part, Radars
 from radcal.laws import DEFAULT_LAW, EXTERNAL, laws_known
-from radcal.sections.base import TAGS, CaseName
+from radcal.sections.base import CaseName
 from radcal.sections.errors import nearest
 from radcal.sections.limits import Seed
 from radcal.sections.materials import Material, check_parameters, default_materials
 from radcal.sections.measurement import (
     FileMeasurement,
-    MeasurementConfig,
     RegistrationConfig,
     Synthetic,
     SyntheticMeasurement,
@@ -47,9 +45,7 @@ __all__ = ["Case"]
 class Case(Part):
     """Configuration of one calibration.
 
-    In a case file, ``radar`` and ``measurement`` may be lists of equal length, with one item for each pass. The fields
-    ``radar`` and ``measurement`` of :class:`Case` hold the items of the first pass. The fields ``further_radar`` and
-    ``further_measurement`` hold the items of the second and later passes.
+    In a case file, ``radar`` and ``measurement`` may be lists of equal length, with one item for each pass.
     """
 
     case: CaseName = Field("dyke", description="name of the case and of its folder below results/")
@@ -60,18 +56,18 @@ class Case(Part):
     seed: Seed = Field(1, description="seed of all random draws for which no other key gives a seed")
     # a default_factory, because a section that is created here would make every job build its validator
     scene: SceneConfig = Field(BuiltinScene(), description="source of elevation, materials and objects")
-    radar: Radar = Field(default_factory=Radar)
+    radars: Radars = Field(
+        default_factory=lambda: [Radar()], description="the acquisition: track, sensor and image grid"
+    )
     simulator: SimulatorConfig = Field(BuiltinSimulation(), description="radcal's own simulator or any other program")
     materials: dict[str, Material] = Field(
         default_factory=default_materials,
         min_length=1,
         description="surface materials by name, each with its backscatter law",
     )
-    measurement: MeasurementConfig = Field(
-        SyntheticMeasurement(), description="the measured image in a file, or a synthetic one"
+    measurements: Measurements = Field(
+        [SyntheticMeasurement()], description="the measured image in a file, or a synthetic one"
     )
-    further_radar: list[Radar] | None = Field(None, description="radar of the second and later passes")
-    further_measurement: list[MeasurementConfig] | None = Field(None, description="measured images of further passes")
     colours: dict[str, str] | None = Field(None, description="colours of the materials in figures")
     registration: RegistrationConfig = Field(default_factory=RegistrationConfig)
     objective: Objective = Field(
@@ -97,7 +93,7 @@ class Case(Part):
         """
         if not isinstance(data, dict):
             return data
-        data = with_colours(with_starting_laws(with_passes(data)))
+        data = with_colours(with_starting_laws(data))
         data = with_fitting_measurement(with_fitting_stop(data))
         if "objective" in data:
             return with_fitting_draws(data)
@@ -108,24 +104,6 @@ class Case(Part):
             for item in materials.values()
         )
         return with_fitting_draws({**data, "objective": SINGLE} if alone or outside else data)
-
-    @field_validator("scene", "simulator", "measurement", mode="before")
-    @classmethod
-    def _default_tag(cls, value: object, info: ValidationInfo) -> object:
-        if isinstance(value, dict) and info.field_name is not None:
-            tag = TAGS[info.field_name]
-            if tag not in value:
-                return {tag: getattr(cls.model_fields[info.field_name].default, tag), **value}
-        return value
-
-    @field_validator("further_measurement", mode="before")
-    @classmethod
-    def _default_tags(cls, value: object) -> object:
-        tag = TAGS["measurement"]
-        default = getattr(cls.model_fields["measurement"].default, tag)
-        if not isinstance(value, list):
-            return value
-        return [{tag: default, **item} if isinstance(item, dict) and tag not in item else item for item in value]
 
     @field_validator("materials")
     @classmethod
@@ -139,8 +117,18 @@ class Case(Part):
                 raise ValueError(f"name {name!r} ends with 20 times {again[1]!r}, expected at most 19 times")
         return value
 
+    @property
+    def registers_twice(self) -> bool:
+        """Whether the image is registered again, onto a run of the laws that the first registration gives."""
+        config = self.registration
+        return config.rounds == 2 and config.method != "none" and self.has_baseline
+
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> Self:
+        counts = {"radar": len(self.radars), "measurement": len(self.measurements)}
+        if len(set(counts.values())) > 1 or 0 in counts.values():
+            lengths = " and ".join(f"{name} of {count}" for name, count in counts.items())
+            raise ValueError(f"passes: found {lengths}, expected lists of equal length, with one item for each pass")
         if found := list(self._contradictions()):
             if not isinstance(info.context, list):  # a list collects them, and the caller gets the case
                 raise ValueError(*found)
@@ -170,11 +158,11 @@ class Case(Part):
             )
         for number, one in enumerate(self.passes, start=1):
             for found in one._in_pass():
-                yield f"pass {number}: {found}" if self.further_radar else found
+                yield f"pass {number}: {found}" if len(self.radars) > 1 else found
         yield from self._of_objective()
-        if self.design.reuse is not None and self.further_radar:
+        if self.design.reuse is not None and len(self.radars) > 1:
             yield (
-                f"design.reuse is {self.design.reuse!r} in a case of {len(self.passes)} passes, expected one pass: "
+                f"design.reuse is {self.design.reuse!r} in a case of {len(self.radars)} passes, expected one pass: "
                 "a pass that is added to a case reuses the case's own runs without it"
             )
         if self.design.reuse == self.case:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from radcal.laws import DEFAULT_LAW, LAWS
-from radcal.sections.base import FURTHER, TAGS
+from radcal.sections.base import TAGS
 from radcal.sections.measurement import SyntheticMeasurement, default_synthetic, hidden_dyke, within
 from radcal.sections.objectives import DEFAULT, OBJECTIVES
 from radcal.tables import read_table
@@ -16,7 +16,6 @@ __all__ = [
     "with_fitting_draws",
     "with_fitting_measurement",
     "with_fitting_stop",
-    "with_passes",
     "with_starting_laws",
 ]
 
@@ -66,14 +65,9 @@ def _with_fitting_truth(data: dict[str, Any]) -> dict[str, Any]:
     published = read_table("demonstration")["published_dyke"]
     if within(hidden_dyke(), box) or not within(published, box):
         return data
-    changed = {}
-    for section in ("measurement", FURTHER["measurement"]):
-        each = data.get(section, {} if section == "measurement" else None)
-        several = each if isinstance(each, list) else [each]
-        found = [_with_truth(item, published) for item in several]
-        if each is not None:
-            changed[section] = found if isinstance(each, list) else found[0]
-    return {**data, **changed}
+    given = data.get("measurement", {})
+    each = given if isinstance(given, list) else [given]
+    return {**data, "measurement": [_with_truth(one, published) for one in each]}
 
 
 def _with_truth(measurement: Any, hidden: list[float]) -> Any:
@@ -85,24 +79,6 @@ def _with_truth(measurement: Any, hidden: list[float]) -> Any:
         return measurement
     tag = {TAGS["measurement"]: "synthetic"}
     return {**tag, **measurement, "synthetic": {**synthetic, "parameters": {"dyke": list(hidden)}}}
-
-
-def with_passes(data: dict[str, Any]) -> dict[str, Any]:
-    """Case data in which lists of ``radar`` and ``measurement`` are divided into the first and the further passes."""
-    for key in FURTHER.values():
-        if data.get(key) is not None:
-            raise ValueError(f"unknown key {key}: further passes are items of a list of radar and of measurement")
-    found = {name: value for name, value in data.items() if name not in FURTHER.values()}
-    counts = {name: len(data[name]) if isinstance(data.get(name), list) else 1 for name in FURTHER}
-    if counts["radar"] != counts["measurement"] or 0 in counts.values():
-        lengths = " and ".join(f"{name} of {count}" for name, count in counts.items())
-        raise ValueError(f"passes: found {lengths}, expected lists of equal length, with one item for each pass")
-    for name, further in FURTHER.items():
-        if isinstance(data.get(name), list):
-            found[name], *others = data[name]
-            if others:
-                found[further] = others
-    return found
 
 
 def with_starting_laws(data: dict[str, Any]) -> dict[str, Any]:

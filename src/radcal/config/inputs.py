@@ -150,7 +150,7 @@ def _sources(case: Case) -> Iterator[Callable[[], dict[str, Path]]]:
         yield partial(_plain, case.scene.objects.path, "scene.objects.path")
     for number, one in enumerate(case.passes, start=1):
         if isinstance(one.measurement, FileMeasurement):
-            key = f"measurement.{number}.path" if case.further_radar else "measurement.path"
+            key = f"measurement.{number}.path" if len(case.radars) > 1 else "measurement.path"
             if is_safe_name(one.measurement.path):
                 yield partial(_product_inputs, one.measurement.path, one.radar.polarisation, key)
             else:

@@ -30,6 +30,7 @@ __all__ = [
     "read_cases",
 ]
 
+_SECTIONS = {field.alias or name for name, field in Case.model_fields.items()}
 # sections that a forward run does not read
 _OF_CALIBRATION = (
     "measurement", "registration", "objective", "target", "validation", "design", "surrogate", "optimiser",
@@ -43,7 +44,7 @@ def _parsed(overrides: Mapping[str, Any]) -> dict[str, Any]:
 
     parsed = dict(overrides)
     for key, value in overrides.items():
-        if isinstance(value, str) and key in Case.model_fields.keys() - {"case", "seed"}:
+        if isinstance(value, str) and key in _SECTIONS - {"case", "seed"}:
             parsed[key] = read_value(value, f"--config {key}")
     return parsed
 

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol, Self, TypeVar
+from typing import Annotated, Any, Protocol, Self, TypeVar
+
+from pydantic import BeforeValidator, ConfigDict, Field, SerializerFunctionWrapHandler, WrapSerializer
 
 from radcal.laws import EXTERNAL, Law, law_for
-from radcal.sections.base import DERIVED, FURTHER, Section
+from radcal.sections.base import Section
 from radcal.sections.materials import Material
-from radcal.sections.measurement import RegistrationConfig
+from radcal.sections.measurement import MeasurementConfig
 from radcal.sections.radar import Radar
 from radcal.sections.search import Design, SurrogateConfig
 from radcal.sections.target import TargetConfig
 from radcal.storage.disclosure import Undisclosed
 
-__all__ = ["Part"]
+__all__ = ["Measurements", "Part", "Radars"]
 
 # The baseline predicts most of how a run depends on X. Two runs are enough to estimate its error.
 _DESIGN_SIZE = 2
@@ -28,19 +30,21 @@ class _Materials(Protocol):
     def model_copy(self, *, update: Mapping[str, Any] | None = None) -> Self: ...
 
 
-class _Pass(_Materials, Protocol):
-    @property
-    def radar(self) -> Radar: ...
-
-
 class _Passes(Protocol):
     @property
-    def radar(self) -> Radar: ...
-
-    @property
-    def further_radar(self) -> list[Radar] | None: ...
+    def radars(self) -> list[Radar]: ...
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None) -> Self: ...
+
+
+class _Measured(Protocol):
+    @property
+    def measurements(self) -> list[MeasurementConfig]: ...
+
+
+class _Laws(_Materials, Protocol):
+    @property
+    def radar(self) -> Radar: ...
 
 
 class _Levels(_Materials, Protocol):
@@ -58,19 +62,31 @@ class _Design(_Levels, Protocol):
     @property
     def has_baseline(self) -> bool: ...
 
-
-class _Sized(_Design, Protocol):
     @property
     def design_size(self) -> int: ...
 
 
-class _Registered(_Design, Protocol):
-    @property
-    def registration(self) -> RegistrationConfig: ...
-
-
 _OfMaterials = TypeVar("_OfMaterials", bound=_Materials)
 _OfPasses = TypeVar("_OfPasses", bound=_Passes)
+_Item = TypeVar("_Item")
+
+
+def _listed(value: object) -> object:
+    return value if isinstance(value, list) else [value]
+
+
+def _alone(items: list[Any], write: SerializerFunctionWrapHandler) -> Any:
+    written = write(items)
+    return written[0] if len(written) == 1 else written
+
+
+# sections of all passes: in plain data a list, or of a single pass the section itself
+_PerPass = Annotated[list[_Item], BeforeValidator(_listed), WrapSerializer(_alone)]
+
+Radars = Annotated[_PerPass[Radar], Field(alias="radar")]
+"""Acquisition of each pass."""
+Measurements = Annotated[_PerPass[MeasurementConfig], Field(alias="measurement")]
+"""Measured image of each pass."""
 
 
 class Part(Section):
@@ -80,11 +96,13 @@ class Part(Section):
     rejects the use of a property on a model that lacks a section that the property needs.
     """
 
+    model_config = ConfigDict(serialize_by_alias=True)  # plain data have the keys of a case file
+
     def sections(self, *names: str) -> dict[str, Any]:
-        """Sections with the given names as plain data, for the ``params`` of a Snakemake rule."""
+        """Sections of the fields with the given names as plain data, for the ``params`` of a Snakemake rule."""
         sections = self.model_dump(mode="json", include=set(names))
-        # keys that a case does not use are left out, so that jobs and results are the same as before these keys existed
-        sections = {name: data for name, data in sections.items() if data is not None or name not in DERIVED}
+        if sections.get("colours", {}) is None:  # a case without colours has the jobs it had before this key existed
+            del sections["colours"]
         if environment := sections.get("simulator", {}).get("environment"):
             sections["simulator"]["environment"] = Undisclosed(environment)
         return sections
@@ -112,7 +130,7 @@ class Part(Section):
         )
 
     @property
-    def laws(self: _Pass) -> dict[str, Law]:
+    def laws(self: _Laws) -> dict[str, Law]:
         """Law of each material at the frequency and polarisation of the pass."""
         return {
             name: law_for(
@@ -130,11 +148,19 @@ class Part(Section):
     @property
     def passes(self: _OfPasses) -> list[_OfPasses]:
         """List of copies of the model, one for each pass: each copy contains the sections of its pass alone."""
-        fields = [(name, FURTHER[name]) for name in FURTHER if hasattr(self, FURTHER[name])]
-        alone = self.model_copy(update={further: None for _, further in fields})
-        count = len(self.further_radar or ())
-        others = [{name: getattr(self, further)[k] for name, further in fields} for k in range(count)]
-        return [alone, *(alone.model_copy(update=update) for update in others)]
+        fields = [name for name in ("radars", "measurements") if hasattr(self, name)]
+        count = range(len(self.radars))
+        return [self.model_copy(update={name: [getattr(self, name)[k]] for name in fields}) for k in count]
+
+    @property
+    def radar(self: _Passes) -> Radar:
+        """Acquisition of a model of one pass; of several passes, that of the first, which defines the looks."""
+        return self.radars[0]
+
+    @property
+    def measurement(self: _Measured) -> MeasurementConfig:
+        """Measured image of a model of one pass; of several passes, that of the first."""
+        return self.measurements[0]
 
     @property
     def reference_materials(self: _Levels) -> list[str]:
@@ -151,12 +177,6 @@ class Part(Section):
         return curves and learnt and self.target.normalisation != "image"
 
     @property
-    def registers_twice(self: _Registered) -> bool:
-        """Whether the image is registered again, onto a run of the laws that the first registration gives."""
-        config = self.registration
-        return config.rounds == 2 and config.method != "none" and self.has_baseline
-
-    @property
     def design_size(self: _Design) -> int:
         """Number of runs of the design, also if the configured size is ``auto``."""
         if self.design.size != "auto":
@@ -167,6 +187,6 @@ class Part(Section):
         return max(_DESIGN_SIZE_WITHOUT_BASELINE, 2 * most)
 
     @property
-    def design_parts(self: _Sized) -> int:
+    def design_parts(self: _Design) -> int:
         """Number of workflow jobs that simulate the design in one pass."""
         return -(-self.design_size // self.design.chunk)

@@ -11,7 +11,7 @@ import json
 from typing import Any
 
 from radcal.config.case import Case
-from radcal.sections.base import FURTHER, MATERIALS_FROM
+from radcal.sections.base import MATERIALS_FROM, PASSES
 
 __all__ = ["schema_json"]
 
@@ -42,15 +42,13 @@ def schema_json() -> str:
     schema = Case.model_json_schema()
     schema["$defs"]["FileMeasurement"]["required"].remove("scale")  # the name of a product may give the scale
     sections = schema["properties"]
-    for section in sections.values():
+    for section in (*sections.values(), sections["measurement"]["items"]):
         _require_tag(section, schema["$defs"])
     del sections["colours"]  # each material has a key colour instead
-    for name, further in FURTHER.items():  # one pass, or a list with an item for each pass
-        del sections[further]
-        one = {word: value for word, value in sections[name].items() if word not in ("default", "description")}
-        about = sections[name].get("description", "the acquisition: track, sensor and image grid")
+    for name in PASSES:  # one pass, or a list with an item for each pass
+        one = sections[name]["items"]
         sections[name] = {
-            "description": f"{about}; for several passes, a list with one item for each pass",
+            "description": f"{sections[name]['description']}; for several passes, a list with one item for each pass",
             "anyOf": [one, {"type": "array", "items": one, "minItems": 1}],
         }
     sections[MATERIALS_FROM] = {
@@ -62,13 +60,11 @@ def schema_json() -> str:
 
 
 def _require_tag(section: dict[str, Any], models: dict[str, dict[str, Any]]) -> None:
-    """Make the key that chooses a section's kind required for every kind except the default kind."""
+    """Make the key that chooses a section's kind required for every kind except the first, which is the default."""
     if (union := section.pop("discriminator", None)) is None:
         return
-    tag = union["propertyName"]
-    for kind, reference in union["mapping"].items():
-        if kind != section["default"][tag]:
-            models[reference.rpartition("/")[2]].setdefault("required", []).append(tag)
+    for kind in section["oneOf"][1:]:
+        models[kind["$ref"].rpartition("/")[2]].setdefault("required", []).append(union["propertyName"])
 
 
 def _plain(part: Any) -> Any:

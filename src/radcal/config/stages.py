@@ -11,13 +11,12 @@ from collections.abc import Mapping
 from typing import Any, Self
 
 from radcal.config.case import Case
-from radcal.config.part import Part
+from radcal.config.part import Measurements, Part, Radars
 from radcal.sections.base import CaseName
 from radcal.sections.limits import Seed
 from radcal.sections.materials import Material
-from radcal.sections.measurement import MeasurementConfig, RegistrationConfig
+from radcal.sections.measurement import RegistrationConfig
 from radcal.sections.objectives import Objective
-from radcal.sections.radar import Radar
 from radcal.sections.scene import SceneConfig
 from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
 from radcal.sections.simulator import SimulatorConfig
@@ -59,7 +58,9 @@ class Stage(Part):
     @classmethod
     def of(cls, case: Case) -> Self:
         """Model of this stage, filled with the sections of a whole case that the stage reads."""
-        return cls.model_validate({name: getattr(case, name) for name in cls.model_fields})
+        return cls.model_validate(
+            {field.alias or name: getattr(case, name) for name, field in cls.model_fields.items()}
+        )
 
     @classmethod
     def params(cls, case: Case) -> dict[str, Any]:
@@ -77,13 +78,13 @@ class SceneStage(Stage):
 class GeometryStage(Stage):
     """Section that rule ``geometry`` reads: the pass."""
 
-    radar: Radar
+    radars: Radars
 
 
 class SimulatorStage(Stage):
     """Sections that rule ``simulator`` reads: simulator settings, materials and pass."""
 
-    radar: Radar
+    radars: Radars
     simulator: SimulatorConfig
     materials: dict[str, Material]
 
@@ -91,7 +92,7 @@ class SimulatorStage(Stage):
 class MeasurementStage(SimulatorStage):
     """Sections that rule ``measurement`` reads to simulate or read the measured image, and to check the image."""
 
-    measurement: MeasurementConfig
+    measurements: Measurements
     target: TargetConfig
 
 
@@ -99,7 +100,7 @@ class Laws(Stage):
     """Sections that define the laws of the runs: seed, pass and materials."""
 
     seed: Seed
-    radar: Radar
+    radars: Radars
     materials: dict[str, Material]
 
 
@@ -107,7 +108,6 @@ class Scores(Laws):
     """Sections that rule ``scores`` reads to score the runs: the laws in all passes, and the objective."""
 
     objective: Objective
-    further_radar: list[Radar] | None = None
 
 
 class Simulation(SimulatorStage, Laws):
@@ -125,7 +125,7 @@ class ReferenceRun(Simulation):
 class Registration(Stage):
     """Sections that rule ``registration`` reads: its settings, the pass, and the materials of a run's record."""
 
-    radar: Radar
+    radars: Radars
     materials: dict[str, Material]
     registration: RegistrationConfig
 
@@ -194,8 +194,6 @@ class StopSettings(Stage):
 class FinalRuns(Simulation):
     """Sections that rule ``final_runs`` reads to run the calibrated laws of all materials together."""
 
-    further_radar: list[Radar] | None = None
-
 
 class ForwardStage(FinalRuns):
     """Sections that a forward run reads: scene, passes, simulator and materials."""
@@ -215,12 +213,10 @@ class ArchiveStage(Stage):
     case: CaseName
     seed: Seed
     scene: SceneConfig
-    radar: Radar
+    radars: Radars
     simulator: SimulatorConfig
     materials: dict[str, Material]
-    measurement: MeasurementConfig
-    further_radar: list[Radar] | None = None
-    further_measurement: list[MeasurementConfig] | None = None
+    measurements: Measurements
     colours: dict[str, str] | None = None
     registration: RegistrationConfig
     objective: Objective

@@ -32,6 +32,8 @@ def _lines(section: BaseModel, indent: str = "") -> list[str]:
     lines = []
     for name, field in type(section).model_fields.items():
         value = getattr(section, name)
+        if field.alias is not None:  # of the only pass
+            name, value = field.alias, value[0]
         if value is None:
             continue
         nested = value if isinstance(value, dict) else {}

@@ -203,9 +203,7 @@ class Archive:
     def configured(self) -> stages.Scores:
         """Objective and materials of the configuration, with their laws in all passes."""
         sections = json.loads(self.config)
-        radar, kept = sections["radar"], ("seed", "materials", "objective")
-        first, *further = radar if isinstance(radar, list) else [radar]
-        return stages.Scores(radar=first, further_radar=further or None, **{key: sections[key] for key in kept})
+        return stages.Scores.model_validate({key: sections[key] for key in ("seed", "radar", "materials", "objective")})
 
     @property
     def registered(self) -> Registered:

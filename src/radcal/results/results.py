@@ -35,7 +35,6 @@ from radcal.results.archive import (
 from radcal.results.law_notes import law_notes
 from radcal.results.search_front import search_fronts
 from radcal.scene.model import Scene
-from radcal.sections.base import FURTHER
 from radcal.storage.disclosure import disclosed
 from radcal.storage.runs import Record
 from radcal.targets.target import Targets
@@ -165,9 +164,6 @@ def _of_passes(targets: Targets, objective: str) -> list[Finding]:
 def _as_written(case: stages.ArchiveStage, stop: Stop) -> dict[str, Any]:
     """Configuration in the form of a case file, in which sections of several passes are lists."""
     data = {**case.sections(*case.__dict__), "stop": stop.model_dump(mode="json")}
-    for section, further in FURTHER.items():
-        if further in data:
-            data[section] = [data[section], *data.pop(further)]
     for name, colour in data.pop("colours", {}).items():
         data["materials"][name]["colour"] = colour
     return data

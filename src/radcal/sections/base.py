@@ -6,22 +6,19 @@ import re
 from collections.abc import Mapping
 from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, ConfigDict
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict
 
 from radcal.errors import ConfigError
 
-__all__ = ["DERIVED", "EXAMPLES", "FURTHER", "MATERIALS_FROM", "TAGS", "CaseName", "Section", "check_case_name"]
+__all__ = ["EXAMPLES", "MATERIALS_FROM", "PASSES", "TAGS", "CaseName", "Section", "check_case_name", "with_tag"]
 
 _LONGEST_NAME = 100  # file systems allow names of 255 bytes, and the names of some files contain the name of the case
 
 # sections that exist in several kinds, and for each section the key that chooses the kind
 TAGS = {"scene": "source", "simulator": "kind", "measurement": "source"}
 
-# sections that each pass has, and the fields that hold these sections of the second and later passes
-FURTHER = {"radar": "further_radar", "measurement": "further_measurement"}
-
-# fields of a case that radcal derives from other keys; a field without such keys is absent
-DERIVED = (*FURTHER.values(), "colours")
+# keys with a section for each pass: a list, or the section itself if there is one pass
+PASSES = ("radar", "measurement")
 
 
 def _case_name(value: str) -> str:
@@ -54,6 +51,12 @@ def check_case_name(name: str, origin: str) -> None:
 
 
 CaseName = Annotated[str, AfterValidator(_case_name)]
+
+
+def with_tag(section: str, kind: str) -> BeforeValidator:
+    """Validator that inserts the default kind into the data of a section that exists in several kinds."""
+    tag = TAGS[section]
+    return BeforeValidator(lambda data: {tag: kind, **data} if isinstance(data, dict) and tag not in data else data)
 
 
 # key of a case file that names another file; before the sections are checked, that file's materials replace the key

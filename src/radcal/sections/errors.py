@@ -9,9 +9,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from radcal.sections.base import EXAMPLES, FURTHER, MATERIALS_FROM, TAGS
+from radcal.sections.base import EXAMPLES, MATERIALS_FROM, PASSES, TAGS
 
 __all__ = ["MISSING", "Mistake", "first_of", "mistakes", "nearest", "shown"]
 
@@ -127,9 +128,9 @@ def _of_key(detail: ErrorDetails, root: type[BaseModel]) -> Mistake:
 def _dotted(location: Sequence[int | str]) -> str:
     """Key in dotted form of an error's location, without the tags and alternatives that pydantic inserts."""
     place, kind = list(location), 1
-    for section, further in FURTHER.items():
-        if place[:1] == [further]:  # passes are counted from 1
-            place[:2], kind = [section, *(int(number) + 2 for number in place[1:2])], 2
+    if place and place[0] in PASSES and len(place) > 1:  # passes are counted from 1, and the first is not numbered
+        number = int(place[1])
+        place[1:2], kind = ([number + 1], 2) if number else ([], 1)
     if place and place[0] in TAGS:
         del place[kind : kind + 1]  # it may be the name of one of the section's keys, too
     return ".".join(str(part) for part in place if part not in _ALTERNATIVES and "[" not in str(part))
@@ -139,11 +140,16 @@ def _known_keys(section: Sequence[int | str], root: type[BaseModel]) -> list[str
     """Allowed keys of the section at a location."""
     models = [root]
     for part in section:
-        fields = [model.model_fields[part] for model in models if part in model.model_fields]
+        fields = [field for model in models for name, field in _by_key(model).items() if part == name]
         inside = [model for field in fields for model in _models_in(field.annotation)]
         of_kind = [model for model in models if part in [field.default for field in model.model_fields.values()]]
         models = inside or of_kind or models
-    return sorted({key for model in models for key in model.model_fields} | (set() if section else {MATERIALS_FROM}))
+    return sorted({key for model in models for key in _by_key(model)} | (set() if section else {MATERIALS_FROM}))
+
+
+def _by_key(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Fields of a model by their keys in a case file."""
+    return {field.alias or name: field for name, field in model.model_fields.items()}
 
 
 def _models_in(annotation: object) -> list[type[BaseModel]]:

@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 
 from radcal.findings import Finding, of_pass
 from radcal.reading.products import named_product
-from radcal.sections.base import Section
+from radcal.sections.base import Section, with_tag
 from radcal.sections.errors import MISSING
 from radcal.sections.limits import Count, Decibels, Length, Looks, Parameter, Real, Seed
 from radcal.sections.materials import OtherLaw
@@ -220,7 +220,9 @@ class FileMeasurement(Section):
         return radiometry
 
 
-MeasurementConfig = Annotated[SyntheticMeasurement | FileMeasurement, Field(discriminator="source")]
+MeasurementConfig = Annotated[
+    SyntheticMeasurement | FileMeasurement, Field(discriminator="source"), with_tag("measurement", "synthetic")
+]
 
 
 class RegistrationConfig(Section):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
-from radcal.sections.base import Section
+from radcal.sections.base import Section, with_tag
 from radcal.sections.limits import Coordinate, Decibels, Integer, Length, Real, Seed
 from radcal.tables.landcover import LandCover
 
@@ -180,7 +180,9 @@ class RasterScene(Section):
         return self
 
 
-SceneConfig = Annotated[BuiltinScene | SlantRangeScene | RasterScene, Field(discriminator="source")]
+SceneConfig = Annotated[
+    BuiltinScene | SlantRangeScene | RasterScene, Field(discriminator="source"), with_tag("scene", "builtin")
+]
 
 
 def check_curve(points: ArrayLike) -> str | None:

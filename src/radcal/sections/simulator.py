@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from radcal.sections.base import Section
+from radcal.sections.base import Section, with_tag
 from radcal.sections.limits import LONGEST_S, Count, Integer, RetryWait, Timeout
 
 __all__ = ["BuiltinSimulation", "CommandSimulation", "InputFile", "Output", "RawType", "SimulatorConfig", "Template"]
@@ -280,4 +280,6 @@ class CommandSimulation(Section):
         return self
 
 
-SimulatorConfig = Annotated[BuiltinSimulation | CommandSimulation, Field(discriminator="kind")]
+SimulatorConfig = Annotated[
+    BuiltinSimulation | CommandSimulation, Field(discriminator="kind"), with_tag("simulator", "builtin")
+]

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 
 from radcal.config import Case
 from radcal.config.stages import STAGES
-from radcal.sections.base import DERIVED
 
 __all__ = ["reruns_table"]
 
@@ -52,9 +51,10 @@ def reruns_table() -> str:
         Table in Markdown, with one row for each top-level key of the configuration.
     """
     lines = ["| key | stages that read it | new runs of the simulator |", "|---|---|---|"]
-    for section in (name for name in Case.model_fields if name not in DERIVED):
-        rules = ", ".join(_first(section)) or ("archive" if section in STAGES["archive"].model_fields else "none")
-        lines.append(f"| `{section}` | {rules} | {_RUNS[section]} |")
+    for name, field in Case.model_fields.items():
+        if (section := field.alias or name) in _RUNS:
+            rules = ", ".join(_first(name)) or ("archive" if name in STAGES["archive"].model_fields else "none")
+            lines.append(f"| `{section}` | {rules} | {_RUNS[section]} |")
     return "\n".join(lines) + "\n"
 
 

@@ -67,7 +67,7 @@ def runner_of(
 
     The files ``paths`` need not exist before the first run.
     """
-    each = [case] if len(paths) == 1 else case.passes  # type: ignore[misc]  # a stage of all passes has this attribute
+    each = case.passes
     runners = [
         Runner(RunStore(runs), make_simulator(one, geometry, path), geometry, identity, one, first=each[0].radar)
         for one, geometry, path in zip(each, geometries, paths, strict=True)
