@@ -1,0 +1,257 @@
+"""Wrong variants of geometry and radiometry: side, angles, areas, powers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from variants import agrees
+
+from radcal.angles import depression_deg, incidence_deg
+from radcal.config import Radar
+from radcal.posterior.cells import area_db, weights_of_facets
+from radcal.radar.earth import heading_at_scene, heading_of_sight, line_of_sight
+from radcal.radar.lines import local_incidence_cosine
+from radcal.radar.points import FINENESS, fine_taps
+from radcal.radar.projection import make_geometry
+from radcal.radar.radiometry import noise_floor_db, of_sigma0, with_noise_db
+from radcal.radar.reflectivity import law_tables, reflectivity
+from radcal.scene.model import Scene
+
+Build = Callable[..., Scene]
+ANGLES = np.array([23.0, 37.0, 52.0])
+RAD = np.radians(ANGLES)
+EARTH_M = 6_371_008.8
+
+
+def test_area_factor_of_each_radiometry() -> None:
+    sine, secant, one = np.sin(RAD), 1.0 / np.cos(RAD), np.ones(3)
+    agrees(of_sigma0("beta0", ANGLES), 1.0 / sine, inverse=sine, cosine=secant, unit=one, degrees=1.0 / np.sin(ANGLES))
+    for name in ("gamma0", "gamma0_rtc"):
+        agrees(of_sigma0(name, ANGLES), secant, inverse=1.0 / secant, sine=1.0 / sine, tangent=np.tan(RAD))
+    for name in ("sigma0_local", "sigma0_ref"):
+        agrees(of_sigma0(name, ANGLES), one, beta0=1.0 / sine, gamma0=secant)
+
+
+def test_noise_floor_is_a_power_in_the_radiometry_of_the_image() -> None:
+    factor = 10.0 * np.log10(1.0 / np.sin(RAD))
+    table = [(20.0, -29.0), (40.0, -21.0), (50.0, -24.0)]
+    sigma0 = np.array([-29.0 + 8.0 * 3.0 / 20.0, -29.0 + 8.0 * 17.0 / 20.0, -24.0])
+    linear = 10.0 * np.log10(np.interp(ANGLES, *np.array([(a, 10.0 ** (b / 10.0)) for a, b in table]).T))
+    agrees(
+        noise_floor_db(Radar(nesz_db=table, radiometry="beta0"), ANGLES),
+        sigma0 + factor,
+        amplitude=sigma0 + 2 * factor,
+        sign=sigma0 - factor,
+        sigma0=sigma0,
+        interpolated_in_power=linear + factor,
+    )
+
+
+def test_noise_adds_in_power() -> None:
+    law, noise = np.array([-12.0, -20.0, -31.0]), -22.0
+    power = 10.0 ** (law / 10.0) + 10.0 ** (noise / 10.0)
+    agrees(
+        with_noise_db(law, noise),
+        10.0 * np.log10(power),
+        none=law,
+        larger=np.maximum(law, noise),
+        db_sum=law + noise,
+        amplitudes=20.0 * np.log10(10.0 ** (law / 20.0) + 10.0 ** (noise / 20.0)),
+        db_mean=0.5 * (law + noise),
+        subtracted=10.0 * np.log10(np.abs(10.0 ** (law / 10.0) - 10.0 ** (noise / 10.0))),
+    )
+
+
+def test_local_incidence_is_the_angle_of_normal_and_ray() -> None:
+    along, across, look = 0.31, -0.17, np.radians(38.0)
+    ray = np.array([0.0, -np.sin(look), np.cos(look)])  # azimuth, ground range away from the track, up
+
+    def cosine(first: float, second: float) -> float:
+        normal = np.cross([1.0, 0.0, first], [0.0, 1.0, second])
+        return float(normal @ ray / np.linalg.norm(normal))
+
+    steep = cosine(along, across) * np.sqrt(1.0 + along**2 + across**2)
+    found = local_incidence_cosine(np.array([[along]]), np.array([[across]]), (ray[1], ray[2]))
+    agrees(
+        found,
+        cosine(along, across),
+        look_side=cosine(along, -across),
+        axes=cosine(across, along),
+        unnormalised=steep,
+        flat=np.cos(look),
+    )
+
+
+@pytest.mark.parametrize(("side", "sign"), [("right", 1.0), ("left", -1.0)])
+@pytest.mark.parametrize("radiometry", ["sigma0_ref", "beta0", "gamma0", "gamma0_rtc", "sigma0_local"])
+def test_tilted_plane(build_scene: Build, side: str, sign: float, radiometry: str) -> None:
+    """A plane that rises eastwards: it faces a radar in the west, and turns away from one in the east."""
+    slope = 0.15
+    radar = Radar(altitude_m=4e4, depression_deg=51.0, look_side=side, radiometry=radiometry)
+    scene = build_scene(lambda east, north: slope * east, cells=(30, 60))
+    geometry = make_geometry(scene, radar)
+    middle = geometry.shape[0] // 2, geometry.shape[1] // 2
+    flat, tilt = np.radians(geometry.flat_incidence_deg[middle[0]]), np.arctan(slope)
+    local = flat - sign * tilt
+    agrees(
+        np.radians(geometry.incidence_deg[middle]),
+        local,
+        rtol=2e-3,
+        look_side=flat + sign * tilt,
+        level=flat,
+        degrees=flat - sign * slope * 180.0 / np.pi,
+    )
+    # area of the ground in a pixel, over that of level ground, and over its projection across the beam
+    area = np.sin(flat) / np.sin(local)
+    factors = {
+        "sigma0_ref": area,
+        "beta0": 1.0 / np.sin(local),
+        "gamma0": area / np.cos(flat),
+        "gamma0_rtc": 1.0 / np.cos(local),
+        "sigma0_local": 1.0,
+    }
+    wrong = {name: value for name, value in factors.items() if name != radiometry}
+    weight = weights_of_facets(geometry).reshape(geometry.shape)[middle[0] - 3 : middle[0] + 4, 8:-8].mean()
+    agrees(weight, factors[radiometry], rtol=6e-3, **wrong)
+    found = area_db(geometry, radar).reshape(geometry.shape)[middle[0] - 3 : middle[0] + 4, 8:-8].mean()
+    if radiometry != "gamma0_rtc":
+        agrees(found, 10.0 * np.log10(area), atol=0.03, amplitude=20.0 * np.log10(area), inverse=-10.0 * np.log10(area))
+
+
+def test_angles_over_a_spherical_earth() -> None:
+    """The radar stands at (0, R + h), and the ground at the angle of incidence is found by the law of sines."""
+    height, angle = 693e3, np.radians(39.0)
+    nadir = np.arcsin(np.sin(angle) * EARTH_M / (EARTH_M + height))
+    flat, off = 51.0, np.degrees(nadir)
+    agrees(depression_deg(39.0, height), 90.0 - off, rtol=1e-9, flat_earth=flat, from_nadir=off, central=39.0 - off)
+    agrees(incidence_deg(90.0 - off, height), 39.0, rtol=1e-9, flat_earth=off, from_horizon=51.0)
+    slant = EARTH_M * np.sin(angle - nadir) / np.sin(nadir)
+    radar = Radar(earth="curved", altitude_m=height, incidence_deg=39.0, nesz_db=-22.0)
+    sight = line_of_sight(radar, EARTH_M)
+    agrees(
+        [sight.height_m, sight.ground_m],
+        [slant * np.cos(angle), slant * np.sin(angle)],
+        rtol=1e-9,
+        exchanged=[slant * np.sin(angle), slant * np.cos(angle)],
+        flat_earth=[height, height * np.tan(angle)],
+        from_nadir=[slant * np.cos(nadir), slant * np.sin(nadir)],
+    )
+    agrees(sight.slant_range_m(39.0), slant, rtol=1e-9, flat_earth=height / np.cos(angle), nadir=height / np.cos(nadir))
+    agrees(sight.flat_incidence_deg(slant), 39.0, flat_earth=np.degrees(np.arccos(height / slant)), nadir=off)
+
+
+def test_earth_falls_off_along_ground_range_alone() -> None:
+    sight = line_of_sight(Radar(earth="curved", altitude_m=5e5, incidence_deg=35.0), EARTH_M)
+    u, v = (np.arange(9) - 4.0) * 700.0, (np.arange(7) - 3.0)[:, None] * 700.0
+    drop = -(u**2) / (2.0 * EARTH_M) + 0.0 * v
+    agrees(
+        sight.lowered(np.zeros((7, 9)), 700.0),
+        drop,
+        rtol=1e-5,
+        atol=1e-6,
+        raised=-drop,
+        twice=2.0 * drop,
+        along_azimuth=-(v**2) / (2.0 * EARTH_M) + 0.0 * u,
+        both=drop - v**2 / (2.0 * EARTH_M),
+        from_edge=drop - drop[0, 1],
+    )
+
+
+def test_flat_earth_by_the_tangent_of_the_depression() -> None:
+    sight = line_of_sight(Radar(altitude_m=3000.0, depression_deg=53.0))
+    right = 3000.0 / np.tan(np.radians(53.0))
+    agrees(
+        sight.ground_m,
+        right,
+        incidence=3000.0 * np.tan(np.radians(53.0)),
+        degrees=3000.0 / np.tan(53.0),
+        slant=3000.0 / np.sin(np.radians(53.0)),
+        cosine=3000.0 * np.cos(np.radians(53.0)),
+    )
+
+
+@pytest.mark.parametrize(("side", "turn"), [("right", 90.0), ("left", -90.0)])
+def test_heading_is_at_right_angles_to_the_sight(side: str, turn: float) -> None:
+    longitude, latitude, bearing = 6.2, 51.7, 103.0  # bearing of the sight at the scene, away from the satellite
+    lon, lat, az = np.radians([longitude, latitude, bearing])
+    up = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
+    east = np.array([-np.sin(lon), np.cos(lon), 0.0])
+    away = np.sin(az) * east + np.cos(az) * np.cross(up, east)
+    place = EARTH_M * up
+    satellite = place - 9e5 * (np.sin(0.7) * away - np.cos(0.7) * up)
+    right = (bearing - turn) % 360.0
+    agrees(
+        heading_of_sight(satellite, place, longitude, latitude, side),
+        right,
+        other_side=(bearing + turn) % 360.0,
+        line_of_sight=bearing,
+        towards_radar=(bearing + 180.0 - turn) % 360.0,
+        mathematical=(90.0 - bearing - turn) % 360.0,
+        axes=(90.0 - bearing) % 360.0,
+    )
+    # the same triangle on the sphere: from the point below the satellite, meridians converge
+    arc = np.radians(33.0) - np.arcsin(np.sin(np.radians(33.0)) * EARTH_M / (EARTH_M + 693e3))
+    below = np.cos(arc) * up - np.sin(arc) * away
+    there = np.cos(arc) * away + np.sin(arc) * up
+    lon_below, lat_below = np.arctan2(below[1], below[0]), np.arcsin(below[2])
+    east_below = np.array([-np.sin(lon_below), np.cos(lon_below), 0.0])
+    at_below = np.degrees(np.arctan2(there @ east_below, there @ np.cross(below, east_below)))
+    assert abs(np.degrees(lat_below) - latitude) > 0.5
+    agrees(
+        heading_at_scene((at_below - turn) % 360.0, 33.0, 693e3, latitude, side),
+        right,
+        rtol=1e-4,
+        unchanged=(at_below - turn) % 360.0,
+        backwards=(2.0 * at_below - bearing - turn) % 360.0,
+        other_side=(bearing + turn) % 360.0,
+    )
+
+
+def test_power_of_a_law_is_a_tenth_of_its_decibels() -> None:
+    class Table:
+        names, formula = ("a",), "a - phi"
+
+        def __call__(self, phi_rad: np.ndarray, x: np.ndarray) -> np.ndarray:
+            return x[0] - 8.0 * np.asarray(phi_rad)
+
+    tables = law_tables(("grass", "crops"), {"crops": Table()}, {"crops": [-7.0]})
+    level = -7.0 - 8.0 * np.radians(30.0)
+    agrees(
+        [tables[2, round(65535 / 3)], tables[1].max(), tables[3].min()],
+        [10.0 ** (level / 10.0), 0.0, 1.0],
+        rtol=1e-4,
+        amplitude=[10.0 ** (level / 20.0), 0.0, 1.0],
+        degrees=[10.0 ** (-(7.0 + 8.0 * 30.0) / 10.0), 0.0, 1.0],
+        from_grazing=[10.0 ** ((-7.0 - 8.0 * np.radians(60.0)) / 10.0), 0.0, 1.0],
+    )
+
+
+def test_power_of_a_pixel_is_the_sum_over_its_facets(scene: Scene, radar: Radar) -> None:
+    """Independent of which facets a pixel has: every facet by its own angle, not the pixel's mean angle."""
+    geometry = make_geometry(scene, radar)
+    phi = np.linspace(0.0, np.pi / 2.0, 65536)
+    tables = np.zeros((4, 65536), np.float32)
+    tables[1], tables[2], tables[3] = np.cos(phi) ** 9, 0.3 * np.cos(phi), 1.0
+    first = geometry.facet_start[geometry.cell_start]
+    id_of = np.repeat(geometry.cell_material, np.diff(geometry.facet_start))
+    power = geometry.facet_weight * tables[id_of, geometry.facet_incidence]
+    right = np.add.reduceat(power, first[:-1]) * (np.diff(first) > 0)
+    mean = np.add.reduceat(geometry.facet_weight, first[:-1]) * tables[1, 65535 * 3 // 7]
+    found = reflectivity(geometry, tables).image.ravel()
+    agrees(found, right, rtol=1e-4, atol=1e-7, amplitudes=np.sqrt(right), mean_angle=mean, mean=right / 2.0)
+
+
+@pytest.mark.parametrize(("resolution", "spacing"), [(2.0, 1.4), (3.3, 1.1)])
+def test_echo_of_a_point_has_unit_energy_wherever_it_lies(resolution: float, spacing: float) -> None:
+    taps = fine_taps(resolution, spacing).astype(np.float64)
+    energy = np.array([(taps[k::FINENESS] ** 2).sum() for k in range(FINENESS)])
+    agrees(
+        energy,
+        np.ones(FINENESS),
+        rtol=2e-3,
+        of_all_taps=np.full(FINENESS, 1.0 / FINENESS),
+        peak_of_one=energy / taps.max() ** 2,
+        amplitudes=[np.abs(taps[k::FINENESS]).sum() for k in range(FINENESS)],
+    )

@@ -1,0 +1,138 @@
+"""Wrong variants of speckle and texture, against scipy.stats and the definitions of the impulse response."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.special import polygamma
+from variants import agrees
+
+from radcal.speckle.gaussian import circular_gaussian
+from radcal.speckle.response import border_gain, impulse_response, speckle_correlation
+from radcal.speckle.texture import equal_texture, log_speckle_cumulants, order_of_texture, texture_db, texture_order
+
+K = 10.0 / np.log(10.0)
+
+
+@pytest.mark.parametrize("looks", [1.4, 2.7, 9.0])
+def test_cumulants_of_speckle_in_decibels(looks: float) -> None:
+    mean, variance, skewness = (float(x) for x in stats.loggamma.stats(looks, moments="mvs"))
+    third = skewness * variance**1.5
+    right = [K * (mean - np.log(looks)), K**2 * variance, K**3 * third]
+    agrees(
+        log_speckle_cumulants(looks),
+        right,
+        mean_of_decibels=[0.0, *right[1:]],
+        sum_of_looks=[K * mean, *right[1:]],
+        nepers=[mean - np.log(looks), variance, third],
+        amplitude=np.array(right) * [2.0, 4.0, 8.0],
+        bright_tail=[right[0], right[1], -right[2]],
+        standard_deviation=[right[0], np.sqrt(right[1]), right[2]],
+        skewness=[right[0], right[1], skewness],
+        of_one_look=[K * stats.loggamma.mean(1.3), K**2 * 5.0, right[2]],
+    )
+
+
+def test_texture_adds_to_the_variance_in_decibels() -> None:
+    looks, effective, others = 4.0, 2.5, 7.0
+    order = texture_order(looks, effective)
+    speckle, whole = stats.loggamma.var(looks), stats.loggamma.var(effective)
+    of_intensity = (1.0 + 1.0 / looks) / ((1.0 + 1.0 / effective) - (1.0 + 1.0 / looks))
+    agrees(
+        stats.loggamma.var(order),
+        whole - speckle,
+        intensity=stats.loggamma.var(of_intensity),
+        whole=whole,
+        looks_apart=stats.loggamma.var(looks - effective),
+    )
+    found = equal_texture(looks, effective, others)
+    agrees(
+        stats.loggamma.var(found),
+        stats.loggamma.var(others) + whole - speckle,
+        unchanged=whole,
+        share=stats.loggamma.var(effective * others / looks),
+        less=stats.loggamma.var(others),
+    )
+    order = order_of_texture(2.2)
+    agrees(K * np.sqrt(polygamma(1, order)), 2.2, nepers=2.2 * K, variance=np.sqrt(2.2), amplitude=1.1)
+
+
+def test_texture_has_unit_mean_power() -> None:
+    uniform, order = np.array([0.03, 0.4, 0.77, 0.99]), 3.2
+    power = stats.gamma.ppf(uniform, order, scale=1.0 / order)
+    agrees(
+        texture_db(uniform, order),
+        10.0 * np.log10(power),
+        mean_of_order=10.0 * np.log10(power * order),
+        amplitude=20.0 * np.log10(power),
+        nepers=np.log(power),
+        mirrored=10.0 * np.log10(power[::-1]),
+        normal=stats.norm.ppf(uniform) * K * np.sqrt(polygamma(1, order)),
+    )
+
+
+@pytest.mark.parametrize(("resolution", "spacing"), [(2.0, 1.1), (3.7, 0.9)])
+def test_response_has_its_width_in_power_and_unit_energy(resolution: float, spacing: float) -> None:
+    taps = impulse_response(resolution, spacing / 32.0)
+    middle = taps.size // 2
+    db = 10.0 * np.log10((taps[middle:] / taps[middle]) ** 2 + 1e-30)
+    half = np.interp(10.0 * np.log10(2.0), -db[:300], np.arange(300)) * spacing / 32.0
+    agrees(
+        2.0 * half,
+        resolution,
+        rtol=0.01,
+        of_amplitude=resolution * 1.38,
+        half=resolution / 2.0,
+        unweighted=resolution / 1.3,
+    )
+    coarse = impulse_response(resolution, spacing)
+    agrees(
+        (coarse**2).sum(), 1.0, rtol=1e-9, unit_sum=(coarse**2).sum() / coarse.sum() ** 2, unit_peak=coarse.max() ** -2
+    )
+
+
+def test_correlation_of_power_is_the_square_of_that_of_amplitude() -> None:
+    steps = 16
+    taps = impulse_response(1.0, 1.0 / steps)
+    lags = np.correlate(taps, taps, mode="full")[taps.size - 1 :]
+    at = np.array([0.25, 0.5, 1.0])
+    amplitude = lags[(at * steps).astype(int)] / lags[0]
+    agrees(
+        speckle_correlation(at),
+        amplitude**2,
+        rtol=6e-3,
+        amplitude=amplitude,
+        response=(taps[taps.size // 2 :][(at * steps).astype(int)] / taps.max()) ** 2,
+        fourth_power=amplitude**4,
+    )
+
+
+def test_noise_is_circular_and_of_unit_power() -> None:
+    z = circular_gaussian(5, 1, 2, (500, 600))
+    power = np.abs(z.astype(np.complex128)) ** 2
+    found = [power.mean(), z.real.var(), z.imag.var(), (z.real * z.imag).mean(), power.var()]
+    agrees(
+        found,
+        [1.0, 0.5, 0.5, 0.0, 1.0],
+        atol=0.012,
+        rtol=0.0,
+        unit_parts=[2.0, 1.0, 1.0, 0.0, 4.0],
+        real=[1.0, 1.0, 0.0, 0.0, 2.0],
+        phase_alone=[1.0, 0.5, 0.5, 0.0, 0.0],
+        equal_parts=[1.0, 0.5, 0.5, 0.5, 2.0],
+    )
+
+
+def test_gain_at_the_border_restores_the_power() -> None:
+    taps, n = impulse_response(2.0, 1.3), 40
+    kept = np.convolve(np.ones(n), taps**2, mode="full")[taps.size // 2 :][:n]
+    agrees(
+        border_gain(taps, n),
+        1.0 / np.sqrt(kept),
+        rtol=1e-5,
+        power=1.0 / kept,
+        none=np.ones(n),
+        loss=np.sqrt(kept),
+        amplitudes=1.0 / np.convolve(np.ones(n), taps, mode="full")[taps.size // 2 :][:n] * taps.sum(),
+    )
