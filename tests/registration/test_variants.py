@@ -1,0 +1,59 @@
+"""Wrong variants of a displacement: sign, axis order, order of two displacements, direction of an inverse."""
+
+from __future__ import annotations
+
+import numpy as np
+from variants import agrees
+
+from radcal.registration.displacement import compose, invert, warp
+
+ROWS, COLUMNS = 24, 31
+R, C = np.mgrid[0:ROWS, 0:COLUMNS].astype(float)
+INSIDE = np.s_[:, 6:-6, 6:-6]
+
+
+def test_warp_takes_the_value_at_the_place_plus_the_displacement() -> None:
+    image = (100.0 * R + C).astype(np.float32)
+    move = np.stack([np.full_like(R, 2.0), np.full_like(R, -3.0)])
+    right = (100.0 * (R + 2.0) + (C - 3.0))[5:-5, 5:-5]
+    agrees(
+        warp(image, move)[5:-5, 5:-5],
+        right,
+        sign=(100.0 * (R - 2.0) + (C + 3.0))[5:-5, 5:-5],
+        axes=(100.0 * (R - 3.0) + (C + 2.0))[5:-5, 5:-5],
+        rows_alone=(100.0 * (R + 2.0) + C)[5:-5, 5:-5],
+    )
+    half = warp(image, np.stack([np.full_like(R, 0.4), np.full_like(R, 0.7)]))[5:-5, 5:-5]
+    agrees(
+        half,
+        (100.0 * R + C + 1.0)[5:-5, 5:-5],
+        interpolated=(100.0 * (R + 0.4) + C + 0.7)[5:-5, 5:-5],
+        floor=(100.0 * R + C)[5:-5, 5:-5],
+    )
+
+
+def test_composition_and_inverse_of_linear_displacements() -> None:
+    """Of displacements d(x) = a x, the composition is (1 + a)(1 + b) - 1, and the inverse 1 / (1 + a) - 1."""
+    a, b, shift = 0.10, -0.06, 1.5
+    first, second = np.stack([a * R, 0.0 * C + shift]), np.stack([b * C, 0.04 * R])
+    right = np.stack([a * R + b * (C + shift), shift + 0.04 * (1.0 + a) * R])
+    agrees(
+        compose(first, second)[INSIDE],
+        right[INSIDE],
+        rtol=1e-6,
+        sum=(first + second)[INSIDE],
+        order=np.stack([a * (R + b * C) + b * C, shift + 0.04 * R])[INSIDE],
+        backwards=np.stack([a * R + b * (C - shift), shift + 0.04 * (1.0 - a) * R])[INSIDE],
+    )
+    move = np.stack([a * (R - 12.0), -b * (C - 15.0)])
+    right = np.stack([-a / (1.0 + a) * (R - 12.0), b / (1.0 - b) * (C - 15.0)])
+    agrees(
+        invert(move)[INSIDE],
+        right[INSIDE],
+        atol=2e-3,
+        rtol=0.0,
+        minus=-move[INSIDE],
+        same=move[INSIDE],
+        axes=right[::-1][INSIDE],
+        outward=np.stack([-a / (1.0 - a) * (R - 12.0), b / (1.0 + b) * (C - 15.0)])[INSIDE],
+    )
