@@ -530,7 +530,14 @@ def keep(
     registered: Registered,
     row: dict[str, Any],
 ) -> None:
-    """Write ``twin.npz`` and ``case.json``: registered image, images of all runs, geometry (docs/evidence/twins.md)."""
+    """Write ``twin.npz`` and ``case.json``: what an assessment needs, without a new run.
+
+    The image as registered (``measured_db``) and before; displacement and its standard error; X and images of all runs
+    with all draws (``x``, ``run_db``), the final runs (``best``, ``final_db``), the draws of a run of ``best`` in the
+    other radiometry of sigma0_ref and sigma0_local; the geometry; and the hidden law at the 19 angles (``angles_deg``,
+    ``truth_db``). A pixel of ``field`` is 0 outside of all fields, and else 1,000 times the material id plus the number
+    of the field.
+    """
     g, name = b.geometry, b.material
     x = np.array([run.scores[name].parameters for run in history.runs])
     best = history.best(name).parameters
