@@ -28,7 +28,7 @@ from radcal.storage.runs import RunStore
 from radcal.targets.target import Targets
 from radcal.targets.target_fit import make_targets
 
-__all__ = ["ROOT", "Bench", "by_workflow", "hidden_laws", "workflow_runs"]
+__all__ = ["Bench", "hidden_laws", "workflow_runs"]
 
 ROOT = Path(__file__).resolve().parents[1]
 _PUBLISHED = ROOT / "config/dyke_published.yaml"
@@ -98,16 +98,11 @@ class Bench:
         return make_targets(stage, self.geometry, registered, reference, misfit, scene=self.scene)
 
 
-def by_workflow(name: str, path: Path) -> dict[str, Any]:
-    """Summary of a case that the workflow calibrates; its results lie in results/<name> of this project."""
+def workflow_runs(path: Path) -> int:
+    """Design and infill runs of a case of :class:`Bench` by the workflow, whose results lie below results/ here."""
     command = [sys.executable, "-m", "snakemake", "--cores", "1", "--configfile", str(path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     if done.returncode:
-        sys.exit(f"{name}: {done.stderr}")
-    return dict(json.loads((ROOT / "results" / name / "summary.json").read_text()))
-
-
-def workflow_runs(path: Path) -> int:
-    """Number of design and infill runs of a case file of :class:`Bench` that the workflow calibrates."""
-    runs = by_workflow(path.stem, path)["runs"]
+        sys.exit(f"{path.stem}: {done.stderr}")
+    runs = json.loads((ROOT / "results" / path.stem / "summary.json").read_text())["runs"]
     return int(runs["design"] + runs["infill"])
