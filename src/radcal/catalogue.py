@@ -68,18 +68,18 @@ _OF_IMAGE: Mapping[str, str] = {
     "speckle of {about}, nor whether it was filtered: the areas of single materials are too small (fewer than "
     "{pairs:.0f} pairs of their pixels are {apart_px:.0f} pixels apart in slant range or in azimuth), or the speckle "
     "is correlated over most of their width",
-    "resolution_unusual": "{about} of {resolution_m:g} is {spacings:.3g} times the pixel spacing and could not be "
-    "checked by the speckle, expected at most about {most_spacings:.2g}",
+    "resolution_unusual": "{about} of {resolution_m:g} is {spacings:.3g} times the pixel spacing, and images usually "
+    "have at most {most_spacings:.2g} times; the speckle could not check it",
     "filtered": "{about} is speckle-filtered: " + _CORRELATED + ", and it has {looks_ratio:.2g} times radar.looks. "
     "Use the image before filtering, unless radar.looks and the resolutions are both wrong",
     "smoothed": "{about} is speckle-filtered or smoothed in another way, unless the resolutions are wrong: "
     + _CORRELATED,
     "resolutions": _SPREAD + ": set them to {range_possible_m:g} and {azimuth_possible_m:g}, unless the image was "
     "resampled before or has texture of a few pixels",
-    "resolutions_explained": _SPREAD + ": no key need be changed",
+    "resolutions_explained": _SPREAD + ": the resampling explains the difference, and no key need be changed",
     "resolutions_nearest": _SPREAD + ": no resolutions nearer to the image's are possible",
-    "resampling": "{about}: the widths of the point spread contain the resampling by nearest neighbour, with which the "
-    "configured resolutions give up to {range_m:.3g} and {azimuth_m:.3g} m",
+    "resampling": "{about}: its resampling by nearest neighbour widens the point spread: an image of the configured "
+    "resolutions then has up to {range_m:.3g} m in slant range and {azimuth_m:.3g} m in azimuth",
     "spacing_limits": "{about} of {spacing_m:g} allows a resolution of {finest_m:g} m at the finest",
     "unweighted": "{about}: an impulse response without weighting seems 24 to 34 % finer than it is: then no key need "
     "be changed",
@@ -131,10 +131,10 @@ _OF_IMAGE: Mapping[str, str] = {
 
 _OF_CASE: Mapping[str, str] = {
     "scene_large": "The scene is large: it is read when the calibration starts, not in this check",
-    "starts_as_truth": "{about}: no hidden law in measurement.synthetic.parameters, so that the start is simulated, "
-    "which the search already has",
+    "starts_as_truth": "{about}: measurement.synthetic.parameters has no hidden law, so that the measured image is "
+    "simulated with the starting law, and the search begins at its result",
     "ground_hidden": "{hidden_percent:.0f} % of the simulated image's pixels are in shadow or layover or without "
-    "ground ({without_percent:.0f} % show none at all), and half of the ground is steeper than {slope_deg:.0f} "
+    "ground ({without_percent:.0f} % show no ground at all), and half of the ground is steeper than {slope_deg:.0f} "
     "degrees: are the heights in {about} in another unit than metres ({units}), or is radar.depression_deg wrong?",
     "noise_positive": "{about} is {level_db:g} dB: is a minus sign missing (-{level_db:g})? Noise above 0 dB hides "
     "nearly all ground, unless the levels of the image itself lie far above 0 dB",
@@ -154,8 +154,7 @@ _OF_RUNS: Mapping[str, str] = {
     "repeats": "The simulator is deterministic: the reference run repeated gives the same pixels",
     "does_not_repeat": "The simulator is not deterministic: the reference run repeated, with equal parameters and "
     "seed, differs by up to {largest_db:.2g} dB in a pixel" + _SMOOTHS,
-    "seedless": "The simulator takes no seed, so that no run with other random numbers can be asked of it: the rms of "
-    "such a run is not given",
+    "seedless": "The simulator takes no seed: a run with other random numbers cannot be made, and its rms is not given",
     "seed_without_effect": "The final run with another seed gives the same pixels as the one that it repeats, bit for "
     "bit: the seed does not reach the program's random numbers, or there are none (simulator.seedless: true says so). "
     "The rms with other random numbers is not given",
@@ -209,7 +208,8 @@ _OF_MODEL: Mapping[str, str] = {
     "withheld": "sigma0 is determined at no angle, because the image is refused",
     "level_only": "seen at one incidence, {incidence_deg:.1f} degrees, from which no law can be determined; "
     "sigma0 there is {median_db:.1f} dB (90 %: {p05_db:.1f} to {p95_db:.1f})",
-    "parameters_only": "its law has no curve in dB or the image is normalised: only parameters have intervals",
+    "parameters_only": "only the parameters have intervals, because the law has no curve in dB or the image is "
+    "normalised; there is no band of sigma0",
     "without_cells": "sigma0 is determined at no angle, because too few of its pixels lie together: a cell "
     "has 8 pixels or more in a square of 24 pixels and 3 degrees of incidence, and a pass 3 cells or more",
     "refuted": "the form of the law is refuted: it is wrong by {rms_db:.1f} dB (rms; 90 %: {p05_db:.1f} to "
@@ -234,16 +234,16 @@ _OF_MODEL: Mapping[str, str] = {
 _CRITERION_MET = "{about}: stop criterion met after {counted_runs}: "
 _EXHAUSTED = "every combination of whole parameters inside the bounds has been simulated"
 _OF_SEARCH: Mapping[str, str] = {
-    "search_goes_on": "{about}: {standing} yet",
-    "search_stagnated": "{about}: {standing}, no better for {counted_idle}",
+    "search_goes_on": "{about}: {standing} so far",
+    "search_stagnated": "{about}: {standing}, without improvement for {counted_idle}",
     "search_out_of_runs": "{about}: {standing} at the maximum of {counted_runs}",
     "rms_before_infill": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} before any infill",
     "rms_reached": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} after {counted_runs}",
     "rms_unreachable": "{about}: {standing}, after {counted_runs}; a multi-start search of the surrogate, two standard "
     "errors in favour, finds no rms below {floor:.2g} inside the bounds: the target seems out of reach there",
     "rms_exhausted": "{about}: {standing}: " + _EXHAUSTED,
-    "rms_below_sampling_error": "{about}: rms {rms:.2g}, no better for {counted_idle} and below a third of the "
-    "sampling error {sampling:.2g}: a better fit would not be significant (stop.at_sampling_error: false continues)",
+    "rms_below_sampling_error": "{about}: rms {rms:.2g}, without improvement for {counted_idle} and below a third of "
+    "the sampling error {sampling:.2g}: a better fit would not be significant (stop.at_sampling_error: false goes on)",
     "criterion_met_exhausted": _CRITERION_MET + _EXHAUSTED,
     "no_better_x": _CRITERION_MET + "the surrogate of all runs predicts no clearly better X",
     "no_better_law": _CRITERION_MET + "the surrogate of all runs predicts no clearly better law",
@@ -264,11 +264,13 @@ _TO_RATIO = "to {ratio:.2f} times their half-widths (geometric mean over the mat
 _OF_ADVICE: Mapping[str, str] = {
     "band_best": _NARROWS + "the band most, " + _TO_DB,
     "band_alike": _ALIKE + "the band " + _TO_DB,
-    "band_none": "{about}: no pass of the table is expected to narrow the band by a tenth, the best " + _TO_DB,
+    "band_none": "{about}: no pass of the table is expected to narrow the band by a tenth; the best narrows it "
+    + _TO_DB,
     "bands_best": _NARROWS + "the bands most, " + _TO_RATIO,
     "bands_best_of_each": _NARROWS + "the band of each material most, and all bands " + _TO_RATIO,
     "bands_alike": _ALIKE + "the bands " + _TO_RATIO,
-    "bands_none": "{about}: no pass of the table is expected to narrow the bands by a tenth, the best " + _TO_RATIO,
+    "bands_none": "{about}: no pass of the table is expected to narrow the bands by a tenth; the best narrows them "
+    + _TO_RATIO,
     "passes_equal": "{about}: as good within 5 %: {names}",
     "model_of_advice": "Expected of a linear-Gaussian model with the draws of the posterior: an image that cannot be "
     "registered and a wrong radiometry are not part of it",

@@ -29,9 +29,9 @@ _COUNTED = {
     "determined": "determined at some angles",
     "undetermined": "determined at no angle",
     "withheld": "determined at no angle, because an image is refused",
-    "level_only": "level only",
-    "parameters_only": "parameters only",
-    "without_cells": "without cells",
+    "level_only": "seen at one incidence alone",
+    "parameters_only": "without a band of sigma0",
+    "without_cells": "without enough pixels side by side",
 }
 _DETERMINED = "determined to +-{half_width_db:.1f} dB {between}"
 _WIDTHS = (

@@ -181,8 +181,9 @@ def test_the_headline_of_several_materials_counts_them():
         *of_material("ditch", cells=0, curve=None, form=None),
     ]
     assert headline(["dyke", "rest", "road", "pond", "ditch"], found, False) == (
-        "Of 5 materials 2 are determined at some angles (dyke, road), 1 is determined at no angle (rest), 1 is level "
-        "only (pond), 1 is without cells (ditch), the law of road is refuted. The search is not finished."
+        "Of 5 materials 2 are determined at some angles (dyke, road), 1 is determined at no angle (rest), 1 is seen at "
+        "one incidence alone (pond), 1 is without enough pixels side by side (ditch), the law of road is refuted. "
+        "The search is not finished."
     )
     many = [one for k in range(5) for one in of_material(f"field {k}")]
     assert headline([f"field {k}" for k in range(5)], many, True) == "Of 5 materials 5 are determined at some angles."

@@ -105,9 +105,9 @@ def test_the_finding_says_why():
     found = judged(history([0.1, 0.1], floors=[None, 0.095])).materials["dyke"].finding
     assert found == Finding("rms_unreachable", "note", "dyke", {**numbers, "runs": 4, "floor": 0.095})
     found = judged(history([0.1])).materials["dyke"].finding
-    assert sentence(found) == "dyke: rms 0.1, above the tolerance 0.001 yet."
+    assert sentence(found) == "dyke: rms 0.1, above the tolerance 0.001 so far."
     found = judged(history([0.6]), stagnation_runs=1).materials["dyke"].finding
-    assert sentence(found).endswith("no better for 1 run.")
+    assert sentence(found).endswith("without improvement for 1 run.")
 
 
 @pytest.mark.parametrize("patience", [1, 2, 5])
