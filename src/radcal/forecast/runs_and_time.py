@@ -17,7 +17,7 @@ __all__ = [
 ]  # fmt: skip
 
 FINAL_RUNS = 2  # of each pass: one with the noise seed of all runs, one with another noise seed
-# infill runs within which 63 of the 64 searches with a baseline in the table of docs/right_law.md ended (one took 17);
+# infill runs within which 63 of the 64 searches with a baseline in docs/evidence/runs.md ended (one took 17);
 # of 20 searches without a baseline, half ended within 8
 _SEARCH_RUNS = 16
 
