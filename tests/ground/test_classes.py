@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import stats
 
 from radcal.errors import MeasurementError
-from radcal.ground.classes import class_cumulants, class_of, incidence_edges, make_classes, winsorised
+from radcal.ground.classes import class_of, incidence_edges, make_classes, winsorised
 
 
 @settings(max_examples=60, deadline=None)
@@ -43,14 +42,6 @@ def test_auto_goes_by_pixels():
 def test_no_angle_is_a_sentence(angles):
     with pytest.raises(MeasurementError, match=r"target\.incidence_classes: 3 classes"):
         incidence_edges(angles, 3)
-
-
-def test_cumulants_are_scipys_moments():
-    rng = np.random.default_rng(3)
-    values, member = rng.gamma(2.0, 1.0, 500), rng.integers(0, 3, 500)
-    for k, found in enumerate(class_cumulants(values, member, 3)):
-        part = values[member == k]
-        np.testing.assert_allclose(found, [part.mean(), stats.moment(part, 2), stats.moment(part, 3)])
 
 
 def test_shares_of_labels():

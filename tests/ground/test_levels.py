@@ -18,22 +18,6 @@ def test_equal_materials_are_averaged_by_their_errors() -> None:
     assert error == pytest.approx((1 / 0.01 + 1 / 0.04 + 1 / 0.16) ** -0.5)
 
 
-def test_scatter_beyond_sampling_evens_the_weights() -> None:
-    found = np.array([-3.0, 1.0, 5.0])
-    offset, error = pooled_offset(found, [0.02, 0.02, 0.02])
-    assert offset == pytest.approx(found.mean(), abs=0.01)
-    assert error == pytest.approx(found.std(ddof=1) / np.sqrt(3), rel=0.01)
-
-
-def test_dersimonian_and_laird_by_hand() -> None:
-    # w = 4, 1: mean 1.6, Q = 4 x 0.16 + 1 x 2.56 = 3.2... by the formula tau2 = (Q - 1) / (5 - 17/5)
-    offset, error = pooled_offset([2.0, 0.0], [0.5, 1.0])
-    between = (4 * 0.4**2 + 1 * 1.6**2 - 1) / (5 - 17 / 5)
-    weights = np.array([1 / (0.25 + between), 1 / (1.0 + between)])
-    assert offset == pytest.approx(2.0 * weights[0] / weights.sum())
-    assert error == pytest.approx(weights.sum() ** -0.5)
-
-
 @given(shift=st.floats(-30, 30), values=st.lists(st.floats(-5, 5), min_size=1, max_size=6))
 def test_an_offset_moves_with_the_measurement(shift: float, values: list[float]) -> None:
     errors = 0.1 + 0.1 * np.arange(len(values))

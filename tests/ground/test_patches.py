@@ -9,9 +9,7 @@ from radcal.ground.patches import (
     Spread,
     label_patches,
     make_cells,
-    patch_effects,
     patches_seen,
-    pooled,
     spreads,
 )
 
@@ -25,17 +23,6 @@ def example():
     rng = np.random.default_rng(5)
     patch = np.array([4, 4, 4, 7, 7, 9])
     return Residuals(rng.normal(size=6), rng.uniform(0.01, 0.3, 6), patch, rng.normal(size=(6, 2)), np.diag([0.5, 2.0]))
-
-
-def test_effects_are_conditional_means_of_the_normal_law(example):
-    spread = Spread(0.8, 0.4)
-    found = patch_effects(example.residual_db, example.sampling, example.patch, spread)
-    dense = covariance(example.patch, example.sampling, spread)
-    between = spread.between**2 * (np.unique(example.patch)[:, None] == example.patch)
-    gain = between @ np.linalg.inv(dense)
-    np.testing.assert_allclose(found.effect_db, gain @ example.residual_db)
-    np.testing.assert_allclose(found.variance, np.diagonal(spread.between**2 * np.eye(3) - gain @ between.T))
-    assert found.patch.tolist() == [4, 7, 9]
 
 
 def test_restricted_likelihood_is_the_marginal_one(example):
@@ -89,14 +76,6 @@ def test_cells_are_parts_of_patches_in_blocks():
     assert sorted(cells.mean(values).tolist()) == [0.5, 2.0, 3.0, 4.0]
 
 
-def test_sampling_variance_is_pooled_over_cells():
-    rng = np.random.default_rng(8)
-    block = np.repeat(np.arange(50), 40)
-    cells = make_cells(np.ones(2000, dtype=int), block)
-    found = cells.sampling_variance(rng.normal(0.0, 2.0, 2000) + 5.0 * block, independent=0.5)
-    np.testing.assert_allclose(found, 4.0 / 20.0, rtol=0.1)
-
-
 def test_sampling_variance_by_hand():
     """Sums of squares inside cells of 7, 4 and 2 values over 13 - 3 degrees of freedom; at least one value counts."""
     values = np.array([1.0, 2, 3, 4, 5, 6, 7, -2, -2, 2, 2, 9, 12])
@@ -136,8 +115,3 @@ def test_two_passes_number_a_field_alike():
     off[1, 0, 3] = 3.6
     assert patches_seen(image, scene, off).tolist() == [[lower, lower, 0, 0, 0, upper]]
     assert patches_seen(image, image, np.full_like(ground, np.nan)).tolist() == [[1, 1, 0, 2, 0, 3]]
-
-
-def test_the_spread_of_several_passes_is_their_root_mean_square():
-    found = pooled([Spread(0.3, 1.0), Spread(0.4, 0.0), Spread(1.2, 0.0)])
-    assert (found.between, found.within) == pytest.approx((1.3 / np.sqrt(3.0), 1.0 / np.sqrt(3.0)))

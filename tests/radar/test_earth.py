@@ -16,7 +16,6 @@ from pyproj import CRS, Geod, Transformer
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.optimize import brentq
 
-from radcal.angles import MEAN_RADIUS_M, depression_deg, incidence_deg
 from radcal.config import Radar
 from radcal.radar import projection
 from radcal.radar.earth import LineOfSight, heading_at_scene, heading_of_sight, line_of_sight
@@ -289,36 +288,12 @@ def ends(mask: np.ndarray) -> np.ndarray:
     return change
 
 
-def test_angles_of_a_sphere() -> None:
-    radius, altitude = 6_371_000.0, 693_000.0
-    # law of sines, with the angle at the earth's centre from the other two
-    look = 30.0
-    inside = math.degrees(math.asin((radius + altitude) / radius * math.sin(math.radians(look)))) - look
-    assert incidence_deg(90.0 - look, altitude, radius) == pytest.approx(look + inside, abs=1e-9)
-    assert inside > 3.0
-    assert depression_deg(look + inside, altitude, radius) == pytest.approx(90.0 - look, abs=1e-9)
-    assert math.isnan(incidence_deg(20.0, altitude, radius))
-    curved = line_of_sight(Radar(altitude_m=altitude, depression_deg=60.0, earth="curved"), radius)
-    assert float(curved.flat_incidence_deg(np.hypot(curved.height_m, curved.ground_m))) == pytest.approx(look + inside)
-    assert curved.slant_range_m(look + inside) == pytest.approx(np.hypot(curved.height_m, curved.ground_m), rel=1e-12)
-
-
 def test_a_huge_earth_is_flat() -> None:
     level = line_of_sight(Radar(altitude_m=4000.0, depression_deg=40.0))
     huge = line_of_sight(Radar(altitude_m=4000.0, depression_deg=40.0, earth="curved"), 1e13)
     assert (huge.height_m, huge.ground_m) == pytest.approx((level.height_m, level.ground_m), rel=1e-6)
     slant = np.array([6000.0, 7000.0])
     np.testing.assert_allclose(huge.flat_incidence_deg(slant), level.flat_incidence_deg(slant), atol=1e-5)
-
-
-def test_radius_of_the_ellipsoid() -> None:
-    """The radii of the meridian at pole and equator are a^2 / b and b^2 / a."""
-    a, b = 6378137.0, 6356752.314245
-    at = Transformer.from_crs("OGC:CRS84", "EPSG:32633", always_xy=True).transform(15.0, 0.0)
-    assert earth_radius_m("EPSG:32633", at, 0.0) == pytest.approx(b**2 / a, abs=1.0)
-    assert earth_radius_m("EPSG:32633", at, 90.0) == pytest.approx(a, abs=1.0)
-    assert earth_radius_m("EPSG:3995", (0.0, 0.0), 33.0) == pytest.approx(a**2 / b, abs=1.0)
-    assert b < MEAN_RADIUS_M < a
 
 
 def test_scale_of_a_grid() -> None:
@@ -396,34 +371,3 @@ def test_sentinel_1_annotates_the_same_incidence_and_heading() -> None:
 def seconds(root: ET.Element, kind: str, name: str) -> np.ndarray:
     times = np.array([str(item.findtext(name)) for item in root.iter(kind)], dtype="datetime64[us]")
     return (times - np.datetime64("2021-12-23T05:11:00")) / np.timedelta64(1, "us") * 1e-6
-
-
-def test_heading_at_the_scene_of_an_orbit_on_a_sphere() -> None:
-    """Radar and scene in space, with the heading below the radar, and the same heading from the line of sight."""
-    radius, altitude = MEAN_RADIUS_M, 600e3
-    for latitude, bearing, incidence, side in ((50.0, 190.0, 40.0, "right"), (-20.0, 350.0, 25.0, "left")):
-        ground = Geod(a=radius, b=radius)
-        look = depression_deg(incidence, altitude)
-        arc = math.radians(incidence + look - 90.0) * radius
-        across = bearing + (90.0 if side == "right" else -90.0)
-        longitude, north, back = ground.fwd(10.0, latitude, across, arc)
-        expected = (back + 180.0 - (90.0 if side == "right" else -90.0)) % 360.0
-        assert heading_at_scene(bearing, incidence, altitude, north, side) == pytest.approx(expected, abs=1e-6)
-        assert abs((expected - bearing + 180.0) % 360.0 - 180.0) > 0.5
-
-        def space(east: float, up: float, away: float) -> np.ndarray:
-            angles = np.radians([east, up])
-            return away * np.array(
-                [np.cos(angles[1]) * np.cos(angles[0]), np.cos(angles[1]) * np.sin(angles[0]), np.sin(angles[1])]
-            )
-
-        satellite, scene = space(10.0, latitude, radius + altitude), space(longitude, north, radius)
-        assert heading_of_sight(satellite, scene, longitude, north, side) == pytest.approx(expected, abs=1e-6)
-
-
-def test_the_ground_drops_along_ground_range_on_both_sides_of_the_centre() -> None:
-    """Four rows of seven cells, by u^2 / 2R at the middle of each cell."""
-    elevation = np.arange(28.0).reshape(4, 7)
-    dropped = elevation - LineOfSight(1e4, 1e4, 1e4, 5e5).lowered(elevation, 300.0)
-    u = np.array([-900.0, -600.0, -300.0, 0.0, 300.0, 600.0, 900.0])
-    np.testing.assert_allclose(dropped, np.tile(u**2 / 1e6, (4, 1)), atol=1e-9)

@@ -127,6 +127,7 @@ def test_angles_over_a_spherical_earth() -> None:
     flat, off = 51.0, np.degrees(nadir)
     agrees(depression_deg(39.0, height), 90.0 - off, rtol=1e-9, flat_earth=flat, from_nadir=off, central=39.0 - off)
     agrees(incidence_deg(90.0 - off, height), 39.0, rtol=1e-9, flat_earth=off, from_horizon=51.0)
+    assert np.isnan(incidence_deg(20.0, height))  # the line of sight does not meet the earth
     slant = EARTH_M * np.sin(angle - nadir) / np.sin(nadir)
     radar = Radar(earth="curved", altitude_m=height, incidence_deg=39.0, nesz_db=-22.0)
     sight = line_of_sight(radar, EARTH_M)

@@ -111,16 +111,6 @@ def towards(curve: Any, heading: Any, bearing: float) -> np.ndarray:
     return 10 * np.log10(some.cross_section_m2(bearing))
 
 
-@pytest.mark.parametrize(
-    ("heading", "bearing", "dbsm"),
-    [(0, 0, 20), (0, 90, 30), (90, 90, 20), (90, 270, 10), (45, 90, 25), (0, 315, 25), (10, 270, 27 + 7 / 9),
-     (-90, 270, 20),
-     (270, 270, 20), (0, 225, 20)],
-)  # fmt: skip
-def test_aspect_is_the_radars_bearing_less_the_heading(heading: float, bearing: float, dbsm: float) -> None:
-    assert towards(CURVE, heading, bearing)[0] == pytest.approx(dbsm)
-
-
 @given(heading=st.floats(-360, 360), bearing=st.floats(0, 360), turns=st.integers(-2, 2))
 def test_aspect_has_a_period_of_a_turn(heading: float, bearing: float, turns: int) -> None:
     once, again = towards(CURVE, [heading, heading + 360.0 * turns], bearing)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from radcal.scene.raster import height_step_m, rounding_error_m
+from radcal.scene.raster import height_step_m
 
 
 def relief(sigma_px: float = 6.0) -> np.ndarray:
@@ -45,12 +45,3 @@ def test_step_of_mountains_in_single_precision() -> None:
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_a_ridge_or_a_valley_of_one_step_is_no_plane(sign: float) -> None:
     assert height_step_m(sign * np.tile([0.0, 2.0, 4.0, 4.0], (3, 1))) == 2.0
-
-
-@pytest.mark.parametrize("step", [0.5, 2.0])
-def test_error_of_a_slope_is_root_two_errors_over_the_spacing(step: float) -> None:
-    heights = relief()
-    error = np.round(heights / step) * step - heights
-    assert rounding_error_m(step) == pytest.approx(error.std(), rel=0.05)
-    differences = np.diff(error, axis=1)
-    assert np.sqrt(2.0) * rounding_error_m(step) == pytest.approx(differences.std(), rel=0.1)

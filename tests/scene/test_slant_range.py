@@ -10,7 +10,7 @@ from raster_files import write_raster
 
 from radcal.config import SlantRangeScene
 from radcal.errors import ConfigError, SceneError
-from radcal.scene.slant_range import flat_incidence_deg, slant_range_scene
+from radcal.scene.slant_range import slant_range_scene
 from radcal.scene.sources import make_scene
 
 LABELS = np.array([[0, 1, 1, 3], [3, 3, 1, 0], [1, 0, 0, 3]], dtype=np.uint8)
@@ -35,22 +35,6 @@ def write(tmp_path: Path) -> Write:
 
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
-
-
-@pytest.mark.parametrize(("near", "far"), [(20.0, 50.0), (1.0, 89.0), (44.9, 45.1)])
-def test_flat_incidence_has_equal_steps_of_slant_range(near: float, far: float) -> None:
-    incidence = flat_incidence_deg(near, far, 101)
-    np.testing.assert_allclose(incidence[[0, -1]], [near, far], rtol=1e-9)
-    assert (np.diff(incidence) > 0).all()
-    # the ground range of a radar at unit height is tan(incidence): slant range by Pythagoras
-    slant = np.hypot(1.0, np.tan(np.radians(incidence)))
-    np.testing.assert_allclose(np.diff(slant), (slant[-1] - slant[0]) / 100, rtol=1e-6)
-
-
-def test_middle_row_of_a_known_case() -> None:
-    # slant ranges 2/sqrt(3) H at 30 degrees and 2 H at 60: the middle's cosine is their harmonic mean
-    expected = np.degrees(np.arccos(1 / (1 / np.sqrt(3) + 1)))
-    assert flat_incidence_deg(30.0, 60.0, 3)[1] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("dtype", ["uint8", "uint16", "int16", "int32"])

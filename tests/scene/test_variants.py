@@ -7,7 +7,7 @@ import pytest
 from pyproj import CRS, Geod, Transformer
 from variants import agrees
 
-from radcal.scene.crs import earth_radius_m, ground_per_grid, transformer, turned
+from radcal.scene.crs import earth_radius_m, transformer, turned
 from radcal.scene.objects import Objects
 from radcal.scene.raster import _slope_error_deg, rounding_error_m
 from radcal.scene.slant_range import flat_incidence_deg
@@ -68,13 +68,6 @@ def test_radius_of_curvature_along_a_direction() -> None:
         exchanged = 1.0 / ((1.0 - c2) / meridian + c2 / vertical)
         found = earth_radius_m("EPSG:32632", place, azimuth)
         agrees(found, right, rtol=1e-7, exchanged=exchanged, semi_major=GEOD.a, **(wrong if azimuth == 30.0 else {}))
-
-
-def test_ground_is_grid_divided_by_the_scale_of_the_projection() -> None:
-    """On the central meridian of UTM the scale is 0.9996; far to the east it is larger."""
-    for x, scale in ((5e5, 0.9996), (7.6e5, 0.9996 * (1.0 + 0.5 * (2.6e5 / 0.9996 / 6.382e6) ** 2))):
-        found = ground_per_grid("EPSG:32632", (x, 5.7e6), (3.0, 4.0))
-        agrees(found, 1.0 / scale, rtol=1e-5, inverse=scale, one=1.0)
 
 
 def test_cross_section_by_the_bearing_from_the_front() -> None:

@@ -21,7 +21,6 @@ from safe_product import (
     digital_numbers,
     divisor,
     noise,
-    noise_over_range,
     place_of,
     write_product,
 )
@@ -31,8 +30,6 @@ from radcal.errors import ConfigError, MeasurementError
 from radcal.findings import Finding
 from radcal.image.acquisition import (
     Acquisition,
-    _apart,
-    _turned_deg,
     contradictions,
     differences,
     radar_section,
@@ -128,16 +125,6 @@ def solved(longitude: float, latitude: float) -> tuple[float, float]:
     return float(at[0]), float(at[1])
 
 
-def test_tables_are_interpolated_in_both_directions(safe: Path) -> None:
-    product, _ = opened(safe)
-    rng = np.random.default_rng(2)
-    line, pixel = rng.uniform(0, LINES - 1, 500), rng.uniform(0, PIXELS - 1, 500)
-    np.testing.assert_allclose(product.calibration.at(line, pixel), divisor(line, pixel), rtol=1e-9)
-    block = np.round(pixel) < 50  # a block begins with its first pixel, half a pixel before the pixel's centre
-    expected = noise(line, np.where(block, 0.0, 99.0)) / noise_over_range(line, np.where(block, 0.0, 99.0))
-    np.testing.assert_allclose(product.noise.at(line, pixel), noise_over_range(line, pixel) * expected, rtol=1e-9)
-
-
 def test_noise_of_early_processors_has_one_table() -> None:
     vector = "<noiseVector><line>{}</line><pixel>0 10</pixel><noiseLut>{}</noiseLut></noiseVector>"
     text = f"<noise><noiseVectorList>{vector.format(0, '4 8')}{vector.format(100, '6 20')}</noiseVectorList></noise>"
@@ -225,21 +212,6 @@ def test_a_product_tells_its_pass_whatever_the_polarisation_of_the_case(safe: Pa
     for polarisation in ("HH", "VV"):
         found = overpass_unchecked(safe, config(safe), Radar(polarisation=polarisation), scene())
         assert found.acquisition.polarisation == "VV"
-
-
-@pytest.mark.parametrize(
-    ("one", "other", "apart"), [(350.0, 10.0, 20.0), (10.0, 350.0, 20.0), (90.0, 270.0, 180.0), (200.0, 170.0, 30.0)]
-)
-def test_angles_between_directions_go_the_shorter_way(one: float, other: float, apart: float) -> None:
-    assert _apart(one, other) == pytest.approx(apart)
-
-
-def test_a_turned_look_changes_the_incidence_by_the_change_of_a_cosine() -> None:
-    """Of the angle between aspect and look: the largest of all aspects."""
-    aspect = np.radians(np.arange(0.0, 360.0, 0.01))
-    for apart in (10.0, 80.0):
-        change = np.abs(np.cos(aspect) - np.cos(aspect - np.radians(apart))).max()
-        assert _turned_deg(7.0, apart) == pytest.approx(7.0 * change, rel=1e-6)
 
 
 def measured_width(coefficient: float) -> float:

@@ -27,20 +27,6 @@ def test_philox_gives_the_published_words(counter: list[int], key: list[int], ex
     assert [int(word) for word in philox(*map(np.uint32, [*counter, *key]))] == expected
 
 
-def test_circular_gaussian_has_unit_mean_power_and_circular_statistics() -> None:
-    u = circular_gaussian(1, 0, 0, SHAPE)
-    assert u.shape == SHAPE
-    assert u.dtype == np.complex64
-    power = np.abs(u.astype(complex)) ** 2
-    # exponential power: its sd is its mean
-    assert power.mean() == pytest.approx(1.0, abs=3 / np.sqrt(N))
-    assert power.std() == pytest.approx(1.0, abs=3 * np.sqrt(8 / N))
-    for part in (u.real, u.imag):
-        assert part.mean(dtype=float) == pytest.approx(0.0, abs=3 * np.sqrt(0.5 / N))
-        assert part.var(dtype=float) == pytest.approx(0.5, abs=3 * 0.5 * np.sqrt(2 / N))
-    assert abs(np.mean(u.astype(complex) ** 2)) < 3 * np.sqrt(2 / N)  # circular
-
-
 def test_circular_gaussian_is_white() -> None:
     u = circular_gaussian(1, 0, 0, SHAPE).astype(complex)
     for a, b in [(u[1:], u[:-1]), (u[:, 1:], u[:, :-1])]:
