@@ -134,26 +134,6 @@ def test_every_module_with_compiled_functions_is_found(package: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("imported", "used"),
-    [
-        ("from radcal.scene.limits import MOST", "MOST"),
-        ("from radcal.scene.limits import MOST as most", "most"),
-        ("from radcal.scene import limits", "limits.MOST"),
-        ("import radcal.scene.limits as limits", "limits.MOST"),
-    ],
-)
-def test_constants_of_other_modules_are_sources_too(package: Path, imported: str, used: str) -> None:
-    (package / "scene" / "limits.py").write_text("MOST = 3\n")
-    (package / "scene" / "further.py").write_text(
-        f"from radcal.compiled import njit\n{imported}\n\n\n@njit()\ndef f(x):\n    return min(x, {used})\n"
-    )
-    before = cache_folder(package)
-    assert package / "scene" / "limits.py" in sources(package)
-    (package / "scene" / "limits.py").write_text("MOST = 4\n")
-    assert cache_folder(package) != before
-
-
-@pytest.mark.parametrize(
     ("imported", "used", "init"),
     [
         ("from radcal.scene.limits import MOST", "MOST", "MOST = 3"),

@@ -17,7 +17,6 @@ from radcal.figures.figures import Figure
 from radcal.findings import Finding
 from radcal.page.html import _material, _number, _span, write_report
 from radcal.posterior.radiometry import Radiometry
-from radcal.results.law_notes import at_bound
 from radcal.results.summary import summarise
 
 VOID = {"meta", "link", "img", "br"}
@@ -165,15 +164,6 @@ def test_findings_are_listed_warnings_first_and_notes_folded(made, tmp_path):
     assert "is a level of" in re.search(r"<details><summary>Further findings.*?</details>", text, re.DOTALL)[0]
 
 
-def test_the_line_below_the_verdict_says_how_the_search_ended(made, tmp_path):
-    archive = settled(made.archive)
-    text = render(tmp_path / "report.html", archive)[1].text
-    assert "Converged after 6 runs: the stop criterion of the law is met for dyke and stem beans." in text
-    archive = ended(archive, "max_runs", dyke="max_runs")
-    text = render(tmp_path / "report.html", archive)[1].text
-    assert "Stopped after 6 runs: the stop criterion of the law is not met for dyke (maximum number of runs)." in text
-
-
 def test_bands_and_form_errors_have_a_table(made, tmp_path):
     archive = changed_findings(made.archive, determined("dyke"))
     level = posterior(known_between_deg=None, known_half_width_db=None, form=None)
@@ -261,15 +251,6 @@ def test_the_table_of_parameters_has_their_intervals(page, made, tmp_path):
     assert f"{x:.4g}</td><td>4.00 to 5.90</td><td>4.800</td><td>" in text
 
 
-def test_the_registration_run_has_a_line_of_its_own(made, tmp_path):
-    runs = made.archive.runs
-    kinds = runs.kind.astype("<U12")
-    kinds[1] = "registration"
-    text = render(tmp_path / "report.html", replace(made.archive, runs=replace(runs, kind=kinds)))[1].text
-    told = re.findall(r"(reference|registration|design|total)\s*(\d+)", text[text.index("Runs of the simulator") :])
-    assert told[:4] == [("reference", "1"), ("registration", "1"), ("design", "3"), ("total", "8")]
-
-
 @pytest.mark.slow
 def test_what_does_not_apply_is_not_said(made, tmp_path):
     """Equal densities alone have equal fresh numbers."""
@@ -282,18 +263,6 @@ def test_what_does_not_apply_is_not_said(made, tmp_path):
     for name in bins.materials:
         bins = changed_material(bins, name, rms=np.full(made.archive.runs.kind.size, 1.0))
     assert "should come out near that" not in render(tmp_path / "report.html", bins)[1].text
-
-
-@pytest.mark.parametrize(
-    ("reason", "words"),
-    [
-        ("rms", "(rms of the densities) is met for dyke and stem beans."),
-        (None, "Not finished after 6 runs: the tolerance of"),
-        ("max_runs", "(rms of the densities) is not met for stem beans ("),
-    ],
-)
-def test_verdicts(made, tmp_path, reason, words):
-    assert words in render(tmp_path / "report.html", ended(made.archive, reason))[1].text
 
 
 @pytest.mark.parametrize("hidden", [True, False])
@@ -380,10 +349,6 @@ def test_same_bytes_every_time(made, pictures, page, tmp_path):
 def test_numbers(value, text):
     plain = {"\N{NARROW NO-BREAK SPACE}": " ", "\N{MULTIPLICATION SIGN}": "x", "\N{MINUS SIGN}": "-"}
     assert _number(value).translate(str.maketrans(plain)) == text
-
-
-def test_bounds():
-    assert [at_bound(x, 0.0, 50.0) for x in (0.0, 0.04, 0.06, 25.0, 49.97)] == ["lower", "lower", "", "", "upper"]
 
 
 def test_a_better_law_outside_of_a_bound_is_suspected_only_where_the_form_is_wrong(made, tmp_path):

@@ -192,27 +192,6 @@ def test_a_pass_is_judged_by_how_far_it_narrows_a_band() -> None:
     assert judged([0.9, 1.0]) == (0, [])
 
 
-def test_passes_that_do_not_differ_are_called_so():
-    """Half-widths of three passes within 5 % of the best one; their order is not that of the table."""
-    steep = case().radar.model_copy(update={"depression_deg": 60.0})
-    rows = [row("left", 1.24), row("right", 1.30), replace(row("right", 1.26), radar=steep)]
-    (found,) = best_passes(rows)
-    numbers = {"now_db": 2.0, "after_db": 1.24, "ratio": 0.62, "over_from_deg": 20.0, "over_to_deg": 60.0}
-    assert (found.code, found.numbers) == ("band_alike", numbers)
-    assert codes(rows[:1]) == [("slope", "band_best")]
-    both = [
-        one
-        for each in (rows[0], rows[2], rows[1])
-        for one in (each, replace(each, material="flat", now_db=0.4, after_db=0.2))
-    ]
-    last = best_passes(both)[-1]
-    assert (last.about, last.code, last.numbers["ratio"]) == (
-        "all materials",
-        "bands_alike",
-        pytest.approx(0.557, abs=1e-3),
-    )
-
-
 def test_a_pass_that_is_best_for_each_material_is_named_once():
     left, right = row("left", 1.5), row("right", 1.0)
     third = replace(row("left", 1.04), radar=case().radar.model_copy(update={"depression_deg": 30.0}))

@@ -12,8 +12,7 @@ from scipy.special import polygamma
 from radcal.assessment.preposterior import View
 from radcal.config import RegistrationConfig, Uncertainty, load_forward, load_measured
 from radcal.errors import ConfigError, StoreError
-from radcal.figures import drawing
-from radcal.figures.applied_figures import Prediction, draw_predictions
+from radcal.figures.applied_figures import Prediction
 from radcal.findings import Finding
 from radcal.ground.classes import class_of, incidence_edges
 from radcal.image.model import Measurement
@@ -257,37 +256,6 @@ def test_what_limits_a_prediction_is_told() -> None:
     first, second = doubts({"dyke"}, found)
     assert first.startswith("warning: dyke: the form of the law is refuted: it is wrong by 1.9 dB")
     assert second.startswith("warning: dyke: sigma0 is determined at no angle")
-
-
-def test_bins_of_different_knowledge_have_markers_of_their_own(tmp_path, monkeypatch) -> None:
-    legends = []
-    monkeypatch.setattr(drawing, "add_legend", lambda canvas, entries, columns: legends.append(entries))
-    rows = [row for known in ("known", "not known", "not seen") for _, row in (one(known, -8.0),)]
-    draw_predictions(tmp_path / "a.png", rows, "a", "b")
-    ((handles, labels),) = legends
-    markers = {
-        label.rpartition(": ")[2]: handle.lines[0].get_marker()
-        for handle, label in zip(handles, labels, strict=True)
-        if label.startswith("predicted from a")
-    }
-    assert list(markers) == ["known", "not known", "not seen"]
-    assert len(set(markers.values())) == 3
-    assert not {".", "None"} & set(markers.values())
-
-
-def test_the_legend_names_only_knowledge_that_some_material_has(tmp_path, monkeypatch) -> None:
-    legends = []
-    monkeypatch.setattr(drawing, "add_legend", lambda canvas, entries, columns: legends.append(entries))
-    first, second = one("known", -8.0)[1], replace(one("not seen", -6.9)[1], material="of the second panel")
-    draw_predictions(tmp_path / "a.png", [first, second], "a", "b")
-    ((_, labels),) = legends
-    laws = [label.rpartition(": ")[2] for label in labels if label.startswith("predicted from a")]
-    assert laws == ["known", "not seen"], "the legend is that of the first panel, and serves all panels"
-
-
-def test_figure(tmp_path) -> None:
-    draw_predictions(tmp_path / "a.png", [row for _, row in (one("known", -8.0), one("not seen", -6.9))], "a", "b")
-    assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
 
 
 def archive_of(**dyke: object) -> SimpleNamespace:

@@ -50,17 +50,6 @@ def test_a_finished_case(folder, made):
     ]
 
 
-def test_registration_runs_are_counted_apart(folder):
-    data = json.loads((folder / "summary.json").read_text())
-    data["runs"] |= {"reference": 3, "registration": 2}
-    (folder / "summary.json").write_text(json.dumps(data))
-    assert "besides 3 reference (2 of them for the registration), 1 final; end" in show(folder)[7]
-    # a file of an earlier version
-    del data["runs"]["registration"], data["warnings"], data["next"]
-    (folder / "summary.json").write_text(json.dumps(data))
-    assert "besides 3 reference, 1 final; end" in show(folder)[5]
-
-
 def test_warnings_and_the_next_step_are_shown(folder):
     data = json.loads((folder / "summary.json").read_text())
     level = Finding("level", "warning", "pass 1", {"level_db": 2.0, "p05_db": 1.6, "p95_db": 2.4})
@@ -149,10 +138,4 @@ def test_a_summary_without_runs_is_one_sentence(folder):
     del summary["runs"]
     (folder / "summary.json").write_text(json.dumps(summary))
     with pytest.raises(StoreError, match=r"summary\.json: holds other contents .* \(KeyError: 'runs'\)"):
-        show(folder)
-
-
-def test_a_damaged_summary_is_one_sentence(folder):
-    (folder / "summary.json").write_text("[1")
-    with pytest.raises(StoreError, match=r"summary.json: cannot be read"):
         show(folder)

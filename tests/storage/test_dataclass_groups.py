@@ -130,13 +130,6 @@ def test_the_file_is_what_the_table_says(tmp_path: Path) -> None:
         assert file["curves/a/names"].asstr()[()].tolist() == ["u"]
 
 
-@pytest.mark.parametrize(("size", "compression"), [(255, None), (256, "gzip")])
-def test_arrays_of_a_kilobyte_are_compressed(tmp_path: Path, size: int, compression: str | None) -> None:
-    kept(example(image_db=np.zeros((1, size), dtype=np.float32)), tmp_path / "a.h5")
-    with h5py.File(tmp_path / "a.h5", "r") as file:
-        assert file["image_db"].compression == compression
-
-
 @pytest.mark.parametrize(
     ("one", "other", "alike"),
     [
@@ -177,31 +170,6 @@ def test_a_type_without_a_place_is_refused(tmp_path: Path) -> None:
 
     with h5py.File(tmp_path / "a.h5", "w") as file, pytest.raises(TypeError, match=r"things: a list\[int\] has no"):
         put(file, Wrong([1]))
-
-
-@pytest.mark.parametrize(
-    "changed",
-    [
-        {"later": float("nan")},
-        {"shape": (4, 7, 1)},
-        {"shape": (4, 7.0)},
-        {"count": 3.0},
-        {"names": ("Wasser", "Wald")},
-        {"image_db": np.arange(1200, dtype=np.float64).reshape(30, 40)},
-        {"image_db": np.arange(1200, dtype=np.float32).reshape(40, 30)},
-        {"inner": Inner(-3.5, np.array([True, True]))},
-        {"given": Inner(-3.5, np.array([True, False]))},
-        {"reasons": {"near an edge": 0, "in shadow": 4}},
-        {"arrays": {"q": np.array([np.nan, -np.inf])}},
-        {"arrays": {"q": np.array(["nan", "inf"], dtype=object)}},
-    ],
-)
-def test_the_same_is_so_to_the_last_bit(changed: dict[str, Any]) -> None:
-    assert same(example(), example())
-    assert not same(Inner(-0.0, np.empty(0)), Inner(0.0, np.empty(0)))
-    assert same(example(**changed), example(**changed))
-    assert not same(example(**changed), example())
-    assert not same(example(), example(**changed))
 
 
 @pytest.mark.slow

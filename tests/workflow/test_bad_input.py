@@ -37,16 +37,6 @@ def test_unknown_nested_key(project, monkeypatch):
     refused(project, "stop.rmss", "'rms'", sentence(project, monkeypatch))
 
 
-def test_missing_measurement(project, monkeypatch):
-    project.write(
-        measurement={"source": "file", "path": "nowhere.tif", "scale": "db", "radiometry": "sigma0_ref"}
-        | {"synthetic": None}
-    )
-    text = (project.folder / "tiny.yaml").read_text().replace("  synthetic: null\n", "")
-    (project.folder / "tiny.yaml").write_text(text)
-    refused(project, "measurement.path", "nowhere.tif", "does not exist", sentence(project, monkeypatch))
-
-
 def test_material_not_in_the_scene(project):
     project.write(materials={**MATERIALS, "field": {"calibrate": True}, "swamp": {"parameters": [1, 1, 1, 1]}})
     refused(project, "swamp", "field")

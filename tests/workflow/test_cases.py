@@ -95,7 +95,7 @@ def test_the_papers_method_is_a_black_box_after_a_design_without_polish(tmp_path
     assert len(np.unique(training.scales)) > 6
 
 
-@pytest.mark.parametrize("name", ["paper", "paper_small"])
+@pytest.mark.parametrize("name", ["paper"])
 def test_the_papers_presets_pass_a_dry_run(project, name):
     done = project.run("--configfile", f"config/{name}.yaml", "--dry-run")
     assert done.returncode == 0, done.stdout

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import yaml
 from sealed import changed
-from workflow_project import COLUMNS, ROOT, ROWS, Project, make_project, sentences, tiny_case, write_raster
+from workflow_project import COLUMNS, ROOT, ROWS, Project, make_project, tiny_case, write_raster
 
 from radcal.config import case_from
 from radcal.config.stages import STAGES
@@ -199,20 +199,6 @@ def test_whatever_is_missing_comes_back_and_no_run_is_repeated(finished):
     assert finished.records() == records
 
 
-def test_surrogate_optimiser_and_levels_repeat_no_run(finished):
-    before = finished.contents()
-    finished.write(
-        surrogate={"outputs": "direct"},
-        optimiser={"objective": "rms"},
-        target={"normalisation": "offset"},
-        stop={"rms": 2e-2},
-    )
-    ended(finished, *CASE)
-    after = finished.contents()
-    assert {name: after[name] for name in before} == before
-    assert len(after) - len(before) <= finished.summary()["runs"]["infill"] + 1
-
-
 def test_classes_and_held_out_ground_repeat_no_run(finished):
     """Objective, classes, looks, priors and validation are no part of what a run is known by."""
     before = finished.contents()
@@ -363,14 +349,3 @@ def test_runs_of_an_earlier_case_are_reused(finished):
     assert len(shared) >= runs["reused"]
     assert f"{runs['reused']} of an earlier case" in (finished.out("second") / "report.html").read_text()
     assert len(finished.contents("second")) - len(shared) <= runs["reference"] + runs["design"] + runs["infill"] + 1
-
-
-def test_an_earlier_case_without_such_runs_is_refused(finished):
-    changes = {"design": {"reuse": "tiny"}, "radar": {"looks": 3}}
-    finished.write("second.yaml", case="second", **changes)
-    done = finished.run("design", "--configfile", "second.yaml")
-    assert done.returncode != 0
-    (said,) = sentences(done.stdout)
-    assert "none of the" in said
-    assert "pass.looks is 4 there, 3 here" in said
-    assert not finished.contents("second")
