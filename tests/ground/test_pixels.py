@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from radcal.config import Radar, TargetConfig
-from radcal.errors import MeasurementError
 from radcal.ground.pixels import eligible_pixels, noise_limited, point_targets
 from radcal.image.model import Measurement
 from radcal.radar.geometry import Geometry
@@ -45,13 +44,6 @@ def test_an_uncertain_registration_widens_the_margin(geometry: Geometry, length_
     uncertainty = np.full(geometry.shape, length_px, dtype=np.float32)
     found = eligible_pixels("dyke", geometry, image, TargetConfig(margin_px=1), uncertainty)
     np.testing.assert_array_equal(found.pixels, geometry.pixels("dyke", 1 + more))
-
-
-def test_too_few_pixels_say_why(geometry: Geometry) -> None:
-    image = Measurement(np.ones(geometry.shape, dtype=np.float32), "x")
-    shadow = np.ones(geometry.shape, dtype=bool)
-    with pytest.raises(MeasurementError, match=r"materials\.dyke: 0 usable pixels, .* masked: \d+ shadow"):
-        eligible_pixels("dyke", replace(geometry, shadow=shadow), image, CONFIG)
 
 
 def test_noise_is_where_signal_and_noise_say_so() -> None:

@@ -24,12 +24,6 @@ def speckle_db(looks: float, level: np.ndarray | float = 10.0, seed: int = 1) ->
     return decibels(image if thinning is None else image * thinning)
 
 
-@pytest.mark.parametrize("looks", [0.5, 1.0, 2.5, 4.0, 40.0, 5000.0])
-def test_looks_of_a_variance_are_those_of_the_gamma_law(looks: float) -> None:
-    variance = (10 / np.log(10)) ** 2 * special.polygamma(1, looks)
-    assert looks_of_log_variance(float(variance)) == pytest.approx(looks, rel=1e-6)
-
-
 @pytest.mark.parametrize("looks", [1, 2.5, 4, 4.4, 9])
 def test_looks_of_the_simulators_speckle(looks: float) -> None:
     found = estimate_looks(speckle_db(looks), ONE, Radar(looks=looks))

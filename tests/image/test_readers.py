@@ -90,15 +90,6 @@ def test_unusable_pixels_are_counted(tmp_path, scale, unusable, counts):
     assert (found.findings, found.polarisation, found.frequency_hz) == ((), None, None)
 
 
-def test_masked_pixels_are_counted(tmp_path):
-    values = np.full((20, 30), 100, dtype=np.uint16)
-    values[2, 3:7], values[4, :2] = 65535, 0
-    write_raster(tmp_path / "a.tif", values, nodata=65535)
-    assert read_image(
-        tmp_path / "a.tif", FileMeasurement(path="a.tif", scale="power", radiometry="sigma0_ref")
-    ).counts == Counts(600, 4, 2, 0)
-
-
 def test_scale_and_offset_of_the_band_are_heeded(tmp_path):
     path = tmp_path / "a.tif"
     stored = np.round((DB + 30.0) / 0.01).astype(np.int16)
@@ -237,14 +228,6 @@ def test_chunks_and_filters_of_hdf5_are_looked_at(tmp_path):
     with h5py.File(tmp_path / "c.h5", "w") as file:
         file.create_dataset("a", data=POWER, chunks=(40, 30), compression="gzip", shuffle=True, fletcher32=True)
     np.testing.assert_allclose(read(tmp_path / "c.h5"), DB, atol=1e-5)
-
-
-def test_numbers_that_lie_in_another_file_are_not_read(tmp_path):
-    (tmp_path / "numbers").write_bytes(POWER.tobytes())
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        file.create_dataset("a", (40, 30), "f8", external=[(str(tmp_path / "numbers"), 0, POWER.nbytes)])
-    with pytest.raises(MeasurementError, match=r"in .*a\.h5 'a' keeps its numbers in another file, which is not follo"):
-        read(tmp_path / "a.h5")
 
 
 @pytest.mark.slow

@@ -88,11 +88,6 @@ def test_findings_tell_what_is_unusable(read: Read, image_db: np.ndarray) -> Non
         read(power, "power", radar={**coarse, "range_resolution_m": 4000.0, "range_spacing_m": 5.0})
 
 
-def test_missing_file(read: Read) -> None:
-    with pytest.raises(ConfigError, match=r"measurement\.path: the file .*measured\.tif does not exist"):
-        read(None)
-
-
 def test_variable_in_the_path(
     geometry: Geometry, build_case: Build, image_db: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -236,15 +236,6 @@ def test_bad_training_data_is_refused():
         train_surrogate(objective(), x, truth(points(5)), POSTERIOR)
 
 
-def test_unit_box_round_trip_stays_inside(trained):
-    unit = np.array([[0.0, 1.0], [1.0, 0.0], [0.1, 0.7]])
-    x = trained.scaled(unit)
-    np.testing.assert_allclose(trained.unit(x), unit, atol=1e-15)
-    assert (x >= BOUNDS[:, 0]).all()
-    assert (x <= BOUNDS[:, 1]).all()
-    np.testing.assert_array_equal(trained.snapped(unit), unit)
-
-
 def test_whole_parameters_are_rounded_in_x_and_in_the_box():
     of = objective(bounds=[[0.0, 2.0], [1.0, 9.0]], integer=[False, True])
     scales, at = np.ones((3, 2)), np.array([[0.3, 5.0]])

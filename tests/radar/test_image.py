@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -125,24 +124,6 @@ def law_db(x: list[float], phi: np.ndarray) -> np.ndarray:
     return x[0] + x[1] * np.cos(phi) + x[2] * np.exp(-x[3] * phi**2)
 
 
-def test_reflectivity_is_the_weighted_mean_over_visible_facets(geometry: Geometry) -> None:
-    laws = {"dyke": LAWS["mangia"], "grass": LAWS["mangia"]}
-    found = reflectivity(geometry, law_tables(geometry.names, laws, {"dyke": DYKE, "grass": GRASS}))
-    assert found.image.shape == geometry.shape
-    mixed = np.flatnonzero((geometry.material == 0) & geometry.visible.ravel().reshape(geometry.shape))[:3]
-    for pixel in [*geometry.pixels("dyke")[:3], *geometry.pixels("grass")[-3:], *mixed]:
-        total, weights = 0.0, 0.0
-        for cell in range(geometry.cell_start[pixel], geometry.cell_start[pixel + 1]):
-            x = (DYKE, GRASS)[geometry.cell_material[cell] - 1]
-            part = slice(geometry.facet_start[cell], geometry.facet_start[cell + 1])
-            phi = geometry.facet_incidence[part] * (np.pi / 2 / 65535)
-            expected = np.sum(geometry.facet_weight[part] * 10 ** (law_db(x, phi) / 10))
-            assert found.power[cell] == pytest.approx(expected, rel=1e-5)
-            total, weights = total + expected, weights + geometry.facet_weight[part].sum()
-        assert found.image.ravel()[pixel] == pytest.approx(total, rel=1e-5)
-        assert weights == pytest.approx(1.0, rel=1e-5)
-
-
 def test_a_law_beyond_single_precision_ends_in_a_sentence_about_its_material() -> None:
     """Its infinite power would become NaN in the pixels of its neighbours."""
     laws = dict.fromkeys(("dyke", "grass"), LAWS["mangia"])
@@ -150,14 +131,6 @@ def test_a_law_beyond_single_precision_ends_in_a_sentence_about_its_material() -
                        r"380 dB, at an incidence of 0 degrees: X1 \+ X2 cos"):  # fmt: skip
         law_tables(("dyke", "grass"), laws, {"dyke": DYKE, "grass": [390.0, 0.0, 1.0, 5.0]})
     assert np.isfinite(law_tables(("grass",), laws, {"grass": [370.0, 0.0, 1.0, 5.0]})).all()
-
-
-def test_reflectivity_of_a_flat_scene_is_the_law(build_scene: Callable[..., Scene], radar: Radar) -> None:
-    geometry = make_geometry(build_scene(lambda east, north: 0 * east), radar)
-    tables = law_tables(geometry.names, {"dyke": LAWS["mangia"]}, {"dyke": DYKE})
-    found_db = 10 * np.log10(reflectivity(geometry, tables).image)
-    phi = np.radians(geometry.incidence_deg.astype(float))
-    np.testing.assert_allclose(found_db, law_db(DYKE, phi), atol=0.01)
 
 
 def test_invisible_pixels_and_materials_without_a_law_are_dark(geometry: Geometry) -> None:
@@ -195,15 +168,6 @@ def test_single_material_images_sum_to_the_full_one(geometry: Geometry, radar: R
     ]
     assert (geometry.material == 0).any()  # where both meet in a pixel too
     np.testing.assert_allclose(looks[0], looks[1] + looks[2], atol=1e-5 * np.abs(looks[0]).max())
-
-
-def test_a_run_with_one_new_law_is_a_run_from_nothing(geometry: Geometry, radar: Radar) -> None:
-    laws = {"dyke": "mangia", "grass": "mangia"}
-    sims = [BuiltinSimulator(geometry, radar, laws) for _ in range(2)]
-    sims[0].run({"dyke": GRASS, "grass": GRASS}, 4)
-    sims[0].run({"dyke": DYKE, "grass": GRASS}, 5)
-    after = sims[0].run({"dyke": [1.0, 2.0, 3.0, 4.0], "grass": GRASS}, 5)
-    np.testing.assert_array_equal(after, sims[1].run({"dyke": [1.0, 2.0, 3.0, 4.0], "grass": GRASS}, 5))
 
 
 @pytest.mark.parametrize("place", [(0, 0), (64, 127), (77, 150), (50, 111), (140, 169)])

@@ -11,7 +11,7 @@ from sealed import flip
 from radcal.session.salvage import files_of, salvage
 from radcal.storage.listing import write_listing
 from radcal.storage.provenance import provenance
-from radcal.storage.records import read_json, write_hdf5, write_json
+from radcal.storage.records import write_hdf5, write_json
 from radcal.storage.runs import Record, RunStore
 
 PATTERNS = (
@@ -154,14 +154,6 @@ def test_a_record_under_the_name_of_another_is_noticed(out):
     assert RunStore(out / "runs").get(KEYS[1], ["field"]) is not None
 
 
-def test_a_job_that_asks_for_a_record_that_is_a_folder_sets_it_aside(out):
-    path = out / f"runs/{KEYS[4]}.h5"
-    path.unlink()
-    path.mkdir()
-    assert RunStore(out / "runs").get(KEYS[4], ["field"]) is None
-    assert not path.exists()
-
-
 @pytest.mark.parametrize(
     ("name", "listing"),
     [("runs.csv", "table.json"), ("report.html", "report.json"), ("figures/law.png", "report.json")],
@@ -196,12 +188,3 @@ def test_missing_pages_are_one_sentence(out):
     assert sentence == (f"{out}/report.html, {out}/figures/law.png, {out}/figures/law.pdf are missing, and made again.")
     assert not (out / "report.json").exists()
     assert (out / "table.json").is_file()
-
-
-def test_a_list_names_files_from_where_it_is(out):
-    with provenance("tiny"):
-        assert list(read_json(out / "report.json")["checksums"]) == [
-            "report.html",
-            "figures/law.png",
-            "figures/law.pdf",
-        ]
