@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,14 +60,12 @@ def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectiv
     """
     import platypus
 
-    from radcal.proposals.generations import Batched, Generations, StartingPopulation  # imports Platypus
-
     problem = platypus.Problem(dimension, objectives)
     problem.types[:] = [platypus.Real(0.0, 1.0) for _ in range(dimension)]
     earlier = random.getstate()  # Platypus draws from the module random, whose state is restored
     random.seed(seed)
     try:
-        algorithm = Generations(problem, config.population, StartingPopulation(), evaluator=Batched(objective))
+        algorithm = platypus.NSGAII(problem, config.population, evaluator=_batched(objective))
         algorithm.run(max(config.evaluations, config.population))
     finally:
         random.setstate(earlier)
@@ -77,3 +76,24 @@ def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectiv
     _, first = np.unique(values[front], axis=0, return_index=True)  # a population may contain a point several times
     points = np.array([solution.variables[:] for solution in population], dtype=np.float64)
     return Population(points, values, front[np.sort(first)])
+
+
+def _batched(objective: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> Any:
+    """Evaluator of Platypus that evaluates all solutions of a generation in one call of the objective."""
+    import platypus
+
+    class Batched(platypus.Evaluator):  # type: ignore[misc]
+        def evaluate_all(self, jobs: Any, **_: Any) -> Any:
+            jobs = list(jobs)
+            points = np.array([job.solution.variables[:] for job in jobs], dtype=np.float64)
+            state = random.getstate()
+            values = objective(points)
+            random.setstate(state)  # libraries may draw numbers when imported, which must not change those of Platypus
+            for job, value in zip(jobs, values, strict=True):
+                job.solution.objectives[:] = [float(part) for part in np.atleast_1d(value)]
+                job.solution.constraint_violation = 0.0
+                job.solution.feasible = True
+                job.solution.evaluated = True
+            return jobs
+
+    return Batched()
