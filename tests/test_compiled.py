@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import shutil
@@ -15,7 +16,7 @@ import numpy as np
 import pytest
 
 from radcal import compiled
-from radcal.compiled import cache_folder, sources
+from radcal.compiled import ROOMS, cache_folder
 
 PACKAGE = Path(compiled.__file__).parent
 CALLEE = "from radcal.compiled import njit\n\n\n@njit()\ndef tripled(x):\n    return 3 * x\n"
@@ -121,49 +122,25 @@ def test_threads_share_a_loop_evenly(monkeypatch: pytest.MonkeyPatch, threads: i
     np.testing.assert_array_equal(found[:, 1], 5 * np.arange(len(first)))
 
 
-def test_every_module_with_compiled_functions_is_found(package: Path) -> None:
-    found = {path.relative_to(package).as_posix() for path in sources(package)}
-    radar = ("facets", "footprints", "image", "points", "reflectivity")
-    assert found >= {"compiled.py", "speckle/gaussian.py", *(f"radar/{name}.py" for name in radar)}
-    # what compiled functions do not see costs no compilation
-    assert not [name for name in found if name.startswith(("storage/", "config/"))]
+def test_another_source_of_the_rooms_has_another_folder(package: Path) -> None:
     before = cache_folder(package)
-    (package / "scene" / "further.py").write_text("from radcal.compiled import njit\n")
-    assert package / "scene" / "further.py" in sources(package)
+    (package / "scene" / "further.py").write_text("MOST = 3\n")
+    assert cache_folder(package) == before, "what compiled functions do not see costs no compilation"
+    (package / "speckle" / "further.py").write_text("MOST = 3\n")
     assert cache_folder(package) != before
 
 
-@pytest.mark.parametrize(
-    ("imported", "used", "init"),
-    [
-        ("from radcal.scene.limits import MOST", "MOST", "MOST = 3"),
-        ("from radcal.scene import limits", "limits.MOST", "MOST = 3"),
-        ("import radcal.scene.limits", "radcal.scene.limits.MOST", "MOST = 3"),
-        ("from radcal.scene.limits.most import MOST", "MOST", ""),
-        ("from radcal.scene.limits import most", "most.MOST", ""),
-        ("from radcal.scene.limits import MOST", "MOST", "from radcal.scene.limits.most import MOST"),
-        ("from radcal.scene.limits import LARGEST as n", "n", "from radcal.scene.limits.most import MOST as LARGEST"),
-        (
-            "from radcal.scene import limits",
-            "limits.LARGEST",
-            "from radcal.scene.limits import most\nLARGEST = most.MOST",
-        ),
-    ],
-)
-def test_constants_of_packages_are_sources_too(tmp_path: Path, imported: str, used: str, init: str) -> None:
-    """The constant stands in the package's ``__init__``, or in a module of it that ``__init__`` may pass on."""
-    package = tmp_path / "radcal"
-    limits = package / "scene" / "limits"
-    limits.mkdir(parents=True)
-    (limits / "__init__.py").write_text(f"{init}\n")
-    (limits / "most.py").write_text("MOST = 3\n")
-    (limits / "other.py").write_text("LEAST = 2\n")
-    (package / "scene" / "further.py").write_text(
-        f"from radcal.compiled import njit\n{imported}\n\n\n@njit()\ndef f(x):\n    return min(x, {used})\n"
-    )
-    found = sources(package)
-    assert limits / ("__init__.py" if init == "MOST = 3" else "most.py") in found
-    assert limits / "other.py" not in found
+def test_compiled_functions_use_functions_and_numbers_of_the_rooms_alone() -> None:
+    modules = [path for path in PACKAGE.rglob("*.py") if "radcal.compiled import" in path.read_text()]
+    assert {path.relative_to(PACKAGE).parts[0] for path in modules} == set(ROOMS)
+    for path in modules:
+        tree = ast.parse(path.read_text())
+        compiled_here = [node for node in tree.body if isinstance(node, ast.FunctionDef) and node.decorator_list]
+        used = {node.id for one in compiled_here for node in ast.walk(one) if isinstance(node, ast.Name)}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("radcal."):
+                foreign = used & {alias.asname or alias.name for alias in node.names} - {"njit", "threaded"}
+                assert not foreign or str(node.module).split(".")[1] in ROOMS, (path, foreign)
 
 
 def test_no_other_module_imports_numba() -> None:

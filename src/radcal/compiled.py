@@ -1,15 +1,13 @@
-"""Compilation by numba, with a cache folder that is named after a hash of all source files of compiled functions.
+"""Compilation by numba, with a cache folder that is named after a hash of the sources of compiled functions.
 
 numba loads a function's machine code from its cache as long as the function's own source file is unchanged. numba does
 not notice changes in other source files, even if the function uses constants or compiled functions of these files. The
-cache folder is therefore named after a hash of all source files with compiled functions or with constants that compiled
-functions use. Every module with compiled functions imports ``njit`` or ``threaded`` from this module, and
-:func:`sources` finds these modules by this import.
+cache folder is therefore named after a hash of all modules of the rooms that have compiled functions. Every module with
+compiled functions imports ``njit`` or ``threaded`` from this module.
 """
 
 from __future__ import annotations
 
-import ast
 import contextlib
 import fcntl
 import functools
@@ -29,65 +27,16 @@ import llvmlite
 import numba
 from llvmlite import binding
 
-__all__ = ["cache_folder", "njit", "sources", "threaded"]
+__all__ = ["ROOMS", "cache_folder", "njit", "threaded"]
+
+ROOMS = ("radar", "speckle")
+"""Rooms with compiled functions, which use no constants and compiled functions of other rooms."""
 
 _config: Any = numba.config  # the names of numba.config are defined only at import, so that mypy does not know them
 _PACKAGE = Path(__file__).resolve().parent
 _KEPT, _IN_USE_S = 8, 24 * 3600.0  # other cache folders that are kept: number, and largest age [s]
 _COMPILING = threading.RLock()  # a file lock belongs to a process, so that threads need a lock of their own
 _PATIENCE_S = 60.0  # longest time for which a process waits while another one compiles the same function
-
-
-def sources(package: Path) -> list[Path]:
-    """Source files of a package that determine the machine code of its compiled functions.
-
-    Parameters
-    ----------
-    package : path
-        Folder of a package ``radcal``.
-
-    Returns
-    -------
-    list of Path
-        Modules that import ``radcal.compiled``, and modules whose functions or constants these modules use,
-        directly or indirectly, in decorated functions or global variables.
-    """
-    waiting = {path for path in package.rglob("*.py") if b"radcal.compiled" in path.read_bytes()}
-    trees: dict[Path, ast.Module] = {}
-    used: set[str] = set()
-    known = -1
-    while waiting or len(used) > known:  # until a round finds no further module and no further name
-        known = len(used)
-        trees |= {path: ast.parse(path.read_bytes()) for path in waiting}
-        used |= {name for path in waiting for name in _used(trees[path])}
-        imports = [one for tree in trees.values() for one in _imports(tree) if one[2] in used]
-        used |= {name for _, name, _ in imports}
-        dotted = {module for module, _, _ in imports} | {f"{module}.{name}" for module, name, _ in imports}
-        places = (package.parent.joinpath(*name.split(".")) for name in dotted)
-        files = {file for place in places for file in (place.with_suffix(".py"), place / "__init__.py")}
-        waiting = {file for file in files - trees.keys() if file.is_file()}
-    return sorted(trees)
-
-
-def _used(tree: ast.Module) -> set[str]:
-    """Names of variables and attributes in a module's decorated functions and in assignments to global variables."""
-    makers = [node for node in tree.body if isinstance(node, ast.Assign | ast.AnnAssign)]
-    compiled = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.decorator_list]
-    nodes = [node for part in (*makers, *compiled) for node in ast.walk(part)]
-    names = {node.id for node in nodes if isinstance(node, ast.Name)}
-    return names | {node.attr for node in nodes if isinstance(node, ast.Attribute)}
-
-
-def _imports(tree: ast.Module) -> Iterator[tuple[str, str, str]]:
-    """Imports from radcal in a module: module and name of the imported object, and its name in the importing module."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "radcal":
-            yield from ((str(node.module), alias.name, alias.asname or alias.name) for alias in node.names)
-        elif isinstance(node, ast.Import):
-            for alias in node.names:
-                module, _, name = alias.name.rpartition(".")
-                if module.split(".")[0] == "radcal":
-                    yield module, name, alias.asname or "radcal"
 
 
 def cache_folder(package: Path = _PACKAGE) -> str | None:
@@ -110,7 +59,7 @@ def cache_folder(package: Path = _PACKAGE) -> str | None:
     """
     total = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__} {binding.get_host_cpu_name()}".encode())
     total.update(f"{binding.get_host_cpu_features().flatten()} {_config.BOUNDSCHECK}".encode())
-    for path in sources(package):
+    for path in (package / "compiled.py", *(path for room in ROOMS for path in sorted((package / room).glob("*.py")))):
         content = path.read_bytes()
         total.update(f"\n{path.relative_to(package)} {len(content)}\n".encode() + content)
     own = [Path(_config.CACHE_DIR)] if _config.CACHE_DIR else []
