@@ -154,7 +154,7 @@ _OF_RUNS: Mapping[str, str] = {
     "repeats": "The simulator is deterministic: the reference run repeated gives the same pixels",
     "does_not_repeat": "The simulator is not deterministic: the reference run repeated, with equal parameters and "
     "seed, differs by up to {largest_db:.2g} dB in a pixel" + _SMOOTHS,
-    "seedless": "The simulator takes no seed: a run with other random numbers cannot be made, and its rms is not given",
+    "seedless": "The simulator takes no seed: a run with other random numbers cannot be made, rms_fresh is not given",
     "seed_without_effect": "The final run with another seed gives the same pixels as the one that it repeats, bit for "
     "bit: the seed does not reach the program's random numbers, or there are none (simulator.seedless: true says so). "
     "The rms with other random numbers is not given",
