@@ -67,29 +67,17 @@ def test_one_bin_takes_missing_looks_for_a_law():
     assert found["one"].classes.size == 1
 
 
+@pytest.mark.parametrize("cells", ["of a pixel and the rest", "of one pixel each", "of equal pixels"])
 @pytest.mark.parametrize("classes", ["auto", 1])
-def test_blocks_of_a_pixel_or_two_do_not_end_in_an_error(classes):
-    ground = fields(np.random.default_rng(5), rows=10, columns=12)
-    block = np.zeros(ground.block.size, dtype=int)
-    block[0] = 1  # the rest of its fold is one pixel
-    ground = replace(ground, block=block)
-    found = fit_laws({"field": ground}, {"field": replace(METHOD, classes=classes)})["field"]
-    assert np.isfinite(found.fit.parameters).all()
-
-
-def test_cells_of_one_pixel_each():
+def test_degenerate_cells_and_classes_do_not_end_in_an_error(cells, classes):
     ground = fields(np.random.default_rng(5), rows=20, columns=12)
-    alone = replace(ground, block=np.arange(ground.block.size))
-    found = fit_laws({"alone": alone, "other": ground}, dict.fromkeys(("alone", "other"), METHOD))
-    for law in found.values():
-        assert np.isfinite([law.spread.between, law.spread.within, *law.fit.parameters]).all()
-
-
-def test_pixels_that_are_all_equal_in_a_class():
-    ground = fields(np.random.default_rng(5), rows=20, columns=12)
-    filled = replace(ground, values_db=np.where(ground.incidence_deg < 30.0, -5.0, ground.values_db))
-    found = fit_laws({"field": filled}, {"field": METHOD})["field"]
-    assert np.isfinite(found.fit.parameters).all()
+    if cells == "of equal pixels":
+        ground = replace(ground, values_db=np.where(ground.incidence_deg < 30.0, -5.0, ground.values_db))
+    else:
+        number = np.arange(ground.block.size)
+        ground = replace(ground, block=number if cells == "of one pixel each" else (number == 0).astype(int))
+    law = fit_laws({"field": ground}, {"field": replace(METHOD, classes=classes)})["field"]
+    assert np.isfinite([law.spread.between, law.spread.within, *law.fit.parameters]).all()
 
 
 def known_law(ground, looks=2.8, classes=3):

@@ -11,8 +11,7 @@ from scipy.special import polygamma
 from radcal.config import Radar
 from radcal.ground.correlation import Correlation
 from radcal.laws import external_law, law_for
-from radcal.posterior.cells import CellMeans, Simulated, area_db, cell_means, with_noise_db
-from radcal.radar.projection import make_geometry
+from radcal.posterior.cells import CellMeans, Simulated, cell_means
 from radcal.radar.radiometry import noise_floor_db
 
 RADAR = Radar(altitude_m=1000.0, nesz_db=[(30.0, -24.0), (40.0, -12.0)], radiometry="sigma0_local")
@@ -198,23 +197,6 @@ def test_few_pixels_make_no_cells():
     assert nothing.without_leaks(True).size == 0
 
 
-@pytest.mark.parametrize("radiometry", ["sigma0_local", "gamma0_rtc", "sigma0_ref", "beta0", "gamma0"])
-@pytest.mark.parametrize("slope", [0.2, -0.1])
-def test_the_area_of_a_plane_tilted_along_range(build_scene, radiometry, slope):
-    """Ulander: sin of the incidence on level ground over that of the local one. The radar looks east."""
-    radar = RADAR.model_copy(update={"radiometry": radiometry})
-    geometry = make_geometry(build_scene(lambda east, _: slope * east), radar)
-    inside = np.s_[5:-5, 5:-5]
-    area = area_db(geometry, radar).reshape(geometry.shape)[inside]
-    flat = np.broadcast_to(geometry.flat_incidence_deg[:, None], geometry.shape)[inside]
-    tilt = np.degrees(np.arctan(slope))
-    # the plane rises above level ground by up to 20 m, of 1000 m to the track
-    np.testing.assert_allclose(geometry.incidence_deg[inside], flat - tilt, atol=1.5)
-    local = geometry.incidence_deg[inside].astype(np.float64)
-    np.testing.assert_allclose(area, 10.0 * np.log10(np.sin(np.radians(flat)) / np.sin(np.radians(local))), atol=0.002)
-    assert abs(area.mean()) > 0.3
-
-
 def test_leaks_are_simulated_means_away_from_the_median():
     """With the area of the ground, times the share of the signal, taken out where the radiometry has it."""
     area, share = np.array([0.0, 2.0, -1.0, 0.5, 1.0]), np.array([0.0, 0.0, 0.2, 0.0, 0.5])
@@ -233,10 +215,3 @@ def test_a_part_of_the_cells():
     part = cells.part(np.array([True, False, True]))
     assert (part.size, part.looks) == (2, cells.looks)
     np.testing.assert_allclose(part.incidence_deg, [30.0, 50.0])
-
-
-def test_noise_is_added_in_power():
-    law, noise = np.array([-10.0, -20.0, -5.0]), np.array([-10.0, -17.0, -np.inf])
-    wanted = [-10.0 + 10.0 * np.log10(2.0), 10.0 * np.log10(0.01 + 10.0**-1.7), -5.0]
-    np.testing.assert_allclose(with_noise_db(law, noise), wanted)
-    np.testing.assert_allclose(with_noise_db(law, -np.inf), law)

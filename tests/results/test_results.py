@@ -8,7 +8,6 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
-from archive_fixtures import HIDDEN
 from archives import changed_material, image
 
 from radcal.config import case_from
@@ -17,11 +16,10 @@ from radcal.findings import Finding
 from radcal.ground.levels import Levels, without_level
 from radcal.laws import LAWS
 from radcal.objectives.history import History, PassScore
-from radcal.page.html import write_report
 from radcal.results.law_notes import law_notes
 from radcal.results.results import _of_passes
 from radcal.results.run_table import write_table
-from radcal.results.summary import _pass_law, summarise
+from radcal.results.summary import summarise
 from radcal.targets.target import Targets
 from radcal.words import sentence
 
@@ -82,12 +80,6 @@ def test_how_it_ended(made):
         assert "radcal" in json.loads(file.attrs["versions"])
 
 
-def test_only_known_truths_are_written(made):
-    with h5py.File(made.path) as file:
-        assert "hidden" in file["materials/dyke"]
-        assert "hidden" not in file["materials/stem beans"]
-
-
 def test_an_external_law_has_names_and_no_curve(build_archive, tmp_path):
     made = build_archive(tmp_path, external=("dyke", "unused"))
     with h5py.File(made.path) as file:
@@ -113,30 +105,6 @@ def test_missing_reference_run_is_a_sentence(made, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
-def test_numbers_that_another_seed_leaves_as_they_are_are_not_called_fresh(made, tmp_path):
-    def told(second):
-        archive = made.gathered(tmp_path / "again.h5", final=(made.final[0], second))
-        write_report(tmp_path / "report.html", archive, [])
-        summary = summarise(archive)
-        notes = [note for note in summary["notes"] if "the seed does not reach" in note]
-        return summary["materials"], len(notes), (tmp_path / "report.html").read_text()
-
-    materials, notes, page = told(made.final[1])
-    assert all(item["rms_fresh"] > 0 for item in materials.values())
-    assert (notes, "another seed gives the same pixels" in page) == (0, False)
-    same = replace(made.final[0], key="another")
-    materials, notes, page = told(same)
-    assert [item["rms_fresh"] for item in materials.values()] == [None, None]
-    assert notes == 1
-    assert "There is none for dyke and stem beans" in page
-    # one material may have random numbers of its own
-    pixels = {**same.pixels_db, "dyke": same.pixels_db["dyke"] + np.float32(0.1)}
-    materials, notes, page = told(replace(same, pixels_db=pixels))
-    assert (materials["dyke"]["rms_fresh"] > 0, materials["stem beans"]["rms_fresh"], notes) == (True, None, 0)
-    assert "There is none for stem beans" in page
-
-
 def test_a_proposal_that_was_simulated_before_is_no_further_run(made, tmp_path):
     *runs, last = made.history.runs
     again = made.gathered(tmp_path / "again.h5", history=History([*runs, replace(last, key=runs[-1].key)]))
@@ -151,12 +119,6 @@ def test_a_proposal_that_was_simulated_before_is_no_further_run(made, tmp_path):
     ]
     counted = summarise(made.gathered(tmp_path / "twice.h5", history=History(twice)))["runs"]
     assert (counted["design"], counted["infill"]) == (3, 2)
-
-
-def test_a_law_without_a_curve_is_neither_identified_nor_not(made, build_archive, tmp_path):
-    archive = build_archive(tmp_path, external=("dyke", "unused")).archive
-    assert summarise(archive)["materials"]["dyke"]["identified"] is None
-    assert summarise(made.archive)["materials"]["dyke"]["identified"] is True
 
 
 def test_laws_beyond_their_angles_are_noted(made):
@@ -195,7 +157,7 @@ def several(made):
     case = case_from({**made.case.sections("materials", "objective"), "radar": radar, "measurement": [{}, {}]})
     angles = np.linspace(30.0, 50.0, 201, dtype=np.float32)
     second = Targets({"dyke": replace(made.targets["dyke"], incidence_deg=angles)}, Levels("offset", 1.5, 0.2))
-    finding = Finding("noted", "warning", "b.tif", {"text": "It is old."})
+    finding = Finding("looks_unknown", "warning", "b.tif")
     measurement = replace(made.registered.measurement, source="b.tif", findings=(finding,))
     passes = [made.registered, replace(made.registered, measurement=measurement, verdict="not moved.")]
     targets = Targets(made.targets, looks=made.targets.looks)
@@ -228,7 +190,7 @@ def test_each_pass_has_its_own_runs_and_counts_its_own_new_ones(made, tmp_path):
     assert (second["registration"], second["levels"]) == ("not moved.", sentence(archive.passes["2"].levels.finding))
     assert [len(one["notes"]) for one in (first, second)] == [0, 2]  # with too few pixels of stem beans
     assert list(second["materials"]) == ["dyke"]
-    assert [text for text in summary["warnings"] if "It is old." in text]
+    assert sentence(Finding("looks_unknown", "warning", "b.tif")) in summary["warnings"]
 
 
 def test_the_law_of_a_pass_is_judged_over_its_own_incidence(made, tmp_path):
@@ -246,13 +208,6 @@ def test_the_law_of_a_pass_is_judged_over_its_own_incidence(made, tmp_path):
     assert second["pixels"] == made.targets["dyke"].pixels.size
     unknown = changed_material(archive, "dyke", posterior=replace(known, curve=None))
     assert summarise(unknown)["passes"][1]["materials"]["dyke"]["half_width_db"] is None
-
-
-def test_the_largest_difference_from_a_hidden_law_has_no_sign(made):
-    for level in (2.0, -2.0):
-        archive = replace(made.archive, laws={"dyke": np.add(HIDDEN, [level, 0.0, 0.0, 0.0])})
-        assert _pass_law(archive, "1", "dyke", LAWS["mangia"])["difference_db"] == pytest.approx(2.0)
-    assert _pass_law(made.archive, "1", "stem beans", LAWS["mangia"])["difference_db"] is None
 
 
 def test_the_level_is_subtracted_where_one_is_assumed():

@@ -37,18 +37,6 @@ def test_a_dry_run_lists_the_stages_in_their_order(project):
     assert "design_chunk (2 jobs)" in line
 
 
-def test_a_larger_design_keeps_the_runs_of_a_smaller_one(project):
-    project.write(design={"size": 6, "chunk": 4})
-    assert project.run("design", "--configfile", "tiny.yaml").returncode == 0
-    before = project.records()
-    project.write(design={"size": 9, "chunk": 4})
-    assert project.run("design", "--configfile", "tiny.yaml").returncode == 0
-    after = project.records()
-    assert len(before) == 7
-    assert len(after) == 10
-    assert {name: after[name] for name in before} == before
-
-
 def test_several_materials_share_each_run_and_need_no_design(project):
     """One of the laws is a formula of the user, which the exports contain."""
     formula = {

@@ -7,21 +7,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from radcal.calibration.loop import calibrate
-from radcal.calibration.steps import noise_seed, repeatability
+from radcal.calibration.steps import noise_seed
 from radcal.calibration.stopping import Decision
 from radcal.config import Case, case_from
 from radcal.image.model import Measurement
 from radcal.objectives.history import History
-from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
 from radcal.scene.slant_range import flat_incidence_deg
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
-from radcal.storage.runs import Parameters, RunStore
+from radcal.storage.runs import RunStore
 from radcal.targets.target import Target, Targets
 from radcal.targets.target_fit import make_target
 
@@ -70,13 +68,6 @@ def run(case: Case, folder: Path) -> tuple[History, Decision, Target]:
     return history, decision, target
 
 
-def test_a_law_of_one_parameter_is_found(tmp_path: Path) -> None:
-    history, decision, _ = run(case_of("constant_gamma", rms=1e-3), tmp_path)
-    assert decision.converged, decision
-    # one parameter is the level, which the density fixes
-    assert history.best("field").parameters == pytest.approx(LAWS["constant_gamma"][1], abs=0.1)
-
-
 def test_a_law_of_three_parameters_from_a_start_of_another_law(tmp_path: Path) -> None:
     case = case_of("tabulated", start={"law": "mangia", "parameters": [-10.0, 2.0, 4.0, 3.0]})
     history, decision, _ = run(case, tmp_path)
@@ -84,41 +75,6 @@ def test_a_law_of_three_parameters_from_a_start_of_another_law(tmp_path: Path) -
     assert history.runs[0].scores["field"].parameters == [-10.0, 2.0, 4.0, 3.0]
     assert [run.scores["field"].own_law for run in history.runs] == [False] + [True] * (len(history.runs) - 1)
     assert history.training("field")[0].shape == (len({run.key for run in history.runs}) - 1, 3)
-
-
-class Unsteady:
-    """The built-in simulator with another seed in every run."""
-
-    def __init__(self, case: Case, geometry: Geometry) -> None:
-        self._simulator, self._runs = BuiltinSimulator(geometry, case.radar, case.laws), 0
-        self.identity = {"kind": "unsteady"}
-
-    def run(self, parameters: Parameters, noise_seed: int) -> NDArray[np.float32]:
-        self._runs += 1
-        return self._simulator.run(parameters, self._runs)
-
-
-def test_a_reference_run_that_does_not_repeat_is_scored_twice(tmp_path: Path) -> None:
-    command = {"kind": "command", "command": ["sim"], "output": {"file": "i.npy", "scale": "db"}}
-    of_law = case_of("constant_gamma").model_dump(mode="json") | {"simulator": command}
-    case = case_from(of_law | {"stop": {"rms": 1e-9, "max_runs": 3}})
-    scene = Scene("tiny", ("field",), np.ones((70, 60), np.uint8), None, 1.0, flat_incidence_deg(15.0, 40.0, 70))
-    geometry = make_geometry(scene, case.radar)
-    runner = Runner(RunStore(tmp_path), Unsteady(case, geometry), geometry, scene.identity, case)
-    hidden = case.measurement.synthetic.parameters
-    measurement = Measurement(BuiltinSimulator(geometry, case.radar, case.laws).run(hidden, 99), "made", hidden)
-    targets = Targets({"field": make_target("field", geometry, measurement, case.target, case.seed)})
-    # without a reference runner: no start is of another law
-    history, _ = calibrate(case, runner, targets)
-    first, again, *others = history.runs
-    assert (first.kind, again.kind, again.index) == ("reference", "reference", 1)
-    assert {run.kind for run in others} == {"design", "infill"}
-    assert first.scores["field"].parameters == again.scores["field"].parameters
-    assert first.key != again.key
-    pixels = [RunStore(tmp_path).get(run.key, ["field"]).pixels_db["field"] for run in (first, again)]
-    assert history.repeat_db == [pytest.approx(np.abs(pixels[0] - pixels[1]).max(), rel=1e-6)]
-    assert history.repeat_db[0] > 1.0
-    assert [one.code for one in repeatability(case.simulator, history.repeat_db)] == ["does_not_repeat"]
 
 
 def test_more_parameters_than_moments_do_not_stop_the_loop(tmp_path: Path) -> None:
