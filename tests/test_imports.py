@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 SCRIPTS = sorted((Path(__file__).resolve().parents[1] / "workflow/scripts").glob("*.py"))
-LATE = ("matplotlib", "pandas", "platypus", "rasterio", "scipy.stats", "skimage", "sklearn", "smt", "snakemake")
+LATE = ("matplotlib", "pandas", "platypus", "pyogrio", "rasterio", "scipy.stats", "skimage", "sklearn", "smt")
+LATE += ("snakemake",)
 # numba takes half a second: for those that compute geometry or simulate
 SIMULATE = {"geometry", "reference", "design_chunk", "verify", "final_runs", "measurement", "reuse", "simulator"}
 

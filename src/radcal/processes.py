@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+import resource
 import signal
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, TypeVar
 
-__all__ = ["die_with_parent", "each"]
+__all__ = ["apart", "die_with_parent", "each"]
 
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 _Result = TypeVar("_Result")
@@ -42,6 +43,35 @@ def each(work: Mapping[str, Callable[[], _Result]], processes: int) -> dict[str,
         min(processes, len(work)), mp_context=get_context("fork"), initializer=die_with_parent
     ) as pool:
         return dict(zip(work, pool.map(_call, range(len(work))), strict=True))
+
+
+def apart(call: Callable[[], _Result], cpu_s: int) -> _Result:
+    """Result of one call in a process of its own, for a library that a file could keep busy or bring down.
+
+    Parameters
+    ----------
+    call : callable
+        Function without arguments.
+    cpu_s : int
+        Longest CPU time of the call [s]; the operating system then ends the process.
+
+    Raises
+    ------
+    concurrent.futures.process.BrokenProcessPool
+        The process ended before the call did.
+    """
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    _WORK[:] = [call]
+    with ProcessPoolExecutor(1, mp_context=get_context("fork"), initializer=_limited, initargs=(cpu_s,)) as pool:
+        result: _Result = pool.submit(_call, 0).result()
+    return result
+
+
+def _limited(cpu_s: int) -> None:
+    die_with_parent()
+    resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s))
 
 
 _WORK: list[Callable[[], Any]] = []

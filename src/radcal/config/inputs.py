@@ -14,6 +14,7 @@ from radcal.config.case import Case
 from radcal.errors import ConfigError, MissingFile
 from radcal.reading.rasters import RasterRefused, raster_files
 from radcal.reading.safe import MANIFEST, SafeRefused, chosen_image, is_safe_name, safe_folder, safe_images
+from radcal.reading.vectors import vector_files
 from radcal.sections.errors import shown
 from radcal.sections.measurement import FileMeasurement
 from radcal.sections.scene import BuiltinScene, RasterScene, SlantRangeScene
@@ -147,7 +148,7 @@ def _sources(case: Case) -> Iterator[Callable[[], dict[str, Path]]]:
         if case.scene.names is not None:
             yield partial(_plain, case.scene.names, "scene.names")
     if isinstance(case.scene, BuiltinScene | RasterScene) and case.scene.objects and case.scene.objects.path:
-        yield partial(_plain, case.scene.objects.path, "scene.objects.path")
+        yield partial(_vector_inputs, case.scene.objects.path, "scene.objects.path")
     for number, one in enumerate(case.passes, start=1):
         if isinstance(one.measurement, FileMeasurement):
             key = f"measurement.{number}.path" if len(case.radars) > 1 else "measurement.path"
@@ -161,6 +162,12 @@ def _sources(case: Case) -> Iterator[Callable[[], dict[str, Path]]]:
 
 def _plain(text: str, key: str) -> dict[str, Path]:
     return {key: expand_path(text, key)}
+
+
+def _vector_inputs(text: str, key: str) -> dict[str, Path]:
+    """Path of a table of objects, and paths of the other files of a shapefile."""
+    path = expand_path(text, key)
+    return {key: path} | {f"{key}.{k}": other for k, other in enumerate(vector_files(path))}
 
 
 def check_reuse(case: Case, results: str | Path) -> None:

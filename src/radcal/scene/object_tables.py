@@ -1,9 +1,8 @@
-"""Tables of objects: CSV, GeoPackage and HDF5 files, checked row by row."""
+"""Tables of objects: CSV files, vector layers and HDF5 files, checked row by row."""
 
 from __future__ import annotations
 
 import difflib
-import sqlite3
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from radcal.errors import SceneError
 from radcal.reading.intake import elsewhere, guarded
+from radcal.reading.vectors import ENDINGS, read_vectors
 from radcal.scene.objects import Objects
 from radcal.sections.scene import DBSM_LIMITS, check_curve
 
@@ -37,8 +37,6 @@ _DEFAULTS = {"length_m": 0.0, "width_m": 0.0, "heading_deg": 0.0}
 _TEXTS = ("aspect", "kind")
 _LARGEST_TABLE = 30_000_000  # largest number of objects, as in the generator
 _COLUMNS = ("x_m", "y_m", *_LIMITS, *_TEXTS)
-_UNDEFINED_SRS = (-1, 0)  # GeoPackage's codes for undefined Cartesian and undefined geographic coordinates
-_ENVELOPE_BYTES = np.array([0, 32, 48, 48, 64])
 
 
 @dataclass(frozen=True)
@@ -68,12 +66,12 @@ def read_objects(
     Parameters
     ----------
     path : Path
-        File whose name ends with ``.csv``, ``.gpkg``, ``.h5`` or ``.hdf5``.
+        File whose name ends with ``.csv``, ``.gpkg``, ``.shp``, ``.geojson``, ``.h5`` or ``.hdf5``.
     place : Place
         Position and extent of the scene. Positions in the table are in the scene's CRS or, if the scene has no CRS,
         relative to the scene's south-west corner.
     layer : str, optional
-        Layer to be read from a GeoPackage that has several layers.
+        Layer to be read from a file that has several layers.
     curves : mapping, optional
         For each aspect class in the table, curve of the cross-section over the aspect angle: pairs of aspect [deg] and
         cross-section [dBsm].
@@ -87,24 +85,20 @@ def read_objects(
     ------
     SceneError
         The file cannot be read as a table of objects, or a row contains an invalid value.
-
-    References
-    ----------
-    OGC 12-128r18, "GeoPackage Encoding Standard" (2021), section 2.1.3: geometry encoding.
     """
     curves = dict(curves or {})
     ending = path.suffix.lower()
     if ending == ".csv":
         table = _csv(path)
-    elif ending == ".gpkg":
-        table = _geopackage(path, layer, place)
+    elif ending in ENDINGS:
+        table = _vectors(path, layer, place)
     elif ending in (".h5", ".hdf5"):
         table, own = _hdf5(path, place)
         if twice := sorted(own.keys() & curves.keys()):
             raise SceneError(f"scene.objects.aspect.{twice[0]}: {path} has a class of that name, too: rename one.")
         curves |= own
     else:
-        raise SceneError(f"{_KEY} is {path}, expected a file ending with .csv, .gpkg, .h5 or .hdf5.")
+        raise SceneError(f"{_KEY} is {path}, expected a file ending with .csv, {', '.join(ENDINGS)}, .h5 or .hdf5.")
     return _checked(table, path, place, curves)
 
 
@@ -191,71 +185,27 @@ def _short(crs: str) -> str:
     return crs if len(crs) < 40 else crs.split('"')[1] if '"' in crs else crs[:40]
 
 
-def _geopackage(path: Path, layer: str | None, place: Place) -> pd.DataFrame:
+def _vectors(path: Path, layer: str | None, place: Place) -> pd.DataFrame:
     """Table of objects from a layer of points or polygons; the smallest rectangle around a polygon replaces it."""
     import pandas as pd
 
-    try:
-        connection = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
-    except sqlite3.Error as error:
-        raise _error(path, f"cannot be read as GeoPackage ({error}).") from None
-    try:
-        for metadata in ("gpkg_contents", "gpkg_geometry_columns", "gpkg_spatial_ref_sys"):
-            _check_table(path, connection, metadata)
-        found = dict(
-            connection.execute(
-                "SELECT c.table_name, g.column_name FROM gpkg_contents c JOIN gpkg_geometry_columns g "
-                "ON g.table_name = c.table_name WHERE c.data_type = 'features' ORDER BY c.table_name"
-            )
-        )
-        if layer is None and len(found) != 1:
-            layers = f"the layers {', '.join(found)}: name one as scene.objects.layer" if found else "no layer"
-            raise _error(path, f"has {layers}.")
-        name = next(iter(found)) if layer is None else layer
-        if name not in found:
-            raise SceneError(f"scene.objects.layer is {layer!r}, {path} has {', '.join(found) or 'none'}.")
-        number, organisation, code, definition = connection.execute(
-            "SELECT g.srs_id, s.organization, s.organization_coordsys_id, s.definition FROM gpkg_geometry_columns g "
-            "JOIN gpkg_spatial_ref_sys s ON s.srs_id = g.srs_id WHERE g.table_name = ?",
-            (name,),
-        ).fetchone() or (0, "", 0, "")
-        _check_table(path, connection, name)
-        quoted = name.replace('"', '""')
-        # the name is that of a table in the file, quoted by the rules of SQL
-        table = pd.read_sql_query(f'SELECT * FROM "{quoted}"', connection)  # noqa: S608
-    except (sqlite3.Error, pd.errors.DatabaseError) as error:
-        raise _error(path, f"cannot be read as GeoPackage ({error}).") from None
-    finally:
-        connection.close()
-    if number not in _UNDEFINED_SRS:
-        known = str(organisation).upper() not in ("", "NONE")
-        _check_crs(path, f"{organisation}:{code}" if known else definition, f"{organisation}:{code}", place)
+    found = read_vectors(path, layer, partial(_error, path))
+    if found.crs is not None:
+        _check_crs(path, found.crs, _short(found.crs), place)
     elif place.crs is not None:
-        raise _error(path, f"layer {name!r} has no CRS, expected {_short(place.crs)}, the scene's.")
-    blobs = list(table.pop(found[name]))
-    return table.assign(**_rectangles(path, blobs, table))
+        raise _error(path, f"layer {found.name!r} has no CRS, expected {_short(place.crs)}, the scene's.")
+    whole = {name[:10]: name for name in _COLUMNS} if path.suffix.lower() == ".shp" else {}
+    table = pd.DataFrame({whole.get(name, name): values for name, values in found.columns.items()})
+    return table.assign(**_rectangles(path, found.geometries, table))
 
 
-def _check_table(path: Path, connection: sqlite3.Connection, name: str) -> None:
-    """Raise an error unless a name is that of a table of stored values; the computation of others may never end."""
-    query = "SELECT type, rootpage FROM sqlite_master WHERE name = ? COLLATE NOCASE"
-    kind, page = connection.execute(query, (name,)).fetchone() or ("name without a table", 0)
-    if kind != "table" or not page:  # a virtual table has no page
-        raise _error(path, f"layer {name!r} is a {'virtual ' * (kind == 'table')}{kind}, expected a table.")
-    computed = connection.execute("SELECT name FROM pragma_table_xinfo(?) WHERE hidden", (name,)).fetchone()
-    if computed is not None:
-        raise _error(path, f"layer {name!r} computes its column {computed[0]!r}, expected stored values.")
-
-
-def _rectangles(path: Path, blobs: list[Any], table: pd.DataFrame) -> dict[str, NDArray[Any]]:
+def _rectangles(path: Path, geometries: NDArray[Any], table: pd.DataFrame) -> dict[str, NDArray[Any]]:
     """Position of each point or polygon of a layer; for polygons, also size and heading of the rectangle around it."""
+    import pandas as pd
     import shapely
 
-    for row, blob in enumerate(blobs, start=1):
-        if not isinstance(blob, bytes) or blob[:2] != b"GP" or len(blob) < 13 or (blob[3] >> 1) & 7 > 4:
-            raise _error(path, f"row {row} has no geometry, expected a point or a polygon.")
     try:
-        shapes = shapely.from_wkb([blob[8 + _ENVELOPE_BYTES[(blob[3] >> 1) & 7] :] for blob in blobs])
+        shapes = shapely.from_wkb(geometries)
     except shapely.errors.GEOSException as error:
         raise _error(path, f"has a geometry that cannot be read ({error}).") from None
     kinds = shapely.get_type_id(shapes)
@@ -265,17 +215,16 @@ def _rectangles(path: Path, blobs: list[Any], table: pd.DataFrame) -> dict[str, 
     point, polygon = kinds == shapely.GeometryType.POINT, kinds == shapely.GeometryType.POLYGON
     wrong = np.flatnonzero(~(point | polygon) | shapely.is_empty(shapes) | (polygon & (shapely.area(shapes) <= 0.0)))
     if wrong.size:
-        what = str(shapely.to_wkt(shapes[wrong[0]]))
-        raise _error(path, f"row {wrong[0] + 1} is {what[:40]!r}, expected a point or a polygon with an area.")
-    columns = {"x_m": np.zeros(len(blobs)), "y_m": np.zeros(len(blobs))}
+        shape = shapes[wrong[0]]
+        what = "without a geometry" if shape is None else repr(shapely.to_wkt(shape)[:40])
+        raise _error(path, f"row {wrong[0] + 1} is {what}, expected a point or a polygon with an area.")
+    columns = {"x_m": np.zeros(len(geometries)), "y_m": np.zeros(len(geometries))}
     columns["x_m"][point], columns["y_m"][point] = shapely.get_x(shapes[point]), shapely.get_y(shapes[point])
     if not polygon.any():
         return columns
-    for name in ("length_m", "width_m"):
-        given = table[name].to_numpy(dtype=np.float64, na_value=0.0) if name in table else np.zeros(len(blobs))
-        columns[name] = np.where(polygon, 0.0, given)
-    front = table["heading_deg"].to_numpy(dtype=np.float64, na_value=0.0) if "heading_deg" in table else 0.0
-    columns["heading_deg"] = np.broadcast_to(front, len(blobs)).astype(np.float64)
+    for name in ("length_m", "width_m", "heading_deg"):
+        given = pd.to_numeric(table[name].fillna(0.0), errors="coerce") if name in table else 0.0
+        columns[name] = np.where(polygon & (name != "heading_deg"), 0.0, given)
     corners = shapely.get_coordinates(shapely.oriented_envelope(shapes[polygon])).reshape(-1, 5, 2)
     columns["x_m"][polygon], columns["y_m"][polygon] = corners[:, :4].mean(axis=1).T
     sides = np.diff(corners[:, :3], axis=1)

@@ -44,8 +44,8 @@ class GeneratedObjects(Section):
 class SceneObjects(Section):
     """Objects in the scene, either listed in a table or generated."""
 
-    path: str | None = Field(None, description="table of objects: .csv, .gpkg or .h5")
-    layer: str | None = Field(None, description="layer of a GeoPackage; required if the file has several layers")
+    path: str | None = Field(None, description="table of objects: .csv, .gpkg, .shp, .geojson or .h5")
+    layer: str | None = Field(None, description="layer of the file; required if the file has several layers")
     aspect: dict[str, list[tuple[Annotated[Real, Field(ge=-180, le=360)], Decibels]]] = Field(
         default_factory=dict,
         description="curves of cross-section over aspect by name, as pairs of [aspect in degrees, cross-section in "
