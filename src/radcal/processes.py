@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import faulthandler
 import resource
 import signal
 import sys
@@ -70,6 +71,7 @@ def apart(call: Callable[[], _Result], cpu_s: int) -> _Result:
 
 
 def _limited(cpu_s: int) -> None:
+    faulthandler.disable()
     die_with_parent()
     resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s))
 

@@ -16,7 +16,7 @@ import rasterio
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from radcal.reading.intake import LARGEST_VALUES
-from radcal.reading.rasters import DRIVERS, RasterRefused, check_blocks, open_raster, raster_files
+from radcal.reading.rasters import RasterRefused, check_blocks, open_raster, raster_files
 
 VALUES = np.arange(48, dtype=np.float32).reshape(6, 8) + 3.0
 
@@ -119,7 +119,7 @@ def test_no_request_is_sent(place: Path, requests: tuple[str, list[str]], name: 
             with rasterio.open(path, "r+") as raster:
                 raster.update_tags(ns="OVERVIEWS", OVERVIEW_FILE=f"/vsicurl/{url}/o")
     heard.clear()
-    if name in ("srs", "tag"):
+    if name == "srs":
         np.testing.assert_array_equal(read(path), VALUES)
     else:
         with pytest.raises(RasterRefused):
@@ -206,22 +206,6 @@ def test_formats_with_numbers_in_other_files_are_refused(tmp_path: Path) -> None
     path = write(tmp_path / "image.img", driver="HFA", USE_SPILL="YES")
     with pytest.raises(RasterioError, match="not recognized as being in a supported file format"):
         read(path)
-
-
-def test_only_the_allowed_drivers_are_there_while_a_raster_is_open(place: Path) -> None:
-    """What GDAL opens on a raster's behalf, such as a mask, is bound to the list, too."""
-    (place / "a.vrt").write_text(vrt("tile.tif"))
-    with open_raster(place / "tile.tif"), open_raster(place / "a.vrt") as raster:
-        with rasterio.Env() as environment:
-            assert set(environment.drivers()) <= {*DRIVERS, "VRT", "MEM"}
-            assert {"GTiff", "VRT"} <= set(environment.drivers())
-        with open_raster(place / "tile.tif"):
-            pass
-        with rasterio.Env() as environment:
-            assert "WMS" not in environment.drivers()
-        assert raster.driver == "VRT"
-    with rasterio.Env() as environment:
-        assert {"WMS", "HTTP"} <= set(environment.drivers())
 
 
 def test_hdf5_that_leads_elsewhere_is_no_raster(tmp_path: Path) -> None:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import faulthandler
-import os
-import warnings
 from collections.abc import Callable
+from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
+from radcal.processes import apart
 from radcal.reading.images import ImageFile, Values, check_header, reading
 from radcal.reading.intake import elsewhere
 from radcal.reading.rasters import check_blocks, open_raster
@@ -22,6 +22,7 @@ _HDF5_FILTERS = frozenset(
     range(1, 7)
 )  # filters of the HDF5 library: deflate, shuffle, Fletcher-32, szip, n-bit, scale-offset
 _LZF = 32000  # number of h5py's filter LZF
+_LONGEST_S = 600  # longest CPU time of a reader that a damaged file can crash [s]
 
 
 def read_array(file: ImageFile, kind: str | None = None) -> Values:
@@ -188,33 +189,20 @@ def _check_storage(data: Any, file: ImageFile) -> None:
 def _mat(file: ImageFile) -> Values:
     from scipy.io import loadmat, whosmat
 
-    _check_survival(lambda: whosmat(file.path))
+    def survived(call: Callable[[], Any]) -> Any:
+        try:
+            return apart(call, _LONGEST_S)
+        except BrokenProcessPool:
+            raise ValueError("it is damaged: reading it crashes") from None
+
     try:
-        found = {name: shape for name, shape, kind in whosmat(file.path) if kind in _MATLAB_NUMBERS}
+        found = {name: shape for name, shape, kind in survived(partial(whosmat, file.path)) if kind in _MATLAB_NUMBERS}
     except NotImplementedError:  # version 7.3 is HDF5, with reversed axes
         return _hdf5(file, transposed=True)
     name = _chosen(list(found), file)
     # the header does not state whether the numbers are complex
     check_header(file, found[name], np.dtype(np.complex128 if file.options.scale == "complex" else np.float64))
-    _check_survival(lambda: loadmat(file.path, variable_names=[name]))
-    return np.asarray(loadmat(file.path, variable_names=[name])[name])
-
-
-def _check_survival(act: Callable[[], object]) -> None:
-    """Refuse a damaged file, such as a MATLAB file, that crashes its reader; a forked process tries the call."""
-    with warnings.catch_warnings():
-        warnings.simplefilter(
-            "ignore"
-        )  # Python warns about a fork with threads, which is safe here: the child only calls the reader
-        child = os.fork()
-    if child == 0:
-        faulthandler.disable()
-        try:
-            act()
-        finally:
-            os._exit(0)  # the parent process makes the same call, which raises any Python exception again
-    if os.WIFSIGNALED(os.waitpid(child, 0)[1]):
-        raise ValueError("it is damaged: reading it crashes")
+    return np.asarray(survived(partial(loadmat, file.path, variable_names=[name]))[name])
 
 
 _MATLAB_NUMBERS = ("double", "single", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))

@@ -53,11 +53,11 @@ _ELEMENTS = frozenset(
 )
 _NETWORK_OFF = {
     "CPL_VSIL_CURL_ALLOWED_FILENAME": "/no/network/file/is/read",
+    "GDAL_HTTP_PROXY": "127.0.0.1:9",  # the port of the discard protocol, where nothing answers
+    "GDAL_HTTP_CONNECTTIMEOUT": "1",
     "GDAL_VRT_ENABLE_PYTHON": "NO",
     "GDAL_VRT_RAWRASTERBAND_ALLOWED_SOURCE": "SIBLING_OR_CHILD_OF_VRT_PATH",
 }
-
-_open = [0]  # number of open rasters; needed because GDAL has one list of drivers for the whole process
 
 
 class RasterRefused(ValueError):
@@ -88,21 +88,31 @@ def open_raster(path: Path, folders: Sequence[Path] = (), **settings: str) -> It
     rasterio.errors.RasterioError
         No driver of :data:`DRIVERS` can open the file.
     """
+    import rasterio
     from rasterio.errors import NotGeoreferencedWarning
-    from rasterio.io import DatasetReader
 
     path = path.absolute()
     _check(path)
     mosaic = _is_vrt(path)
-    if mosaic:
-        path = path.resolve()
-        with _drivers_only(settings):
-            for source in _sources(path, folders):
-                DatasetReader(str(source), driver=list(DRIVERS)).close()
-    with warnings.catch_warnings(), _drivers_only(settings):
+    with warnings.catch_warnings(), rasterio.Env(**_NETWORK_OFF, **settings):
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        with DatasetReader(str(path), driver=["VRT"] if mosaic else list(DRIVERS)) as raster:
+        if mosaic:
+            path = path.resolve()
+            for source in _sources(path, folders):
+                _opened(source, DRIVERS).close()
+        with _opened(path, ["VRT"] if mosaic else DRIVERS) as raster:
             yield raster
+
+
+def _opened(path: Path, drivers: Sequence[str]) -> Any:
+    """Raster, opened by one of the drivers; a raster whose overviews lie in another file is refused."""
+    from rasterio.io import DatasetReader
+
+    raster = DatasetReader(str(path), driver=list(drivers))  # rasterio.open takes one driver alone
+    if raster.tags(ns="OVERVIEWS"):
+        raster.close()
+        raise RasterRefused(f"{path.name} names another file for its overviews, which is not followed")
+    return raster
 
 
 def check_blocks(raster: Any) -> None:
@@ -155,30 +165,8 @@ def _beside(path: Path) -> list[Path]:
     return sorted({name for name in names if name != path and name.is_file()})
 
 
-@contextmanager
-def _drivers_only(settings: dict[str, str]) -> Iterator[None]:
-    """Context in which GDAL has only the allowed drivers, also for further files that a raster makes GDAL open."""
-    import rasterio
-    from rasterio import _env
-
-    with rasterio.Env() as environment:
-        others = set(environment.drivers()) - {*DRIVERS, "VRT", "MEM"}
-    _open[0] += 1
-    try:
-        with rasterio.Env(**_NETWORK_OFF, **settings, GDAL_SKIP=",".join(sorted(others))):
-            if others:
-                # GDAL applies GDAL_SKIP only when it registers its drivers, which rasterio triggers only once
-                _env._have_registered_drivers = False
-                _env.GDALEnv().start()
-            yield
-    finally:
-        _open[0] -= 1
-        if not _open[0]:
-            _env._have_registered_drivers = False  # later calls of GDAL register all drivers again
-
-
 def _check(path: Path) -> None:
-    """Refuse a raster if its content, or a metadata file beside it, would make GDAL read further files."""
+    """Refuse a raster if its content, or a mask or overviews beside it, would make GDAL read further files."""
     if not _is_vrt(path):
         head = _head(path)
         xml = head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<") or head[:2] in (b"\xff\xfe", b"\xfe\xff")
@@ -193,8 +181,6 @@ def _check(path: Path) -> None:
     for other in _beside(path):
         if other.suffix in (".msk", ".ovr") and _head(other)[:4] not in _TIFF:
             raise RasterRefused(f"{other.name} beside it is not a TIFF")
-        if other.name.endswith(".aux.xml"):
-            _check_metadata(_parsed(other), other.name)
 
 
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
@@ -205,31 +191,18 @@ def _head(path: Path) -> bytes:
         return file.read(_HEAD_BYTES)
 
 
-def _parsed(path: Path) -> Any:
-    """Root element of an XML file; a faulty file raises RasterRefused."""
-    try:
-        return read_xml(path)
-    except (OSError, ValueError) as error:
-        raise RasterRefused(f"{path.name}: {error}") from None
-
-
-def _check_metadata(root: Any, name: str) -> None:
-    """Refuse raster metadata that name another file, because GDAL would read that file."""
-    for element in root.iter("MDI"):
-        if str(element.get("key", "")).upper() in ("OVERVIEW_FILE", "MASK_FILE"):
-            raise RasterRefused(f"{name} names another file as {element.get('key')}")
-
-
 def _sources(path: Path, folders: Sequence[Path]) -> list[Path]:
     """Paths of the source files of a VRT, after a check of the VRT and of each source file."""
-    root = _parsed(path)
+    try:
+        root = read_xml(path)
+    except (OSError, ValueError) as error:
+        raise RasterRefused(f"{path.name}: {error}") from None
     for element in root.iter():
         if not isinstance(element.tag, str):
             continue  # an XML comment
         kind = f"{element.tag} {element.get('subClass', '')}".strip()
         if kind not in _ELEMENTS:
             raise RasterRefused(f"{path.name} has {kind}, expected a mosaic as gdalbuildvrt makes it")
-    _check_metadata(root, path.name)
     allowed = [folder.resolve() for folder in (path.parent, *folders)]
     sources = {
         _source(path, str(element.text or ""), element.get("relativeToVRT") == "1", allowed)
