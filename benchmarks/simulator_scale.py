@@ -32,6 +32,7 @@ from scipy import fft
 from scipy.ndimage import gaussian_filter
 
 from radcal.config import Radar
+from radcal.laws import LAWS
 from radcal.radar.geometry import Geometry, read_geometry, write_geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
@@ -76,7 +77,7 @@ def measure(side: int, repeats: int) -> dict[str, float]:
     geometry = make_geometry(scene(side), RADAR)
     found = {"geometry_s": time.perf_counter() - started, "pixels": float(np.prod(geometry.shape))}
     found |= measure_file(geometry)
-    simulator = BuiltinSimulator(geometry, RADAR, dict.fromkeys(geometry.names, "mangia"))
+    simulator = BuiltinSimulator(geometry, RADAR, dict.fromkeys(geometry.names, LAWS["mangia"]))
     x = {name: [-20.0 + k, 5.0, 10.0, 3.0] for k, name in enumerate(geometry.names)}
     image_s, rerun_s, pair_s = [], [], []
     for n in range(repeats):

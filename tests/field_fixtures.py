@@ -49,7 +49,7 @@ def parts():
         }
     )
     geometry = make_geometry(scene, case.radar)
-    simulator = BuiltinSimulator(geometry, case.radar, {name: m.law for name, m in case.materials.items()})
+    simulator = BuiltinSimulator(geometry, case.radar, case.laws)
     measurement = make_measurement(case, geometry, simulator)
     # texture on one of them: fewer looks than the sensor has
     image = measurement.image_db.copy()

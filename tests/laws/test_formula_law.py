@@ -36,12 +36,12 @@ def test_other_laws_as_formulas(name: str, formula: tuple[str, tuple[str, ...]])
 
 
 def test_angles_in_degrees_and_the_frequency() -> None:
-    law = law_for("formula", formula="a - theta/b + 20*log10(f_ghz)", names=["a", "b"], frequency_ghz=5.4)
+    law = law_for("formula", formula="a - theta/b + 20*log10(f_ghz)", names=["a", "b"]).bound(frequency_ghz=5.4)
     assert float(law(math.radians(42.0), [-8.0, 3.0])) == pytest.approx(-8.0 - 14.0 + 20.0 * math.log10(5.4))
     assert law.needs == ()
     assert formula_law("a*f_ghz", ["a"]).needs == ("frequency_ghz",)
     with pytest.raises(ConfigError, match=r"radar.frequency_ghz is missing: law 'formula' depends on it"):
-        law_for("formula", formula="a*f_ghz", names=["a"])
+        law_for("formula", formula="a*f_ghz", names=["a"])(0.3, [1.0])
 
 
 def test_each_function_is_the_one_of_its_name() -> None:

@@ -10,13 +10,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radcal.config import Case
+from radcal.config import Case, case_from
+from radcal.config.stages import SceneStage
 from radcal.errors import ConfigError
 from radcal.laws import LAWS, Law, law_for, laws_table
 from radcal.laws.curves import constant_gamma, mangia
+from radcal.laws.soil import oh1992
 
 X = (6.1, 14.2, 21.5, 3.3)
 FREQUENCY_GHZ = 9.5
+BUILTIN = {name: one.model_dump(exclude_none=True) for name, one in Case().materials.items()}
 KNOTS = [20.0, 35.0, 60.0]
 # one set of parameters inside of what each law was made for
 ORDINARY = {
@@ -29,8 +32,8 @@ ORDINARY = {
 
 
 def ready(name: str, polarisation: str = "VV", frequency_ghz: float = FREQUENCY_GHZ) -> Law:
-    knots = KNOTS if name == "tabulated" else None
-    return law_for(name, frequency_ghz=frequency_ghz, polarisation=polarisation, angles_deg=knots)
+    law = law_for(name, angles_deg=KNOTS if name == "tabulated" else None)
+    return law.bound(frequency_ghz=frequency_ghz, polarisation=polarisation)
 
 
 def at(law: Law, degrees: float, x: list[float]) -> float:
@@ -150,19 +153,52 @@ def test_outside_counts_the_angles_that_are_there() -> None:
     assert law.outside([np.nan]) == 0.0
 
 
-@pytest.mark.parametrize(
-    ("name", "known", "words"),
-    [
-        ("oh1992", {"polarisation": "VV"}, "radar.frequency_ghz is missing: law 'oh1992' depends on it."),
-        ("oh1992", {"frequency_ghz": 5.0}, "radar.polarisation is missing: law 'oh1992' depends on it."),
-        ("tabulated", {"frequency_ghz": 5.0}, "angles_deg of the material is missing: law 'tabulated' depends on it."),
-        ("oh1993", {}, "law is 'oh1993', expected one of ['constant_gamma', 'mangia',"),
-    ],
+@pytest.mark.parametrize("missing", ["frequency_ghz", "polarisation"])
+def test_a_law_without_a_condition_is_a_sentence(missing: str) -> None:
+    known = {"frequency_ghz": 5.0, "polarisation": "VV", missing: None}
+    with pytest.raises(ConfigError, match=rf"^radar.{missing} is missing: law 'oh1992' depends on it.$"):
+        law_for("oh1992").bound(**known)(0.5, ORDINARY["oh1992"])
+
+
+def test_an_unknown_law_is_a_sentence() -> None:
+    with pytest.raises(ValueError, match="law is 'oh1993', expected one of constant_gamma, mangia, oh1992"):
+        law_for("oh1993")
+
+
+@pytest.mark.parametrize("radar", [{"frequency_ghz": 1.5, "band": "L"}, {"frequency_ghz": 9.5, "polarisation": "HH"}])
+def test_laws_of_a_case_have_the_conditions_of_its_pass(radar: dict) -> None:
+    case = case_from({"radar": radar, "materials": {**BUILTIN, "water": {"law": "oh1992", "parameters": [8, 1.5, 1]}}})
+    found = case.laws["water"](0.7, [8.0, 1.5, 1.0])
+    assert found == oh1992(0.7, [8, 1.5, 1], frequency_ghz=radar["frequency_ghz"], polarisation=case.radar.polarisation)
+
+
+def small_perturbation(phi_rad, parameters, *, permittivity: float, frequency_ghz: float):
+    """Law of another distribution, whose permittivity is known for each material."""
+    return parameters[0] + 10.0 * np.log10(np.cos(phi_rad) * permittivity * frequency_ghz)
+
+
+FOREIGN = Law(
+    small_perturbation, ("level",), ("dB",), ((-40.0, 0.0),), needs=("permittivity", "frequency_ghz"), source="test"
 )
-def test_a_law_that_cannot_be_evaluated_is_a_sentence(name: str, known: dict, words: str) -> None:
-    with pytest.raises(ConfigError) as caught:
-        law_for(name, **known)
-    assert str(caught.value).startswith(words)
+
+
+def test_a_condition_that_only_a_law_of_another_distribution_knows(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(LAWS.builtin, "spm", FOREIGN)  # type: ignore[index]
+    monkeypatch.setattr(type(LAWS), "origin", lambda _, name: {"version": "1.2"} if name == "spm" else {})
+    water: dict = {"law": "spm", "parameters": [-20], "conditions": {"permittivity": 40}}
+    case = case_from({"radar": {"frequency_ghz": 10.0}, "materials": {**BUILTIN, "water": water}})
+    assert float(case.laws["water"](0.0, [-20.0])) == pytest.approx(-20.0 + 10.0 * math.log10(400.0))
+    described = case.laws["water"].description
+    assert described == {"law": "spm", "version": "1.2", "conditions": {"permittivity": 40}}
+    assert SceneStage.model_validate(SceneStage.params(case)).materials == case.materials
+    assert "conditions" not in SceneStage.params(case)["materials"]["dyke"]
+    for conditions, words in (
+        (None, "conditions: permittivity is missing, law 'spm' depends on it"),
+        ({"permittivity": 4, "salt": 1}, "conditions: salt is given, law 'spm' needs permittivity"),
+        ({"permittivity": 4, "frequency_ghz": 1}, "conditions: frequency_ghz is given, law 'spm' needs permittivity"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            case_from({"materials": {**BUILTIN, "water": {**water, "conditions": conditions}}})
 
 
 def test_the_documentation_has_the_table_of_the_code() -> None:

@@ -136,8 +136,7 @@ def synthetic(geometry: Geometry, build_case: Build) -> Callable[..., Measuremen
     def make(parameters: dict[str, list[float]] | None = None, **keys: Any) -> Measurement:
         parameters = {"dyke": [6.1, 14.2, 21.5, 3.3]} if parameters is None else parameters
         case = build_case(measurement={"source": "synthetic", "synthetic": {"parameters": parameters, **keys}})
-        laws = {name: material.law for name, material in case.materials.items()}
-        return make_measurement(case, geometry, BuiltinSimulator(geometry, case.radar, laws))
+        return make_measurement(case, geometry, BuiltinSimulator(geometry, case.radar, case.laws))
 
     return make
 
@@ -164,12 +163,11 @@ def test_synthetic_measurement_hides_the_truth(synthetic: Callable[..., Measurem
 def test_speckle_of_the_measurement_is_not_that_of_the_runs(
     synthetic: Callable[..., Measurement], geometry: Geometry, case: Case
 ) -> None:
-    laws = dict.fromkeys(case.materials, "mangia")
     x = {"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [10.0, 14.0, 6.0, 4.0]}
     pixels = geometry.pixels("grass", 3)
     measured = synthetic().image_db.ravel()[pixels]
     for seed in (1, 2):
-        run = BuiltinSimulator(geometry, case.radar, laws).run(x, seed).ravel()[pixels]
+        run = BuiltinSimulator(geometry, case.radar, case.laws).run(x, seed).ravel()[pixels]
         assert abs(np.corrcoef(measured, run)[0, 1]) < 0.3
 
 

@@ -12,7 +12,7 @@ from radcal.posterior.curves import GRID_DEG, curves_of, levels_at
     [
         (LAWS["mangia"], [[-20.0, 14.0, 6.0, 3.0], [-25.0, 10.0, 12.0, 8.0]]),
         (law_for("tabulated", angles_deg=(10.0, 25.0, 60.0)), [[3.0, -4.0, -11.0], [1.0, -9.0, -10.0]]),
-        (law_for("oh1992", frequency_ghz=5.4, polarisation="VV"), [[8.0, 1.0, 0.6], [15.0, 3.0, 1.8]]),
+        (law_for("oh1992").bound(frequency_ghz=5.4, polarisation="VV"), [[8.0, 1.0, 0.6], [15.0, 3.0, 1.8]]),
     ],
 )
 def test_curves_of_many_parameters_are_those_of_each(law, parameters):

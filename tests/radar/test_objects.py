@@ -274,12 +274,12 @@ def test_a_run_with_one_new_law_is_a_run_from_nothing(scene: Scene, radar: Radar
     made = objects(x_m=[50.0, 120.0, 111.0], y_m=[60.0, 100.0, 30.0], length_m=[0, 20.0, 0], width_m=[0, 15.0, 0],
                    height_m=[3.0, 8.0, 0.0], rcs_dbsm=30.0)  # fmt: skip
     geometry = make_geometry(replace(scene, objects=made), radar)
-    sims = [BuiltinSimulator(geometry, radar, {"dyke": "mangia", "grass": "mangia"}) for _ in range(2)]
+    sims = [BuiltinSimulator(geometry, radar, dict.fromkeys(("dyke", "grass"), LAWS["mangia"])) for _ in range(2)]
     dyke, grass = [6.1, 14.2, 21.5, 3.3], [10.0, 14.0, 6.0, 4.0]
     sims[0].run({"dyke": dyke, "grass": grass}, 5)
     after = sims[0].run({"dyke": dyke, "grass": [1.0, 2.0, 3.0, 4.0]}, 5)
     np.testing.assert_array_equal(after, sims[1].run({"dyke": dyke, "grass": [1.0, 2.0, 3.0, 4.0]}, 5))
-    bare = BuiltinSimulator(make_geometry(scene, radar), radar, {"dyke": "mangia", "grass": "mangia"})
+    bare = BuiltinSimulator(make_geometry(scene, radar), radar, dict.fromkeys(("dyke", "grass"), LAWS["mangia"]))
     assert not np.array_equal(after, bare.run({"dyke": dyke, "grass": [1.0, 2.0, 3.0, 4.0]}, 5))
 
 
@@ -297,7 +297,7 @@ def test_an_unchanged_law_makes_no_tile_anew_with_objects(
     monkeypatch.setattr(ImageFormation, "touched", seen)
     tower = objects(x_m=100.0, y_m=60.0, length_m=20.0, width_m=15.0, height_m=8.0, rcs_dbsm=30.0)
     geometry = make_geometry(replace(scene, objects=tower), radar)
-    simulator = BuiltinSimulator(geometry, radar, {"dyke": "mangia", "grass": "mangia"})
+    simulator = BuiltinSimulator(geometry, radar, dict.fromkeys(("dyke", "grass"), LAWS["mangia"]))
     for level in (10.0, 10.0, 11.0):
         simulator.run({"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [level, 14.0, 6.0, 4.0]}, 5)
     assert made[0] == (1, 0)

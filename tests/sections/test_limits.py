@@ -174,7 +174,11 @@ def replaced(data: dict[str, Any], place: tuple[str | int, ...], value: Any) -> 
 
 
 def test_the_cases_hold_every_number_there_is() -> None:
-    assert {general(place) for case in CASES for place in places(case)} == {path for path, _, _ in FOUND}
+    assert {general(place) for case in CASES for place in places(case)} == {
+        path
+        for path, _, _ in FOUND
+        if ".conditions." not in path  # which no law of radcal's own has
+    }
 
 
 @pytest.mark.slow

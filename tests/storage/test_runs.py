@@ -16,7 +16,7 @@ from sealed import changed
 
 from radcal.config import Case
 from radcal.errors import SimulatorError, StoreError
-from radcal.laws import LAWS, Law
+from radcal.laws import LAWS
 from radcal.radar.geometry import Geometry
 from radcal.simulators.runner import Runner
 from radcal.storage.files import digest
@@ -104,8 +104,7 @@ def test_another_session_finds_the_run(
 def test_key_changes_with_all_that_changes_the_numbers(
     store: RunStore, geometry: Geometry, build_case: Callable[..., Case], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(LAWS, "other", Law(LAWS["mangia"].function, *(getattr(LAWS["mangia"], n) for n in
-                                           ("names", "units", "bounds"))))  # fmt: skip
+    monkeypatch.setitem(LAWS.builtin, "other", LAWS["mangia"])  # type: ignore[index]
     simulator, case = Counting(geometry.shape), build_case()
     radar = {"altitude_m": 1000.0}
     grass = {"parameters": X["grass"]}

@@ -214,7 +214,7 @@ class Case(Part):
                 continue
             material = self.materials[name]
             try:
-                check_parameters(key, x, material.unbound_law, material.law)
+                check_parameters(key, x, material.unbound_law)
                 material.check_whole(key, x)
             except ValueError as error:
                 yield str(error)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Protocol, Self, TypeVar
 
 from pydantic import BeforeValidator, ConfigDict, Field, SerializerFunctionWrapHandler, WrapSerializer
 
-from radcal.laws import EXTERNAL, Law, law_for
+from radcal.laws import EXTERNAL, OF_PASS, Law
 from radcal.sections.base import Section
 from radcal.sections.materials import Material
 from radcal.sections.measurement import MeasurementConfig
@@ -132,18 +132,8 @@ class Part(Section):
     @property
     def laws(self: _Laws) -> dict[str, Law]:
         """Law of each material at the frequency and polarisation of the pass."""
-        return {
-            name: law_for(
-                material.law,
-                frequency_ghz=self.radar.frequency_ghz,
-                polarisation=self.radar.polarisation,
-                angles_deg=material.angles_deg,
-                names=material.names,
-                units=material.units,
-                formula=material.formula,
-            )
-            for name, material in self.materials.items()
-        }
+        conditions = {key: getattr(self.radar, key) for key in OF_PASS}
+        return {name: material.unbound_law.bound(**conditions) for name, material in self.materials.items()}
 
     @property
     def passes(self: _OfPasses) -> list[_OfPasses]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.laws.law import Law, cosine
+from radcal.laws.base import Law, cosine
 
 __all__ = ["CURVES", "constant_gamma", "mangia", "tabulated", "ulaby_dobson"]
 

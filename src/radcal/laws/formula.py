@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.errors import ConfigError
-from radcal.laws.law import Law
+from radcal.laws.base import Law
 
 __all__ = ["FORMULA", "FUNCTIONS", "QUANTITIES", "Formula", "formula_law", "refuse_infinite"]
 
@@ -159,7 +159,7 @@ class Formula:
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Conditions that the formula needs, as in :class:`~radcal.laws.law.Law`."""
+        """Conditions that the formula needs, as in :class:`~radcal.laws.base.Law`."""
         uses = any(isinstance(node, ast.Name) and node.id == "f_ghz" for node in ast.walk(self._tree))
         return ("frequency_ghz",) if uses else ()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.laws.law import Law, cosine
+from radcal.laws.base import Law, cosine
 
 __all__ = ["SOIL", "oh1992"]
 

@@ -133,9 +133,7 @@ def _other_simulator(
         geometry = textured(geometry, radar, synthetic.texture_db, synthetic.texture_length_m, rng)
     materials = dict(case.materials)
     for name, hidden in synthetic.laws.items():
-        # not validated again, because bounds and start belong to the calibrated law
-        update = {name: getattr(hidden, name) for name in ("law", "angles_deg", "formula", "names")} | {"units": None}
-        materials[name] = materials[name].model_copy(update=update)
+        materials[name] = materials[name].with_law(hidden)
     laws = case.model_copy(update={"materials": materials}).laws
     return BuiltinSimulator(geometry, radar, laws)
 

@@ -163,7 +163,7 @@ def calibrated_materials(archive: Archive, materials: Mapping[str, Material]) ->
     """
     found, written = {}, json.loads(archive.config).get("materials", {})
     for name, material in materials.items():
-        kept = ("law", "angles_deg", "formula", "names", "units", "integer")
+        kept = ("law", "angles_deg", "formula", "names", "units", "conditions", "integer")
         data = {"calibrate": False, **material.model_dump(mode="json", include=set(kept), exclude_none=True)}
         data["parameters"] = [float(x) for x in archive.laws[name]]
         if colour := written.get(name, {}).get("colour"):

@@ -2,95 +2,65 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-import re
 from collections.abc import Iterator, Sequence
 from typing import Annotated, ClassVar, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from radcal.laws import (
-    DEFAULT_LAW,
-    EXTERNAL,
-    FORMULA,
-    LAWS,
-    Law,
-    external_law,
-    formula_law,
-    laws_known,
-    refuse_infinite,
-)
+from radcal.laws import DEFAULT_LAW, EXTERNAL, FORMULA, OF_PASS, Law, law_for, laws_known, refuse_infinite
 from radcal.sections.base import Section
-from radcal.sections.errors import nearest, shown
+from radcal.sections.errors import nearest
 from radcal.sections.limits import Parameter, Real
 from radcal.tables import read_table
 
 __all__ = ["Material", "OtherLaw", "Start", "check_parameters", "default_materials"]
 
-_DEFINING = ("law", "angles_deg", "formula", "names")  # keys of a law that are not its parameters
+_DEFINING = ("law", "angles_deg", "formula", "names", "conditions")  # keys of a law that are not its parameters
 _LARGEST_WHOLE = 2.0**53
 _LARGEST = (
     1000.0  # largest parameter: 1000 dB is a power of 10^100, which exceeds single precision; the unit must be wrong
 )
 
+
+def _is_none(value: object) -> bool:
+    return value is None
+
+
 Knots = Annotated[list[Annotated[Real, Field(ge=0, le=90)]], Field(min_length=2)]
 
 
-def _law_of(
-    name: str,
-    angles_deg: Sequence[float] | None,
-    names: Sequence[str] | None = None,
-    units: Sequence[str] | None = None,
-    formula: str | None = None,
-) -> Law:
-    """Law by its name, with knots, formula, parameter names and units from the case file."""
-    if name not in laws_known():
-        raise ValueError(f"law is {shown(repr(name))}, expected one of {', '.join(laws_known())}")
-    if name not in (EXTERNAL, FORMULA) and (names is not None or units is not None):
-        raise ValueError(f"law {name!r} names its own parameters: names and units are for law: {EXTERNAL} or {FORMULA}")
-    if (formula is None) is (name == FORMULA):
-        found = "is missing" if formula is None else "is given"
-        raise ValueError(f"formula {found}, law is {name!r}: expected it with law: {FORMULA}, and with no other law")
-    if name not in LAWS or "angles_deg" not in LAWS[name].needs:
-        if angles_deg is not None:
-            raise ValueError(f"angles_deg is given, law {name!r} has no knots")
-    elif angles_deg is None:
-        raise ValueError(f"angles_deg is missing, law {name!r} needs the incidence angles of its knots [deg]")
-    elif any(second <= first for first, second in itertools.pairwise(angles_deg)):
-        raise ValueError(f"angles_deg is {angles_deg}, expected increasing angles")
-    if name == EXTERNAL:
-        _check_names(names or (), units)
-        return external_law(names or (), units)
-    if formula is not None:
-        _check_names(names or (), units)
-        return formula_law(formula, names or (), units)
-    return LAWS[name].bound(angles_deg=angles_deg)
+Conditions = Annotated[dict[str, Parameter], Field(min_length=1)]
+_CONDITIONS = "values of further conditions of the law by name, such as {permittivity: 5.5} (docs/laws.md)"
 
 
-def _check_names(names: Sequence[str], units: Sequence[str] | None) -> None:
-    """Refuse parameter names of the case file that are not identifiers or occur twice."""
-    for name in names:
-        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
-            raise ValueError(f"names: {name!r} is not a letter followed by letters, digits and _")
-    if len(set(names)) != len(names):
-        raise ValueError(f"names are {', '.join(names)}, expected each once")
-    if units is not None and len(units) != len(names):
-        raise ValueError(f"units has {len(units)} entries, names {len(names)}")
+def _law_of(written: OtherLaw | Material) -> Law:
+    """Law of a material, with what the case file gives for it."""
+    law = law_for(
+        written.law,
+        angles_deg=written.angles_deg,
+        formula=written.formula,
+        names=written.names,
+        units=getattr(written, "units", None),
+        **(written.conditions or {}),
+    )
+    if missing := [key for key in law.needs if key not in OF_PASS]:
+        raise ValueError(f"conditions: {missing[0]} is missing, law {law.name!r} depends on it")
+    return law
 
 
 def _numbers(count: int) -> str:
     return f"{count} number{'s' * (count != 1)}"
 
 
-def _takes(law: Law, name: str) -> str:
+def _takes(law: Law) -> str:
     """Part of an error message: number of parameters of a law, and their names if the case file gives these names."""
     # the case file gives the parameter names of this law: an error in the names may be the cause
-    named = f" (names: {', '.join(law.names) or 'none'})" if name in (EXTERNAL, FORMULA) else ""
-    return f"law {name!r} takes {len(law.names)}{named}"
+    named = f" (names: {', '.join(law.names) or 'none'})" if law.name in (EXTERNAL, FORMULA) else ""
+    return f"law {law.name!r} takes {len(law.names)}{named}"
 
 
-def check_parameters(key: str, values: Sequence[float], law: Law, name: str) -> None:
+def check_parameters(key: str, values: Sequence[float], law: Law) -> None:
     """Raise an error if the number of parameters is wrong or a value lies outside the limits of the law.
 
     Parameters
@@ -101,8 +71,6 @@ def check_parameters(key: str, values: Sequence[float], law: Law, name: str) -> 
         Parameters, each in the unit that the law defines.
     law : Law
         Law that defines the names and limits of the parameters.
-    name : str
-        Name of the law.
 
     Raises
     ------
@@ -110,13 +78,13 @@ def check_parameters(key: str, values: Sequence[float], law: Law, name: str) -> 
         The law has another number of parameters, or a value lies outside the limits of the law.
     """
     if len(values) != len(law.names):
-        raise ValueError(f"{key} has {_numbers(len(values))}, {_takes(law, name)}")
+        raise ValueError(f"{key} has {_numbers(len(values))}, {_takes(law)}")
     # only the external simulator knows which values of its parameters are too large
     largest = _LARGEST if law.has_curve else math.inf
     limits = law.limits or ((-largest, largest),) * len(law.names)
     for parameter, x, (low, high) in zip(law.names, values, limits, strict=True):
         if not low <= x <= high:
-            raise ValueError(f"{key}: {parameter} of law {name!r} is {x:g}, expected {low:g} to {high:g}")
+            raise ValueError(f"{key}: {parameter} of law {law.name!r} is {x:g}, expected {low:g} to {high:g}")
 
 
 class OtherLaw(Section):
@@ -128,6 +96,7 @@ class OtherLaw(Section):
     angles_deg: Knots | None = Field(None, description="knots of a tabulated law [deg]")
     formula: str | None = Field(None, description="formula of this law (law: formula)")
     names: list[str] | None = Field(None, description="names of the parameters (law: formula)")
+    conditions: Conditions | None = Field(None, description=_CONDITIONS, exclude_if=_is_none)
     parameters: list[Parameter] = Field(description="parameters of this law")
 
     @model_validator(mode="after")
@@ -137,14 +106,14 @@ class OtherLaw(Section):
                 f"law is {EXTERNAL!r}, which {self._cannot_be}, expected one of {', '.join(laws_known(external=False))}"
             )
         law = self.unbound_law
-        check_parameters("parameters", self.parameters, law, self.law)
+        check_parameters("parameters", self.parameters, law)
         refuse_infinite(law, at=self.parameters)
         return self
 
     @property
     def unbound_law(self) -> Law:
         """Law with the names of its parameters, without the frequency and polarisation of a pass."""
-        return _law_of(self.law, self.angles_deg, self.names, formula=self.formula)
+        return _law_of(self)
 
 
 class Start(OtherLaw):
@@ -164,6 +133,7 @@ class Material(Section):
     )
     names: list[str] | None = Field(None, description="names of the parameters (law: external or formula)")
     units: list[str] | None = Field(None, description="units of the parameters (law: external or formula)")
+    conditions: Conditions | None = Field(None, description=_CONDITIONS, exclude_if=_is_none)
     integer: (
         Annotated[
             Annotated[list[str], Tag("a list")] | Annotated[bool, Tag("yes or no")],
@@ -207,7 +177,7 @@ class Material(Section):
                 raise ValueError(
                     f"a material that is not calibrated needs parameters: {_numbers(d)} ({', '.join(law.names)})"
                 )
-            check_parameters("parameters", self.parameters or [], law, self.law)
+            check_parameters("parameters", self.parameters or [], law)
             self._check_integers()
             self.check_whole("parameters", self.parameters or [])
             refuse_infinite(law, at=self.parameters or [])
@@ -230,13 +200,13 @@ class Material(Section):
             raise ValueError(*wrong)
         self._check_integers()
         for values in zip(*self.box, strict=True):
-            check_parameters("bounds", values, law, self.law)
+            check_parameters("bounds", values, law)
             self.check_whole("bounds", values)
         refuse_infinite(law, box=self.box)
         if self.starts_with_another_law:
             return self
         if len(self.start_parameters) != d:
-            raise ValueError(f"start has {_numbers(len(self.start_parameters))}, {_takes(law, self.law)}")
+            raise ValueError(f"start has {_numbers(len(self.start_parameters))}, {_takes(law)}")
         for name, x, (low, high) in zip(law.names, self.start_parameters, self.box, strict=True):
             if not low <= x <= high:
                 raise ValueError(f"start of {name} is {x:g}, expected inside its bounds [{low:g}, {high:g}]")
@@ -246,7 +216,7 @@ class Material(Section):
     def _of_bounds(self, law: Law) -> Iterator[str]:
         """Sentences on all bounds that are wrong."""
         if len(self.box) != len(law.names):
-            yield f"bounds has {len(self.box)} interval{'s' * (len(self.box) != 1)}, {_takes(law, self.law)}"
+            yield f"bounds has {len(self.box)} interval{'s' * (len(self.box) != 1)}, {_takes(law)}"
         for name, (low, high) in zip(law.names, self.box, strict=False):
             if not low < high:
                 yield f"bounds of {name} are [{low:g}, {high:g}], expected lower < upper"
@@ -309,7 +279,7 @@ class Material(Section):
     @property
     def unbound_law(self) -> Law:
         """Law with the names and units of its parameters, without the frequency and polarisation of a pass."""
-        return _law_of(self.law, self.angles_deg, self.names, self.units, self.formula)
+        return _law_of(self)
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
@@ -352,10 +322,14 @@ class Material(Section):
         """Material as simulated in the reference run: with the law that ``start`` names, or else with its own law."""
         if not (self.starts_with_another_law and isinstance(self.start, Start)):
             return self
-        # not validated again, because the reference run does not use the bounds, which belong to the calibrated law
-        start = {key: getattr(self.start, key) for key in _DEFINING}
+        return self.with_law(self.start)
+
+    def with_law(self, other: OtherLaw) -> Material:
+        """Material with another law, which starts at the parameters of that law."""
+        # not validated again, because bounds, units and whole parameters belong to the calibrated law
+        law = {key: getattr(other, key) for key in _DEFINING}
         nothing = dict.fromkeys(("bounds", "units", "integer"))
-        return self.model_copy(update={**start, **nothing, "start": list(self.start.parameters)})
+        return self.model_copy(update={**law, **nothing, "start": list(other.parameters)})
 
 
 def default_materials() -> dict[str, Material]:

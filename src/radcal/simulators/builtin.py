@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from radcal.config import Radar
 from radcal.errors import ConfigError
-from radcal.laws import EXTERNAL, Law, law_for, laws_known
+from radcal.laws import EXTERNAL, Law, laws_known
 from radcal.radar import simulator_version
 from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, decibels
@@ -46,7 +46,7 @@ class BuiltinSimulator:
     radar : Radar
         The pass.
     laws : mapping
-        Law of each material (``Case.laws``). A law without knots may also be given by its name.
+        Law of each material.
 
     Raises
     ------
@@ -54,14 +54,9 @@ class BuiltinSimulator:
         A law is external: it has no curve, so that only an external simulator can evaluate it.
     """
 
-    def __init__(self, geometry: Geometry, radar: Radar, laws: Mapping[str, Law | str]) -> None:
+    def __init__(self, geometry: Geometry, radar: Radar, laws: Mapping[str, Law]) -> None:
         self._geometry, self._version = geometry, simulator_version(radar.earth)
-        self._laws = {
-            name: law_for(law, frequency_ghz=radar.frequency_ghz, polarisation=radar.polarisation)
-            if isinstance(law, str)
-            else law
-            for name, law in laws.items()
-        }
+        self._laws = laws
         for name, law in self._laws.items():
             if not law.has_curve:
                 raise ConfigError(

@@ -11,7 +11,6 @@ import numpy as np
 
 from radcal.config import Material, Radar, stages
 from radcal.errors import SimulatorError
-from radcal.laws import EXTERNAL, FORMULA
 from radcal.seeds import noise_seed as seed_of_noise
 from radcal.simulators.protocol import Simulator
 from radcal.simulators.texturing import orders_of, with_textures
@@ -27,14 +26,7 @@ __all__ = ["Runner"]
 
 def _law_description(material: Material, first: Radar, radar: Radar, seed: int) -> dict[str, Any]:
     """Part of a run's description that identifies law and texture of a material, without the law's parameters."""
-    description: dict[str, Any] = {"law": material.law}
-    # A law gets only the entries that it needs, so that the hashes of earlier runs with other laws do not change.
-    if material.angles_deg:
-        description["angles_deg"] = material.angles_deg
-    if material.law == FORMULA:
-        description["formula"] = material.unbound_law.formula  # in a form that does not depend on blanks
-    if material.law in (EXTERNAL, FORMULA):
-        description["names"] = list(material.parameter_names)
+    description = dict(material.unbound_law.description)
     if material.looks is not None:
         # the texture depends on all four values; the description of an external program's pass does not contain the
         # looks

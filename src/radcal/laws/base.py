@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.errors import ConfigError
 
-__all__ = ["EXTERNAL", "Law", "cosine", "seen_rad"]
+__all__ = ["EXTERNAL", "OF_PASS", "Law", "cosine", "seen_rad"]
 
 EXTERNAL = "external"  # law of a material whose backscatter only the simulator can compute
+OF_PASS = ("frequency_ghz", "polarisation")  # conditions that section radar gives
 _LEAST_COSINE = 1e-6
 Intervals = tuple[tuple[float, float], ...]
 
@@ -43,7 +44,8 @@ class Law:
     limits : tuple of (float, float) or None
         Range of permitted values of each parameter; None for no limits.
     needs : tuple of str
-        Conditions that must still be bound: ``frequency_ghz``, ``polarisation``, ``angles_deg``.
+        Conditions that must still be bound: ``frequency_ghz`` and ``polarisation`` of the pass, ``angles_deg`` of the
+        material, and any others, whose values the material gives as ``conditions``.
     doubt : callable or None
         Function ``(parameters) -> str | None``, whose keyword arguments are the conditions in ``needs``. The function
         returns a clause for a warning if the parameters lie outside the range of the law's data, else None.
@@ -52,6 +54,9 @@ class Law:
         the standard deviation of the natural logarithm.
     formula, source, remark : str
         Texts for the documentation.
+    description : mapping
+        Plain data that identify the law without its parameters, for the description of a run: its name, and what the
+        case file gives for it; of a law of another distribution also the name and version of the distribution.
     """
 
     function: Callable[..., NDArray[np.float64]] | None
@@ -66,14 +71,29 @@ class Law:
     formula: str = ""
     source: str = ""
     remark: str = ""
+    description: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Name of the law in the case file."""
+        return str(self.description.get("law", ""))
 
     def __call__(self, phi_rad: ArrayLike, parameters: ArrayLike) -> NDArray[np.float64]:
-        """Sigma0 [dB] at local incidence angles [rad]; raises a ConfigError for a law without a curve."""
+        """Sigma0 [dB] at local incidence angles [rad].
+
+        Raises
+        ------
+        ConfigError
+            The law has no curve, or a condition is not bound.
+        """
         if self.function is None:
             raise ConfigError(
                 f"law {EXTERNAL!r} of the parameters {list(self.names)} has no curve, expected a law of radcal's own: "
                 "only the simulator knows what backscatter they make."
             )
+        if self.needs:
+            key = f"radar.{self.needs[0]}" if self.needs[0] in OF_PASS else f"{self.needs[0]} of the material"
+            raise ConfigError(f"{key} is missing: law {self.name!r} depends on it.")
         return self.function(phi_rad, parameters)
 
     @property
@@ -97,6 +117,8 @@ class Law:
     def bound(self, **conditions: Any) -> Law:
         """Law with the given conditions bound to it; conditions that are None or not needed are ignored."""
         known = {key: value for key, value in conditions.items() if key in self.needs and value is not None}
+        if not known:
+            return self
         law = replace(
             self,
             function=partial(self.function, **known) if self.function is not None else None,
