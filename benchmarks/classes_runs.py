@@ -145,8 +145,8 @@ def continued(case: Case, runner: Runner, targets: Targets, history: History) ->
         seed = derived_seed(case.seed, "propose", "dyke", k)
         proposal = now.propose(case.optimiser, seed, best, history.failures("dyke"))
         parameters = all_parameters(case.materials, {"dyke": proposal.parameters})
-        record = run_all_draws(settings, runner, parameters)
-        run = score("infill", k, record, parameters, targets, objectives, case.seed)
+        records = run_all_draws(settings, runner, parameters)
+        run = score("infill", k, records, parameters, targets, objectives, case.seed)
         run = replace(run, proposals={"dyke": proposal})
         history = History([*history.runs, run])
         now = search()
@@ -175,7 +175,7 @@ def gap_with_other_speckle(bench: Bench, case: Case, stop: Score, best: Score) -
 
         def mean_cost(found: Score) -> float:
             parameters = all_parameters(case.materials, {"dyke": found.parameters})
-            draws = run_all_draws(settings, runner, parameters).draws[each - 1 :]
+            draws = run_all_draws(settings, runner, parameters)[0].draws[each - 1 :]
             others = [replace(draws[k], draws=draws[k + 1 : k + each]) for k in range(0, len(draws), each)]
             runs = [score("infill", 0, one, parameters, targets, objectives, case.seed) for one in others]
             return float(np.mean([run.scores["dyke"].cost for run in runs]))

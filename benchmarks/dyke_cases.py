@@ -91,7 +91,7 @@ class Bench:
     def targets(self, case: Case, runner: Runner) -> Targets:
         """Targets of a case, made as the workflow makes them."""
         measurement = make_measurement(stages.MeasurementStage.of(case), self.geometry, self._simulator, self.scene)
-        reference = reference_runs(stages.ReferenceRun.of(case), runner)[0].image_db
+        reference = reference_runs(stages.ReferenceRun.of(case), runner)[0][0].image_db
         assert reference is not None  # the reference run keeps its image
         registered, stage = register(reference, measurement, case.registration), stages.TargetStage.of(case)
         misfit = OBJECTIVES[stage.objective].misfit

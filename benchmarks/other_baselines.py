@@ -120,9 +120,9 @@ def case_of(
 def cost_at(case: Case, runner: Runner, targets: Targets, x: Sequence[float]) -> float:
     """Cost of a run with the given X of the dyke."""
     parameters = all_parameters(case.materials, {"dyke": list(x)})
-    record = run_all_draws(stages.Verify.of(case), runner, parameters)
+    records = run_all_draws(stages.Verify.of(case), runner, parameters)
     objectives = make_objectives(stages.Scores.of(case), targets)
-    return score("infill", 0, record, parameters, targets, objectives, case.seed).scores["dyke"].cost
+    return score("infill", 0, records, parameters, targets, objectives, case.seed).scores["dyke"].cost
 
 
 def summary(rows: list[dict[str, Any]], black_box: list[dict[str, Any]]) -> dict[str, Any]:

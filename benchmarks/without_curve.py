@@ -119,8 +119,8 @@ def searched(bench: Bench, free: Sequence[str], number: int, truth: list[float],
 
     def cost_at(x: NDArray[np.float64]) -> float:
         parameters = all_parameters(case.materials, {"dyke": x.tolist()})
-        record = run_all_draws(settings, runner, parameters)
-        return score("infill", 0, record, parameters, targets, objectives, case.seed).scores["dyke"].cost
+        records = run_all_draws(settings, runner, parameters)
+        return score("infill", 0, records, parameters, targets, objectives, case.seed).scores["dyke"].cost
 
     def cost(unit: NDArray[np.float64]) -> float:
         return cost_at(low + np.clip(unit, 0.0, 1.0) * (high - low))

@@ -18,7 +18,7 @@ from radcal.config import Case, RegistrationConfig, Stop, case_from, stages
 from radcal.ground.goodness import Goodness
 from radcal.image.model import Measurement
 from radcal.inference.moments import from_dp
-from radcal.objectives.history import History, Proposal, Run, Score
+from radcal.objectives.history import History, PassScore, Proposal, Run, Score
 from radcal.radar.geometry import Geometry
 from radcal.registration.registered import Registered, register
 from radcal.results.archive import Archive, read_archive, write_archive
@@ -189,15 +189,14 @@ def make_archive(
                 rms = skewnormal.density_rms(dp[name], target.dp)
                 scores[name] = Score(
                     parameters=start if kind == "reference" else [50.0, *rng.uniform(1, 49, 3).tolist()],
-                    dp=dp[name],
-                    rms=rms,
+                    densities=[PassScore(dp[name], rms)],
                     statistics=from_dp(dp[name])[None].tolist(),
                     looks=float(case.radar.looks),
                     cost=rms,
                     own_law=kind != "reference" or name not in other_start,
                 )
             key = f"{kind}{index:04d}"
-            runs.append(Run(kind, index, key, seconds=0.1 + 0.2 * index, scores=scores, proposals=proposals))
+            runs.append(Run(kind, index, [key], seconds=0.1 + 0.2 * index, scores=scores, proposals=proposals))
     history = History(runs)
     registered = register(measured, measurement, RegistrationConfig(method="none"))
     if moved:
@@ -211,8 +210,8 @@ def make_archive(
             uncertainty_px=np.full(shape, 0.2, dtype=np.float32),
             measurement=replace(measurement, misregistration_px=field + 0.5),
         )
-    RunStore(folder / "runs").put(record(runs[0].key), {})
-    final = (record(runs[-1].key), record("fresh"))
+    RunStore(folder / "runs").put(record(runs[0].keys[0]), {})
+    final = (record(runs[-1].keys[0]), record("fresh"))
     scene = Scene("made up", geometry.names, material, np.hypot(*np.indices(shape)), 5.0)
     made = Made(folder / "calibration.h5", case, stop, history, targets, final, registered, geometry, scene)
     made.gathered(made.path)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.ground.goodness import Goodness
 from radcal.laws import Law, external_law
-from radcal.objectives.history import Proposal, Run, Score
+from radcal.objectives.history import PassScore, Proposal, Run, Score
 from radcal.objectives.objective import CalibratedMaterial
 from radcal.skewnormal import fit
 from radcal.targets.target import Target
@@ -59,8 +59,8 @@ def make_material(
 
 def make_score(cost: float, x: Sequence[float] = (0.0,), rms: float | None = None, **changes: Any) -> Score:
     """Score of a run whose density has mean 0, variance nearly 1."""
-    keys = {"dp": [0.0, 1.0, 0.1], "statistics": [[0.0, 0.0, 0.0]], "looks": 4.0, **changes}
-    return Score(list(x), rms=cost if rms is None else rms, cost=cost, **keys)
+    density = PassScore([0.0, 1.0, 0.1], cost if rms is None else rms)
+    return Score(list(x), [density], cost=cost, **{"statistics": [[0.0, 0.0, 0.0]], "looks": 4.0, **changes})
 
 
 def make_run(
@@ -68,4 +68,4 @@ def make_run(
 ) -> Run:
     """Run in which each material's X is the run's number."""
     scores = {name: make_score(value, **{"x": [float(index)], **scored}) for name, value in cost.items()}
-    return Run(kind, index, f"{kind}{index}", 0.5, scores, proposals or {})  # type: ignore[arg-type]
+    return Run(kind, index, [f"{kind}{index}"], 0.5, scores, proposals or {})  # type: ignore[arg-type]

@@ -54,9 +54,9 @@ def parts(tmp_path_factory):
     )  # fmt: skip
     reference, *final = record("start", -5.0), record("best", -10.0), record("fresh", -8.0)
     runs = [
-        replace(make_run("reference", 0, {"area": 0.3}, x=X), key="start"),
-        replace(make_run("design", 0, {"area": 0.01}, x=X, looks=2.5), key="best"),
-        replace(make_run("design", 1, {"area": 0.2}, x=X, looks=1.5), key="other"),
+        replace(make_run("reference", 0, {"area": 0.3}, x=X), keys=["start"]),
+        replace(make_run("design", 0, {"area": 0.01}, x=X, looks=2.5), keys=["best"]),
+        replace(make_run("design", 1, {"area": 0.2}, x=X, looks=1.5), keys=["other"]),
     ]
     folder = tmp_path_factory.mktemp("runs")
     RunStore(folder).put(reference, {"simulator": {"kind": "made up"}})

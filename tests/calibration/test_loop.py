@@ -13,7 +13,7 @@ def test_runs_and_laws_of_the_small_case_stay(calibrated):
     history, decision = calibrated
     assert decision.converged
     assert [run.kind for run in history.runs] == ["reference", "design", "design", "infill"]
-    assert [run.key for run in history.runs[:3]] == KEYS
+    assert [run.keys[0] for run in history.runs[:3]] == KEYS
     # sums of other libraries may round differently, by which the key of a proposal would be another
     for name, x in FOUND.items():
         assert history.best(name).parameters == pytest.approx(x, rel=1e-6, abs=1e-6)

@@ -198,8 +198,8 @@ def test_score_asks_every_target_and_no_other_law(parts, runner, made):
     case, *_, targets = parts
     record = runner.run(TRUTH, noise_seed(case))
     fixed = {"road": [3.0]}  # a material that is not calibrated
-    found = score("design", 4, record, TRUTH | fixed, targets, made[0], case.seed, other_law=["lake"])
-    assert (found.kind, found.index, found.key) == ("design", 4, record.key)
+    found = score("design", 4, [record], TRUTH | fixed, targets, made[0], case.seed, other_law=["lake"])
+    assert (found.kind, found.index, found.keys) == ("design", 4, [record.key])
     assert {name: one.parameters for name, one in found.scores.items()} == TRUTH
     field, lake = found.scores["field"], found.scores["lake"]
     statistics = made[0]["field"].statistics(record.pixels_db["field"][targets["field"].order])
@@ -215,7 +215,10 @@ def test_statistics_are_means_over_the_draws_of_speckle(parts, runner, made):
     case, *_, targets = parts
     each = [runner.run(TRUTH, seed) for seed in (noise_seed(case), 77, 78)]
     alone, whole = (
-        [score("design", 0, record, TRUTH, targets, made[0], case.seed).scores["lake"].statistics for record in records]
+        [
+            score("design", 0, [record], TRUTH, targets, made[0], case.seed).scores["lake"].statistics
+            for record in records
+        ]
         for records in (each, [replace(each[0], draws=tuple(each[1:]))])
     )
     np.testing.assert_allclose(whole[0], np.mean(alone, axis=0))
@@ -228,7 +231,7 @@ def test_a_repeated_reference_run_tells_the_noise(parts, runner, made):
     rng = np.random.default_rng(1)
     again = {name: (v + rng.normal(0.0, 0.5, v.shape)).astype(np.float32) for name, v in first.pixels_db.items()}
     second = Record("again", again, None, 0.1)
-    runs = score_reference(stages.Scores.of(case), [first, second], targets, made[0])
+    runs = score_reference(stages.Scores.of(case), [[first], [second]], targets, made[0])
     assert runs[0].rms_sampling == {name: target.rms_sampling for name, target in targets.items()}
     assert runs[1].repeat_db == pytest.approx(2.3, abs=0.7), "the largest of 8,000 normal differences of 0.5 dB"
     variance = History(runs).noise_variance("field")
@@ -236,7 +239,7 @@ def test_a_repeated_reference_run_tells_the_noise(parts, runner, made):
     # half of the variance of the difference, of the mean of the pixels of a bin; three standard errors of the bootstrap
     wanted = 0.5 * 0.5**2 / (targets["field"].effective / 3.0)
     assert np.mean(variance[:, 0]) == pytest.approx(wanted, rel=0.32)
-    equal = score_reference(stages.Scores.of(case), [first, first], targets, made[0])
+    equal = score_reference(stages.Scores.of(case), [[first], [first]], targets, made[0])
     assert History(equal).noise_variance("field") is None
     assert equal[1].repeat_db == 0.0
 

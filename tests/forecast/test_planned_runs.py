@@ -66,7 +66,7 @@ def test_stored_runs_are_left_out(case, scene, geometry, tmp_path: Path) -> None
 
 
 def test_finished_iterations_are_left_out(case, tmp_path: Path) -> None:
-    made = [Run(kind, 0, "0" * 20, 0.5, {}) for kind in ["reference", *["design"] * 10]]
+    made = [Run(kind, 0, ["0" * 20], 0.5, {}) for kind in ["reference", *["design"] * 10]]
     write_runs(tmp_path / "scores.json", made)
     planned = [("train", {"k": "6"}), ("propose", {"k": "6"}), ("verify", {"k": "6"}), *LOOP[1:]]
     assert planned_runs(case, planned, tmp_path) == {

@@ -69,7 +69,7 @@ def test_the_same_density_gives_the_same_x(calibrated):
     for one, other in zip(built_in.runs, formula.runs, strict=True):
         assert one.scores["field"].parameters == other.scores["field"].parameters
         assert one.scores["field"].dp == other.scores["field"].dp
-        assert one.key != other.key
+        assert one.keys != other.keys
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ from radcal.storage.records import read_json, write_json
 
 def run(kind, index, x, cost, proposal=None, **keys):
     score = make_score(cost, list(x), statistics=[[cost, index, 0.2], [1.0, 2.0, 3.0]], **keys)
-    return Run(kind, index, f"{kind}{index}", 0.5, {"dyke": score}, {"dyke": proposal} if proposal else {})
+    return Run(kind, index, [f"{kind}{index}"], 0.5, {"dyke": score}, {"dyke": proposal} if proposal else {})
 
 
 RUNS = [
@@ -151,6 +151,18 @@ def test_a_file_of_a_newer_version_is_named(tmp_path, place, said):
         StoreError, match=rf"proposal\.json: {said} \d\S* does not know: another version of radcal wrote"
     ):
         read_proposals(file)
+
+
+def test_runs_of_an_earlier_version_are_read_with_their_passes(tmp_path):
+    write_runs(tmp_path / "now.json", [replace(RUNS[1], keys=["a", "b"])])
+    (entry,) = read_json(tmp_path / "now.json")
+    (entry["key"], *entry["further_keys"]), score = entry.pop("keys"), entry["scores"]["dyke"]
+    (first,) = score.pop("densities")
+    score |= {**first, "further": [None]}
+    write_json(tmp_path / "earlier.json", [entry])
+    (run,) = read_runs([tmp_path / "earlier.json"]).runs
+    assert run.keys == ["a", "b"]
+    assert run.scores["dyke"].densities == [*RUNS[1].scores["dyke"].densities, None]
 
 
 def test_a_run_of_another_version_is_named_by_the_key(tmp_path):

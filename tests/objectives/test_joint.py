@@ -74,7 +74,7 @@ def two_passes(objective: str, looks: tuple[int, int] = (4, 4)):
         )
     together = Targets(targets[0], targets[0].levels, targets[0].looks)
     together.passes = [together, *targets[1:]]
-    return case, together, replace(records[0], further=(records[1],))
+    return case, together, records
 
 
 @pytest.fixture(scope="module", params=["classes", "density"])
@@ -141,31 +141,30 @@ def test_priors_enter_once(found):
 
 
 def test_a_run_is_scored_in_all_passes(found, tmp_path):
-    case, targets, record, _, run = found
-    records = (replace(record, further=()), *record.further)
+    case, targets, records, _, run = found
     each = [Targets(one, one.levels, one.looks) for one in targets.passes]
     alone = [
-        score("design", 0, one, dict.fromkeys(target, X), target, make_objectives(single, target), 1)
+        score("design", 0, [one], dict.fromkeys(target, X), target, make_objectives(single, target), 1)
         for one, target, single in zip(records, each, case.passes, strict=True)
     ]
     field = run.scores["field"]
     np.testing.assert_array_equal(field.statistics, np.concatenate([one.scores["field"].statistics for one in alone]))
-    assert run.further_keys == ["run1"]
+    assert run.keys == ["run0", "run1"]
     assert run.seconds == 3.0
     if case.objective == "density":
-        assert (field.rms, field.further[0].rms) == tuple(one.scores["field"].rms for one in alone)
-        assert field.cost == pytest.approx(np.sqrt((field.rms**2 + field.further[0].rms ** 2) / 2.0), rel=1e-12)
+        each_rms = [one.rms for one in field.densities]
+        assert each_rms == [one.scores["field"].rms for one in alone]
+        assert field.cost == pytest.approx(np.sqrt(np.mean(np.square(each_rms))), rel=1e-12)
     else:
         # the looks are a compromise of those that suit each pass
         low, high = sorted(one.scores["field"].looks for one in alone)
         assert low - 0.3 < field.looks < high + 0.3
     # the second pass says nothing of the lake
-    assert run.scores["lake"].further == [None]
+    assert run.scores["lake"].densities == [*alone[0].scores["lake"].densities, None]
     assert run.scores["lake"].statistics == alone[0].scores["lake"].statistics
     assert run.scores["lake"].cost == pytest.approx(alone[0].scores["lake"].cost, rel=1e-9)
     write_runs(tmp_path / "runs.json", [run, alone[0]])
     assert read_runs([tmp_path / "runs.json"]).runs == (run, alone[0])
-    assert (tmp_path / "runs.json").read_text().count("further_keys") == 1
 
 
 def test_the_front_of_two_passes_is_kept(found, tmp_path):
@@ -206,7 +205,7 @@ def test_a_pass_without_the_material_has_no_statistics(found):
     _, _, _, objectives, run = found
     joint, score_ = objectives["field"], run.scores["field"]
     three = Joint([joint.passes[0], None, joint.passes[1]])
-    wide = replace(score_, further=[None, score_.further[0]])
+    wide = replace(score_, densities=[score_.densities[0], None, score_.densities[1]])
     assert three.in_pass(2, wide) == joint.in_pass(1, score_)
     assert three.in_pass(0, wide) == joint.in_pass(0, score_)
 

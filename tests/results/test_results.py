@@ -28,7 +28,7 @@ def test_every_run_is_there_in_order(made):
     with h5py.File(made.path) as file:
         assert file["runs/kind"].asstr()[()].tolist() == ["reference", *["design"] * 4, *["infill"] * 2]
         assert file["runs/index"][()].tolist() == [0, 0, 1, 2, 3, 0, 1]
-        assert file["runs/key"].asstr()[()].tolist() == [run.key for run in made.history.runs]
+        assert file["runs/key"].asstr()[()].tolist() == [run.keys[0] for run in made.history.runs]
         for name in made.targets:
             group = file[f"materials/{name}"]
             for key in ("parameters", "dp", "rms"):
@@ -107,14 +107,14 @@ def test_missing_reference_run_is_a_sentence(made, tmp_path):
 
 def test_a_proposal_that_was_simulated_before_is_no_further_run(made, tmp_path):
     *runs, last = made.history.runs
-    again = made.gathered(tmp_path / "again.h5", history=History([*runs, replace(last, key=runs[-1].key)]))
+    again = made.gathered(tmp_path / "again.h5", history=History([*runs, replace(last, keys=runs[-1].keys)]))
     before, after = summarise(made.archive), summarise(again)
     assert (before["runs"]["infill"], after["runs"]["infill"]) == (2, 1)
     assert before["iterations"] == after["iterations"] == 2
     # of the design, too, whose later runs and the infill are counted all the same
     twice = [
         *made.history.runs[:2],
-        replace(made.history.runs[2], key=made.history.runs[1].key),
+        replace(made.history.runs[2], keys=made.history.runs[1].keys),
         *made.history.runs[3:],
     ]
     counted = summarise(made.gathered(tmp_path / "twice.h5", history=History(twice)))["runs"]
@@ -143,15 +143,18 @@ def several(made):
     runs = [
         replace(
             run,
-            further_keys=[f"second {run.key}"],
+            keys=[*run.keys, f"second {run.keys[0]}"],
             scores={
-                name: replace(score, further=[PassScore([1.0, 2.0, 0.5], 0.0375) if name == "dyke" else None])
+                name: replace(
+                    score,
+                    densities=[*score.densities, PassScore([1.0, 2.0, 0.5], 0.0375) if name == "dyke" else None],
+                )
                 for name, score in run.scores.items()
             },
         )
         for run in made.history.runs
     ]
-    keys = (runs[3].key, "new", f"second {runs[3].key}", "newer")
+    keys = (runs[3].keys[0], "new", runs[3].keys[1], "newer")
     final = [replace(record, key=key) for record, key in zip(made.final * 2, keys, strict=True)]
     radar = [{"depression_deg": 45, "looks": 3}, {"depression_deg": 30, "look_side": "left"}]
     case = case_from({**made.case.sections("materials", "objective"), "radar": radar, "measurement": [{}, {}]})

@@ -74,7 +74,7 @@ def test_a_law_of_three_parameters_from_a_start_of_another_law(tmp_path: Path) -
     assert decision.converged, decision
     assert history.runs[0].scores["field"].parameters == [-10.0, 2.0, 4.0, 3.0]
     assert [run.scores["field"].own_law for run in history.runs] == [False] + [True] * (len(history.runs) - 1)
-    assert history.training("field")[0].shape == (len({run.key for run in history.runs}) - 1, 3)
+    assert history.training("field")[0].shape == (len({run.keys[0] for run in history.runs}) - 1, 3)
 
 
 def test_more_parameters_than_moments_do_not_stop_the_loop(tmp_path: Path) -> None:

@@ -99,7 +99,7 @@ def test_a_pass_added_later_reuses_all_runs_and_a_kill_loses_none(project, monke
     assert decision.ended
     iterations = range(len(history.infill))
     theirs = read_runs([out / "scores.json", *(out / f"iterations/{k}/verified.json" for k in iterations)])
-    assert [(run.key, run.further_keys) for run in history.runs] == [(run.key, run.further_keys) for run in theirs.runs]
+    assert [run.keys for run in history.runs] == [run.keys for run in theirs.runs]
     for ours, others in zip(history.runs, theirs.runs, strict=True):
         np.testing.assert_array_equal(ours.scores["field"].statistics, others.scores["field"].statistics)
 

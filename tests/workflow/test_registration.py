@@ -75,7 +75,7 @@ def test_the_image_is_registered_again_onto_a_run_of_the_laws_found(project, mon
     theirs = read_runs(
         [out / "scores.json", *(out / f"iterations/{k}/verified.json" for k in range(len(history.infill)))]
     )
-    assert [(run.kind, run.key) for run in history.runs] == [(run.kind, run.key) for run in theirs.runs]
+    assert [(run.kind, run.keys) for run in history.runs] == [(run.kind, run.keys) for run in theirs.runs]
     for ours, others in zip(history.runs, theirs.runs, strict=True):
         np.testing.assert_array_equal(ours.scores["field"].statistics, others.scores["field"].statistics)
 

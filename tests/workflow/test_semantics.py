@@ -232,7 +232,7 @@ def test_another_seed_is_another_design_as_if_it_had_always_been(finished, tmp_p
         project.write(seed=2, target={"pixels": 300})
         ended(project, "design", *CASE)
     scores = [
-        [(run.key, run.scores["field"]) for run in read_runs([project.out() / "scores.json"]).runs]
+        [(run.keys, run.scores["field"]) for run in read_runs([project.out() / "scores.json"]).runs]
         for project in (finished, fresh)
     ]
     assert scores[0] == scores[1]

@@ -19,7 +19,7 @@ with logged(snakemake.log[0], snakemake.params.case, p):
     index = []
     for k, parameters in list(enumerate(points))[first : first + case.design.chunk]:
         with called(f"design run {k + 1} of {len(points)}"):
-            record = run_all_draws(case, runner, parameters)
+            (record,) = run_all_draws(case, runner, parameters)
         index.append(IndexedRun.of(record, parameters))
         progress(design_line(k + 1, len(points), record, targets))
     write_index(snakemake.output.index, index)

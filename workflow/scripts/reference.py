@@ -13,7 +13,7 @@ from radcal.words import sentence
 with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.p):
     case = stages.ReferenceRun.model_validate(snakemake.params.case)
     runner = make_runner(case.at_start, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
-    first, *again = reference_runs(case, runner)
+    first, *again = [record for (record,) in reference_runs(case, runner)]
     check_scale(first.image_db, read_measurement(snakemake.input.measurement).image_db, case)
     differences = [first.largest_difference_db(record) for record in again]
     start = case.start_parameters

@@ -13,6 +13,6 @@ with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.p):
     with understood(snakemake.input.laws):
         parameters = all_parameters(case.materials, read_json(snakemake.input.laws))
     with called("run of the laws found"):
-        record = run_all_draws(case, runner, parameters, image=True)
+        (record,) = run_all_draws(case, runner, parameters, image=True)
     write_index(snakemake.output.index, [IndexedRun.of(record, parameters)])
     progress(f"run of the laws found, to register the image again: {record.seconds:.1f} s")

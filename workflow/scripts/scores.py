@@ -12,7 +12,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     case = stages.Scores.model_validate(snakemake.params.case)
     targets = read_targets(*snakemake.input.target)
     store, passes = (snakemake.params.runs, case.calibrated), len(snakemake.input.target)
-    reference = [record for record, _ in in_all_passes(indexed([file], *store) for file in snakemake.input.reference)]
+    reference = [records for records, _ in in_all_passes(indexed([file], *store) for file in snakemake.input.reference)]
     objectives = make_objectives(case, targets)
     runs = score_reference(case, reference, targets, objectives)
     for kind, files in (
@@ -24,8 +24,8 @@ with logged(snakemake.log[0], snakemake.params.case):
         each = [files[number * chunks : (number + 1) * chunks] for number in range(passes)]
         listed = in_all_passes(indexed(one, *store) for one in each)
         runs += [
-            score(kind, k, record, parameters, targets, objectives, case.seed)
-            for k, (record, parameters) in enumerate(listed)
+            score(kind, k, records, parameters, targets, objectives, case.seed)
+            for k, (records, parameters) in enumerate(listed)
         ]
     write_runs(snakemake.output.scores, runs)
     best = {name: History(runs).best(name).rms for name in targets}

@@ -125,7 +125,7 @@ def conclude(
     StoreError
         If the record of the reference run is missing or holds no image.
     """
-    store, key = RunStore(runs), history.runs[0].key
+    store, key = RunStore(runs), history.runs[0].keys[0]
     reference = store.get(key, list(targets), image=True)
     if reference is None:
         raise StoreError(

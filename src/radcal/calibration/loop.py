@@ -47,7 +47,7 @@ def register_rounds(
     geometry: Geometry,
     measurement: Measurement,
     scene: Scene,
-) -> tuple[Registered, tuple[Record, Parameters] | None]:
+) -> tuple[Registered, tuple[list[Record], Parameters] | None]:
     """Register the measured image onto the reference run and, if configured, onto the registration run.
 
     Parameters
@@ -67,7 +67,7 @@ def register_rounds(
     -------
     registered : Registered
         Registered measured image.
-    run : (Record, Parameters) or None
+    run : (list of Record, Parameters) or None
         Registration run and its X by material, for :func:`calibrate`; None if the image is registered once.
 
     Raises
@@ -76,7 +76,7 @@ def register_rounds(
         The measured image has nothing in common with the simulated image, or contradicts the geometry of the pass.
     """
     reference = stages.ReferenceRun.of(case)
-    start = _image_db(reference_runs(reference, runner)[0])
+    start = _image_db(reference_runs(reference, runner)[0][0])
     check_scale(start, measurement.image_db, reference)
     first = register(start, measurement, case.registration)
     first = checked(first, start, geometry, case.radar, scene.slope_error_deg)
@@ -84,8 +84,8 @@ def register_rounds(
         return first, None
     found = laws_of_image(stages.TargetStage.of(case), geometry, first, start, scene)
     parameters = all_parameters(case.materials, found)
-    record = run_all_draws(stages.RegistrationRun.of(case), runner, parameters, image=True)
-    return register_again(_image_db(record), first, case.registration), (record, parameters)
+    records = run_all_draws(stages.RegistrationRun.of(case), runner, parameters, image=True)
+    return register_again(_image_db(records[0]), first, case.registration), (records, parameters)
 
 
 def _image_db(record: Record) -> NDArray[np.float32]:
@@ -100,7 +100,7 @@ def calibrate(
     targets: Targets,
     report: Callable[[History], None] = lambda _: None,
     reference: Runner | None = None,
-    registration: tuple[Record, Parameters] | None = None,
+    registration: tuple[list[Record], Parameters] | None = None,
 ) -> tuple[History, Decision]:
     """Make the reference run, the design runs, and infill runs until the search of every material has ended.
 
@@ -118,7 +118,7 @@ def calibrate(
     reference : Runner, optional
         Simulator for the reference run, made for ``case.at_start``; needed if the starting parameters of a calibrated
         material belong to another law.
-    registration : (Record, Parameters), optional
+    registration : (list of Record, Parameters), optional
         Run onto whose image the measured image was registered again, and its X by material.
 
     Returns
@@ -144,8 +144,8 @@ def calibrate(
     if registration is not None:
         runs.append(score("registration", 0, *registration, targets, objectives, case.seed))
     for k, parameters in enumerate(design_points(stages.DesignChunk.of(case), case.design_size)):
-        record = run_all_draws(simulation, runner, parameters)
-        runs.append(score("design", k, record, parameters, targets, objectives, case.seed))
+        records = run_all_draws(simulation, runner, parameters)
+        runs.append(score("design", k, records, parameters, targets, objectives, case.seed))
     history, k = History(runs), 0
     trained: dict[str, Training] = {}
     report(history)

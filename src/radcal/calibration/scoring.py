@@ -27,7 +27,7 @@ __all__ = ["score", "score_reference", "with_texture"]
 def score(
     kind: Kind,
     index: int,
-    record: Record,
+    records: Sequence[Record],
     parameters: Parameters,
     targets: Targets,
     objectives: Mapping[str, Comparison],
@@ -40,8 +40,8 @@ def score(
     ----------
     kind, index
         Kind of the run, and its number (:class:`radcal.objectives.history.Run`).
-    record : Record
-        Record of the run; the statistics of its draws of speckle are averaged.
+    records : sequence of Record
+        Record of the run in each pass; the statistics of its draws of speckle are averaged.
     parameters : mapping
         Parameters X by material.
     targets : Targets
@@ -55,7 +55,7 @@ def score(
     """
     draws = [
         [_values(one, draw.pixels_db) for draw in (run, *run.draws)]
-        for run, one in zip(record.passes, targets.passes, strict=True)
+        for run, one in zip(records, targets.passes, strict=True)
     ]
     found = {}
     for name, objective in objectives.items():
@@ -67,32 +67,27 @@ def score(
     of_texture = {name: looks for name, (_, looks, _) in found.items()}
     densities = [
         one.score(with_texture(run.pixels_db, objectives, of_texture, seed, number=number))
-        for number, (run, one) in enumerate(zip(record.passes, targets.passes, strict=True))
+        for number, (run, one) in enumerate(zip(records, targets.passes, strict=True))
     ]
     scores = {}
     for name, (statistics, looks, cost) in found.items():
-        dp, rms = densities[0][name]
-        others = [each.get(name) for each in densities[1:]]
-        every = [rms, *(other[1] for other in others if other is not None)]
+        of_passes = [PassScore(one[name][0].tolist(), one[name][1]) if name in one else None for one in densities]
         if cost is None:
-            cost = float(objectives[name].together(np.array(every)))
+            cost = float(objectives[name].together(np.array([one.rms for one in of_passes if one is not None])))
         scores[name] = Score(
             parameters=[float(x) for x in parameters[name]],
-            dp=[float(v) for v in dp],
-            rms=rms,
+            densities=of_passes,
             statistics=statistics.tolist(),
             looks=looks,
             cost=cost,
             own_law=name not in other_law,
-            further=[None if one is None else PassScore([float(v) for v in one[0]], one[1]) for one in others],
         )
     return Run(
         kind=kind,
         index=index,
-        key=record.key,
-        seconds=record.all_seconds,
+        keys=[record.key for record in records],
+        seconds=sum(record.all_seconds for record in records),
         scores=scores,
-        further_keys=[run.key for run in record.further],
     )
 
 
@@ -153,7 +148,7 @@ def with_texture(
 
 
 def score_reference(
-    case: stages.Scores, records: Sequence[Record], targets: Targets, objectives: Mapping[str, Comparison]
+    case: stages.Scores, made: Sequence[Sequence[Record]], targets: Targets, objectives: Mapping[str, Comparison]
 ) -> list[Run]:
     """Scores of the reference run and of its repetition, with the difference of their pixels.
 
@@ -161,39 +156,43 @@ def score_reference(
     ----------
     case : stages.Scores
         Starting parameters and seed.
-    records : sequence of Record
-        Record of the reference run and, if it was repeated, of the repetition.
+    made : sequence of sequence of Record
+        Records of the reference run in all passes and, if it was repeated, those of the repetition.
     targets, objectives : mapping
         Target and objective by calibrated material.
 
     Returns
     -------
     list of Run
-        One run for each record. The first run holds ``rms_sampling``, a repetition holds ``repeat_db`` [dB], and a
+        Reference run and repetition. The first run holds ``rms_sampling``, a repetition holds ``repeat_db`` [dB], and a
         repetition that differs from the first run also holds ``repeat_variance``.
     """
     start, others = case.start_parameters, case.start_with_another_law
     runs = [
-        score("reference", k, record, start, targets, objectives, case.seed, other_law=others)
-        for k, record in enumerate(records)
+        score("reference", k, records, start, targets, objectives, case.seed, other_law=others)
+        for k, records in enumerate(made)
     ]
     each = {name: [one[name].rms_sampling for one in targets.passes if name in one] for name in targets}
     sampling = {name: float(np.sqrt(np.mean(np.square(found)))) for name, found in each.items()}
     runs[0] = replace(runs[0], rms_sampling=sampling)
-    for k, record in enumerate(records[1:], start=1):
-        difference = records[0].largest_difference_db(record)
+    for k, again in enumerate(made[1:], start=1):
+        difference = max(one.largest_difference_db(other) for one, other in zip(made[0], again, strict=True))
         runs[k] = replace(runs[k], repeat_db=difference)
         if difference > 0:
-            runs[k] = replace(runs[k], repeat_variance=_repeat_variance(case, records[0], record, targets, objectives))
+            runs[k] = replace(runs[k], repeat_variance=_repeat_variance(case, made[0], again, targets, objectives))
     return runs
 
 
 def _repeat_variance(
-    case: stages.Scores, first: Record, again: Record, targets: Targets, objectives: Mapping[str, Comparison]
+    case: stages.Scores,
+    first: Sequence[Record],
+    again: Sequence[Record],
+    targets: Targets,
+    objectives: Mapping[str, Comparison],
 ) -> dict[str, list[list[float]]]:
     found: dict[str, list[NDArray[np.float64]]] = {name: [] for name in targets}
     for number, one in enumerate(targets.passes):
-        values, others = (_values(one, record.passes[number].pixels_db) for record in (first, again))
+        values, others = (_values(one, records[number].pixels_db) for records in (first, again))
         for name, target in one.items():
             objective = objectives[name].passes[number]
             assert objective is not None  # noqa: S101

@@ -56,7 +56,7 @@ def called(run: str) -> Iterator[None]:
         raise SimulatorError(f"{run}: {error}", error.about) from None
 
 
-def reference_runs(case: stages.ReferenceRun, runner: Runner) -> list[Record]:
+def reference_runs(case: stages.ReferenceRun, runner: Runner) -> list[list[Record]]:
     """Make the reference run, and repeat it if it is unknown whether the simulator is deterministic.
 
     Parameters
@@ -68,26 +68,26 @@ def reference_runs(case: stages.ReferenceRun, runner: Runner) -> list[Record]:
 
     Returns
     -------
-    list of Record
-        Record of the reference run with its whole image and, for an external simulator, of the repetition. There is no
-        repetition if the configuration declares whether the simulator is deterministic.
+    list of list of Record
+        Records of the reference run in all passes, with whole images, and, for an external simulator, those of the
+        repetition. There is no repetition if the configuration declares whether the simulator is deterministic.
     """
     parameters, seed = case.start_parameters, noise_seed(case)
     with called("reference run"):
-        records = [run_all_draws(case, runner, parameters, image=True)]
+        runs = [run_all_draws(case, runner, parameters, image=True)]
     if isinstance(case.simulator, CommandSimulation) and case.simulator.deterministic is None:
         with called("second reference run"):
-            again = [one.run(parameters, seed, repeat=True) for one in runner.passes]
-        records.append(replace(again[0], further=tuple(again[1:])))
-    return records
+            runs.append([one.run(parameters, seed, repeat=True) for one in runner.passes])
+    return runs
 
 
-def run_all_draws(case: stages.Simulation, runner: Runner, parameters: Parameters, image: bool = False) -> Record:
-    """Record of a run in all passes, with all draws of speckle; ``image`` keeps the whole image of the first draw."""
+def run_all_draws(case: stages.Simulation, runner: Runner, parameters: Parameters, image: bool = False) -> list[Record]:
+    """Records of a run in all passes, with all draws of speckle; ``image`` keeps the whole image of the first draw."""
     first, *others = draw_seeds(case)
-    record = runner.run(parameters, first, image=image)
-    further = tuple(run_all_draws(case, one, parameters, image) for one in runner.passes[1:])
-    return replace(record, draws=tuple(runner.run(parameters, seed) for seed in others), further=further)
+    return [
+        replace(one.run(parameters, first, image=image), draws=tuple(one.run(parameters, seed) for seed in others))
+        for one in runner.passes
+    ]
 
 
 def repeatability(simulator: SimulatorConfig, differences_db: Sequence[float]) -> list[Finding]:
@@ -287,8 +287,8 @@ def verify(
     """
     parameters = all_parameters(case.materials, {name: proposal.parameters for name, proposal in proposals.items()})
     with called(f"infill run {history.count('infill') + 1}"):
-        record = run_all_draws(case, runner, parameters)
-    run = score("infill", iteration, record, parameters, targets, objectives, case.seed)
+        records = run_all_draws(case, runner, parameters)
+    run = score("infill", iteration, records, parameters, targets, objectives, case.seed)
     run = replace(run, proposals=dict(proposals))
     ahead = [name for name, objective in objectives.items() if objective.looks_ahead]
     history = History([*history.runs, run])

@@ -113,11 +113,9 @@ class Score:
     ----------
     parameters : list of float
         Parameters X of the material in the run.
-    dp : list of float
-        Skew-normal parameters xi [dB], omega [dB] and alpha of the material's pixels in the first pass, with texture
-        that lowers their effective number of looks to ``looks``.
-    rms : float
-        Root-mean-square difference between the density of the first pass and the target's density [1/dB].
+    densities : list of PassScore or None
+        Density of the material's pixels in each pass, with texture that lowers their effective number of looks to
+        ``looks``; None for a pass with too few pixels of the material.
     statistics : list of list of float
         Mean [dB], log sd and skewness of each incidence-angle bin, at the sensor's looks, shape (n, 3); the bins of all
         passes follow one another. The objective ``density`` has one row for each pass.
@@ -137,13 +135,10 @@ class Score:
         None if it was not searched for.
     moved_db : float or None
         Largest difference over the incidence seen between the laws of the best verified and the best predicted X [dB].
-    further : list of PassScore or None
-        Densities in the second and later passes; None for a pass with too few pixels of the material.
     """
 
     parameters: list[float]
-    dp: list[float]
-    rms: float
+    densities: list[PassScore | None]
     statistics: list[list[float]]
     looks: float
     cost: float
@@ -151,12 +146,22 @@ class Score:
     gain: float | None = None
     floor: float | None = None
     moved_db: float | None = None
-    further: list[PassScore | None] = field(default_factory=list)
 
     @property
-    def densities(self) -> list[PassScore | None]:
-        """Density of the run and its rms in each pass, None in a pass in which the material has too few pixels."""
-        return [PassScore(self.dp, self.rms), *self.further]
+    def dp(self) -> list[float]:
+        """Direct parameters xi, omega and alpha of the run's density in the first pass."""
+        return self._first.dp
+
+    @property
+    def rms(self) -> float:
+        """Rms difference of the run's density from the target's in the first pass [1/dB]."""
+        return self._first.rms
+
+    @property
+    def _first(self) -> PassScore:
+        first = self.densities[0]
+        assert first is not None  # noqa: S101 - the first pass shows all materials
+        return first
 
 
 @dataclass(frozen=True)
@@ -171,8 +176,8 @@ class Run:
         ``stop.max_runs``.
     index : int
         Number of the run among the runs of its kind.
-    key : str
-        Hash that identifies the run's record.
+    keys : list of str
+        Hashes that identify the run's record in each pass.
     seconds : float
         Wall time of the simulator [s].
     scores : mapping
@@ -186,25 +191,17 @@ class Run:
         differs from the first one.
     rms_sampling : mapping by material
         Sampling error of the target's density, as rms [1/dB]; only the first reference run holds it.
-    further_keys : list of str
-        Hashes that identify the records of the second and later passes.
     """
 
     kind: Kind
     index: int
-    key: str
+    keys: list[str]
     seconds: float
     scores: Mapping[str, Score]
     proposals: Mapping[str, Proposal] = field(default_factory=dict)
     repeat_db: float | None = None
     repeat_variance: Mapping[str, list[list[float]]] = field(default_factory=dict)
     rms_sampling: Mapping[str, float] = field(default_factory=dict)
-    further_keys: list[str] = field(default_factory=list)
-
-    @property
-    def keys(self) -> list[str]:
-        """Hashes that identify the records of all passes, in the order of the passes."""
-        return [self.key, *self.further_keys]
 
 
 class History:
@@ -304,13 +301,8 @@ class History:
 
 
 def write_runs(path: str | Path, runs: Iterable[Run]) -> None:
-    """Write scored runs as JSON; entries on further passes are omitted if there is only one pass."""
-    written = [asdict(run) for run in runs]
-    for run in written:
-        for item, key in [(run, "further_keys"), *((score, "further") for score in run["scores"].values())]:
-            if not item[key]:
-                del item[key]
-    write_json(path, written)
+    """Write scored runs as JSON."""
+    write_json(path, [asdict(run) for run in runs])
 
 
 def read_runs(paths: Iterable[str | Path]) -> History:
@@ -326,13 +318,22 @@ def read_runs(paths: Iterable[str | Path]) -> History:
     for path in paths:
         entries = read_json(path)
         with understood(path):
-            runs += [parse(path, data) for data in entries]
+            runs += [parse(path, _of_passes(data)) for data in entries]
     return History(runs)
 
 
+def _of_passes(run: dict[str, Any]) -> dict[str, Any]:
+    """Entry of a run with lists of the passes; an earlier version of radcal kept the first pass apart."""
+    if "key" in run:
+        run["keys"] = [run.pop("key"), *run.pop("further_keys", [])]
+        for score in run["scores"].values():
+            score["densities"] = [{key: score.pop(key) for key in ("dp", "rms")}, *score.pop("further", [])]
+    return run
+
+
 def _score(data: dict[str, Any], path: str | Path) -> Score:
-    further = [None if item is None else from_json(PassScore, item, path) for item in data.get("further", [])]
-    return from_json(Score, {**data, "further": further}, path)
+    densities = [None if item is None else from_json(PassScore, item, path) for item in data["densities"]]
+    return from_json(Score, {**data, "densities": densities}, path)
 
 
 def _proposal(data: dict[str, Any], path: str | Path) -> Proposal:

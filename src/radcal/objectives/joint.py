@@ -128,15 +128,11 @@ class Joint(Comparison):
         """Score of one pass alone: statistics, density, and effective number of looks in this pass."""
         part = self.passes[number]
         assert part is not None  # noqa: S101
-        density = score.densities[number]
-        assert density is not None  # noqa: S101
         return replace(
             score,
-            dp=density.dp,
-            rms=density.rms,
+            densities=[score.densities[number]],
             statistics=np.split(np.asarray(score.statistics), self._ends)[self._parts.index(part)].tolist(),
             looks=self._there(part, score.looks),
-            further=[],
         )
 
     def moved_db(self, first: ArrayLike, second: ArrayLike) -> float | None:

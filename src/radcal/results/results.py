@@ -117,7 +117,7 @@ def archive_of(
         runs=Runs(
             kind=np.array([run.kind for run in history.runs]),
             index=np.array([run.index for run in history.runs]),
-            key=np.array([run.key for run in history.runs]),
+            key=np.array([run.keys[0] for run in history.runs]),
             seconds=np.array([run.seconds for run in history.runs]),
         ),
         passes={

@@ -125,7 +125,8 @@ def _contents(path: Path, sentences: list[str]) -> Any:
 def _keys(data: Any) -> set[str]:
     """Hashes of the runs that an index of runs lists."""
     entries = data if isinstance(data, list) else []
-    return {entry["key"] for entry in entries if isinstance(entry, dict) and isinstance(entry.get("key"), str)}
+    each = [[entry.get("key"), *entry.get("keys", [])] for entry in entries if isinstance(entry, dict)]
+    return {key for keys in each for key in keys if isinstance(key, str)}
 
 
 def _indexes(folder: Path, lost: Mapping[Path, set[str]], sentences: list[str]) -> None:

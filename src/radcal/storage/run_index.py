@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -93,20 +94,19 @@ def indexed(
 
 def in_all_passes(
     passes: Iterable[Iterable[tuple[Record, Parameters]]],
-) -> Iterator[tuple[Record, Parameters]]:
-    """Records of the first pass, each combined with the records of the same run in the other passes.
+) -> Iterator[tuple[list[Record], Parameters]]:
+    """Records of each run in all passes, from the records of all runs in each pass.
 
     Raises
     ------
     StoreError
         The passes differ in the parameters or in the number of their runs.
     """
-    first, *others = [list(found) for found in passes]
-    for found in others:
-        if [dict(parameters) for _, parameters in found] != [dict(parameters) for _, parameters in first]:
+    for found in itertools.zip_longest(*passes, fillvalue=(None, None)):
+        records, each = zip(*found, strict=True)
+        if any(parameters != each[0] for parameters in each):
             raise StoreError("the indexes of the passes list runs of different parameters; delete them and type again.")
-    for number, (record, parameters) in enumerate(first):
-        yield replace(record, further=tuple(found[number][0] for found in others)), parameters
+        yield list(records), each[0]
 
 
 def _found(store: RunStore, file: str | Path, key: str, materials: Sequence[str], image: bool) -> Record:

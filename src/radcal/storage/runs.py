@@ -33,7 +33,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Record:
-    """Result of one simulator run, as the run store keeps it.
+    """Result of one simulator run in one pass, as the run store keeps it.
 
     Attributes
     ----------
@@ -47,8 +47,6 @@ class Record:
         Wall time of the simulator [s].
     draws : tuple of Record
         Records of further speckle draws with the same parameters, each with a separate file in the run store.
-    further : tuple of Record
-        Records of the second and later passes with the same parameters.
     """
 
     key: str
@@ -56,25 +54,15 @@ class Record:
     image_db: NDArray[np.float32] | None
     seconds: float
     draws: tuple[Record, ...] = ()
-    further: tuple[Record, ...] = ()
-
-    @property
-    def passes(self) -> tuple[Record, ...]:
-        """Records of all passes with these parameters, in the order of the passes."""
-        return (self, *self.further)
 
     @property
     def all_seconds(self) -> float:
-        """Wall time of the simulator in all draws and passes [s]."""
-        return sum(draw.seconds for one in self.passes for draw in (one, *one.draws))
+        """Wall time of the simulator in all draws [s]."""
+        return sum(draw.seconds for draw in (self, *self.draws))
 
     def largest_difference_db(self, other: Record) -> float:
         """Largest absolute difference between the pixels of this run and those of another run [dB]."""
-        each = [
-            np.max(np.abs(values - theirs.pixels_db[name]), initial=0.0)
-            for ours, theirs in zip(self.passes, other.passes, strict=True)
-            for name, values in ours.pixels_db.items()
-        ]
+        each = [np.max(np.abs(values - other.pixels_db[name]), initial=0.0) for name, values in self.pixels_db.items()]
         return float(max(each, default=0.0))
 
 
