@@ -23,7 +23,7 @@ from radcal.image.georeference import (
     read_georeferenced,
     values_at_ground,
 )
-from radcal.image.header import Header, header_of
+from radcal.image.raster import Header, RasterReader
 
 pytestmark = pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning")  # of rasterio about affine
 
@@ -31,6 +31,10 @@ UTM = "EPSG:32631"
 WEST, SOUTH, CELL_M = 600_000.0, 5_780_000.0, 5.0
 SCENE = (CELL_M, 0.0, WEST, 0.0, CELL_M, SOUTH)
 CONFIG = FileMeasurement(path="image.tif", scale="power", radiometry="sigma0_ref")
+
+
+def header_of(path: Path, config: FileMeasurement) -> Header:
+    return RasterReader(path, config, Radar()).header
 
 
 def ground_of(rows: int = 30, columns: int = 40) -> np.ndarray:
@@ -127,7 +131,7 @@ def test_files_are_read_with_their_place(tmp_path: Path) -> None:
     values = np.arange(np.prod(shape), dtype=np.int32).reshape(shape)
     path = write_raster(tmp_path / "image.tif", np.stack([values, 2 * values]), crs=crs, transform=transform, nodata=0)
     config = CONFIG.model_copy(update={"band": 2})
-    assert header_of(path, config) == Header(CRS(UTM), pytest.approx((3.0, 3.0)))
+    assert header_of(path, config) == Header(crs=CRS(UTM), pixel_m=pytest.approx((3.0, 3.0)), on_map=True)
     read = read_georeferenced(path, config)
     np.testing.assert_array_equal(read.values, np.where(values > 0, 2.0 * values, np.nan))
     assert np.isnan(read.values[0, 0])

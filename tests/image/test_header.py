@@ -11,10 +11,10 @@ import pytest
 import rasterio
 from raster_files import write_raster
 
-from radcal.config import Case, FileMeasurement
+from radcal.config import Case, FileMeasurement, Radar
 from radcal.errors import MeasurementError
-from radcal.image.header import Header, header_of
 from radcal.image.model import Measurement
+from radcal.image.raster import Header, RasterReader
 from radcal.measurement.sources import make_measurement
 from radcal.radar.geometry import Geometry
 
@@ -46,13 +46,12 @@ def test_bands_and_tags_are_read(
     tmp_path: Path, names: list[str | None], band: int | None, tags: dict[str, str], expected: Header
 ) -> None:
     config = CONFIG.model_copy(update={"band": band})
-    assert header_of(write(tmp_path / "a.tif", (4, 5), names, **tags), config) == expected
+    assert RasterReader(write(tmp_path / "a.tif", (4, 5), names, **tags), config, Radar()).facts() == expected
 
 
 def test_files_without_tags_say_nothing(tmp_path: Path) -> None:
     (tmp_path / "a.tif").write_text("no raster")
-    assert header_of(tmp_path / "a.tif", CONFIG) == Header()
-    assert header_of(tmp_path / "a.npy", CONFIG) == Header()
+    assert RasterReader(tmp_path / "a.tif", CONFIG, Radar()).facts() == Header()
 
 
 @pytest.mark.parametrize(

@@ -13,13 +13,12 @@ import pytest
 import rasterio
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from raster_files import write_raster
+from raster_files import read_image, write_raster
 from rasterio.errors import NotGeoreferencedWarning
 from scipy.io import savemat
 
 from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
-from radcal.image.readers import read_image
 from radcal.reading.images import Counts
 
 POWER = np.random.default_rng(1).gamma(4, 0.025, (40, 30))
@@ -87,7 +86,7 @@ def test_unusable_pixels_are_counted(tmp_path, scale, unusable, counts):
     assert found.counts == Counts(values.size, *counts)
     assert np.argwhere(np.isnan(found.image_db)).tolist() == [[7, k] for k in range(len(unusable))]
     assert np.isfinite(found.image_db).sum() == values.size - len(unusable)
-    assert (found.findings, found.polarisation, found.frequency_hz) == ((), None, None)
+    assert (found.findings, found.resampled, found.pixel_m) == ((), False, None)
 
 
 def test_scale_and_offset_of_the_band_are_heeded(tmp_path):

@@ -14,8 +14,9 @@ from scipy.ndimage import uniform_filter
 from radcal.config import Case, Radar
 from radcal.errors import ConfigError, MeasurementError
 from radcal.findings import Finding
+from radcal.image.base import Grid
 from radcal.image.model import Measurement, read_measurement, write_measurement
-from radcal.measurement import sources as module
+from radcal.image.raster import RasterReader
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.synthetic import smooth_warp
 from radcal.radar.geometry import Geometry
@@ -266,7 +267,7 @@ def test_an_image_on_the_map_is_seen_where_its_ground_lies(
     assert (angle["key"], angle["declared_deg"]) == ("radar.depression_deg", 45.0)
     assert (angle["from_deg"], angle["to_deg"]) == pytest.approx((42.5, 47.5), abs=0.6)
     pass_38 = Radar(incidence_deg=38.5, altitude_m=700_000.0)
-    orbit = module._angle(path, module.Header(), case.measurement, pass_38, geometry, on_map)
+    orbit = RasterReader(path, case.measurement, pass_38)._angle(Grid(geometry, on_map), (on_map.crs, on_map.transform))
     assert (orbit.numbers["key"], orbit.numbers["declared_deg"]) == ("radar.incidence_deg", 38.5)
 
 

@@ -21,8 +21,6 @@ OPERA = "OPERA_L2_RTC-S1_T093-197867-IW3_20210426T013646Z_20250903T222329Z_S1A_3
         (f"/data/{NRB}", "power", "gamma0_rtc", "VH", False),
         (NRB.replace("-g-", "-s-"), "power", None, "VH", False),
         (OPERA, "power", "gamma0_rtc", "VH", False),
-        ("/data/S1A_IW_GRDH_1SDV.SAFE/", "amplitude", "sigma0_ref", None, False),
-        ("/data/S1A_IW_GRDH_1SDV.SAFE/manifest.safe", "amplitude", "sigma0_ref", None, False),
     ],
 )
 def test_names_say_scale_and_radiometry(

@@ -34,6 +34,7 @@ from radcal.image.acquisition import (
     differences,
     radar_section,
 )
+from radcal.image.base import Grid
 from radcal.measurement.sources import make_measurement
 from radcal.radar.projection import make_geometry
 from radcal.reading.intake import parse_xml
@@ -41,7 +42,7 @@ from radcal.scene.model import Scene
 from radcal.sentinel1.annotation import noise_of
 from radcal.sentinel1.overpass import overpass_of, overpass_unchecked
 from radcal.sentinel1.product import Product, open_product
-from radcal.sentinel1.reader import sigma0_image
+from radcal.sentinel1.reader import Sentinel1Reader
 from radcal.words import sentence
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
@@ -268,6 +269,20 @@ def test_the_printed_section_is_one_of_radar(safe: Path) -> None:
 def test_contradictions_are_refused(safe: Path, keys: dict[str, Any], words: str) -> None:
     with pytest.raises(MeasurementError, match=re.escape(words)):
         taken(safe, **keys)
+
+
+def sigma0_image(
+    product: Product, image: FileMeasurement, radar: Radar, geometry: Any, ground: Scene
+) -> tuple[np.ndarray, Acquisition, tuple[Finding, ...]]:
+    """Power, acquisition and findings of an opened product."""
+    reader = Sentinel1Reader(product.path, image, radar)
+    vars(reader)["_product"] = product
+    read = reader.read(Grid(geometry, ground))
+    return (
+        10.0 ** (read.image_db.astype(float) / 10.0),
+        overpass_of(product, ground, geometry.ground).acquisition,
+        read.findings,
+    )
 
 
 def taken(safe: Path, **keys: Any) -> tuple[np.ndarray, Acquisition, tuple[Finding, ...]]:

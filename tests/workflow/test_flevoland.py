@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from raster_files import read_image
 from scipy import stats
 
 from radcal.config import Case, FileMeasurement, load
 from radcal.ground.pixels import point_targets
 from radcal.image.looks import estimate_looks
 from radcal.image.model import Measurement
-from radcal.image.readers import read_image
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.registration.registered import register

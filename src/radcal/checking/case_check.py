@@ -26,7 +26,7 @@ from radcal.forecast.memory_and_time import Stage, memory_mb, values_of
 from radcal.forecast.runs_and_time import largest_runs, runs_sentence, time_expected
 from radcal.posterior.cells import CellMeans
 from radcal.programs.command_plan import check_command, check_image_shape
-from radcal.reading.safe import is_safe_name
+from radcal.reading.base import reader_of
 from radcal.scene.size import scene_size
 from radcal.session.replacement import check_replacement
 from radcal.words import sentence
@@ -230,7 +230,7 @@ def _check_pass(
     from radcal.radar.projection import make_geometry
 
     # before the geometry, because that cannot be made if section radar is wrong
-    about, sections = _by_annotation(one, scene)
+    about, sections = _of_file(one, scene)
     own += about
     found.sections += sections
     say(f"pass {number}: geometry of {' x '.join(map(str, scene.material.shape))} cells ...")
@@ -272,19 +272,20 @@ def _add_products(found: CaseCheck, case: Case) -> None:
     """Add findings and sections ``radar`` from annotations, for a case whose images could not be made."""
     from radcal.scene.sources import make_scene
 
-    products = [one for one in case.passes if is_safe_name(getattr(one.measurement, "path", ""))]
+    images = [(one, one.measurement) for one in case.passes if isinstance(one.measurement, FileMeasurement)]
+    products = [one for one, image in images if reader_of(image.path).gives_acquisition]
     with contextlib.suppress(RadcalError):  # the list has these problems already, or their cause
         size = scene_size(case.scene) if products else None
         if size is not None and max(size.cells, size.resampled) <= _LARGEST:
             scene = make_scene(case.scene, None, case.radar.heading_deg)
             for one in products:
-                about, sections = _by_annotation(one, scene)
+                about, sections = _of_file(one, scene)
                 found.findings += about
                 found.sections += sections
 
 
-def _by_annotation(one: Case, scene: Scene) -> tuple[list[Finding], list[str]]:
-    """Findings on a measured image in a SAFE folder, and section ``radar`` from its annotation; empty for other images.
+def _of_file(one: Case, scene: Scene) -> tuple[list[Finding], list[str]]:
+    """Findings on the acquisition in the file of a measured image, and section ``radar`` from it; empty without one.
 
     Parameters
     ----------
@@ -293,13 +294,10 @@ def _by_annotation(one: Case, scene: Scene) -> tuple[list[Finding], list[str]]:
     scene : Scene
         Scene of the case.
     """
-    from radcal.config import expand_path
-    from radcal.image.acquisition import differences, radar_section
-    from radcal.sentinel1.overpass import overpass_unchecked
+    from radcal.image.acquisition import radar_section
+    from radcal.image.base import opened
 
-    image = one.measurement
-    if not isinstance(image, FileMeasurement) or not is_safe_name(image.path):
+    if not isinstance(one.measurement, FileMeasurement):
         return [], []
-    seen = overpass_unchecked(expand_path(image.path, "measurement.path", folder=True), image, one.radar, scene)
-    findings = [seen.acquisition.finding(), *seen.findings, *differences(seen.acquisition, one.radar)]
-    return findings, [radar_section(seen.acquisition)]
+    facts = opened(one.measurement, one.radar).facts(scene)
+    return list(facts.findings), [radar_section(facts.acquisition)] if facts.acquisition is not None else []

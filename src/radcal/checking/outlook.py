@@ -9,7 +9,7 @@ from contextlib import suppress
 import numpy as np
 
 from radcal.checking.unregistered import start_image
-from radcal.config import Case, FileMeasurement, Material, SyntheticMeasurement, expand_path
+from radcal.config import Case, FileMeasurement, Material, SyntheticMeasurement
 from radcal.errors import MeasurementError
 from radcal.findings import Finding, of_pass
 from radcal.ground.pixels import (
@@ -20,17 +20,16 @@ from radcal.ground.pixels import (
     point_targets,
     share_in_noise,
 )
-from radcal.image.header import header_of
+from radcal.image.base import opened
 from radcal.image.model import Measurement
 from radcal.posterior.curves import NORMAL_90
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
-from radcal.reading.safe import is_safe_name
 from radcal.registration.registered import LEAST_CONTRAST_DB, contrast_db
 from radcal.scene.model import Scene
 from radcal.tables.landcover import brightest_db
 
-__all__ = ["bright_laws", "hidden_by_noise", "hidden_ground", "high_noise", "is_on_map", "outlook", "start_contrast"]
+__all__ = ["bright_laws", "hidden_by_noise", "hidden_ground", "high_noise", "outlook", "start_contrast"]
 
 _MOST_HIDDEN, _STEEPEST_DEG = 0.5, 35.0  # more hidden ground and steeper slopes (median) are rare, even in mountains
 _MIDDLE_DEG = 45.0  # incidence at which the gamma of a law is compared with those of terrain
@@ -53,7 +52,7 @@ def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> lis
     """
     found = start_contrast(case, geometry)
     if isinstance(case.measurement, FileMeasurement):
-        if "heading_deg" not in case.radar.model_fields_set and is_on_map(case.measurement):
+        if "heading_deg" not in case.radar.model_fields_set and opened(case.measurement, case.radar).facts().on_map:
             found.append(Finding("heading_missing", "warning", "radar.heading_deg"))
         # an offset that is removed has an error of its own; the levels of several passes have independent errors; an
         # external law has no band of sigma0
@@ -63,13 +62,6 @@ def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> lis
             numbers = {"level_db": error, "half_width_db": NORMAL_90 * error}
             found.append(Finding("level_counted", "note", "uncertainty.level_db", numbers))
     return [*found, *hidden_by_noise(case, geometry, measured)] if measured is not None else found
-
-
-def is_on_map(config: FileMeasurement) -> bool:
-    """Whether a measured image is georeferenced, so that its place does not depend on section ``radar``."""
-    product = is_safe_name(config.path)
-    path = expand_path(config.path, "measurement.path", folder=product)
-    return product or header_of(path, config).pixel_m is not None
 
 
 def hidden_ground(scene: Scene, geometry: Geometry) -> list[Finding]:

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from radcal.config.case import Case
 from radcal.errors import ConfigError, MissingFile
+from radcal.reading.base import reader_of
 from radcal.reading.rasters import RasterRefused, raster_files
-from radcal.reading.safe import MANIFEST, SafeRefused, chosen_image, is_safe_name, safe_folder, safe_images
 from radcal.reading.vectors import vector_files
 from radcal.sections.errors import shown
 from radcal.sections.measurement import FileMeasurement
@@ -152,10 +152,7 @@ def _sources(case: Case) -> Iterator[Callable[[], dict[str, Path]]]:
     for number, one in enumerate(case.passes, start=1):
         if isinstance(one.measurement, FileMeasurement):
             key = f"measurement.{number}.path" if len(case.radars) > 1 else "measurement.path"
-            if is_safe_name(one.measurement.path):
-                yield partial(_product_inputs, one.measurement.path, one.radar.polarisation, key)
-            else:
-                yield partial(_raster_inputs, one.measurement, "path", key)
+            yield partial(_image_inputs, one.measurement, one.radar.polarisation, key)
     if isinstance(case.simulator, CommandSimulation):
         yield partial(_simulator_files, case.simulator)
 
@@ -207,7 +204,7 @@ def vrt_folders(config: SlantRangeScene | RasterScene | FileMeasurement) -> tupl
     )
 
 
-def _raster_inputs(config: SlantRangeScene | RasterScene | FileMeasurement, name: str, key: str) -> dict[str, Path]:
+def _raster_inputs(config: SlantRangeScene | RasterScene, name: str, key: str) -> dict[str, Path]:
     """Path of a file that may be a raster, and paths of the other files that GDAL reads with this raster."""
     path = expand_path(getattr(config, name), key)
     try:
@@ -217,14 +214,15 @@ def _raster_inputs(config: SlantRangeScene | RasterScene | FileMeasurement, name
     return {key: path} | {f"{key}.{k}": other for k, other in enumerate(others)}
 
 
-def _product_inputs(text: str, polarisation: str, key: str) -> dict[str, Path]:
-    """Manifest of a Sentinel-1 product, and the files of one polarisation."""
-    path = expand_path(text, key, folder=True)
+def _image_inputs(config: FileMeasurement, polarisation: str, key: str) -> dict[str, Path]:
+    """Path of a measured image, and paths of the other files that are read with it."""
+    reader = reader_of(config.path)
+    path = expand_path(config.path, key, folder=reader.folder)
     try:
-        image = chosen_image(safe_images(path), polarisation)
-    except SafeRefused as error:
-        raise ConfigError(f"{key}: {path} cannot be read as a Sentinel-1 product ({error}).") from None
-    return {key: safe_folder(path) / MANIFEST} | {f"{key}.{k}": file for k, file in enumerate(image.files)}
+        first, *others = reader.files(path, polarisation, vrt_folders(config))
+    except ValueError as error:
+        raise ConfigError(f"{key}: {path} cannot be read as {reader.called} ({error}).") from None
+    return {key: first} | {f"{key}.{k}": other for k, other in enumerate(others)}
 
 
 def _simulator_files(config: CommandSimulation) -> dict[str, Path]:

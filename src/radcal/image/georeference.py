@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement, Radar
 from radcal.errors import MeasurementError
-from radcal.image.readers import image_file
+from radcal.image.base import image_file
 from radcal.reading.arrays import raster_band
 from radcal.reading.images import reading
 from radcal.reading.rasters import open_raster

@@ -1,4 +1,4 @@
-"""Measured image: as its file gives it, and with its source and findings, written to and read from an HDF5 file."""
+"""Measured image with its source and findings, written to and read from an HDF5 file."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.findings import Finding
-from radcal.reading.images import Counts
 from radcal.storage.records import read_item, write_item
 
-__all__ = ["Measurement", "ReadImage", "read_measurement", "write_measurement"]
+__all__ = ["Measurement", "read_measurement", "write_measurement"]
 
 
 @dataclass(frozen=True)
@@ -40,34 +39,6 @@ class Measurement:
     hidden: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     misregistration_px: NDArray[np.float32] | None = None
     findings: tuple[Finding, ...] = ()
-
-
-@dataclass(frozen=True)
-class ReadImage:
-    """Content of a measured image file.
-
-    Attributes
-    ----------
-    image_db : ndarray of float32, shape (rows, columns)
-        Backscatter [dB], NaN for pixels marked as no data and for zero or negative power.
-    counts : Counts
-        Number of NaN pixels for each reason.
-    findings : tuple of Finding
-        Findings on the levels of the image, from the metadata of the file.
-    polarisation : str or None
-        Transmitted and received polarisation, such as "VV", where the file gives it.
-    frequency_hz : float or None
-        Carrier frequency [Hz], where the file gives it.
-    radiometry : str or None
-        Radiometry of the image, where the file gives it.
-    """
-
-    image_db: NDArray[np.float32]
-    counts: Counts
-    findings: tuple[Finding, ...] = ()
-    polarisation: str | None = None
-    frequency_hz: float | None = None
-    radiometry: str | None = None
 
 
 def write_measurement(path: str | Path, measurement: Measurement) -> None:

@@ -8,41 +8,40 @@ flight direction if the radar looks right, and against the flight direction if i
 from __future__ import annotations
 
 import os
-from dataclasses import replace
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 from numpy.polynomial.polynomial import polygrid2d
 from numpy.typing import NDArray
 
-from radcal.config import FileMeasurement
 from radcal.errors import MeasurementError
 from radcal.findings import Finding
-from radcal.image.model import ReadImage
-from radcal.reading.images import ImageFile, check_header, reading, to_db
+from radcal.image.base import Facts, Grid, Reader, ReadImage
+from radcal.reading.images import check_header, reading
 from radcal.reading.intake import parse_xml
 
-__all__ = ["is_sicd", "read_sicd"]
+if TYPE_CHECKING:
+    from radcal.scene.model import Scene
 
+__all__ = ["SicdReader"]
+
+_ENDINGS = (".nitf", ".ntf", ".sicd")
+_LEAST_HEADER_BYTES = 388 + 439  # of a file and its first image: MIL-STD-2500C, tables A-1 and A-3
 _HEADER_BYTES = 1_000_000  # a NITF header gives its length in six digits
 _IMAGE, _EXTENSION = 0, 4  # segments of a NITF file, in the order of its header
 _LINEAR = frozenset("HV")
+_POLYNOMIALS = (  # each with its quantity, and the angle that converts it to sigma0
+    ("SigmaZeroSFPoly", "sigma0", None),
+    ("BetaZeroSFPoly", "beta0", "SlopeAng"),
+    ("GammaZeroSFPoly", "gamma0", "IncidenceAng"),
+)
 
 
-def is_sicd(path: Path) -> bool:
-    """Whether the first NITF image segment of a file is labelled SICD; later parts of the file may be damaged."""
-    try:
-        with path.open("rb") as file:
-            # the first image subheader, "IM" and its identifier IID1, follows the file header
-            # (SICD Volume 2, table of image subheader fields)
-            return b"IMSICD" in file.read(_HEADER_BYTES)
-    except OSError:
-        return False
-
-
-def read_sicd(path: Path, config: FileMeasurement, file: ImageFile) -> ReadImage:
-    """Read a SICD image as sigma0 [dB], turned to slant range along rows and azimuth along columns.
+class SicdReader(Reader):
+    """Reader of a SICD image as sigma0 [dB], turned to slant range along rows and azimuth along columns.
 
     Row 0 is nearest to the radar, and columns grow along the flight.
 
@@ -51,20 +50,6 @@ def read_sicd(path: Path, config: FileMeasurement, file: ImageFile) -> ReadImage
     GammaZeroSFPoly by one factor for the whole image. If all three polynomials are missing, the result is relative
     power.
 
-    Parameters
-    ----------
-    path : path
-        The file.
-    config : FileMeasurement
-        Configuration, whose scale must be complex.
-    file : ImageFile
-        Description of the file for error messages, with the size that the image must have.
-
-    Raises
-    ------
-    MeasurementError
-        The file is damaged or contradicts itself, or the configured scale or band does not fit the file.
-
     References
     ----------
     NGA.STND.0024-1, "Sensor Independent Complex Data (SICD), Volume 1, Design & Implementation
@@ -72,57 +57,84 @@ def read_sicd(path: Path, config: FileMeasurement, file: ImageFile) -> ReadImage
     Ulander, "Radiometric slope correction of synthetic-aperture radar images", IEEE TGRS 34
     (1996): sigma0 = beta0 cos(angle between the normals of ground and image plane).
     """
-    if config.scale != "complex":
-        raise MeasurementError(
-            f"measurement.scale is {config.scale}, {path} is SICD, whose pixels are complex: "
-            "set measurement.scale: complex."
-        )
-    if config.band not in (None, 1):
-        raise MeasurementError(f"measurement.band is {config.band}, {path} has 1.")
-    if config.dataset is not None:
-        raise MeasurementError(f"measurement.dataset is {config.dataset!r}, {path} is SICD, which has no datasets.")
-    with reading(file, "SICD"):
-        return _read(path, file)
 
+    called = "SICD"
+    gives_radiometry = True
 
-def _read(path: Path, checked: ImageFile) -> ReadImage:
-    from sarkit import sicd
+    @classmethod
+    def matches(cls, path: Path) -> bool:
+        """Whether the first NITF image segment is labelled SICD; without a whole header, the ending decides."""
+        if path.suffix.lower() not in _ENDINGS:
+            return False
+        try:
+            with path.open("rb") as file:
+                header = file.read(_HEADER_BYTES)
+        except OSError:
+            return True
+        # the first image subheader, "IM" and its identifier IID1, follows the file header (SICD Volume 2, table of
+        # image subheader fields); later parts of the file may be damaged
+        return len(header) < _LEAST_HEADER_BYTES or b"IMSICD" in header
 
-    with path.open("rb") as file:
-        _check_header(file)
-        reader = sicd.NitfReader(file)
-        tree = reader.metadata.xmltree
-        version = str(tree.getroot().tag)[1:].partition("}")[0]
-        if version not in sicd.VERSION_INFO:
-            raise ValueError(f"its version is {version}, expected one of {', '.join(sicd.VERSION_INFO)}")
-        xml = sicd.XmlHelper(tree)
-        pixel_type = _needed(xml, "ImageData/PixelType")
-        if pixel_type not in sicd.PIXEL_TYPES:
-            raise ValueError(f"its pixel type is {pixel_type}, expected one of {', '.join(sicd.PIXEL_TYPES)}")
-        size = (_needed(xml, "ImageData/NumRows"), _needed(xml, "ImageData/NumCols"))
-        check_header(checked, size, np.dtype(np.complex64))
-        _check_segments(reader, xml, sicd.PIXEL_TYPES[pixel_type]["bytes"])
-        backwards = _flown_backwards(xml)
-        power = _power(reader.read_image(), pixel_type, _value(xml, "ImageData/AmpTable"))
-    factor, level = _level(xml, path.name)
-    findings = [level]
-    if factor is not None:
-        power *= factor
-    plane = _needed(xml, "Grid/ImagePlane")
-    if plane != "SLANT":
-        findings.append(Finding("image_plane", "note", path.name, {"plane": str(plane)}))
-    if backwards:
-        power = power[:, ::-1]
-    polarisation, frequency_hz = _polarisation(xml), _frequency_hz(xml)
-    if polarisation is None:
-        findings.append(Finding("polarisation_unknown", "note", path.name))
-    if frequency_hz is None:
-        findings.append(Finding("carrier_unknown", "note", path.name))
-    # the clutter cell of all three polynomials is level ground at the height of the scene centre point
-    radiometry = "sigma0_ref" if factor is not None else None
-    as_power = replace(checked, options=checked.options.model_copy(update={"scale": "power"}))
-    image_db, counts = to_db(np.ascontiguousarray(power), as_power)
-    return ReadImage(image_db, counts, tuple(findings), polarisation, frequency_hz, radiometry)
+    def facts(self, scene: Scene | None = None) -> Facts:
+        """Polarisation, carrier and radiometry in the XML of the file."""
+        del scene
+        with self._opened(None) as (_, xml):
+            # the clutter cell of all three polynomials is level ground at the height of the scene centre point
+            known = any(_value(xml, f"Radiometric/{polynomial}") is not None for polynomial, _, _ in _POLYNOMIALS)
+            return Facts(_polarisation(xml), _frequency_hz(xml), "sigma0_ref" if known else None)
+
+    def read(self, grid: Grid) -> ReadImage:
+        """Image of the size of the scene's image, whose scale must be complex."""
+        config, path = self.config, self.path
+        if config.scale != "complex":
+            raise MeasurementError(
+                f"measurement.scale is {config.scale}, {path} is SICD, whose pixels are complex: "
+                "set measurement.scale: complex."
+            )
+        if config.band not in (None, 1):
+            raise MeasurementError(f"measurement.band is {config.band}, {path} has 1.")
+        if config.dataset is not None:
+            raise MeasurementError(f"measurement.dataset is {config.dataset!r}, {path} is SICD, which has no datasets.")
+        with self._opened(grid) as (reader, xml):
+            pixel_type = _needed(xml, "ImageData/PixelType")
+            backwards = _flown_backwards(xml)
+            power = _power(reader.read_image(), pixel_type, _value(xml, "ImageData/AmpTable"))
+            factor, level = _level(xml, path.name)
+            plane, polarisation, frequency_hz = _needed(xml, "Grid/ImagePlane"), _polarisation(xml), _frequency_hz(xml)
+        findings = [level]
+        if factor is not None:
+            power *= factor
+        if plane != "SLANT":
+            findings.append(Finding("image_plane", "note", path.name, {"plane": str(plane)}))
+        if backwards:
+            power = power[:, ::-1]
+        if polarisation is None:
+            findings.append(Finding("polarisation_unknown", "note", path.name))
+        if frequency_hz is None:
+            findings.append(Finding("carrier_unknown", "note", path.name))
+        return ReadImage(*self.in_db(np.ascontiguousarray(power), "power", grid.shape), tuple(findings))
+
+    @contextmanager
+    def _opened(self, grid: Grid | None) -> Iterator[tuple[Any, Any]]:
+        """Context with the library's reader and the XML, after the checks of headers and, for a grid, of the size."""
+        from sarkit import sicd
+
+        image = self.file(None if grid is None else grid.shape)
+        with reading(image, self.called), self.path.open("rb") as file:
+            _check_header(file)
+            reader = sicd.NitfReader(file)
+            tree = reader.metadata.xmltree
+            version = str(tree.getroot().tag)[1:].partition("}")[0]
+            if version not in sicd.VERSION_INFO:
+                raise ValueError(f"its version is {version}, expected one of {', '.join(sicd.VERSION_INFO)}")
+            xml = sicd.XmlHelper(tree)
+            pixel_type = _needed(xml, "ImageData/PixelType")
+            if pixel_type not in sicd.PIXEL_TYPES:
+                raise ValueError(f"its pixel type is {pixel_type}, expected one of {', '.join(sicd.PIXEL_TYPES)}")
+            size = (_needed(xml, "ImageData/NumRows"), _needed(xml, "ImageData/NumCols"))
+            check_header(image, size, np.dtype(np.complex64))
+            _check_segments(reader, xml, sicd.PIXEL_TYPES[pixel_type]["bytes"])
+            yield reader, xml
 
 
 def _check_header(file: BinaryIO) -> None:
@@ -215,11 +227,7 @@ def _power(pixels: NDArray[Any], pixel_type: str, amplitudes: NDArray[np.float64
 
 def _level(xml: Any, name: str) -> tuple[NDArray[np.float64] | None, Finding]:
     """Factors by which pixel power is multiplied to give sigma0, shape (rows, columns), and a finding on them."""
-    for polynomial, quantity, angle in (
-        ("SigmaZeroSFPoly", "sigma0", None),
-        ("BetaZeroSFPoly", "beta0", "SlopeAng"),
-        ("GammaZeroSFPoly", "gamma0", "IncidenceAng"),
-    ):
+    for polynomial, quantity, angle in _POLYNOMIALS:
         coefficients = _value(xml, f"Radiometric/{polynomial}")
         if coefficients is None:
             continue

@@ -120,13 +120,13 @@ def raster_facts(path: Path, key: str, numbers: bool = False) -> RasterFacts | N
         )
 
 
-def product_acquisition(path: Path, heights: Path, polarisation: str | None) -> Acquisition:
-    """Acquisition of a Sentinel-1 product over a raster of heights.
+def product_acquisition(path: Path, heights: Path, polarisation: str | None) -> Acquisition | None:
+    """Acquisition in the file of a measured image over a raster of heights; None if the file gives none.
 
     Parameters
     ----------
     path : path
-        SAFE folder or its manifest.
+        File or folder of the image.
     heights : path
         Georeferenced raster of heights [m].
     polarisation : str, optional
@@ -135,11 +135,11 @@ def product_acquisition(path: Path, heights: Path, polarisation: str | None) -> 
     Raises
     ------
     ConfigError, MeasurementError
-        The raster has no CRS; the product cannot be read, or does not show the raster.
+        The raster has no CRS; the image cannot be read, or does not show the raster.
     """
     from radcal.config import FileMeasurement, Radar
+    from radcal.image.base import opened
     from radcal.scene.model import Scene
-    from radcal.sentinel1.overpass import overpass_unchecked
 
     with _raster(heights, "scene.elevation") as raster:
         shape = (min(raster.height, _HEIGHTS_PX), min(raster.width, _HEIGHTS_PX))
@@ -147,7 +147,7 @@ def product_acquisition(path: Path, heights: Path, polarisation: str | None) -> 
         crs, transform = crs_of(raster), raster.transform
         transform *= transform.scale(raster.width / shape[1], raster.height / shape[0])
     if crs is None:
-        raise ConfigError(f"scene.elevation: {heights} has no CRS, expected heights on the map for a Sentinel-1 image.")
+        raise ConfigError(f"scene.elevation: {heights} has no CRS, expected heights on the map for this image.")
     scene = Scene(
         identity="",
         names=("ground",),
@@ -159,7 +159,7 @@ def product_acquisition(path: Path, heights: Path, polarisation: str | None) -> 
         vertical_datum=vertical_datum(crs),
     )
     radar = Radar(polarisation=polarisation) if polarisation else Radar()
-    return overpass_unchecked(path, FileMeasurement.model_validate({"path": str(path)}), radar, scene).acquisition
+    return opened(FileMeasurement.model_validate({"path": str(path)}), radar).facts(scene).acquisition
 
 
 def code_counts(path: Path) -> dict[int, int]:

@@ -18,7 +18,7 @@ from radcal.image.acquisition import radar_keys
 from radcal.newcase.file_facts import POLARISATIONS, RasterFacts, code_counts, product_acquisition, raster_facts
 from radcal.newcase.new_materials import fixed_laws, new_materials
 from radcal.newcase.template import TEMPLATE
-from radcal.reading.safe import is_safe_name
+from radcal.reading.base import reader_of
 from radcal.scene.names import read_names
 from radcal.sections.base import check_case_name
 from radcal.storage.files import atomic
@@ -87,7 +87,7 @@ class NewCase:
         levels_db = None
         if image in (_NONE, _SYNTHETIC):
             self._invent_image(heights)
-        elif is_safe_name(image):
+        elif reader_of(image).gives_acquisition:
             self._read_product()
         else:
             levels_db = self._read_file()
@@ -196,14 +196,14 @@ class NewCase:
                 self._values.setdefault(f"radar.{way}_resolution_m", float(f"{_SAMPLING * spacing:.4g}"))
 
     def _read_product(self) -> None:
-        """Section ``radar`` from the annotation of a SAFE folder, computed for the scene's heights."""
+        """Section ``radar`` from the acquisition in the file of the image, for the scene's heights."""
         self._unneeded |= {"measurement.band", "measurement.scale", "measurement.radiometry"}
         if "scene.elevation" not in self._values:
             return
-        path = self._path("measurement.path")
-        if not path.exists():
-            raise ConfigError(f"measurement.path: the folder {path} does not exist.")
-        found = product_acquisition(path, self._path("scene.elevation"), self._values.get("radar.polarisation"))
+        heights = self._path("scene.elevation")
+        found = product_acquisition(self._path("measurement.path"), heights, self._values.get("radar.polarisation"))
+        if found is None:
+            return
         self._comments["measurement.path"] = f"{found.sensor}, {found.pass_direction}, {found.start}"
         for key, (value, remark) in radar_keys(found).items():
             of_other = key == "incidence_deg" and "radar.depression_deg" in self._values

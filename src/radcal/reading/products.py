@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from radcal.reading.safe import is_safe_name
-
 __all__ = ["NamedProduct", "named_product"]
 
 
@@ -50,7 +48,7 @@ _HYP3_SCALES = {"p": "power", "d": "db", "a": "amplitude"}
 
 
 def named_product(path: str) -> NamedProduct | None:
-    """Product to which a file or SAFE folder belongs, according to its name; None for other names.
+    """Product to which a file belongs, according to its name; None for other names.
 
     The radiometry of terrain-flattened sigma0 is None, because no source confirms that it equals one of radcal's
     radiometries.
@@ -65,9 +63,6 @@ def named_product(path: str) -> NamedProduct | None:
     Alaska Satellite Facility, HyP3 RTC product guide, naming convention. CEOS-ARD for Synthetic Aperture Radar,
     Normalised Radar Backscatter. OPERA RTC-S1 product specification, JPL D-108758.
     """
-    if is_safe_name(path):
-        # the digital numbers are amplitudes; their calibration holds for level ground
-        return NamedProduct("a Sentinel-1 product", "amplitude", "sigma0_ref", None)
     name = path.rpartition("/")[2]
     if (found := _HYP3.fullmatch(name)) is not None:
         return NamedProduct(

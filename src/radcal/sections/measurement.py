@@ -9,7 +9,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from radcal.findings import Finding, of_pass
-from radcal.reading.products import named_product
+from radcal.reading.base import reader_of
 from radcal.sections.base import Section, with_tag
 from radcal.sections.errors import MISSING
 from radcal.sections.limits import Count, Decibels, Length, Looks, Parameter, Real, Seed
@@ -19,7 +19,6 @@ from radcal.tables import read_table
 
 __all__ = [
     "RADIOMETRY_EXPECTED",
-    "SICD_ENDINGS",
     "FileMeasurement",
     "HiddenLaw",
     "MeasurementConfig",
@@ -32,7 +31,6 @@ __all__ = [
     "within",
 ]
 
-SICD_ENDINGS = (".nitf", ".ntf", ".sicd")  # endings of files that may give the radiometry
 RADIOMETRY_EXPECTED = f"expected {', '.join(get_args(Radiometry)[:-1])} or {get_args(Radiometry)[-1]}"
 _SOURCE = "source of the measured image: synthetic or file; each source has its own keys"
 
@@ -190,7 +188,7 @@ class FileMeasurement(Section):
     def _named(cls, data: Any) -> Any:
         """Data of the section with scale, radiometry and polarisation of a product that are part of its file name."""
         path = data.get("path") if isinstance(data, dict) else None
-        product = named_product(path) if isinstance(path, str) else None
+        product = reader_of(path).named(path) if isinstance(path, str) else None
         if product is None:
             return data
         named = {key: getattr(product, key) for key in ("scale", "radiometry", "polarisation")}
@@ -198,7 +196,7 @@ class FileMeasurement(Section):
 
     @model_validator(mode="after")
     def _as_named(self) -> Self:
-        product = named_product(self.path)
+        product = reader_of(self.path).named(self.path)
         for key in ("scale", "radiometry", "polarisation") if product is not None else ():
             named, given = getattr(product, key), getattr(self, key)
             if named is not None and given is not None and given != named:
@@ -212,8 +210,8 @@ class FileMeasurement(Section):
     @classmethod
     def _asked_for(cls, radiometry: Radiometry | None, info: ValidationInfo) -> Radiometry | None:
         path = info.data.get("path")  # missing if the path is wrong
-        # a name that ends with a variable is known only when the file is read; the reader then checks the radiometry
-        if radiometry is None and path and not path.lower().endswith((*SICD_ENDINGS, "}")):
+        # a name that ends with a variable is known only when the file is read; the radiometry is then checked
+        if radiometry is None and path and not path.endswith("}") and not reader_of(path).gives_radiometry:
             raise PydanticCustomError(
                 MISSING, "{path} does not say it, {expected}", {"path": path, "expected": RADIOMETRY_EXPECTED}
             )

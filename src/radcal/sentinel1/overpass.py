@@ -14,10 +14,10 @@ from radcal.errors import MeasurementError
 from radcal.findings import Finding
 from radcal.image.acquisition import Acquisition
 from radcal.image.georeference import places_on_ground
-from radcal.reading.safe import SafeRefused, safe_images
 from radcal.scene.crs import geoid_m
 from radcal.scene.model import Scene
 from radcal.sentinel1.product import Product, open_product
+from radcal.sentinel1.safe import SafeRefused, safe_images
 
 __all__ = ["Overpass", "overpass_of", "overpass_unchecked"]
 

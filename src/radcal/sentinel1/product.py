@@ -11,10 +11,9 @@ import numpy as np
 
 from radcal.config import FileMeasurement, Radar
 from radcal.errors import MeasurementError
-from radcal.image.readers import image_file
+from radcal.image.base import image_file
 from radcal.reading.images import reading
 from radcal.reading.intake import read_xml
-from radcal.reading.safe import chosen_image, safe_folder, safe_images
 from radcal.sentinel1.annotation import (
     Annotation,
     LookUpTable,
@@ -23,6 +22,7 @@ from radcal.sentinel1.annotation import (
     calibration_of,
     noise_of,
 )
+from radcal.sentinel1.safe import chosen_image, safe_folder, safe_images
 
 __all__ = ["Product", "open_product"]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from safe_product import NAME, STEM, write_product
 
-from radcal.reading.safe import SafeRefused, chosen_image, is_safe_name, safe_folder, safe_images
+from radcal.sentinel1.safe import SafeRefused, chosen_image, is_safe_name, safe_folder, safe_images
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 
