@@ -15,8 +15,8 @@ from radcal.errors import ConfigError, SceneError
 from radcal.forecast.memory_and_time import memory_mb, runtime_minutes, values_of
 from radcal.radar.projection import make_geometry
 from radcal.radar.size import image_size, refinement
+from radcal.scene.base import SceneSize, scene_size
 from radcal.scene.raster import raster_scene
-from radcal.scene.size import SceneSize, scene_size
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning"),

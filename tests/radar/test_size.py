@@ -10,7 +10,7 @@ from radcal.config import Radar
 from radcal.errors import ConfigError
 from radcal.radar import size
 from radcal.radar.size import check_size, image_size, refinement
-from radcal.scene.size import SceneSize
+from radcal.scene.base import SceneSize
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from affine import Affine
 from raster_files import write_raster
 
 from radcal.config import BuiltinScene, RasterScene, SlantRangeScene
-from radcal.scene.size import SceneSize, scene_size
+from radcal.scene.base import SceneSize, scene_size
 
 
 def write(path: Path, shape: tuple[int, int], pixel_m: float, crs: str | None) -> str:

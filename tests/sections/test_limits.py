@@ -21,7 +21,7 @@ from radcal.config import Case, case_from
 from radcal.errors import ConfigError
 from radcal.forecast.memory_and_time import memory_mb, runtime_minutes
 from radcal.radar.size import image_size
-from radcal.scene.size import SceneSize
+from radcal.scene.base import SceneSize
 
 Limit = tuple[str, str, str]  # key, lower and upper limit as docs/limits.md has them
 PAGE = Path(__file__).parents[2] / "docs" / "limits.md"

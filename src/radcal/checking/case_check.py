@@ -27,7 +27,7 @@ from radcal.forecast.runs_and_time import largest_runs, runs_sentence, time_expe
 from radcal.posterior.cells import CellMeans
 from radcal.programs.command_plan import check_command, check_image_shape
 from radcal.reading.base import reader_of
-from radcal.scene.size import scene_size
+from radcal.scene.base import scene_size
 from radcal.session.replacement import check_replacement
 from radcal.words import sentence
 

@@ -32,7 +32,7 @@ from radcal.sections.measurement import (
 )
 from radcal.sections.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
 from radcal.sections.radar import Radar
-from radcal.sections.scene import BuiltinScene, RasterScene, SceneConfig, SlantRangeScene
+from radcal.sections.scene import BuiltinScene, SceneConfig
 from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
 from radcal.sections.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
 from radcal.sections.target import TargetConfig
@@ -301,20 +301,20 @@ class Case(Part):
                 f"{key}.{synthetic.disturbed[0]} is for the built-in simulator, which images the changed scene; "
                 "simulator.kind: command receives the scene of the runs alone"
             )
-        if synthetic.relief_m > 0 and isinstance(self.scene, SlantRangeScene):
+        if synthetic.relief_m > 0 and not self.scene.has_heights:
             yield f"{key}.relief_m is {synthetic.relief_m:g}, expected 0: a slant-range scene has no heights"
 
     def _in_track(self) -> Iterator[str]:
         """Sentences on a heading of the track that the scene does not allow, or on a missing heading."""
         radar, scene = self.radar, self.scene
-        if not isinstance(scene, RasterScene):
+        if not scene.on_map:
             if radar.heading_deg:
                 yield (
                     f"radar.heading_deg is {radar.heading_deg:g}, expected none with scene.source: {scene.source}, "
                     "whose grid has no place on the map"
                 )
             return
-        if radar.heading_deg and scene.objects is not None and scene.objects.path is not None:
+        if radar.heading_deg and scene.on_ground is not None and scene.on_ground.path is not None:
             yield (
                 f"radar.heading_deg is {radar.heading_deg:g} and scene.objects.path is given, whose positions are not "
                 "turned with the scene's grid, expected scene.objects.generate or a track to the north"

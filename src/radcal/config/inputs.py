@@ -17,7 +17,7 @@ from radcal.reading.rasters import RasterRefused, raster_files
 from radcal.reading.vectors import vector_files
 from radcal.sections.errors import shown
 from radcal.sections.measurement import FileMeasurement
-from radcal.sections.scene import BuiltinScene, RasterScene, SlantRangeScene
+from radcal.sections.scene import SceneSection
 from radcal.sections.simulator import CommandSimulation
 
 __all__ = [
@@ -137,18 +137,14 @@ def missing_inputs(case: Case) -> list[ConfigError]:
 
 def _sources(case: Case) -> Iterator[Callable[[], dict[str, Path]]]:
     """Functions that find input files: one function for each configuration key."""
-    rasters: tuple[str, ...] = ()
-    if isinstance(case.scene, SlantRangeScene):
-        rasters = ("labels",)
-    elif isinstance(case.scene, RasterScene):
-        rasters = ("elevation", "materials")
-    if isinstance(case.scene, SlantRangeScene | RasterScene):
-        for key in rasters:
-            yield partial(_raster_inputs, case.scene, key, f"scene.{key}")
-        if case.scene.names is not None:
-            yield partial(_plain, case.scene.names, "scene.names")
-    if isinstance(case.scene, BuiltinScene | RasterScene) and case.scene.objects and case.scene.objects.path:
-        yield partial(_vector_inputs, case.scene.objects.path, "scene.objects.path")
+    scene = case.scene
+    for key in scene.rasters:
+        yield partial(_raster_inputs, scene, key, f"scene.{key}")
+    for key in scene.tables:
+        if (path := getattr(scene, key)) is not None:
+            yield partial(_plain, path, f"scene.{key}")
+    if scene.on_ground and scene.on_ground.path:
+        yield partial(_vector_inputs, scene.on_ground.path, "scene.objects.path")
     for number, one in enumerate(case.passes, start=1):
         if isinstance(one.measurement, FileMeasurement):
             key = f"measurement.{number}.path" if len(case.radars) > 1 else "measurement.path"
@@ -190,7 +186,7 @@ def check_reuse(case: Case, results: str | Path) -> None:
     raise ConfigError(f"design.reuse is {name!r}, which has no runs in {results}/{name}/runs, expected {known}.")
 
 
-def vrt_folders(config: SlantRangeScene | RasterScene | FileMeasurement) -> tuple[Path, ...]:
+def vrt_folders(config: SceneSection | FileMeasurement) -> tuple[Path, ...]:
     """Configured folders that may contain the source files of a mosaic (VRT), besides the folder of the mosaic.
 
     Raises
@@ -199,12 +195,11 @@ def vrt_folders(config: SlantRangeScene | RasterScene | FileMeasurement) -> tupl
         A configured folder is missing.
     """
     section = "measurement" if isinstance(config, FileMeasurement) else "scene"
-    return tuple(
-        expand_path(text, f"{section}.vrt_folders.{k}", folder=True) for k, text in enumerate(config.vrt_folders or ())
-    )
+    folders = getattr(config, "vrt_folders", None) or ()
+    return tuple(expand_path(text, f"{section}.vrt_folders.{k}", folder=True) for k, text in enumerate(folders))
 
 
-def _raster_inputs(config: SlantRangeScene | RasterScene, name: str, key: str) -> dict[str, Path]:
+def _raster_inputs(config: SceneSection, name: str, key: str) -> dict[str, Path]:
     """Path of a file that may be a raster, and paths of the other files that GDAL reads with this raster."""
     path = expand_path(getattr(config, name), key)
     try:

@@ -12,7 +12,7 @@ from typing import Literal
 
 from radcal.config import Case
 from radcal.radar.size import image_size
-from radcal.scene.size import scene_size
+from radcal.scene.base import scene_size
 
 __all__ = ["Stage", "memory_mb", "runtime_minutes", "values_of"]
 

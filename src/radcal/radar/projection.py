@@ -26,9 +26,9 @@ from radcal.radar.lines import Lines, fill_lines
 from radcal.radar.points import not_pure
 from radcal.radar.radiometry import of_sigma0
 from radcal.radar.size import check_size, refinement
+from radcal.scene.base import SceneSize
 from radcal.scene.crs import earth_radius_m, ground_per_grid
 from radcal.scene.model import Scene
-from radcal.scene.size import SceneSize
 
 __all__ = ["make_geometry"]
 

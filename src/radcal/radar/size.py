@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from radcal.config import Radar
 from radcal.errors import ConfigError
-from radcal.scene.size import SceneSize
+from radcal.scene.base import SceneSize
 
 __all__ = ["ImageSize", "check_size", "image_size", "refinement"]
 

@@ -14,9 +14,11 @@ from radcal.config import RegistrationConfig
 from radcal.errors import MeasurementError, RadcalError
 from radcal.findings import Finding
 from radcal.image.model import Measurement
+from radcal.registration.base import Method
 from radcal.registration.displacement import warp
 from radcal.registration.gefolki import Flow, Level, find_flow, local_correlation, pyramid, rank_transform
 from radcal.registration.spline_field import Prior
+from radcal.sections.measurement import REGISTRATIONS
 from radcal.storage.records import read_item, write_item
 
 __all__ = [
@@ -60,7 +62,7 @@ class Registered:
     correlation : ndarray of float32, shape (rows, columns)
         Local correlation of the ranks of both images, after registration.
     method : str
-        gefolki, ilk or none.
+        Method, or none.
     applied : bool
         Whether the image was moved.
     verdict : str
@@ -185,7 +187,8 @@ def register(
     flow = find_flow(levels, start=start)
     both, prior = flow.displacement_px, flow.posterior.prior
     halves = [find_flow(levels, keep, start, prior).displacement_px for keep in (squares, ~squares)]
-    field = both if config.method == "gefolki" else _ilk(*ranks, start)
+    method: Method = REGISTRATIONS[config.method]
+    field = method(*ranks, start, both)
 
     before = _held_out(ranks, (nothing, nothing), squares)
     after = _held_out(ranks, (halves[0], halves[1]), squares)
@@ -343,19 +346,6 @@ def _global_shift(fixed: NDArray[np.float32], moving: NDArray[np.float32]) -> ND
 
     shift, *_ = phase_cross_correlation(fixed, moving, upsample_factor=4, normalization=None)
     return -np.asarray(shift, dtype=np.float64)
-
-
-def _ilk(
-    fixed: NDArray[np.float32], moving: NDArray[np.float32], start: NDArray[np.float64] | None
-) -> NDArray[np.float64]:
-    """Displacement field between the rank transforms, from scikit-image's iterative Lucas-Kanade optical flow."""
-    from skimage.registration import optical_flow_ilk
-
-    shift = np.zeros((2, *fixed.shape))
-    if start is not None:
-        shift += np.round(start)[:, None, None]
-        moving = np.nan_to_num(warp(moving, shift))
-    return np.asarray(shift + optical_flow_ilk(fixed, moving, radius=32))
 
 
 def write_registered(path: str | Path, registered: Registered) -> None:

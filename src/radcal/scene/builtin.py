@@ -19,10 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from radcal.config import BuiltinScene
+from radcal.scene.base import SceneSize, SceneSource
 from radcal.scene.model import Scene
 from radcal.storage.files import digest
 
-__all__ = ["CELLS", "CELL_M", "MATERIALS", "ROUGHNESS", "builtin_scene"]
+__all__ = ["CELLS", "CELL_M", "MATERIALS", "ROUGHNESS", "BuiltinSource", "builtin_scene"]
 
 MATERIALS = ("dyke", "water", "grass", "forest", "crops", "bare_soil", "road")
 
@@ -193,3 +195,19 @@ def _materials(
     material[(across_m >= 0.0) & (across_m < _FACE_M)] = 1
     material[(across_m > crest + _LEE_M + 20.0) & (across_m < crest + _LEE_M + 32.0)] = 7
     return np.asarray(material)
+
+
+class BuiltinSource(SceneSource):
+    """Source ``builtin``."""
+
+    section = BuiltinScene
+
+    @staticmethod
+    def size(_: BuiltinScene) -> SceneSize:
+        """Size of the only grid."""
+        return SceneSize(CELLS, CELL_M, CELLS)
+
+    @staticmethod
+    def make(config: BuiltinScene, _: float) -> Scene:
+        """Scene of the configured landscape."""
+        return builtin_scene(config.seed, config.landscape)

@@ -13,6 +13,7 @@ from radcal.errors import SceneError
 from radcal.findings import Finding
 from radcal.reading.intake import guarded
 from radcal.reading.rasters import check_blocks
+from radcal.scene.base import SceneSize, SceneSource
 from radcal.scene.crs import (
     METRES,
     label,
@@ -393,3 +394,23 @@ def rounding_error_m(step_m: float) -> float:
     Cartographica 29 (1992).
     """
     return step_m / float(np.sqrt(12.0))
+
+
+class RasterSource(SceneSource):
+    """Source ``raster``."""
+
+    section = RasterScene
+
+    @staticmethod
+    def size(config: RasterScene) -> SceneSize:
+        """Size of the grid that both rasters give."""
+        with opened("scene.elevation", config) as elevation, opened("scene.materials", config) as materials:
+            grid = scene_grid(elevation, materials, config)
+            cells = grid.rows * grid.columns
+            parts = max(subdivision(source, grid) for source in (elevation, materials))
+        return SceneSize(cells, grid.cell_m, cells * parts**2)
+
+    @staticmethod
+    def make(config: RasterScene, heading_deg: float) -> Scene:
+        """Scene on a grid along the track."""
+        return raster_scene(config, heading_deg)

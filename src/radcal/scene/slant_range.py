@@ -11,11 +11,12 @@ from radcal.config import SlantRangeScene, expand_path, vrt_folders
 from radcal.errors import SceneError
 from radcal.reading.intake import LARGEST_VALUES, guarded
 from radcal.reading.rasters import check_blocks, open_raster
+from radcal.scene.base import SceneSize, SceneSource
 from radcal.scene.model import Scene
 from radcal.scene.names import by_id, read_names
 from radcal.storage.files import digest
 
-__all__ = ["flat_incidence_deg", "slant_range_scene"]
+__all__ = ["SlantRangeSource", "flat_incidence_deg", "slant_range_scene"]
 
 
 def flat_incidence_deg(near_deg: float, far_deg: float, rows: int) -> NDArray[np.float64]:
@@ -84,3 +85,25 @@ def slant_range_scene(config: SlantRangeScene) -> Scene:
         cell_m=1.0,
         incidence_deg=flat_incidence_deg(config.near_incidence_deg, config.far_incidence_deg, labels.shape[0]),
     )
+
+
+class SlantRangeSource(SceneSource):
+    """Source ``slant_range``."""
+
+    section = SlantRangeScene
+
+    @staticmethod
+    def size(config: SlantRangeScene) -> SceneSize:
+        """Number of labels; pixels in slant range have no size on the ground."""
+        path = expand_path(config.labels, "scene.labels")
+        with (
+            guarded(path, lambda text: SceneError(f"scene.labels: {path} {text}"), "a raster"),
+            open_raster(path, vrt_folders(config)) as raster,
+        ):
+            cells = int(raster.width) * int(raster.height)
+        return SceneSize(cells, None, cells)
+
+    @staticmethod
+    def make(config: SlantRangeScene, _: float) -> Scene:
+        """Scene of the labels."""
+        return slant_range_scene(config)

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from radcal.config import BuiltinScene, RasterScene, SceneConfig, SceneObjects, expand_path
+from radcal.config import SceneConfig, SceneObjects, expand_path
 from radcal.findings import Finding
-from radcal.scene.builtin import builtin_scene
+from radcal.scene.base import source_of
 from radcal.scene.model import Scene
 from radcal.scene.object_generator import generate_objects
 from radcal.scene.object_tables import Place, read_objects
 from radcal.scene.objects import Objects
-from radcal.scene.raster import raster_scene
-from radcal.scene.slant_range import slant_range_scene
+from radcal.sections.scene import SCENES
 from radcal.storage.files import digest
 
 __all__ = ["make_scene"]
@@ -35,16 +34,13 @@ def make_scene(config: SceneConfig, materials: list[str] | None, heading_deg: fl
     SceneError
         The files of the scene or of its objects cannot be read, or the scene's materials are not the configured ones.
     """
-    if isinstance(config, BuiltinScene):
-        scene = builtin_scene(config.seed, config.landscape)
-    elif isinstance(config, RasterScene):
-        scene = raster_scene(config, heading_deg)
-    else:
-        scene = slant_range_scene(config)
+    scene = source_of(config).make(config, heading_deg)
+    if origin := SCENES.origin(config.source):
+        scene = replace(scene, identity=digest({"scene": scene.identity, **origin}))
     if materials is not None:
         scene.require(materials)
-    if isinstance(config, BuiltinScene | RasterScene) and config.objects is not None:
-        objects = _objects(config.objects, scene)
+    if config.on_ground is not None:
+        objects = _objects(config.on_ground, scene)
         numbers = {"objects": len(objects), "points": int((~objects.extended).sum())}
         scene = replace(
             scene,

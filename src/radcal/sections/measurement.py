@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
+from pydantic_core import PydanticCustomError, PydanticKnownError
 
 from radcal.findings import Finding, of_pass
+from radcal.plugins import Plugins
 from radcal.reading.base import reader_of
 from radcal.sections.base import Section, with_tag
 from radcal.sections.errors import MISSING
@@ -19,6 +20,7 @@ from radcal.tables import read_table
 
 __all__ = [
     "RADIOMETRY_EXPECTED",
+    "REGISTRATIONS",
     "FileMeasurement",
     "HiddenLaw",
     "MeasurementConfig",
@@ -223,12 +225,26 @@ MeasurementConfig = Annotated[
 ]
 
 
+REGISTRATIONS: Plugins[Any] = Plugins(
+    "radcal.registrations",
+    {"gefolki": "radcal.registration.gefolki:gefolki_px", "ilk": "radcal.registration.ilk:ilk_px"},
+)
+"""Methods of registration (:class:`radcal.registration.base.Method`) by ``registration.method``."""
+
+
+def _method(name: str) -> str:
+    if name != "none" and name not in REGISTRATIONS:
+        known = f"{', '.join(map(repr, REGISTRATIONS))} or 'none'"
+        raise PydanticKnownError("literal_error", {"expected": known})
+    return name
+
+
 class RegistrationConfig(Section):
     """Method and limits of the registration of the measured image onto the simulated image."""
 
-    method: Literal["gefolki", "ilk", "none"] = Field(
-        "gefolki", description="gefolki, ilk (iterative Lucas-Kanade of scikit-image) or none (no registration)"
-    )
+    method: Annotated[
+        str, AfterValidator(_method), WithJsonSchema({"enum": ["gefolki", "ilk", "none"], "type": "string"})
+    ] = Field("gefolki", description="gefolki, ilk (iterative Lucas-Kanade of scikit-image) or none (no registration)")
     rounds: Literal[1, 2] = Field(
         2,
         description="1: register onto the reference run; 2: register again, onto a run of the laws that fit the image "

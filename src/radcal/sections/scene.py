@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, model_validator
+from pydantic import Field, SerializeAsAny, model_validator
 
-from radcal.sections.base import Section, with_tag
+from radcal.plugins import Plugins
+from radcal.sections.base import HasSection, Section, with_foreign, with_tag
 from radcal.sections.limits import Coordinate, Decibels, Integer, Length, Real, Seed
 from radcal.tables.landcover import LandCover
 
 __all__ = [
     "DBSM_LIMITS",
+    "SCENES",
     "BuiltinScene",
     "GeneratedObjects",
     "RasterScene",
     "SceneConfig",
     "SceneObjects",
+    "SceneSection",
     "SlantRangeScene",
     "check_curve",
 ]
@@ -71,7 +74,35 @@ class SceneObjects(Section):
         return self
 
 
-class BuiltinScene(Section):
+class SceneSection(Section):
+    """Section ``scene`` of one source; the model of a source adds its keys.
+
+    Attributes
+    ----------
+    source : str
+        Name of the source.
+    rasters, tables : tuple of str
+        Keys that name rasters and other files.
+    on_map : bool
+        Whether the grid of the scene has a place on the map, so that it can be turned to the track.
+    has_heights : bool
+        Whether the scene has an elevation.
+    """
+
+    rasters: ClassVar[tuple[str, ...]] = ()
+    tables: ClassVar[tuple[str, ...]] = ()
+    on_map: ClassVar[bool] = False
+    has_heights: ClassVar[bool] = True
+    source: str
+
+    @property
+    def on_ground(self) -> SceneObjects | None:
+        """Section ``objects``; None for a scene without objects, or of a source without this key."""
+        found: SceneObjects | None = getattr(self, "objects", None)
+        return found
+
+
+class BuiltinScene(SceneSection):
     """Four square kilometres of SRTM terrain with seven materials; one of the materials is the dyke."""
 
     source: Literal["builtin"] = Field("builtin", description=_SOURCE)
@@ -88,9 +119,12 @@ class BuiltinScene(Section):
     )
 
 
-class SlantRangeScene(Section):
+class SlantRangeScene(SceneSection):
     """Raster of material ids over flat ground in slant-range geometry: rows are slant range, columns are azimuth."""
 
+    rasters = ("labels",)
+    tables = ("names",)
+    has_heights = False
     source: Literal["slant_range"] = Field("slant_range", description=_SOURCE)
     labels: str = Field(description="GeoTIFF of material ids; 0 means no material")
     names: str = Field(description="JSON file that maps each material id to a material name")
@@ -115,9 +149,12 @@ class SlantRangeScene(Section):
         return self
 
 
-class RasterScene(Section):
+class RasterScene(SceneSection):
     """Georeferenced rasters of elevation and materials, which radcal resamples to one grid."""
 
+    rasters = ("elevation", "materials")
+    tables = ("names",)
+    on_map = True
     source: Literal["raster"] = Field("raster", description=_SOURCE)
     elevation: str = Field(description="GeoTIFF or other raster of heights [m]")
     materials: str = Field(description="raster of material ids in any CRS; 0 means no material")
@@ -180,8 +217,21 @@ class RasterScene(Section):
         return self
 
 
+SCENES: Plugins[HasSection] = Plugins(
+    "radcal.scenes",
+    {
+        "builtin": "radcal.scene.builtin:BuiltinSource",
+        "slant_range": "radcal.scene.slant_range:SlantRangeSource",
+        "raster": "radcal.scene.raster:RasterSource",
+    },
+)
+"""Sources of scenes (:class:`radcal.scene.base.SceneSource`) by ``scene.source``."""
+
 SceneConfig = Annotated[
-    BuiltinScene | SlantRangeScene | RasterScene, Field(discriminator="source"), with_tag("scene", "builtin")
+    SerializeAsAny[BuiltinScene | SlantRangeScene | RasterScene],
+    Field(discriminator="source"),
+    with_foreign("scene", SCENES, BuiltinScene, SlantRangeScene, RasterScene),
+    with_tag("scene", "builtin"),
 ]
 
 
