@@ -10,8 +10,8 @@ IF = "if scene, geometry and pixels are what the case says"
 _LEVEL = "{level_db:+.2f} dB (90 %: {p05_db:+.2f} to {p95_db:+.2f})"
 _MAPPED = (
     "each image is mapped to zero median and unit interquartile range; the measured one lies {offset_db:+.2f} dB from "
-    "the reference run and spreads {scale:.2f} times as much; wrong laws of other materials shift and stretch what is "
-    "found"
+    "the reference run and spreads {scale:.2f} times as much; wrong laws of other materials shift and stretch the "
+    "law that is found"
 )
 
 _LOOKS = (
@@ -24,7 +24,7 @@ _SPREAD = (
     "radar.range_resolution_m is {range_declared_m:g} and radar.azimuth_resolution_m {azimuth_declared_m:g}"
 )
 _CORRELATED = (
-    _SPREAD + "; the sum of its speckle's correlations is {correlation_ratio:.2g} times the one of these resolutions"
+    _SPREAD + "; the correlation area of its speckle is {correlation_ratio:.2g} times that of these resolutions"
 )
 _COUNTS = (
     "{pixels:,} pixels, {no_data:,} without data, {zero:,} zero, {negative:,} negative, {impossible:,} impossible: NaN "
@@ -59,8 +59,8 @@ _OF_IMAGE: Mapping[str, str] = {
     "looks": _LOOKS,
     "looks_uncertain": _LOOKS + ": too few windows to be certain, check measurement.scale and radar.looks",
     "looks_more": _LOOKS + ": the simulated speckle varies more than that",
-    "looks_fewer": _LOOKS + ": the simulated speckle varies less than that; a search by incidence-angle bins with "
-    "target.looks: free makes up for it as texture",
+    "looks_fewer": _LOOKS + ": the simulated speckle varies less than that; with objective: classes and "
+    "target.looks: free, the search takes the difference for texture",
     "looks_single": "{about}: complex pixels have a single look, radar.looks is {declared:g}",
     "looks_unknown": "radar.looks and the scale of {about} could not be checked by the speckle: the areas of single "
     "materials are too small for these resolutions",
@@ -77,7 +77,7 @@ _OF_IMAGE: Mapping[str, str] = {
     "resolutions": _SPREAD + ": set them to {range_possible_m:g} and {azimuth_possible_m:g}, unless the image was "
     "resampled before or has texture of a few pixels",
     "resolutions_explained": _SPREAD + ": the resampling explains the difference, and no key need be changed",
-    "resolutions_nearest": _SPREAD + ": no resolutions nearer to the image's are possible",
+    "resolutions_nearest": _SPREAD + ": no nearer resolutions can be simulated with these pixel spacings",
     "resampling": "{about}: its resampling by nearest neighbour widens the point spread: an image of the configured "
     "resolutions then has up to {range_m:.3g} m in slant range and {azimuth_m:.3g} m in azimuth",
     "spacing_limits": "{about} of {spacing_m:g} allows a resolution of {finest_m:g} m at the finest",
@@ -114,8 +114,8 @@ _OF_IMAGE: Mapping[str, str] = {
     "of its geoid: each metre between them displaces the image by {m_per_m:.2f} m along the look, which the "
     "registration must find",
     "incidence_by_map": "{about}: the map places its pixels, so that a wrong {key} does not displace them and can "
-    "remain unnoticed: {declared_deg:g} gives incidences {between} on level ground, expected those that the "
-    "metadata of the image say",
+    "remain unnoticed: {declared_deg:g} gives incidences {between} on level ground: compare them with the "
+    "metadata of the image",
     "incidence_of_band": "{about}: {key} of {declared_deg:g} gives incidences {between} on level ground, as band "
     "{band:.0f} ({name}) does ({off_deg:+.1f} degrees, median)",
     "relief_turned": _RELIEF + "its bright slopes face away from the radar with radar.look_side {look_side} and "
@@ -141,8 +141,8 @@ _OF_CASE: Mapping[str, str] = {
     "law_bright": "{about}: {law} gives gamma {gamma_db:.3g} dB at an incidence of {incidence_deg:g} degrees, the "
     "brightest terrain of docs/landcover.md has {brightest_db:g} dB: is a minus sign missing?",
     "heading_missing": "{about} is not given, so that the track heads to the grid's north",
-    "level_counted": "the image's level counts as right to {level_db:g} dB ({about}, one standard error): no 90 % band "
-    "of sigma0 from this pass alone has a half-width below {half_width_db:.2g} dB",
+    "level_counted": "the image's level is taken as right to {level_db:g} dB ({about}, one standard error): no 90 % "
+    "band of sigma0 from this pass alone has a half-width below {half_width_db:.2g} dB",
     "no_contrast": "the image simulated at the start has no contrast between materials (the level of its squares "
     "varies by {contrast_db:.2f} dB), so that no image can be registered onto it: give {about} starts that differ "
     "(materials.*.start), or, if the measured image lies on the simulated image's pixels already, set "
@@ -162,9 +162,9 @@ _OF_RUNS: Mapping[str, str] = {
     "deviation by {sd_percent:.2g} %, its skewness by {skewness:.2g} (one standard deviation, from the repeated "
     "reference run); the surrogate takes no less than that for noise",
     "passes_together": "The laws are those of {passes:.0f} passes together; densities, images, pixels and checks on "
-    "held-out ground are shown of pass 1",
-    "fields_shared": "The effect of a field is one in all passes",
-    "too_few_pixels": "{about}: too few pixels in this pass, which says nothing of it",
+    "held-out ground are those of pass 1",
+    "fields_shared": "A field has the same effect in all passes",
+    "too_few_pixels": "{about}: too few pixels in this pass, which is not used for this material",
     "outside_angles": "{about}: {share_percent:.0f} % of its pixels are seen outside of the {from_angle_deg:g} to "
     "{to_angle_deg:g} deg that law {law!r} was made for; there it is an extrapolation",
     "outside_data": "{about}: law {law!r} is an extrapolation: {doubt}",
@@ -189,10 +189,10 @@ _OF_MODEL: Mapping[str, str] = {
     "{p95_db:+.2f}), more than those of the other fixed materials",
     "fixed_law_and_image": "{about}: the image minus the fixed law is {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "
     "{p95_db:+.2f}); one fixed law cannot tell an error of the law from a level of the image",
-    "level": "{about}: the image minus the fixed laws is a level of " + _LEVEL,
+    "level": "{about}: the image differs from the fixed laws by a level of " + _LEVEL,
     "fixed_level": "{about}: before the registration, the image minus the fixed law is roughly {apart_db:+.2f} dB "
     "(90 %: {p05_db:+.2f} to {p95_db:+.2f})",
-    "level_of_image": "the measured image is taken at its own level; no material of a fixed law checks it",
+    "level_of_image": "the level of the measured image is used as it is; no material with a fixed law checks it",
     "level_found": "the measured image lies {offset_db:+.2f} dB (standard error {error_db:.2f}) from the reference run "
     "on {about}",
     "level_subtracted": "the measured image lies {offset_db:+.2f} dB (standard error {error_db:.2f}) from the "
@@ -227,8 +227,8 @@ _OF_MODEL: Mapping[str, str] = {
     "about 0.9 times radar.looks (the median of their prior) are no evidence of texture",
     "another_law": "{about}: the program's backscatter differs from law {law} by up to {difference_db:.1f} dB at the "
     "same X, so that curve and band are the formula's, not the program's",
-    "registration_moved": "{about}: onto the calibrated image, the registration moves these pixels by {moved_px:.1f} "
-    "pixels (rms; stated standard error {stated_px:.1f}) and sigma0 by {moved_db:.1f} dB",
+    "registration_moved": "{about}: registered again, onto the calibrated image, these pixels move by {moved_px:.1f} "
+    "pixels (rms; stated standard error {stated_px:.1f}), and sigma0 changes by {moved_db:.1f} dB",
 }
 
 _CRITERION_MET = "{about}: stop criterion met after {counted_runs}: "
@@ -237,10 +237,10 @@ _OF_SEARCH: Mapping[str, str] = {
     "search_goes_on": "{about}: {standing} so far",
     "search_stagnated": "{about}: {standing}, without improvement for {counted_idle}",
     "search_out_of_runs": "{about}: {standing} at the maximum of {counted_runs}",
-    "rms_before_infill": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} before any infill",
+    "rms_before_infill": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} before any infill run",
     "rms_reached": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} after {counted_runs}",
-    "rms_unreachable": "{about}: {standing}, after {counted_runs}; a multi-start search of the surrogate, two standard "
-    "errors in favour, finds no rms below {floor:.2g} inside the bounds: the target seems out of reach there",
+    "rms_unreachable": "{about}: {standing}, after {counted_runs}; even two standard errors in favour, the surrogate "
+    "has no rms below {floor:.2g} inside the bounds: the target seems out of reach there",
     "rms_exhausted": "{about}: {standing}: " + _EXHAUSTED,
     "rms_below_sampling_error": "{about}: rms {rms:.2g}, without improvement for {counted_idle} and below a third of "
     "the sampling error {sampling:.2g}: a better fit would not be significant (stop.at_sampling_error: false goes on)",
@@ -272,8 +272,8 @@ _OF_ADVICE: Mapping[str, str] = {
     "bands_none": "{about}: no pass of the table is expected to narrow the bands by a tenth; the best narrows them "
     + _TO_RATIO,
     "passes_equal": "{about}: as good within 5 %: {names}",
-    "model_of_advice": "Expected of a linear-Gaussian model with the draws of the posterior: an image that cannot be "
-    "registered and a wrong radiometry are not part of it",
+    "model_of_advice": "The table follows from a linear-Gaussian model with draws of the posterior; it does not allow "
+    "for an image that cannot be registered, nor for a wrong radiometry",
     "opposite_side": "All passes have heading_deg {heading_deg:g}, that of the scene's grid. A satellite that sees the "
     "scene from the other side with the same look side, half a day apart, heads to about {opposite_deg:.1f} deg: the "
     "other look side of the table stands for it, in a direction that differs by {apart_deg:.1f} deg",

@@ -155,13 +155,13 @@ def test_findings_are_listed_warnings_first_and_notes_folded(made, tmp_path):
         "warning: radar.heading_deg is not given",
         "leaves the band by up to 2.2 dB (cause unknown)",
         "Further findings",
-        "is a level of +0.10 dB",
+        "by a level of +0.10 dB",
     ]
     places = [parsed.text.index(words) for words in order]
     assert places == sorted(places)
     # the refusal stands in the first line, and the note in the folded part alone
     assert parsed.text.count(order[0]) == parsed.text.count(order[6]) == 1
-    assert "is a level of" in re.search(r"<details><summary>Further findings.*?</details>", text, re.DOTALL)[0]
+    assert "by a level of" in re.search(r"<details><summary>Further findings.*?</details>", text, re.DOTALL)[0]
 
 
 def test_bands_and_form_errors_have_a_table(made, tmp_path):
