@@ -81,13 +81,6 @@ def test_atomic_shows_the_file_only_when_complete(tmp_path: Path) -> None:
     assert left_in(path.parent) == ["a.txt"]
 
 
-def test_atomic_failure_leaves_neither_file_nor_partial(tmp_path: Path) -> None:
-    with pytest.raises(ZeroDivisionError), atomic(tmp_path / "a.txt") as partial:
-        partial.write_text("half")
-        raise ZeroDivisionError
-    assert left_in(tmp_path) == []
-
-
 def test_atomic_failure_keeps_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text("old")
@@ -197,17 +190,6 @@ def test_a_folder_that_cannot_be_written_is_found(tmp_path: Path, monkeypatch: p
     assert unwritable(tmp_path) is None
     refused.add(tmp_path / "iterations" / "external")
     assert unwritable(tmp_path) == tmp_path / "iterations" / "external"
-
-
-def test_partial_of_a_killed_process_is_swept(tmp_path: Path) -> None:
-    code = (
-        "import os, sys; from radcal.storage.files import atomic\n"
-        "with atomic(sys.argv[1]) as partial:\n partial.write_text('half'); os._exit(9)"
-    )
-    subprocess.run([sys.executable, "-c", code, str(tmp_path / "a.txt")], check=False)
-    assert [name.startswith(".partial-") for name in left_in(tmp_path)] == [True]
-    assert sweep(tmp_path) == 1
-    assert left_in(tmp_path) == []
 
 
 def test_working_folders_of_dead_processes_are_swept(tmp_path: Path) -> None:
