@@ -2,7 +2,7 @@
 
 The workflow stays the real one: Snakefile, rules, profile and scripts as they are, one process for Snakemake and one
 for each job. Only the start of an interpreter and its imports, three quarters of a tiny calibration's CPU time, are
-spent once, and fonts in PDF files are of Type 3. The small calibration, whatever is killed and jobs of the cluster
+spent once, and fonts in PDF files are of Type 3. Whatever is killed, the wheel (``.ci/wheel``) and jobs of the cluster
 start as people start them.
 """
 
@@ -95,7 +95,7 @@ def rehearse() -> None:
     from radcal.radar.reflectivity import uniform
 
     ImageFormation(Radar(), (20, 20), -20.0).intensity(uniform(np.ones((20, 20), np.float32)), 1)
-    # Type 42, as users get it, takes a quarter of a report's time; the small calibration and the cluster write it
+    # Type 42, as users get it, takes a quarter of a report's time; the cluster writes it
     STYLE["pdf.fonttype"] = 3
     with mpl.rc_context(STYLE):
         canvas = new_canvas(3.0, 2.0)

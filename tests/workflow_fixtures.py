@@ -11,8 +11,6 @@ import pytest
 from warm import Warm
 from workflow_project import Project, make_project
 
-SMALL_CALIBRATION = Path(__file__).with_name("test_small_calibration.py")
-
 
 @pytest.fixture(scope="session")
 def warm() -> Iterator[Warm]:
@@ -36,8 +34,7 @@ def _finished_once(request: pytest.FixtureRequest, tmp_path_factory: pytest.Temp
         project = Project(folder)
         if not (folder.parent / "done").exists():
             project = make_project(folder)
-            if all(item.path != SMALL_CALIBRATION for item in request.session.items):
-                project.interpreter = request.getfixturevalue("warm").interpreter()
+            project.interpreter = request.getfixturevalue("warm").interpreter()
             done = project.run("--configfile", "tiny.yaml")
             assert done.returncode == 0, done.stdout
             (folder.parent / "done").touch()

@@ -130,6 +130,13 @@ def test_the_file_is_what_the_table_says(tmp_path: Path) -> None:
         assert file["curves/a/names"].asstr()[()].tolist() == ["u"]
 
 
+@pytest.mark.parametrize(("size", "compression"), [(255, None), (256, "gzip")])
+def test_arrays_of_a_kilobyte_are_compressed(tmp_path: Path, size: int, compression: str | None) -> None:
+    kept(example(image_db=np.zeros((1, size), dtype=np.float32)), tmp_path / "a.h5")
+    with h5py.File(tmp_path / "a.h5", "r") as file:
+        assert file["image_db"].compression == compression
+
+
 @pytest.mark.parametrize(
     ("one", "other", "alike"),
     [
