@@ -251,20 +251,6 @@ def test_the_table_of_parameters_has_their_intervals(page, made, tmp_path):
     assert f"{x:.4g}</td><td>4.00 to 5.90</td><td>4.800</td><td>" in text
 
 
-@pytest.mark.slow
-def test_what_does_not_apply_is_not_said(made, tmp_path):
-    """Equal densities alone have equal fresh numbers."""
-    bins = replace(made.archive, objective="classes")
-    text = render(tmp_path / "report.html", bins)[1].text
-    # dyke's densities agree, those of stem beans do not
-    assert "so fresh numbers of dyke should come out near that." in text
-    assert "Where rms is far above" in text
-    assert "histogram, and" not in text
-    for name in bins.materials:
-        bins = changed_material(bins, name, rms=np.full(made.archive.runs.kind.size, 1.0))
-    assert "should come out near that" not in render(tmp_path / "report.html", bins)[1].text
-
-
 @pytest.mark.parametrize("hidden", [True, False])
 def test_one_material(made, tmp_path, hidden):
     dyke = made.archive.materials["dyke"]
@@ -279,23 +265,6 @@ def test_one_material(made, tmp_path, hidden):
     # what is not matched, is not called matched
     text = render(tmp_path / "report.html", ended(archive, "max_runs", dyke="max_runs"))[1].text
     assert "The density of dyke's backscatter differs from the measured one by an rms of" in text
-
-
-@pytest.mark.slow
-def test_a_better_law_is_excluded_as_far_as_the_surrogate_does(made, tmp_path):
-    """Laws that meet the stop criterion; where the search ended before, better laws may exist."""
-    promise = "the surrogate of all runs predicts no law that is clearly better and differs by more than stop.law_db"
-    start = f"Laws that meet the stop criterion ({promise}):"
-
-    def shown(archive):
-        return re.search(r"What has been shown (.*?) The search compared", render(tmp_path / "p", archive)[1].text)[1]
-
-    archive = settled(made.archive)
-    assert shown(archive) == f"{start} 2 of 2."
-    archive = ended(archive, "max_runs", dyke="max_runs")
-    assert shown(archive) == f"{start} 1 of 2. Better laws of dyke may exist."
-    nobody = ended(archive, "max_runs", **{"stem beans": "stagnation"})
-    assert shown(nobody) == f"{start} 0 of 2. Better laws of dyke and stem beans may exist."
 
 
 def test_the_truth_is_compared_over_the_incidence_of_all_passes(made, tmp_path):
