@@ -252,6 +252,9 @@ def test_a_case_that_fails_does_not_stop_the_next(
     done = run("bad.yaml", "mine.yaml", "last.yaml")
     assert done.exit_code == 3
     assert capfd.readouterr().out.split() == ["ran", "bad", "ran", "mine", "ran", "last"]
+    assert [line for line in done.stderr.splitlines() if " of 3)" in line] == [
+        f"radcal: case {name} ({k} of 3)" for k, name in enumerate(("bad", "mine", "last"), start=1)
+    ]
     assert done.stderr.splitlines()[-3:] == [
         "radcal: bad: failed (exit status 3)",
         "radcal: mine: done",

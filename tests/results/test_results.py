@@ -55,6 +55,7 @@ def test_promises_of_proposals_not_computed_are_nan(made):
 
 def test_pixels_are_those_of_the_images(made):
     with h5py.File(made.path) as file:
+        np.testing.assert_array_equal(file["scene/material"], made.scene.material)  # row 0 stays in the south
         measured = file["passes/1/registered/measurement/image_db"][()].ravel()
         fresh = file["images/calibrated_db"][()].ravel()
         for name, target in made.targets.items():

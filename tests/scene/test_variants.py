@@ -8,6 +8,7 @@ from pyproj import CRS, Geod, Transformer
 from variants import agrees
 
 from radcal.scene.crs import earth_radius_m, transformer, turned
+from radcal.scene.grid import _common, _empty
 from radcal.scene.objects import Objects
 from radcal.scene.raster import _slope_error_deg, rounding_error_m
 from radcal.scene.slant_range import flat_incidence_deg
@@ -121,3 +122,14 @@ def test_rows_are_equal_steps_of_slant_range() -> None:
         depression=np.degrees(np.arcsin(1.0 / slant)),
         backwards=np.degrees(np.arccos(1.0 / slant))[::-1],
     )
+
+
+def test_boxes_side_by_side_have_nothing_in_common_in_either_direction() -> None:
+    """West, south, east and north [m]; northings are larger than eastings, as in UTM."""
+    here = (600.0, 5000.0, 700.0, 5100.0)
+    for other, empty in (
+        ((650.0, 5050.0, 800.0, 5200.0), False),
+        ((710.0, 5000.0, 800.0, 5100.0), True),
+        ((600.0, 5110.0, 700.0, 5200.0), True),
+    ):
+        assert _empty(_common(here, other)) is _empty(_common(other, here)) is empty
