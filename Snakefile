@@ -12,8 +12,7 @@ import sys
 from snakemake.logging import logger
 from snakemake.utils import min_version
 
-from radcal.forecast.planned_runs import planned_runs, stages_sentence
-from radcal.forecast.runs_and_time import runs_sentence
+from radcal.forecast.runs_and_time import planned_runs, runs_sentence, stages_sentence
 from radcal.config.stages import STAGES
 from radcal.session.session import is_dry_run, is_finished, is_planned, open_session
 from radcal.session.slurm import job_name
@@ -99,7 +98,7 @@ def say_last_words():
         twice = sum(rule == "registration_run" for rule, _ in jobs)
         SESSION.say(stages_sentence(jobs))
         SESSION.say(
-            runs_sentence(planned_runs(CASE, jobs, OUT), CASE.simulator.draws, twice)
+            runs_sentence(planned_runs(CASE, jobs), CASE.simulator.draws, twice)
         )
 
 

@@ -7,7 +7,14 @@ from pathlib import Path
 import pytest
 
 from radcal.config import case_from
-from radcal.forecast.runs_and_time import duration, largest_runs, stored_iteration_seconds, time_expected
+from radcal.forecast.runs_and_time import (
+    duration,
+    largest_runs,
+    planned_runs,
+    runs_sentence,
+    stored_iteration_seconds,
+    time_expected,
+)
 from radcal.storage.records import write_hdf5
 
 EXTERNAL = {
@@ -31,6 +38,42 @@ def test_the_largest_number_of_runs_is_that_of_all_passes(build_case) -> None:
     passes = {"radar": [{}, {"depression_deg": 50}], "measurement": [file, file]}
     one = {"materials": {"field": {"calibrate": True}}, "design": {"size": 5}, "stop": {"max_runs": 40}}
     assert largest_runs(case_from({**one, **passes})) == {"reference": 4, "design": 10, "infill": 70, "final": 4}
+
+
+START = [("scene", {}), ("geometry", {"p": "1"}), ("measurement", {"p": "1"}), ("reference_run", {"p": "1"})]
+CHUNKS = [("design_chunk", {"chunk": str(k)}) for k in range(3)]
+LOOP = [("scores", {}), ("final_runs", {}), ("archive", {})]
+
+
+def test_planned_jobs_make_at_most_so_many_runs(build_case) -> None:
+    case = build_case(design={"size": 10, "chunk": 4}, stop={"max_runs": 30})
+    counts = planned_runs(case, [*START, *CHUNKS, *LOOP])
+    assert counts == {"measurement": 1, "reference": 1, "design": 10, "infill": 20, "final": 2}
+    assert runs_sentence(counts) == (
+        "at most 34 simulator runs would be made (1 measurement, 1 reference, 10 design, at most 20 infill, at "
+        "most 2 final); a search that meets its stop criterion ends earlier, and no stored run is repeated."
+    )
+    counts = planned_runs(case, [*START, ("registration_run", {"p": "1"}), CHUNKS[2]])
+    assert counts == {"measurement": 1, "reference": 2, "design": 2, "infill": 0, "final": 0}
+    assert "2 reference (1 of them for the registration), 2 design, each of 4 sp" in runs_sentence(counts, 4, 1)
+    assert runs_sentence(planned_runs(case, [("report", {})])) == "no simulator run would be made."
+    # six iterations are done; then the search has ended, and the last runs are made again
+    planned = [("train", {"k": "6"}), ("propose", {"k": "6"}), ("verify", {"k": "6"}), *LOOP[1:]]
+    assert [planned_runs(case, jobs)["infill"] for jobs in (planned, LOOP[1:])] == [14, 0]
+
+
+def test_planned_jobs_of_every_pass_count(build_case) -> None:
+    file = {"source": "file", "path": "a.npy", "scale": "db", "radiometry": "sigma0_local"}
+    radar = {"altitude_m": 1000.0, "radiometry": "sigma0_local"}
+    case = build_case(
+        radar=[radar, {**radar, "depression_deg": 50}], measurement=[file, file], design={"size": 6, "chunk": 4},
+        stop={"max_runs": 20},
+    )  # fmt: skip
+    second = [(rule, {"p": "2"}) for rule, _ in START[1:]]
+    second += [("design_chunk", {"chunk": chunk}) for chunk in "23"]
+    counts = planned_runs(case, [*START, *CHUNKS[:2], *second, *LOOP])
+    assert counts == {"measurement": 0, "reference": 2, "design": 12, "infill": 28, "final": 4}
+    assert planned_runs(case, second)["design"] == 6
 
 
 @pytest.mark.parametrize(

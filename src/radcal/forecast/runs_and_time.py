@@ -1,22 +1,23 @@
-"""Largest number of simulator runs of a case, and the time that they take, from the case's stored runs."""
+"""Largest number of simulator runs of a case or of planned jobs, and the time that they take, from stored runs."""
 
 from __future__ import annotations
 
 import contextlib
 import csv
 import statistics
-from collections.abc import Container, Mapping
+from collections import Counter
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 
 from radcal.config import Case, CommandSimulation, SimulatorConfig
 from radcal.storage.runs import median_seconds
 
 __all__ = [
-    "FINAL_RUNS", "duration", "largest_runs", "reference_count", "runs_in_words", "runs_sentence",
-    "stored_iteration_seconds", "time_expected",
+    "duration", "largest_runs", "planned_runs", "reference_count", "runs_in_words", "runs_sentence",
+    "stages_sentence", "stored_iteration_seconds", "time_expected",
 ]  # fmt: skip
 
-FINAL_RUNS = 2  # of each pass: one with the noise seed of all runs, one with another noise seed
+_FINAL_RUNS = 2  # of each pass: one with the noise seed of all runs, one with another noise seed
 # infill runs within which 63 of the 64 searches with a baseline in docs/evidence/runs.md ended (one took 17);
 # of 20 searches without a baseline, half ended within 8
 _SEARCH_RUNS = 16
@@ -34,8 +35,43 @@ def largest_runs(case: Case) -> dict[str, int]:
         "reference": passes * (reference_count(case.simulator) + case.registers_twice),
         "design": passes * case.design_size,
         "infill": passes * (case.stop.max_runs - case.design_size),
-        "final": passes * FINAL_RUNS,
+        "final": passes * _FINAL_RUNS,
     }
+
+
+def planned_runs(case: Case, jobs: Sequence[tuple[str, Mapping[str, str]]]) -> dict[str, int]:
+    """Largest number of simulator runs that planned jobs make, by kind, as if the run store held none of them.
+
+    Parameters
+    ----------
+    case : Case
+        Configuration of the case.
+    jobs : sequence of (str, mapping)
+        Rule and wildcards of each planned job.
+    """
+    planned = Counter(rule for rule, _ in jobs)
+    sources = {str(number): one.measurement.source for number, one in enumerate(case.passes, start=1)}
+    firsts = [int(words["chunk"]) % case.design_parts * case.design.chunk for rule, words in jobs
+              if rule == "design_chunk"]  # fmt: skip
+    iterations = [int(words["k"]) for rule, words in jobs if rule in ("train", "propose", "verify")]
+    # the jobs of the iterations are planned once the scores are known
+    begun = 0 if planned["scores"] else min(iterations, default=None)
+    infill = 0 if begun is None or not planned["final_runs"] else max(case.stop.max_runs - case.design_size - begun, 0)
+    return {
+        "measurement": sum(rule == "measurement" and sources[words["p"]] == "synthetic" for rule, words in jobs),
+        "reference": planned["reference_run"] * reference_count(case.simulator) + planned["registration_run"],
+        "design": sum(min(case.design.chunk, case.design_size - first) for first in firsts),
+        "infill": len(case.passes) * infill,
+        "final": len(case.passes) * _FINAL_RUNS * planned["final_runs"],
+    }
+
+
+def stages_sentence(jobs: Sequence[tuple[str, Mapping[str, str]]]) -> str:
+    """Sentence that lists the stages of planned jobs, in the order of the jobs, with the number of jobs above one."""
+    counts = Counter(rule for rule, _ in jobs if rule != "all")
+    listed = ", ".join(rule if number == 1 else f"{rule} ({number} jobs)" for rule, number in counts.items())
+    search = "; the search repeats train, propose and verify" if "final_runs" in counts else ""
+    return f"stages in their order: {listed or 'none'}{search}."
 
 
 def runs_in_words(counts: Mapping[str, int], registration: int = 0, most: Container[str] = ()) -> str:
@@ -74,11 +110,9 @@ def runs_sentence(counts: Mapping[str, int], draws: int = 1, registration: int =
     if not kinds:
         return "no simulator run would be made."
     each = f", each of {draws} speckle draws" if draws > 1 else ""
-    # which infill runs a search asks for, and so which of them are stored, is not known beforehand
-    search = "a search that meets its stop criterion ends earlier, and repeats no stored run"
-    rest = search if counts.get("infill") else "stored ones are left out"
+    search = "a search that meets its stop criterion ends earlier, and " * bool(counts.get("infill"))
     most = sum(counts.values())
-    return f"at most {most} simulator runs would be made ({kinds}{each}); {rest}."
+    return f"at most {most} simulator runs would be made ({kinds}{each}); {search}no stored run is repeated."
 
 
 def duration(seconds: float) -> str:

@@ -164,10 +164,6 @@ class Runner:
             found = self._found(key, image)
             return found if found is not None else self._simulate(key, description, parameters, noise_seed, image)
 
-    def is_recorded(self, parameters: Parameters, noise_seed: int) -> bool:
-        """Whether the run store has a file of the run; the content of the file is not checked."""
-        return self._store.path(digest(self.description(parameters, noise_seed))).is_file()
-
     def _found(self, key: str, image: bool) -> Record | None:
         """Record of a run; None if it is missing, or if its numbers of pixels differ from those of the geometry."""
         record = self._store.get(key, self._recorded, image)
