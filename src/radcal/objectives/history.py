@@ -307,18 +307,11 @@ def write_runs(path: str | Path, runs: Iterable[Run]) -> None:
 
 def read_runs(paths: Iterable[str | Path]) -> History:
     """Read scored runs from several JSON files, in the order of the files."""
-
-    def parse(path: str | Path, data: dict[str, Any]) -> Run:
-        for key, make in (("scores", _score), ("proposals", _proposal)):
-            if key in data:
-                data[key] = {name: make(item, path) for name, item in data[key].items()}
-        return from_json(Run, data, path)
-
     runs: list[Run] = []
     for path in paths:
         entries = read_json(path)
         with understood(path):
-            runs += [parse(path, _of_passes(data)) for data in entries]
+            runs += from_json(list[Run], [_of_passes(data) for data in entries], path)
     return History(runs)
 
 
@@ -331,15 +324,6 @@ def _of_passes(run: dict[str, Any]) -> dict[str, Any]:
     return run
 
 
-def _score(data: dict[str, Any], path: str | Path) -> Score:
-    densities = [None if item is None else from_json(PassScore, item, path) for item in data["densities"]]
-    return from_json(Score, {**data, "densities": densities}, path)
-
-
-def _proposal(data: dict[str, Any], path: str | Path) -> Proposal:
-    return from_json(Proposal, {**data, "front": from_json(Front, data.get("front", {}), path)}, path)
-
-
 def write_proposals(path: str | Path, proposals: Mapping[str, Proposal]) -> None:
     """Write the proposals of all materials as JSON."""
     write_json(path, {name: asdict(proposal) for name, proposal in proposals.items()})
@@ -347,6 +331,4 @@ def write_proposals(path: str | Path, proposals: Mapping[str, Proposal]) -> None
 
 def read_proposals(path: str | Path) -> dict[str, Proposal]:
     """Read the proposals of all materials from a file of :func:`write_proposals`."""
-    proposals = read_json(path)
-    with understood(path):
-        return {name: _proposal(data, path) for name, data in proposals.items()}
+    return from_json(dict[str, Proposal], read_json(path), path)

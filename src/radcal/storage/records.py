@@ -13,16 +13,14 @@ import json
 import os
 import platform
 import shutil
-import typing
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import MISSING, fields
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
 import h5py
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from radcal.errors import ConfigError, StoreError
 from radcal.storage.dataclass_groups import put, take
@@ -274,52 +272,43 @@ def understood(path: str | Path) -> Iterator[None]:
         ) from error
 
 
-def from_json(kind: type[T], data: Mapping[str, Any], path: str | Path) -> T:
-    """Dataclass from the keys of a JSON file.
+def from_json(kind: type[T], data: Any, path: str | Path) -> T:
+    """Dataclass, or list or mapping of dataclasses, from the data of a JSON file.
 
     Parameters
     ----------
     kind : type
-        Type of the dataclass.
-    data : mapping
-        Value of each field by name; fields with a default may be missing.
+        Type of the result, such as ``list[Run]``; numbers and texts must have exactly the types of its fields.
+    data : plain data
+        Data of the file; keys of fields with a default may be missing.
     path : path
         Path of the file, for the error message.
 
     Raises
     ------
     StoreError
-        A key is not a field of the dataclass, or a field without a default is missing: another version of radcal wrote
-        the file.
-    ValueError
-        A value has another type than its field.
+        The data have an unknown key, lack a key, or have a value of another type than its field.
     """
-    known = {one.name: one.default is MISSING and one.default_factory is MISSING for one in fields(kind)}  # type: ignore[arg-type]
-    unknown = [f"has the key {name!r}, which radcal {version('radcal')} does not know" for name in data.keys() - known]
-    lacking = [
-        f"lacks the key {name!r}, which radcal {version('radcal')} needs"
-        for name, needed in known.items()
-        if needed and name not in data
-    ]
-    for fault in sorted(unknown) + lacking:
+    try:
+        found: T = _adapter(kind).validate_json(json.dumps(data))  # type: ignore[arg-type]
+        return found
+    except ValidationError as error:
+        first = error.errors()[0]
+    at = ".".join(map(str, first["loc"]))
+    if first["type"] in ("missing", "unexpected_keyword_argument"):
+        has, knows = ("lacks", "needs") if first["type"] == "missing" else ("has", "does not know")
         raise StoreError(
-            f"{path}: a {kind.__name__} {fault}: another version of radcal wrote it; use that version, or delete the "
-            "file and type the same command again to make it again (finished runs are kept)."
+            f"{path}: {has} the key {at!r}, which radcal {version('radcal')} {knows}: another version of radcal wrote "
+            "it; use that version, or delete the file and type the same command again to make it again (finished runs "
+            "are kept)."
         )
-    for name, value in data.items():
-        try:
-            _adapters(kind)[name].validate_python(value, strict=True)  # type: ignore[arg-type]
-        except ValidationError as error:
-            first = error.errors()[0]
-            at = ".".join(map(str, (name, *first["loc"])))
-            raise ValueError(f"{at} of a {kind.__name__} is {first['input']!r:.40}: {first['msg']}") from None
-    return kind(**data)
+    with understood(path):
+        raise ValueError(f"{at} is {first['input']!r:.40}: {first['msg']}")
 
 
 @functools.cache
-def _adapters(kind: Any) -> dict[str, TypeAdapter[Any]]:
-    """Checks of the types of a dataclass's fields, by name."""
-    return {name: TypeAdapter(hint) for name, hint in typing.get_type_hints(kind, include_extras=True).items()}
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind, config=ConfigDict(extra="forbid", strict=True))
 
 
 def write_item(path: str | Path, kind: str, item: Any) -> None:

@@ -11,7 +11,7 @@ from typing import Annotated
 from pydantic import Field
 
 from radcal.errors import StoreError
-from radcal.storage.records import from_json, read_json, understood, write_json
+from radcal.storage.records import from_json, read_json, write_json
 from radcal.storage.runs import Parameters, Record, RunStore
 
 __all__ = ["IndexedRun", "in_all_passes", "indexed", "read_index", "write_index"]
@@ -59,9 +59,7 @@ def read_index(path: str | Path) -> list[IndexedRun]:
     StoreError
         The file is missing or damaged, or holds no index.
     """
-    entries = read_json(path)
-    with understood(path):
-        return [from_json(IndexedRun, {**entry, "draws": tuple(entry.get("draws", ()))}, path) for entry in entries]
+    return from_json(list[IndexedRun], read_json(path), path)
 
 
 def indexed(
