@@ -37,16 +37,19 @@ def changed_measurement(archive: Archive, image_db: NDArray[Any]) -> Archive:
     return replace(archive, passes={**archive.passes, "1": first})
 
 
+def configured(archive: Archive, **sections: Any) -> Archive:
+    """Copy of an archive with other sections of the configuration."""
+    return replace(archive, config=json.dumps({**json.loads(archive.config), **sections}))
+
+
 def selected(archive: Archive, **materials: str) -> Archive:
     """Copy of an archive with other calibrated materials: name of each, and material whose results it has."""
 
     def of_each(found: Mapping[str, Any]) -> dict[str, Any]:
         return {name: found[one] for name, one in materials.items()}
 
-    config = json.loads(archive.config)
     return replace(
-        archive,
-        config=json.dumps({**config, "materials": of_each(config["materials"])}),
+        configured(archive, materials=of_each(json.loads(archive.config)["materials"])),
         decision=replace(archive.decision, materials=of_each(archive.decision.materials)),
         laws=of_each(archive.laws),
         materials=of_each(archive.materials),

@@ -77,7 +77,7 @@ def test_the_loop_in_one_process_gives_the_same_runs(finished, tmp_path, monkeyp
     history, decision = calibrate(case, runner, read_targets(finished.out() / "passes/1/target.h5"))
     assert decision.converged
     with h5py.File(finished.out() / "calibration.h5") as file:
-        assert [run.keys[0] for run in history.runs] == list(file["runs/key"].asstr()[()])
+        assert [run.keys[0] for run in history.runs] == list(file["passes/1/keys"].asstr()[()])
         np.testing.assert_array_equal(
             [run.scores["field"].rms for run in history.runs], file["materials/field/rms"][()]
         )

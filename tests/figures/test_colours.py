@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from archives import configured
 
 from radcal.figures.colours import FILLS, colour_of, colours_of, head, material_colours
 from radcal.figures.drawing import new_canvas
@@ -87,10 +87,10 @@ def test_kinds_of_ground_differ_for_colour_blind_readers() -> None:
 def test_archives_say_the_configured_colours(made: object, tmp_path: Path) -> None:
     archive: Archive = made.archive  # type: ignore[attr-defined]
     assert colours_of(archive) == material_colours(archive.names)
-    config = json.loads(archive.config)
+    materials = json.loads(archive.config)["materials"]
     name = archive.names[1]
-    config["materials"][name]["colour"] = "#123456"
-    changed = replace(archive, config=json.dumps(config))
+    materials[name]["colour"] = "#123456"
+    changed = configured(archive, materials=materials)
     assert colour_of(changed, name) == "#123456"
     canvas = new_canvas(4, 3)
     axes = canvas.subplots()

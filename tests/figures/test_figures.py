@@ -9,7 +9,7 @@ import h5py
 import matplotlib as mpl
 import numpy as np
 import pytest
-from archives import changed_material, changed_measurement, changed_target, posterior
+from archives import changed_material, changed_measurement, changed_target, configured, posterior
 from assessment_samples import held_cells
 from matplotlib.text import Text
 from scipy import stats
@@ -95,13 +95,14 @@ def test_captions_give_the_looks_of_the_densities(made):
     assert "texture" not in densities(made.archive, "dyke")[1]
     looks = np.linspace(0.5, 3.5, dyke.rms.size)
     looks[dyke.best] = 2.25
-    archive = changed_material(made.archive, "dyke", run_looks=looks)
+    bins = configured(made.archive, objective="classes")
+    archive = changed_material(bins, "dyke", looks=looks)
     assert "the texture that gives the run" in overview(archive)[1]
     assert densities(archive, "dyke")[1].count("Effective looks of these runs: 0.5 to 2.2.") == 1
     looks[0] = np.nan
-    archive = changed_material(made.archive, "dyke", run_looks=looks)
+    archive = changed_material(bins, "dyke", looks=looks)
     assert "Effective looks of these runs: 2.2." in densities(archive, "dyke")[1]
-    archive = changed_material(made.archive, "dyke", run_looks=np.full_like(looks, np.nan))
+    archive = changed_material(bins, "dyke", looks=np.full_like(looks, np.nan))
     assert "texture" not in densities(archive, "dyke")[1]
 
 
@@ -309,14 +310,13 @@ def test_objects_are_dots_in_the_scene(made, tmp_path):
 
 
 def test_axes_of_a_turned_scene_are_those_of_the_track(made):
-    config = json.loads(made.archive.config)
-    config["radar"]["heading_deg"] = 192.5
+    radar = {**json.loads(made.archive.config)["radar"], "heading_deg": 192.5}
     rows, columns = np.indices((20, 30))
     hilly = (100.0 + 4.0 * rows * np.sin(columns / 4.0)).astype(np.float32)
     view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=hilly, cell_m=15.0)
     case = replace(made.archive, scene=view)
     with mpl.rc_context(drawing.STYLE):
-        turned, _, _ = module.scene(replace(case, config=json.dumps(config)))
+        turned, _, _ = module.scene(configured(case, radar=radar))
         plain, caption, _ = module.scene(case)
         assert drawn(turned) == []
     assert "no relief" not in caption
@@ -349,7 +349,7 @@ def test_measured_levels_are_drawn(made):
 
 def test_the_misfit_of_classes_is_drawn_beside_the_densities(made):
     costs = np.linspace(400.0, 8.0, len(made.history.runs))
-    case = changed_material(replace(made.archive, objective="classes"), "dyke", cost=costs)
+    case = changed_material(configured(made.archive, objective="classes"), "dyke", cost=costs)
     with mpl.rc_context(drawing.STYLE):
         canvas, _, _ = cost(case, "dyke")
         assert drawn(canvas) == []
@@ -363,7 +363,11 @@ def test_the_figure_of_the_runs_says_how_they_are_counted(made):
     material = made.archive.materials["dyke"]
     kinds = np.array(["reference", "reused", "reused", "design", "design", "infill", "infill", "infill"])
     case = replace(made.archive, runs=replace(made.archive.runs, kind=kinds))
-    ended = replace(material, mode=("exploit", "ended", "ended"))
+
+    def proposed(*modes):
+        return replace(material, fidelity=replace(material.fidelity, mode=modes))
+
+    ended = proposed("exploit", "ended", "ended")
     title, words = law_figures._run_words(case, ended)
     assert title == ", search ended after run 5"
     assert words.startswith(" Run 0 is the reference run, runs 1 to 2 are from an earlier case, run 3 the first of the")
@@ -373,7 +377,7 @@ def test_the_figure_of_the_runs_says_how_they_are_counted(made):
     again = replace(case, runs=replace(case.runs, kind=twice))
     said = " Run 0 is the reference run, run 1 the registration run, run 2 is from an earlier case, run 3 the first of"
     assert law_figures._run_words(again, ended)[1].startswith(said)
-    title, words = law_figures._run_words(case, replace(material, mode=("exploit", "explore", "exploit")))
+    title, words = law_figures._run_words(case, proposed("exploit", "explore", "exploit"))
     assert title == ""
     assert "ended" not in words
 
@@ -514,14 +518,21 @@ def test_the_axis_of_a_law_is_about_the_angles_seen_and_all_curves_end_with_it(m
         assert (one.min(), one.max()) == view
 
 
+def proposals(costs, values, last="exploit"):
+    """Proposals of two infill runs with the same statistics as their runs."""
+    nothing = np.zeros((2, 3))
+    return Fidelity(("exploit", last), np.array(costs), np.full(2, np.nan), values, values + 1.0, values, nothing)
+
+
 def test_predicted_and_verified_misfit_have_the_scale_of_the_figure_of_the_runs(made):
     values = np.array([[[0.1, 0.2, 0.3]], [[0.3, 0.1, 0.2]]])
-    found = Fidelity(np.array([9.0, 7.5]), np.array([8.0, 7.0]), values, values + 1.0, values, np.zeros((2, 3)))
-    bins = changed_material(made.archive, "dyke", fidelity=found, cost=np.linspace(9.0, 7.0, len(made.history.runs)))
+    found = proposals([9.0, 7.5], values)
+    costs = np.where(made.archive.runs.kind == "infill", [*[9.0] * 5, 8.0, 7.0], 9.0)
+    case = changed_material(made.archive, "dyke", fidelity=found, cost=costs)
     with mpl.rc_context(drawing.STYLE):
-        canvas, caption, _ = fidelity(bins, "dyke")
+        canvas, caption, _ = fidelity(configured(case, objective="classes"), "dyke")
         assert drawn(canvas) == []
-        density, words, _ = fidelity(changed_material(made.archive, "dyke", fidelity=found), "dyke")
+        density, words, _ = fidelity(case, "dyke")
     upper, other = canvas.axes[0], density.axes[0]
     assert upper.get_ylabel() == "squared residuals,\npriors included"
     assert caption.startswith("Above: squared residuals, priors included, as the surrogate predicted it")
@@ -532,10 +543,9 @@ def test_predicted_and_verified_misfit_have_the_scale_of_the_figure_of_the_runs(
 
 def test_an_infill_run_without_prediction_is_left_out_and_named(made):
     values = np.array([[[0.1, 0.2, 0.3]], [[0.3, 0.1, 0.2]]])
-    found = Fidelity(np.array([9.0, np.nan]), np.array([8.0, 7.0]), values, values + 1.0, values, np.zeros((2, 3)))
     first, second = np.flatnonzero(made.archive.runs.kind == "infill")
     for mode, repeated in (("ended", True), ("exploit", False)):
-        case = changed_material(made.archive, "dyke", fidelity=found, mode=("exploit", mode))
+        case = changed_material(made.archive, "dyke", fidelity=proposals([9.0, np.nan], values, mode))
         with mpl.rc_context(drawing.STYLE):
             canvas, caption, _ = fidelity(case, "dyke")
         for line in canvas.axes[0].lines:

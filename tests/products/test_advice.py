@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -241,8 +240,14 @@ def test_from_a_results_folder(tmp_path, monkeypatch):
     with pytest.raises(StoreError, match="is not finished, expected calibration.h5"):
         advise(tmp_path)
     result = SimpleNamespace(posterior=None)
+    flat = {"calibrate": True, "law": "tabulated", "angles_deg": [20, 60], "bounds": [[-30, 0]] * 2}
+    config = {
+        **sections(),
+        "materials": {**sections()["materials"], "slope": flat},
+        "measurement": {"synthetic": {"parameters": {"slope": [-10, -10]}}},
+    }
     archive = SimpleNamespace(
-        config=json.dumps(sections()), configured=SimpleNamespace(laws={"slope": FLAT}), materials={"slope": result},
+        configured=case_from(config), materials={"slope": result},
         findings=[], image=SimpleNamespace(levels_db=np.array([[-1.6449, 0.1, 1.6449]])),
     )  # fmt: skip
     monkeypatch.setattr(advice, "read_finished", lambda folder: archive)
@@ -261,7 +266,7 @@ def test_from_a_results_folder(tmp_path, monkeypatch):
     # an offset that the fixed laws give to 1 dB in all passes
     given = []
     monkeypatch.setattr(advice, "advice_on", lambda *arguments: given.append(arguments) or advice_on(*arguments))
-    archive.config = json.dumps({**sections(), "target": {"margin_px": 0, "normalisation": "offset"}})
+    archive.configured = case_from({**config, "target": {"margin_px": 0, "normalisation": "offset"}})
     advise(tmp_path, [30.0])
     assert given[0][-1] == pytest.approx(1.0, rel=1e-4)
     archive.findings = [

@@ -10,7 +10,7 @@ import pytest
 from scipy.special import polygamma
 
 from radcal.assessment.preposterior import View
-from radcal.config import RegistrationConfig, Uncertainty, load_forward, load_measured
+from radcal.config import RegistrationConfig, TargetConfig, Uncertainty, case_from, load_forward, load_measured
 from radcal.errors import ConfigError, StoreError
 from radcal.figures.applied_figures import Prediction
 from radcal.findings import Finding
@@ -155,17 +155,16 @@ def test_law_and_constant_count_alike(monkeypatch) -> None:
     monkeypatch.setattr(PredictionBins, "of", lambda _: seen)
     image = np.asarray(LAW(np.radians(seen.parts.incidence_deg), X)).astype(np.float32)
     materials = {"dyke": posterior, "program": SimpleNamespace(constant=None), "other": posterior, "lost": None}
-    archive = SimpleNamespace(materials={k: SimpleNamespace(posterior=one) for k, one in materials.items()})
+    configured = SimpleNamespace(target=TargetConfig(), uncertainty=Uncertainty(level_db=0.3, noise_db=0.0))
+    results = {k: SimpleNamespace(posterior=one) for k, one in materials.items()}
+    archive = SimpleNamespace(materials=results, configured=configured)
     known = SimpleNamespace(start_parameters=X)
     changed = SimpleNamespace(
         passes=[SimpleNamespace(radar=None, laws={"dyke": LAW})],
         materials={"dyke": known, "program": known, "lost": known},
         seed=3,
     )
-    config = {"target": {}, "uncertainty": {"level_db": 0.3, "noise_db": 0.0}}
-    found = list(
-        _of_pass(archive, config, changed, 1, SimpleNamespace(geometry=None, predicted_db=image, measured_db=None))
-    )
+    found = list(_of_pass(archive, changed, 1, SimpleNamespace(geometry=None, predicted_db=image, measured_db=None)))
     assert [one.material for one in found] == ["dyke", "dyke"]
     assert [one.predicted_db for one in found] == pytest.approx(0.5 * (law - 12.0), abs=0.03)
     sds = np.sqrt(0.5**2 + 0.3**2) + np.sqrt(0.01 + 0.04 + 0.01 + 0.3**2)
@@ -262,28 +261,29 @@ def archive_of(**dyke: object) -> SimpleNamespace:
     """Archive of two calibrated materials, of which the dyke has effective looks."""
     values = {"parameters_model": None, "seen_deg": np.array([[38.9, 39.1]])}
     posterior = SimpleNamespace(**{**values, **dyke.pop("posterior", {})})
-    result = {"posterior": posterior, "level_only": False, "run_looks": np.array([4.0, 2.5]), "best": 1, **dyke}
-    other = SimpleNamespace(posterior=None, level_only=False, run_looks=None, best=0)
+    result = {"posterior": posterior, "level_only": False, "looks": np.array([4.0, 2.5]), "best": 1, **dyke}
+    other = SimpleNamespace(posterior=None, level_only=False, looks=np.array([4.0]), best=0)
     laws = {name: np.array([6.0, 14.0, 21.0, 3.0]) for name in ("dyke", "stem beans")}
     materials = {"dyke": SimpleNamespace(**result), "stem beans": other}
-    return SimpleNamespace(case="small", config="{}", looks=4.0, laws=laws, materials=materials)
+    case = case_from({"case": "small", "materials": {name: {"calibrate": True} for name in laws}})
+    return SimpleNamespace(configured=case, laws=laws, materials=materials)
 
 
 def test_calibrated_materials_replace_those_of_the_other_case(tmp_path) -> None:
     path = tmp_path / "other.yaml"
     path.write_text("case: other\nmaterials: {dyke: {parameters: [1, 2, 3, 4]}, lake: {parameters: [4, 3, 2, 1]}}\n")
-    other, source = load_forward([path]), {name: {"calibrate": True} for name in ("dyke", "stem beans")}
-    changed = with_laws(archive_of(), source, other)
+    other = load_forward([path])
+    changed = with_laws(archive_of(), other)
     assert list(changed.materials) == ["dyke", "lake"]
     assert changed.materials["dyke"].parameters == [6.0, 14.0, 21.0, 3.0]
     assert changed.materials["dyke"].looks == 2.5
     assert changed.materials["lake"] == other.materials["lake"]
     # the law nearest to the band's median, if there is a band
     nearest = archive_of(posterior={"parameters_model": np.array([5.0, 13.0, 20.0, 2.0])})
-    assert with_laws(nearest, source, other).materials["dyke"].parameters == [5.0, 13.0, 20.0, 2.0]
+    assert with_laws(nearest, other).materials["dyke"].parameters == [5.0, 13.0, 20.0, 2.0]
     path.write_text("case: other\nmaterials: {lake: {parameters: [4, 3, 2, 1]}}\n")
     with pytest.raises(ConfigError, match="calibrated dyke, stem beans, of which other has no material: it has lake"):
-        with_laws(archive_of(), source, load_forward([path]))
+        with_laws(archive_of(), load_forward([path]))
     assert load_measured([path]) is None
     with pytest.raises(StoreError, match=r"the calibration is not finished, expected calibration.h5"):
         apply(tmp_path, load_forward([path]), None, tmp_path / "out", tmp_path / "runs")

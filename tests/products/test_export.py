@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import rasterio
 import yaml
-from archives import changed_material, posterior
+from archives import changed_material, configured, posterior
 
 from radcal.config import Radar, case_from, stages
 from radcal.ground.levels import Levels
@@ -153,7 +153,8 @@ def test_the_level_of_a_material_seen_at_one_incidence_is_a_row_of_the_laws(made
 
 
 def test_tables(made, tmp_path):
-    export(made, tmp_path, changed_material(made.archive, "dyke", best_looks=2.75, posterior=None))
+    looks = np.full(made.archive.runs.kind.size, 2.75)
+    export(made, tmp_path, changed_material(made.archive, "dyke", looks=looks, posterior=None))
     table = pd.read_csv(tmp_path / "parameters.csv").set_index(["material", "parameter"])
     assert table["calibrated"].loc["dyke"].tolist() == made.archive.laws["dyke"].tolist()
     row = table.loc[("dyke", "X4")]
@@ -189,13 +190,13 @@ def test_bands_are_known_inside_of_their_interval(made, tmp_path):
 
 
 def test_calibrated_materials(made, tmp_path):
-    looks = np.full(len(made.archive.runs.key), 9.0)
-    beans = changed_material(made.archive, "stem beans", run_looks=looks)  # more than the 4 of the image: no texture
+    looks = np.full(made.archive.runs.kind.size, 9.0)
+    beans = changed_material(made.archive, "stem beans", looks=looks)  # more than the 4 of the image: no texture
     looks = np.where(np.arange(looks.size) == made.archive.materials["dyke"].best, 2.75, 1.5)
-    archive = changed_material(beans, "dyke", run_looks=looks)
-    config = json.loads(archive.config)
-    config["materials"]["dyke"]["colour"] = "#8A5A2B"
-    archive = replace(archive, config=json.dumps(config))
+    archive = changed_material(beans, "dyke", looks=looks)
+    materials = json.loads(archive.config)["materials"]
+    materials["dyke"]["colour"] = "#8A5A2B"
+    archive = configured(archive, materials=materials)
     export(made, tmp_path, archive)
     text = (tmp_path / "calibrated.yaml").read_text()
     found = yaml.safe_load(text)["materials"]
@@ -216,11 +217,11 @@ def test_calibrated_materials(made, tmp_path):
     case = stages.Export.of(made.case)
     assert f"calibrated image again, bit for bit, with the noise seed {noise_seed(case, fresh=True)}." in text
     # another program need not give the same image
-    config["simulator"] = {"kind": "command", "deterministic": None}
-    other = calibrated_yaml(replace(archive, config=json.dumps(config)), {}, "v", 5)
+    program = {"kind": "command", "command": ["sar", "{noise_seed}"], "output": {"file": "image.npy", "scale": "db"}}
+    other = calibrated_yaml(configured(archive, simulator=program), {}, "v", 5)
     assert "calibrated image again with the noise seed 5." in other
-    config["simulator"]["deterministic"] = True
-    assert "bit for bit" in calibrated_yaml(replace(archive, config=json.dumps(config)), {}, "v", 5)
+    repeats = configured(archive, simulator={**program, "deterministic": True})
+    assert "bit for bit" in calibrated_yaml(repeats, {}, "v", 5)
     assert noise_seed(case, fresh=True) != noise_seed(case)
 
 

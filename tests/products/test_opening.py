@@ -39,7 +39,7 @@ def test_tables(folder, made):
     assert results.verdict == summarise(made.archive)["verdict"]
     assert results.materials.loc[("dyke", "X2"), "calibrated"] == made.archive.laws["dyke"][1]
     assert results.laws.index.names == ["material", "incidence_deg"]
-    assert results.runs["key"].nunique() == len(made.archive.runs.key)
+    assert results.runs["key"].nunique() == made.archive.runs.kind.size
     assert results.runs.index.names == ["run", "material"]
     # one number of runs: of 4 runs of the design and 2 of infill, besides the reference run, which the table has, too
     assert results.run_counts["search"] == 6

@@ -59,7 +59,6 @@ def test_the_file_has_what_the_table_lists_and_no_more(made):
         target = file["materials/dyke/targets/1"]
         assert target["values_db"].dims[0][0] == target["pixels"]
         assert target["incidence_deg"].attrs["unit"] == "deg"
-        assert file["runs/seconds"].dims[0][0].asstr()[0] == file["runs/key"].asstr()[0]
         assert [one.label for one in file["images/reference_db"].dims] == ["rows", "columns"]
         assert file["laws/dyke"].attrs["description"].startswith("X of every material")
     provenance = {("/", key) for key in ("kind", "schema", "content", "created", "radcal")}
@@ -84,7 +83,6 @@ def test_what_is_gathered_is_what_is_read(made):
     assert list(archive.materials) == ["dyke", "stem beans"]
     assert list(archive.laws) == ["dyke", "stem beans", "unused"]
     assert archive.materials["stem beans"].hidden is None
-    assert archive.materials["stem beans"].cost is None
     assert archive.image.radiometry["1"].materials == ("unused",)
     assert archive.measured_db.dtype == np.float32
     np.testing.assert_array_equal(archive.measured_db, made.registered.measurement.image_db)

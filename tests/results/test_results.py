@@ -28,7 +28,7 @@ def test_every_run_is_there_in_order(made):
     with h5py.File(made.path) as file:
         assert file["runs/kind"].asstr()[()].tolist() == ["reference", *["design"] * 4, *["infill"] * 2]
         assert file["runs/index"][()].tolist() == [0, 0, 1, 2, 3, 0, 1]
-        assert file["runs/key"].asstr()[()].tolist() == [run.keys[0] for run in made.history.runs]
+        assert file["passes/1/keys"].asstr()[()].tolist() == [run.keys[0] for run in made.history.runs]
         for name in made.targets:
             group = file[f"materials/{name}"]
             for key in ("parameters", "dp", "rms"):
@@ -48,9 +48,9 @@ def test_final_runs_that_the_search_has_made_are_no_new_ones_and_equal_pixels_ar
 def test_promises_of_proposals_not_computed_are_nan(made):
     with h5py.File(made.path) as file:
         group = file["materials/stem beans"]
-        np.testing.assert_array_equal(group["floor_rms"], [np.nan, 0.05])
-        np.testing.assert_array_equal(file["materials/dyke/floor_rms"], [np.nan, np.nan])
-        assert group["mode"].asstr()[()].tolist() == ["exploit", "exploit"]
+        np.testing.assert_array_equal(group["fidelity/floor"], [np.nan, 0.05])
+        np.testing.assert_array_equal(file["materials/dyke/fidelity/floor"], [np.nan, np.nan])
+        assert group["fidelity/mode"].asstr()[()].tolist() == ["exploit", "exploit"]
 
 
 def test_pixels_are_those_of_the_images(made):

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from archives import changed_findings, changed_material, changed_target
+from archives import changed_findings, changed_material, changed_target, configured
 from scipy.special import ndtr
 
 from radcal.findings import Finding
@@ -169,8 +169,6 @@ def test_wall_seconds_by_stage(tmp_path):
 
 def test_numbered_jobs_are_those_of_the_archive(made):
     """Four runs of the design in chunks of four, and of three; two iterations."""
-    config = json.loads(made.archive.config)
     for chunk, chunks in ((4, 1), (3, 2), (1, 4)):
-        config["design"] = {"size": 4, "chunk": chunk}
-        archive = replace(made.archive, config=json.dumps(config))
+        archive = configured(made.archive, design={"size": 4, "chunk": chunk})
         assert numbered_jobs(archive) == {"design": chunks, "train": 2, "propose": 2, "verify": 2}

@@ -44,7 +44,7 @@ def test_laws_of_several_kinds_from_the_configuration_to_the_report(project):
     assert np.isfinite(result.parameters[1:]).all()
     assert (material.at_start.law, material.start_parameters) == ("oh1992", SOIL)
     assert (radar.polarisation, radar.frequency_ghz, material.angles_deg) == ("VV", 9.6, [15, 25, 35])
-    angles, key = np.percentile(result.target.incidence_deg, [5, 95]), archive.runs.key[0]
+    angles, key = np.percentile(result.target.incidence_deg, [5, 95]), archive.passes["1"].keys[0]
     found = result.parameters[result.best]
     grid = np.linspace(*angles, 201)
     difference = PchipInterpolator(TABLE["angles_deg"], found)(grid) - PchipInterpolator(TABLE["angles_deg"], HIDDEN)(

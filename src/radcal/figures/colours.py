@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -78,9 +77,8 @@ def material_colours(names: Sequence[str], configured: Mapping[str, str] | None 
 
 def colours_of(case: Archive) -> list[str]:
     """Colours of the materials of a calibration, in the order of their ids."""
-    materials = json.loads(case.config).get("materials", {})
-    configured = {name: item["colour"] for name, item in materials.items() if item.get("colour")}
-    return material_colours(case.names, configured)
+    materials = case.configured.materials
+    return material_colours(case.names, {name: one.colour for name, one in materials.items() if one.colour})
 
 
 def of_ids(case: Archive) -> tuple[ListedColormap, BoundaryNorm]:

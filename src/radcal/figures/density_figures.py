@@ -45,12 +45,10 @@ def _reach(dp: Array) -> tuple[float, float]:
     return float(mean), float(sd)
 
 
-def _of_looks(material: MaterialResult, runs: NDArray[np.intp]) -> str:
+def _of_looks(case: Archive, material: MaterialResult, runs: NDArray[np.intp]) -> str:
     """Part of the caption on the effective looks of the runs drawn; empty if texture is no part of the densities."""
-    if material.run_looks is None:
-        return ""
-    looks = material.run_looks[runs]
-    if not np.isfinite(looks).any():
+    looks = material.looks[runs]
+    if not (case.bins and np.isfinite(looks).any()):
         return ""
     low, high = short(float(np.nanmin(looks))), short(float(np.nanmax(looks)))
     return f"{_TEXTURED} Effective looks of these runs: {low if low == high else f'{low} to {high}'}."
@@ -139,7 +137,7 @@ def histogram(case: Archive, name: str) -> tuple[Canvas, str, str]:
     caption = (
         f"Grey: the {material.target.values_db.size:,} measured pixels of {name}. Black: the skew normal fitted to "
         f"them, which is the target. Thin: the densities of {chosen.size} of the {design.size} runs of the design, "
-        f"drawn at random (seed {_SEED}).{_of_looks(material, np.sort(chosen))}{panel.remark()}"
+        f"drawn at random (seed {_SEED}).{_of_looks(case, material, np.sort(chosen))}{panel.remark()}"
     )
     alt = f"Histogram of {name}'s measured backscatter, its fitted density and those of some runs."
     return canvas, caption, alt
@@ -158,7 +156,7 @@ def densities(case: Archive, name: str) -> tuple[Canvas, str, str]:
     caption = (
         "Density of the backscatter at the starting parameters (orange, dashed), by the law of the search (blue) and "
         "in the measurement (black: fitted; grey: its pixels). Where blue lies on black the distributions agree."
-        + _of_looks(material, np.array([0, material.best]))
+        + _of_looks(case, material, np.array([0, material.best]))
         + panel.remark()
     )
     alt = f"Densities of {name}'s backscatter: target, start and calibrated."
@@ -205,7 +203,7 @@ def overview(case: Archive) -> tuple[Canvas, str, str]:
     caption = (
         "Density of each material at the starting parameters (orange, dashed), by the laws of the search (blue) and in "
         f"the measurement (black: fitted; grey: its pixels); rms in 1/{case.levels.unit}."
-        + (_TEXTURED if any(one.run_looks is not None for one in case.materials.values()) else "")
+        + (_TEXTURED if case.bins else "")
         + (f" In {outside} of them a curve leaves the axes." if outside else "")
     )
     return canvas, caption, f"Small densities of {n} materials: target, start and calibrated."

@@ -36,17 +36,16 @@ def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     """Figure of predicted and verified cost of each infill run, and of verified minus predicted statistics."""
     material = case.materials[name]
     found = material.fidelity
-    if found is None or not np.isfinite(found.predicted_cost).any():
+    if found is None or not np.isfinite(found.cost).any():
         return None
     canvas = new_canvas(6.2, 6.2)
     upper, lower = canvas.subplots(2, 1, sharex=True)
-    every, predicted_runs = np.flatnonzero(case.runs.kind == "infill"), np.isfinite(found.predicted_cost)
+    every, predicted_runs = np.flatnonzero(case.runs.kind == "infill"), np.isfinite(found.cost)
     runs = every[predicted_runs]
     # same unit as in the figure of the misfits of all runs; the cost of bins is half the sum of squared residuals
-    bins = material.cost is not None
-    what = "squared residuals, priors included" if bins else f"densities, rms [1/{case.levels.unit}]"
+    what = "squared residuals, priors included" if case.bins else f"densities, rms [1/{case.levels.unit}]"
     predicted, verified = (
-        (2.0 if bins else 1.0) * cost[predicted_runs] for cost in (found.predicted_cost, found.verified_cost)
+        (2.0 if case.bins else 1.0) * cost[predicted_runs] for cost in (found.cost, material.cost[every])
     )
     positive = np.concatenate([predicted, verified])
     positive = positive[np.isfinite(positive) & (positive > 0)]
@@ -92,7 +91,7 @@ def _caption(case: Archive, name: str, what: str, values: Array) -> str:
     material = case.materials[name]
     found = material.fidelity
     assert found is not None  # noqa: S101
-    predicted = np.isfinite(found.predicted_cost)
+    predicted = np.isfinite(found.cost)
     known = np.isfinite(values)
     inside = f"{int((np.abs(values[known]) <= 2.0).sum())} of {int(known.sum())}"
     left_out = [str(run) for run in np.flatnonzero(case.runs.kind == "infill")[~predicted]]
@@ -105,7 +104,7 @@ def _caption(case: Archive, name: str, what: str, values: Array) -> str:
     )
     if left_out:
         caption += f" Without prediction, and not drawn: run{'s' * (len(left_out) > 1)} {', '.join(left_out)}"
-        ended = all(material.mode[k] == "ended" for k in np.flatnonzero(~predicted))
+        ended = all(found.mode[k] == "ended" for k in np.flatnonzero(~predicted))
         caption += f"{_REPEATED if ended else ''}."
     if len(q2):
         each = ", ".join(f"{label} {value:.2f}" for (label, *_), value in zip(_STATISTICS, q2[-1], strict=True))

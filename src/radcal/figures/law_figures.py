@@ -63,7 +63,8 @@ def _runs(axes: Axes, case: Archive, material: MaterialResult, shown: Array) -> 
 def _ended(case: Archive, material: MaterialResult) -> NDArray[np.bool_]:
     """Mask of the infill runs after the end of a material's search, which repeat its best X for other materials."""
     ended = np.zeros(case.runs.kind.size, dtype=bool)
-    ended[np.flatnonzero(case.runs.kind == "infill")[[mode == "ended" for mode in material.mode]]] = True
+    if material.fidelity is not None:
+        ended[np.flatnonzero(case.runs.kind == "infill")[[mode == "ended" for mode in material.fidelity.mode]]] = True
     return ended
 
 
@@ -102,16 +103,15 @@ def _number_runs(axes: Axes, number: int) -> None:
 
 def cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
     """Figure of each run's misfit to the target (its cost)."""
-    costs = case.materials[name].cost
-    return _density_cost(case, name) if costs is None else _law_cost(case, name, costs)
+    return _law_cost(case, name) if case.bins else _density_cost(case, name)
 
 
-def _law_cost(case: Archive, name: str, costs: Array) -> tuple[Canvas, str, str]:
+def _law_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
     """Draw, for each run, the misfit of the incidence-angle bins and the rms difference from the target density."""
     material = case.materials[name]
     canvas = new_canvas(6.2, 6.2)
     upper, lower = canvas.subplots(2, 1, sharex=True)
-    squares = np.maximum(2.0 * costs, 1e-3)
+    squares = np.maximum(2.0 * material.cost, 1e-3)
     ended, numbered = _run_words(case, material)
     _runs(upper, case, material, squares)
     upper.set_ylabel("squared residuals,\npriors included")
@@ -153,18 +153,20 @@ def _density_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
     axes = canvas.subplots()
     rms = material.rms
     runs, infill = np.arange(rms.size), np.flatnonzero(case.runs.kind == "infill")
-    positive = np.concatenate([rms[rms > 0], [case.tolerance, material.target.rms_sampling]])
+    tolerance = case.configured.stop.rms
+    positive = np.concatenate([rms[rms > 0], [tolerance, material.target.rms_sampling]])
     positive = positive[np.isfinite(positive) & (positive > 0)]
     # a cost of exactly 0 is drawn on the lower edge of the logarithmic axis
     bottom = float(positive.min()) / 3.0
     shown = np.where(rms > 0, rms, bottom)
     _runs(axes, case, material, shown)
-    axes.axhline(case.tolerance, label=f"tolerance {short(case.tolerance)}", **TOLERANCE)
+    axes.axhline(tolerance, label=f"tolerance {short(tolerance)}", **TOLERANCE)
     pixels = material.target.values_db.size
     if material.target.rms_sampling > 0:
         axes.axhline(material.target.rms_sampling, label=f"sampling error of {pixels:,} pixels", **SAMPLING)
     floor = np.full(rms.size, np.nan)
-    floor[infill] = material.floor_rms
+    if material.fidelity is not None:
+        floor[infill] = material.fidelity.floor
     known = np.isfinite(floor) & (floor > 0)
     if known.any():
         axes.plot(runs[known], np.maximum(floor[known], bottom), color=MUTED, linestyle="none", marker="_",

@@ -232,10 +232,11 @@ def residual(case: Archive) -> tuple[Canvas, str, str] | None:
     axis_labels(panels, stacked)
     # Oliver and Quegan 2004: variance of log intensity is trigamma(looks); neighbours are correlated, so that this is a
     # lower bound
-    speckle = 10.0 / np.log(10.0) * np.sqrt(2.0 * float(polygamma(1, case.looks))) / _BOXCAR
+    looks = case.configured.radar.looks
+    speckle = 10.0 / np.log(10.0) * np.sqrt(2.0 * float(polygamma(1, looks))) / _BOXCAR
     caption = (
         f"Left: calibrated minus measured image, mean of the dB values over {_BOXCAR} x {_BOXCAR} pixels; red: "
-        f"too bright, blue: too dark. With {case.looks:g} looks speckle alone leaves a standard deviation of at least "
+        f"too bright, blue: too dark. With {looks:g} looks speckle alone leaves a standard deviation of at least "
         f"{speckle:.2g} dB there. White: no ground of the scene, or no measured value. Right: the materials of the "
         "scene; those marked * were calibrated, the others kept their laws."
     )

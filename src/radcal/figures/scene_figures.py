@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
@@ -81,8 +80,7 @@ class _Directions:
 
 def _directions(case: Archive) -> _Directions:
     """Words for directions of a scene's grid, which points north or, with a heading, along the track."""
-    radar = json.loads(case.config).get("radar", {})
-    heading = float((radar[0] if isinstance(radar, list) else radar).get("heading_deg", 0.0))
+    heading = case.configured.radar.heading_deg
     if not heading:
         return _Directions()
     return _Directions(

@@ -220,10 +220,9 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     )
     environment.filters |= {"number": _number, "listed": _listed, "embedded": _embedded, "span": _span}
     environment.filters |= {"who": _who, "largest": _largest}
-    config = json.loads(archive.config)
     text = environment.get_template("report.html.j2").render(
         summary=summary,
-        objective=OBJECTIVES[archive.objective],
+        objective=OBJECTIVES[archive.configured.objective],
         search=_ending(summary, materials),
         criterion=_criterion(materials),
         good=good,
@@ -240,9 +239,9 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
         overall=[figure for figure in figures if figure.material is None],
         figures={m["name"]: [figure for figure in figures if figure.material == m["name"]] for m in materials},
         reasons=list(dict.fromkeys(reason for m in materials for reason in m["left_out"])),
-        looks=f"{archive.looks:g}",
-        max_runs=archive.max_runs,
-        margin_px=config.get("target", {}).get("margin_px"),
+        looks=f"{archive.configured.radar.looks:g}",
+        max_runs=archive.configured.stop.max_runs,
+        margin_px=archive.configured.target.margin_px,
         config=_yaml(archive.config),
     )
     with atomic(page) as partial:

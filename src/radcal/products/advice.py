@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.preposterior import View, half_widths_after, half_widths_now, view_of
-from radcal.config import Case, Radar, case_from
+from radcal.config import Case, Radar
 from radcal.errors import ConfigError
 from radcal.findings import Finding
 from radcal.laws import Law
@@ -277,7 +276,7 @@ def advise(
             f"{folder}: the scene is in slant range, whose incidence is the same in every pass, expected a scene with "
             "elevations."
         )
-    case = case_from(json.loads(archive.config), f"{folder}/calibration.h5")
+    case = archive.configured
     passes = candidates(case, depressions)
     if not passes:
         raise ConfigError("--depression names only passes that the case has, expected at least one other.")

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.preposterior import view_of
-from radcal.config import Case, Material, TargetConfig, Uncertainty, stages
+from radcal.config import Case, Material, stages
 from radcal.errors import ConfigError
 from radcal.figures.applied_figures import KNOWN, OUTSIDE, SEEN, Prediction, draw_predictions
 from radcal.ground.one_incidence import LEAST_SPAN_DEG
@@ -43,7 +41,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def with_laws(archive: Archive, source: Mapping[str, Any], other: stages.ForwardStage) -> stages.ForwardStage:
+def with_laws(archive: Archive, other: stages.ForwardStage) -> stages.ForwardStage:
     """Settings of another case's forward run, in which materials have the laws and looks calibrated in an archive.
 
     The law of a material with a band is the one nearest to the band's median (:func:`simulated_x`).
@@ -52,8 +50,6 @@ def with_laws(archive: Archive, source: Mapping[str, Any], other: stages.Forward
     ----------
     archive : Archive
         Results of a calibration.
-    source : mapping
-        Section ``materials`` of the calibrated case, as plain data or models.
     other : stages.ForwardStage
         Scene, passes, simulator and materials of the other case.
 
@@ -62,13 +58,12 @@ def with_laws(archive: Archive, source: Mapping[str, Any], other: stages.Forward
     ConfigError
         The other case has none of the calibrated materials.
     """
-    own = {name: Material.model_validate(value) for name, value in source.items()}
-    found = calibrated_materials(archive, own)
+    found = calibrated_materials(archive)
     shared = [name for name in archive.materials if name in other.materials]
     if not shared:
         raise ConfigError(
-            f"{archive.case} has calibrated {', '.join(archive.materials)}, of which {other.case} has no material: "
-            f"it has {', '.join(other.materials)}."
+            f"{archive.configured.case} has calibrated {', '.join(archive.materials)}, of which {other.case} has no "
+            f"material: it has {', '.join(other.materials)}."
         )
     changed = {
         name: Material.model_validate({**found[name], "parameters": simulated_x(archive, name)}) for name in shared
@@ -170,8 +165,7 @@ def apply(
     folder, out = Path(folder), Path(out)
     archive = read_finished(folder)
     with understood(folder / "calibration.h5"):
-        config = json.loads(archive.config)
-        changed = with_laws(archive, config["materials"], other)
+        changed = with_laws(archive, other)
     scene, passes = forward(changed, out, runs)
     rows: list[tuple[int, Prediction]] = []
     lines: list[str] = []
@@ -181,7 +175,7 @@ def apply(
         lines += one.remarks
         files += _images(out, number, other.passes[number - 1], scene, one)
         with understood(folder / "calibration.h5"):
-            rows += [(number, row) for row in _of_pass(archive, config, changed, number, one)]
+            rows += [(number, row) for row in _of_pass(archive, changed, number, one)]
     shared = [name for name in archive.materials if name in other.materials]
     remarks = [*_few_pixels(archive, shared, {one.material for _, one in rows}), *doubts(shared, archive.findings)]
     rows, left_out = where_seen(archive, rows)
@@ -190,7 +184,7 @@ def apply(
         raise ConfigError(f"{folder}: nothing can be predicted of {other.case}: {' '.join(remarks)}")
     files += [out / "predictions.csv", out / "predictions.png"]
     write_csv(files[-2], COLUMNS, map(_cells, rows))
-    draw_predictions(files[-1], [row for _, row in rows], archive.case, other.case)
+    draw_predictions(files[-1], [row for _, row in rows], archive.configured.case, other.case)
     return [*_table(rows, len(passes) > 1), *lines, *remarks, *_conclusion(rows), *map(str, files)]
 
 
@@ -259,13 +253,10 @@ def _images(out: Path, number: int, case: stages.ForwardStage, scene: Scene, one
     return write_layers(out, number, {**layers, **ground_layers(one.geometry, tags)}, scene, one.geometry)
 
 
-def _of_pass(
-    archive: Archive, config: Mapping[str, Any], changed: stages.ForwardStage, number: int, one: _Pass
-) -> Iterator[Prediction]:
+def _of_pass(archive: Archive, changed: stages.ForwardStage, number: int, one: _Pass) -> Iterator[Prediction]:
     """Predictions of all calibrated materials in a pass."""
     case = changed.passes[number - 1]
-    margin_px = TargetConfig.model_validate(config["target"]).margin_px
-    uncertainty = Uncertainty.model_validate(config["uncertainty"])
+    margin_px, uncertainty = archive.configured.target.margin_px, archive.configured.uncertainty
     for name, material in archive.materials.items():
         posterior = material.posterior
         if name not in changed.materials or posterior is None or posterior.constant is None:

@@ -192,7 +192,7 @@ def _draw(first: Archive, second: Archive, names: Sequence[str], path: str | Pat
     with law_panels(path, names, "\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]") as panels:
         for axes, name in panels:
             for archive, letter, style in ((first, "A", START), (second, "B", FOUND)):
-                _panel(axes, _band(archive, name), f"{letter}: {archive.case}", style)
+                _panel(axes, _band(archive, name), f"{letter}: {archive.configured.case}", style)
 
 
 def _panel(axes: Axes, band: tuple[Curve, Intervals] | None, label: str, style: Mapping[str, Any]) -> None:

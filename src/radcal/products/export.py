@@ -138,7 +138,7 @@ def write_export(
     files = [folder / name for name in ("laws.csv", "parameters.csv", "calibrated.yaml")]
     write_csv(files[0], LAWS, law_rows(archive))
     write_csv(files[1], PARAMETERS, parameter_rows(archive))
-    materials = calibrated_materials(archive, case.materials)
+    materials = calibrated_materials(archive)
     seed = noise_seed(case, fresh=True)
     with atomic(files[2]) as partial:
         text = calibrated_yaml(archive, materials, sentences(archive)[0], seed)
@@ -150,7 +150,7 @@ def write_export(
     what = _measured_words(archive.registered.applied, archive.levels.normalisation)
     first = PassImages(case.radar, geometry, archive.measured_db, images.calibrated_db, what)
     for number, one in enumerate([first, *further], start=1):
-        tags = {"case": archive.case, "radiometry": one.radar.radiometry}
+        tags = {"case": archive.configured.case, "radiometry": one.radar.radiometry}
         layers = {**_image_layers(one, tags), **ground_layers(one.geometry, tags)}
         files += write_layers(folder, number, layers, scene, one.geometry)
     return files

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import Material
+from radcal.config import CommandSimulation
 from radcal.results.archive import Archive, MaterialResult
 from radcal.storage.files import atomic
 
@@ -104,7 +103,7 @@ def parameter_rows(archive: Archive) -> Iterator[Sequence[Any]]:
             strict=True,
         )
         for row in each:
-            yield (name, configured.law, *row, material.best_looks, material.fits, *_known(material))
+            yield (name, configured.law, *row, float(material.looks[material.best]), material.fits, *_known(material))
 
 
 def _model(archive: Archive, name: str) -> NDArray[np.float64]:
@@ -145,15 +144,13 @@ def _cell(value: Any) -> str:
     return str(value)
 
 
-def calibrated_materials(archive: Archive, materials: Mapping[str, Material]) -> dict[str, dict[str, Any]]:
+def calibrated_materials(archive: Archive) -> dict[str, dict[str, Any]]:
     """Materials of a case with their calibrated laws and effective looks, as materials that are not to be calibrated.
 
     Parameters
     ----------
     archive : Archive
         Results of a calibration.
-    materials : mapping
-        Section ``materials`` of the calibrated case.
 
     Returns
     -------
@@ -161,19 +158,19 @@ def calibrated_materials(archive: Archive, materials: Mapping[str, Material]) ->
         Section ``materials`` as plain data. A material has ``looks`` if the calibration found texture, and ``colour``
         if the case gives one.
     """
-    found, written = {}, json.loads(archive.config).get("materials", {})
-    for name, material in materials.items():
+    found = {}
+    for name, material in archive.configured.materials.items():
         kept = ("law", "angles_deg", "formula", "names", "units", "conditions", "integer")
         data = {"calibrate": False, **material.model_dump(mode="json", include=set(kept), exclude_none=True)}
         data["parameters"] = [float(x) for x in archive.laws[name]]
-        if colour := written.get(name, {}).get("colour"):
-            data["colour"] = colour
+        if material.colour is not None:
+            data["colour"] = material.colour
         looks = material.looks
         if name in archive.materials:
             result = archive.materials[name]
-            # looks of the best run, which gave the calibrated image its texture; objective density finds no looks
-            effective = np.inf if result.run_looks is None else float(result.run_looks[result.best])
-            looks = effective if effective < archive.looks else None
+            # looks of the best run, which gave the calibrated image its texture; objective density finds those of radar
+            effective = float(result.looks[result.best])
+            looks = effective if effective < archive.configured.radar.looks else None
         found[name] = data if looks is None else {**data, "looks": looks}
     return found
 
@@ -194,12 +191,12 @@ def calibrated_yaml(archive: Archive, materials: Mapping[str, Mapping[str, Any]]
     """
     import yaml
 
-    simulator = json.loads(archive.config).get("simulator", {})
-    repeats = simulator.get("kind") != "command" or simulator.get("deterministic") is True
+    simulator = archive.configured.simulator
+    repeats = not isinstance(simulator, CommandSimulation) or simulator.deterministic is True
     heading = _HEADING.format(
-        case=archive.case,
+        case=archive.configured.case,
         verdict=" ".join(verdict.split()),
-        looks=f"{archive.looks:g}",
+        looks=f"{archive.configured.radar.looks:g}",
         noise_seed=noise_seed,
         exactly=", bit for bit," * repeats,
     )

@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 
 from radcal.assessment.conclusion import MaterialPixels
 from radcal.calibration.stopping import Decision
-from radcal.config import stages
+from radcal.config import Case
 from radcal.errors import StoreError
 from radcal.findings import Finding
 from radcal.ground.levels import Levels, without_level
 from radcal.posterior.result import Image, Posterior
 from radcal.registration.registered import Registered
 from radcal.results.search_front import SearchFront
+from radcal.sections.objectives import OBJECTIVES
 from radcal.storage.dataclass_groups import About, put, table, take
 from radcal.storage.records import read_hdf5, write_hdf5
 from radcal.targets.target import Target
@@ -59,16 +60,18 @@ class Runs:
 
     kind: Annotated[NDArray[np.str_], About("reference, registration, reused, design or infill", shape="n")]
     index: Annotated[Integers, About("number of the run within its kind", shape="n")]
-    key: Annotated[NDArray[np.str_], About("hash of the run, which names its record in `runs/`", shape="n", scale=True)]
     seconds: Annotated[Doubles, About("wall time of the simulator", "s", "n")]
 
 
 @dataclass(frozen=True)
 class Fidelity:
-    """Predictions of the surrogate for each infill run, and results of the run; NaN without a prediction."""
+    """Proposals of the surrogate for each infill run, and statistics of the run; NaN without a prediction."""
 
-    predicted_cost: Annotated[Doubles, About("cost that the surrogate predicted", shape="m")]
-    verified_cost: Annotated[Doubles, About("cost of the run", shape="m")]
+    mode: Annotated[tuple[str, ...], About("mode of each proposal: exploit, explore, exhausted or ended", shape="m")]
+    cost: Annotated[Doubles, About("cost that the surrogate predicted", shape="m")]
+    floor: Annotated[
+        Doubles, About("smallest cost that the surrogate allows within two standard errors; NaN if unknown", shape="m")
+    ]
     predicted: Annotated[
         Doubles, About("predicted mean, log sd and skewness of each incidence-angle bin", _UNIT, "m, b, 3")
     ]
@@ -93,20 +96,13 @@ class MaterialResult:
     parameters: Annotated[Doubles, About("X of each run; NaN for a run with another law", shape="n, d")]
     dp: Annotated[Doubles, About("xi, omega and alpha (no unit) of each run's density", _UNIT, "n, 3")]
     rms: Annotated[Doubles, About("rms difference of each run's density from the target's", _DENSITY, "n")]
-    best_looks: Annotated[float, About("effective number of looks with which the best run fits the target")]
-    floor_rms: Annotated[
-        Doubles,
-        About("smallest rms that the surrogate allows within two standard errors; NaN if unknown", _DENSITY, "m"),
-    ]
-    mode: Annotated[tuple[str, ...], About("mode of each proposal: exploit, explore, exhausted or ended", shape="m")]
-    hidden: Annotated[Doubles | None, About("true X of a synthetic measurement", shape="d")] = None
     cost: Annotated[
-        Doubles | None, About("half the sum of squared residuals of incidence-angle bins, by run", shape="n")
-    ] = None
-    run_looks: Annotated[
-        Doubles | None, About("effective number of looks at which each run fits the target best", shape="n")
-    ] = None
-    fidelity: Annotated[Fidelity | None, About("predictions of the surrogate and the runs that verified them")] = None
+        Doubles,
+        About("quantity that the search minimises: half the sum of squared residuals of bins, or the rms", shape="n"),
+    ]
+    looks: Annotated[Doubles, About("effective number of looks at which each run fits the target best", shape="n")]
+    hidden: Annotated[Doubles | None, About("true X of a synthetic measurement", shape="d")] = None
+    fidelity: Annotated[Fidelity | None, About("proposals of the surrogate and the runs that verified them")] = None
     front: Annotated[SearchFront | None, About("front of the last search, if it had several objectives")] = None
     posterior: Annotated[Posterior | None, About("posterior of the law")] = None
 
@@ -158,7 +154,7 @@ class PassResult:
         Registered, About("measured image and its registration; only the first pass has images, as in `registered.h5`")
     ]
     levels: Annotated[Levels, About("level of the measured image relative to the simulated")]
-    keys: Annotated[NDArray[np.str_], About("hash of each run in this pass", shape="n")]
+    keys: Annotated[NDArray[np.str_], About("hash of each run, which names its record in `runs/`", shape="n")]
     final_keys: Annotated[tuple[str, ...], About("hashes of the two final runs in this pass")]
     rms: Annotated[
         Mapping[str, float],
@@ -170,13 +166,8 @@ class PassResult:
 class Archive:
     """Results of a calibration at its end."""
 
-    case: Annotated[str, About("name of the case")]
     config: Annotated[str, About("configuration (JSON)")]
-    objective: Annotated[str, About("objective of the configuration")]
     decision: Annotated[Decision, About("decision on the end of the search")]
-    tolerance: Annotated[float, About("density rms up to which a material is within the tolerance", _DENSITY)]
-    max_runs: Annotated[int, About("largest number of runs, design and infill together")]
-    looks: Annotated[float, About("number of looks of the simulation")]
     measured_looks: Annotated[
         float, About("equivalent number of looks (ENL) of the measured image's homogeneous areas")
     ]
@@ -200,10 +191,16 @@ class Archive:
     )
 
     @cached_property
-    def configured(self) -> stages.Scores:
-        """Objective and materials of the configuration, with their laws in all passes."""
+    def configured(self) -> Case:
+        """Configuration of the calibration; the values of a program's environment variables are not recorded."""
         sections = json.loads(self.config)
-        return stages.Scores.model_validate({key: sections[key] for key in ("seed", "radar", "materials", "objective")})
+        sections["simulator"].pop("environment_sha256", None)
+        return Case.model_validate(sections, context=[])  # which collects contradictions: the case has run with them
+
+    @property
+    def bins(self) -> bool:
+        """Whether the objective compares incidence-angle bins, not the densities of all pixels."""
+        return OBJECTIVES[self.configured.objective].bins
 
     @property
     def registered(self) -> Registered:

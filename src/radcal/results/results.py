@@ -101,13 +101,8 @@ def archive_of(
     fronts, hidden = search_fronts(objectives, history), images[0].measurement.hidden
     remarks = random_findings(case, history, targets, final[:2])
     return Archive(
-        case=case.case,
         config=json.dumps(disclosed(_as_written(case, stop))),
-        objective=case.objective,
         decision=found.decision,
-        tolerance=stop.rms,
-        max_runs=stop.max_runs,
-        looks=case.radar.looks,
         measured_looks=targets.looks,
         notes=(*remarks, *_of_passes(targets, case.objective)),
         law_notes=tuple(law_notes(case, geometry, laws)),
@@ -117,7 +112,6 @@ def archive_of(
         runs=Runs(
             kind=np.array([run.kind for run in history.runs]),
             index=np.array([run.index for run in history.runs]),
-            key=np.array([run.keys[0] for run in history.runs]),
             seconds=np.array([run.seconds for run in history.runs]),
         ),
         passes={
@@ -196,10 +190,8 @@ def _material(
     hidden: Sequence[float] | None,
 ) -> MaterialResult:
     """Target and results of a calibrated material."""
-    runs, target = history.runs, targets[name]
-    classes = target.classes
+    runs = history.runs
     unknown = [np.nan] * len(case.materials[name].parameter_names)
-    proposals = [run.proposals[name] for run in history.infill]
     scores = [run.scores[name] for run in runs]
     return MaterialResult(
         targets={str(k): one[name] for k, one in enumerate(targets.passes, start=1) if name in one},
@@ -210,26 +202,24 @@ def _material(
         parameters=np.array([score.parameters if score.own_law else unknown for score in scores], dtype=np.float64),
         dp=np.array([score.dp for score in scores]),
         rms=np.array([score.rms for score in scores]),
-        best_looks=history.best(name).looks,
-        floor_rms=_numbers(None if classes else proposal.floor for proposal in proposals),
-        mode=tuple(proposal.mode for proposal in proposals),
+        cost=_numbers(score.cost if score.own_law else None for score in scores),
+        looks=_numbers(score.looks if score.own_law else None for score in scores),
         hidden=None if hidden is None else np.array(hidden),
-        cost=_numbers(score.cost if score.own_law else None for score in scores) if classes else None,
-        run_looks=_numbers(score.looks if score.own_law else None for score in scores) if classes else None,
         fidelity=_fidelity(history.infill, name),
     )
 
 
 def _fidelity(infill: Sequence[Run], name: str) -> Fidelity | None:
-    """Predictions of the surrogate for a material, and the results of the runs that verified them."""
+    """Proposals of the surrogate for a material, and the statistics of the runs that verified them."""
     if not infill:
         return None
-    proposals, scores = [run.proposals[name] for run in infill], [run.scores[name] for run in infill]
-    verified = np.array([score.statistics for score in scores])
+    proposals = [run.proposals[name] for run in infill]
+    verified = np.array([run.scores[name].statistics for run in infill])
     nothing = np.full(verified.shape[1:], np.nan)
     return Fidelity(
-        predicted_cost=_numbers(proposal.cost for proposal in proposals),
-        verified_cost=_numbers(score.cost for score in scores),
+        mode=tuple(proposal.mode for proposal in proposals),
+        cost=_numbers(proposal.cost for proposal in proposals),
+        floor=_numbers(proposal.floor for proposal in proposals),
         predicted=np.array([proposal.statistics or nothing for proposal in proposals]),
         error=np.array([proposal.errors or nothing for proposal in proposals]),
         verified=verified,

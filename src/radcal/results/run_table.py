@@ -32,7 +32,7 @@ def write_table(path: str | Path, archive: Archive) -> None:
         table = csv.writer(handle)
         table.writerow(["run", "kind", "index", "key", "seconds", "material", *widest, "xi", "omega", "alpha", "rms"])
         for n, (kind, index, key, seconds) in enumerate(
-            zip(runs.kind, runs.index, runs.key, runs.seconds, strict=True)
+            zip(runs.kind, runs.index, archive.passes["1"].keys, runs.seconds, strict=True)
         ):
             row = [n, kind, int(index), key, f"{seconds:.3f}"]
             for name, material in archive.materials.items():

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
-from radcal.config import stages
 from radcal.findings import Finding
 from radcal.laws import Law
 from radcal.posterior.result import HeldOut, Posterior
@@ -43,9 +42,7 @@ def numbered_jobs(archive: Archive) -> dict[str, int]:
         Number of chunks for the stage design, and number of iterations for train, propose and verify.
     """
     iterations = int(np.count_nonzero(archive.runs.kind == "infill"))
-    config = json.loads(archive.config)
-    sizes = stages.DesignSize.model_validate({key: config[key] for key in stages.DesignSize.model_fields})
-    chunks = len(archive.passes) * sizes.design_parts
+    chunks = len(archive.passes) * archive.configured.design_parts
     return {"design": chunks, **dict.fromkeys(("train", "propose", "verify"), iterations)}
 
 
@@ -207,7 +204,7 @@ def _material(archive: Archive, name: str, material: MaterialResult) -> dict[str
     target, simulated, ending = material.target, material.simulated, archive.decision.materials[name]
     dp, counted = material.dp[best], np.isin(archive.runs.kind, ("design", "infill"))
     # a reference run with another law is never within the tolerance
-    within = np.flatnonzero((rms <= archive.tolerance) & np.isfinite(x).all(axis=1))
+    within = np.flatnonzero((rms <= archive.configured.stop.rms) & np.isfinite(x).all(axis=1))
     summary = {
         "parameters": dict(zip(names, map(float, x[best]), strict=True)),
         "bounds": np.array(configured.box).tolist(),
@@ -216,8 +213,8 @@ def _material(archive: Archive, name: str, material: MaterialResult) -> dict[str
         "start_law": configured.at_start.law,
         "stop_reason": ending.reason or "running",
         "sentence": sentence(ending.finding),
-        "looks": material.best_looks,
-        "looks_nominal": archive.looks,
+        "looks": float(material.looks[best]),
+        "looks_nominal": float(archive.configured.radar.looks),
         "incidence_error_deg": target.incidence_error_deg,
         **_posterior(material, names),
         "fits": material.fits,
@@ -352,20 +349,21 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
     again = int(np.count_nonzero((each == "registration") & made))
     runs["reference"] += again
     runs["final"] = sum(final_runs.values())
+    looks = float(archive.configured.radar.looks)
     search = runs["design"] + runs["infill"]
     reused = int(np.count_nonzero(kinds == "reused"))
     summary: dict[str, Any] = {
-        "case": archive.case,
-        "objective": archive.objective,
+        "case": archive.configured.case,
+        "objective": archive.configured.objective,
         **_overall(archive),
         "converged": archive.decision.converged,
         "stop_reason": archive.decision.reason or "running",
-        "tolerance": archive.tolerance,
+        "tolerance": archive.configured.stop.rms,
         "runs": {**runs, "total": sum(runs.values()), "registration": again, "search": search, "reused": reused},
         "iterations": int(np.count_nonzero(kinds == "infill")),
         "measurement": archive.registered.measurement.source,
         "looks": {
-            "simulated": int(archive.looks) if archive.looks.is_integer() else archive.looks,
+            "simulated": int(looks) if looks.is_integer() else looks,
             "measured": archive.measured_looks,
         },
         "simulator": json.loads(archive.simulator),

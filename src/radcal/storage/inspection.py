@@ -31,7 +31,7 @@ SCHEMAS: Mapping[str, int] = {
     "posterior": 4,
     "image": 3,
     "run": 2,
-    "calibration": 11,
+    "calibration": 12,
 }
 """Schema version of the layout of each kind of HDF5 file, by the name of the kind."""
 
