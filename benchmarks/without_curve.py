@@ -38,8 +38,8 @@ from radcal.config import Case, load, stages
 from radcal.config.yaml_file import read_case_file
 from radcal.measurement.sources import make_measurement
 from radcal.objectives import make_objectives
+from radcal.simulators.base import Simulator
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.simulators.protocol import Simulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
 from radcal.targets.target import Targets

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import yaml
@@ -63,6 +64,29 @@ def test_a_run_that_is_stored_is_not_made_again(tmp_path: Path, case: Path) -> N
         assert store.description(one.key)["noise_seed"] == noise_seed(other, fresh=True)
     assert first[0].key != first[1].key
     assert first[0].image_db[:, :25].mean() > first[0].image_db[:, 25:].mean() + 3.0
+
+
+def test_complex_looks_have_the_power_of_the_image_and_documented_attributes(tmp_path: Path, case: Path) -> None:
+    """One of the two materials has texture, of which the looks share the power."""
+    textured = ("--set", "materials.lake.looks=1.5")
+    done = simulate(case, *textured, "--product", "complex")
+    assert done.exit_code == 0, done.output
+    page = (Path(__file__).parents[2] / "docs/predictions.md").read_text(encoding="utf-8")
+    table = page.partition("| in `complex.h5` |")[2].partition("\n\n")[0]
+    runs = RunStore(tmp_path / "results/small/runs")
+    for number, polarisation in (("", "HH"), ("_pass2", "VV")):
+        with h5py.File(tmp_path / f"results/small/simulated/complex{number}.h5") as file:
+            for name in file.attrs:
+                assert f"attribute `{name}`" in table
+            for name in file["looks"].attrs:
+                assert f"| `looks`, attribute `{name}` |" in table
+            assert (file.attrs["product"], file.attrs["polarisation"]) == ("complex", polarisation)
+            assert "random" in file["looks"].attrs["phases"]
+            looks, record = file["looks"][()], runs.get(file.attrs["run"], [], image=True)
+        assert record is not None
+        assert record.image_db is not None
+        power = np.mean(np.abs(looks.astype(np.complex128)) ** 2, axis=0)
+        np.testing.assert_allclose(10.0 * np.log10(power), record.image_db, atol=2e-5)
 
 
 def test_materials_of_a_file_replace_those_of_the_same_names(tmp_path: Path, case: Path) -> None:

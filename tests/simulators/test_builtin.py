@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -9,8 +11,8 @@ from radcal.laws import external_law, law_for
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
+from radcal.simulators.base import Simulator
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.simulators.protocol import Simulator
 
 LAWS = dict.fromkeys(("dyke", "grass"), law_for("mangia"))
 X = {"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [10.0, 14.0, 6.0, 4.0]}
@@ -35,6 +37,17 @@ def test_looks_that_are_not_whole_keep_common_random_numbers(geometry: Geometry,
     whole = [BuiltinSimulator(geometry, radar.model_copy(update={"looks": n}), LAWS).run(X, 1) for n in (3, 3.0)]
     np.testing.assert_array_equal(*whole)
     assert np.abs(whole[0] - first).mean() > 0.2
+
+
+@pytest.mark.parametrize("looks", [1, 3, 2.6])
+def test_the_mean_power_of_the_complex_looks_is_the_intensity(geometry: Geometry, radar: Radar, looks: float) -> None:
+    simulator = BuiltinSimulator(geometry, radar.model_copy(update={"looks": looks}), LAWS)
+    found = np.array(list(simulator.looks(X, 5)))
+    assert (found.dtype, found.shape) == (np.complex64, (math.ceil(looks), *geometry.shape))
+    power = np.mean(np.abs(found.astype(np.complex128)) ** 2, axis=0)
+    np.testing.assert_allclose(power, 10.0 ** (simulator.run(X, 5).astype(np.float64) / 10.0), rtol=3e-6, atol=1e-12)
+    phases = found[:, ::5, ::5] / np.abs(found[:, ::5, ::5])  # of resolution cells of their own
+    assert np.abs(phases.mean()) < 4.0 / np.sqrt(phases.size)
 
 
 def test_a_law_that_another_simulator_knows_is_refused(geometry: Geometry, radar: Radar) -> None:

@@ -14,6 +14,7 @@ import pytest
 from scipy.special import polygamma
 
 from radcal.config import Case, Radar, SyntheticMeasurement, load
+from radcal.errors import ConfigError
 from radcal.radar import SIMULATOR_VERSION
 from radcal.radar.geometry import Geometry
 from radcal.scene.model import Scene
@@ -113,6 +114,13 @@ def test_a_run_that_another_process_makes_meanwhile_is_taken(
     found = Runner(RunStore(tmp_path), own, geometry, "scene", case).run(X, 7)
     assert (own.calls, others.calls) == (0, 1)
     np.testing.assert_array_equal(found.pixels_db["dyke"], own.run(X, 7).ravel()[geometry.pixels("dyke")])
+
+
+def test_a_simulator_of_intensity_gives_no_complex_looks(tmp_path: Path, geometry: Geometry, case: Case) -> None:
+    runner = Runner(RunStore(tmp_path), Counting(geometry.shape), geometry, "scene", case)
+    runner.require("intensity")
+    with pytest.raises(ConfigError, match=r"the product complex is not one of simulator\.kind: counting"):
+        runner.require("complex")
 
 
 @pytest.mark.parametrize(("asked", "keeps"), [(False, False), (True, False), (False, True), (True, True)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -20,6 +20,7 @@ same names, and the others keep the case's laws. An image of another run in the 
 Examples:
   radcal simulate config/mine.yaml
   radcal simulate config/mine.yaml --materials results/mine/export/calibrated.yaml --out results/mine/found
+  radcal simulate config/mine.yaml --product complex
 """
 
 
@@ -38,6 +39,10 @@ def main(
     out: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Folder of the images; by default results/<case>/simulated.")
     ] = None,
+    product: Annotated[
+        Literal["intensity", "complex"],
+        typer.Option(help="complex: also the complex looks of the image, as HDF5; their phases are random."),
+    ] = "intensity",
     replace: Annotated[bool, typer.Option("--replace", help="Replace images of other runs in the folder.")] = False,
     results: Results = Path("results"),
 ) -> None:
@@ -48,5 +53,5 @@ def main(
     with sentences():
         found, remarks = forward_case(case, overrides(settings), materials)
         folder = results / found.case
-        lines = simulate(found, out or folder / "simulated", folder / "runs", replace)
+        lines = simulate(found, out or folder / "simulated", folder / "runs", replace, product)
         typer.echo("\n".join([*remarks, *lines]))

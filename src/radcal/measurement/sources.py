@@ -24,7 +24,7 @@ from radcal.radar.radiometry import noise_floor_db
 from radcal.registration.relief import check_relief, relief_slope
 from radcal.scene.model import Scene
 from radcal.sections.measurement import RADIOMETRY_EXPECTED
-from radcal.simulators.protocol import Simulator
+from radcal.simulators.base import Simulator
 
 __all__ = ["make_measurement"]
 

@@ -25,8 +25,8 @@ from radcal.radar.size import refinement
 from radcal.registration.displacement import invert, warp
 from radcal.scene.model import Scene
 from radcal.seeds import derived_rng, measurement_seed
+from radcal.simulators.base import Simulator
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.simulators.protocol import Simulator
 from radcal.speckle.texture import order_of_texture, texture_db
 
 __all__ = ["check_synthetic", "make_synthetic", "relabelled", "roughened", "smooth_warp", "textured", "varied"]

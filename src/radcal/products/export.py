@@ -30,7 +30,7 @@ from radcal.results.archive import Archive
 from radcal.results.summary import sentences
 from radcal.scene.model import Scene
 from radcal.seeds import noise_seed
-from radcal.simulators.protocol import Simulator
+from radcal.simulators.base import Simulator
 from radcal.storage.files import atomic
 from radcal.storage.run_index import read_index
 from radcal.storage.runs import RunStore

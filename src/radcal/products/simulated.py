@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
+import io
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import nearest, stages
+from radcal.config import Radar, nearest, stages
 from radcal.errors import ConfigError, RadcalError, SceneError
 from radcal.products.export import ground_layers
 from radcal.products.geotiff import Layer, of_pass, write_layers
@@ -20,8 +24,9 @@ from radcal.reading.rasters import open_raster
 from radcal.scene.model import Scene, write_scene
 from radcal.scene.sources import make_scene
 from radcal.seeds import noise_seed
+from radcal.simulators.base import Product
 from radcal.simulators.sources import runner_of
-from radcal.storage.files import digest
+from radcal.storage.files import atomic, digest
 from radcal.storage.provenance import provenance
 from radcal.storage.runs import RunStore
 from radcal.words import sentence
@@ -43,12 +48,15 @@ class Forward:
         Hash of the run, which names its record.
     kept : bool
         Whether the run store had the record already, so that nothing was simulated.
+    looks : callable
+        Function that simulates the complex looks of the image, shape (rows, columns) each.
     """
 
     geometry: Geometry
     image_db: NDArray[np.float32]
     key: str
     kept: bool
+    looks: Callable[[], Iterator[NDArray[np.complex64]]]
 
 
 def forward(
@@ -56,6 +64,7 @@ def forward(
     folder: str | Path,
     runs: str | Path,
     check: Callable[[Sequence[str]], None] = lambda _: None,
+    product: Product = "intensity",
 ) -> tuple[Scene, list[Forward]]:
     """Simulate all passes of a case at the parameters of its materials, with the noise seed of the final check run.
 
@@ -69,6 +78,8 @@ def forward(
         Folder of the run store; a run that has a record there is not simulated.
     check : callable
         Function that receives the hash of the run of each pass before any file is written, and may raise an error.
+    product : {'intensity', 'complex'}
+        Product that the simulator must give.
 
     Returns
     -------
@@ -91,6 +102,7 @@ def forward(
         runner = runner_of(started, scene.identity, geometries, paths, runs)
         runners, seed, store = runner.passes, noise_seed(case, fresh=True), RunStore(runs)
         keys = [digest(each.description(case.start_parameters, seed)) for each in runners]
+        runner.require(product)
         check(keys)
         write_scene(folder / "scene.h5", scene)
         (folder / "geometry.h5").unlink(missing_ok=True)  # of an earlier version of radcal
@@ -101,7 +113,8 @@ def forward(
             kept = store.get(key, case.calibrated, image=True) is not None
             record = each.run(case.start_parameters, seed, image=True)
             assert record.image_db is not None  # noqa: S101 - asked for
-            found.append(Forward(geometry, record.image_db, record.key, kept))
+            looks = partial(each.looks, case.start_parameters, seed)
+            found.append(Forward(geometry, record.image_db, record.key, kept, looks))
     return scene, found
 
 
@@ -113,16 +126,25 @@ def _check_materials(scene: Scene, materials: list[str]) -> None:
     scene.require(materials)
 
 
-def simulate(case: stages.ForwardStage, folder: str | Path, runs: str | Path, replace: bool = False) -> list[str]:
+def simulate(
+    case: stages.ForwardStage,
+    folder: str | Path,
+    runs: str | Path,
+    replace: bool = False,
+    product: Product = "intensity",
+) -> list[str]:
     """Simulate all passes of a case, and write the images as GeoTIFF.
 
     Parameters
     ----------
     case, folder, runs
         As for :func:`forward`. ``folder`` receives ``simulated.tif``, ``incidence.tif``, ``material.tif`` and
-        ``mask.tif``; from pass 2 on, the file names of pass p end in ``_pass<p>``.
+        ``mask.tif``, and ``complex.h5`` for the product ``complex``; from pass 2 on, the file names of pass p end in
+        ``_pass<p>``.
     replace : bool
         Whether images of other runs in the folder are replaced.
+    product : {'intensity', 'complex'}
+        Whether the complex looks of the images are written, too.
 
     Returns
     -------
@@ -142,7 +164,7 @@ def simulate(case: stages.ForwardStage, folder: str | Path, runs: str | Path, re
         if not replace:
             _check_former(folder, keys)
 
-    scene, passes = forward(case, folder, runs, check)
+    scene, passes = forward(case, folder, runs, check, product)
     lines = [sentence(one) for one in scene.findings]
     for number, (one, made) in enumerate(zip(case.passes, passes, strict=True), start=1):
         tags = {"case": case.case, "radiometry": one.radar.radiometry, "run": made.key}
@@ -152,8 +174,41 @@ def simulate(case: stages.ForwardStage, folder: str | Path, runs: str | Path, re
         }
         how = "was in the run store" if made.kept else "simulated"
         lines.append(f"pass {number}: {made.image_db.shape[0]} x {made.image_db.shape[1]} pixels, run {made.key} {how}")
-        lines += [f"  {path}" for path in write_layers(folder, number, layers, scene, made.geometry)]
+        paths = write_layers(folder, number, layers, scene, made.geometry)
+        if product == "complex":
+            paths.append(folder / f"complex{of_pass(number)}.h5")
+            _write_looks(paths[-1], case.case, one.radar, made)
+        lines += [f"  {path}" for path in paths]
     return lines
+
+
+def _write_looks(path: Path, case: str, radar: Radar, made: Forward) -> None:
+    """Write the complex looks of a pass to an HDF5 file, whose attributes ``docs/predictions.md`` describes."""
+    count, whole = math.ceil(radar.looks), io.BytesIO()  # in memory: HDF5 cannot recover from a full disk
+    with h5py.File(whole, "w") as file:
+        looks = file.create_dataset("looks", (count, *made.image_db.shape), np.complex64)
+        for k, look in enumerate(made.looks()):
+            looks[k] = look
+        looks.attrs["axes"] = "look, slant range, azimuth"
+        looks.attrs["unit"] = "square root of linear power"
+        looks.attrs["phases"] = (
+            "random, independent in each look and in each pixel before the impulse response: they hold neither the "
+            "range to the ground nor an interferometric phase"
+        )
+        file.attrs.update(
+            {
+                "case": case,
+                "run": made.key,
+                "product": "complex",
+                "radiometry": radar.radiometry,
+                "polarisation": radar.polarisation,
+                "frequency_ghz": np.nan if radar.frequency_ghz is None else radar.frequency_ghz,
+                "range_spacing_m": radar.range_spacing_m,
+                "azimuth_spacing_m": radar.azimuth_spacing_m,
+            }
+        )
+    with atomic(path) as partial_path:
+        partial_path.write_bytes(whole.getbuffer())
 
 
 def _check_former(folder: Path, keys: Sequence[str]) -> None:

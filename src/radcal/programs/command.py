@@ -45,7 +45,7 @@ class _Failed(SimulatorError):
 
 
 class CommandSimulator:
-    """External program with the interface of :class:`radcal.simulators.protocol.Simulator`.
+    """External program with the interface of :class:`radcal.simulators.base.Simulator`.
 
     Parameters
     ----------

@@ -244,6 +244,11 @@ class ImageFormation:
     points : PointScatterers, optional
         Point scatterers of the scene.
 
+    Attributes
+    ----------
+    looks : int
+        Number of looks, rounded up to a whole number.
+
     Raises
     ------
     ConfigError
@@ -261,7 +266,7 @@ class ImageFormation:
                     f"radar.{axis}_resolution_m is {resolution:g}, expected at least {finest:.2f} at a spacing of "
                     f"{getattr(radar, f'{axis}_spacing_m'):g} m (the image must be sampled above its bandwidth)."
                 )
-        self._looks = math.ceil(radar.looks)
+        self.looks = math.ceil(radar.looks)
         self._radar = radar
         self._shape = shape
         self._down = impulse_response(radar.range_resolution_m, radar.range_spacing_m).astype(np.float32)
@@ -295,7 +300,7 @@ class ImageFormation:
             Intensity [linear power].
         """
         image = np.empty(self._shape, dtype=np.float32) if before is None else before
-        self._run(reflectivity, noise_seed, 0, self._looks, self._tiles if tiles is None else tiles, image, None)
+        self._run(reflectivity, noise_seed, 0, self.looks, self._tiles if tiles is None else tiles, image, None)
         return image
 
     def expected(self, reflectivity: Reflectivity) -> NDArray[np.float64]:
@@ -344,7 +349,7 @@ class ImageFormation:
         ----------
         Johnson, Kotz and Balakrishnan, "Continuous Univariate Distributions" (2nd edition, 1994), section 17.8.
         """
-        whole, looks = self._looks, float(self._radar.looks)
+        whole, looks = self.looks, float(self._radar.looks)
         if looks == whole:
             return None
         even = ImageFormation(self._radar, self._shape, -np.inf)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,8 +80,20 @@ class BuiltinSimulator:
         cells = reflectivity(self._geometry, law_tables(self._geometry.names, self._laws, parameters))
         return decibels(self._formation.expected(cells).astype(np.float32))
 
+    def looks(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> Iterator[NDArray[np.complex64]]:
+        """Complex looks, as :meth:`radcal.simulators.base.Looks.looks` specifies.
+
+        If the configured number of looks is not whole, it is rounded up, and the amplitudes are thinned like the
+        intensity of :meth:`run`.
+        """
+        cells = reflectivity(self._geometry, law_tables(self._geometry.names, self._laws, parameters))
+        thinning = self._formation.thinning(noise_seed)
+        share = np.float32(1.0) if thinning is None else np.sqrt(thinning)
+        for look in range(self._formation.looks):
+            yield self._formation.look(cells, noise_seed, look) * share
+
     def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
-        """Simulate one pass, as :meth:`radcal.simulators.protocol.Simulator.run` specifies.
+        """Simulate one pass, as :meth:`radcal.simulators.base.Simulator.run` specifies.
 
         If the noise seed equals the noise seed of the last run, the simulator only recomputes the cells and image tiles
         of materials with changed parameters. The image is bit for bit equal to a completely recomputed image.

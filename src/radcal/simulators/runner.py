@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radcal.config import Material, Radar, stages
-from radcal.errors import SimulatorError
+from radcal.errors import ConfigError, SimulatorError
 from radcal.seeds import noise_seed as seed_of_noise
-from radcal.simulators.protocol import Simulator
+from radcal.simulators.base import Looks, Product, Simulator
 from radcal.simulators.texturing import orders_of, with_textures
 from radcal.storage.files import digest
 from radcal.storage.lock import claimed
@@ -163,6 +164,23 @@ class Runner:
             # while this job waited for the lock, a job of a killed command may have simulated this run
             found = self._found(key, image)
             return found if found is not None else self._simulate(key, description, parameters, noise_seed, image)
+
+    def require(self, product: Product) -> None:
+        """Raise a ConfigError if the simulator does not give a product."""
+        if product == "complex" and not isinstance(self._simulator, Looks):
+            raise ConfigError(
+                f"the product complex is not one of simulator.kind: {self.identity['kind']}, which gives intensity, "
+                "expected a simulator of complex looks, such as builtin."
+            )
+
+    def looks(self, parameters: Parameters, noise_seed: int) -> Iterator[NDArray[np.complex64]]:
+        """Complex looks of the run with the given parameters, with the texture of its image; they are not recorded."""
+        assert isinstance(self._simulator, Looks)  # noqa: S101 - required before
+        none_db = np.zeros(self._geometry.shape, dtype=np.float32)
+        fresh = noise_seed == self._fresh
+        texture_db = with_textures(none_db, self._geometry, self._textures, self._seed, fresh)
+        for look in self._simulator.looks(parameters, noise_seed):
+            yield look * 10.0 ** (texture_db / np.float32(20.0))
 
     def _found(self, key: str, image: bool) -> Record | None:
         """Record of a run; None if it is missing, or if its numbers of pixels differ from those of the geometry."""

@@ -9,7 +9,7 @@ from radcal.config import CommandSimulation, stages
 from radcal.programs.command import CommandPlan, CommandSimulator
 from radcal.radar.geometry import Geometry, read_geometry
 from radcal.scene.model import read_scene
-from radcal.simulators.protocol import Simulator
+from radcal.simulators.base import Simulator
 from radcal.simulators.runner import Runner
 from radcal.storage.files import case_folder
 from radcal.storage.runs import RunStore

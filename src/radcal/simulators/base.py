@@ -1,0 +1,65 @@
+"""Interface that every simulator implements, as a Python protocol, and the products of a simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Literal, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Looks", "Product", "Simulator"]
+
+Product = Literal["intensity", "complex"]
+"""Image of a pass: its multilooked intensity, which every simulator gives, or its complex looks (:class:`Looks`)."""
+
+
+class Simulator(Protocol):
+    """Simulator of a pass: it has an identity and turns one parameter vector per material into an image."""
+
+    @property
+    def identity(self) -> Mapping[str, Any]:
+        """Plain data that identify the simulator; they differ between simulators that may give different images."""
+        ...
+
+    def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
+        """Simulate one pass.
+
+        Parameters
+        ----------
+        parameters : mapping
+            Law parameters X of every material of the scene, by name of the material.
+        noise_seed : int
+            Seed of speckle and thermal noise; runs with equal seeds use equal random numbers.
+
+        Returns
+        -------
+        ndarray of float32, shape (slant range, azimuth)
+            Multilooked intensity in the configured radiometry [dB].
+
+        Raises
+        ------
+        SimulatorError
+            The simulation failed.
+        """
+        ...
+
+
+@runtime_checkable
+class Looks(Protocol):
+    """Simulator that also gives the product ``complex``: the complex looks of the intensity of a run."""
+
+    def looks(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> Iterator[NDArray[np.complex64]]:
+        """Complex looks of a pass, one after the other; the mean of their power is the intensity of :meth:`run`.
+
+        Parameters
+        ----------
+        parameters, noise_seed : mapping, int
+            As for :meth:`Simulator.run`.
+
+        Yields
+        ------
+        ndarray of complex64, shape (slant range, azimuth)
+            Amplitude, whose squared magnitude is linear power in the configured radiometry.
+        """
+        ...
