@@ -17,7 +17,7 @@ from radcal.calibration.steps import all_parameters, noise_seed, reference_runs
 from radcal.config import Case, load, stages
 from radcal.config.yaml_file import merged, read_case_file
 from radcal.measurement.sources import make_measurement
-from radcal.objectives import OBJECTIVES
+from radcal.objectives import objective_class
 from radcal.radar.projection import make_geometry
 from radcal.registration.registered import register
 from radcal.scene.sources import make_scene
@@ -94,7 +94,7 @@ class Bench:
         reference = reference_runs(stages.ReferenceRun.of(case), runner)[0][0].image_db
         assert reference is not None  # the reference run keeps its image
         registered, stage = register(reference, measurement, case.registration), stages.TargetStage.of(case)
-        misfit = OBJECTIVES[stage.objective].misfit
+        misfit = objective_class(stage.objective).misfit
         return make_targets(stage, self.geometry, registered, reference, misfit, scene=self.scene)
 
 

@@ -24,7 +24,7 @@ from radcal.calibration.stopping import Decision
 from radcal.config import Case, load, stages
 from radcal.config.yaml_file import read_case_file
 from radcal.measurement.sources import make_measurement
-from radcal.objectives import OBJECTIVES
+from radcal.objectives import objective_class
 from radcal.objectives.history import History
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
@@ -104,7 +104,7 @@ def calibrated_passes(
         start = simulator.run({name: m.start_parameters for name, m in one.materials.items()}, 1)
         registered = register(start, measurement, one.registration)
         images.append(registered)
-        misfit = OBJECTIVES[stage.objective].misfit
+        misfit = objective_class(stage.objective).misfit
         targets.append(make_targets(stage, geometry, registered, start, misfit, scene=scene))
     targets[0].passes, runners[0].passes = targets, runners
     return targets[0], *calibrate(case, runners[0], targets[0]), images

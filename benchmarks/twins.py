@@ -43,7 +43,7 @@ from radcal.config import Case, case_from, stages
 from radcal.errors import RadcalError
 from radcal.ground.patches import patches_seen
 from radcal.measurement.sources import make_measurement
-from radcal.objectives import OBJECTIVES, make_objectives
+from radcal.objectives import make_objectives, objective_class
 from radcal.objectives.history import History
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
@@ -461,7 +461,7 @@ def calibrated(
     registered, run = register_rounds(case, runner, b.geometry, measurement, b.scene)
     stage = stages.TargetStage.of(case)
     start = runner.run(case.start_parameters, noise_seed(case), image=True).image_db
-    targets = make_targets(stage, b.geometry, registered, start, OBJECTIVES[stage.objective].misfit, scene=b.scene)
+    targets = make_targets(stage, b.geometry, registered, start, objective_class(stage.objective).misfit, scene=b.scene)
     history, decision = calibrate(case, runner, targets, registration=run)
     found = {"runs": len(history.runs), "ended": str(decision.reason), "registration": registered.verdict}
     if saved is not None:

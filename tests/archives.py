@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from radcal.calibration.stopping import Decision
 from radcal.findings import Finding
-from radcal.objectives.objective import Reason
+from radcal.objectives.base import Reason
 from radcal.posterior.effects import Shared
 from radcal.posterior.radiometry import Radiometry
 from radcal.posterior.result import Curve, FormError, Image, Posterior

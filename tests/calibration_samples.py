@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.ground.goodness import Goodness
 from radcal.laws import Law, external_law
+from radcal.objectives.base import CalibratedMaterial
 from radcal.objectives.history import PassScore, Proposal, Run, Score
-from radcal.objectives.objective import CalibratedMaterial
 from radcal.skewnormal import fit
 from radcal.targets.target import Target
 

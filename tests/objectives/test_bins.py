@@ -16,8 +16,8 @@ from radcal.inference.misfit import LikelihoodMisfit
 from radcal.inference.moments import from_cumulants
 from radcal.laws import LAWS
 from radcal.objectives import make_objectives
+from radcal.objectives.base import PredictedPoints
 from radcal.objectives.bins import Bins, Likelihood
-from radcal.objectives.objective import PredictedPoints
 from radcal.proposals.search import Search
 from radcal.proposals.surrogate import Surrogate, train_surrogate
 from radcal.simulators.runner import Runner

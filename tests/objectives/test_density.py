@@ -9,8 +9,8 @@ from radcal.config import SurrogateConfig
 from radcal.inference.misfit import drawn
 from radcal.inference.moments import from_dp, to_dp
 from radcal.laws import LAWS
+from radcal.objectives.base import PredictedPoints
 from radcal.objectives.density import Density
-from radcal.objectives.objective import PredictedPoints
 from radcal.proposals.surrogate import Surrogate, train_surrogate
 
 LAW = LAWS["mangia"]

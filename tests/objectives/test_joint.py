@@ -11,7 +11,8 @@ from radcal.calibration.scoring import score, with_texture
 from radcal.config import Optimiser, case_from
 from radcal.inference.shared_fields import together
 from radcal.measurement.sources import make_measurement
-from radcal.objectives import OBJECTIVES, make_objectives
+from radcal.objectives import make_objectives, objective_class
+from radcal.objectives.base import PredictedPoints
 from radcal.objectives.history import (
     Front,
     History,
@@ -21,7 +22,6 @@ from radcal.objectives.history import (
     write_runs,
 )
 from radcal.objectives.joint import Joint
-from radcal.objectives.objective import PredictedPoints
 from radcal.proposals.search import Search
 from radcal.proposals.surrogate import Surrogate, train_surrogate
 from radcal.radar.projection import make_geometry
@@ -67,7 +67,7 @@ def two_passes(objective: str, looks: tuple[int, int] = (4, 4)):
         registered = register(
             image, make_measurement(one, geometry, simulator, scene, partly=bool(number)), one.registration
         )
-        misfit = OBJECTIVES[objective].misfit
+        misfit = objective_class(objective).misfit
         targets.append(make_targets(one, geometry, registered, image, misfit, partly=bool(number)))
         records.append(
             Record(f"run{number}", {name: image.ravel()[geometry.pixels(name)] for name in TRUTH}, None, 1.5)

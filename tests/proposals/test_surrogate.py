@@ -7,7 +7,7 @@ from calibration_samples import make_material, make_target
 from radcal.config import SurrogateConfig
 from radcal.errors import SurrogateError
 from radcal.inference.moments import to_dp
-from radcal.objectives import OBJECTIVES
+from radcal.objectives import objective_class
 from radcal.proposals.kriging import JITTER, Kriging, baseline_factor
 from radcal.proposals.surrogate import Surrogate, Training, read_trainings, train_surrogate, write_trainings
 
@@ -18,7 +18,7 @@ TARGET = make_target(np.random.default_rng(0).normal(-10.0, 3.0, 200), np.full(2
 
 def objective(baseline=None, bounds=BOUNDS, integer=None):
     """The box of two parameters, and what is known of the statistics before any run."""
-    found = OBJECTIVES["density"](make_material(TARGET, bounds, integer=integer))
+    found = objective_class("density")(make_material(TARGET, bounds, integer=integer))
     if baseline is not None:
         found.baseline = lambda x: np.stack([baseline(one) for one in x])
     return found

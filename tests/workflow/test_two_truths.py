@@ -16,7 +16,7 @@ from radcal.calibration.steps import noise_seed
 from radcal.config import Case, case_from
 from radcal.image.model import Measurement
 from radcal.laws import LAWS
-from radcal.objectives import OBJECTIVES, make_objectives
+from radcal.objectives import make_objectives, objective_class
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.registration.registered import register
@@ -92,7 +92,7 @@ def measured(ground: Ground, truth: list[float]) -> tuple[Case, Targets]:
     image = ground.image_db(truth, 20)
     measurement = Measurement(image, "another truth", {"field": truth})
     registered = register(image, measurement, case.registration)
-    return case, make_targets(case, ground.geometry, registered, image, OBJECTIVES[case.objective].misfit)
+    return case, make_targets(case, ground.geometry, registered, image, objective_class(case.objective).misfit)
 
 
 def test_one_density_does_not_tell_them_apart(rough: Ground, twin: list[float]) -> None:

@@ -1,7 +1,7 @@
 """Make the target of every calibrated material: pixels drawn at random, their density and incidence-angle bins."""
 
 from radcal.config import stages
-from radcal.objectives import OBJECTIVES
+from radcal.objectives import objective_class
 from radcal.radar.geometry import read_geometry
 from radcal.registration.height_shift import height_findings
 from radcal.registration.registered import read_registered
@@ -18,7 +18,7 @@ with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.p):
     registered = read_registered(snakemake.input.registered)
     geometry = read_geometry(snakemake.input.geometry)
     scene = read_scene(snakemake.input.scene)
-    misfit, partly = OBJECTIVES[case.objective].misfit, snakemake.wildcards.p != "1"
+    misfit, partly = objective_class(case.objective).misfit, snakemake.wildcards.p != "1"
     targets = make_targets(case, geometry, registered, reference.image_db, misfit, partly, scene)
     write_targets(snakemake.output.target, targets)
     for text in (*map(sentence, height_findings(registered, geometry, scene, case.radar)), *targets.sentences()):

@@ -16,7 +16,7 @@ from radcal.calibration.stopping import decide
 from radcal.config import CommandSimulation, Material, SimulatorConfig, Stop, stages
 from radcal.errors import SimulatorError
 from radcal.findings import Finding
-from radcal.objectives import OBJECTIVES, Comparison
+from radcal.objectives import Comparison, objective_class
 from radcal.objectives.history import History, Proposal, Run, Score
 from radcal.processes import each
 from radcal.proposals.search import Search
@@ -337,5 +337,5 @@ def progress_line(history: History, materials: Sequence[str], stop: Stop, object
     runs = history.count("design") + history.count("infill")
     verdicts = decide(history, materials, stop, objective).materials
     ended = [name for name in materials if verdicts[name].reason in ("rms", "settled")]
-    text = OBJECTIVES[objective].progress_line(history, materials, ended, stop)
+    text = objective_class(objective).progress_line(history, materials, ended, stop)
     return f"run {runs:>3} (iteration {history.count('infill')}): {text}"

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from radcal.config import Stop
-from radcal.objectives import OBJECTIVES, Objective
+from radcal.objectives import Objective, objective_class
+from radcal.objectives.base import Progress, Reason, SearchState
 from radcal.objectives.history import History
-from radcal.objectives.objective import Progress, Reason, SearchState
 
 __all__ = ["Decision", "decide"]
 
@@ -60,7 +60,7 @@ def decide(history: History, materials: Sequence[str], stop: Stop, objective: st
         Decision that depends on the arguments alone: after a change of settings, earlier runs are judged as if the new
         settings had always held.
     """
-    states = {name: _judge(history, name, stop, OBJECTIVES[objective]) for name in materials}
+    states = {name: _judge(history, name, stop, objective_class(objective)) for name in materials}
     reasons = {state.reason for state in states.values()}
     order: tuple[Reason | None, ...] = (None, "max_runs", "stagnation", "unreachable", "rms", "settled")
     return Decision(states, next(reason for reason in order if reason in reasons))

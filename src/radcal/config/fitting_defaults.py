@@ -35,8 +35,8 @@ def with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
 def with_fitting_draws(data: dict[str, Any]) -> dict[str, Any]:
     """Case data with ``simulator.draws`` 4 by default, for the built-in simulator with incidence-angle bins."""
     simulator, objective = data.get("simulator", {}), data.get("objective", DEFAULT)
-    traits = OBJECTIVES.get(objective) if isinstance(objective, str) else None
-    if not isinstance(simulator, dict) or "draws" in simulator or traits is None or not traits.bins:
+    bins = isinstance(objective, str) and objective in OBJECTIVES and OBJECTIVES[objective].bins
+    if not isinstance(simulator, dict) or "draws" in simulator or not bins:
         return data
     tag = TAGS["simulator"]
     if simulator.get(tag, "builtin") != "builtin":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pkgutil
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -9,16 +10,18 @@ import numpy as np
 
 from radcal.config import stages
 from radcal.ground.patches import pooled
-from radcal.objectives.bins import Bins, Likelihood
-from radcal.objectives.density import Density
+from radcal.objectives.base import CalibratedMaterial, Comparison, Objective
 from radcal.objectives.joint import Joint
-from radcal.objectives.objective import CalibratedMaterial, Comparison, Objective
+from radcal.sections.objectives import OBJECTIVES
 from radcal.targets.target import Target, Targets
 
-__all__ = ["OBJECTIVES", "Comparison", "Objective", "make_objectives"]
+__all__ = ["Comparison", "Objective", "make_objectives", "objective_class"]
 
-OBJECTIVES: dict[str, type[Objective]] = {"classes": Bins, "density": Density, "likelihood": Likelihood}
-"""Class of each objective, by its name in the configuration (``radcal.sections.objectives``)."""
+
+def objective_class(name: str) -> type[Objective]:
+    """Class of an objective, by its name in the configuration."""
+    found: type[Objective] = pkgutil.resolve_name(OBJECTIVES[name].place)
+    return found
 
 
 def make_objectives(case: stages.Scores | stages.ArchiveStage, targets: Targets) -> Mapping[str, Comparison]:
@@ -62,7 +65,7 @@ def _of_common_spread(targets: Targets) -> list[Targets]:
 
 def _of_pass(case: stages.Scores | stages.ArchiveStage, targets: Targets, priors: bool = True) -> dict[str, Objective]:
     """Objective of each material in one pass; ``priors`` tells whether the priors enter."""
-    laws, kind = case.laws, OBJECTIVES[case.objective]
+    laws, kind = case.laws, objective_class(case.objective)
     return {
         name: kind(
             CalibratedMaterial(

@@ -15,8 +15,7 @@ from radcal.inference.expected import LawForward
 from radcal.inference.misfit import BinMisfit, LikelihoodMisfit, Method, Misfit
 from radcal.inference.moments import from_cumulants, to_cumulants
 from radcal.inference.pooled_laws import curve_prior, law_prior, limited
-from radcal.objectives.history import History
-from radcal.objectives.objective import (
+from radcal.objectives.base import (
     CalibratedMaterial,
     Doubles,
     MeasuredBins,
@@ -25,6 +24,7 @@ from radcal.objectives.objective import (
     Progress,
     SearchState,
 )
+from radcal.objectives.history import History
 
 __all__ = ["Bins", "Likelihood"]
 

@@ -15,8 +15,7 @@ from radcal.inference.expected import LawForward
 from radcal.inference.misfit import Method, drawn
 from radcal.inference.moments import from_cumulants, from_dp, to_dp
 from radcal.inference.pooled_laws import bins_of
-from radcal.objectives.history import History, Proposal
-from radcal.objectives.objective import (
+from radcal.objectives.base import (
     CalibratedMaterial,
     Doubles,
     MeasuredBins,
@@ -25,6 +24,7 @@ from radcal.objectives.objective import (
     Progress,
     SearchState,
 )
+from radcal.objectives.history import History, Proposal
 
 __all__ = ["UNREACHABLE_SHARE", "Density"]
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.inference.shared_fields import SharedFields
+from radcal.objectives.base import Comparison, Doubles, Objective, PredictedPoints
 from radcal.objectives.history import Score
-from radcal.objectives.objective import Comparison, Doubles, Objective, PredictedPoints
 from radcal.speckle.texture import equal_texture
 
 __all__ = ["Joint"]

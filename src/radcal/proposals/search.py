@@ -12,8 +12,8 @@ from radcal.config import Optimiser
 from radcal.inference.bounded import least_squares, sobol
 from radcal.inference.law_fit import LOOKS
 from radcal.objectives import Comparison
+from radcal.objectives.base import PredictedPoints
 from radcal.objectives.history import Front, Proposal, Score
-from radcal.objectives.objective import PredictedPoints
 from radcal.proposals.lattice import SAME, corners, elsewhere, lattice
 from radcal.proposals.nsga2 import Population, nsga2
 from radcal.proposals.surrogate import Surrogate

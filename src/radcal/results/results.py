@@ -17,7 +17,7 @@ from radcal.assessment.conclusion import Conclusion, conclude
 from radcal.calibration.steps import random_findings
 from radcal.config import Stop, stages
 from radcal.findings import Finding
-from radcal.objectives import OBJECTIVES, make_objectives
+from radcal.objectives import make_objectives, objective_class
 from radcal.objectives.history import History, Run
 from radcal.posterior.result import Image, Posterior
 from radcal.radar.geometry import Geometry
@@ -150,7 +150,7 @@ def _of_passes(targets: Targets, objective: str) -> list[Finding]:
     count = len(targets.passes)
     if count == 1:
         return []
-    misfit = OBJECTIVES[objective].misfit
+    misfit = objective_class(objective).misfit
     shared = [Finding("fields_shared", "note", "")] * (misfit is not None and misfit.of_fields)
     return [Finding("passes_together", "note", "", {"passes": count}), *shared]
 

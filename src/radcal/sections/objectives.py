@@ -1,4 +1,4 @@
-"""Names of the objectives, and the requirements of each objective on other sections of the configuration."""
+"""Objectives by name: the requirements of each on other sections of the configuration, and the place of its class."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Annotated
 from pydantic import AfterValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
+from radcal.plugins import Plugins
+
 __all__ = ["OBJECTIVES", "Objective", "Traits", "names"]
 
 
@@ -18,6 +20,9 @@ class Traits:
 
     Attributes
     ----------
+    place : str
+        Place "package.module:name" of the class (:class:`radcal.objectives.base.Objective`), which is imported when it
+        is first used.
     bins : bool
         Whether the objective compares statistics in dB, separately in each incidence-angle bin.
     curve : bool
@@ -27,17 +32,19 @@ class Traits:
         Text that names the quantities that the objective compares.
     """
 
+    place: str
     bins: bool
     curve: bool = False
     compares: str = ""
 
 
-OBJECTIVES: dict[str, Traits] = {
-    "classes": Traits(bins=True, compares="mean level, spread and skewness"),
-    "density": Traits(bins=False, compares="the histogram"),
-    "likelihood": Traits(bins=True, curve=True, compares="the levels"),
+_OWN = {
+    "classes": Traits("radcal.objectives.bins:Bins", bins=True, compares="mean level, spread and skewness"),
+    "density": Traits("radcal.objectives.density:Density", bins=False, compares="the histogram"),
+    "likelihood": Traits("radcal.objectives.bins:Likelihood", bins=True, curve=True, compares="the levels"),
 }
-"""Traits of each objective by name; ``radcal.objectives`` contains the classes of the objectives."""
+OBJECTIVES: Plugins[Traits] = Plugins("radcal.objectives", _OWN)
+"""Objectives by name; another distribution adds the traits of its objective by an entry point."""
 
 DEFAULT = "classes"
 SINGLE = "density"
@@ -55,4 +62,4 @@ def _known(value: str) -> str:
     return value
 
 
-Objective = Annotated[str, AfterValidator(_known), WithJsonSchema({"enum": sorted(OBJECTIVES), "type": "string"})]
+Objective = Annotated[str, AfterValidator(_known), WithJsonSchema({"enum": sorted(_OWN), "type": "string"})]
