@@ -19,6 +19,7 @@ from radcal.findings import Finding
 from radcal.laws import LAWS
 from radcal.objectives import make_objectives
 from radcal.objectives.history import History
+from radcal.sections.simulator import PythonSimulation
 from radcal.skewnormal import centred
 from radcal.speckle.texture import log_speckle_cumulants
 from radcal.storage.runs import Record, RunStore
@@ -163,7 +164,7 @@ def test_another_law_is_asked_for_of_programs_only(parts, monkeypatch):
     monkeypatch.setattr(conclusion, "another_law", lambda *given: asked.append(given[:2]) or [told])
     assert told not in conclude(case, *rest).findings
     assert not asked
-    program = case.model_copy(update={"simulator": case.simulator.model_copy(update={"kind": "command"})})
+    program = case.model_copy(update={"simulator": PythonSimulation(kind="other")})
     found = conclude(program, *rest)
     assert asked == [("area", "mangia")]
     assert found.findings[-1] is told

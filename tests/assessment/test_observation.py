@@ -77,7 +77,7 @@ def test_pixels_are_in_the_noise_by_the_simulated_level_alone():
         assert own.incidence_deg.max() < INCIDENCE[76, 0]
         assert own.incidence_deg.min() < INCIDENCE[24, 0]
         assert own.measured_db.min() < -23.0
-    program = SimpleNamespace(kind="command")
+    program = SimpleNamespace(own=False)
     dark = found(measured, simulated, simulator=program)["dyke"]
     assert blocks(dark) == [0, 1, 2, 3]
     assert np.isneginf(dark.noise_db).all()

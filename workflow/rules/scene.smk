@@ -35,7 +35,7 @@ rule scene:
 # with the version, because the records of finished runs hold pixels of this geometry.
 VERSION = (
     {"version": max(simulator_version(one.radar.earth) for one in CASE.passes)}
-    if CASE.simulator.kind == "builtin"
+    if CASE.simulator.own
     else {}
 )
 

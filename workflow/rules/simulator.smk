@@ -32,5 +32,5 @@ rule simulator:
 
 # radcal's own simulator has no files or settings that change its numbers, so that its jobs need no simulator.json
 SIMULATOR = (
-    [rules.simulator.output.identity] if CASE.simulator.kind == "command" else []
+    [rules.simulator.output.identity] if not CASE.simulator.own else []
 )

@@ -18,7 +18,7 @@ with logged(snakemake.log[0], snakemake.params.case):
     registered = [read_registered(path) for path in snakemake.input.registered]
     levels = [one.levels for one in read_targets(*snakemake.input.target).passes]
     further = pass_images(case, geometries, registered, levels, snakemake.input.final, snakemake.params.runs)
-    external = case.simulator.kind == "command"  # whose own input is exported
+    external = case.simulator.only_parameters  # whose own input is exported
     simulator = make_simulator(case, geometries[0], snakemake.input.geometry[0]) if external else None
     files = write_export(snakemake.output.folder, case, archive, scene, geometries[0], further, simulator)
     write_listing(snakemake.output.checksums, files)

@@ -2,6 +2,7 @@
 
 from radcal.config import stages
 from radcal.radar.geometry import read_geometry
+from radcal.sections.simulator import SIMULATORS
 from radcal.session.jobs import logged
 from radcal.simulators.sources import make_simulator
 from radcal.storage.disclosure import disclosed
@@ -12,7 +13,11 @@ with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.p):
     case = stages.SimulatorStage.model_validate(snakemake.params.case)
     simulator = make_simulator(case, read_geometry(snakemake.input.geometry), snakemake.input.geometry)
     # the width of seeds is not part of the identity; it is kept here for the next command
-    identity = {**disclosed(simulator.identity), "seed_bits": case.simulator.seed_bits}
+    identity = {
+        **disclosed(simulator.identity),
+        **SIMULATORS.origin(case.simulator.kind),
+        "seed_bits": case.simulator.seed_bits,
+    }
     write_json(snakemake.output.identity, identity)
     # of an earlier version of radcal, whose number of bits was needed until now
     case_folder(snakemake.output.identity).joinpath("simulator.json").unlink(missing_ok=True)

@@ -151,7 +151,7 @@ def conclude(
             numbers = {"looks": looks[name], "looks_nominal": float(case.radar.looks)}
             findings.append(Finding("texture", "note", name, numbers))
         findings += law_findings(name, posteriors[name], *found, warned.values())
-        if case.simulator.kind == "command":
+        if not case.simulator.own:
             law = case.materials[name].law
             findings += another_law(name, law, objectives[name], targets[name], history, geometry)
     shown = {name: law for name, law in laws.items() if not targets.level_only(name)}

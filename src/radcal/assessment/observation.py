@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from radcal.config import BuiltinSimulation, stages
+from radcal.config import stages
 from radcal.errors import MeasurementError
 from radcal.ground.correlation import estimate_correlation
 from radcal.ground.ground import Blocks
@@ -58,7 +58,7 @@ def simulated_of(
     found: list[list[Simulated]] = []
     for k, (one, geometry, path) in enumerate(zip(case.passes, geometries, paths, strict=True)):
         own = [Simulated(run.image_db, x) for run, x in final[2 * k : 2 * k + 2] if run.image_db is not None]
-        if isinstance(case.simulator, BuiltinSimulation):
+        if case.simulator.own:
             many = one.model_copy(update={"radars": [one.radar.model_copy(update={"looks": float(_LOOKS)})]})
             parameters, seed = final[2 * k][1], derived_seed(case.seed, "posterior", "draw", bits=_SEED_BITS)
             record = runner_of(many, scene.identity, [geometry], [path], folder).run(parameters, seed, image=True)
@@ -103,7 +103,7 @@ def observe(
     if levels.normalisation == "image":
         middle, spread = median_and_range(mean_db[(geometry.material > 0) & np.isfinite(image)])
         image = (Levels.apply(image, levels.measured) * spread + middle).astype(np.float32)
-    noisy = isinstance(case.simulator, BuiltinSimulation)
+    noisy = case.simulator.own
     floor = noise_floor_db(case.radar, geometry.flat_incidence_deg)
     flags = {IN_THE_NOISE: noise_limited(mean_db, floor, case.target.snr_db)} if noisy else {}
     if case.target.leave_out_point_targets:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from radcal.calibration.noise import scatter
 from radcal.calibration.scoring import score
 from radcal.calibration.stopping import decide
-from radcal.config import CommandSimulation, Material, SimulatorConfig, Stop, stages
+from radcal.config import Material, SimulatorConfig, Stop, stages
 from radcal.errors import SimulatorError
 from radcal.findings import Finding
 from radcal.objectives import Comparison, objective_class
@@ -75,7 +75,7 @@ def reference_runs(case: stages.ReferenceRun, runner: Runner) -> list[list[Recor
     parameters, seed = case.start_parameters, noise_seed(case)
     with called("reference run"):
         runs = [run_all_draws(case, runner, parameters, image=True)]
-    if isinstance(case.simulator, CommandSimulation) and case.simulator.deterministic is None:
+    if case.simulator.deterministic is None:
         with called("second reference run"):
             runs.append([one.run(parameters, seed, repeat=True) for one in runner.passes])
     return runs
@@ -105,7 +105,7 @@ def repeatability(simulator: SimulatorConfig, differences_db: Sequence[float]) -
     list of Finding
         Empty if no reference run was repeated and the simulator is not declared as non-deterministic.
     """
-    if isinstance(simulator, CommandSimulation) and simulator.deterministic is False:
+    if simulator.deterministic is False:
         return [Finding("declared_random", "note", "simulator")]
     if not differences_db:
         return []
@@ -128,8 +128,7 @@ def not_fresh(simulator: SimulatorConfig, final: Sequence[Record]) -> list[Findi
     """
     if final[0].largest_difference_db(final[1]) > 0:
         return []
-    seedless = isinstance(simulator, CommandSimulation) and simulator.seedless
-    return [Finding("seedless" if seedless else "seed_without_effect", "note", "simulator")]
+    return [Finding("seedless" if simulator.seedless else "seed_without_effect", "note", "simulator")]
 
 
 def random_findings(
@@ -145,7 +144,7 @@ def random_findings(
 
 def _noisy(history: History, simulator: SimulatorConfig) -> bool:
     """Whether runs of equal parameters differ, as the configuration declares or a repeated reference run shows."""
-    declared = simulator.deterministic if isinstance(simulator, CommandSimulation) else True
+    declared = simulator.deterministic
     return any(history.repeat_db) if declared is None else not declared
 
 

@@ -261,7 +261,7 @@ def _measured(one: Case, geometry: Geometry, scene: Scene, number: int) -> Measu
     stage = stages.MeasurementStage.of(one)
     simulator: Any = None  # a file needs none
     if not isinstance(one.measurement, FileMeasurement):
-        if one.simulator.kind != "builtin" or geometry.material.size > _LARGEST_RUN:
+        if not one.simulator.own or geometry.material.size > _LARGEST_RUN:
             check_synthetic(one.radar, one.measurement.synthetic, (geometry.shape[0], geometry.shape[1]))
             return None
         simulator = make_simulator(stage, geometry, "")

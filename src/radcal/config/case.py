@@ -34,7 +34,7 @@ from radcal.sections.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, n
 from radcal.sections.radar import Radar
 from radcal.sections.scene import BuiltinScene, SceneConfig
 from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
-from radcal.sections.simulator import BuiltinSimulation, CommandSimulation, SimulatorConfig
+from radcal.sections.simulator import BuiltinSimulation, SimulatorConfig
 from radcal.sections.target import TargetConfig
 from radcal.sections.uncertainty import Uncertainty, Validation
 from radcal.tables.sensors import sensors
@@ -193,7 +193,7 @@ class Case(Part):
 
     def _in_sampling(self) -> Iterator[str]:
         """Sentences on resolutions too fine for the built-in simulator to sample at the given pixel spacing."""
-        if not isinstance(self.simulator, BuiltinSimulation):
+        if not self.simulator.own:
             return
         for way in ("range", "azimuth"):
             resolution, spacing = (getattr(self.radar, f"{way}_{what}_m") for what in ("resolution", "spacing"))
@@ -296,10 +296,10 @@ class Case(Part):
         for name in synthetic.fields_db:
             if name not in self.materials:
                 yield f"{key}.fields_db.{name}: no such material{nearest(name, self.materials)}"
-        if synthetic.disturbed and isinstance(self.simulator, CommandSimulation):
+        if synthetic.disturbed and not self.simulator.own:
             yield (
                 f"{key}.{synthetic.disturbed[0]} is for the built-in simulator, which images the changed scene; "
-                "simulator.kind: command receives the scene of the runs alone"
+                f"simulator.kind: {self.simulator.kind} receives the scene of the runs alone"
             )
         if synthetic.relief_m > 0 and not self.scene.has_heights:
             yield f"{key}.relief_m is {synthetic.relief_m:g}, expected 0: a slant-range scene has no heights"
@@ -327,14 +327,13 @@ class Case(Part):
 
     def laws_without_pass(self) -> Iterator[str]:
         """Sentences on laws that the simulator cannot evaluate, or that need a missing ``radar.frequency_ghz``."""
-        command = isinstance(self.simulator, CommandSimulation)
         for name, material in self.materials.items():
-            if material.law == EXTERNAL and not command:
+            if material.law == EXTERNAL and self.simulator.own:
                 yield (
                     f"materials.{name}.law is {EXTERNAL}, which only simulator.kind: command can simulate, "
                     f"expected one of {', '.join(laws_known(external=False))}"
                 )
-            if material.starts_with_another_law and command:
+            if material.starts_with_another_law and self.simulator.only_parameters:
                 yield (
                     f"materials.{name}.start is of law {material.at_start.law!r}, which simulator.kind: command does "
                     f"not receive: expected a list of {len(material.parameter_names)} numbers for law "

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 
-from radcal.config import Case, CommandSimulation, SimulatorConfig
+from radcal.config import Case, SimulatorConfig
 from radcal.storage.runs import median_seconds
 
 __all__ = [
@@ -25,7 +25,7 @@ _SEARCH_RUNS = 16
 
 def reference_count(simulator: SimulatorConfig) -> int:
     """Number of reference runs of a pass: two if it is unknown whether a repeated run gives equal images, else one."""
-    return 2 if isinstance(simulator, CommandSimulation) and simulator.deterministic is None else 1
+    return 2 if simulator.deterministic is None else 1
 
 
 def largest_runs(case: Case) -> dict[str, int]:

@@ -17,14 +17,14 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from radcal.config import Material, Output, Radar, RawType, executable_path
+from radcal.config import CommandSimulation, Material, Output, Radar, RawType, executable_path, stages
 from radcal.errors import ConfigError, SimulatorError, StoreError, WrongNumbers
 from radcal.programs.command_plan import CommandPlan, check_command, check_image_shape
 from radcal.programs.placeholders import SEED, argument
 from radcal.programs.process import output_tail, run_program
 from radcal.reading.arrays import read_array
 from radcal.reading.images import NOT_FINITE, ImageFile, Values, reading, to_db
-from radcal.storage.files import atomic, working_folder
+from radcal.storage.files import atomic, case_folder, working_folder
 
 if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
@@ -86,6 +86,13 @@ class CommandSimulator:
         self._geometry = geometry
         self._geometry_path = Path(geometry_path).absolute()
         self._work = Path(work)
+
+    @classmethod
+    def of(cls, case: stages.SimulatorStage, geometry: Geometry, geometry_path: str | Path) -> CommandSimulator:
+        """Simulator of the configured program and pass."""
+        assert isinstance(case.simulator, CommandSimulation)  # noqa: S101 - the kind of this class
+        plan, work = CommandPlan(case.simulator, case.materials), case_folder(geometry_path) / "external"
+        return cls(plan, case.materials, case.radar, geometry, geometry_path, work)
 
     @cached_property
     def identity(self) -> Mapping[str, Any]:

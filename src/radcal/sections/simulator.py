@@ -1,16 +1,27 @@
-"""Section ``simulator``: radcal's built-in simulator, or an external program."""
+"""Section ``simulator``: radcal's built-in simulator, an external program, or a simulator of another distribution."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, SerializeAsAny, model_validator
 
-from radcal.sections.base import Section, with_tag
+from radcal.plugins import Plugins
+from radcal.sections.base import HasSection, Section, with_foreign, with_tag
 from radcal.sections.limits import LONGEST_S, Count, Integer, RetryWait, Timeout
 
-__all__ = ["BuiltinSimulation", "CommandSimulation", "InputFile", "Output", "RawType", "SimulatorConfig", "Template"]
+__all__ = [
+    "SIMULATORS",
+    "BuiltinSimulation",
+    "CommandSimulation",
+    "InputFile",
+    "Output",
+    "PythonSimulation",
+    "RawType",
+    "SimulatorConfig",
+    "Template",
+]
 
 _KIND = "kind of simulator: builtin (part of radcal) or command (an external program)"
 _SEED_BITS = 31  # number of bits of the seeds for an external program: a C int can store these seeds
@@ -21,15 +32,34 @@ _DRAWS = "number of speckle draws per run, whose statistics are averaged"
 Draws = Annotated[Integer, Field(ge=1, le=64)]
 
 
-class BuiltinSimulation(Section):
-    """Settings of radcal's built-in simulator."""
+class PythonSimulation(Section):
+    """Settings of a simulator in Python; the model of a simulator of another distribution is derived from this class.
 
-    kind: Literal["builtin"] = Field("builtin", description=_KIND)
+    Attributes
+    ----------
+    own : bool
+        Whether it is radcal's own, which images the facets of the scene with the noise that section ``radar`` gives.
+    only_parameters : bool
+        Whether the simulator receives the parameters of the laws, but not the laws.
+    deterministic : bool or None
+        Whether equal parameters and seed give equal images; None if this is not known.
+    seedless : bool
+        Whether the simulator uses no seed.
+    seed_bits : int or None
+        Number of bits of the seeds that the case gives.
+    """
+
+    own: ClassVar[bool] = False
+    only_parameters: ClassVar[bool] = False
+    deterministic: ClassVar[bool | None] = True
+    seedless: ClassVar[bool] = False
+    seed_bits: ClassVar[int | None] = None
+    kind: str = Field(description=_KIND)
     keep_images: bool = Field(
         False,
         description="whether each run record contains the whole image, besides the pixels of the calibrated materials",
     )
-    draws: Draws = Field(1, description=_DRAWS + "; by default 4 if the objective uses incidence-angle bins")
+    draws: Draws = Field(1, description=_DRAWS)
 
     @property
     def longest_run_s(self) -> float:
@@ -43,8 +73,16 @@ class BuiltinSimulation(Section):
 
     @property
     def not_told(self) -> frozenset[str]:
-        """Keys of ``radar`` that the simulator does not receive: an empty set for the built-in simulator."""
+        """Keys of ``radar`` that the simulator does not receive: an empty set for a simulator in Python."""
         return frozenset()
+
+
+class BuiltinSimulation(PythonSimulation):
+    """Settings of radcal's built-in simulator."""
+
+    own = True
+    kind: Literal["builtin"] = Field("builtin", description=_KIND)
+    draws: Draws = Field(1, description=_DRAWS + "; by default 4 if the objective uses incidence-angle bins")
 
 
 def _braced(value: object) -> object:
@@ -168,6 +206,8 @@ class Output(Section):
 class CommandSimulation(Section):
     """Settings of an external program, which radcal starts once for each run, in a separate folder."""
 
+    own: ClassVar[bool] = False
+    only_parameters: ClassVar[bool] = True
     kind: Literal["command"] = Field("command", description=_KIND)
     command: Words = Field(
         description="program and arguments, without a shell; radcal replaces {input}, {output}, {folder}, {geometry}, "
@@ -280,6 +320,15 @@ class CommandSimulation(Section):
         return self
 
 
+SIMULATORS: Plugins[HasSection] = Plugins(
+    "radcal.simulators",
+    {"builtin": "radcal.simulators.builtin:BuiltinSimulator", "command": "radcal.programs.command:CommandSimulator"},
+)
+"""Simulators (:class:`radcal.simulators.base.SimulatorKind`) by ``simulator.kind``."""
+
 SimulatorConfig = Annotated[
-    BuiltinSimulation | CommandSimulation, Field(discriminator="kind"), with_tag("simulator", "builtin")
+    SerializeAsAny[BuiltinSimulation | CommandSimulation],
+    Field(discriminator="kind"),
+    with_foreign("simulator", SIMULATORS, BuiltinSimulation, CommandSimulation),
+    with_tag("simulator", "builtin"),
 ]

@@ -219,7 +219,7 @@ def simulator_change(folder: str | Path, case: Case) -> list[str]:
     """
     folder = Path(folder)
     index = folder / "passes/1/reference.json"
-    if case.simulator.kind != "builtin" or not index.is_file():
+    if not case.simulator.own or not index.is_file():
         return []
     try:
         key = read_index(index)[0].key

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Literal, Protocol, runtime_checkable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Looks", "Product", "Simulator"]
+from radcal.sections.base import Section
+
+if TYPE_CHECKING:
+    from radcal.config import stages
+    from radcal.radar.geometry import Geometry
+
+__all__ = ["Looks", "Product", "Simulator", "SimulatorKind"]
 
 Product = Literal["intensity", "complex"]
 """Image of a pass: its multilooked intensity, which every simulator gives, or its complex looks (:class:`Looks`)."""
@@ -41,6 +48,33 @@ class Simulator(Protocol):
         ------
         SimulatorError
             The simulation failed.
+        """
+        ...
+
+
+class SimulatorKind(Simulator, Protocol):
+    """Kind of simulator, which ``simulator.kind`` names.
+
+    Attributes
+    ----------
+    section : type of PythonSimulation
+        Model of section ``simulator`` of a kind of another distribution, with the kind as the only value of ``kind``.
+    """
+
+    section: type[Section]
+
+    @classmethod
+    def of(cls, case: stages.SimulatorStage, geometry: Geometry, geometry_path: str | Path) -> Simulator:
+        """Simulator of a pass, from the sections ``simulator``, ``materials`` and ``radar``.
+
+        Parameters
+        ----------
+        case : stages.SimulatorStage
+            Configuration of the pass; ``case.laws`` are the laws of its materials.
+        geometry : Geometry
+            Geometry of the pass.
+        geometry_path : path
+            Path of the geometry file.
         """
         ...
 

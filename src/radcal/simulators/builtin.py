@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import Radar
+from radcal.config import Radar, stages
 from radcal.errors import ConfigError
 from radcal.laws import EXTERNAL, Law, laws_known
 from radcal.radar import simulator_version
@@ -66,6 +67,11 @@ class BuiltinSimulator:
         noise_db = noise_floor_db(radar, geometry.flat_incidence_deg)
         self._formation = ImageFormation(radar, geometry.shape, noise_db, geometry.points)
         self._last: _Last | None = None
+
+    @classmethod
+    def of(cls, case: stages.SimulatorStage, geometry: Geometry, geometry_path: str | Path) -> BuiltinSimulator:  # noqa: ARG003
+        """Simulator of the configured pass."""
+        return cls(geometry, case.radar, case.laws)
 
     @property
     def identity(self) -> Mapping[str, Any]:

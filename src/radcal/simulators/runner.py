@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from radcal.config import Material, Radar, stages
 from radcal.errors import ConfigError, SimulatorError
+from radcal.sections.simulator import SIMULATORS
 from radcal.seeds import noise_seed as seed_of_noise
 from radcal.simulators.base import Looks, Product, Simulator
 from radcal.simulators.texturing import orders_of, with_textures
@@ -79,6 +80,7 @@ class Runner:
         self._geometry = geometry
         self._scene_identity = scene_identity
         self._radar: Radar = case.radar
+        self._origin = SIMULATORS.origin(case.simulator.kind)
         self._not_told = case.simulator.not_told
         first = first or case.radar
         self._laws = {
@@ -100,7 +102,7 @@ class Runner:
         left_out = self._not_told | ({"frequency_ghz"} if self._radar.frequency_ghz is None else set())
         radius = self._geometry.earth_radius_m
         return {
-            "simulator": dict(self._simulator.identity),
+            "simulator": {**self._simulator.identity, **self._origin},
             "scene": self._scene_identity,
             "pass": {
                 **{key: value for key, value in self._radar.described().items() if key not in left_out},

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from radcal.config import CommandSimulation, stages
-from radcal.programs.command import CommandPlan, CommandSimulator
+from radcal.config import stages
 from radcal.radar.geometry import Geometry, read_geometry
 from radcal.scene.model import read_scene
-from radcal.simulators.base import Simulator
+from radcal.sections.simulator import SIMULATORS
+from radcal.simulators.base import Simulator, SimulatorKind
 from radcal.simulators.runner import Runner
-from radcal.storage.files import case_folder
 from radcal.storage.runs import RunStore
 
 __all__ = ["make_runner", "make_simulator", "runner_of"]
@@ -35,13 +35,9 @@ def make_simulator(case: stages.SimulatorStage, geometry: Geometry, geometry_pat
         The configuration of an external simulator is wrong (:class:`~radcal.programs.command.CommandPlan`), or a
         law without a curve is configured for the built-in simulator.
     """
-    if isinstance(case.simulator, CommandSimulation):
-        plan = CommandPlan(case.simulator, case.materials)
-        work = case_folder(geometry_path) / "external"
-        return CommandSimulator(plan, case.materials, case.radar, geometry, geometry_path, work)
-    from radcal.simulators.builtin import BuiltinSimulator  # imported here, because it loads compiled functions
-
-    return BuiltinSimulator(geometry, case.radar, case.laws)
+    found: Any = SIMULATORS[case.simulator.kind]
+    kind: type[SimulatorKind] = found
+    return kind.of(case, geometry, geometry_path)
 
 
 def make_runner(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
-from radcal.config import BuiltinSimulation, Radar, TargetConfig, Validation, stages
+from radcal.config import Radar, TargetConfig, Validation, stages
 from radcal.errors import MeasurementError
 from radcal.ground.correlation import estimate_correlation
 from radcal.ground.goodness import goodness_of_fit
@@ -242,7 +242,7 @@ def make_targets(
         except MeasurementError:
             if not partly or (number == len(case.calibrated) and not targets):
                 raise
-    if isinstance(case.simulator, BuiltinSimulation):
+    if case.simulator.own:
         simulated_db = noise_floor_db(case.radar, geometry.flat_incidence_deg)
         rows = {name: target.pixels // geometry.shape[1] for name, target in targets.items()}
         targets = {
