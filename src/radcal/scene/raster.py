@@ -410,7 +410,4 @@ class RasterSource(SceneSource):
             parts = max(subdivision(source, grid) for source in (elevation, materials))
         return SceneSize(cells, grid.cell_m, cells * parts**2)
 
-    @staticmethod
-    def make(config: RasterScene, heading_deg: float) -> Scene:
-        """Scene on a grid along the track."""
-        return raster_scene(config, heading_deg)
+    make = staticmethod(raster_scene)

@@ -2,38 +2,15 @@
 
 from __future__ import annotations
 
-import functools
-import operator
 import re
 from collections.abc import Mapping
-from typing import Annotated, Any, Protocol
+from typing import Annotated
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    TypeAdapter,
-    ValidatorFunctionWrapHandler,
-    WrapValidator,
-)
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict
 
 from radcal.errors import ConfigError
-from radcal.plugins import Plugins
 
-__all__ = [
-    "EXAMPLES",
-    "MATERIALS_FROM",
-    "PASSES",
-    "TAGS",
-    "CaseName",
-    "HasSection",
-    "Section",
-    "check_case_name",
-    "with_foreign",
-    "with_tag",
-]
+__all__ = ["EXAMPLES", "MATERIALS_FROM", "PASSES", "TAGS", "CaseName", "Section", "check_case_name", "with_tag"]
 
 _LONGEST_NAME = 100  # file systems allow names of 255 bytes, and the names of some files contain the name of the case
 
@@ -122,34 +99,3 @@ class Section(BaseModel):
 
     # defer_build: pydantic builds a validator at its first use; a job needs only the validators of its own stage
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
-
-
-class HasSection(Protocol):
-    """Variant, such as a source of scenes, whose model of its section adds keys of its own."""
-
-    section: type[Section]
-
-
-def with_foreign(section: str, variants: Plugins[Any], *own: type[Section]) -> WrapValidator:
-    """Validator of a section of several kinds that also takes the kinds of other distributions, by their models.
-
-    Parameters
-    ----------
-    section : str
-        Name of the section.
-    variants : Plugins of HasSection
-        Variants by the value of the key that chooses the kind.
-    *own : type of Section
-        Models of radcal's own kinds.
-    """
-    tag = TAGS[section]
-
-    def validated(data: Any, handler: ValidatorFunctionWrapHandler) -> Any:
-        kind = data.get(tag) if isinstance(data, dict) else getattr(data, tag, None)
-        if not isinstance(kind, str) or kind in variants.builtin or not variants.foreign:
-            return handler(data)
-        kinds = (*own, *(variants[name].section for name in variants.foreign))
-        union: Any = functools.reduce(operator.or_, kinds)
-        return TypeAdapter[Any](Annotated[union, Field(discriminator=tag)]).validate_python(data)
-
-    return WrapValidator(validated)

@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 from pydantic import Field, SerializeAsAny, model_validator
 
 from radcal.plugins import Plugins
-from radcal.sections.base import HasSection, Section, with_foreign, with_tag
+from radcal.sections.base import Section, with_tag
 from radcal.sections.limits import Coordinate, Decibels, Integer, Length, Real, Seed
+from radcal.sections.variants import HasSection, with_foreign
 from radcal.tables.landcover import LandCover
 
 __all__ = [
