@@ -12,16 +12,19 @@ itself, or for the list of all names: a job of a case without foreign variants d
 from __future__ import annotations
 
 import functools
+import operator
 import pkgutil
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, Protocol, TypeVar, cast
+
+from pydantic import BaseModel, Field, TypeAdapter, ValidatorFunctionWrapHandler, WrapValidator
 
 from radcal.errors import ConfigError
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-__all__ = ["Plugins"]
+__all__ = ["HasSection", "Plugins", "with_foreign"]
 
 T = TypeVar("T")
 
@@ -103,3 +106,32 @@ class Plugins(Mapping[str, T]):
         if name in self.builtin:
             return {}
         return dict(zip(("distribution", "version"), _distribution(self.foreign[name]), strict=True))
+
+
+class HasSection(Protocol):
+    """Variant, such as a source of scenes, with the model of its section, which adds keys of its own."""
+
+    section: type[BaseModel]
+
+
+def with_foreign(tag: str, variants: Plugins[HasSection], *own: type[BaseModel]) -> WrapValidator:
+    """Validator of a section of several kinds that also takes the kinds of other distributions, by their models.
+
+    Parameters
+    ----------
+    tag : str
+        Key that chooses the kind.
+    variants : Plugins of HasSection
+        Variants by the value of this key.
+    *own : type of model
+        Models of radcal's own kinds.
+    """
+
+    def validated(data: Any, handler: ValidatorFunctionWrapHandler) -> Any:
+        kind = data.get(tag) if isinstance(data, dict) else getattr(data, tag, None)
+        if not isinstance(kind, str) or kind in variants.builtin or not variants.foreign:
+            return handler(data)
+        models: Any = functools.reduce(operator.or_, (*own, *(variants[name].section for name in variants.foreign)))
+        return TypeAdapter[Any](Annotated[models, Field(discriminator=tag)]).validate_python(data)
+
+    return WrapValidator(validated)

@@ -1,6 +1,7 @@
 # Scene and geometry, which do not depend on the laws' parameters.
 
 from radcal.radar import simulator_version
+from radcal.sections.scene import SCENES
 
 # The heading of the track turns the scene's grid. For a track to the north, this parameter of the rule is left out, so
 # that jobs of earlier cases do not run again.
@@ -24,6 +25,7 @@ rule scene:
         runtime=minutes("scene"),
     params:
         **HEADING,
+        **SCENES.origin(CASE.scene.source),  # of another distribution: its version
         case=STAGES["scene"].params(CASE),
     message:
         "scene"

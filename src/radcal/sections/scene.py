@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, SerializeAsAny, model_validator
 
-from radcal.plugins import Plugins
+from radcal.plugins import HasSection, Plugins, with_foreign
 from radcal.sections.base import Section, with_tag
 from radcal.sections.limits import Coordinate, Decibels, Integer, Length, Real, Seed
-from radcal.sections.variants import HasSection, with_foreign
 from radcal.tables.landcover import LandCover
 
 __all__ = [
@@ -231,7 +230,7 @@ SCENES: Plugins[HasSection] = Plugins(
 SceneConfig = Annotated[
     SerializeAsAny[BuiltinScene | SlantRangeScene | RasterScene],
     Field(discriminator="source"),
-    with_foreign("scene", SCENES, BuiltinScene, SlantRangeScene, RasterScene),
+    with_foreign("source", SCENES, BuiltinScene, SlantRangeScene, RasterScene),
     with_tag("scene", "builtin"),
 ]
 

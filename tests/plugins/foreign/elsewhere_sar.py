@@ -1,0 +1,77 @@
+"""A law, a reader, a source of scenes and a method of registration that another distribution adds to radcal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from radcal.image.base import Facts, Grid, Reader, ReadImage
+from radcal.laws import Law
+from radcal.scene.base import SceneSize, SceneSource
+from radcal.scene.model import Scene
+from radcal.sections.scene import SceneSection
+from radcal.storage.files import digest
+
+
+def line(phi: Any, parameters: Any) -> Any:
+    """Level at 0 and slope [dB, dB/rad]."""
+    return parameters[0] + parameters[1] * np.asarray(phi)
+
+
+LINE = Law(line, ("A", "B"), ("dB", "dB/rad"), ((-30.0, 0.0), (-20.0, 0.0)))
+
+
+class TextReader(Reader):
+    """Reader of tables of power whose names end with .sar."""
+
+    called = "a table of power"
+    gives_radiometry = True
+
+    @classmethod
+    def matches(cls, path: Path) -> bool:
+        """Whether the ending is .sar."""
+        return path.suffix == ".sar"
+
+    def facts(self, scene: Scene | None = None) -> Facts:
+        """First line: polarisation and radiometry."""
+        polarisation, radiometry = self.path.read_text().splitlines()[0].split()
+        return Facts(polarisation=polarisation, radiometry=radiometry)
+
+    def read(self, grid: Grid) -> ReadImage:
+        """Numbers below the first line."""
+        return ReadImage(*self.in_db(np.loadtxt(self.path, skiprows=1), "power", grid.shape))
+
+
+class Ramp(SceneSection):
+    """Ground that rises to the east, with a dyke in the south and grass in the north."""
+
+    source: Literal["elsewhere_ramp"] = "elsewhere_ramp"
+    side: int = Field(ge=20)
+    slope: float = 0.1
+
+
+class RampSource(SceneSource):
+    """Source of ramps."""
+
+    section = Ramp
+
+    @staticmethod
+    def size(config: Ramp) -> SceneSize:
+        """Square of cells of 5 m."""
+        return SceneSize(config.side**2, 5.0, config.side**2)
+
+    @staticmethod
+    def make(config: Ramp, heading_deg: float) -> Scene:
+        """Scene without a place on the map."""
+        height = np.tile(5.0 * config.slope * np.arange(config.side), (config.side, 1))
+        material = np.ones(height.shape, np.uint8)
+        material[config.side // 2 :] = 2
+        return Scene(digest({"ramp": config.slope}), ("dyke", "grass"), material, height, 5.0)
+
+
+def half_px(fixed: Any, moving: Any, start: Any, gefolki_px: Any) -> Any:
+    """Half of the displacement that GeFolki finds."""
+    return 0.5 * gefolki_px

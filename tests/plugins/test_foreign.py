@@ -1,0 +1,118 @@
+"""Variants of another distribution in a case file, through the stages that use them."""
+
+from __future__ import annotations
+
+import shutil
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from registration_samples import displaced, ground, smooth_field, speckled
+
+from radcal import plugins
+from radcal.config import Case, input_files, load, stages
+from radcal.errors import ConfigError, MeasurementError
+from radcal.image.model import Measurement
+from radcal.measurement.sources import make_measurement
+from radcal.radar.projection import make_geometry
+from radcal.registration.registered import register
+from radcal.scene.base import scene_size
+from radcal.scene.sources import make_scene
+from radcal.simulators.builtin import BuiltinSimulator
+
+CASE = """
+case: foreign
+scene: {source: elsewhere_ramp, side: 40, slope: 0.2}
+radar: {altitude_m: 1000, radiometry: sigma0_local, looks: 4}
+materials:
+  dyke: {calibrate: true, law: elsewhere_line}
+  grass: {parameters: [-14, 6, 2, 4]}
+measurement: {source: file, path: image.sar, scale: power}
+registration: {method: elsewhere_half}
+target: {pixels: 200}
+"""
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Folder with the distribution, as an installer leaves it, and the case."""
+    package = Path(__file__).parent / "foreign"
+    project = tomllib.loads((package / "pyproject.toml").read_text())["project"]
+    metadata = tmp_path / f"elsewhere_sar-{project['version']}.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: elsewhere-sar\nVersion: {project['version']}\n")
+    lines = []
+    for group, points in project["entry-points"].items():
+        lines += [f"[{group}]", *(f"{name} = {value}" for name, value in points.items())]
+    (metadata / "entry_points.txt").write_text("\n".join(lines))
+    shutil.copy(package / "elsewhere_sar.py", tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    plugins._entry_points.cache_clear()
+    yield tmp_path
+    plugins._entry_points.cache_clear()
+
+
+def loaded(folder: Path, **changes: str) -> Case:
+    text = CASE
+    for old, new in changes.items():
+        text = text.replace(old, new)
+    (folder / "case.yaml").write_text(text)
+    return load(["case.yaml"])
+
+
+def test_scene_law_and_reader_of_another_package_make_a_measurement(installed: Path) -> None:
+    case = loaded(installed)
+    assert scene_size(case.scene).cells == 1600
+    # a job restores its stage from plain data
+    stage = stages.MeasurementStage.model_validate(stages.MeasurementStage.params(case))
+    again = stages.SceneStage.model_validate(stages.SceneStage.params(case)).scene
+    assert again == case.scene
+    scene = make_scene(again, list(case.materials))
+    geometry = make_geometry(scene, case.radar)
+    parameters = {"dyke": [-8.0, -6.0], "grass": [-14.0, 6.0, 2.0, 4.0]}
+    image = BuiltinSimulator(geometry, case.radar, case.laws).run(parameters, 3)
+    power = np.nan_to_num(10.0 ** (image / 10.0))
+    np.savetxt("image.sar", power, header=f"{case.radar.polarisation} sigma0_local", comments="")
+    assert input_files(case)["measurement.path"] == Path("image.sar")
+    nothing: Any = None
+    found = make_measurement(stage, geometry, nothing, scene)
+    np.testing.assert_allclose(found.image_db, np.where(power > 0, image, np.nan), atol=1e-4)
+    np.savetxt("image.sar", power, header=f"{case.radar.polarisation} gamma0", comments="")
+    with pytest.raises(MeasurementError, match=r"the radiometry of image\.sar is gamma0, radar\.radiometry is sigma0_"):
+        make_measurement(stage, geometry, nothing, scene)
+
+
+def test_another_version_gives_another_scene_and_law(installed: Path) -> None:
+    case = loaded(installed)
+    one = make_scene(case.scene, None).identity
+    assert case.laws["dyke"].description == {"law": "elsewhere_line", "distribution": "elsewhere-sar", "version": "1.5"}
+    metadata = installed / "elsewhere_sar-1.5.dist-info/METADATA"
+    metadata.write_text(metadata.read_text().replace("1.5", "1.6"))
+    plugins._entry_points.cache_clear()
+    assert loaded(installed).laws["dyke"].description["version"] == "1.6"
+    assert make_scene(case.scene, None).identity != one
+
+
+def test_mistakes_in_the_keys_of_another_package_are_named(installed: Path) -> None:
+    with pytest.raises(ConfigError, match=r"scene\.side is 5, expected greater than or equal to 20"):
+        loaded(installed, **{"side: 40": "side: 5"})
+    with pytest.raises(ConfigError, match=r"scene\.source is 'elsewhere_rmp', expected .*'raster', 'elsewhere_ramp'"):
+        loaded(installed, elsewhere_ramp="elsewhere_rmp")
+    with pytest.raises(ConfigError, match=r"registration\.method is 'half', expected 'gefolki', 'ilk', 'elsewhere_h"):
+        loaded(installed, elsewhere_half="half")
+
+
+def test_a_method_of_another_package_registers(installed: Path) -> None:
+    case = loaded(installed)
+    mean = ground((128, 128), 1)
+    image = speckled(displaced(mean, smooth_field((128, 128), 2, 4.0, 30.0)), 3)
+    whole, half = (
+        register(speckled(mean, 4), Measurement(image, "a"), case.registration.model_copy(update={"method": method}))
+        for method in ("gefolki", "elsewhere_half")
+    )
+    assert (half.method, half.applied) == ("elsewhere_half", True)
+    np.testing.assert_allclose(half.displacement_px, 0.5 * whole.displacement_px, atol=1e-6)
