@@ -23,11 +23,13 @@ if TYPE_CHECKING:
 
 __all__ = [
     "GeoreferencedImage",
+    "Places",
     "check_spacing",
     "map_pixel_m",
     "places_on_ground",
     "read_georeferenced",
     "values_at_ground",
+    "window_around",
 ]
 
 Places = Callable[[Any], tuple[NDArray[np.float64], NDArray[np.float64]]]
@@ -129,20 +131,19 @@ def read_georeferenced(path: Path, config: FileMeasurement, places: Places | Non
                 f"{path} has no coordinate reference system or no transform to one, expected a georeferenced image."
             )
         plane = horizontal(crs)
-        window = _window(raster, *places(plane)) if places is not None else None
+        window = window_around(raster.transform, raster.shape, *places(plane)) if places is not None else None
         transform = raster.window_transform(window) if window is not None else raster.transform
         return GeoreferencedImage(path, raster_band(raster, file, window), transform, plane)
 
 
-def _window(raster: Any, x: NDArray[np.float64], y: NDArray[np.float64]) -> Any:
+def window_around(transform: Any, shape: tuple[int, int], x: NDArray[np.float64], y: NDArray[np.float64]) -> Any:
     """Rectangle of a raster's pixels around coordinates; one pixel if all coordinates lie outside the raster."""
     from rasterio.windows import Window
 
-    inverse = ~raster.transform
-    around = []
+    inverse, around = ~transform, []
     for at, size in (
-        (inverse.a * x + inverse.b * y + inverse.c, raster.width),
-        (inverse.d * x + inverse.e * y + inverse.f, raster.height),
+        (inverse.a * x + inverse.b * y + inverse.c, shape[1]),
+        (inverse.d * x + inverse.e * y + inverse.f, shape[0]),
     ):
         known = at[np.isfinite(at)]
         low, high = (known.min(), known.max()) if known.size else (0.0, 0.0)

@@ -1,4 +1,4 @@
-"""Measured images in GeoTIFF and other rasters: on the map by their header, else in slant range."""
+"""Measured images in arrays and rasters: in slant range, or on the map by the header of a GeoTIFF or other raster."""
 
 from __future__ import annotations
 
@@ -14,23 +14,26 @@ from numpy.typing import NDArray
 
 from radcal.errors import MeasurementError
 from radcal.findings import Finding
-from radcal.image.array import ArrayReader
-from radcal.image.base import Facts, Grid, ReadImage
+from radcal.image.base import Facts, Grid, Reader, ReadImage
 from radcal.image.georeference import (
+    GeoreferencedImage,
+    Places,
     check_spacing,
     map_pixel_m,
     places_on_ground,
     read_georeferenced,
     values_at_ground,
 )
-from radcal.reading.arrays import is_raster
+from radcal.reading.arrays import is_raster, read_array
 from radcal.reading.rasters import open_raster
 from radcal.scene.crs import crs_of, horizontal, pixel_size_m
 
 if TYPE_CHECKING:
+    from pyproj import CRS
+
     from radcal.scene.model import Scene
 
-__all__ = ["Header", "RasterReader"]
+__all__ = ["ArrayReader", "Header", "RasterReader"]
 
 Place = tuple[str, Sequence[float]]  # CRS and transform of the scene
 
@@ -62,6 +65,34 @@ class Header(Facts):
     normalisation: str | None = None
     decibels: bool = False
     incidence: tuple[int, str, bool] | None = None
+
+
+class ArrayReader(Reader):
+    """Reader of an array without a place on the map."""
+
+    called = "an array"
+
+    @classmethod
+    def matches(cls, path: Path) -> bool:
+        """Whether the ending is that of an array format."""
+        return not is_raster(path)
+
+    def read(self, grid: Grid) -> ReadImage:
+        """Image in slant range, of the size of the scene's image."""
+        resized = "" if grid.on_map is None else _off_the_map(grid.on_map[0], self.facts().crs)
+        values = read_array(self.file(grid.shape, resized))
+        return ReadImage(*self.in_db(values, self.config.scale, grid.shape))
+
+
+def _off_the_map(scene: str, crs: CRS | None) -> str:
+    """End of the message about an image of another size that has no place on the map; ``scene`` is the scene's CRS."""
+    from pyproj import CRS
+
+    lacks = "CRS" if crs is None else "transform from its pixels to the map"
+    return (
+        f", and the file has no {lacks}, expected a georeferenced image, as the scene in "
+        f"{CRS.from_user_input(scene).name} is, or one in slant range on the grid of the scene's image"
+    )
 
 
 class RasterReader(ArrayReader):
@@ -130,11 +161,14 @@ class RasterReader(ArrayReader):
         findings = Finding("file_around_scene", "note", self.name, around), self._angle(grid, place)
         return ReadImage(*read, findings, resampled=True, pixel_m=map_pixel_m(pixel_m, self.radar))
 
+    def georeferenced(self, band: int | None, places: Places) -> GeoreferencedImage:
+        """Numbers of a band around places, with CRS and transform; what another format on the map reads in its way."""
+        return read_georeferenced(self.path, self.config.model_copy(update={"band": band}), places)
+
     def _band_at_ground(self, grid: Grid, place: Place, band: int | None) -> tuple[NDArray[Any], NDArray[Any]]:
         """Numbers of a band around the scene, and on the ground that each pixel of the scene's image shows."""
         ground = grid.geometry.ground
-        config = self.config.model_copy(update={"band": band})
-        image = read_georeferenced(self.path, config, partial(places_on_ground, *place, ground))
+        image = self.georeferenced(band, partial(places_on_ground, *place, ground))
         return image.values, values_at_ground(image, *place, ground)
 
     def _check_no_heights(self, values: NDArray[Any], grid: Grid) -> None:

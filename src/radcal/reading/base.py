@@ -69,7 +69,7 @@ READERS: Plugins[type[FileReader]] = Plugins(
     {
         "sentinel1": "radcal.sentinel1.reader:Sentinel1Reader",
         "sicd": "radcal.image.sicd:SicdReader",
-        "array": "radcal.image.array:ArrayReader",
+        "array": "radcal.image.raster:ArrayReader",
         "raster": "radcal.image.raster:RasterReader",
     },
 )
