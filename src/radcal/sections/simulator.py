@@ -7,8 +7,8 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BeforeValidator, Field, SerializeAsAny, model_validator
 
-from radcal.plugins import Plugins
-from radcal.sections.base import HasSection, Section, with_foreign, with_tag
+from radcal.plugins import HasSection, Plugins, with_foreign
+from radcal.sections.base import Section, with_tag
 from radcal.sections.limits import LONGEST_S, Count, Integer, RetryWait, Timeout
 
 __all__ = [
