@@ -388,6 +388,7 @@ def content(request, tmp_path_factory):
     return path.read_bytes()
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_flipped_bits_give_an_image_or_a_sentence(tmp_path, content, data):
