@@ -114,6 +114,16 @@ def test_of_a_large_file_header_and_size_are_compared_first(tmp_path: Path) -> N
             inspect(path, "scene", most_bytes=600)
 
 
+def test_a_file_of_the_largest_size_is_read_whole(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.h5")
+    content = bytearray(path.read_bytes())
+    content[-1] ^= 1
+    path.write_bytes(content)
+    inspect(path, "scene", most_bytes=len(content) - 1)
+    with pytest.raises(DamagedError, match="its contents differ from its checksum"):
+        inspect(path, "scene", most_bytes=len(content))
+
+
 def test_a_file_that_somebody_has_replaced_meanwhile_is_not_set_aside(tmp_path: Path) -> None:
     path = write(tmp_path / "a.h5")
     number = path.stat().st_ino
