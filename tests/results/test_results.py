@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pandas as pd
 import pytest
+from archive_fixtures import HIDDEN
 from archives import changed_material, image
 
 from radcal.config import case_from
@@ -19,7 +20,7 @@ from radcal.objectives.history import History, PassScore
 from radcal.results.law_notes import law_notes
 from radcal.results.results import _of_passes
 from radcal.results.run_table import write_table
-from radcal.results.summary import summarise
+from radcal.results.summary import _pass_law, summarise
 from radcal.targets.target import Targets
 from radcal.words import sentence
 
@@ -212,6 +213,13 @@ def test_the_law_of_a_pass_is_judged_over_its_own_incidence(made, tmp_path):
     assert second["pixels"] == made.targets["dyke"].pixels.size
     unknown = changed_material(archive, "dyke", posterior=replace(known, curve=None))
     assert summarise(unknown)["passes"][1]["materials"]["dyke"]["half_width_db"] is None
+
+
+def test_the_largest_difference_from_a_hidden_law_has_no_sign(made):
+    for level in (2.0, -2.0):
+        archive = replace(made.archive, laws={"dyke": np.add(HIDDEN, [level, 0.0, 0.0, 0.0])})
+        assert _pass_law(archive, "1", "dyke", LAWS["mangia"])["difference_db"] == pytest.approx(2.0)
+    assert _pass_law(made.archive, "1", "stem beans", LAWS["mangia"])["difference_db"] is None
 
 
 def test_the_level_is_subtracted_where_one_is_assumed():

@@ -136,6 +136,12 @@ def test_a_file_that_somebody_has_replaced_meanwhile_is_not_set_aside(tmp_path: 
     assert left_in(tmp_path) == ["a.damaged"]
 
 
+def test_a_file_of_no_case_is_read_in_any(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.h5")
+    with provenance("dyke"), read_hdf5(path, "scene") as file:
+        assert file["x"][1] == 1.0
+
+
 def test_beside_a_finished_calibration_only_the_same_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
