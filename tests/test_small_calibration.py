@@ -76,6 +76,7 @@ def test_the_loop_in_one_process_gives_the_same_runs(finished, tmp_path, monkeyp
     runner = make_runner(case, finished.out() / "scene.h5", finished.out() / "passes/1/geometry.h5", tmp_path / "runs")
     history, decision = calibrate(case, runner, read_targets(finished.out() / "passes/1/target.h5"))
     assert decision.converged
+    assert [run.index for run in history.infill] == list(range(len(history.infill)))
     with h5py.File(finished.out() / "calibration.h5") as file:
         assert [run.keys[0] for run in history.runs] == list(file["passes/1/keys"].asstr()[()])
         np.testing.assert_array_equal(
