@@ -44,8 +44,12 @@ def on_map(made, ground):
 
 def export(made, folder, archive=None, scene=None, geometry=None):
     archive = made.archive if archive is None else archive
-    case = stages.Export.of(made.case)
-    return write_export(folder, case, archive, scene or made.scene, geometry or made.geometry)
+    case, final = stages.Export.of(made.case), folder / "final.json"
+    write_index(final, [])
+    of_pass = [geometry or made.geometry], [archive.registered], [archive.levels]
+    images = pass_images(case, archive, *of_pass, final, folder / "runs")
+    final.unlink()
+    return write_export(folder, case, archive, scene or made.scene, images)
 
 
 def test_a_known_corner_lies_at_its_place(made, on_map, tmp_path):
@@ -108,10 +112,12 @@ def test_images_of_a_further_pass_are_those_of_its_own_fresh_run(made, tmp_path)
     write_index(tmp_path / "final.json", [IndexedRun(key, {}) for key in keys])
     radar = [{"depression_deg": 45}, {"depression_deg": 30}]
     case = case_from({**made.case.sections("materials"), "radar": radar, "measurement": [{}, {}]})
-    (found,) = pass_images(
-        stages.Export.of(case), [made.geometry] * 2, [made.registered] * 2, [Levels("offset", 0.5, 0.1)] * 2,
+    first, found = pass_images(
+        stages.Export.of(case), made.archive, [made.geometry] * 2, [made.registered] * 2,
+        [Levels("offset", 0.5, 0.1)] * 2,
         tmp_path / "final.json", tmp_path / "runs",
     )  # fmt: skip
+    np.testing.assert_array_equal(first.calibrated_db, made.archive.images.calibrated_db)
     assert found.radar.depression_deg == 30
     np.testing.assert_array_equal(found.calibrated_db, image + 3)
     np.testing.assert_allclose(found.measured_db, made.registered.measurement.image_db - 0.5, rtol=1e-6)

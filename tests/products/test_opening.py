@@ -11,7 +11,7 @@ import pytest
 import radcal
 from radcal.config import stages
 from radcal.errors import StoreError
-from radcal.products.export import write_export
+from radcal.products.export import PassImages, write_export
 from radcal.results.run_table import write_table
 from radcal.results.summary import summarise
 from radcal.storage.records import write_json
@@ -21,9 +21,10 @@ PAGE = Path(__file__).parents[2] / "docs" / "exports.md"
 
 def finish(made, folder, **scene):
     """Results folder of a finished calibration, as far as scripts read it."""
-    write_export(
-        folder / "export", stages.Export.of(made.case), made.archive, replace(made.scene, **scene), made.geometry
-    )
+    images = (made.archive.measured_db, made.archive.images.calibrated_db)
+    of_pass = [PassImages(made.case.radar, made.geometry, *images, "measured image, not registered")]
+    scene = replace(made.scene, **scene)
+    write_export(folder / "export", stages.Export.of(made.case), made.archive, scene, of_pass)
     write_table(folder / "runs.csv", made.archive)
     write_json(folder / "summary.json", summarise(made.archive), flat=True)
     return folder

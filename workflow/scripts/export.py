@@ -17,9 +17,10 @@ with logged(snakemake.log[0], snakemake.params.case):
     archive = read_archive(snakemake.input.archive)
     registered = [read_registered(path) for path in snakemake.input.registered]
     levels = [one.levels for one in read_targets(*snakemake.input.target).passes]
-    further = pass_images(case, geometries, registered, levels, snakemake.input.final, snakemake.params.runs)
+    final, runs = snakemake.input.final, snakemake.params.runs
+    images = pass_images(case, archive, geometries, registered, levels, final, runs)
     external = case.simulator.only_parameters  # whose own input is exported
     simulator = make_simulator(case, geometries[0], snakemake.input.geometry[0]) if external else None
-    files = write_export(snakemake.output.folder, case, archive, scene, geometries[0], further, simulator)
+    files = write_export(snakemake.output.folder, case, archive, scene, images, simulator)
     write_listing(snakemake.output.checksums, files)
     progress(f"export: {snakemake.output.folder}")

@@ -16,13 +16,13 @@ from radcal.assessment.registration_check import check_registration
 from radcal.calibration.scoring import with_texture
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Stop, stages
-from radcal.errors import StoreError
 from radcal.findings import Finding
 from radcal.objectives import Comparison
 from radcal.objectives.history import History
 from radcal.posterior.result import Image, Posterior
 from radcal.radar.geometry import Geometry
 from radcal.registration.registered import Registered
+from radcal.storage.run_index import record_of
 from radcal.storage.runs import Record, RunStore
 from radcal.targets.target import Targets
 
@@ -126,12 +126,8 @@ def conclude(
         If the record of the reference run is missing or holds no image.
     """
     store, key = RunStore(runs), history.runs[0].keys[0]
-    reference = store.get(key, list(targets), image=True)
-    if reference is None:
-        raise StoreError(
-            f"{store.path(key)}: the reference run is missing or without its image; delete "
-            f"{Path(runs).parent / 'passes/1/reference.json'} and type the same command again to make it again."
-        )
+    index = Path(runs).parent / "passes/1/reference.json"
+    reference = record_of(store, index, key, list(targets), image=True)
     first = {name: score.looks for name, score in history.runs[0].scores.items()}
     looks = {name: history.best(name).looks for name in targets}
     fresh_db = with_texture(final[1].pixels_db, objectives, looks, case.seed, fresh=True)

@@ -27,7 +27,6 @@ __all__ = [
     "STAGES",
     "ArchiveStage",
     "DesignChunk",
-    "DesignSize",
     "Export",
     "FinalRuns",
     "ForwardStage",
@@ -143,15 +142,6 @@ class TargetStage(Simulation, Scores):
 
 class LawsOfImage(TargetStage):
     """Sections that rule ``laws_of_image`` reads to fit laws for the registration run."""
-
-
-class DesignSize(Stage):
-    """Sections that determine the number of runs of the design."""
-
-    materials: dict[str, Material]
-    target: TargetConfig
-    design: Design
-    surrogate: SurrogateConfig
 
 
 class DesignChunk(Simulation):

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Radar, stages
-from radcal.errors import StoreError
 from radcal.ground.levels import Levels, without_level
 from radcal.products.geotiff import Layer, write_layers
 from radcal.products.tables import (
@@ -32,7 +31,7 @@ from radcal.scene.model import Scene
 from radcal.seeds import noise_seed
 from radcal.simulators.base import Simulator
 from radcal.storage.files import atomic
-from radcal.storage.run_index import read_index
+from radcal.storage.run_index import read_index, record_of
 from radcal.storage.runs import RunStore
 
 __all__ = ["PassImages", "ground_layers", "pass_images", "write_export"]
@@ -53,20 +52,23 @@ class PassImages:
 
 def pass_images(
     case: stages.Export,
+    archive: Archive,
     geometries: Sequence[Geometry],
     registered: Sequence[Registered],
     levels: Sequence[Levels],
     final: str | Path,
     runs: str | Path,
 ) -> list[PassImages]:
-    """Measured and calibrated images of the second and later passes.
+    """Measured and calibrated images of all passes.
 
     Parameters
     ----------
     case : stages.Export
         Passes of the case.
+    archive : Archive
+        Results of the calibration, which hold the calibrated image of the first pass with the texture of each material.
     geometries, registered, levels : sequence
-        Geometry, registered image and level of each pass, the first one included.
+        Geometry, registered image and level of each pass.
     final, runs : path
         Index of the final runs, two for each pass, and folder of the run store.
 
@@ -77,24 +79,17 @@ def pass_images(
     """
     found, store, index = [], RunStore(runs), read_index(final)
     each = zip(case.passes, geometries, registered, levels, strict=True)
-    for number, (one, geometry, image, level) in list(enumerate(each))[1:]:
-        key = index[2 * number + 1].key
-        record = store.get(key, case.calibrated, image=True)
-        if record is None or record.image_db is None:
-            raise StoreError(
-                f"{store.path(key)}: missing or without the whole image, though {final} lists it; delete {final} and "
-                "type the same command again to make this run again."
-            )
-        text = _measured_words(image.applied, level.normalisation)
+    for number, (one, geometry, image, level) in enumerate(each):
+        calibrated_db = archive.images.calibrated_db
+        if number > 0:
+            key = index[2 * number + 1].key
+            calibrated_db = record_of(store, final, key, case.calibrated, image=True).image_db
+        text = f"measured image, {'registered' if image.applied else 'not registered'}"
+        if level.normalisation != "none":
+            text += ", after subtraction of its assumed level"
         measured_db = without_level(image.measurement.image_db, level)
-        found.append(PassImages(one.radar, geometry, measured_db, record.image_db, text))
+        found.append(PassImages(one.radar, geometry, measured_db, calibrated_db, text))
     return found
-
-
-def _measured_words(registered: bool, normalisation: str) -> str:
-    """Description of a measured image, for the tags of its file."""
-    level = "" if normalisation == "none" else ", after subtraction of its assumed level"
-    return f"measured image, {'registered' if registered else 'not registered'}{level}"
 
 
 def write_export(
@@ -102,8 +97,7 @@ def write_export(
     case: stages.Export,
     archive: Archive,
     scene: Scene,
-    geometry: Geometry,
-    further: Sequence[PassImages] = (),
+    images: Sequence[PassImages],
     simulator: Simulator | None = None,
 ) -> list[Path]:
     """Write the folder ``export``, each file atomically.
@@ -116,10 +110,10 @@ def write_export(
         Materials, passes and seed of the case.
     archive : Archive
         Results of the calibration, with images.
-    scene, geometry : Scene, Geometry
-        Scene of the case, and geometry of the first pass.
-    further : sequence of PassImages
-        Images of the second and later passes.
+    scene : Scene
+        Scene of the case.
+    images : sequence of PassImages
+        Images of all passes.
     simulator : Simulator, optional
         Simulator of the first pass, whose input is exported if it is an external program.
 
@@ -146,10 +140,7 @@ def write_export(
     if isinstance(simulator, CommandSimulator):
         parameters = {name: archive.laws[name].tolist() for name in case.materials}
         files += simulator.write_input(folder / _INPUT, parameters, seed)
-    images = archive.images
-    what = _measured_words(archive.registered.applied, archive.levels.normalisation)
-    first = PassImages(case.radar, geometry, archive.measured_db, images.calibrated_db, what)
-    for number, one in enumerate([first, *further], start=1):
+    for number, one in enumerate(images, start=1):
         tags = {"case": archive.configured.case, "radiometry": one.radar.radiometry}
         layers = {**_image_layers(one, tags), **ground_layers(one.geometry, tags)}
         files += write_layers(folder, number, layers, scene, one.geometry)

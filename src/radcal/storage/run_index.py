@@ -14,7 +14,7 @@ from radcal.errors import StoreError
 from radcal.storage.records import from_json, read_json, write_json
 from radcal.storage.runs import Parameters, Record, RunStore
 
-__all__ = ["IndexedRun", "in_all_passes", "indexed", "read_index", "write_index"]
+__all__ = ["IndexedRun", "in_all_passes", "indexed", "read_index", "record_of", "write_index"]
 
 Key = Annotated[str, Field(pattern=r"^\w+$")]  # a file name, which stays below the folder of the runs
 
@@ -86,8 +86,8 @@ def indexed(
     store = RunStore(runs)
     for file in files:
         for run in read_index(file):
-            draws = tuple(_found(store, file, key, materials, False) for key in run.draws)
-            yield replace(_found(store, file, run.key, materials, image), draws=draws), run.parameters
+            draws = tuple(record_of(store, file, key, materials) for key in run.draws)
+            yield replace(record_of(store, file, run.key, materials, image), draws=draws), run.parameters
 
 
 def in_all_passes(
@@ -107,8 +107,8 @@ def in_all_passes(
         yield list(records), each[0]
 
 
-def _found(store: RunStore, file: str | Path, key: str, materials: Sequence[str], image: bool) -> Record:
-    """Record of a run that an index lists; a missing record raises a StoreError."""
+def record_of(store: RunStore, file: str | Path, key: str, materials: Sequence[str], image: bool = False) -> Record:
+    """Record of a run that the index ``file`` lists; a missing record raises a StoreError."""
     record, path = store.get(key, materials, image), store.path(key)
     if record is None and not path.is_file():
         raise StoreError(
