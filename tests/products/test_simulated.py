@@ -13,7 +13,7 @@ from raster_files import write_raster
 from typer.testing import CliRunner, Result
 
 from radcal.cli import app
-from radcal.config import load_forward
+from radcal.config import Radar, load_forward
 from radcal.errors import ConfigError
 from radcal.newcase.forward_case import forward_case
 from radcal.products.simulated import forward
@@ -77,10 +77,11 @@ def test_complex_looks_have_the_power_of_the_image_and_documented_attributes(tmp
     for number, polarisation in (("", "HH"), ("_pass2", "VV")):
         with h5py.File(tmp_path / f"results/small/simulated/complex{number}.h5") as file:
             for name in file.attrs:
-                assert f"attribute `{name}`" in table
+                assert f"attribute `{name}`" in table or name in Radar.model_fields
             for name in file["looks"].attrs:
                 assert f"| `looks`, attribute `{name}` |" in table
             assert (file.attrs["product"], file.attrs["polarisation"]) == ("complex", polarisation)
+            assert {"radiometry", "range_spacing_m", "azimuth_spacing_m"} <= set(file.attrs)
             assert "random" in file["looks"].attrs["phases"]
             looks, record = file["looks"][()], runs.get(file.attrs["run"], [], image=True)
         assert record is not None

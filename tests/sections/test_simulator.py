@@ -36,7 +36,7 @@ def test_unquoted_placeholders_are_what_was_meant(tmp_path: Path) -> None:
         ({"materials": {"soil": SOIL | {"law": "external", "start": [0.5]}}}, r"start has 1 number, .*names: mv, s"),
         (
             {"materials": {"soil": SOIL | {"start": {"law": "external", "parameters": [0.5, 1]}}}},
-            r"materials\.soil\.start: law is 'external', which cannot be a start",
+            r"materials\.soil\.start: law is 'external', which only an external",
         ),
         (
             {"materials": {"soil": SOIL | {"start": {"law": "mangia", "parameters": X}}}, "measurement": TRUE_SOIL},

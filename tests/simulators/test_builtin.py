@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from radcal.config import Radar
-from radcal.errors import ConfigError
-from radcal.laws import external_law, law_for
+from radcal.laws import law_for
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
@@ -48,11 +47,6 @@ def test_the_mean_power_of_the_complex_looks_is_the_intensity(geometry: Geometry
     np.testing.assert_allclose(power, 10.0 ** (simulator.run(X, 5).astype(np.float64) / 10.0), rtol=3e-6, atol=1e-12)
     phases = found[:, ::5, ::5] / np.abs(found[:, ::5, ::5])  # of resolution cells of their own
     assert np.abs(phases.mean()) < 4.0 / np.sqrt(phases.size)
-
-
-def test_a_law_that_another_simulator_knows_is_refused(geometry: Geometry, radar: Radar) -> None:
-    with pytest.raises(ConfigError, match=r"materials\.grass\.law is external, which only simulator\.kind: command"):
-        BuiltinSimulator(geometry, radar, {**LAWS, "grass": external_law(["mv"])})
 
 
 def test_the_expected_image_is_the_mean_of_many_looks(scene: Scene) -> None:

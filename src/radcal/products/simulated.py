@@ -195,18 +195,8 @@ def _write_looks(path: Path, case: str, radar: Radar, made: Forward) -> None:
             "random, independent in each look and in each pixel before the impulse response: they hold neither the "
             "range to the ground nor an interferometric phase"
         )
-        file.attrs.update(
-            {
-                "case": case,
-                "run": made.key,
-                "product": "complex",
-                "radiometry": radar.radiometry,
-                "polarisation": radar.polarisation,
-                "frequency_ghz": np.nan if radar.frequency_ghz is None else radar.frequency_ghz,
-                "range_spacing_m": radar.range_spacing_m,
-                "azimuth_spacing_m": radar.azimuth_spacing_m,
-            }
-        )
+        known = {key: value for key, value in radar.described().items() if value is not None}
+        file.attrs.update({"case": case, "run": made.key, "product": "complex", **known})
     with atomic(path) as partial_path:
         partial_path.write_bytes(whole.getbuffer())
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -14,7 +14,7 @@ from radcal.sections.errors import nearest
 from radcal.sections.limits import Parameter, Real
 from radcal.tables import read_table
 
-__all__ = ["Material", "OtherLaw", "Start", "check_parameters", "default_materials"]
+__all__ = ["Material", "OtherLaw", "check_parameters", "default_materials"]
 
 _DEFINING = ("law", "angles_deg", "formula", "names", "conditions")  # keys of a law that are not its parameters
 _LARGEST_WHOLE = 2.0**53
@@ -88,9 +88,10 @@ def check_parameters(key: str, values: Sequence[float], law: Law) -> None:
 
 
 class OtherLaw(Section):
-    """Law and parameters of a material, for an image in which the law may differ from that in section ``materials``."""
+    """Law and parameters of a material in an image whose law may differ from that in section ``materials``.
 
-    _cannot_be: ClassVar[str] = "only an external simulator can evaluate"
+    It is the law of the reference run (``start``), or the hidden law of a synthetic measurement.
+    """
 
     law: str = Field(description="law of the material")
     angles_deg: Knots | None = Field(None, description="knots of a tabulated law [deg]")
@@ -103,7 +104,8 @@ class OtherLaw(Section):
     def _consistent(self) -> Self:
         if self.law == EXTERNAL:
             raise ValueError(
-                f"law is {EXTERNAL!r}, which {self._cannot_be}, expected one of {', '.join(laws_known(external=False))}"
+                f"law is {EXTERNAL!r}, which only an external simulator can evaluate, expected one of "
+                f"{', '.join(laws_known(external=False))}"
             )
         law = self.unbound_law
         check_parameters("parameters", self.parameters, law)
@@ -114,12 +116,6 @@ class OtherLaw(Section):
     def unbound_law(self) -> Law:
         """Law with the names of its parameters, without the frequency and polarisation of a pass."""
         return _law_of(self)
-
-
-class Start(OtherLaw):
-    """Law and parameters of a material in the reference run, for a start from another law than the calibrated one."""
-
-    _cannot_be: ClassVar[str] = "cannot be a start"
 
 
 class Material(Section):
@@ -159,8 +155,8 @@ class Material(Section):
     )
     start: (
         Annotated[
-            Annotated[list[Parameter], Tag("a list")] | Annotated[Start, Tag("a law")],
-            Discriminator(lambda value: "a law" if isinstance(value, dict | Start) else "a list"),
+            Annotated[list[Parameter], Tag("a list")] | Annotated[OtherLaw, Tag("a law")],
+            Discriminator(lambda value: "a law" if isinstance(value, dict | OtherLaw) else "a list"),
         ]
         | None
     ) = Field(
@@ -301,7 +297,7 @@ class Material(Section):
         """Parameters in the reference run, of the law that ``start`` names, or else of the calibrated law."""
         if not self.calibrate:
             return list(self.parameters or [])
-        if isinstance(self.start, Start):
+        if isinstance(self.start, OtherLaw):
             return list(self.start.parameters)
         if self.start is not None:
             return list(self.start)
@@ -313,14 +309,14 @@ class Material(Section):
         """Whether the law in the reference run differs from the calibrated law."""
         return (
             self.calibrate
-            and isinstance(self.start, Start)
+            and isinstance(self.start, OtherLaw)
             and any(getattr(self.start, key) != getattr(self, key) for key in _DEFINING)
         )
 
     @property
     def at_start(self) -> Material:
         """Material as simulated in the reference run: with the law that ``start`` names, or else with its own law."""
-        if not (self.starts_with_another_law and isinstance(self.start, Start)):
+        if not (self.starts_with_another_law and isinstance(self.start, OtherLaw)):
             return self
         return self.with_law(self.start)
 

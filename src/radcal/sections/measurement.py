@@ -22,7 +22,6 @@ __all__ = [
     "RADIOMETRY_EXPECTED",
     "REGISTRATIONS",
     "FileMeasurement",
-    "HiddenLaw",
     "MeasurementConfig",
     "RegistrationConfig",
     "Synthetic",
@@ -40,10 +39,6 @@ _SOURCE = "source of the measured image: synthetic or file; each source has its 
 def hidden_dyke() -> list[float]:
     """Hidden parameters of the default case's dyke."""
     return list(read_table("demonstration")["synthetic"]["parameters"]["dyke"])
-
-
-class HiddenLaw(OtherLaw):
-    """Hidden law of a material in the synthetic measurement."""
 
 
 class Synthetic(Section):
@@ -67,7 +62,7 @@ class Synthetic(Section):
     warp_px: Annotated[Real, Field(ge=0, le=50)] = Field(
         2.0, description="rms displacement between synthetic measurement and simulated image [pixels]"
     )
-    laws: dict[str, HiddenLaw] = Field(
+    laws: dict[str, OtherLaw] = Field(
         default_factory=dict,
         description="hidden law by material, as {law, parameters}, for a law that is not that of section materials",
     )

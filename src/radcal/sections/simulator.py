@@ -329,6 +329,6 @@ SIMULATORS: Plugins[HasSection] = Plugins(
 SimulatorConfig = Annotated[
     SerializeAsAny[BuiltinSimulation | CommandSimulation],
     Field(discriminator="kind"),
-    with_foreign("simulator", SIMULATORS, BuiltinSimulation, CommandSimulation),
+    with_foreign("kind", SIMULATORS, BuiltinSimulation, CommandSimulation),
     with_tag("simulator", "builtin"),
 ]

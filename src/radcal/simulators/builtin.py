@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Radar, stages
-from radcal.errors import ConfigError
-from radcal.laws import EXTERNAL, Law, laws_known
+from radcal.laws import Law
 from radcal.radar import simulator_version
 from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, decibels
@@ -48,22 +47,11 @@ class BuiltinSimulator:
         The pass.
     laws : mapping
         Law of each material.
-
-    Raises
-    ------
-    ConfigError
-        A law is external: it has no curve, so that only an external simulator can evaluate it.
     """
 
     def __init__(self, geometry: Geometry, radar: Radar, laws: Mapping[str, Law]) -> None:
         self._geometry, self._version = geometry, simulator_version(radar.earth)
         self._laws = laws
-        for name, law in self._laws.items():
-            if not law.has_curve:
-                raise ConfigError(
-                    f"materials.{name}.law is {EXTERNAL}, which only simulator.kind: command can simulate, expected "
-                    f"one of {laws_known(external=False)}."
-                )
         noise_db = noise_floor_db(radar, geometry.flat_incidence_deg)
         self._formation = ImageFormation(radar, geometry.shape, noise_db, geometry.points)
         self._last: _Last | None = None
