@@ -7,7 +7,7 @@ import pytest
 
 from radcal.config import Radar
 from radcal.errors import MeasurementError
-from radcal.image.resolution import check_resolutions, unchecked_resolutions
+from radcal.image.speckle_check import check_resolutions, unchecked_resolutions
 
 MATERIAL = np.zeros((40, 60), dtype=np.uint8)
 MATERIAL[3:21, 5:40] = 1

@@ -17,7 +17,7 @@ K = 10.0 / np.log(10.0)
 
 def acquisition(side: str) -> Acquisition:
     return Acquisition(
-        "S1.SAFE", "S1B IW GRD", "2020", "ascending", 346.0, 349.5, side, 38.0, 7e5, 5.405e9, "VV", 4.4, (5, 1), 10.0,
+        "S1.SAFE", "S1B IW GRD", "2020", "ascending", 349.5, side, 38.0, 7e5, 5.405e9, "VV", 4.4, (5, 1), 10.0,
         9.0, 3.1, 22.0, ((30.0, -24.0), (45.0, -22.0)), False,
     )  # fmt: skip
 

@@ -6,14 +6,14 @@ import os
 import re
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
 from radcal.config.case import Case
 from radcal.errors import ConfigError, MissingFile
 from radcal.reading.base import reader_of
-from radcal.reading.rasters import RasterRefused, raster_files
+from radcal.reading.rasters import raster_files
 from radcal.reading.vectors import vector_files
 from radcal.sections.errors import shown
 from radcal.sections.measurement import FileMeasurement
@@ -139,28 +139,46 @@ def _sources(case: Case) -> Iterator[Callable[[], dict[str, Path]]]:
     """Functions that find input files: one function for each configuration key."""
     scene = case.scene
     for key in scene.rasters:
-        yield partial(_raster_inputs, scene, key, f"scene.{key}")
+        yield partial(_found, getattr(scene, key), f"scene.{key}", scene, "a raster", _with_raster)
     for key in scene.tables:
         if (path := getattr(scene, key)) is not None:
-            yield partial(_plain, path, f"scene.{key}")
+            yield partial(_found, path, f"scene.{key}", scene)
     if scene.on_ground and scene.on_ground.path:
-        yield partial(_vector_inputs, scene.on_ground.path, "scene.objects.path")
+        yield partial(_found, scene.on_ground.path, "scene.objects.path", scene, "vectors", _with_vectors)
     for number, one in enumerate(case.passes, start=1):
-        if isinstance(one.measurement, FileMeasurement):
+        if isinstance(image := one.measurement, FileMeasurement):
             key = f"measurement.{number}.path" if len(case.radars) > 1 else "measurement.path"
-            yield partial(_image_inputs, one.measurement, one.radar.polarisation, key)
+            reader = reader_of(image.path)
+            files = partial(reader.files, polarisation=one.radar.polarisation)
+            yield partial(_found, image.path, key, image, reader.called, files, reader.folder)
     if isinstance(case.simulator, CommandSimulation):
         yield partial(_simulator_files, case.simulator)
 
 
-def _plain(text: str, key: str) -> dict[str, Path]:
-    return {key: expand_path(text, key)}
+def _found(
+    text: str,
+    key: str,
+    config: SceneSection | FileMeasurement,
+    called: str = "a file",
+    files: Callable[..., list[Path]] | None = None,
+    folder: bool = False,
+) -> dict[str, Path]:
+    """Path of a key, and paths of the other files that are read with it, by a function of path and VRT folders."""
+    path = expand_path(text, key, folder=folder)
+    try:
+        first, *others = files(path, folders=vrt_folders(config)) if files is not None else [path]
+    except ValueError as error:
+        raise ConfigError(f"{key}: {path} cannot be read as {called} ({error}).") from None
+    return {key: first} | {f"{key}.{k}": other for k, other in enumerate(others)}
 
 
-def _vector_inputs(text: str, key: str) -> dict[str, Path]:
-    """Path of a table of objects, and paths of the other files of a shapefile."""
-    path = expand_path(text, key)
-    return {key: path} | {f"{key}.{k}": other for k, other in enumerate(vector_files(path))}
+def _with_raster(path: Path, folders: Sequence[Path]) -> list[Path]:
+    return [path, *raster_files(path, folders)]
+
+
+def _with_vectors(path: Path, folders: Sequence[Path]) -> list[Path]:
+    del folders
+    return [path, *vector_files(path)]
 
 
 def check_reuse(case: Case, results: str | Path) -> None:
@@ -197,27 +215,6 @@ def vrt_folders(config: SceneSection | FileMeasurement) -> tuple[Path, ...]:
     section = "measurement" if isinstance(config, FileMeasurement) else "scene"
     folders = getattr(config, "vrt_folders", None) or ()
     return tuple(expand_path(text, f"{section}.vrt_folders.{k}", folder=True) for k, text in enumerate(folders))
-
-
-def _raster_inputs(config: SceneSection, name: str, key: str) -> dict[str, Path]:
-    """Path of a file that may be a raster, and paths of the other files that GDAL reads with this raster."""
-    path = expand_path(getattr(config, name), key)
-    try:
-        others = raster_files(path, vrt_folders(config))
-    except RasterRefused as error:
-        raise ConfigError(f"{key}: {path} cannot be read as a raster ({error}).") from None
-    return {key: path} | {f"{key}.{k}": other for k, other in enumerate(others)}
-
-
-def _image_inputs(config: FileMeasurement, polarisation: str, key: str) -> dict[str, Path]:
-    """Path of a measured image, and paths of the other files that are read with it."""
-    reader = reader_of(config.path)
-    path = expand_path(config.path, key, folder=reader.folder)
-    try:
-        first, *others = reader.files(path, polarisation, vrt_folders(config))
-    except ValueError as error:
-        raise ConfigError(f"{key}: {path} cannot be read as {reader.called} ({error}).") from None
-    return {key: first} | {f"{key}.{k}": other for k, other in enumerate(others)}
 
 
 def _simulator_files(config: CommandSimulation) -> dict[str, Path]:

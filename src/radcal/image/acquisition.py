@@ -40,12 +40,9 @@ class Acquisition:
         Time of the first line (UTC).
     pass_direction : str
         ``ascending`` or ``descending``.
-    platform_heading_deg : float
-        Heading of the satellite at the point on the ground below it, from the annotation, clockwise from north [deg, 0
-        to 360].
     heading_deg : float
         Heading of the flight over the scene, at right angles to the look direction at the scene's middle, clockwise
-        from true north [deg, 0 to 360]. It differs from ``platform_heading_deg`` by the convergence of the meridians.
+        from true north [deg, 0 to 360]. The annotated ``platformHeading`` differs by the convergence of the meridians.
     look_side : str
         ``right`` or ``left``.
     incidence_deg : float
@@ -74,7 +71,6 @@ class Acquisition:
     sensor: str
     start: str
     pass_direction: str
-    platform_heading_deg: float
     heading_deg: float
     look_side: str
     incidence_deg: float

@@ -16,8 +16,7 @@ from radcal.findings import Finding
 from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited
 from radcal.image.base import Facts, Grid, opened
 from radcal.image.model import Measurement
-from radcal.image.resolution import check_resolutions
-from radcal.image.speckle_check import check_speckle
+from radcal.image.speckle_check import check_resolutions, check_speckle
 from radcal.measurement.synthetic import make_synthetic
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db

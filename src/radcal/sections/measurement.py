@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
 from pydantic_core import PydanticCustomError, PydanticKnownError
@@ -189,19 +189,13 @@ class FileMeasurement(Section):
         if product is None:
             return data
         named = {key: getattr(product, key) for key in ("scale", "radiometry", "polarisation")}
-        return {**{key: value for key, value in named.items() if value is not None}, **data}
-
-    @model_validator(mode="after")
-    def _as_named(self) -> Self:
-        product = reader_of(self.path).named(self.path)
-        for key in ("scale", "radiometry", "polarisation") if product is not None else ():
-            named, given = getattr(product, key), getattr(self, key)
-            if named is not None and given is not None and given != named:
+        named = {key: value for key, value in named.items() if value is not None}
+        for key, value in named.items():
+            if data.get(key) not in (None, value):
                 raise ValueError(
-                    f"{key} is {given}, {self.path} is {product.called if product else ''}, whose {key} is {named}: "
-                    "leave the key out"
+                    f"{key} is {data[key]}, {path} is {product.called}, whose {key} is {value}: leave the key out"
                 )
-        return self
+        return {**data, **named}
 
     @field_validator("radiometry")
     @classmethod

@@ -74,8 +74,6 @@ class Annotation:
         Time of the first line (UTC).
     pass_direction : str
         ``ascending`` or ``descending``.
-    platform_heading_deg : float
-        Heading of the satellite at the point on the ground below it, clockwise from north [deg, 0 to 360].
     frequency_hz : float
         Carrier frequency [Hz].
     noise_removed : bool
@@ -96,7 +94,6 @@ class Annotation:
     polarisation: str
     start: str
     pass_direction: str
-    platform_heading_deg: float
     frequency_hz: float
     noise_removed: bool
     azimuth_spacing_m: float
@@ -176,7 +173,6 @@ def annotation_of(root: Any) -> Annotation:
         polarisation=_text(root, "adsHeader/polarisation").upper(),
         start=start,
         pass_direction=_text(root, f"{about}/pass").lower(),
-        platform_heading_deg=_number(root, f"{about}/platformHeading") % 360.0,
         frequency_hz=_number(root, f"{about}/radarFrequency"),
         noise_removed=_text(
             root, "imageAnnotation/processingInformation/thermalNoiseCorrectionPerformed", "false"

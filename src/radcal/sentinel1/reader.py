@@ -23,8 +23,7 @@ from radcal.reading.arrays import raster_band
 from radcal.reading.images import reading
 from radcal.reading.products import NamedProduct
 from radcal.reading.rasters import open_raster
-from radcal.sentinel1.overpass import overpass_of, overpass_unchecked
-from radcal.sentinel1.product import Product, open_product
+from radcal.sentinel1.overpass import Product, open_product, overpass_of, overpass_unchecked
 from radcal.sentinel1.safe import MANIFEST, chosen_image, is_safe_name, safe_folder, safe_images
 from radcal.words import sentence
 
