@@ -18,7 +18,7 @@ OWN = Plugins("radcal.laws", {"at_once": 2, "late": "math:tau"})
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
     """Function that installs a distribution with entry points of group ``radcal.laws``."""
     monkeypatch.syspath_prepend(str(tmp_path))
-    plugins._entry_points.cache_clear()
+    plugins._installed.cache_clear()
 
     def install(name: str, **points: str) -> None:
         folder = tmp_path / f"{name}-1.5.dist-info"
@@ -28,7 +28,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Calla
         (folder / "entry_points.txt").write_text("\n".join(["[radcal.laws]", *lines]))
 
     yield install
-    plugins._entry_points.cache_clear()
+    plugins._installed.cache_clear()
 
 
 def test_own_variants_come_without_a_look_at_installed_distributions(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,8 @@ point is the name that a case file uses. radcal's own variants are not entry poi
 editable installation are those of the day on which it was installed.
 
 The metadata of the installed distributions are read once in a process, and only for a name that radcal does not have
-itself, or for the list of all names: a job of a case without foreign variants does not pay for them.
+itself, or for the list of all names: most jobs of a case without foreign variants do not pay for them. A case file is
+read only if no name belongs to two distributions.
 """
 
 from __future__ import annotations
@@ -30,10 +31,14 @@ T = TypeVar("T")
 
 
 @functools.cache
-def _entry_points(group: str) -> tuple[EntryPoint, ...]:
+def _installed() -> Any:
     from importlib.metadata import entry_points
 
-    return tuple(entry_points(group=group))
+    return entry_points()
+
+
+def _entry_points(group: str) -> tuple[EntryPoint, ...]:
+    return tuple(_installed().select(group=group))
 
 
 def _distribution(entry: EntryPoint) -> tuple[str, str]:

@@ -51,9 +51,9 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]
     shutil.copy(package / "elsewhere_sar.py", tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.chdir(tmp_path)
-    plugins._entry_points.cache_clear()
+    plugins._installed.cache_clear()
     yield tmp_path
-    plugins._entry_points.cache_clear()
+    plugins._installed.cache_clear()
 
 
 def loaded(folder: Path, **changes: str) -> Case:
@@ -92,9 +92,20 @@ def test_another_version_gives_another_scene_and_law(installed: Path) -> None:
     assert case.laws["dyke"].description == {"law": "elsewhere_line", "distribution": "elsewhere-sar", "version": "1.5"}
     metadata = installed / "elsewhere_sar-1.5.dist-info/METADATA"
     metadata.write_text(metadata.read_text().replace("1.5", "1.6"))
-    plugins._entry_points.cache_clear()
+    plugins._installed.cache_clear()
     assert loaded(installed).laws["dyke"].description["version"] == "1.6"
     assert make_scene(case.scene, None).identity != one
+
+
+def test_a_name_of_radcal_or_of_a_second_package_is_refused(installed: Path) -> None:
+    other = installed / "other-2.0.dist-info"
+    other.mkdir()
+    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 2.0\n")
+    (other / "entry_points.txt").write_text("[radcal.registrations]\nilk = elsewhere_sar:half_px\n")
+    with pytest.raises(
+        ConfigError, match=r"radcal\.registrations: 'ilk' is a name of radcal and of other 2"
+    ):
+        loaded(installed)
 
 
 def test_mistakes_in_the_keys_of_another_package_are_named(installed: Path) -> None:

@@ -16,8 +16,14 @@ from radcal.config.case import Case
 from radcal.config.inputs import expand_path
 from radcal.config.undecided import undecided
 from radcal.errors import ConfigError
+from radcal.laws import LAWS
+from radcal.reading.base import READERS
 from radcal.sections.base import MATERIALS_FROM
 from radcal.sections.errors import first_of, mistakes, shown
+from radcal.sections.measurement import REGISTRATIONS
+from radcal.sections.objectives import OBJECTIVES
+from radcal.sections.scene import SCENES
+from radcal.sections.simulator import SIMULATORS
 
 __all__ = [
     "Loaded",
@@ -238,6 +244,8 @@ def read_cases(files: Sequence[str | Path], overrides: Mapping[str, Any] | None)
     """Plain data merged from configuration files and overrides; parameters and errors as for :func:`load`."""
     from radcal.config.yaml_file import merged, read_case_file  # imports PyYAML, which workflow jobs do not need
 
+    for variants in (LAWS, READERS, SCENES, SIMULATORS, OBJECTIVES, REGISTRATIONS):
+        _ = variants.foreign  # a name of two distributions is refused
     data: dict[str, Any] = {}
     for file in files:
         data = merged(data, read_case_file(file))
