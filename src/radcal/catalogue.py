@@ -94,6 +94,7 @@ _OF_IMAGE: Mapping[str, str] = {
     "ground at the scene centre point",
     "levels_relative": "{about}: it has none of SigmaZeroSFPoly, BetaZeroSFPoly and GammaZeroSFPoly: levels are "
     "relative: use target.normalisation: offset or image",
+    "foreign": "{about}: {text}",  # of a variant of another distribution, whose text is in the numbers
     "levels_sentinel1": "{about}: sigma0 = DN^2 / sigmaNought^2 (radiometry sigma0_ref)",
     "noise_subtracted": "{about}: thermal noise was subtracted by the processor, so that radar.nesz_db should be far "
     "below the image",

@@ -22,6 +22,7 @@ from radcal.registration.registered import register
 from radcal.scene.base import scene_size
 from radcal.scene.sources import make_scene
 from radcal.simulators.builtin import BuiltinSimulator
+from radcal.words import sentence
 
 CASE = """
 case: foreign
@@ -81,6 +82,7 @@ def test_scene_law_and_reader_of_another_package_make_a_measurement(installed: P
     nothing: Any = None
     found = make_measurement(stage, geometry, nothing, scene)
     np.testing.assert_allclose(found.image_db, np.where(power > 0, image, np.nan), atol=1e-4)
+    assert "image.sar: levels of a table." in map(sentence, found.findings)
     np.savetxt("image.sar", power, header=f"{case.radar.polarisation} gamma0", comments="")
     with pytest.raises(MeasurementError, match=r"the radiometry of image\.sar is gamma0, radar\.radiometry is sigma0_"):
         make_measurement(stage, geometry, nothing, scene)

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
+from radcal.findings import Finding
 from radcal.image.base import Facts, Grid, Reader, ReadImage
 from radcal.laws import Law
 from radcal.scene.base import SceneSize, SceneSource
@@ -42,7 +43,8 @@ class TextReader(Reader):
 
     def read(self, grid: Grid) -> ReadImage:
         """Numbers below the first line."""
-        return ReadImage(*self.in_db(np.loadtxt(self.path, skiprows=1), "power", grid.shape))
+        read = self.in_db(np.loadtxt(self.path, skiprows=1), "power", grid.shape)
+        return ReadImage(*read, (Finding("foreign", "note", self.name, {"text": "levels of a table"}),))
 
 
 class Ramp(SceneSection):
