@@ -13,7 +13,6 @@ from snakemake.logging import logger
 from snakemake.utils import min_version
 
 from radcal.forecast.runs_and_time import planned_runs, runs_sentence, stages_sentence
-from radcal.config.stages import STAGES
 from radcal.session.session import is_dry_run, is_finished, is_planned, open_session
 from radcal.session.slurm import job_name
 
@@ -38,8 +37,7 @@ config["stop"] = CASE.sections("stop")["stop"]  # with all defaults, for the scr
 config["design_size"] = CASE.design_size
 
 
-include: "workflow/rules/passes.smk"
-include: "workflow/rules/resources.smk"
+include: "workflow/rules/stages.smk"
 include: "workflow/rules/scene.smk"
 include: "workflow/rules/simulator.smk"
 include: "workflow/rules/measurement.smk"
@@ -48,36 +46,17 @@ include: "workflow/rules/loop.smk"
 include: "workflow/rules/report.smk"
 
 
-OUTPUTS = {
-    name
-    for made in workflow.rules
-    for path in made.output
-    for name in every_pass(str(path))
-}
-UNUSED = {*every_pass(rules.simulator.output.identity), rules.reuse.output.index}
-UNUSED -= {*every_pass(SIMULATOR), *REUSED}
-if not REGISTERED_TWICE:
-    UNUSED |= {
-        *every_pass(rules.first_registration.output.registered),
-        *every_pass(rules.registration_run.output.index),
-        rules.laws_of_image.output.laws,
-    }
-
-
 def results(wildcards):
-    """Outputs of a finished case: one file for each chunk of its design, iteration and material."""
-    values = {
-        "chunk": CHUNKS,
-        "k": range(len(verified(wildcards))),
-        "material": CASE.calibrated,
-    }
-    return expand(sorted(OUTPUTS - UNUSED), **values)
+    """Outputs of a finished case: those of every stage that the case needs."""
+    k = len(verified(wildcards))
+    needed = [stage for stage in STAGES.values() if stage.is_needed(CASE)]
+    return sorted(f"{OUT}/{file}" for stage in needed for file in stage.files(CASE, k))
 
 
 # Damaged files are set aside only by the main process (the processes of the jobs read the Snakefile too), and not in a
 # dry run, which must change nothing.
 if workflow.is_main_process and not is_dry_run(sys.argv):
-    SESSION.set_damaged_aside(OUTPUTS)
+    SESSION.set_damaged_aside()
 
 
 # The last words of a dry run, and of a command that finds nothing to do: Snakemake calls no hook for either.

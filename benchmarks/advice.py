@@ -53,7 +53,8 @@ from twins import finished
 from radcal.assessment.model import image_of, posterior_of
 from radcal.assessment.observation import observe
 from radcal.assessment.preposterior import View, half_widths_after, half_widths_now, view_of
-from radcal.config import Case, case_from, stages
+from radcal.config import Case, case_from
+from radcal.config.stages import STAGES
 from radcal.objectives import make_objectives
 from radcal.posterior.cells import Simulated
 from radcal.posterior.curves import GRID_DEG
@@ -304,7 +305,7 @@ def calibrated(case: Case, ground: Ground, passes: list[Pass], folder: Path) -> 
     """Posterior after a calibration."""
     geometries = [ground.geometries[one] for one in passes]
     targets, history, _, images = calibrated_passes(case, ground.scene, geometries, folder)
-    stage = stages.PosteriorStage.of(case)
+    stage = STAGES["posterior"].of(case)
     parameters = case.start_parameters | {NAME: list(history.best(NAME).parameters)}
     cells = []
     for one, geometry, registered, found in zip(stage.passes, geometries, images, targets.passes, strict=True):

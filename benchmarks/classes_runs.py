@@ -35,7 +35,8 @@ from radcal.calibration.loop import calibrate
 from radcal.calibration.scoring import score
 from radcal.calibration.steps import all_parameters, run_all_draws, train_all
 from radcal.calibration.stopping import decide
-from radcal.config import Case, SurrogateConfig, load, stages
+from radcal.config import Case, SurrogateConfig, load
+from radcal.config.stages import STAGES
 from radcal.objectives import make_objectives
 from radcal.objectives.history import History, Score
 from radcal.proposals.search import Search
@@ -132,11 +133,11 @@ def continued(case: Case, runner: Runner, targets: Targets, history: History) ->
 
     The steps are those of the calibration loop, but each surrogate is trained once: smt needs seconds for it.
     """
-    settings, objectives = stages.Verify.of(case), make_objectives(stages.Scores.of(case), targets)
+    settings, objectives = STAGES["verify"].of(case), make_objectives(STAGES["scores"].of(case), targets)
     objective, more = objectives["dyke"], MORE
 
     def search() -> Search:
-        return Search(objective, Surrogate(train_all(history, stages.Train.of(case), objectives)["dyke"], objective))
+        return Search(objective, Surrogate(train_all(history, STAGES["train"].of(case), objectives)["dyke"], objective))
 
     now = search()
     while not (ended := decide(history, ["dyke"], case.stop, case.objective).ended) or more:
@@ -167,11 +168,11 @@ def gap_with_other_speckle(bench: Bench, case: Case, stop: Score, best: Score) -
     """Difference in cost between the X of two runs, averaged over draws of speckle that neither search has seen."""
     each = case.simulator.draws
     simulator = case.simulator.model_copy(update={"draws": each * (1 + OTHERS)})
-    settings = stages.Simulation.of(case.model_copy(update={"simulator": simulator}))
+    settings = STAGES["reference_run"].of(case.model_copy(update={"simulator": simulator}))
     with tempfile.TemporaryDirectory() as folder:
         runner = bench.runner(case, Path(folder))
         targets = bench.targets(case, runner)
-        objectives = make_objectives(stages.Scores.of(case), targets)
+        objectives = make_objectives(STAGES["scores"].of(case), targets)
 
         def mean_cost(found: Score) -> float:
             parameters = all_parameters(case.materials, {"dyke": found.parameters})

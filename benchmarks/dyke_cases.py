@@ -14,7 +14,8 @@ import yaml
 from numpy.typing import NDArray
 
 from radcal.calibration.steps import all_parameters, noise_seed, reference_runs
-from radcal.config import Case, load, stages
+from radcal.config import Case, load
+from radcal.config.stages import STAGES
 from radcal.config.yaml_file import merged, read_case_file
 from radcal.measurement.sources import make_measurement
 from radcal.objectives import objective_class
@@ -62,7 +63,8 @@ class Bench:
         path = self._folder / f"{name}.npy"
         published = load([_PUBLISHED])
         image_db = self._simulator.run(
-            all_parameters(published.materials, {"dyke": list(truth)}), noise_seed(stages.Simulation.of(published))
+            all_parameters(published.materials, {"dyke": list(truth)}),
+            noise_seed(STAGES["reference_run"].of(published)),
         )
         np.save(path, image_db)
         radiometry = published.radar.radiometry
@@ -85,15 +87,15 @@ class Bench:
 
     def runner(self, case: Case, runs: Path) -> Runner:
         """Runner of a case with a folder of runs."""
-        settings = stages.Simulation.of(case)
+        settings = STAGES["reference_run"].of(case)
         return Runner(RunStore(runs), self._simulator, self.geometry, self.scene.identity, settings)
 
     def targets(self, case: Case, runner: Runner) -> Targets:
         """Targets of a case, made as the workflow makes them."""
-        measurement = make_measurement(stages.MeasurementStage.of(case), self.geometry, self._simulator, self.scene)
-        reference = reference_runs(stages.ReferenceRun.of(case), runner)[0][0].image_db
+        measurement = make_measurement(STAGES["measurement"].of(case), self.geometry, self._simulator, self.scene)
+        reference = reference_runs(STAGES["reference_run"].of(case), runner)[0][0].image_db
         assert reference is not None  # the reference run keeps its image
-        registered, stage = register(reference, measurement, case.registration), stages.TargetStage.of(case)
+        registered, stage = register(reference, measurement, case.registration), STAGES["target"].of(case)
         misfit = objective_class(stage.objective).misfit
         return make_targets(stage, self.geometry, registered, reference, misfit, scene=self.scene)
 

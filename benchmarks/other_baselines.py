@@ -32,7 +32,8 @@ from threadpoolctl import threadpool_limits
 from radcal.calibration.loop import calibrate
 from radcal.calibration.scoring import score
 from radcal.calibration.steps import all_parameters, run_all_draws
-from radcal.config import Case, load, stages
+from radcal.config import Case, load
+from radcal.config.stages import STAGES
 from radcal.laws import LAWS
 from radcal.objectives import make_objectives
 from radcal.simulators.runner import Runner
@@ -120,8 +121,8 @@ def case_of(
 def cost_at(case: Case, runner: Runner, targets: Targets, x: Sequence[float]) -> float:
     """Cost of a run with the given X of the dyke."""
     parameters = all_parameters(case.materials, {"dyke": list(x)})
-    records = run_all_draws(stages.Verify.of(case), runner, parameters)
-    objectives = make_objectives(stages.Scores.of(case), targets)
+    records = run_all_draws(STAGES["verify"].of(case), runner, parameters)
+    objectives = make_objectives(STAGES["scores"].of(case), targets)
     return score("infill", 0, records, parameters, targets, objectives, case.seed).scores["dyke"].cost
 
 

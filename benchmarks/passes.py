@@ -21,7 +21,8 @@ from threadpoolctl import threadpool_limits
 
 from radcal.calibration.loop import calibrate
 from radcal.calibration.stopping import Decision
-from radcal.config import Case, load, stages
+from radcal.config import Case, load
+from radcal.config.stages import STAGES
 from radcal.config.yaml_file import read_case_file
 from radcal.measurement.sources import make_measurement
 from radcal.objectives import objective_class
@@ -98,9 +99,9 @@ def calibrated_passes(
     images: list[Registered] = []
     for one, geometry in zip(case.passes, geometries, strict=False):
         simulator = BuiltinSimulator(geometry, one.radar, one.laws)
-        settings, stage = stages.Simulation.of(one), stages.TargetStage.of(one)
+        settings, stage = STAGES["reference_run"].of(one), STAGES["target"].of(one)
         runners.append(Runner(RunStore(folder), simulator, geometry, scene.identity, settings))
-        measurement = make_measurement(stages.MeasurementStage.of(one), geometry, simulator, scene)
+        measurement = make_measurement(STAGES["measurement"].of(one), geometry, simulator, scene)
         start = simulator.run({name: m.start_parameters for name, m in one.materials.items()}, 1)
         registered = register(start, measurement, one.registration)
         images.append(registered)

@@ -39,7 +39,8 @@ from radcal.assessment.model import image_of, posterior_of
 from radcal.assessment.observation import observe, simulated_of
 from radcal.calibration.loop import calibrate, register_rounds
 from radcal.calibration.steps import all_parameters, noise_seed
-from radcal.config import Case, case_from, stages
+from radcal.config import Case, case_from
+from radcal.config.stages import STAGES
 from radcal.errors import RadcalError
 from radcal.ground.patches import patches_seen
 from radcal.measurement.sources import make_measurement
@@ -456,10 +457,12 @@ def calibrated(
 ) -> dict[str, Any]:
     """Calibration of a case whose measured image is a file, and what it says of the law at some angles [rad]."""
     simulator = BuiltinSimulator(b.geometry, case.radar, case.laws)
-    runner = Runner(RunStore(folder / "runs"), simulator, b.geometry, b.scene.identity, stages.Simulation.of(case))
-    measurement = make_measurement(stages.MeasurementStage.of(case), b.geometry, simulator, b.scene)
+    runner = Runner(
+        RunStore(folder / "runs"), simulator, b.geometry, b.scene.identity, STAGES["reference_run"].of(case)
+    )
+    measurement = make_measurement(STAGES["measurement"].of(case), b.geometry, simulator, b.scene)
     registered, run = register_rounds(case, runner, b.geometry, measurement, b.scene)
-    stage = stages.TargetStage.of(case)
+    stage = STAGES["target"].of(case)
     start = runner.run(case.start_parameters, noise_seed(case), image=True).image_db
     targets = make_targets(stage, b.geometry, registered, start, objective_class(stage.objective).misfit, scene=b.scene)
     history, decision = calibrate(case, runner, targets, registration=run)
@@ -484,7 +487,7 @@ def band(
     This is the only function that knows the assessment.
     """
     name, angles = b.material, np.degrees(phi)
-    stage = stages.PosteriorStage.of(case)
+    stage = STAGES["posterior"].of(case)
     parameters = all_parameters(case.materials, {name: history.best(name).parameters})
     final = [runner.run(parameters, noise_seed(case, fresh), image=fresh) for fresh in (False, True)]
     images = simulated_of(
@@ -494,7 +497,7 @@ def band(
     image = image_of(stage, cells)
     objectives = make_objectives(stage, targets)
     posterior = posterior_of(stage, targets, history, objectives[name], cells, image)
-    archive = stages.ArchiveStage.of(case)
+    archive = STAGES["archive"].of(case)
     found = conclude(
         archive, case.stop, history, targets, objectives, b.geometry, runs, final, {name: posterior}, image,
         [registered],
@@ -541,7 +544,7 @@ def keep(
     g, name = b.geometry, b.material
     x = np.array([run.scores[name].parameters for run in history.runs])
     best = history.best(name).parameters
-    seeds = draw_seeds(stages.Simulation.of(case))
+    seeds = draw_seeds(STAGES["reference_run"].of(case))
 
     def images(values: Sequence[float], seeds: Sequence[int]) -> NDArray[np.float32]:
         parameters = all_parameters(case.materials, {name: list(values)})

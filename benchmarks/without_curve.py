@@ -34,7 +34,8 @@ from threadpoolctl import threadpool_limits
 from radcal.calibration.loop import calibrate
 from radcal.calibration.scoring import score
 from radcal.calibration.steps import all_parameters, run_all_draws
-from radcal.config import Case, load, stages
+from radcal.config import Case, load
+from radcal.config.stages import STAGES
 from radcal.config.yaml_file import read_case_file
 from radcal.measurement.sources import make_measurement
 from radcal.objectives import make_objectives
@@ -115,7 +116,7 @@ def searched(bench: Bench, free: Sequence[str], number: int, truth: list[float],
     best = history.best("dyke")
     low, high = np.array(case.materials["dyke"].box).T
 
-    objectives, settings = make_objectives(stages.Scores.of(case), targets), stages.Verify.of(case)
+    objectives, settings = make_objectives(STAGES["scores"].of(case), targets), STAGES["verify"].of(case)
 
     def cost_at(x: NDArray[np.float64]) -> float:
         parameters = all_parameters(case.materials, {"dyke": x.tolist()})
@@ -149,9 +150,7 @@ def prepared(
     values = {**FIXED, **dict(zip(free, truth, strict=True))}
     inside = load([bench.speckled(f"image_{number}", [values[name] for name in NAMES], 100 + number, {})])
     simulator, image = BuiltinSimulator(bench.geometry, inside.radar, inside.laws), folder / f"image_{number}.npy"
-    np.save(
-        image, make_measurement(stages.MeasurementStage.of(inside), bench.geometry, simulator, bench.scene).image_db
-    )
+    np.save(image, make_measurement(STAGES["measurement"].of(inside), bench.geometry, simulator, bench.scene).image_db)
     dyke, rows = inside.materials["dyke"], [NAMES.index(name) for name in free]
     data = read_case_file(folder / f"image_{number}.yaml")
     data["measurement"] = {"source": "file", "path": str(image), "scale": "db", "radiometry": inside.radar.radiometry}
@@ -174,7 +173,7 @@ def prepared(
     case = load([path])
     program = Program(simulator, free)
     store = RunStore(folder / f"runs_{number}")
-    runner = Runner(store, program, bench.geometry, bench.scene.identity, stages.Simulation.of(case))
+    runner = Runner(store, program, bench.geometry, bench.scene.identity, STAGES["reference_run"].of(case))
     return case, runner, bench.targets(case, runner)
 
 

@@ -14,7 +14,8 @@ from archives import image, posterior, without_curve
 from geometry_samples import of_pixels
 
 from radcal import skewnormal
-from radcal.config import Case, RegistrationConfig, Stop, case_from, stages
+from radcal.config import Case, RegistrationConfig, Stop, case_from
+from radcal.config.stages import STAGES
 from radcal.ground.goodness import Goodness
 from radcal.image.model import Measurement
 from radcal.inference.moments import from_dp
@@ -58,7 +59,7 @@ class Made:
     def gathered(self, path: Path, **changes: Any) -> Archive:
         """Results of the same calibration but for some arguments, written and read back."""
         at = SimpleNamespace(**{**vars(self), "runs": self.path.parent / "runs", "image": image(), **changes})
-        case = stages.ArchiveStage.of(at.case)
+        case = STAGES["archive"].of(at.case)
         each = [posterior() if case.laws[name].has_curve else without_curve() for name in at.targets]
         archive = archive_of(
             case,

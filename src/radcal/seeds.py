@@ -9,7 +9,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from radcal.config import SimulatorConfig
-    from radcal.config.stages import Simulation
+    from radcal.config.part import Part
 
 __all__ = ["derived_rng", "derived_seed", "draw_seeds", "measurement_seed", "noise_seed"]
 
@@ -36,12 +36,12 @@ def derived_seed(seed: int, *names: str | int, bits: int = 63) -> int:
     return int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") >> (64 - bits) or 1
 
 
-def noise_seed(case: Simulation, fresh: bool = False) -> int:
+def noise_seed(case: Part, fresh: bool = False) -> int:
     """Seed of speckle and thermal noise in all runs of a case, or, if ``fresh`` is true, in the final check run."""
     return derived_seed(case.seed, "runs", "fresh" if fresh else "common", bits=case.simulator.seed_width)
 
 
-def draw_seeds(case: Simulation) -> list[int]:
+def draw_seeds(case: Part) -> list[int]:
     """Seeds of all speckle draws of a run: first the common seed of all runs, then the seeds of the further draws."""
     more = range(2, case.simulator.draws + 1)
     width = case.simulator.seed_width

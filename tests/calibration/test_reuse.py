@@ -9,7 +9,9 @@ from typing import Any
 import pytest
 
 from radcal.calibration.reuse import require_earlier, reuse_runs
-from radcal.config import Case, stages
+from radcal.config import Case
+from radcal.config.part import Part
+from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
 from radcal.radar.geometry import Geometry
 from radcal.scene.model import Scene
@@ -26,10 +28,10 @@ NARROW = [[8, 12], [12, 15], [19, 22], [2, 5]]
 @pytest.fixture
 def made(
     build_case: Callable[..., Case], scene: Scene, geometry: Geometry, tmp_path: Path
-) -> Callable[..., tuple[stages.Reuse, Runner]]:
+) -> Callable[..., tuple[Part, Runner]]:
     """Function that makes a case of two draws of speckle, and its runner on a store of a given name."""
 
-    def make(store: str, bounds: Sequence[Sequence[float]], **keys: Any) -> tuple[stages.Reuse, Runner]:
+    def make(store: str, bounds: Sequence[Sequence[float]], **keys: Any) -> tuple[Part, Runner]:
         dyke = {"calibrate": True, "bounds": bounds, "start": START}
         case = build_case(
             materials={"dyke": dyke, "grass": {"parameters": [10.0, 14.0, 6.0, 4.0]}},
@@ -37,13 +39,13 @@ def made(
             **keys,
         )
         simulator = BuiltinSimulator(geometry, case.radar, case.laws)
-        stage = stages.Reuse.of(case)
+        stage = STAGES["reference_run"].of(case)
         return stage, Runner(RunStore(tmp_path / store), simulator, geometry, scene.identity, stage)
 
     return make
 
 
-def run_all(case: stages.Reuse, runner: Runner, *points: Sequence[float]) -> dict[tuple[float, ...], list[str]]:
+def run_all(case: Part, runner: Runner, *points: Sequence[float]) -> dict[tuple[float, ...], list[str]]:
     """Hashes of the draws of some runs, by the parameters of the dyke."""
     return {
         tuple(x): [runner.run({**case.start_parameters, "dyke": list(x)}, seed).key for seed in draw_seeds(case)]

@@ -22,7 +22,8 @@ from radcal.calibration.steps import (
     train_all,
     verify,
 )
-from radcal.config import Stop, stages
+from radcal.config import Stop
+from radcal.config.stages import STAGES
 from radcal.errors import MissingSign, SimulatorError
 from radcal.findings import Finding
 from radcal.objectives import make_objectives
@@ -73,18 +74,18 @@ def test_steps_from_files_in_two_processes_are_those_from_memory_in_one(parts, c
     objectives = make_objectives(case, again)
     write_runs(tmp_path / "runs.json", made[1].runs)
     start = read_runs([tmp_path / "runs.json"])
-    trained = [train_all(start, stages.Train.of(case), objectives, processes) for processes in (1, 2)]
+    trained = [train_all(start, STAGES["train"].of(case), objectives, processes) for processes in (1, 2)]
     assert same(*trained)
     write_trainings(tmp_path / "surrogate.h5", trained[1])
     read = read_trainings(tmp_path / "surrogate.h5")
-    proposals = propose_all(read, objectives, start, stages.Propose.of(case), 0, case.stop, 2)
+    proposals = propose_all(read, objectives, start, STAGES["propose"].of(case), 0, case.stop, 2)
     assert proposals == dict(history.infill[0].proposals)
     write_proposals(tmp_path / "proposals.json", proposals)
     read = read_proposals(tmp_path / "proposals.json")
-    verified, ahead = verify(read, again, objectives, runner, stages.Verify.of(case), start, 0, 2)
+    verified, ahead = verify(read, again, objectives, runner, STAGES["verify"].of(case), start, 0, 2)
     assert replace(verified, seconds=0.0) == replace(history.infill[0], seconds=0.0)
     # the next iteration has the training of the verification, in the same bits, and trains what was left out
-    after, train = History([*start.runs, verified]), stages.Train.of(case)
+    after, train = History([*start.runs, verified]), STAGES["train"].of(case)
     write_trainings(tmp_path / "trained.h5", ahead)
     ahead = read_trainings(tmp_path / "trained.h5")
     assert same(dict(ahead), train_all(after, train, objectives))
@@ -108,8 +109,8 @@ def test_an_ended_material_repeats_its_best(parts, calibrated, made):
     away = {**scores, "field": replace(scores["field"], parameters=[-20.0, 9.0, 11.0, 7.0], cost=1e3)}
     last = replace(runs[-1], index=len(history.infill), scores=away)
     going = History([*runs[:-1], replace(runs[-1], scores=scores), last])
-    trained = train_all(going, stages.Train.of(case), made[0])
-    found = propose_all(trained, made[0], going, stages.Propose.of(case), len(going.infill), case.stop)
+    trained = train_all(going, STAGES["train"].of(case), made[0])
+    found = propose_all(trained, made[0], going, STAGES["propose"].of(case), len(going.infill), case.stop)
     assert found["field"].mode == "ended"
     assert found["field"].parameters == history.best("field").parameters
     assert found["lake"].mode != "ended"
@@ -168,7 +169,7 @@ class Recorded:
 @pytest.mark.parametrize(("deterministic", "runs"), [(None, 2), (True, 1), (False, 1)])
 def test_only_a_program_that_declares_nothing_repeats_its_reference_run(build_case, deterministic, runs):
     case, runner = program(build_case, deterministic=deterministic), Recorded()
-    assert len(reference_runs(stages.ReferenceRun.of(case), runner)) == runs
+    assert len(reference_runs(STAGES["reference_run"].of(case), runner)) == runs
     seed = noise_seed(case)
     assert runner.asked == [(seed, True, False), (seed, False, True)][:runs]
 
@@ -231,7 +232,7 @@ def test_a_repeated_reference_run_tells_the_noise(parts, runner, made):
     rng = np.random.default_rng(1)
     again = {name: (v + rng.normal(0.0, 0.5, v.shape)).astype(np.float32) for name, v in first.pixels_db.items()}
     second = Record("again", again, None, 0.1)
-    runs = score_reference(stages.Scores.of(case), [[first], [second]], targets, made[0])
+    runs = score_reference(STAGES["scores"].of(case), [[first], [second]], targets, made[0])
     assert runs[0].rms_sampling == {name: target.rms_sampling for name, target in targets.items()}
     assert runs[1].repeat_db == pytest.approx(2.3, abs=0.7), "the largest of 8,000 normal differences of 0.5 dB"
     variance = History(runs).noise_variance("field")
@@ -239,7 +240,7 @@ def test_a_repeated_reference_run_tells_the_noise(parts, runner, made):
     # half of the variance of the difference, of the mean of the pixels of a bin; three standard errors of the bootstrap
     wanted = 0.5 * 0.5**2 / (targets["field"].effective / 3.0)
     assert np.mean(variance[:, 0]) == pytest.approx(wanted, rel=0.32)
-    equal = score_reference(stages.Scores.of(case), [[first], [first]], targets, made[0])
+    equal = score_reference(STAGES["scores"].of(case), [[first], [first]], targets, made[0])
     assert History(equal).noise_variance("field") is None
     assert equal[1].repeat_db == 0.0
 

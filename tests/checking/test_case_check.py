@@ -108,7 +108,7 @@ def test_what_a_right_case_needs_is_told(tmp_path: Path) -> None:
         "infill, at most 2 final, each of 4 speckle draws); a search" in done.stdout
     )
     assert "60 x 50 pixels" in done.stdout
-    assert "memory: at most 1,100 MB are requested for a job (run)" in done.stdout
+    assert "memory: at most 1,100 MB are requested for a job (reference_run)" in done.stdout
     twice = CliRunner().invoke(app, ["check", str(path), str(tmp_path / "gone.yaml")])
     assert twice.exit_code == 1
     assert "60 x 50 pixels" in twice.stdout

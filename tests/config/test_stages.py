@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import re
 from pathlib import Path
 
@@ -11,22 +10,24 @@ import yaml
 from config_samples import FIXED, X, dyke, flat, measured, synthetic
 from pydantic import ValidationError
 
-from radcal.config import Case, case_from, stages
-from radcal.config.stages import STAGES
+from radcal.config import Case, case_from
+from radcal.config.part import Part
+from radcal.config.stages import SCHEMAS, STAGES
+from radcal.storage.inspection import kind_of
 
 WORKFLOW = Path(__file__).resolve().parents[2] / "workflow"
 
 
-@pytest.mark.parametrize("rule", STAGES)
+@pytest.mark.parametrize("rule", [name for name, stage in STAGES.items() if stage.reads])
 def test_a_job_has_the_sections_of_its_stage_and_no_others(rule: str) -> None:
-    stage, case = STAGES[rule], case_from(flat() | measured() | {"materials": FIXED, "seed": 7})
-    params = stage.params(case)
+    row, case = STAGES[rule], case_from(flat() | measured() | {"materials": FIXED, "seed": 7})
+    stage, params = row.model, row.params(case)
     assert yaml.safe_load(yaml.safe_dump(params)) == params  # plain data
     # a job's params are compared as they are printed, in the order of the whole case
     whole = {name: field.alias or name for name, field in Case.model_fields.items() if name != "colours"}  # has none
     assert list(params) == [key for name, key in whole.items() if name in stage.model_fields]
     job = stage.model_validate(params)
-    assert job == stage.of(case)
+    assert job == row.of(case)
     for name, key in whole.items():
         if key in params:
             assert getattr(job, name) == getattr(case, name)
@@ -38,30 +39,28 @@ def test_a_job_has_the_sections_of_its_stage_and_no_others(rule: str) -> None:
 
 
 @pytest.mark.parametrize("rule", STAGES)
-def test_rule_and_script_have_the_stage_of_their_name(rule: str) -> None:
+def test_a_rule_takes_all_from_the_row_of_its_name(rule: str) -> None:
     pages = "".join(path.read_text(encoding="utf-8") for path in (WORKFLOW / "rules").glob("*.smk"))
-    (body,) = re.findall(rf"(?ms)^(?:rule|checkpoint) {rule}:\n(.*?)(?=^\S|\Z)", pages)
-    of_stage = rf'(lambda wildcards: )?STAGES\["{rule}"\]\.params\(|of_pass\("{rule}"\),'
-    assert re.search(rf"\bcase=({of_stage})", body)
-    (script,) = re.findall(r'"\.\./scripts/(\w+\.py)"', body)
-    nodes = ast.walk(ast.parse((WORKFLOW / "scripts" / script).read_text(encoding="utf-8")))
-    calls = [ast.unparse(node) for node in nodes if isinstance(node, ast.Call)]
-    made = [text for text in calls if text.endswith(".model_validate(snakemake.params.case)")]
-    assert made == [f"stages.{STAGES[rule].__name__}.model_validate(snakemake.params.case)"]
+    (body,) = re.findall(rf"(?ms)^(?:(?:rule|checkpoint) {rule}:|use rule \w+ as {rule} with:)\n(.*?)(?=^\S|\Z)", pages)
+    named = re.findall(r"\b(?:outputs|words|of_pass|resources)\(\s*\"(\w+)|STAGES\[\"(\w+)", body)
+    assert {"".join(names) for names in named} == {rule}
+    assert body.count("outputs(") == body.count("words(") == 1
+    sections = "params(" in body or "of_pass(" in body or rule == "first_registration"
+    assert sections == bool(STAGES[rule].reads)
+    for path in STAGES[rule].outputs.values():
+        assert path.endswith((".json", ".csv", ".html")) or "." not in path or kind_of(path) in SCHEMAS
 
 
-def test_no_other_rule_takes_a_case() -> None:
+def test_every_rule_but_the_milestones_is_a_stage() -> None:
     pages = "".join(path.read_text(encoding="utf-8") for path in (WORKFLOW / "rules").glob("*.smk"))
-    assert len(re.findall(r"\bcase=", pages)) == len(STAGES)
+    rules = re.findall(r"(?m)^(?:rule|checkpoint|use rule \w+ as) (\w+)(?::| with:)$", pages)
+    assert sorted(rules) == sorted(STAGES)
 
 
 def test_the_archive_records_all_that_jobs_depend_on() -> None:
-    assert list(stages.ArchiveStage.model_fields) == [
-        name for name in Case.model_fields if name not in ("replace", "stop")
-    ]
     case = case_from(dyke() | synthetic(parameters={"dyke": X}))
-    archive = stages.ArchiveStage.of(case)
-    assert repr(archive.sections(*archive.__dict__)) == repr(case.sections(*stages.ArchiveStage.model_fields))
+    archive = STAGES["archive"].of(case)
+    assert repr(archive.sections(*archive.__dict__)) == repr(case.sections(*STAGES["archive"].reads))
 
 
 def test_what_follows_from_sections_is_that_of_the_case() -> None:
@@ -74,9 +73,9 @@ def test_what_follows_from_sections_is_that_of_the_case() -> None:
             "design": {"size": 21},
         }
     )
-    scores = stages.Scores.model_validate(stages.Scores.params(case))
+    scores = STAGES["scores"].model.model_validate(STAGES["scores"].params(case))
     assert (scores.calibrated, scores.start_with_another_law) == (["dyke"], ["dyke"])
     assert (scores.laws["dyke"].names, scores.at_start.laws["dyke"].names) == (("X1", "X2", "X3", "X4"), ("gamma",))
-    assert isinstance(scores.at_start, stages.Scores)
-    assert stages.TargetStage.of(case).reference_materials == case.reference_materials == ["road"]
-    assert stages.DesignChunk.of(case).design_size == case.design_size == 21
+    assert isinstance(scores.at_start, Part)
+    assert STAGES["target"].of(case).reference_materials == case.reference_materials == ["road"]
+    assert STAGES["design_chunk"].of(case).design_size == case.design_size == 21

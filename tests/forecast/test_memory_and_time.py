@@ -82,8 +82,8 @@ def test_pixels_are_about_those_of_the_geometry(scene, range_m, azimuth_m, parts
         ("geometry", 9_000_000, 785),
         ("geometry", 56_250_000, 5530),
         ("measurement", 9_000_000, 1325),
-        ("run", 9_000_000, 788),
-        ("run", 56_250_000, 3072),
+        ("verify", 9_000_000, 788),
+        ("final_runs", 56_250_000, 3072),
         ("target", 9_000_000, 1102),
         ("report", 9_000_000, 971),
         ("geometry", 2_250_000, 415),
@@ -92,14 +92,16 @@ def test_pixels_are_about_those_of_the_geometry(scene, range_m, azimuth_m, parts
     ],
 )
 def test_memory_is_enough_for_what_was_measured_and_not_much_more(stage, values, peak_mb):
-    assert 1.2 * peak_mb < memory_mb(stage, values) < 2.0 * peak_mb + 1000
-    assert memory_mb(stage, values, attempt=3) == 4 * memory_mb(stage, values)
+    size = {"scene" if stage == "scene" else "image": values}
+    assert 1.2 * peak_mb < memory_mb(stage, size) < 2.0 * peak_mb + 1000
+    assert memory_mb(stage, size, attempt=3) == 4 * memory_mb(stage, size)
 
 
 def test_time_is_that_of_the_runs_and_of_the_scene():
-    assert runtime_minutes("light", 10**8) == 10
-    assert runtime_minutes("run", 0, simulation_s=4 * 900) == 70
-    assert runtime_minutes("geometry", 56_250_000) == 10 + 29  # 30 s for a million, and it takes one
+    assert runtime_minutes("scores", {"image": 10**8}) == 10
+    assert runtime_minutes("train", {"image": 10**8}) == 60
+    assert runtime_minutes("verify", {"image": 0}, simulation_s=4 * 900) == 70
+    assert runtime_minutes("geometry", {"image": 56_250_000}) == 10 + 29  # 30 s for a million, and it takes one
 
 
 def test_a_case_has_the_values_of_its_finest_array(rasters):

@@ -6,7 +6,8 @@ from typing import Any
 
 from calibration_samples import TRUTH
 
-from radcal.config import case_from, stages
+from radcal.config import case_from
+from radcal.config.stages import STAGES
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
 
@@ -22,7 +23,7 @@ def test_a_changed_formula_or_order_of_names_is_another_run(parts, tmp_path):
                 "measurement": {"synthetic": {"parameters": {"field": [1, 2]}}},
             }
         )
-        runner = Runner(RunStore(tmp_path), simulator, geometry, scene.identity, stages.Simulation.of(case))
+        runner = Runner(RunStore(tmp_path), simulator, geometry, scene.identity, STAGES["reference_run"].of(case))
         return runner.description({"field": [1.0, 2.0], "lake": TRUTH["lake"]}, 3)
 
     first = key_data("a + b*cos(phi)", ["a", "b"])

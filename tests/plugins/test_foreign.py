@@ -13,7 +13,8 @@ import pytest
 from registration_samples import displaced, ground, smooth_field, speckled
 
 from radcal import plugins
-from radcal.config import Case, input_files, load, stages
+from radcal.config import Case, input_files, load
+from radcal.config.stages import STAGES
 from radcal.errors import ConfigError, MeasurementError
 from radcal.image.model import Measurement
 from radcal.measurement.sources import make_measurement
@@ -69,8 +70,8 @@ def test_scene_law_and_reader_of_another_package_make_a_measurement(installed: P
     case = loaded(installed)
     assert scene_size(case.scene).cells == 1600
     # a job restores its stage from plain data
-    stage = stages.MeasurementStage.model_validate(stages.MeasurementStage.params(case))
-    again = stages.SceneStage.model_validate(stages.SceneStage.params(case)).scene
+    stage = STAGES["measurement"].model.model_validate(STAGES["measurement"].params(case))
+    again = STAGES["scene"].model.model_validate(STAGES["scene"].params(case)).scene
     assert again == case.scene
     scene = make_scene(again, list(case.materials))
     geometry = make_geometry(scene, case.radar)
@@ -104,9 +105,7 @@ def test_a_name_of_radcal_or_of_a_second_package_is_refused(installed: Path) -> 
     other.mkdir()
     (other / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 2.0\n")
     (other / "entry_points.txt").write_text("[radcal.registrations]\nilk = elsewhere_sar:half_px\n")
-    with pytest.raises(
-        ConfigError, match=r"radcal\.registrations: 'ilk' is a name of radcal and of other 2"
-    ):
+    with pytest.raises(ConfigError, match=r"radcal\.registrations: 'ilk' is a name of radcal and of other 2"):
         loaded(installed)
 
 

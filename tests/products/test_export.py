@@ -10,7 +10,8 @@ import rasterio
 import yaml
 from archives import changed_material, configured, posterior
 
-from radcal.config import Radar, case_from, stages
+from radcal.config import Radar, case_from
+from radcal.config.stages import STAGES
 from radcal.ground.levels import Levels
 from radcal.posterior.result import Curve
 from radcal.products.export import ground_layers, pass_images, write_export
@@ -44,7 +45,7 @@ def on_map(made, ground):
 
 def export(made, folder, archive=None, scene=None, geometry=None):
     archive = made.archive if archive is None else archive
-    case, final = stages.Export.of(made.case), folder / "final.json"
+    case, final = STAGES["export"].of(made.case), folder / "final.json"
     write_index(final, [])
     of_pass = [geometry or made.geometry], [archive.registered], [archive.levels]
     images = pass_images(case, archive, *of_pass, final, folder / "runs")
@@ -113,7 +114,7 @@ def test_images_of_a_further_pass_are_those_of_its_own_fresh_run(made, tmp_path)
     radar = [{"depression_deg": 45}, {"depression_deg": 30}]
     case = case_from({**made.case.sections("materials"), "radar": radar, "measurement": [{}, {}]})
     first, found = pass_images(
-        stages.Export.of(case), made.archive, [made.geometry] * 2, [made.registered] * 2,
+        STAGES["export"].of(case), made.archive, [made.geometry] * 2, [made.registered] * 2,
         [Levels("offset", 0.5, 0.1)] * 2,
         tmp_path / "final.json", tmp_path / "runs",
     )  # fmt: skip
@@ -220,7 +221,7 @@ def test_calibrated_materials(made, tmp_path):
     with rasterio.open(tmp_path / "difference.tif") as raster:
         np.testing.assert_array_equal(raster.read(1), archive.images.calibrated_db - archive.measured_db)
     # the image is that of the run with fresh random numbers
-    case = stages.Export.of(made.case)
+    case = STAGES["export"].of(made.case)
     assert f"calibrated image again, bit for bit, with the noise seed {noise_seed(case, fresh=True)}." in text
     # another program need not give the same image
     program = {"kind": "command", "command": ["sar", "{noise_seed}"], "output": {"file": "image.npy", "scale": "db"}}

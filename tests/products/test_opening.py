@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import radcal
-from radcal.config import stages
+from radcal.config.stages import STAGES
 from radcal.errors import StoreError
 from radcal.products.export import PassImages, write_export
 from radcal.results.run_table import write_table
@@ -24,7 +24,7 @@ def finish(made, folder, **scene):
     images = (made.archive.measured_db, made.archive.images.calibrated_db)
     of_pass = [PassImages(made.case.radar, made.geometry, *images, "measured image, not registered")]
     scene = replace(made.scene, **scene)
-    write_export(folder / "export", stages.Export.of(made.case), made.archive, scene, of_pass)
+    write_export(folder / "export", STAGES["export"].of(made.case), made.archive, scene, of_pass)
     write_table(folder / "runs.csv", made.archive)
     write_json(folder / "summary.json", summarise(made.archive), flat=True)
     return folder

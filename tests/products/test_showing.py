@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from radcal.cli import app
+from radcal.config.stages import OUTPUTS
 from radcal.errors import StoreError
 from radcal.findings import Finding
 from radcal.products.showing import results_folder, show
@@ -16,7 +17,7 @@ from radcal.storage.lock import CaseLock
 from radcal.storage.records import write_json
 from radcal.words import sentence
 
-FILES = ("scene.h5", "reference.json", "scores.json", "final.json", "calibration.h5", "export.json", "report.json")
+PATHS = [path.format(p=1, k=0, chunk=0, material="dyke") for path in OUTPUTS]
 
 
 @pytest.fixture
@@ -24,14 +25,15 @@ def folder(made, tmp_path, monkeypatch):
     """Folder ``results/small`` of a finished case, in the working folder."""
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "results" / "small"
-    (folder / "export").mkdir(parents=True)
-    for name in (*FILES, "report.html", "runs.csv"):
-        (folder / name).touch()
+    for path in PATHS:
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).touch()
     write_json(folder / "summary.json", summarise(made.archive), flat=True)
     return folder
 
 
 def test_a_finished_case(folder, made):
+    (folder / "passes/1/geometry.h5").unlink()  # to save space
     lines = show(folder)
     assert lines[0] == summarise(made.archive)["verdict"]
     # the verdict begins with the name
@@ -76,14 +78,13 @@ def test_a_value_at_a_bound_is_printed_as_the_bound(folder):
 
 
 def test_an_unfinished_case_says_what_is_missing(folder):
-    for name in ("final.json", "calibration.h5", "export.json", "report.json", "report.html", "summary.json"):
+    for name in ("final.json", "calibration.h5", "export", "export.json", "report.json", "report.html", "summary.json"):
         (folder / name).unlink()
-    (folder / "export").rmdir()
     for name in ("runs/aa.h5", "runs/bb.h5", "runs/.partial-x-cc.h5", "iterations/0/verified.json"):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).touch()
     lines = show(folder)
-    missing = "search and final runs, archive, exports, report, summary"
+    missing = "final runs, archive of all runs, exports, figures and report, summary"
     assert lines[0] == f"small: not finished; missing: {missing}."
     assert lines[1] == f"records of runs: 2 in {folder / 'runs'}; iterations verified: 1."
     again = "type the command that began the case again (radcal run with its YAML file): finished runs are kept."

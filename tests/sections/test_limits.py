@@ -197,10 +197,10 @@ def test_wild_numbers_are_taken_or_refused_in_a_sentence(case: dict[str, Any]) -
             # what is taken can be planned with, written down and read back
             json.dumps(found.model_dump(mode="json"), allow_nan=False)
             assert case_from(found.model_dump(mode="json")) == found
-            minutes = runtime_minutes("run", 10**8, 1000 * found.simulator.longest_run_s)
+            minutes = runtime_minutes("verify", {"image": 10**8}, 1000 * found.simulator.longest_run_s)
             assert 0 < minutes < 2**31
             size = image_size(SceneSize(10**8, 1000.0, 10**8), found.radar)
-            assert memory_mb("geometry", max(size.facets, size.pixels)) > 0
+            assert memory_mb("geometry", {"image": max(size.facets, size.pixels)}) > 0
             assert len(found.laws) == len(found.materials)
     assert taken >= 10
     assert taken + refused == len(WILD) * len(list(places(case)))

@@ -9,7 +9,7 @@ import pytest
 from config_samples import COMMAND, FIXED, NO_TRUTH, SOIL, TABLE, WHOLE, X, dyke, message, outside, synthetic
 
 from radcal.config import case_from
-from radcal.config.stages import SceneStage
+from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
 
 
@@ -60,7 +60,7 @@ def test_parameters_of_an_external_law() -> None:
     soil, lake = case.materials["soil"], case.materials["lake"]
     assert (soil.parameter_names, soil.parameter_units, soil.start_parameters) == (("mv", "s"), ("", ""), [0.5, 5e9])
     assert (lake.parameter_names, lake.parameter_units, lake.start_parameters) == ((), (), [])
-    assert SceneStage.model_validate(SceneStage.params(case)).materials == case.materials
+    assert STAGES["scene"].model.model_validate(STAGES["scene"].params(case)).materials == case.materials
     assert (case.laws["soil"].names, case.laws["soil"].units) == (("mv", "s"), ("", ""))
     assert case.at_start == case
     with pytest.raises(ConfigError, match=r"parameters \['mv', 's'\] has no curve"):
@@ -135,7 +135,7 @@ def test_a_law_as_a_formula() -> None:
     assert material.start_parameters == [-20, 10]
     assert float(case.laws["dyke"](0.5, [-20.0, 8.0])) == pytest.approx(-20.0 + 8.0 * math.cos(0.5))
     # sections of a rule are plain data from which the law is made again
-    again = SceneStage.model_validate(SceneStage.params(case)).materials["dyke"]
+    again = STAGES["scene"].model.model_validate(STAGES["scene"].params(case)).materials["dyke"]
     assert again == material
 
 

@@ -9,7 +9,7 @@ import pytest
 from config_samples import COMMAND, NO_TRUTH, SOIL, TRUE_SOIL, WHOLE, X, outside
 
 from radcal.config import case_from, load
-from radcal.config.stages import SimulatorStage
+from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
 
 
@@ -19,7 +19,7 @@ def test_unquoted_placeholders_are_what_was_meant(tmp_path: Path) -> None:
     case = load([tmp_path / "a.yaml"])
     assert case.simulator.command == ["sim", "{input}", "{soil.mv}", "a"]
     # what a job gets is what the workflow read
-    assert SimulatorStage.model_validate(SimulatorStage.params(case)).simulator == case.simulator
+    assert STAGES["simulator"].model.model_validate(STAGES["simulator"].params(case)).simulator == case.simulator
 
 
 @pytest.mark.parametrize(

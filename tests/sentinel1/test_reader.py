@@ -25,7 +25,8 @@ from safe_product import (
     write_product,
 )
 
-from radcal.config import FileMeasurement, Radar, case_from, stages
+from radcal.config import FileMeasurement, Radar, case_from
+from radcal.config.stages import STAGES
 from radcal.errors import ConfigError, MeasurementError
 from radcal.findings import Finding
 from radcal.image.acquisition import (
@@ -425,7 +426,7 @@ def test_a_case_reads_a_product_without_scale_and_radiometry(safe: Path, name: s
     assert (measurement.scale, measurement.radiometry) == ("amplitude", "sigma0_ref")
     ground = scene()
     nothing: Any = None
-    taken_db = make_measurement(stages.MeasurementStage.of(case), make_geometry(ground, case.radar), nothing, ground)
+    taken_db = make_measurement(STAGES["measurement"].of(case), make_geometry(ground, case.radar), nothing, ground)
     assert taken_db.source == NAME
     power, *_ = taken(safe)
     np.testing.assert_allclose(taken_db.image_db, 10.0 * np.log10(power), atol=1e-4)

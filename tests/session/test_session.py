@@ -16,8 +16,6 @@ from radcal.session.session import Session, is_dry_run, open_session
 from radcal.storage.provenance import provenance
 from radcal.storage.records import REPLACE, write_json
 
-OUTPUTS = ("results/dyke/scores.json", "results/dyke/iterations/{k}/verified.json")
-
 
 @pytest.fixture(autouse=True)
 def _folder(tmp_path, monkeypatch):
@@ -132,7 +130,7 @@ def test_damaged_files_are_set_aside_before_the_start(build_case, capsys):
         write_json("results/dyke/scores.json", [{"key": "a" * 20}])
         write_json("results/dyke/iterations/1/verified.json", [{"key": "b" * 20}])
     Path("results/dyke/iterations/1/verified.json").write_text("{}")
-    Session(build_case()).set_damaged_aside(OUTPUTS)
+    Session(build_case()).set_damaged_aside()
     first, second = capsys.readouterr().err.splitlines()
     assert first.startswith("radcal: results/dyke/iterations/1/verified.json: is damaged")
     assert second.startswith(
@@ -176,7 +174,7 @@ def test_the_end_says_how_to_go_on(build_case, capsys):
 def test_the_folder_of_another_user_is_a_sentence(tmp_path):
     code = (
         "from radcal.config import case_from; from radcal.session.session import Session\n"
-        "session = Session(case_from({})); session.set_damaged_aside(['results/dyke/scores.json']); session.start()\n"
+        "session = Session(case_from({})); session.set_damaged_aside(); session.start()\n"
         "print('started')"
     )
     command = [sys.executable, "-c", code]

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from radcal.config import case_from, stages
+from radcal.config import case_from
+from radcal.config.stages import STAGES
 from radcal.errors import SimulatorError
 from radcal.simulators.declared_scale import check_scale
 
@@ -19,7 +20,7 @@ def declared(scale="db", **simulator):
         "measurement": {"source": "file", "path": "a.npy", "scale": "db", "radiometry": "sigma0_ref"},
         "radar": {"looks": 4},
     }
-    return stages.ReferenceRun.of(case_from(data))
+    return STAGES["reference_run"].of(case_from(data))
 
 
 def image_db(level_db, seed=1):

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from radcal import plugins
-from radcal.config import Case, case_from, stages
+from radcal.config import Case, case_from
+from radcal.config.part import Part
+from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
 from radcal.laws import Law
 from radcal.radar.geometry import Geometry
@@ -39,7 +41,7 @@ class LevelSimulator:
         self.laws, self.geometry, self.gain_db = laws, geometry, gain_db
 
     @classmethod
-    def of(cls, case: stages.SimulatorStage, geometry: Geometry, geometry_path: str | Path) -> LevelSimulator:
+    def of(cls, case: Part, geometry: Geometry, geometry_path: str | Path) -> LevelSimulator:
         settings: Any = case.simulator
         return cls(case.laws, geometry, settings.gain_db)
 
@@ -92,7 +94,7 @@ def loaded(permittivity: float = 5.0) -> Case:
 
 def test_a_run_by_a_foreign_simulator_and_law(installed: SimpleNamespace, geometry: Geometry, tmp_path: Path) -> None:
     def runner(case: Case) -> Runner:
-        stage = stages.Simulation.model_validate(stages.Simulation.params(case))  # as in a job
+        stage = STAGES["reference_run"].model.model_validate(STAGES["reference_run"].params(case))  # as in a job
         return Runner(RunStore(tmp_path), make_simulator(stage, geometry, tmp_path), geometry, "scene", stage)
 
     case = loaded()

@@ -14,8 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sealed import changed, flip, seal
 
+from radcal.config.stages import SCHEMAS
 from radcal.errors import ConfigError, DamagedError, StoreError
-from radcal.storage.inspection import SCHEMAS, inspect, set_aside
+from radcal.storage.inspection import inspect, set_aside
 from radcal.storage.provenance import provenance
 from radcal.storage.records import REPLACE, read_hdf5, read_json, write_hdf5, write_json
 

@@ -15,7 +15,8 @@ from workflow_project import ROOT, tiny_case
 
 from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import train_all
-from radcal.config import case_from, default_case, default_yaml, load, stages
+from radcal.config import case_from, default_case, default_yaml, load
+from radcal.config.stages import STAGES
 from radcal.inference.moments import to_dp
 from radcal.measurement.sources import make_measurement
 from radcal.objectives import make_objectives
@@ -83,7 +84,7 @@ def test_the_papers_method_is_a_black_box_after_a_design_without_polish(tmp_path
         assert proposal.mode == "exploit"
         assert proposal.cost == proposal.nsga2_cost  # not polished
         assert proposal.floor is None
-    training = train_all(history, stages.Train.of(case), make_objectives(case, targets))["field"]
+    training = train_all(history, STAGES["train"].of(case), make_objectives(case, targets))["field"]
     assert training.direct
     assert not training.baseline.any()
     # each of xi, omega and alpha has the length scales that smt finds with its defaults

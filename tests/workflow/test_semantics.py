@@ -19,10 +19,9 @@ from sealed import changed
 from workflow_project import COLUMNS, ROOT, ROWS, Project, make_project, tiny_case, write_raster
 
 from radcal.config import case_from
-from radcal.config.stages import STAGES
+from radcal.config.stages import SCHEMAS, STAGES
 from radcal.objectives.history import read_runs
 from radcal.session.reruns import reruns_table
-from radcal.storage.inspection import SCHEMAS
 
 CASE = ("--configfile", "tiny.yaml")
 # what Snakemake calls a job of each rule
@@ -77,7 +76,7 @@ def ended(project: Project, *arguments: str, cores: int = 2) -> str:
 def test_the_table_in_the_documents_is_that_of_the_code():
     page = (ROOT / "docs" / "reruns.md").read_text()
     assert reruns_table() in page
-    keys = {field.alias or name for stage in STAGES.values() for name, field in stage.model_fields.items()}
+    keys = {key for stage in STAGES.values() for key in stage.sections}
     assert set(CHANGES) | {"case", "colours"} == keys  # colours are made from those of the materials
 
 
@@ -94,7 +93,7 @@ def test_a_changed_section_changes_what_those_rules_take(section):
     drawn = {} if section == "simulator" else {"simulator": {"draws": 1}}
     old, new = case_from(tiny_case(**drawn)), case_from(tiny_case(**drawn, **{section: CHANGES[section]}))
     changed = {rule for rule, stage in STAGES.items() if stage.params(old) != stage.params(new)}
-    assert changed == {rule for rule, stage in STAGES.items() if section in stage.model_fields}
+    assert changed == {rule for rule, stage in STAGES.items() if section in stage.sections}
 
 
 @pytest.mark.parametrize("section", ["target", "optimiser"])
@@ -106,7 +105,7 @@ def test_a_changed_section_makes_again_what_the_table_says(finished, section):
     jobs = re.findall(
         r"^(?:Local job|Job|Checkpoint)[^:]*: (.+)\nReason: Params have changed", planned, flags=re.MULTILINE
     )
-    expected = {rule for rule, stage in STAGES.items() if section in stage.model_fields} & set(MESSAGES.values())
+    expected = {rule for rule, stage in STAGES.items() if section in stage.sections} & set(MESSAGES.values())
     assert jobs, planned
     assert {MESSAGES.get(job, job) for job in jobs} <= expected
     assert expected - rules <= (LOOP if "scores" in rules else set())

@@ -23,20 +23,18 @@ rule reuse:
     input:
         **(FOR_REUSE if CASE.design.reuse else {}),
     output:
-        index=f"{OUT}/reused.json",
+        **outputs("reuse"),
     log:
         f"{OUT}/logs/reuse.log",
     retries: 0
-    threads: 1
     resources:
-        mem_mb=memory("run"),
-        runtime=minutes("run"),
+        **resources("reuse"),
     params:
         case=STAGES["reuse"].params(CASE),
         runs=f"{OUT}/runs",
         earlier=EARLIER,
     message:
-        "runs of an earlier case"
+        words("reuse")
     script:
         "../scripts/reuse.py"
 
@@ -55,20 +53,18 @@ rule reference_run:
         measurement=rules.measurement.output.measurement,
         reused=REUSED,
     output:
-        index=f"{OUT}/passes/{{p}}/reference.json",
+        **outputs("reference_run"),
     log:
         f"{OUT}/logs/passes/{{p}}/reference.log",
     benchmark:
         f"{OUT}/benchmarks/passes/{{p}}/reference.tsv"
-    threads: 1
     resources:
-        mem_mb=memory("run"),
-        runtime=minutes("run", 2),
+        **resources("reference_run", runs=2),
     params:
         case=of_pass("reference_run"),
         runs=f"{OUT}/runs",
     message:
-        "reference run"
+        words("reference_run")
     script:
         "../scripts/reference.py"
 
@@ -86,15 +82,13 @@ rule design_chunk:
         target=of_chunk(rules.target.output.target),
         reused=REUSED,
     output:
-        index=f"{OUT}/design/{{chunk}}.json",
+        **outputs("design_chunk"),
     log:
         f"{OUT}/logs/design/{{chunk}}.log",
     benchmark:
         f"{OUT}/benchmarks/design_{{chunk}}.tsv"
-    threads: 1
     resources:
-        mem_mb=memory("run"),
-        runtime=minutes("run", CASE.design.chunk),
+        **resources("design_chunk", runs=CASE.design.chunk),
     params:
         case=lambda wildcards: STAGES["design_chunk"].params(
             PASSES[PARTS[int(wildcards.chunk)][0]]
@@ -103,7 +97,7 @@ rule design_chunk:
         size=CASE.design_size,
         runs=f"{OUT}/runs",
     message:
-        "design, chunk {wildcards.chunk}"
+        words("design_chunk")
     script:
         "../scripts/design_chunk.py"
 
@@ -116,20 +110,18 @@ checkpoint scores:
         reused=REUSED,
         design=expand(rules.design_chunk.output.index, chunk=CHUNKS),
     output:
-        scores=f"{OUT}/scores.json",
+        **outputs("scores"),
     log:
         f"{OUT}/logs/scores.log",
     benchmark:
         f"{OUT}/benchmarks/scores.tsv"
     retries: 0
-    threads: 1
     resources:
-        mem_mb=memory("light"),
-        runtime=minutes("light"),
+        **resources("scores"),
     params:
         case=STAGES["scores"].params(CASE),
         runs=f"{OUT}/runs",
     message:
-        "scores of the design"
+        words("scores")
     script:
         "../scripts/scores.py"

@@ -43,15 +43,14 @@ def earlier(wildcards):
 # from Snakemake's config, so that no finished job runs again.
 rule stop_settings:
     output:
-        stop=f"{OUT}/stop.json",
+        **outputs("stop_settings"),
     log:
         f"{OUT}/logs/stop_settings.log",
     retries: 0
-    threads: 1
     params:
         case=STAGES["stop_settings"].params(CASE),
     message:
-        "stop settings"
+        words("stop_settings")
     script:
         "../scripts/stop_settings.py"
 
@@ -69,7 +68,7 @@ rule train:
         trained=trained_before,
         target=every_pass(rules.target.output.target),
     output:
-        surrogate=update(f"{OUT}/iterations/{{k}}/surrogate.h5"),
+        **outputs("train", surrogate=update),
     log:
         f"{OUT}/logs/iterations/{{k}}/train.log",
     benchmark:
@@ -77,12 +76,11 @@ rule train:
     retries: 0
     threads: len(CASE.calibrated)
     resources:
-        mem_mb=memory("light"),
-        runtime=60,
+        **resources("train"),
     params:
         case=STAGES["train"].params(CASE),
     message:
-        "train {wildcards.k}"
+        words("train")
     script:
         "../scripts/train.py"
 
@@ -94,7 +92,7 @@ rule propose:
         target=every_pass(rules.target.output.target),
         surrogate=rules.train.output.surrogate,
     output:
-        proposal=f"{OUT}/iterations/{{k}}/proposal.json",
+        **outputs("propose"),
     log:
         f"{OUT}/logs/iterations/{{k}}/propose.log",
     benchmark:
@@ -102,12 +100,11 @@ rule propose:
     retries: 0
     threads: len(CASE.calibrated)
     resources:
-        mem_mb=memory("light"),
-        runtime=60,
+        **resources("propose"),
     params:
         case=STAGES["propose"].params(CASE),
     message:
-        "propose {wildcards.k}"
+        words("propose")
     script:
         "../scripts/propose.py"
 
@@ -122,20 +119,17 @@ checkpoint verify:
         earlier=earlier,
         proposal=rules.propose.output.proposal,
     output:
-        verified=f"{OUT}/iterations/{{k}}/verified.json",
-        trained=update(f"{OUT}/iterations/{{k}}/verified/surrogate.h5"),
+        **outputs("verify", trained=update),
     log:
         f"{OUT}/logs/iterations/{{k}}/verify.log",
     benchmark:
         f"{OUT}/benchmarks/verify_{{k}}.tsv"
-    threads: 1
     resources:
-        mem_mb=memory("run"),
-        runtime=minutes("run", len(PASSES)),
+        **resources("verify", runs=len(PASSES)),
     params:
         case=STAGES["verify"].params(CASE),
         runs=f"{OUT}/runs",
     message:
-        "verify {wildcards.k}"
+        words("verify")
     script:
         "../scripts/verify.py"

@@ -10,20 +10,18 @@ rule measurement:
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
     output:
-        measurement=update(f"{OUT}/passes/{{p}}/measurement.h5"),
+        **outputs("measurement", measurement=update),
     log:
         f"{OUT}/logs/passes/{{p}}/measurement.log",
     benchmark:
         f"{OUT}/benchmarks/passes/{{p}}/measurement.tsv"
     retries: 0
-    threads: 1
     resources:
-        mem_mb=memory("measurement"),
-        runtime=minutes("measurement", 1),
+        **resources("measurement", runs=1),
     params:
         case=of_pass("measurement"),
     message:
-        "measured image"
+        words("measurement")
     script:
         "../scripts/measurement.py"
 
@@ -48,21 +46,19 @@ rule registration:
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
     output:
-        registered=update(f"{OUT}/passes/{{p}}/registered.h5"),
+        **outputs("registration", registered=update),
     log:
         f"{OUT}/logs/passes/{{p}}/registration.log",
     benchmark:
         f"{OUT}/benchmarks/passes/{{p}}/registration.tsv"
     retries: 0
-    threads: 1
     resources:
-        mem_mb=memory("registration"),
-        runtime=minutes("registration"),
+        **resources("registration"),
     params:
         case=of_pass("registration"),
         runs=f"{OUT}/runs",
     message:
-        "registration"
+        words("registration")
     script:
         "../scripts/registration.py"
 
@@ -75,13 +71,13 @@ use rule registration as first_registration with:
         scene=rules.scene.output.scene,
         geometry=rules.geometry.output.geometry,
     output:
-        registered=update(f"{OUT}/passes/{{p}}/first/registered.h5"),
+        **outputs("first_registration", registered=update),
     log:
         f"{OUT}/logs/passes/{{p}}/first_registration.log",
     benchmark:
         f"{OUT}/benchmarks/passes/{{p}}/first_registration.tsv"
     message:
-        "first registration"
+        words("first_registration")
 
 
 rule laws_of_image:
@@ -92,19 +88,17 @@ rule laws_of_image:
         reference=f"{OUT}/passes/1/reference.json",
         registered=every_pass(rules.first_registration.output.registered)[0],
     output:
-        laws=f"{OUT}/laws_of_image.json",
+        **outputs("laws_of_image"),
     log:
         f"{OUT}/logs/laws_of_image.log",
     retries: 0
-    threads: 1
     resources:
-        mem_mb=memory("target"),
-        runtime=minutes("target"),
+        **resources("laws_of_image"),
     params:
         case=STAGES["laws_of_image"].params(PASSES[1]),
         runs=f"{OUT}/runs",
     message:
-        "laws for the registration run"
+        words("laws_of_image")
     script:
         "../scripts/laws_of_image.py"
 
@@ -116,20 +110,18 @@ rule registration_run:
         geometry=rules.geometry.output.geometry,
         laws=rules.laws_of_image.output.laws,
     output:
-        index=f"{OUT}/passes/{{p}}/registration_run.json",
+        **outputs("registration_run"),
     log:
         f"{OUT}/logs/passes/{{p}}/registration_run.log",
     benchmark:
         f"{OUT}/benchmarks/passes/{{p}}/registration_run.tsv"
-    threads: 1
     resources:
-        mem_mb=memory("run"),
-        runtime=minutes("run"),
+        **resources("registration_run", runs=1),
     params:
         case=of_pass("registration_run"),
         runs=f"{OUT}/runs",
     message:
-        "registration run"
+        words("registration_run")
     script:
         "../scripts/registration_run.py"
 
@@ -141,20 +133,18 @@ rule target:
         reference=f"{OUT}/passes/{{p}}/reference.json",
         registered=rules.registration.output.registered,
     output:
-        target=update(f"{OUT}/passes/{{p}}/target.h5"),
+        **outputs("target", target=update),
     log:
         f"{OUT}/logs/passes/{{p}}/target.log",
     benchmark:
         f"{OUT}/benchmarks/passes/{{p}}/target.tsv"
     retries: 0
-    threads: 1
     resources:
-        mem_mb=memory("target"),
-        runtime=minutes("target"),
+        **resources("target"),
     params:
         case=of_pass("target"),
         runs=f"{OUT}/runs",
     message:
-        "target densities"
+        words("target")
     script:
         "../scripts/target.py"

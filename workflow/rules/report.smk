@@ -10,20 +10,18 @@ rule final_runs:
         scores=f"{OUT}/scores.json",
         verified=verified,
     output:
-        final=f"{OUT}/final.json",
+        **outputs("final_runs"),
     log:
         f"{OUT}/logs/final_runs.log",
     benchmark:
         f"{OUT}/benchmarks/final_runs.tsv"
-    threads: 1
     resources:
-        mem_mb=memory("run"),
-        runtime=minutes("run", 2 * len(PASSES)),
+        **resources("final_runs", runs=2 * len(PASSES)),
     params:
         case=STAGES["final_runs"].params(CASE),
         runs=f"{OUT}/runs",
     message:
-        "final runs"
+        words("final_runs")
     script:
         "../scripts/final_runs.py"
 
@@ -39,23 +37,23 @@ rule posterior:
         verified=verified,
         final=rules.final_runs.output.final,
     output:
-        image=f"{OUT}/image.h5",
-        posterior=expand(f"{OUT}/posterior/{{material}}.h5", material=CASE.calibrated),
+        **outputs(
+            "posterior",
+            posterior=lambda path: expand(path, material=CASE.calibrated),
+        ),
     log:
         f"{OUT}/logs/posterior.log",
     benchmark:
         f"{OUT}/benchmarks/posterior.tsv"
     retries: 0
-    threads: 1
     resources:
-        mem_mb=memory("run"),
-        runtime=minutes("run", 2 * len(PASSES)),
+        **resources("posterior", runs=2 * len(PASSES)),
     params:
         case=STAGES["posterior"].params(CASE),
         runs=f"{OUT}/runs",
         draws=f"{OUT}/posterior/draws",
     message:
-        "posterior of all laws"
+        words("posterior")
     script:
         "../scripts/posterior.py"
 
@@ -73,23 +71,19 @@ rule archive:
         image=rules.posterior.output.image,
         posterior=rules.posterior.output.posterior,
     output:
-        archive=f"{OUT}/calibration.h5",
-        table=f"{OUT}/runs.csv",
-        checksum=f"{OUT}/table.json",
+        **outputs("archive"),
     log:
         f"{OUT}/logs/archive.log",
     benchmark:
         f"{OUT}/benchmarks/archive.tsv"
     retries: 0
-    threads: 1
     resources:
-        mem_mb=memory("registration"),
-        runtime=minutes("registration"),
+        **resources("archive"),
     params:
         case=STAGES["archive"].params(CASE),
         runs=f"{OUT}/runs",
     message:
-        "archive of all runs"
+        words("archive")
     script:
         "../scripts/archive.py"
 
@@ -103,22 +97,19 @@ rule export:
         target=every_pass(rules.target.output.target),
         final=rules.final_runs.output.final,
     output:
-        folder=directory(f"{OUT}/export"),
-        checksums=f"{OUT}/export.json",
+        **outputs("export", folder=directory),
     log:
         f"{OUT}/logs/export.log",
     benchmark:
         f"{OUT}/benchmarks/export.tsv"
     retries: 0
-    threads: 1
     resources:
-        mem_mb=memory("measurement"),
-        runtime=minutes("measurement"),
+        **resources("export"),
     params:
         case=STAGES["export"].params(CASE),
         runs=f"{OUT}/runs",
     message:
-        "exports"
+        words("export")
     script:
         "../scripts/export.py"
 
@@ -127,22 +118,22 @@ rule report:
     input:
         archive=rules.archive.output.archive,
     output:
-        figures=directory(f"{OUT}/figures"),
-        page=report(
-            f"{OUT}/report.html", category="Report", caption="../report/report.rst"
+        **outputs(
+            "report",
+            figures=directory,
+            page=lambda path: report(
+                path, category="Report", caption="../report/report.rst"
+            ),
         ),
-        checksums=f"{OUT}/report.json",
     log:
         f"{OUT}/logs/report.log",
     benchmark:
         f"{OUT}/benchmarks/report.tsv"
     retries: 0
-    threads: 1
     resources:
-        mem_mb=memory("report"),
-        runtime=minutes("report"),
+        **resources("report"),
     message:
-        "figures and report"
+        words("report")
     script:
         "../scripts/report.py"
 
@@ -153,17 +144,15 @@ rule summary:
         page=rules.report.output.page,
         export=rules.export.output.checksums,
     output:
-        summary=f"{OUT}/summary.json",
+        **outputs("summary"),
     log:
         f"{OUT}/logs/summary.log",
     retries: 0
-    threads: 1
     resources:
-        mem_mb=memory("report"),
-        runtime=minutes("report"),
+        **resources("summary"),
     params:
         benchmarks=f"{OUT}/benchmarks",
     message:
-        "summary"
+        words("summary")
     script:
         "../scripts/summary.py"

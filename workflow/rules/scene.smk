@@ -12,23 +12,20 @@ rule scene:
     input:
         [FILES[key] for key in FILES if key.startswith("scene.")],
     output:
-        # update(): the earlier file is kept when an input is refused
-        scene=update(f"{OUT}/scene.h5"),
+        **outputs("scene", scene=update),
     log:
         f"{OUT}/logs/scene.log",
     benchmark:
         f"{OUT}/benchmarks/scene.tsv"
     retries: 0
-    threads: 1
     resources:
-        mem_mb=memory("scene"),
-        runtime=minutes("scene"),
+        **resources("scene"),
     params:
         **HEADING,
         **SCENES.origin(CASE.scene.source),  # of another distribution: its version
         case=STAGES["scene"].params(CASE),
     message:
-        "scene"
+        words("scene")
     script:
         "../scripts/scene.py"
 
@@ -46,21 +43,19 @@ rule geometry:
     input:
         scene=rules.scene.output.scene,
     output:
-        geometry=update(f"{OUT}/passes/{{p}}/geometry.h5"),
+        **outputs("geometry", geometry=update),
     log:
         f"{OUT}/logs/passes/{{p}}/geometry.log",
     benchmark:
         f"{OUT}/benchmarks/passes/{{p}}/geometry.tsv"
     retries: 0
-    threads: 1
     resources:
-        mem_mb=memory("geometry"),
-        runtime=minutes("geometry"),
+        **resources("geometry"),
     params:
         **VERSION,
         case=of_pass("geometry"),
         immaterial=sorted(CASE.simulator.not_told),
     message:
-        "geometry of the pass"
+        words("geometry")
     script:
         "../scripts/geometry.py"

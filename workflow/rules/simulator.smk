@@ -14,18 +14,16 @@ rule simulator:
         [FILES[key] for key in FILES if key.startswith("simulator.")],
         geometry=rules.geometry.output.geometry,
     output:
-        identity=update(f"{OUT}/passes/{{p}}/simulator.json"),
+        **outputs("simulator", identity=update),
     log:
         f"{OUT}/logs/passes/{{p}}/simulator.log",
     retries: 0
-    threads: 1
     resources:
-        mem_mb=memory("run"),
-        runtime=minutes("run"),
+        **resources("simulator"),
     params:
         case=of_pass("simulator"),
     message:
-        "simulator"
+        words("simulator")
     script:
         "../scripts/simulator.py"
 

@@ -1,6 +1,6 @@
 """Write every run and iteration to one file, ``calibration.h5``, and all runs to one table, ``runs.csv``."""
 
-from radcal.config import Stop, stages
+from radcal.config import Stop
 from radcal.objectives.history import read_runs
 from radcal.posterior.result import Image, Posterior
 from radcal.radar.geometry import read_geometry
@@ -9,14 +9,13 @@ from radcal.results.archive import write_archive
 from radcal.results.results import archive_of
 from radcal.results.run_table import write_table
 from radcal.scene.model import read_scene
-from radcal.session.jobs import logged
+from radcal.session.jobs import job
 from radcal.storage.listing import write_listing
 from radcal.storage.records import read_item, read_json, understood
 from radcal.storage.run_index import indexed
 from radcal.targets.target import read_targets
 
-with logged(snakemake.log[0], snakemake.params.case):
-    case = stages.ArchiveStage.model_validate(snakemake.params.case)
+with job(snakemake) as case:
     with understood(snakemake.input.stop):
         stop = Stop.model_validate(read_json(snakemake.input.stop))
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])

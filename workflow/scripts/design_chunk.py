@@ -1,20 +1,18 @@
 """Simulate one chunk of the design."""
 
 from radcal.calibration.steps import called, design_line, run_all_draws
-from radcal.config import stages
 from radcal.proposals.design import design_points
-from radcal.session.jobs import logged, progress
+from radcal.session.jobs import job, progress
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import IndexedRun, read_index, write_index
 from radcal.targets.target import read_targets
 
-p, part = snakemake.params.part
-with logged(snakemake.log[0], snakemake.params.case, p):
-    case = stages.DesignChunk.model_validate(snakemake.params.case)
+with job(snakemake) as case:
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     targets = read_targets(*snakemake.input.target)
     reused = [run.parameters for file in snakemake.input.reused for run in read_index(file)]
     points = design_points(case, snakemake.params.size, reused)
+    _, part = snakemake.params.part
     first = part * case.design.chunk
     index = []
     for k, parameters in list(enumerate(points))[first : first + case.design.chunk]:

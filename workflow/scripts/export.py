@@ -1,18 +1,16 @@
 """Write tables, calibrated materials and images for other programs, from the archive."""
 
-from radcal.config import stages
 from radcal.products.export import pass_images, write_export
 from radcal.radar.geometry import read_geometry
 from radcal.registration.registered import read_registered
 from radcal.results.archive import read_archive
 from radcal.scene.model import read_scene
-from radcal.session.jobs import logged, progress
+from radcal.session.jobs import job, progress
 from radcal.simulators.sources import make_simulator
 from radcal.storage.listing import write_listing
 from radcal.targets.target import read_targets
 
-with logged(snakemake.log[0], snakemake.params.case):
-    case = stages.Export.model_validate(snakemake.params.case)
+with job(snakemake) as case:
     scene, geometries = read_scene(snakemake.input.scene), [read_geometry(path) for path in snakemake.input.geometry]
     archive = read_archive(snakemake.input.archive)
     registered = [read_registered(path) for path in snakemake.input.registered]

@@ -1,13 +1,11 @@
 """Compute the geometry of the pass."""
 
-from radcal.config import stages
 from radcal.radar.geometry import write_geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import read_scene
-from radcal.session.jobs import logged, progress
+from radcal.session.jobs import job, progress
 
-with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.p):
-    case = stages.GeometryStage.model_validate(snakemake.params.case)
+with job(snakemake) as case:
     geometry = make_geometry(read_scene(snakemake.input.scene), case.radar)
     write_geometry(snakemake.output.geometry, geometry, case.radar, snakemake.params.immaterial)
     progress(f"geometry: image of {geometry.shape[0]} x {geometry.shape[1]} pixels")

@@ -1,16 +1,14 @@
 """Read or make the measured image and check it against the scene."""
 
-from radcal.config import stages
 from radcal.image.model import write_measurement
 from radcal.measurement.sources import make_measurement
 from radcal.radar.geometry import read_geometry
 from radcal.scene.model import read_scene
-from radcal.session.jobs import logged, progress
+from radcal.session.jobs import job, progress
 from radcal.simulators.sources import make_simulator
 from radcal.words import sentence
 
-with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.p):
-    case = stages.MeasurementStage.model_validate(snakemake.params.case)
+with job(snakemake) as case:
     scene = read_scene(snakemake.input.scene)
     geometry = read_geometry(snakemake.input.geometry)
     simulator = make_simulator(case, geometry, snakemake.input.geometry)

@@ -2,19 +2,17 @@
 
 from radcal.assessment.model import image_of, posterior_of
 from radcal.assessment.observation import observe, simulated_of
-from radcal.config import stages
 from radcal.objectives import make_objectives
 from radcal.objectives.history import read_runs
 from radcal.radar.geometry import read_geometry
 from radcal.registration.registered import read_registered
 from radcal.scene.model import read_scene
-from radcal.session.jobs import logged, progress
+from radcal.session.jobs import job, progress
 from radcal.storage.records import write_item
 from radcal.storage.run_index import indexed
 from radcal.targets.target import read_targets
 
-with logged(snakemake.log[0], snakemake.params.case):
-    case = stages.PosteriorStage.model_validate(snakemake.params.case)
+with job(snakemake) as case:
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     targets, scene = read_targets(*snakemake.input.target), read_scene(snakemake.input.scene)
     geometries = [read_geometry(path) for path in snakemake.input.geometry]

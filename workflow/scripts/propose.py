@@ -1,15 +1,14 @@
 """Propose the next parameters of every material whose search has not ended."""
 
 from radcal.calibration.steps import propose_all
-from radcal.config import Stop, stages
+from radcal.config import Stop
 from radcal.objectives import make_objectives
 from radcal.objectives.history import read_runs, write_proposals
 from radcal.proposals.surrogate import read_trainings
-from radcal.session.jobs import logged
+from radcal.session.jobs import job
 from radcal.targets.target import read_targets
 
-with logged(snakemake.log[0], snakemake.params.case):
-    case = stages.Propose.model_validate(snakemake.params.case)
+with job(snakemake) as case:
     history = read_runs([snakemake.input.scores, *snakemake.input.verified])
     objectives = make_objectives(case, read_targets(*snakemake.input.target))
     stop = Stop.model_validate(snakemake.config["stop"])

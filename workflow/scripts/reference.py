@@ -1,17 +1,15 @@
 """Simulate the starting parameters: one run, which also tests the setup."""
 
 from radcal.calibration.steps import reference_runs, repeatability
-from radcal.config import stages
 from radcal.image.model import read_measurement
 from radcal.programs.command_plan import changed_links
-from radcal.session.jobs import logged, progress
+from radcal.session.jobs import job, progress
 from radcal.simulators.declared_scale import check_scale
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import IndexedRun, write_index
 from radcal.words import sentence
 
-with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.p):
-    case = stages.ReferenceRun.model_validate(snakemake.params.case)
+with job(snakemake) as case:
     runner = make_runner(case.at_start, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     first, *again = [record for (record,) in reference_runs(case, runner)]
     check_scale(first.image_db, read_measurement(snakemake.input.measurement).image_db, case)

@@ -1,18 +1,16 @@
 """Register the measured image onto the image of the reference run or, the second time, onto the registration run."""
 
-from radcal.config import stages
 from radcal.image.model import read_measurement
 from radcal.radar.geometry import read_geometry
 from radcal.registration.geometry_check import checked
 from radcal.registration.registered import read_registered, register, write_registered
 from radcal.registration.second import register_again
 from radcal.scene.model import read_scene
-from radcal.session.jobs import logged, progress
+from radcal.session.jobs import job, progress
 from radcal.storage.run_index import indexed
 from radcal.words import sentence
 
-with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.p):
-    case = stages.Registration.model_validate(snakemake.params.case)
+with job(snakemake) as case:
     run, _ = next(indexed([snakemake.input.onto], snakemake.params.runs, case.calibrated, image=True))
     rows, columns = run.image_db.shape
     if case.registration.method != "none":

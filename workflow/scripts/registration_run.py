@@ -1,14 +1,12 @@
 """Simulate the laws that the measured image asks for: one run, onto which the image is registered again."""
 
 from radcal.calibration.steps import all_parameters, called, run_all_draws
-from radcal.config import stages
-from radcal.session.jobs import logged, progress
+from radcal.session.jobs import job, progress
 from radcal.simulators.sources import make_runner
 from radcal.storage.records import read_json, understood
 from radcal.storage.run_index import IndexedRun, write_index
 
-with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.p):
-    case = stages.RegistrationRun.model_validate(snakemake.params.case)
+with job(snakemake) as case:
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     with understood(snakemake.input.laws):
         parameters = all_parameters(case.materials, read_json(snakemake.input.laws))

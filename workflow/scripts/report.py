@@ -3,10 +3,10 @@
 from radcal.figures.figures import write_figures
 from radcal.page.html import write_report
 from radcal.results.archive import read_archive
-from radcal.session.jobs import logged, progress
+from radcal.session.jobs import job, progress
 from radcal.storage.listing import write_listing
 
-with logged(snakemake.log[0]):
+with job(snakemake):
     archive = read_archive(snakemake.input.archive)
     progress(f"report: figures of {len(archive.materials)} calibrated materials are drawn ...")
     figures = write_figures(archive, snakemake.output.figures)

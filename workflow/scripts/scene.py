@@ -1,13 +1,11 @@
 """Build the scene."""
 
-from radcal.config import stages
 from radcal.scene.model import write_scene
 from radcal.scene.sources import make_scene
-from radcal.session.jobs import logged, progress
+from radcal.session.jobs import job, progress
 from radcal.words import sentence
 
-with logged(snakemake.log[0], snakemake.params.case):
-    case = stages.SceneStage.model_validate(snakemake.params.case)
+with job(snakemake) as case:
     scene = make_scene(case.scene, list(case.materials), snakemake.params.get("heading_deg", 0.0))
     write_scene(snakemake.output.scene, scene)
     progress(f"scene: {scene.material.shape[0]} x {scene.material.shape[1]} cells, {len(case.materials)} materials")

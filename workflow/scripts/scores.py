@@ -1,15 +1,13 @@
 """Score the reference run and the design against the targets."""
 
 from radcal.calibration.scoring import score, score_reference
-from radcal.config import stages
 from radcal.objectives import make_objectives
 from radcal.objectives.history import History, write_runs
-from radcal.session.jobs import logged, progress
+from radcal.session.jobs import job, progress
 from radcal.storage.run_index import in_all_passes, indexed
 from radcal.targets.target import read_targets
 
-with logged(snakemake.log[0], snakemake.params.case):
-    case = stages.Scores.model_validate(snakemake.params.case)
+with job(snakemake) as case:
     targets = read_targets(*snakemake.input.target)
     store, passes = (snakemake.params.runs, case.calibrated), len(snakemake.input.target)
     reference = [records for records, _ in in_all_passes(indexed([file], *store) for file in snakemake.input.reference)]

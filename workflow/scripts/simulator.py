@@ -1,16 +1,14 @@
 """Write the simulator's identity."""
 
-from radcal.config import stages
+from radcal.config.disclosure import disclosed
 from radcal.radar.geometry import read_geometry
 from radcal.sections.simulator import SIMULATORS
-from radcal.session.jobs import logged
+from radcal.session.jobs import job
 from radcal.simulators.sources import make_simulator
-from radcal.storage.disclosure import disclosed
 from radcal.storage.files import case_folder
 from radcal.storage.records import write_json
 
-with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.p):
-    case = stages.SimulatorStage.model_validate(snakemake.params.case)
+with job(snakemake) as case:
     simulator = make_simulator(case, read_geometry(snakemake.input.geometry), snakemake.input.geometry)
     # the width of seeds is not part of the identity; it is kept here for the next command
     identity = {

@@ -1,19 +1,17 @@
 """Make the target of every calibrated material: pixels drawn at random, their density and incidence-angle bins."""
 
-from radcal.config import stages
 from radcal.objectives import objective_class
 from radcal.radar.geometry import read_geometry
 from radcal.registration.height_shift import height_findings
 from radcal.registration.registered import read_registered
 from radcal.scene.model import read_scene
-from radcal.session.jobs import logged, progress
+from radcal.session.jobs import job, progress
 from radcal.storage.run_index import indexed
 from radcal.targets.target import write_targets
 from radcal.targets.target_fit import make_targets
 from radcal.words import sentence
 
-with logged(snakemake.log[0], snakemake.params.case, snakemake.wildcards.p):
-    case = stages.TargetStage.model_validate(snakemake.params.case)
+with job(snakemake) as case:
     reference, _ = next(indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True))
     registered = read_registered(snakemake.input.registered)
     geometry = read_geometry(snakemake.input.geometry)

@@ -1,16 +1,15 @@
 """Simulate the proposals of all materials in one run and score this run."""
 
 from radcal.calibration.steps import progress_line, verify
-from radcal.config import Stop, stages
+from radcal.config import Stop
 from radcal.objectives import make_objectives
 from radcal.objectives.history import History, read_proposals, read_runs, write_runs
 from radcal.proposals.surrogate import write_trainings
-from radcal.session.jobs import logged, progress
+from radcal.session.jobs import job, progress
 from radcal.simulators.sources import make_runner
 from radcal.targets.target import read_targets
 
-with logged(snakemake.log[0], snakemake.params.case):
-    case = stages.Verify.model_validate(snakemake.params.case)
+with job(snakemake) as case:
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     proposals = read_proposals(snakemake.input.proposal)
     history = read_runs([snakemake.input.scores, *snakemake.input.earlier])

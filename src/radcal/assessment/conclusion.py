@@ -15,7 +15,8 @@ from radcal.assessment.program_check import another_law
 from radcal.assessment.registration_check import check_registration
 from radcal.calibration.scoring import with_texture
 from radcal.calibration.stopping import Decision, decide
-from radcal.config import Stop, stages
+from radcal.config import Stop
+from radcal.config.part import Part
 from radcal.findings import Finding
 from radcal.objectives import Comparison
 from radcal.objectives.history import History
@@ -85,7 +86,7 @@ class Conclusion:
 
 
 def conclude(
-    case: stages.ArchiveStage,
+    case: Part,
     stop: Stop,
     history: History,
     targets: Targets,
@@ -101,7 +102,7 @@ def conclude(
 
     Parameters
     ----------
-    case, stop : stages.ArchiveStage, Stop
+    case, stop : Part, Stop
         Configuration of the case, and stop criteria.
     history : History
         Scored runs: reference run, design and verified proposals.

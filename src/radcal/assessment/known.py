@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import stages
+from radcal.config.part import Part
 from radcal.findings import Finding, Severity
 from radcal.ground.pixels import MANY_IN_NOISE, share_in_noise
 from radcal.laws import Law
@@ -24,7 +24,7 @@ _OTHER = {"sigma0_ref": "sigma0_local", "beta0": "sigma0_local", "gamma0": "gamm
 _OTHER |= {"sigma0_local": "sigma0_ref", "gamma0_rtc": "gamma0"}
 
 
-def image_findings(case: stages.ArchiveStage, image: Image) -> Iterator[Finding]:
+def image_findings(case: Part, image: Image) -> Iterator[Finding]:
     """Findings on radiometry, fixed laws and level of the measured images, in the order in which to act on them."""
     if case.target.normalisation == "image":
         return
@@ -48,7 +48,7 @@ def image_findings(case: stages.ArchiveStage, image: Image) -> Iterator[Finding]
         yield Finding("not_sampled", "warning", "fixed laws", {})
 
 
-def _levels(case: stages.ArchiveStage, image: Image) -> Iterator[Finding]:
+def _levels(case: Part, image: Image) -> Iterator[Finding]:
     """Level of each pass or, of a single fixed material, difference between image and law in the first pass."""
     if len(image.laws_db) == 1:
         name, apart = next(iter(image.apart_db.items()))
@@ -74,7 +74,7 @@ def _numbers(quantiles: Doubles, median: str) -> dict[str, float]:
 
 
 def material_findings(
-    case: stages.ArchiveStage, name: str, posterior: Posterior, targets: Targets, refused: bool
+    case: Part, name: str, posterior: Posterior, targets: Targets, refused: bool
 ) -> Iterator[Finding]:
     """Findings on one material: first where its sigma0 is determined, then the form of its law, then remarks."""
     yield _state(case, name, posterior, targets, refused)
@@ -91,7 +91,7 @@ def material_findings(
         yield Finding("in_the_noise", "warning", name, {"share": share})
 
 
-def _state(case: stages.ArchiveStage, name: str, posterior: Posterior, targets: Targets, refused: bool) -> Finding:
+def _state(case: Part, name: str, posterior: Posterior, targets: Targets, refused: bool) -> Finding:
     """Finding that says at which incidence sigma0 of a material is determined, and how well."""
     curve = posterior.curve
     if curve is None:

@@ -11,7 +11,8 @@ from scipy.linalg import block_diag
 from threadpoolctl import threadpool_limits
 
 from radcal.calibration.steps import train_all
-from radcal.config import Validation, stages
+from radcal.config import Validation
+from radcal.config.part import Part
 from radcal.laws import Law
 from radcal.objectives import Comparison
 from radcal.objectives.history import History
@@ -65,12 +66,12 @@ def _mean_areas(cells: Cells) -> list[float]:
     return [mean(one) if one else 0.0 for one in cells]
 
 
-def image_of(case: stages.PosteriorStage, cells: Cells) -> Image:
+def image_of(case: Part, cells: Cells) -> Image:
     """What the fixed materials say of the images of all passes.
 
     Parameters
     ----------
-    case : stages.PosteriorStage
+    case : Part
         Configuration.
     cells : sequence of mapping
         Cells of each material in each pass.
@@ -92,7 +93,7 @@ def image_of(case: stages.PosteriorStage, cells: Cells) -> Image:
 
 
 def posterior_of(
-    case: stages.PosteriorStage,
+    case: Part,
     targets: Targets,
     history: History,
     objective: Comparison,
@@ -105,7 +106,7 @@ def posterior_of(
 
     Parameters
     ----------
-    case : stages.PosteriorStage
+    case : Part
         Configuration.
     targets : Targets
         Target of each calibrated material in all passes.
@@ -214,7 +215,7 @@ def _with_curve(
 
 
 def _without_curve(
-    case: stages.PosteriorStage, observed: Observed, objective: Comparison, history: History, best: Doubles, name: str
+    case: Part, observed: Observed, objective: Comparison, history: History, best: Doubles, name: str
 ) -> tuple[Parameters, Doubles, Doubles]:  # fmt: skip
     """Parameters of a law without a curve, by the surrogate's means of the incidence-angle bins."""
     surrogate = Surrogate(train_all(history, case, {name: objective})[name], objective, history.surprise(name))

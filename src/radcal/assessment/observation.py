@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from radcal.config import stages
+from radcal.config.part import Part
 from radcal.errors import MeasurementError
 from radcal.ground.correlation import estimate_correlation
 from radcal.ground.ground import Blocks
@@ -33,7 +33,7 @@ _FEWEST = 3  # cells of a material
 
 
 def simulated_of(
-    case: stages.PosteriorStage,
+    case: Part,
     scene: Scene,
     geometries: Sequence[Geometry],
     paths: Sequence[str],
@@ -44,7 +44,7 @@ def simulated_of(
 
     Parameters
     ----------
-    case : stages.PosteriorStage
+    case : Part
         Configuration.
     scene : Scene
         Scene.
@@ -69,7 +69,7 @@ def simulated_of(
 
 
 def observe(
-    case: stages.PosteriorStage,
+    case: Part,
     geometry: Geometry,
     registered: Registered,
     simulated: Sequence[Simulated],
@@ -84,7 +84,7 @@ def observe(
 
     Parameters
     ----------
-    case : stages.PosteriorStage
+    case : Part
         Configuration of the pass.
     geometry : Geometry
         Geometry of the pass.

@@ -21,7 +21,8 @@ from radcal.calibration.steps import (
     verify,
 )
 from radcal.calibration.stopping import Decision, decide
-from radcal.config import Case, stages
+from radcal.config import Case
+from radcal.config.stages import STAGES
 from radcal.image.model import Measurement
 from radcal.objectives import make_objectives
 from radcal.objectives.history import History
@@ -75,16 +76,16 @@ def register_rounds(
     MeasurementError
         The measured image has nothing in common with the simulated image, or contradicts the geometry of the pass.
     """
-    reference = stages.ReferenceRun.of(case)
+    reference = STAGES["reference_run"].of(case)
     start = _image_db(reference_runs(reference, runner)[0][0])
     check_scale(start, measurement.image_db, reference)
     first = register(start, measurement, case.registration)
     first = checked(first, start, geometry, case.radar, scene.slope_error_deg)
     if not case.registers_twice:
         return first, None
-    found = laws_of_image(stages.TargetStage.of(case), geometry, first, start, scene)
+    found = laws_of_image(STAGES["target"].of(case), geometry, first, start, scene)
     parameters = all_parameters(case.materials, found)
-    records = run_all_draws(stages.RegistrationRun.of(case), runner, parameters, image=True)
+    records = run_all_draws(STAGES["registration_run"].of(case), runner, parameters, image=True)
     return register_again(_image_db(records[0]), first, case.registration), (records, parameters)
 
 
@@ -133,17 +134,17 @@ def calibrate(
     ValueError
         If the starting parameters of a calibrated material belong to another law and ``reference`` is missing.
     """
-    simulation, scores = stages.Verify.of(case), stages.Scores.of(case)
-    train, proposal = stages.Train.of(case), stages.Propose.of(case)
+    simulation, scores = STAGES["verify"].of(case), STAGES["scores"].of(case)
+    train, proposal = STAGES["train"].of(case), STAGES["propose"].of(case)
     others = case.start_with_another_law
     if others and reference is None:
         raise ValueError(f"materials {others} start with another law: expected a reference runner")
     objectives = make_objectives(scores, targets)
-    made = reference_runs(stages.ReferenceRun.of(case), reference or runner)
+    made = reference_runs(STAGES["reference_run"].of(case), reference or runner)
     runs = score_reference(scores, made, targets, objectives)
     if registration is not None:
         runs.append(score("registration", 0, *registration, targets, objectives, case.seed))
-    for k, parameters in enumerate(design_points(stages.DesignChunk.of(case), case.design_size)):
+    for k, parameters in enumerate(design_points(STAGES["design_chunk"].of(case), case.design_size)):
         records = run_all_draws(simulation, runner, parameters)
         runs.append(score("design", k, records, parameters, targets, objectives, case.seed))
     history, k = History(runs), 0

@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from radcal.config import stages
+from radcal.config.disclosure import disclosed
+from radcal.config.part import Part
 from radcal.errors import ConfigError, StoreError
 from radcal.seeds import draw_seeds
 from radcal.simulators.runner import Runner
-from radcal.storage.disclosure import disclosed
 from radcal.storage.files import digest, first_difference
 from radcal.storage.run_index import IndexedRun
 from radcal.storage.runs import RunStore
@@ -42,12 +42,12 @@ def require_earlier(earlier: str | Path | None) -> None:
         )
 
 
-def reuse_runs(case: stages.Reuse, runner: Runner, earlier: str | Path) -> list[IndexedRun]:
+def reuse_runs(case: Part, runner: Runner, earlier: str | Path) -> list[IndexedRun]:
     """Take over an earlier case's runs that differ from runs of this case only in parameters of calibrated materials.
 
     Parameters
     ----------
-    case : stages.Reuse
+    case : Part
         Simulation settings of this case.
     runner : Runner
         Simulator with the run store of this case, to which the records are copied.
@@ -105,7 +105,7 @@ def reuse_runs(case: stages.Reuse, runner: Runner, earlier: str | Path) -> list[
     return taken
 
 
-def _calibrated(case: stages.Reuse, description: Mapping[str, Any]) -> dict[str, list[float]]:
+def _calibrated(case: Part, description: Mapping[str, Any]) -> dict[str, list[float]]:
     """Parameters that a run of the earlier case gives to the calibrated materials of this case."""
     materials = description.get("materials", {})
     return {name: materials[name]["parameters"] for name in case.calibrated if name in materials}

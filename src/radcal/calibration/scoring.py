@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.calibration.noise import noise_variance
-from radcal.config import stages
+from radcal.config.part import Part
 from radcal.objectives import Comparison
 from radcal.objectives.history import Kind, PassScore, Run, Score
 from radcal.seeds import derived_rng
@@ -148,13 +148,13 @@ def with_texture(
 
 
 def score_reference(
-    case: stages.Scores, made: Sequence[Sequence[Record]], targets: Targets, objectives: Mapping[str, Comparison]
+    case: Part, made: Sequence[Sequence[Record]], targets: Targets, objectives: Mapping[str, Comparison]
 ) -> list[Run]:
     """Scores of the reference run and of its repetition, with the difference of their pixels.
 
     Parameters
     ----------
-    case : stages.Scores
+    case : Part
         Starting parameters and seed.
     made : sequence of sequence of Record
         Records of the reference run in all passes and, if it was repeated, those of the repetition.
@@ -184,7 +184,7 @@ def score_reference(
 
 
 def _repeat_variance(
-    case: stages.Scores,
+    case: Part,
     first: Sequence[Record],
     again: Sequence[Record],
     targets: Targets,

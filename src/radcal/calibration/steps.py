@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 from radcal.calibration.noise import scatter
 from radcal.calibration.scoring import score
 from radcal.calibration.stopping import decide
-from radcal.config import Material, SimulatorConfig, Stop, stages
+from radcal.config import Material, SimulatorConfig, Stop
+from radcal.config.part import Part
 from radcal.errors import SimulatorError
 from radcal.findings import Finding
 from radcal.objectives import Comparison, objective_class
@@ -56,12 +57,12 @@ def called(run: str) -> Iterator[None]:
         raise SimulatorError(f"{run}: {error}", error.about) from None
 
 
-def reference_runs(case: stages.ReferenceRun, runner: Runner) -> list[list[Record]]:
+def reference_runs(case: Part, runner: Runner) -> list[list[Record]]:
     """Make the reference run, and repeat it if it is unknown whether the simulator is deterministic.
 
     Parameters
     ----------
-    case : stages.ReferenceRun
+    case : Part
         Starting parameters, seed and simulator.
     runner : Runner
         Simulator with the run store, made for ``case.at_start``, because starting parameters may belong to other laws.
@@ -81,7 +82,7 @@ def reference_runs(case: stages.ReferenceRun, runner: Runner) -> list[list[Recor
     return runs
 
 
-def run_all_draws(case: stages.Simulation, runner: Runner, parameters: Parameters, image: bool = False) -> list[Record]:
+def run_all_draws(case: Part, runner: Runner, parameters: Parameters, image: bool = False) -> list[Record]:
     """Records of a run in all passes, with all draws of speckle; ``image`` keeps the whole image of the first draw."""
     first, *others = draw_seeds(case)
     return [
@@ -131,9 +132,7 @@ def not_fresh(simulator: SimulatorConfig, final: Sequence[Record]) -> list[Findi
     return [Finding("seedless" if simulator.seedless else "seed_without_effect", "note", "simulator")]
 
 
-def random_findings(
-    case: stages.ArchiveStage, history: History, names: Iterable[str], final: Sequence[Record]
-) -> list[Finding]:
+def random_findings(case: Part, history: History, names: Iterable[str], final: Sequence[Record]) -> list[Finding]:
     """Findings on the simulator's random numbers, from the runs of the search and the two final runs."""
     found = repeatability(case.simulator, history.repeat_db)
     if (case.surrogate.outputs, case.surrogate.training) == ("centred", "posterior"):
@@ -153,7 +152,7 @@ def all_parameters(materials: Mapping[str, Material], calibrated: Parameters) ->
     return {name: list(calibrated.get(name, material.start_parameters)) for name, material in materials.items()}
 
 
-def _trained(name: str, objective: Comparison, history: History, case: stages.Train | stages.Verify) -> Training:
+def _trained(name: str, objective: Comparison, history: History, case: Part) -> Training:
     """Training of one material's surrogate by all runs so far."""
     noisy = _noisy(history, case.simulator)
     return train_surrogate(objective, *history.training(name), case.surrogate, history.noise_variance(name), noisy)
@@ -161,7 +160,7 @@ def _trained(name: str, objective: Comparison, history: History, case: stages.Tr
 
 def train_all(
     history: History,
-    case: stages.Train,
+    case: Part,
     objectives: Mapping[str, Comparison],
     processes: int = 1,
     trained: Mapping[str, Training] = MappingProxyType({}),
@@ -172,7 +171,7 @@ def train_all(
     ----------
     history : History
         Runs so far.
-    case : stages.Train
+    case : Part
         Settings of the training.
     objectives : mapping
         Objective by material.
@@ -199,7 +198,7 @@ def propose_all(
     trainings: Mapping[str, Training],
     objectives: Mapping[str, Comparison],
     history: History,
-    case: stages.Propose,
+    case: Part,
     iteration: int,
     stop: Stop,
     processes: int = 1,
@@ -212,7 +211,7 @@ def propose_all(
         Training of the surrogate, and objective, by material.
     history : History
         Runs so far.
-    case : stages.Propose
+    case : Part
         Seed, and settings of the search.
     iteration : int
         Number of the iteration.
@@ -250,7 +249,7 @@ def verify(
     targets: Targets,
     objectives: Mapping[str, Comparison],
     runner: Runner,
-    case: stages.Verify,
+    case: Part,
     history: History,
     iteration: int,
     processes: int = 1,
@@ -267,7 +266,7 @@ def verify(
         Target and objective by calibrated material.
     runner : Runner
         Simulator with the run store.
-    case : stages.Verify
+    case : Part
         Materials, seed and surrogate.
     history : History
         Runs so far.

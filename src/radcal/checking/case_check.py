@@ -17,12 +17,12 @@ from radcal.config import (
     input_files,
     load_with_problems,
     missing_inputs,
-    stages,
     starts_as_truth,
 )
+from radcal.config.stages import STAGES
 from radcal.errors import ConfigError, MissingSign, RadcalError
 from radcal.findings import Finding, of_pass
-from radcal.forecast.memory_and_time import Stage, memory_mb, values_of
+from radcal.forecast.memory_and_time import memory_mb, values_of
 from radcal.forecast.runs_and_time import largest_runs, runs_sentence, time_expected
 from radcal.posterior.cells import CellMeans
 from radcal.programs.command_plan import check_command, check_image_shape
@@ -42,7 +42,6 @@ Say = Callable[[str], None]
 
 _LARGEST_RUN = 5_000_000  # pixels of a synthetic image that is made for the check, in some seconds
 _LARGEST = 20_000_000  # values of a scene that is made for the check: more would take minutes
-_STAGES: tuple[Stage, ...] = ("scene", "geometry", "measurement", "run", "registration", "target", "report")
 _OF_SCENE = ("scene", "geometry", "measured image", "start image and levels against the laws")  # parts of the check
 
 
@@ -80,7 +79,7 @@ class CaseCheck:
     findings: list[Finding] = field(default_factory=list)
     sections: list[str] = field(default_factory=list)
     shape: tuple[int, int] | None = None
-    memory_mb: Mapping[Stage, int] = field(default_factory=dict)
+    memory_mb: Mapping[str, int] = field(default_factory=dict)
     time: str = ""
     refused: list[str] = field(default_factory=list)
     unseen: tuple[str, ...] = _OF_SCENE
@@ -181,9 +180,7 @@ def _check_stages(found: CaseCheck, case: Case, say: Say) -> None:
 
     try:
         values = values_of(case)
-        found.memory_mb = {
-            stage: memory_mb(stage, values["scene" if stage == "scene" else "image"]) for stage in _STAGES
-        }
+        found.memory_mb = {name: memory_mb(name, values) for name, stage in STAGES.items() if stage.only_if is None}
         if max(values.values()) > _LARGEST:
             found.findings.append(Finding("scene_large", "note", "scene"))
             found.unseen = ()
@@ -258,7 +255,7 @@ def _measured(one: Case, geometry: Geometry, scene: Scene, number: int) -> Measu
     from radcal.measurement.synthetic import check_synthetic
     from radcal.simulators.sources import make_simulator
 
-    stage = stages.MeasurementStage.of(one)
+    stage = STAGES["measurement"].of(one)
     simulator: Any = None  # a file needs none
     if not isinstance(one.measurement, FileMeasurement):
         if not one.simulator.own or geometry.material.size > _LARGEST_RUN:

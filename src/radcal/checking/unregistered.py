@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from radcal.assessment.known import image_findings
 from radcal.assessment.model import image_of
 from radcal.assessment.observation import observe
-from radcal.config import BuiltinSimulation, Case, stages
+from radcal.config import BuiltinSimulation, Case
+from radcal.config.stages import STAGES
 from radcal.errors import ConfigError, MeasurementError
 from radcal.findings import Finding, of_pass
 from radcal.ground.levels import Levels
@@ -63,7 +64,7 @@ def cells_of(case: Case, geometry: Geometry, measured: Measurement, scene: Scene
     """
     if case.target.normalisation == "image":
         return {}
-    stage = stages.PosteriorStage.of(case.at_start).model_copy(update={"simulator": BuiltinSimulation()})
+    stage = STAGES["posterior"].of(case.at_start).model_copy(update={"simulator": BuiltinSimulation()})
     still, image = np.zeros((2, *geometry.shape), dtype=np.float32), measured.image_db
     registered = Registered(measured, image, still, _moved_px(case, geometry), still[0], "none", False, "")
     simulated = Simulated(start_image(case, geometry), case.start_parameters)
@@ -82,13 +83,13 @@ def fixed_laws(case: Case, cells: Sequence[Mapping[str, CellMeans]]) -> list[Fin
     """
     steps = min(case.uncertainty.steps, _STEPS)
     short = case.model_copy(update={"uncertainty": case.uncertainty.model_copy(update={"steps": steps})})
-    image = image_of(stages.PosteriorStage.of(short), cells)
+    image = image_of(STAGES["posterior"].of(short), cells)
     levels = [
         one
         for number, (of, own) in enumerate(zip(case.passes, cells, strict=True), start=1)
         for one in of_pass([_level(of, x, own[x]) for x in case.reference_materials if x in own], number, len(cells))
     ]
-    model = image_findings(stages.ArchiveStage.of(case), replace(image, sampled=True))
+    model = image_findings(STAGES["archive"].of(case), replace(image, sampled=True))
     return [*levels, *(one for one in model if one.code != "fixed_law_and_image")]  # which the level tells already
 
 

@@ -6,7 +6,6 @@ cannot be read.
 
 from __future__ import annotations
 
-import itertools
 import os
 import re
 import signal
@@ -28,6 +27,8 @@ __all__ = ["HELP", "check_folder", "files_of_stages", "main", "snakemake_command
 _OURS = ("--conf", "-C")  # prefixes of Snakemake's options --configfile and --config, however they are abbreviated
 # with any of these options, --cores all is not added
 _ELSEWHERE = ("--cores", "-c", "--jobs", "-j", "--profile", "--executor", "-e")
+
+_MILESTONES = ("all", "reference", "design")  # rules without outputs of their own
 
 HELP = """Check cases and calibrate them, in the folder of your clone or anywhere else.
 
@@ -89,7 +90,7 @@ def main(
         checked = _checked(files, changes)
         commands = [
             snakemake_command(
-                file, files_of_stages(folder, targets, case, results), further, changes, cores, dry_run, elsewhere
+                file, files_of_stages(targets, case, results), further, changes, cores, dry_run, elsewhere
             )
             for file, case in zip(files, checked, strict=True)
         ]
@@ -138,43 +139,30 @@ def check_folder(folder: Path, targets: Iterable[str] = ()) -> None:
         The folder has no Snakefile of radcal, or a target is neither a rule outside the loop nor a path with a slash.
     """
     from radcal.config import nearest
+    from radcal.config.stages import STAGES
     from radcal.errors import ConfigError
     from radcal.session.workflow_files import holds_workflow
 
     if not holds_workflow(folder):
         raise ConfigError(f"{folder} is not the folder of radcal's workflow, with Snakefile, workflow and config.")
-    outputs = _outputs(folder)
-    rules = {name for name, files in outputs.items() if not any("{k}" in file for file in files)}
+    first = {name: next(iter(stage.outputs.values())) for name, stage in STAGES.items()}
+    looped = {name: path for name, path in first.items() if "{k}" in path}
+    rules = sorted({*STAGES, *_MILESTONES} - looped.keys())
     for target in targets:
+        if target in looped:
+            raise ConfigError(
+                f"the target {target!r} is made in each iteration, expected a file of one iteration, such as "
+                f"results/CASE/{looped[target].format(k=0)}, or one of {', '.join(rules)}."
+            )
         if target not in rules and "/" not in target:
-            if target in outputs:
-                raise ConfigError(
-                    f"the target {target!r} is made in each iteration, expected a file of one iteration, such as "
-                    f"results/CASE/{outputs[target][0].format(k=0)}, or one of {', '.join(sorted(rules))}."
-                )
-            raise ConfigError(f"there is no target {target!r}{nearest(target, sorted(rules))}.")
+            raise ConfigError(f"there is no target {target!r}{nearest(target, rules)}.")
 
 
-def _outputs(folder: Path) -> dict[str, list[str]]:
-    """Output files of each rule below the folder of the case, with wildcards in braces, from the workflow's text."""
-    pages = [
-        path.read_text(encoding="utf-8") for path in (folder / "Snakefile", *(folder / "workflow/rules").glob("*.smk"))
-    ]
-    found = {}
-    for name, body in re.findall(r"^(?:rule|checkpoint) (\w+):\n((?: .*\n|\n)*)", "\n".join(pages), re.MULTILINE):
-        section = re.search(r"^ {4}output:\n((?: {8}.*\n)+)", body, re.MULTILINE)
-        paths = re.findall(r'f"\{OUT\}/([^"]*)"', section[1]) if section else []
-        found[name] = [path.replace("{{", "{").replace("}}", "}") for path in paths]
-    return found
-
-
-def files_of_stages(folder: Path, targets: Sequence[str], case: Case, results: Path) -> list[str]:
-    """Targets for Snakemake: a rule with wildcards, which Snakemake does not take as a target, as the rule's files.
+def files_of_stages(targets: Sequence[str], case: Case, results: Path) -> list[str]:
+    """Targets for Snakemake: the outputs of each stage, because a rule with wildcards is no target for Snakemake.
 
     Parameters
     ----------
-    folder : path
-        Folder of the workflow.
     targets : sequence of str
         Targets that :func:`check_folder` has accepted.
     case : Case
@@ -187,29 +175,18 @@ def files_of_stages(folder: Path, targets: Sequence[str], case: Case, results: P
     ConfigError
         A target is the rule ``reuse``, and the case names no earlier case.
     """
+    from radcal.config.stages import STAGES
     from radcal.errors import ConfigError
 
-    outputs = _outputs(folder)
+    found = []
     for target in targets:
-        if case.design.reuse is None and Path(target).name in ("reuse", *outputs["reuse"]):
+        if case.design.reuse is None and Path(target).name in ("reuse", *STAGES["reuse"].outputs.values()):
             raise ConfigError(
                 f"the target {target!r} takes runs of an earlier case, and design.reuse of case {case.case} is "
                 "missing, expected the earlier case's name: --set design.reuse=NAME."
             )
-    wildcards = {
-        "p": [str(number) for number in range(1, len(case.passes) + 1)],
-        "chunk": [str(chunk) for chunk in range(len(case.passes) * case.design_parts)],
-        "material": list(case.calibrated),
-    }
-    found = []
-    for target in targets:
-        made = [path for path in outputs.get(target, ()) if "{" in path]
-        for path in made:
-            names = [name for name in wildcards if f"{{{name}}}" in path]
-            for values in itertools.product(*(wildcards[name] for name in names)):
-                found.append(f"{results / case.case}/{path.format(**dict(zip(names, values, strict=True)))}")
-        if not made:
-            found.append(target)
+        files = STAGES[target].files(case) if target in STAGES else []
+        found += [f"{results / case.case}/{path}" for path in files] or [target]
     return found
 
 

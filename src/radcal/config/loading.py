@@ -11,9 +11,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from radcal.config import stages
 from radcal.config.case import Case
 from radcal.config.inputs import expand_path
+from radcal.config.part import Part
+from radcal.config.stages import FORWARD, model_of
 from radcal.config.undecided import undecided
 from radcal.errors import ConfigError
 from radcal.laws import LAWS
@@ -172,7 +173,7 @@ def _meet(key: str, other: str) -> bool:
 
 def load_forward(
     files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None, calibrated: str | Path | None = None
-) -> stages.ForwardStage:
+) -> Part:
     """Read the sections of a case that a forward run needs, without the sections on measurement and calibration.
 
     Parameters
@@ -184,7 +185,7 @@ def load_forward(
 
     Returns
     -------
-    stages.ForwardStage
+    Part
         Sections that a forward run needs; the case need not mark any material ``calibrate: true``.
 
     Raises
@@ -204,7 +205,7 @@ def load_forward(
     for one in case.passes:
         for text in one.laws_without_pass():
             raise ConfigError(f"{origin}: {text}.")
-    return stages.ForwardStage.of(case)
+    return model_of(*FORWARD).of(case)
 
 
 def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Case | None:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, Protocol, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 
 from pydantic import BeforeValidator, ConfigDict, Field, SerializerFunctionWrapHandler, WrapSerializer
 
+from radcal.config.disclosure import Undisclosed
 from radcal.laws import EXTERNAL, OF_PASS, Law
 from radcal.sections.base import Section
 from radcal.sections.materials import Material
-from radcal.sections.measurement import MeasurementConfig
+from radcal.sections.measurement import MeasurementConfig, RegistrationConfig
 from radcal.sections.radar import Radar
-from radcal.sections.search import Design, SurrogateConfig
+from radcal.sections.scene import SceneConfig
+from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
+from radcal.sections.simulator import SimulatorConfig
 from radcal.sections.target import TargetConfig
-from radcal.storage.disclosure import Undisclosed
+from radcal.sections.uncertainty import Uncertainty, Validation
 
 __all__ = ["Measurements", "Part", "Radars"]
 
@@ -22,52 +24,6 @@ __all__ = ["Measurements", "Part", "Radars"]
 _DESIGN_SIZE = 2
 _DESIGN_SIZE_WITHOUT_BASELINE = 8
 
-
-class _Materials(Protocol):
-    @property
-    def materials(self) -> dict[str, Material]: ...
-
-    def model_copy(self, *, update: Mapping[str, Any] | None = None) -> Self: ...
-
-
-class _Passes(Protocol):
-    @property
-    def radars(self) -> list[Radar]: ...
-
-    def model_copy(self, *, update: Mapping[str, Any] | None = None) -> Self: ...
-
-
-class _Measured(Protocol):
-    @property
-    def measurements(self) -> list[MeasurementConfig]: ...
-
-
-class _Laws(_Materials, Protocol):
-    @property
-    def radar(self) -> Radar: ...
-
-
-class _Levels(_Materials, Protocol):
-    @property
-    def target(self) -> TargetConfig: ...
-
-
-class _Design(_Levels, Protocol):
-    @property
-    def design(self) -> Design: ...
-
-    @property
-    def surrogate(self) -> SurrogateConfig: ...
-
-    @property
-    def has_baseline(self) -> bool: ...
-
-    @property
-    def design_size(self) -> int: ...
-
-
-_OfMaterials = TypeVar("_OfMaterials", bound=_Materials)
-_OfPasses = TypeVar("_OfPasses", bound=_Passes)
 _Item = TypeVar("_Item")
 
 
@@ -90,13 +46,39 @@ Measurements = Annotated[_PerPass[MeasurementConfig], Field(alias="measurement")
 
 
 class Part(Section):
-    """Base class of models that contain some or all sections of the configuration.
+    """Some or all sections of the configuration: those of a stage (:mod:`radcal.config.stages`), or those of a case.
 
-    Each property annotates ``self`` with a protocol of the sections that the property is derived from. mypy therefore
-    rejects the use of a property on a model that lacks a section that the property needs.
+    A part has only the sections that its model declares. Every other section, and a property that is derived from it,
+    is an AttributeError.
     """
 
+    if TYPE_CHECKING:
+        case: str
+        seed: int
+        scene: SceneConfig
+        radars: list[Radar]
+        simulator: SimulatorConfig
+        materials: dict[str, Material]
+        measurements: list[MeasurementConfig]
+        colours: dict[str, str] | None
+        registration: RegistrationConfig
+        objective: str
+        target: TargetConfig
+        validation: Validation | None
+        design: Design
+        surrogate: SurrogateConfig
+        optimiser: Optimiser
+        uncertainty: Uncertainty
+        stop: Stop
+
     model_config = ConfigDict(serialize_by_alias=True)  # plain data have the keys of a case file
+
+    @classmethod
+    def of(cls, case: Part) -> Self:
+        """Model filled with its sections of a whole case, or of another model that contains them."""
+        return cls.model_validate(
+            {field.alias or name: getattr(case, name) for name, field in cls.model_fields.items()}
+        )
 
     def sections(self, *names: str) -> dict[str, Any]:
         """Sections of the fields with the given names as plain data, for the ``params`` of a Snakemake rule."""
@@ -108,66 +90,66 @@ class Part(Section):
         return sections
 
     @property
-    def calibrated(self: _Materials) -> list[str]:
+    def calibrated(self) -> list[str]:
         """Names of the materials to calibrate, in the order of the case file."""
         return [name for name, material in self.materials.items() if material.calibrate]
 
     @property
-    def start_parameters(self: _Materials) -> dict[str, list[float]]:
+    def start_parameters(self) -> dict[str, list[float]]:
         """Law parameters of each material in the reference run, for the laws of :attr:`at_start`."""
         return {name: material.start_parameters for name, material in self.materials.items()}
 
     @property
-    def start_with_another_law(self: _Materials) -> list[str]:
+    def start_with_another_law(self) -> list[str]:
         """Names of the calibrated materials whose law in the reference run differs from the calibrated law."""
         return [name for name, material in self.materials.items() if material.starts_with_another_law]
 
     @property
-    def at_start(self: _OfMaterials) -> _OfMaterials:
+    def at_start(self) -> Self:
         """Copy of the model for the reference run, in which each material has the law with which it starts."""
         return self.model_copy(
             update={"materials": {name: material.at_start for name, material in self.materials.items()}}
         )
 
     @property
-    def laws(self: _Laws) -> dict[str, Law]:
+    def laws(self) -> dict[str, Law]:
         """Law of each material at the frequency and polarisation of the pass."""
         conditions = {key: getattr(self.radar, key) for key in OF_PASS}
         return {name: material.unbound_law.bound(**conditions) for name, material in self.materials.items()}
 
     @property
-    def passes(self: _OfPasses) -> list[_OfPasses]:
+    def passes(self) -> list[Self]:
         """List of copies of the model, one for each pass: each copy contains the sections of its pass alone."""
         fields = [name for name in ("radars", "measurements") if hasattr(self, name)]
         count = range(len(self.radars))
         return [self.model_copy(update={name: [getattr(self, name)[k]] for name in fields}) for k in count]
 
     @property
-    def radar(self: _Passes) -> Radar:
+    def radar(self) -> Radar:
         """Acquisition of a model of one pass; of several passes, that of the first, which defines the looks."""
         return self.radars[0]
 
     @property
-    def measurement(self: _Measured) -> MeasurementConfig:
+    def measurement(self) -> MeasurementConfig:
         """Measured image of a model of one pass; of several passes, that of the first."""
         return self.measurements[0]
 
     @property
-    def reference_materials(self: _Levels) -> list[str]:
+    def reference_materials(self) -> list[str]:
         """Names of the materials with fixed parameters from which radcal estimates the level of the measured image."""
         if self.target.reference_materials is not None:
             return list(self.target.reference_materials)
         return [name for name, material in self.materials.items() if not material.calibrate]
 
     @property
-    def has_baseline(self: _Design) -> bool:
+    def has_baseline(self) -> bool:
         """Whether all surrogates have a baseline: a prediction of the statistics from law, speckle and noise."""
         curves = all(material.law != EXTERNAL for material in self.materials.values() if material.calibrate)
         learnt = self.surrogate.baseline and self.surrogate.outputs == "centred"
         return curves and learnt and self.target.normalisation != "image"
 
     @property
-    def design_size(self: _Design) -> int:
+    def design_size(self) -> int:
         """Number of runs of the design, also if the configured size is ``auto``."""
         if self.design.size != "auto":
             return self.design.size
@@ -177,6 +159,6 @@ class Part(Section):
         return max(_DESIGN_SIZE_WITHOUT_BASELINE, 2 * most)
 
     @property
-    def design_parts(self: _Design) -> int:
+    def design_parts(self) -> int:
         """Number of workflow jobs that simulate the design in one pass."""
         return -(-self.design_size // self.design.chunk)

@@ -1,243 +1,201 @@
-"""Models of the configuration sections that each workflow rule reads: one model for each rule.
+"""Table of the workflow's stages: what each reads of the configuration, makes, says and requests.
 
-The ``params`` of a rule are the fields of its model (:meth:`Stage.params`). The rule's script restores the model from
-``params`` and passes it to library functions, whose type annotations name the model. mypy therefore rejects access to
-a section that the model lacks. A job runs again when a section of its model has changed (``docs/reruns.md``).
+The rule of a stage takes outputs, message, resources and ``params`` from the stage's row in :data:`STAGES`. The
+``params`` contain the configuration sections that the stage reads, from which its job makes a :class:`Part` with these
+sections alone (:func:`radcal.session.jobs.job`): a function that reads another section fails. A job runs again when one
+of its sections has changed (``docs/reruns.md``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Self
+import itertools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+from pydantic import create_model
 
 from radcal.config.case import Case
-from radcal.config.part import Measurements, Part, Radars
-from radcal.sections.base import CaseName
-from radcal.sections.limits import Seed
-from radcal.sections.materials import Material
-from radcal.sections.measurement import RegistrationConfig
-from radcal.sections.objectives import Objective
-from radcal.sections.scene import SceneConfig
-from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
-from radcal.sections.simulator import SimulatorConfig
-from radcal.sections.target import TargetConfig
-from radcal.sections.uncertainty import Uncertainty, Validation
-
-__all__ = [
-    "STAGES",
-    "ArchiveStage",
-    "DesignChunk",
-    "Export",
-    "FinalRuns",
-    "ForwardStage",
-    "GeometryStage",
-    "LawsOfImage",
-    "MeasurementStage",
-    "PosteriorStage",
-    "Propose",
-    "ReferenceRun",
-    "Registration",
-    "RegistrationRun",
-    "Reuse",
-    "SceneStage",
-    "Scores",
-    "Simulation",
-    "SimulatorStage",
-    "Stage",
-    "StopSettings",
-    "TargetStage",
-    "Train",
-    "Verify",
-]
-
-
-class Stage(Part):
-    """Base class of the models; the fields of a model are the configuration sections that one rule reads."""
-
-    @classmethod
-    def of(cls, case: Case) -> Self:
-        """Model of this stage, filled with the sections of a whole case that the stage reads."""
-        return cls.model_validate(
-            {field.alias or name: getattr(case, name) for name, field in cls.model_fields.items()}
-        )
-
-    @classmethod
-    def params(cls, case: Case) -> dict[str, Any]:
-        """Sections of a whole case that the stage of this model reads, as plain data for ``model_validate``."""
-        return case.sections(*cls.model_fields)
-
-
-class SceneStage(Stage):
-    """Sections that rule ``scene`` reads: the scene, and the materials for their names."""
-
-    scene: SceneConfig
-    materials: dict[str, Material]
-
-
-class GeometryStage(Stage):
-    """Section that rule ``geometry`` reads: the pass."""
-
-    radars: Radars
-
-
-class SimulatorStage(Stage):
-    """Sections that rule ``simulator`` reads: simulator settings, materials and pass."""
-
-    radars: Radars
-    simulator: SimulatorConfig
-    materials: dict[str, Material]
-
-
-class MeasurementStage(SimulatorStage):
-    """Sections that rule ``measurement`` reads to simulate or read the measured image, and to check the image."""
-
-    measurements: Measurements
-    target: TargetConfig
-
-
-class Laws(Stage):
-    """Sections that define the laws of the runs: seed, pass and materials."""
-
-    seed: Seed
-    radars: Radars
-    materials: dict[str, Material]
-
-
-class Scores(Laws):
-    """Sections that rule ``scores`` reads to score the runs: the laws in all passes, and the objective."""
-
-    objective: Objective
-
-
-class Simulation(SimulatorStage, Laws):
-    """Sections that determine the pixel values of a run."""
-
-
-class Reuse(Simulation):
-    """Sections that rule ``reuse`` reads to find reusable runs of an earlier case."""
-
-
-class ReferenceRun(Simulation):
-    """Sections that rule ``reference_run`` reads."""
-
-
-class Registration(Stage):
-    """Sections that rule ``registration`` reads: its settings, the pass, and the materials of a run's record."""
-
-    radars: Radars
-    materials: dict[str, Material]
-    registration: RegistrationConfig
-
-
-class RegistrationRun(Simulation):
-    """Sections that rule ``registration_run`` reads."""
-
-
-class TargetStage(Simulation, Scores):
-    """Sections that rule ``target`` reads to derive the targets of the materials."""
-
-    target: TargetConfig
-    validation: Validation | None
-
-
-class LawsOfImage(TargetStage):
-    """Sections that rule ``laws_of_image`` reads to fit laws for the registration run."""
-
-
-class DesignChunk(Simulation):
-    """Sections that rule ``design_chunk`` reads; a separate parameter of the rule gives the number of runs."""
-
-    design: Design
-
-
-class Train(Scores):
-    """Sections that rule ``train`` reads; section ``simulator`` shows whether runs are deterministic."""
-
-    simulator: SimulatorConfig
-    surrogate: SurrogateConfig
-
-
-class Propose(Scores):
-    """Sections that rule ``propose`` reads to search for the next parameters X."""
-
-    optimiser: Optimiser
-
-
-class Verify(Simulation, Train):
-    """Sections that rule ``verify`` reads to run and score proposals, and to predict a possible further improvement."""
-
-
-class PosteriorStage(Simulation, Train):
-    """Sections that rule ``posterior`` reads, also for an image of many looks of the built-in simulator."""
-
-    target: TargetConfig
-    validation: Validation | None
-    uncertainty: Uncertainty
-
-
-class StopSettings(Stage):
-    """Section that rule ``stop_settings`` reads: the stop criteria."""
-
-    stop: Stop
-
-
-class FinalRuns(Simulation):
-    """Sections that rule ``final_runs`` reads to run the calibrated laws of all materials together."""
-
-
-class ForwardStage(FinalRuns):
-    """Sections that a forward run reads: scene, passes, simulator and materials."""
-
-    case: CaseName
-    scene: SceneConfig
-
-
-class Export(FinalRuns):
-    """Sections that rule ``export`` reads to write the calibrated materials and images with their texture."""
-
-
-class ArchiveStage(Stage):
-    """Sections that rule ``archive`` reads: all but ``replace`` and ``stop``; the stop criteria come from a file."""
-
-    # in the same order as in class Case, because the archive records the sections in this order
-    case: CaseName
-    seed: Seed
-    scene: SceneConfig
-    radars: Radars
-    simulator: SimulatorConfig
-    materials: dict[str, Material]
-    measurements: Measurements
-    colours: dict[str, str] | None = None
-    registration: RegistrationConfig
-    objective: Objective
-    target: TargetConfig
-    validation: Validation | None
-    design: Design
-    surrogate: SurrogateConfig
-    optimiser: Optimiser
-    uncertainty: Uncertainty
-
-
-STAGES: Mapping[str, type[Stage]] = {
-    "scene": SceneStage,
-    "geometry": GeometryStage,
-    "simulator": SimulatorStage,
-    "measurement": MeasurementStage,
-    "reuse": Reuse,
-    "reference_run": ReferenceRun,
-    "registration": Registration,
-    "laws_of_image": LawsOfImage,
-    "registration_run": RegistrationRun,
-    "target": TargetStage,
-    "design_chunk": DesignChunk,
-    "scores": Scores,
-    "train": Train,
-    "propose": Propose,
-    "verify": Verify,
-    "stop_settings": StopSettings,
-    "final_runs": FinalRuns,
-    "posterior": PosteriorStage,
-    "archive": ArchiveStage,
-    "export": Export,
+from radcal.config.part import Part
+
+__all__ = ["FORWARD", "OUTPUTS", "SCHEMAS", "STAGES", "Demand", "Stage", "model_of"]
+
+
+@cache
+def model_of(*names: str) -> type[Part]:
+    """Model of a part of the configuration: the fields of :class:`Case` with the given names."""
+    fields: dict[str, Any] = {name: (one.annotation, one) for name, one in Case.model_fields.items() if name in names}
+    return create_model("Part", __base__=Part, **fields)
+
+
+@dataclass(frozen=True)
+class Demand:
+    """Memory and time that a job requests from a cluster, as linear functions of the number of values in its arrays.
+
+    Attributes
+    ----------
+    base_mb, value_bytes : float
+        Constant memory [MB], and memory for each value [byte].
+    million_s : float
+        Time for a million values [s], without simulator runs.
+    least_min : int
+        Constant time [min].
+    """
+
+    base_mb: float
+    value_bytes: float = 0.0
+    million_s: float = 0.0
+    least_min: int = 10
+
+
+# The coefficients exceed those measured on scenes of 2 to 56 million cells (docs/cluster.md).
+_LIGHT = Demand(1000)
+_SEARCH = Demand(1000, least_min=60)
+_SCENE = Demand(600, 80, 10)
+_GEOMETRY = Demand(800, 140, 30)
+_IMAGE = Demand(900, 180, 60)
+_RUN = Demand(1000, 100, 30)
+_REGISTRATION = Demand(1000, 350, 200)
+_PAGE = Demand(1000, 100, 20)
+
+_PASS = ("radars", "materials")
+_LAWS = ("seed", *_PASS)
+_RUNS = (*_LAWS, "simulator")  # what determines the pixel values of runs
+_TARGET = (*_RUNS, "objective", "target", "validation")
+_TRAIN = (*_RUNS, "objective", "surrogate")
+_ARCHIVE = tuple(name for name in Case.model_fields if name not in ("replace", "stop"))  # stop.json holds the latter
+FORWARD = ("case", "scene", *_RUNS)
+"""Sections that a forward run reads."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Stage of the workflow: what its rule reads of the configuration, makes, says and requests from a cluster.
+
+    Attributes
+    ----------
+    words : str
+        Name of the stage in messages, with the wildcards of its outputs.
+    reads : tuple of str
+        Fields of :class:`Case` that the stage reads.
+    demand : Demand
+        Resources of a job.
+    outputs : mapping of str to str
+        Files and folders below ``results/<case>``, by their names in the rule. A wildcard stands for the number of the
+        pass (``{p}``), of the part of the design (``{chunk}``) or of the iteration (``{k}``), or for the name of a
+        calibrated material (``{material}``).
+    schemas : mapping of str to int
+        Schema number of the layout of each kind of HDF5 file among the outputs.
+    only_if : callable, optional
+        Function ``case -> bool``: whether a finished case has the outputs. By default every case has them.
+    """
+
+    words: str
+    reads: tuple[str, ...]
+    demand: Demand
+    outputs: Mapping[str, str]
+    schemas: Mapping[str, int] = field(default_factory=dict)
+    only_if: Callable[[Case], bool] | None = None
+
+    @property
+    def model(self) -> type[Part]:
+        """Model of the part of the configuration that the stage reads."""
+        return model_of(*self.reads)
+
+    @property
+    def sections(self) -> list[str]:
+        """Keys of a case file that the stage reads."""
+        return [one.alias or name for name, one in self.model.model_fields.items()]
+
+    def of(self, case: Part) -> Part:
+        """Part of a case that the stage reads."""
+        return self.model.of(case)
+
+    def params(self, case: Case) -> dict[str, Any]:
+        """Sections of a case that the stage reads, as plain data for its model."""
+        return case.sections(*self.reads)
+
+    def is_needed(self, case: Case) -> bool:
+        """Whether a finished case has the outputs of the stage."""
+        return self.only_if is None or self.only_if(case)
+
+    def files(self, case: Case, iterations: int = 0) -> list[str]:
+        """Outputs of all jobs of the stage in a case, below ``results/<case>``."""
+        values = {
+            "p": range(1, len(case.passes) + 1),
+            "chunk": range(len(case.passes) * case.design_parts),
+            "material": case.calibrated,
+            "k": range(iterations),
+        }
+        found = []
+        for path in self.outputs.values():
+            names = [name for name in values if f"{{{name}}}" in path]
+            for each in itertools.product(*(values[name] for name in names)):
+                found.append(path.format(**dict(zip(names, each, strict=True))))
+        return found
+
+
+def _twice(case: Case) -> bool:
+    return case.registers_twice
+
+
+# fmt: off
+STAGES: Mapping[str, Stage] = {
+    "scene": Stage("scene", ("scene", "materials"), _SCENE, {"scene": "scene.h5"}, {"scene": 2}),
+    "geometry": Stage(
+        "geometry of the pass", ("radars",), _GEOMETRY, {"geometry": "passes/{p}/geometry.h5"}, {"geometry": 5}),
+    # radcal's own simulator has no files or settings that change its numbers
+    "simulator": Stage(
+        "simulator", (*_PASS, "simulator"), _RUN, {"identity": "passes/{p}/simulator.json"},
+        only_if=lambda case: not case.simulator.own),
+    "measurement": Stage(
+        "measured image", (*_PASS, "simulator", "measurements", "target"), _IMAGE,
+        {"measurement": "passes/{p}/measurement.h5"}, {"measurement": 2}),
+    "reuse": Stage(
+        "runs of an earlier case", _RUNS, _RUN, {"index": "reused.json"},
+        only_if=lambda case: case.design.reuse is not None),
+    "reference_run": Stage("reference run", _RUNS, _RUN, {"index": "passes/{p}/reference.json"}),
+    "first_registration": Stage(
+        "first registration", (*_PASS, "registration"), _REGISTRATION,
+        {"registered": "passes/{p}/first/registered.h5"}, only_if=_twice),
+    "laws_of_image": Stage(
+        "laws for the registration run", _TARGET, _IMAGE, {"laws": "laws_of_image.json"}, only_if=_twice),
+    "registration_run": Stage(
+        "registration run", _RUNS, _RUN, {"index": "passes/{p}/registration_run.json"}, only_if=_twice),
+    "registration": Stage(
+        "registration", (*_PASS, "registration"), _REGISTRATION,
+        {"registered": "passes/{p}/registered.h5"}, {"registered": 3}),
+    "target": Stage("target densities", _TARGET, _IMAGE, {"target": "passes/{p}/target.h5"}, {"target": 6}),
+    "design_chunk": Stage("design, chunk {chunk}", (*_RUNS, "design"), _RUN, {"index": "design/{chunk}.json"}),
+    "scores": Stage("scores of the design", (*_LAWS, "objective"), _LIGHT, {"scores": "scores.json"}),
+    "train": Stage("train {k}", _TRAIN, _SEARCH, {"surrogate": "iterations/{k}/surrogate.h5"}, {"surrogate": 6}),
+    "propose": Stage(
+        "propose {k}", (*_LAWS, "objective", "optimiser"), _SEARCH, {"proposal": "iterations/{k}/proposal.json"}),
+    "verify": Stage(
+        "verify {k}", _TRAIN, _RUN,
+        {"verified": "iterations/{k}/verified.json", "trained": "iterations/{k}/verified/surrogate.h5"}),
+    "stop_settings": Stage("stop settings", ("stop",), _LIGHT, {"stop": "stop.json"}),
+    "final_runs": Stage("final runs", _RUNS, _RUN, {"final": "final.json"}),
+    "posterior": Stage(
+        "posterior of all laws", (*_TARGET, "surrogate", "uncertainty"), _RUN,
+        {"image": "image.h5", "posterior": "posterior/{material}.h5"}, {"image": 3, "posterior": 4}),
+    "archive": Stage(
+        "archive of all runs", _ARCHIVE, _REGISTRATION,
+        {"archive": "calibration.h5", "table": "runs.csv", "checksum": "table.json"}, {"calibration": 12}),
+    "export": Stage("exports", _RUNS, _IMAGE, {"folder": "export", "checksums": "export.json"}),
+    "report": Stage(
+        "figures and report", (), _PAGE,
+        {"figures": "figures", "page": "report.html", "checksums": "report.json"}),
+    "summary": Stage("summary", (), _PAGE, {"summary": "summary.json"}),
 }
-"""Model of each rule, by the name of the rule."""
+# fmt: on
+"""Stages of the workflow, by the names of their rules, in the order of the flow."""
+
+OUTPUTS = [path for stage in STAGES.values() for path in stage.outputs.values()]
+"""Outputs of all stages below ``results/<case>``, with wildcards in braces."""
+
+SCHEMAS: Mapping[str, int] = {kind: number for stage in STAGES.values() for kind, number in stage.schemas.items()} | {
+    "run": 2  # of the run store, no rule's output
+}
+"""Schema number of the layout of each kind of HDF5 file, by the name of the kind."""

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from radcal import skewnormal
 from radcal.bands import LETTER_BANDS_GHZ, letter_band, within_band
-from radcal.config import FileMeasurement, Radar, TargetConfig, stages
+from radcal.config import FileMeasurement, Radar, TargetConfig
+from radcal.config.part import Part
 from radcal.errors import FitError, MeasurementError, MissingSign
 from radcal.findings import Finding
 from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited
@@ -31,7 +32,7 @@ _NOISE_ABOVE_DB = 3.0  # an image contains its noise: only errors of both levels
 
 
 def make_measurement(
-    case: stages.MeasurementStage,
+    case: Part,
     geometry: Geometry,
     simulator: Simulator,
     scene: Scene | None = None,
@@ -41,7 +42,7 @@ def make_measurement(
 
     Parameters
     ----------
-    case : stages.MeasurementStage
+    case : Part
         Source of the image, with the pass, materials and target settings that the image must suit.
     geometry : Geometry
         Geometry with the image grid and the material masks.

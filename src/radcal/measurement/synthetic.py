@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, label, maximum_filter, minimum_filter
 
 from radcal.bands import WIDTH_FACTOR
-from radcal.config import Radar, Synthetic, stages
+from radcal.config import Radar, Synthetic
+from radcal.config.part import Part
 from radcal.errors import MeasurementError
 from radcal.ground.patches import patches_seen
 from radcal.image.model import Measurement
@@ -36,7 +37,7 @@ _PATCH_CELLS = 4.0  # correlation length of patches with a wrong label
 
 
 def make_synthetic(
-    case: stages.MeasurementStage,
+    case: Part,
     synthetic: Synthetic,
     geometry: Geometry,
     simulator: Simulator,
@@ -46,7 +47,7 @@ def make_synthetic(
 
     Parameters
     ----------
-    case : stages.MeasurementStage
+    case : Part
         Pass and laws of the runs.
     synthetic : Synthetic
         Hidden laws, and differences of scene, pass and image from those of the runs.
@@ -117,9 +118,7 @@ def _displacements(
         ) from None
 
 
-def _other_simulator(
-    case: stages.MeasurementStage, synthetic: Synthetic, geometry: Geometry, scene: Scene | None
-) -> BuiltinSimulator:
+def _other_simulator(case: Part, synthetic: Synthetic, geometry: Geometry, scene: Scene | None) -> BuiltinSimulator:
     """Built-in simulator of the disturbed scene, pass and laws."""
     radar = _other_pass(case.radar, synthetic)
     if synthetic.relief_m > 0 or synthetic.wrong_labels > 0 or synthetic.fields_db:

@@ -8,8 +8,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from radcal.config import Case, expand_path, load_forward, stages
+from radcal.config import Case, expand_path, load_forward
 from radcal.config.loading import read_cases
+from radcal.config.part import Part
 from radcal.config.undecided import undecided
 from radcal.config.yaml_file import read_case_file
 from radcal.errors import ConfigError
@@ -22,7 +23,7 @@ _SECTIONS = ("scene", "radar", "simulator", "materials")  # those that a forward
 
 def forward_case(
     file: str | Path, overrides: Mapping[str, Any] | None = None, materials: str | Path | None = None
-) -> tuple[stages.ForwardStage, list[str]]:
+) -> tuple[Part, list[str]]:
     """Case of a forward run, in which materials of another file may replace materials of the same names.
 
     Parameters
@@ -36,7 +37,7 @@ def forward_case(
 
     Returns
     -------
-    case : stages.ForwardStage
+    case : Part
         Sections that a forward run needs.
     remarks : list of str
         Sentences on the materials that keep the case's own law, and on those at their starting parameters.

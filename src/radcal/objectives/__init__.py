@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from radcal.config import stages
+from radcal.config.part import Part
 from radcal.ground.patches import pooled
 from radcal.objectives.base import CalibratedMaterial, Comparison, Objective
 from radcal.objectives.joint import Joint
@@ -24,12 +24,12 @@ def objective_class(name: str) -> type[Objective]:
     return found
 
 
-def make_objectives(case: stages.Scores | stages.ArchiveStage, targets: Targets) -> Mapping[str, Comparison]:
+def make_objectives(case: Part, targets: Targets) -> Mapping[str, Comparison]:
     """Objective of every calibrated material, in all passes of the case.
 
     Parameters
     ----------
-    case : stages.Scores or stages.ArchiveStage
+    case : Part
         Name of the objective, laws, bounds and looks.
     targets : Targets
         Targets of the calibrated materials in all passes.
@@ -41,7 +41,7 @@ def make_objectives(case: stages.Scores | stages.ArchiveStage, targets: Targets)
     """
     if len(targets.passes) == 1:
         return _of_pass(case, targets)
-    passes: Sequence[stages.Scores | stages.ArchiveStage] = case.passes
+    passes: Sequence[Part] = case.passes
     each = [
         _of_pass(one, found, priors=number == 0)
         for number, (one, found) in enumerate(zip(passes, _of_common_spread(targets), strict=True))
@@ -63,7 +63,7 @@ def _of_common_spread(targets: Targets) -> list[Targets]:
     return [Targets(found, one.levels, one.looks) for found, one in zip(each, targets.passes, strict=True)]
 
 
-def _of_pass(case: stages.Scores | stages.ArchiveStage, targets: Targets, priors: bool = True) -> dict[str, Objective]:
+def _of_pass(case: Part, targets: Targets, priors: bool = True) -> dict[str, Objective]:
     """Objective of each material in one pass; ``priors`` tells whether the priors enter."""
     laws, kind = case.laws, objective_class(case.objective)
     return {

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.assessment.preposterior import view_of
-from radcal.config import Case, Material, stages
+from radcal.config import Case, Material
+from radcal.config.part import Part
+from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
 from radcal.figures.applied_figures import KNOWN, OUTSIDE, SEEN, Prediction, draw_predictions
 from radcal.ground.one_incidence import LEAST_SPAN_DEG
@@ -41,7 +43,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def with_laws(archive: Archive, other: stages.ForwardStage) -> stages.ForwardStage:
+def with_laws(archive: Archive, other: Part) -> Part:
     """Settings of another case's forward run, in which materials have the laws and looks calibrated in an archive.
 
     The law of a material with a band is the one nearest to the band's median (:func:`simulated_x`).
@@ -50,7 +52,7 @@ def with_laws(archive: Archive, other: stages.ForwardStage) -> stages.ForwardSta
     ----------
     archive : Archive
         Results of a calibration.
-    other : stages.ForwardStage
+    other : Part
         Scene, passes, simulator and materials of the other case.
 
     Raises
@@ -130,16 +132,14 @@ class _Pass:
     remarks: tuple[str, ...]
 
 
-def apply(
-    folder: str | Path, other: stages.ForwardStage, measured: Case | None, out: str | Path, runs: str | Path
-) -> list[str]:
+def apply(folder: str | Path, other: Part, measured: Case | None, out: str | Path, runs: str | Path) -> list[str]:
     """Predict the images of another case from the laws of a finished calibration, and compare them with measurements.
 
     Parameters
     ----------
     folder : path
         Results folder of the finished case.
-    other : stages.ForwardStage
+    other : Part
         The other case.
     measured : Case or None
         The other case with its measured images; None if it has none.
@@ -237,14 +237,14 @@ def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: 
         return _Pass(made.geometry, made.image_db, None, ())
     one = case.passes[number - 1]
     below = f"passes/{number}"
-    simulator = make_simulator(stages.SimulatorStage.of(one), made.geometry, out / below / "geometry.h5")
-    found = make_measurement(stages.MeasurementStage.of(one), made.geometry, simulator, scene, partly=True)
+    simulator = make_simulator(STAGES["simulator"].of(one), made.geometry, out / below / "geometry.h5")
+    found = make_measurement(STAGES["measurement"].of(one), made.geometry, simulator, scene, partly=True)
     registered, by = registered_as(own / below / "registered.h5", made.image_db, found, one.registration)
     remarks = (f"pass {number}: {found.source}; {by}: {registered.verdict}", *map(sentence, found.findings))
     return _Pass(made.geometry, made.image_db, registered.measurement.image_db, remarks)
 
 
-def _images(out: Path, number: int, case: stages.ForwardStage, scene: Scene, one: _Pass) -> list[Path]:
+def _images(out: Path, number: int, case: Part, scene: Scene, one: _Pass) -> list[Path]:
     """Write the GeoTIFFs of a pass, and return their paths."""
     tags = {"case": case.case, "radiometry": case.radar.radiometry}
     layers = {"predicted": Layer(one.predicted_db, "dB", "image predicted from the laws of another case", tags)}
@@ -253,7 +253,7 @@ def _images(out: Path, number: int, case: stages.ForwardStage, scene: Scene, one
     return write_layers(out, number, {**layers, **ground_layers(one.geometry, tags)}, scene, one.geometry)
 
 
-def _of_pass(archive: Archive, changed: stages.ForwardStage, number: int, one: _Pass) -> Iterator[Prediction]:
+def _of_pass(archive: Archive, changed: Part, number: int, one: _Pass) -> Iterator[Prediction]:
     """Predictions of all calibrated materials in a pass."""
     case = changed.passes[number - 1]
     margin_px, uncertainty = archive.configured.target.margin_px, archive.configured.uncertainty

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import Radar, stages
+from radcal.config import Radar
+from radcal.config.part import Part
 from radcal.ground.levels import Levels, without_level
 from radcal.products.geotiff import Layer, write_layers
 from radcal.products.tables import (
@@ -51,7 +52,7 @@ class PassImages:
 
 
 def pass_images(
-    case: stages.Export,
+    case: Part,
     archive: Archive,
     geometries: Sequence[Geometry],
     registered: Sequence[Registered],
@@ -63,7 +64,7 @@ def pass_images(
 
     Parameters
     ----------
-    case : stages.Export
+    case : Part
         Passes of the case.
     archive : Archive
         Results of the calibration, which hold the calibrated image of the first pass with the texture of each material.
@@ -94,7 +95,7 @@ def pass_images(
 
 def write_export(
     folder: str | Path,
-    case: stages.Export,
+    case: Part,
     archive: Archive,
     scene: Scene,
     images: Sequence[PassImages],
@@ -106,7 +107,7 @@ def write_export(
     ----------
     folder : path
         The folder, which is created.
-    case : stages.Export
+    case : Part
         Materials, passes and seed of the case.
     archive : Archive
         Results of the calibration, with images.

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 import socket
 import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from radcal.config.stages import STAGES, Stage
 from radcal.errors import StoreError
 from radcal.findings import Finding
 from radcal.forecast.runs_and_time import duration, runs_in_words
@@ -20,19 +22,9 @@ from radcal.words import beside_headline
 
 __all__ = ["results_folder", "show"]
 
-# names of the workflow's steps, by a file that the step writes in every case
-_STEPS = {
-    "scene.h5": "scene",
-    "passes/1/reference.json": "reference run",
-    "scores.json": "design",
-    "final.json": "search and final runs",
-    "calibration.h5": "archive",
-    "export.json": "exports",
-    "report.json": "report",
-    "summary.json": "summary",
-}
 _FILES = {"report.html": "report", "export": "exports", "summary.json": "summary", "runs.csv": "table of runs"}
 
+_SEVERAL = re.compile("{(k|chunk|material)}")  # wildcards of files of which a pass has several
 _RECENT_LOGS = 20
 _AGAIN = "type the command that began the case again (radcal run with its YAML file): finished runs are kept"
 
@@ -89,20 +81,24 @@ def show(folder: str | Path) -> list[str]:
         ``summary.json`` cannot be read.
     """
     folder = Path(folder)
-    # in results of an earlier version of radcal, the files of the first pass lie in the folder of the case
-    missing = [
-        name for file, name in _STEPS.items() if not any((folder / own).is_file() for own in (file, Path(file).name))
-    ]
+    missing = [stage for stage in STAGES.values() if stage.only_if is None and not _is_made(folder, stage)]
     there = [f"{title}: {folder / file}" for file, title in _FILES.items() if (folder / file).exists()]
     failed, running = _failure(folder), _running(folder)
-    if not missing:
+    if all("{p}" in path for stage in missing for path in stage.outputs.values()):  # large files, deleted afterwards
         with understood(folder / "summary.json"):
             return [*_finished(_read(folder / "summary.json")), *there, *failed, *running]
     kept = len(list((folder / "runs").glob("[!.]*.h5")))
     iterations = len(list((folder / "iterations").glob("*/verified.json")))
-    lines = [f"{folder.name}: not finished; missing: {', '.join(missing)}."]
+    lines = [f"{folder.name}: not finished; missing: {', '.join(stage.words for stage in missing)}."]
     lines.append(f"records of runs: {kept} in {folder / 'runs'}; iterations verified: {iterations}.")
     return [*lines, *there, *(running or failed or [f"To continue, {_AGAIN}."])]
+
+
+def _is_made(folder: Path, stage: Stage) -> bool:
+    """Whether the outputs of a stage exist, of those that every case has once or in its first pass."""
+    paths = [path.format(p=1) for path in stage.outputs.values() if not _SEVERAL.search(path)]
+    # in results of an earlier version of radcal, the files of the first pass lie in the folder of the case
+    return all((folder / path).exists() or (folder / Path(path).name).exists() for path in paths)
 
 
 def _running(folder: Path) -> list[str]:

@@ -14,7 +14,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import Radar, nearest, stages
+from radcal.config import Radar, nearest
+from radcal.config.part import Part
 from radcal.errors import ConfigError, RadcalError, SceneError
 from radcal.products.export import ground_layers
 from radcal.products.geotiff import Layer, of_pass, write_layers
@@ -60,7 +61,7 @@ class Forward:
 
 
 def forward(
-    case: stages.ForwardStage,
+    case: Part,
     folder: str | Path,
     runs: str | Path,
     check: Callable[[Sequence[str]], None] = lambda _: None,
@@ -70,7 +71,7 @@ def forward(
 
     Parameters
     ----------
-    case : stages.ForwardStage
+    case : Part
         Scene, passes, simulator and materials. A material to be calibrated has its starting parameters.
     folder : path
         Folder of ``scene.h5``, and of the geometry of each pass, ``passes/<p>/geometry.h5``.
@@ -127,7 +128,7 @@ def _check_materials(scene: Scene, materials: list[str]) -> None:
 
 
 def simulate(
-    case: stages.ForwardStage,
+    case: Part,
     folder: str | Path,
     runs: str | Path,
     replace: bool = False,

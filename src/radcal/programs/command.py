@@ -17,7 +17,8 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from radcal.config import CommandSimulation, Material, Output, Radar, RawType, executable_path, stages
+from radcal.config import CommandSimulation, Material, Output, Radar, RawType, executable_path
+from radcal.config.part import Part
 from radcal.errors import ConfigError, SimulatorError, StoreError, WrongNumbers
 from radcal.programs.command_plan import CommandPlan, check_command, check_image_shape
 from radcal.programs.placeholders import SEED, argument
@@ -88,7 +89,7 @@ class CommandSimulator:
         self._work = Path(work)
 
     @classmethod
-    def of(cls, case: stages.SimulatorStage, geometry: Geometry, geometry_path: str | Path) -> CommandSimulator:
+    def of(cls, case: Part, geometry: Geometry, geometry_path: str | Path) -> CommandSimulator:
         """Simulator of the configured program and pass."""
         assert isinstance(case.simulator, CommandSimulation)  # noqa: S101 - the kind of this class
         plan, work = CommandPlan(case.simulator, case.materials), case_folder(geometry_path) / "external"

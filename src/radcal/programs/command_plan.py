@@ -16,8 +16,8 @@ from radcal.config import (
     executable_path,
     expand_path,
     files_below,
-    stages,
 )
+from radcal.config.part import Part
 from radcal.errors import ConfigError
 from radcal.programs.placeholders import SEED, Marked, argument, template
 from radcal.programs.seed_width import check_seeds
@@ -119,12 +119,12 @@ class CommandPlan:
         }
 
 
-def changed_links(case: stages.Simulation, identity: Mapping[str, Any]) -> str:
+def changed_links(case: Part, identity: Mapping[str, Any]) -> str:
     """Sentence about linked files that the program has changed; empty without changes.
 
     Parameters
     ----------
-    case : stages.Simulation
+    case : Part
         Simulator and materials.
     identity : mapping
         Identity of the simulator, computed before the program ran.

@@ -13,9 +13,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from radcal.config.disclosure import hashed
 from radcal.errors import SimulatorError
 from radcal.programs import guard
-from radcal.storage.disclosure import hashed
 
 __all__ = ["LOG", "STDERR", "STDOUT", "Ended", "output_tail", "run_program"]
 

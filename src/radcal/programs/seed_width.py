@@ -11,7 +11,8 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 
-from radcal.config import Case, CommandSimulation, SyntheticMeasurement, stages
+from radcal.config import Case, CommandSimulation, SyntheticMeasurement
+from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
 from radcal.programs.placeholders import SEED, Marked, Marker
 from radcal.seeds import measurement_seed, noise_seed
@@ -72,7 +73,7 @@ def check_seeds(case: Case, texts: Iterable[Marked]) -> None:
     SimulatorError
         The text of a seed is wider than the field of its placeholder.
     """
-    runs = stages.Simulation.of(case)
+    runs = STAGES["reference_run"].of(case)
     seeds = {
         "the runs of the calibration": noise_seed(runs),
         "the final run with fresh random numbers": noise_seed(runs, fresh=True),

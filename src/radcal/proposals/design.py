@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import stages
+from radcal.config.part import Part
 from radcal.seeds import derived_rng
 
 __all__ = ["design_points", "sample_unit"]
@@ -63,7 +63,7 @@ def _fill_strata(points: NDArray[np.float64], rng: np.random.Generator) -> NDArr
     return added
 
 
-def _points(case: stages.DesignChunk, size: int, box: NDArray[np.float64]) -> NDArray[np.float64]:
+def _points(case: Part, size: int, box: NDArray[np.float64]) -> NDArray[np.float64]:
     """First points of the sampling sequence, inside the bounds of all calibrated materials, shape (size, d)."""
     integer = np.concatenate([np.array(case.materials[name].integers, dtype=np.bool_) for name in case.calibrated])
     low, high = box.T
@@ -85,7 +85,7 @@ def _points(case: stages.DesignChunk, size: int, box: NDArray[np.float64]) -> ND
 
 
 def design_points(
-    case: stages.DesignChunk, size: int, reused: Sequence[Mapping[str, Sequence[float]]] = ()
+    case: Part, size: int, reused: Sequence[Mapping[str, Sequence[float]]] = ()
 ) -> list[dict[str, list[float]]]:
     """Parameters of every material for each run of the design.
 
@@ -94,7 +94,7 @@ def design_points(
 
     Parameters
     ----------
-    case : stages.DesignChunk
+    case : Part
         Sampler of the design, and bounds of the parameters.
     size : int
         Number of runs of the design.

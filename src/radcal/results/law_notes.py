@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from numpy.typing import ArrayLike
 
-from radcal.config import stages
+from radcal.config.part import Part
 from radcal.findings import Finding
 from radcal.radar.geometry import Geometry
 
@@ -16,12 +16,12 @@ _AT_BOUND = 1e-3  # share of the interval between bounds within which a value is
 _SHARE = 0.05  # share of a material's pixels outside the law's valid angles above which a note is made
 
 
-def law_notes(case: stages.ArchiveStage, geometry: Geometry, parameters: Mapping[str, ArrayLike]) -> list[Finding]:
+def law_notes(case: Part, geometry: Geometry, parameters: Mapping[str, ArrayLike]) -> list[Finding]:
     """Findings on laws that are used outside their valid incidence angles or parameters.
 
     Parameters
     ----------
-    case : stages.ArchiveStage
+    case : Part
         Laws by material.
     geometry : Geometry
         Geometry with the incidence of every material's visible pixels.

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from radcal.assessment.conclusion import Conclusion, conclude
 from radcal.calibration.steps import random_findings
-from radcal.config import Stop, stages
+from radcal.config import Stop
+from radcal.config.disclosure import disclosed
+from radcal.config.part import Part
 from radcal.findings import Finding
 from radcal.objectives import make_objectives, objective_class
 from radcal.objectives.history import History, Run
@@ -35,7 +37,6 @@ from radcal.results.archive import (
 from radcal.results.law_notes import law_notes
 from radcal.results.search_front import search_fronts
 from radcal.scene.model import Scene
-from radcal.storage.disclosure import disclosed
 from radcal.storage.runs import Record
 from radcal.targets.target import Targets
 
@@ -47,7 +48,7 @@ _PACKAGES = ("radcal", "numpy", "scipy", "smt", "platypus-opt", "h5py", "snakema
 
 
 def archive_of(
-    case: stages.ArchiveStage,
+    case: Part,
     stop: Stop,
     history: History,
     scene: Scene,
@@ -63,7 +64,7 @@ def archive_of(
 
     Parameters
     ----------
-    case, stop : stages.ArchiveStage, Stop
+    case, stop : Part, Stop
         Configuration of the case, and its stop settings.
     history : History
         Reference run, design runs and verified proposals.
@@ -155,7 +156,7 @@ def _of_passes(targets: Targets, objective: str) -> list[Finding]:
     return [Finding("passes_together", "note", "", {"passes": count}), *shared]
 
 
-def _as_written(case: stages.ArchiveStage, stop: Stop) -> dict[str, Any]:
+def _as_written(case: Part, stop: Stop) -> dict[str, Any]:
     """Configuration in the form of a case file, in which sections of several passes are lists."""
     data = {**case.sections(*case.__dict__), "stop": stop.model_dump(mode="json")}
     for name, colour in data.pop("colours", {}).items():
@@ -183,7 +184,7 @@ def _scene(scene: Scene) -> SceneView:
 
 def _material(
     name: str,
-    case: stages.ArchiveStage,
+    case: Part,
     history: History,
     targets: Targets,
     conclusion: Conclusion,

@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
+from radcal.config.stages import STAGES
 from radcal.errors import RadcalError
 from radcal.processes import die_with_parent
 from radcal.session.terminal import guard
@@ -31,6 +32,7 @@ __all__ = [
     "clock",
     "die_with_parent",
     "elapsed",
+    "job",
     "logged",
     "progress",
 ]
@@ -49,6 +51,22 @@ RESULTS = "RADCAL_RESULTS"  # folder that contains the results folders of all ca
 
 _pass = [""]  # name of the pass that this job works on, with which its lines begin; empty for a job of all passes
 _latest: list[Path] = []  # file beside the log of this job that holds the job's last line of progress, for radcal show
+
+
+@contextmanager
+def job(snakemake: Any) -> Iterator[Any]:
+    """Context of a script, which gives the configuration sections that the stage reads (:func:`logged`).
+
+    Parameters
+    ----------
+    snakemake : snakemake.script.Snakemake
+        Job of a stage. If it has the parameter ``case``, the sections are restored from it. The number of its pass is
+        the wildcard ``p``, or the first number of the parameter ``part``.
+    """
+    sections = snakemake.params.get("case")
+    p, _ = snakemake.params.get("part", (snakemake.wildcards.get("p"), None))
+    with logged(snakemake.log[0], sections, p):
+        yield STAGES[snakemake.rule].model.model_validate(sections or {})
 
 
 @contextmanager

@@ -9,13 +9,13 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeVar
 
 import h5py
 from pydantic import ValidationError
 
 from radcal.config import Case
-from radcal.config.stages import STAGES, GeometryStage, SceneStage, Stage
+from radcal.config.part import Part
+from radcal.config.stages import STAGES
 from radcal.errors import StoreError
 from radcal.storage.inspection import inspect_file
 from radcal.storage.provenance import provenance
@@ -23,8 +23,6 @@ from radcal.storage.records import keep_finished
 from radcal.storage.sealing import Fault
 
 __all__ = ["check_replacement"]
-
-S = TypeVar("S", bound=Stage)
 
 _MOST_BYTES = 16 * 2**20  # of a larger file only header and size are inspected, unless its values are compared
 
@@ -61,7 +59,7 @@ def check_replacement(case: Case, folder: str | Path, inputs: Mapping[str, Path]
 
 
 def _check_geometry(case: Case, path: Path) -> None:
-    recorded = _recorded(path, "geometry", GeometryStage)
+    recorded = _recorded(path, "geometry")
     radar, immaterial = case.radar, case.simulator.not_told
     if recorded is None or recorded.radar == radar:
         return
@@ -71,7 +69,7 @@ def _check_geometry(case: Case, path: Path) -> None:
 
 
 def _check_scene(case: Case, path: Path, files: list[Path]) -> None:
-    recorded = _recorded(path, "scene", SceneStage)
+    recorded = _recorded(path, "scene")
     # the scene itself does not depend on the materials, which are the other section that its rule reads
     if recorded is None or (
         recorded.scene == case.scene and all(file.stat().st_mtime <= path.stat().st_mtime for file in files)
@@ -86,11 +84,11 @@ def _check_scene(case: Case, path: Path, files: list[Path]) -> None:
     keep_finished(path, "scene", ours, lambda file: same(take(file, Scene), scene))
 
 
-def _recorded(path: Path, kind: str, stage: type[S]) -> S | None:
+def _recorded(path: Path, kind: str) -> Part | None:
     """Sections from which an undamaged file was made; None if they are unknown, so that the job decides."""
     try:
         inspect_file(path, kind, _MOST_BYTES)
         with h5py.File(path, "r", locking=False) as file:
-            return stage.model_validate(json.loads(file["config"].asstr()[()]))
+            return STAGES[kind].model.model_validate(json.loads(file["config"].asstr()[()]))
     except (Fault, OSError, StoreError, KeyError, ValueError, ValidationError):
         return None

@@ -39,7 +39,7 @@ _RUNS: Mapping[str, str] = {
 
 def _first(section: str) -> list[str]:
     """Rules that read a section of the configuration, except rule ``archive``, which reads nearly all sections."""
-    return [rule for rule, stage in STAGES.items() if section in stage.model_fields and rule != "archive"]
+    return [rule for rule, stage in STAGES.items() if section in stage.sections and rule != "archive"]
 
 
 def reruns_table() -> str:
@@ -53,7 +53,7 @@ def reruns_table() -> str:
     lines = ["| key | stages that read it | new runs of the simulator |", "|---|---|---|"]
     for name, field in Case.model_fields.items():
         if (section := field.alias or name) in _RUNS:
-            rules = ", ".join(_first(name)) or ("archive" if name in STAGES["archive"].model_fields else "none")
+            rules = ", ".join(_first(section)) or ("archive" if section in STAGES["archive"].sections else "none")
             lines.append(f"| `{section}` | {rules} | {_RUNS[section]} |")
     return "\n".join(lines) + "\n"
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from radcal.config import Case, check_reuse, input_files, load, starts_as_truth
+from radcal.config.stages import OUTPUTS
 from radcal.config.yaml_file import check_words
 from radcal.errors import RadcalError, StoreError
 from radcal.programs.command import check_command
@@ -158,7 +159,6 @@ class Session:
         self._follower: Follower | None = None
         self._failure = (self.folder / "logs" / "failure.txt").absolute()
         self._slurm = self.folder / ".slurm"
-        self._patterns: list[str] = []
         self._started = remote
         # before the first job starts, an existing file of failures belongs to an earlier command
         self.messages = Messages(lambda: self._started and self._failure.exists())
@@ -181,19 +181,13 @@ class Session:
     def _progress(self) -> Path:
         return (self.folder / "logs" / "progress.txt").absolute()
 
-    def set_damaged_aside(self, outputs: Iterable[str]) -> None:
+    def set_damaged_aside(self) -> None:
         """Rename damaged results and print a message for each, before Snakemake plans the jobs that make them again.
 
         A message is also printed if the version of the built-in simulator has changed since the earlier runs.
-
-        Parameters
-        ----------
-        outputs : iterable of str
-            Paths of the outputs of all workflow rules, with wildcards in braces.
         """
-        self._patterns = [Path(path).relative_to(self.folder).as_posix() for path in outputs]
         try:
-            sentences = salvage(self.folder, self.case.case, self._patterns)
+            sentences = salvage(self.folder, self.case.case, OUTPUTS)
         except OSError as error:
             path, why = error.filename or self.folder, error.strerror or error
             leave(f"{path} cannot be read ({why}); results are there, so make it readable.")
@@ -265,7 +259,7 @@ class Session:
             if (path := unwritable(folder)) is not None:
                 return f"{path} cannot be written (Permission denied); {what} go there, so make it writable."
         # Snakemake detects a write-protected file only when the job that writes it starts, perhaps after hours
-        for path in files_of(self.folder, self._patterns):
+        for path in files_of(self.folder, OUTPUTS):
             if not os.access(path, os.W_OK):
                 return write_protected(path)
         return None

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from radcal.sections.base import Section
 
 if TYPE_CHECKING:
-    from radcal.config import stages
+    from radcal.config.part import Part
     from radcal.radar.geometry import Geometry
 
 __all__ = ["Looks", "Product", "Simulator", "SimulatorKind"]
@@ -64,12 +64,12 @@ class SimulatorKind(Simulator, Protocol):
     section: type[Section]
 
     @classmethod
-    def of(cls, case: stages.SimulatorStage, geometry: Geometry, geometry_path: str | Path) -> Simulator:
+    def of(cls, case: Part, geometry: Geometry, geometry_path: str | Path) -> Simulator:
         """Simulator of a pass, from the sections ``simulator``, ``materials`` and ``radar``.
 
         Parameters
         ----------
-        case : stages.SimulatorStage
+        case : Part
             Configuration of the pass; ``case.laws`` are the laws of its materials.
         geometry : Geometry
             Geometry of the pass.

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import Radar, stages
+from radcal.config import Radar
+from radcal.config.part import Part
 from radcal.laws import Law
 from radcal.radar import simulator_version
 from radcal.radar.geometry import Geometry
@@ -57,7 +58,7 @@ class BuiltinSimulator:
         self._last: _Last | None = None
 
     @classmethod
-    def of(cls, case: stages.SimulatorStage, geometry: Geometry, geometry_path: str | Path) -> BuiltinSimulator:  # noqa: ARG003
+    def of(cls, case: Part, geometry: Geometry, geometry_path: str | Path) -> BuiltinSimulator:  # noqa: ARG003
         """Simulator of the configured pass."""
         return cls(geometry, case.radar, case.laws)
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import CommandSimulation, stages
+from radcal.config import CommandSimulation
+from radcal.config.part import Part
 from radcal.errors import SimulatorError
 from radcal.speckle.texture import log_speckle_cumulants
 
@@ -16,7 +17,7 @@ _ROWS = 4  # distance at which the speckle of two pixels is nearly independent, 
 _MOST_OF_SPECKLE = 0.8  # least share of the standard deviation of the speckle in the logarithm of power
 
 
-def check_scale(simulated_db: NDArray[np.float32], measured_db: NDArray[np.float32], case: stages.ReferenceRun) -> None:
+def check_scale(simulated_db: NDArray[np.float32], measured_db: NDArray[np.float32], case: Part) -> None:
     """Refuse the reference run of an external simulator whose scale is db, but whose numbers are power or amplitude.
 
     The image is refused if none of its values is negative, the median of the measured image is negative, and the values
@@ -27,7 +28,7 @@ def check_scale(simulated_db: NDArray[np.float32], measured_db: NDArray[np.float
     ----------
     simulated_db, measured_db : ndarray, shape (rows, columns)
         Image of the reference run, and measured image [dB]; NaN where a pixel has no value.
-    case : stages.ReferenceRun
+    case : Part
         Simulator and looks.
 
     Raises

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import Material, Radar, stages
+from radcal.config import Material, Radar
+from radcal.config.part import Part
 from radcal.errors import ConfigError, SimulatorError
 from radcal.sections.simulator import SIMULATORS
 from radcal.seeds import noise_seed as seed_of_noise
@@ -53,7 +54,7 @@ class Runner:
         Geometry of the pass, which defines the pixels of each material.
     scene_identity : str
         Hash that identifies the scene.
-    case : stages.Simulation
+    case : Part
         Pass, laws, and calibrated materials, whose pixels are recorded.
     first : Radar, optional
         First pass of the case; the keys ``looks`` of the materials are effective looks in the image of this pass. By
@@ -71,7 +72,7 @@ class Runner:
         simulator: Simulator,
         geometry: Geometry,
         scene_identity: str,
-        case: stages.Simulation,
+        case: Part,
         first: Radar | None = None,
     ) -> None:
         self.passes: Sequence[Runner] = (self,)

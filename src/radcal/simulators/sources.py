@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from radcal.config import stages
+from radcal.config.part import Part
 from radcal.radar.geometry import Geometry, read_geometry
 from radcal.scene.model import read_scene
 from radcal.sections.simulator import SIMULATORS
@@ -17,12 +17,12 @@ from radcal.storage.runs import RunStore
 __all__ = ["make_runner", "make_simulator", "runner_of"]
 
 
-def make_simulator(case: stages.SimulatorStage, geometry: Geometry, geometry_path: str | Path) -> Simulator:
+def make_simulator(case: Part, geometry: Geometry, geometry_path: str | Path) -> Simulator:
     """Create the configured simulator for the geometry of a pass.
 
     Parameters
     ----------
-    case : stages.SimulatorStage
+    case : Part
         Configuration of simulator, pass and materials.
     geometry : Geometry
         Geometry of the pass.
@@ -41,7 +41,7 @@ def make_simulator(case: stages.SimulatorStage, geometry: Geometry, geometry_pat
 
 
 def make_runner(
-    case: stages.Simulation, scene_path: str | Path, geometry_path: str | Path | Sequence[str | Path], runs: str | Path
+    case: Part, scene_path: str | Path, geometry_path: str | Path | Sequence[str | Path], runs: str | Path
 ) -> Runner:
     """Runner that reads runs from the case's run store, and simulates new runs with the configured simulator.
 
@@ -53,7 +53,7 @@ def make_runner(
 
 
 def runner_of(
-    case: stages.Simulation,
+    case: Part,
     identity: str,
     geometries: Sequence[Geometry],
     paths: Sequence[str | Path],

@@ -7,33 +7,19 @@ renamed, never deleted.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from numbers import Integral
 from pathlib import Path
 from typing import Any
 
 import h5py
 
+from radcal.config.stages import SCHEMAS
 from radcal.errors import DamagedError, StoreError
 from radcal.reading.intake import elsewhere
 from radcal.storage.provenance import origin
 from radcal.storage.sealing import EarlierVersion, Fault, check_hdf5, check_json
 
-__all__ = ["SCHEMAS", "check_case", "inspect", "inspect_file", "kind_of", "set_aside", "unreachable"]
-
-SCHEMAS: Mapping[str, int] = {
-    "scene": 2,
-    "geometry": 5,
-    "measurement": 2,
-    "registered": 3,
-    "target": 6,
-    "surrogate": 6,
-    "posterior": 4,
-    "image": 3,
-    "run": 2,
-    "calibration": 12,
-}
-"""Schema version of the layout of each kind of HDF5 file, by the name of the kind."""
+__all__ = ["check_case", "inspect", "inspect_file", "kind_of", "set_aside", "unreachable"]
 
 
 def inspect(path: str | Path, kind: str | None, most_bytes: int | None = None) -> None:
@@ -46,7 +32,7 @@ def inspect(path: str | Path, kind: str | None, most_bytes: int | None = None) -
     path : path
         Path of the file.
     kind : str or None
-        Expected kind of an HDF5 file, a key of :data:`SCHEMAS`; None for a JSON file.
+        Expected kind of an HDF5 file, a key of :data:`~radcal.config.stages.SCHEMAS`; None for a JSON file.
     most_bytes : int, optional
         Largest size of a file whose content is compared with its checksum [bytes]. In a larger file, only header and
         size are checked.

@@ -8,7 +8,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
 
-from radcal.storage.disclosure import disclosed
+from radcal.config.disclosure import disclosed
 
 __all__ = ["Origin", "origin", "provenance"]
 

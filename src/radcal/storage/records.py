@@ -22,11 +22,12 @@ from typing import Any, TypeVar
 import h5py
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
+from radcal.config.disclosure import disclosed
+from radcal.config.stages import SCHEMAS
 from radcal.errors import ConfigError, StoreError
 from radcal.storage.dataclass_groups import put, take
-from radcal.storage.disclosure import disclosed
 from radcal.storage.files import atomic, case_folder, first_difference
-from radcal.storage.inspection import SCHEMAS, check_case, inspect, inspect_file, set_aside, unreachable
+from radcal.storage.inspection import check_case, inspect, inspect_file, set_aside, unreachable
 from radcal.storage.provenance import origin
 from radcal.storage.sealing import BLOCK, Fault, header
 
@@ -68,7 +69,7 @@ def write_hdf5(
     path : path
         Path of the file.
     kind : str
-        Kind of the file, one of the keys of :data:`~radcal.storage.inspection.SCHEMAS`.
+        Kind of the file, one of the keys of :data:`~radcal.config.stages.SCHEMAS`.
     protected : bool
         Whether to raise a ConfigError if the folder has a finished calibration that was made with an earlier file of
         other content. The environment variable :data:`REPLACE` switches this protection off.
@@ -125,7 +126,7 @@ def keep_finished(path: Path, kind: str, config: Mapping[str, Any] | None, alike
     path : Path
         Path of the file.
     kind : str
-        Kind of the file, one of the keys of :data:`~radcal.storage.inspection.SCHEMAS`.
+        Kind of the file, one of the keys of :data:`~radcal.config.stages.SCHEMAS`.
     config : mapping or None
         Sections of the configuration from which the other file is made, for the error message.
     alike : callable
@@ -180,7 +181,7 @@ def read_hdf5(path: str | Path, kind: str) -> Iterator[h5py.File]:
     path : path
         Path of a file written by :func:`write_hdf5`.
     kind : str
-        Expected kind of the file, one of the keys of :data:`~radcal.storage.inspection.SCHEMAS`.
+        Expected kind of the file, one of the keys of :data:`~radcal.config.stages.SCHEMAS`.
 
     Raises
     ------

@@ -19,8 +19,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.config.disclosure import disclosed
 from radcal.errors import DamagedError
-from radcal.storage.disclosure import disclosed
 from radcal.storage.inspection import inspect, set_aside, unreachable
 from radcal.storage.records import read_hdf5, write_hdf5
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from radcal.config import stages
+from radcal.config.part import Part
 from radcal.ground.classes import incidence_edges
 from radcal.ground.ground import Ground
 from radcal.inference.incidence_error import registration_error_deg
@@ -27,7 +27,7 @@ _LEVEL_DB = 40.0  # half width of a bin level's bounds about the mean of the pix
 
 
 def bin_targets(
-    case: stages.TargetStage,
+    case: Part,
     targets: Targets,
     geometry: Geometry,
     registered: Registered,
@@ -41,7 +41,7 @@ def bin_targets(
 
     Parameters
     ----------
-    case : stages.TargetStage
+    case : Part
         Laws and settings of the target.
     targets : Targets
         Targets of the calibrated materials.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.config import Case, stages
+from radcal.config.part import Part
 from radcal.errors import ConfigError
 from radcal.laws import Law
 from radcal.radar.radiometry import with_noise_db
@@ -46,16 +46,14 @@ def law_range_db(law: Law, bounds: ArrayLike, incidence_deg: Doubles) -> tuple[D
     return levels.min(axis=1), levels.max(axis=1)
 
 
-def check_level(
-    case: Case | stages.TargetStage, name: str, incidence_deg: ArrayLike, values_db: ArrayLike, noise_db: float
-) -> None:
+def check_level(case: Part, name: str, incidence_deg: ArrayLike, values_db: ArrayLike, noise_db: float) -> None:
     """Refuse bounds of X inside which a law stays more than 3 dB away from the measured level.
 
     This level is the mean of the measured dB values, less the mean of the logarithm of speckle.
 
     Parameters
     ----------
-    case : Case or stages.TargetStage
+    case : Part
         Configuration of the pass, with laws, bounds and looks.
     name : str
         Calibrated material, whose law has a curve.
@@ -81,7 +79,7 @@ def check_level(
         )
 
 
-def check_reach(case: stages.TargetStage, targets: Targets) -> None:
+def check_reach(case: Part, targets: Targets) -> None:
     """Check of :func:`check_level` for the targets of all calibrated materials in one pass, before the design is run.
 
     Values of normalised images are not in dB and are not checked.

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
-from radcal.config import Radar, TargetConfig, Validation, stages
+from radcal.config import Radar, TargetConfig, Validation
+from radcal.config.part import Part
 from radcal.errors import MeasurementError
 from radcal.ground.correlation import estimate_correlation
 from radcal.ground.goodness import goodness_of_fit
@@ -179,7 +180,7 @@ def _ground(
 
 
 def make_targets(
-    case: stages.TargetStage,
+    case: Part,
     geometry: Geometry,
     registered: Registered,
     reference_db: NDArray[np.float32],
@@ -191,7 +192,7 @@ def make_targets(
 
     Parameters
     ----------
-    case : stages.TargetStage
+    case : Part
         Materials, pass, seed, and settings of the target.
     geometry : Geometry
         Geometry of the pass.
@@ -257,7 +258,7 @@ def make_targets(
 
 
 def laws_of_image(
-    case: stages.TargetStage,
+    case: Part,
     geometry: Geometry,
     registered: Registered,
     reference_db: NDArray[np.float32],
@@ -291,9 +292,7 @@ def fields_of(name: str, geometry: Geometry, scene: Scene | None) -> NDArray[np.
     return fields.ravel()
 
 
-def make_levels(
-    case: stages.TargetStage, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]
-) -> Levels:
+def make_levels(case: Part, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32]) -> Levels:
     """Level normalisation from the measured image and the reference run; parameters as in :func:`make_targets`.
 
     Raises

@@ -4,8 +4,8 @@ import hashlib
 import pickle
 
 from radcal.config import case_from
-from radcal.config.stages import Simulation
-from radcal.storage.disclosure import Undisclosed, disclosed
+from radcal.config.disclosure import Undisclosed, disclosed
+from radcal.config.stages import STAGES
 
 SECRET = "s3cr3t"
 HASH = hashlib.sha256(SECRET.encode()).hexdigest()
@@ -34,11 +34,11 @@ def test_sections_carry_the_values_and_do_not_print_them() -> None:
         "output": {"file": "a.npy", "scale": "db"},
         "environment": {"KEY": SECRET},
     }
-    sections = Simulation.params(case_from({"simulator": simulator}))
+    sections = STAGES["reuse"].params(case_from({"simulator": simulator}))
     assert HASH in repr(sections)
     assert SECRET not in repr(sections)
     again = pickle.loads(pickle.dumps(sections))
-    assert Simulation.model_validate(again).simulator.environment == {"KEY": SECRET}
+    assert STAGES["reuse"].model.model_validate(again).simulator.environment == {"KEY": SECRET}
     assert isinstance(again["simulator"]["environment"], Undisclosed)
-    without = Simulation.params(case_from({"simulator": simulator | {"environment": {}}}))
+    without = STAGES["reuse"].params(case_from({"simulator": simulator | {"environment": {}}}))
     assert "'environment': {}" in repr(without)
