@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from archives import changed_material, posterior
+from archives import changed_material, configured, posterior
 from sealed import changed
 from typer.testing import CliRunner
 
@@ -29,7 +29,7 @@ def pair(made):
     """A and B: B is 4 dB above A at 30 degrees, and falls by 0.1 dB per degree more."""
     a = changed_material(made.archive, "dyke", posterior=known(-0.3, -5.0, (20.0, 40.0), between=(21.5, 38.0)))
     b = changed_material(made.archive, "dyke", posterior=known(-0.4, 2.0, (30.0, 50.0), half=2.2))
-    return a, replace(b, case="other")
+    return a, configured(b, case="other")
 
 
 def test_differences_are_those_over_the_incidence_that_both_have_seen(pair):
