@@ -178,7 +178,7 @@ def gap_with_other_speckle(bench: Bench, case: Case, stop: Score, best: Score) -
             parameters = all_parameters(case.materials, {"dyke": found.parameters})
             draws = run_all_draws(settings, runner, parameters)[0].draws[each - 1 :]
             others = [replace(draws[k], draws=draws[k + 1 : k + each]) for k in range(0, len(draws), each)]
-            runs = [score("infill", 0, one, parameters, targets, objectives, case.seed) for one in others]
+            runs = [score("infill", 0, [one], parameters, targets, objectives, case.seed) for one in others]
             return float(np.mean([run.scores["dyke"].cost for run in runs]))
 
         return 0.0 if stop.parameters == best.parameters else mean_cost(stop) - mean_cost(best)

@@ -51,8 +51,7 @@ class Bench:
         self.default = load([PUBLISHED])
         scene = make_scene(self.default.scene, list(self.default.materials))
         self.geometry = make_geometry(scene, self.default.radar)
-        laws = {name: material.law for name, material in self.default.materials.items()}
-        self.simulator = BuiltinSimulator(self.geometry, self.default.radar, laws)
+        self.simulator = BuiltinSimulator(self.geometry, self.default.radar, self.default.laws)
         self.runner = Runner(RunStore(folder), self.simulator, self.geometry, scene.identity, self.default)
         dyke = self.geometry.incidence_deg.ravel()[self.geometry.pixels("dyke", 1)]
         self.phi = np.radians(np.linspace(*np.percentile(dyke, [5.0, 95.0]), 201))
