@@ -11,14 +11,7 @@ from scipy.special import ndtri
 from radcal.config import Uncertainty
 from radcal.posterior.cells import CellMeans
 from radcal.posterior.curves import NORMAL_90
-from radcal.posterior.effects import (
-    FIXED_FORMS,
-    Observed,
-    Shared,
-    common_columns,
-    expected_effects,
-    law_columns,
-)
+from radcal.posterior.effects import FIXED_FORMS, Observed, Shared, common_columns, expected_effects, law_columns
 from radcal.posterior.marginal import Marginal, integrated, normal_draws
 from radcal.posterior.radiometry import Radiometry, chances_of
 from radcal.posterior.result import Image

@@ -94,8 +94,8 @@ def _of_law(model: LawModel, rest: LawModel, out: NDArray[np.bool_], seed: int, 
     draws = rest.drawn(seed).thinned(_KEPT)
     labels, effects = rest.field_effects(draws, rng)
     fields, of = np.unique(model.patch[out], return_inverse=True)
-    place = np.minimum(np.searchsorted(labels, fields), labels.size - 1)
-    seen, known = labels[place] == fields, effects[:, place]
+    place, seen = _located(labels, fields)
+    known = effects[:, place]
     unknown = draws.field_db[:, None] * rng.standard_normal(known.shape)
     levels = model.levels(draws)[:, out]
     expected = levels.mean(axis=0) + np.where(seen, known.mean(axis=0), 0.0)[of]
@@ -109,13 +109,18 @@ def _of_constant(rest: LawModel, patch: NDArray[np.int64], variance: Doubles) ->
     constant = constant_of(rest.measured_db, rest.variance, rest.patch)
     between, spread = constant.between_db**2, Spread(constant.between_db, constant.within_db)
     effects = patch_effects(rest.measured_db - constant.mean_db, rest.variance, rest.patch, spread)
-    place = np.minimum(np.searchsorted(effects.patch, patch), effects.patch.size - 1)
-    known = effects.patch[place] == patch
+    place, known = _located(effects.patch, patch)
     unknown = np.where(known, effects.variance[place] / between, 1.0)
     level = constant.mean_db + np.where(known, effects.effect_db[place], 0.0)
     # the effect of a known field corrects the error of the mean
     field = unknown * between + unknown**2 * constant.variance
     return _by_constant(level, np.sqrt(field + constant.within_db**2 + variance))
+
+
+def _located(labels: NDArray[np.int64], wanted: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Places of numbers among increasing numbers, and whether each of them is there."""
+    place = np.minimum(np.searchsorted(labels, wanted), labels.size - 1)
+    return place, labels[place] == wanted
 
 
 def field_check(model: LawModel, seed: int) -> HeldOut | None:
