@@ -77,7 +77,7 @@ def test_a_pass_added_later_reuses_all_runs_and_a_kill_loses_none(project, monke
     with h5py.File(project.out() / "calibration.h5") as file:
         front = file["materials/field/front"]
         assert front["objectives"].asstr()[()].tolist() == ["pass 1", "pass 2"]
-        assert front["verified"].shape == (len(file["runs/key"]), 2)
+        assert front["verified"].shape == (len(file["passes/1/keys"]), 2)
         assert len(front["predicted"]) > 1
     exported = radcal.open(project.out())
     assert {"calibrated_pass2", "difference_pass2", "incidence_pass2", "mask_pass2"} <= set(exported.images)
