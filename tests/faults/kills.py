@@ -93,7 +93,7 @@ def result(project: Project) -> dict[str, Any]:
     with h5py.File(project.out() / "calibration.h5") as file:
         return {
             "x": file["materials/field/parameters"][()].tolist(),
-            "keys": file["runs/key"].asstr()[()].tolist(),
+            "keys": file["passes/1/keys"].asstr()[()].tolist(),
             "summary": summary,
         }
 
