@@ -62,9 +62,28 @@ def test_what_is_still_to_be_decided_is_no_other_mistake(loaded: Any) -> None:
     found = loaded({"materials": materials, "radar": radar, "measurement": [image, IMAGE]})
     assert sorted(text.partition(",")[0] for text in found.problems) == [
         "mine.yaml: materials.a.law is FILL_IN (line 4)", "mine.yaml: materials.b.parameters is FILL_IN (line 6)",
-        "mine.yaml: measurement.0.scale is FILL_IN (line 13)", "mine.yaml: measurement.path is [1]",
-        "mine.yaml: radar.1.looks is FILL_IN (line 21)",
+        "mine.yaml: measurement.path is [1]", "mine.yaml: measurement.scale is FILL_IN (line 13)",
+        "mine.yaml: radar.2.looks is FILL_IN (line 21)",
     ]  # fmt: skip
+
+
+def test_what_is_still_to_be_decided_has_its_line_and_an_example(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(
+        "radar:\n  looks: FILL_IN\n  depression_deg: 40\nmaterials:\n  FILL_IN: {calibrate: true}\n"
+        "  crops:\n    law: constant_gamma\n    parameters:\n    - 1\n    - FILL_IN\n"
+        "scene: {source: raster, elevation: FILL_IN, materials: a.tif, vertical_datum: EGM96, cell_m: FILL_IN}\n"
+    )
+    found = load_with_problems([file], {"stop": {"rms": "FILL_IN"}}).problems
+    assert sorted(text.removeprefix(f"{file}: ") for text in found) == [
+        "materials.FILL_IN is FILL_IN (line 5), expected the name of a material of the scene in its place, for example "
+        "crops: {calibrate: true}.",
+        "materials.crops.parameters is FILL_IN (line 8), expected its value, for example parameters: [-15].",
+        "radar.looks is FILL_IN (line 2), expected its value, for example looks: 4.4.",
+        "scene.cell_m is FILL_IN (line 11), expected its value.",
+        "scene.elevation is FILL_IN (line 11), expected its value, for example elevation: data/dem.tif.",
+        "stop.rms is FILL_IN, expected its value.",
+    ]
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,8 @@ from radcal.config.inputs import (
     vrt_folders,
 )
 from radcal.config.loading import Loaded, case_from, load, load_forward, load_measured, load_with_problems
-from radcal.config.undecided import FILL_IN
 from radcal.config.writing import default_case, default_yaml
+from radcal.sections.base import FILL_IN
 from radcal.sections.errors import nearest
 from radcal.sections.materials import Material
 from radcal.sections.measurement import (

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,12 +14,11 @@ from radcal.config.case import Case
 from radcal.config.inputs import expand_path
 from radcal.config.part import Part
 from radcal.config.stages import FORWARD, model_of
-from radcal.config.undecided import undecided
 from radcal.errors import ConfigError
 from radcal.laws import LAWS
 from radcal.reading.base import READERS
-from radcal.sections.base import MATERIALS_FROM
-from radcal.sections.errors import first_of, mistakes, shown
+from radcal.sections.base import MATERIALS_FROM, with_undecided
+from radcal.sections.errors import Mistake, first_of, mistakes, shown
 from radcal.sections.measurement import REGISTRATIONS
 from radcal.sections.objectives import OBJECTIVES
 from radcal.sections.scene import SCENES
@@ -67,12 +65,24 @@ def case_from(data: Mapping[str, Any], origin: str = "configuration") -> Case:
     return _validated(dict(data), origin)
 
 
-def _validated(data: dict[str, Any], origin: str, contradictions: list[str] | None = None) -> Case:
+def _validated(
+    data: dict[str, Any], origin: str, contradictions: list[str] | None = None, files: Sequence[str | Path] = ()
+) -> Case:
     """Case of plain data; a list given for ``contradictions`` collects those between sections, which are no errors."""
     try:
         return Case.model_validate(data, context=contradictions)
     except ValidationError as error:
-        raise ConfigError(f"{origin}: {first_of([one.text for one in mistakes(error, Case)])}") from None
+        raise ConfigError(f"{origin}: {first_of([one.text for one in _mistakes(error, files)])}") from None
+
+
+def _mistakes(error: ValidationError, files: Sequence[str | Path]) -> list[Mistake]:
+    """Mistakes that pydantic found in a case, with lines of the case files, of which a later one counts."""
+    from radcal.config.yaml_file import lines_of
+
+    lines: dict[str, int] = {}
+    for file in files:
+        lines |= lines_of(file)
+    return mistakes(error, Case, lines)
 
 
 def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Case:
@@ -91,10 +101,7 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     ConfigError
         A file is missing, empty or not YAML, a key occurs twice, or a key or value is wrong.
     """
-    data, origin = read_cases(files, overrides), origin_of(files)
-    if marked := undecided(data, files):
-        raise ConfigError(f"{origin}: {first_of([one.text for one in marked])}")
-    return _validated(data, origin)
+    return _validated(read_cases(files, overrides), origin_of(files), None, files)
 
 
 @dataclass(frozen=True)
@@ -138,37 +145,21 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
         A file is missing, empty or not YAML, or contains a key twice.
     """
     data, origin = read_cases(files, overrides), origin_of(files)
-    marked = undecided(data, files)
-    found = [ConfigError(f"{origin}: {one.text}.", one) for one in marked]
     contradictions: list[str] = []
     try:
         case = Case.model_validate(data, context=contradictions)
     except ValidationError as error:
-        wrong = mistakes(error, Case)
-        # pydantic also refuses a value that is still to be decided, and so may a check of its section
-        found += [
-            ConfigError(f"{origin}: {shown(one.text, 600)}.")
-            for one in wrong
-            if not any(_meet(value.key, one.key) for value in marked)
-        ]
+        wrong = _mistakes(error, files)
     else:
         forward = "measurement" not in data and not case.calibrated
-        if not (marked or forward):
-            found += [ConfigError(f"{origin}: {shown(text, 600)}.") for text in contradictions]
-        if not marked:
-            return Loaded(case, found, forward)
-        wrong = []
-    left_out = {one.section for one in wrong} | {str(value.place[0]) for value in marked}
+        told = [] if forward else contradictions
+        return Loaded(case, [ConfigError(f"{origin}: {shown(text, 600)}.") for text in told], forward)
+    found = [ConfigError(f"{origin}: {shown(one.text, 600)}.", one) for one in wrong]
+    left_out = {one.section for one in wrong}
     with contextlib.suppress(ValidationError):
         rest = {name: section for name, section in data.items() if name not in left_out}
         return Loaded(Case.model_validate(rest, context=[]), found)
     return Loaded(None, found)
-
-
-def _meet(key: str, other: str) -> bool:
-    """Whether one of two keys is the other or its section, in whichever pass."""
-    first, second = (re.sub(r"\.\d+", "", one) + "." for one in (key, other))
-    return first.startswith(second) or second.startswith(first)
 
 
 def load_forward(
@@ -196,12 +187,12 @@ def load_forward(
     """
     origin = origin_of(files)
     data = {key: value for key, value in read_cases(files, overrides).items() if key not in _OF_CALIBRATION}
-    if calibrated is not None:
-        data["materials"] = {**data.get("materials", {}), **_materials_of(calibrated, "--materials")}
+    if calibrated is not None and isinstance(own := data.get("materials", {}), dict):
+        data["materials"] = {**own, **_materials_of(calibrated, "--materials")}
     passes = data.get("radar")
     if isinstance(passes, list):  # a case must have a measurement for each pass; a forward run reads none of them
         data["measurement"] = [{}] * len(passes)
-    case = _validated(data, origin, [])
+    case = _validated(data, origin, [], files)
     for one in case.passes:
         for text in one.laws_without_pass():
             raise ConfigError(f"{origin}: {text}.")
@@ -230,7 +221,7 @@ def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | No
     if "measurement" not in data:
         return None
     found: list[str] = []
-    case = _validated(data, origin_of(files), found)
+    case = _validated(data, origin_of(files), found, files)
     if found and case.calibrated:
         raise ConfigError(f"{origin_of(files)}: {shown(found[0], 600)}.")
     return case
@@ -255,7 +246,7 @@ def read_cases(files: Sequence[str | Path], overrides: Mapping[str, Any] | None)
         own = data.get("materials", {})
         # a material of the case replaces the other file's whole material, because keys of two laws must not be combined
         data["materials"] = {**_materials_of(file, MATERIALS_FROM), **own} if isinstance(own, dict) else own
-    return data
+    return dict(with_undecided(data))
 
 
 def _materials_of(file: Any, key: str) -> dict[str, Any]:

@@ -11,14 +11,12 @@ from pydantic import ValidationError
 from radcal.config import Case, expand_path, load_forward
 from radcal.config.loading import read_cases
 from radcal.config.part import Part
-from radcal.config.undecided import undecided
-from radcal.config.yaml_file import read_case_file
+from radcal.config.yaml_file import lines_of, read_case_file
 from radcal.errors import ConfigError
+from radcal.sections.base import with_undecided
 from radcal.sections.errors import mistakes, shown
 
 __all__ = ["forward_case"]
-
-_SECTIONS = ("scene", "radar", "simulator", "materials")  # those that a forward run reads
 
 
 def forward_case(
@@ -45,16 +43,11 @@ def forward_case(
     Raises
     ------
     ConfigError
-        As for :func:`radcal.config.load_forward`. The message has one line for each mistake in the other file, and for
-        each value of the case that is still to be decided.
+        As for :func:`radcal.config.load_forward`. The message has one line for each mistake in the other file.
     """
-    data = {key: value for key, value in read_cases([file], overrides).items() if key in _SECTIONS}
-    own = data.get("materials", {})
-    others = {} if materials is None else _checked_materials(materials, data.get("scene", {}))
-    if not isinstance(own, dict):  # the message of the configuration describes the mistake
-        return load_forward([file], overrides), []
-    data["materials"] = {name: law for name, law in own.items() if name not in others}
-    _refuse(f"{file}: {one.text}." for one in undecided(data, [file]))
+    others = {}
+    if materials is not None:
+        others = _checked_materials(materials, read_cases([file], overrides).get("scene", {}))
     case = load_forward([file], overrides, materials)
     remarks = []
     if kept := [name for name in case.materials if name not in others and materials is not None]:
@@ -73,11 +66,10 @@ def _checked_materials(file: str | Path, scene: Any) -> dict[str, Any]:
     found = read_case_file(path).get("materials")
     if not isinstance(found, dict) or not found:
         raise ConfigError(f"--materials: {path} has no section materials, expected one, as calibrated.yaml has it.")
-    _refuse(f"{path}: {one.text}." for one in undecided({"materials": found}, [path]))
     try:
-        Case.model_validate({"scene": scene, "materials": found}, context=[])
+        Case.model_validate({"scene": scene, "materials": with_undecided(found)}, context=[])
     except ValidationError as error:
-        wrong = [one for one in mistakes(error, Case) if one.section == "materials"]
+        wrong = [one for one in mistakes(error, Case, lines_of(path)) if one.section == "materials"]
         _refuse(f"{path}: {shown(one.text, 600)}." for one in wrong)
     return found
 

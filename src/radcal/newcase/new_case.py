@@ -12,7 +12,6 @@ import yaml
 
 from radcal.bands import WIDTH_FACTOR, letter_band
 from radcal.config import FILL_IN, Uncertainty, load_with_problems
-from radcal.config.undecided import EXAMPLES, Undecided
 from radcal.errors import ConfigError
 from radcal.image.acquisition import radar_keys
 from radcal.newcase.file_facts import POLARISATIONS, RasterFacts, code_counts, product_acquisition, raster_facts
@@ -20,7 +19,8 @@ from radcal.newcase.new_materials import fixed_laws, new_materials
 from radcal.newcase.template import TEMPLATE
 from radcal.reading.base import reader_of
 from radcal.scene.names import read_names
-from radcal.sections.base import check_case_name
+from radcal.sections.base import EXAMPLES, check_case_name
+from radcal.sections.errors import Mistake
 from radcal.storage.files import atomic
 from radcal.tables.landcover import landcovers
 from radcal.tables.sensors import Sensor, sensors
@@ -105,8 +105,9 @@ class NewCase:
         if any(FILL_IN in material.get("parameters", ()) for material in materials.values()):
             self.undecided.append("materials.fixed")
         # the file of names need not exist yet
-        checked = {**case, "scene": {**case["scene"], "names": FILL_IN}}
-        found = [one for one in load_with_problems([], checked).found if not isinstance(one.about, Undecided)]
+        checked = {**case, "scene": {**case["scene"], "names": "names.json"}}
+        wrong = load_with_problems([], checked).found
+        found = [one for one in wrong if not (isinstance(one.about, Mistake) and one.about.undecided)]
         if found:
             raise ConfigError("\nradcal: ".join(str(one).removeprefix("configuration: ") for one in found))
         self.text = "# Written by radcal new. Every other key has a default (config/config.yaml).\n"

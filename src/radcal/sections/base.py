@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict
 
 from radcal.errors import ConfigError
 
-__all__ = ["EXAMPLES", "MATERIALS_FROM", "PASSES", "TAGS", "CaseName", "Section", "check_case_name", "with_tag"]
+__all__ = [
+    "EXAMPLES", "FILL_IN", "MATERIALS_FROM", "PASSES", "TAGS", "UNDECIDED", "CaseName", "Section", "check_case_name",
+    "with_tag", "with_undecided",
+]  # fmt: skip
 
 _LONGEST_NAME = 100  # file systems allow names of 255 bytes, and the names of some files contain the name of the case
 
@@ -92,6 +95,25 @@ EXAMPLES: Mapping[str, str] = {
     "radar.nesz_db": "-24",
 }
 """Example of a value for each key, for error messages."""
+
+
+FILL_IN = "FILL_IN"  # mark of a missing value in a case that radcal new has written; the user must replace it
+
+
+class _Undecided:
+    """Value that no key of a case accepts."""
+
+
+UNDECIDED = _Undecided()
+
+
+def with_undecided(data: Any) -> Any:
+    """Plain data in which ``UNDECIDED`` stands for each value, list and section of the name that hold ``FILL_IN``."""
+    if isinstance(data, dict):
+        return {key: UNDECIDED if key == FILL_IN else with_undecided(value) for key, value in data.items()}
+    if isinstance(data, list):
+        return UNDECIDED if FILL_IN in data else [with_undecided(item) for item in data]
+    return UNDECIDED if data == FILL_IN else data
 
 
 class Section(BaseModel):

@@ -5,14 +5,15 @@ from __future__ import annotations
 import difflib
 import re
 import typing
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from radcal.sections.base import EXAMPLES, MATERIALS_FROM, PASSES, TAGS
+from radcal.sections.base import EXAMPLES, FILL_IN, MATERIALS_FROM, PASSES, TAGS, UNDECIDED
 
 __all__ = ["MISSING", "Mistake", "first_of", "mistakes", "nearest", "shown"]
 
@@ -51,10 +52,13 @@ class Mistake:
         Wrong key, or section with keys that contradict each other, in dotted form; empty if several sections do.
     text : str
         Sentence with the key, the value found and the value expected, without a full stop.
+    undecided : bool
+        Whether the value is still ``FILL_IN``.
     """
 
     key: str
     text: str
+    undecided: bool = False
 
     @property
     def section(self) -> str:
@@ -80,7 +84,9 @@ def first_of(texts: Sequence[str]) -> str:
     return f"{shown(texts[0], 600)}{more}."
 
 
-def mistakes(error: ValidationError, root: type[BaseModel]) -> list[Mistake]:
+def mistakes(
+    error: ValidationError, root: type[BaseModel], lines: Mapping[str, int] = MappingProxyType({})
+) -> list[Mistake]:
     """List of the mistakes that pydantic found, one for each key and for each contradiction.
 
     Parameters
@@ -89,11 +95,13 @@ def mistakes(error: ValidationError, root: type[BaseModel]) -> list[Mistake]:
         Error that pydantic raised. A ``ValueError`` of a validator has one contradiction in each argument.
     root : type of model
         Model of the data. For an unknown key, the sentence names the most similar key of the model.
+    lines : mapping, optional
+        Line of each key of the case file (:func:`radcal.config.yaml_file.lines_of`), for values that are ``FILL_IN``.
     """
     found: dict[str, list[Mistake]] = {}
     # A misspelt required key gives two errors, an unknown key and a missing key: the unknown key comes first.
     for detail in sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden"):
-        one = _of_contradictions(detail) if detail["type"] == "value_error" else [_of_key(detail, root)]
+        one = _of_contradictions(detail) if detail["type"] == "value_error" else [_of_key(detail, root, lines)]
         found.setdefault(one[0].key, one)  # the errors of all alternatives of one key count as one
     return [one for several in found.values() for one in several]
 
@@ -103,7 +111,7 @@ def _of_contradictions(detail: ErrorDetails) -> list[Mistake]:
     return [Mistake(key, f"{key}: {text}" if key else str(text)) for text in detail["ctx"]["error"].args]
 
 
-def _of_key(detail: ErrorDetails, root: type[BaseModel]) -> Mistake:
+def _of_key(detail: ErrorDetails, root: type[BaseModel], lines: Mapping[str, int]) -> Mistake:
     """Mistake of one key, in words of YAML."""
     kind, place, value, context = detail["type"], detail["loc"], detail["input"], detail.get("ctx", {})
     key = _dotted(place)
@@ -116,6 +124,8 @@ def _of_key(detail: ErrorDetails, root: type[BaseModel]) -> Mistake:
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         tag = context["discriminator"].strip("'")
         key, value = f"{key}.{tag}", value.get(tag) if isinstance(value, dict) else value
+    if value is UNDECIDED:
+        return _undecided(key, lines)
     expected = context.get("expected_tags") or re.sub(r"^\w+ should (be |have |match )?", "", detail["msg"])
     if kind in _EXPECTED:
         names = [name for name in key.split(".") if not name.isdigit()]
@@ -123,6 +133,19 @@ def _of_key(detail: ErrorDetails, root: type[BaseModel]) -> Mistake:
         expected = _EXPECTED[kind] + (f", for example {names[-1]}: {example}" if example else "")
     found = "empty" if value is None else str(value).lower() if isinstance(value, bool) else shown(repr(value))
     return Mistake(key, f"{key} is {found}, expected {expected.replace(' after validation', '')}")
+
+
+def _undecided(key: str, lines: Mapping[str, int]) -> Mistake:
+    """Mistake of a key whose value is ``FILL_IN``, with its line and an example."""
+    section, *inside = place = key.split(".")
+    # in a case file, the passes are counted from 0
+    number, below = (int(inside[0]) - 1, inside[1:]) if inside and inside[0].isdigit() else (0, inside)
+    line = lines.get(key) or lines.get(".".join([section, str(number), *below]))
+    example = EXAMPLES.get(f"{section}.{place[-1]}")
+    such = "its value" if example is None else f"its value, for example {place[-1]}: {example}"
+    if place[-1] == FILL_IN:
+        such = "the name of a material of the scene in its place, for example crops: {calibrate: true}"
+    return Mistake(key, f"{key} is {FILL_IN}{'' if line is None else f' (line {line})'}, expected {such}", True)
 
 
 def _dotted(location: Sequence[int | str]) -> str:
