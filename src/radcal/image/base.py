@@ -140,11 +140,6 @@ class Reader(FileReader):
         """Name of the image in findings."""
         return self.path.name
 
-    @property
-    def scale(self) -> str | None:
-        """Scale that the case declares for the numbers of the file; None if the file itself defines it."""
-        return self.config.scale
-
     def facts(self, scene: Scene | None = None) -> Facts:
         """What the file says, without its pixels; the acquisition only with a scene.
 
@@ -165,10 +160,6 @@ class Reader(FileReader):
             The file cannot be read or holds no image of the scene, or its numbers contradict the scale.
         """
         raise NotImplementedError
-
-    def file(self, shape: tuple[int, int] | None = None, resized: str = "") -> ImageFile:
-        """File with the keys that messages name; ``shape`` is the required size, ``resized`` the advice about it."""
-        return image_file(self.path, self.config, shape, resized)
 
     def in_db(self, values: NDArray[Any], scale: str, shape: tuple[int, int] | None) -> tuple[Any, Counts]:
         """Image [dB] of the numbers of the file in a scale, and its counts, after a check of the numbers."""

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.config import vrt_folders
 from radcal.errors import MeasurementError
 from radcal.findings import Finding
-from radcal.image.base import Facts, Grid, Reader, ReadImage
+from radcal.image.base import Facts, Grid, Reader, ReadImage, image_file
 from radcal.image.georeference import (
     GeoreferencedImage,
     Places,
@@ -80,7 +81,7 @@ class ArrayReader(Reader):
     def read(self, grid: Grid) -> ReadImage:
         """Image in slant range, of the size of the scene's image."""
         resized = "" if grid.on_map is None else _off_the_map(grid.on_map[0], self.facts().crs)
-        values = read_array(self.file(grid.shape, resized))
+        values = read_array(image_file(self.path, self.config, grid.shape, resized))
         return ReadImage(*self.in_db(values, self.config.scale, grid.shape))
 
 
@@ -109,7 +110,7 @@ class RasterReader(ArrayReader):
     def header(self) -> Header:
         """Header; empty for a file that cannot be read."""
         try:
-            with open_raster(self.path, self.file().folders) as raster:
+            with open_raster(self.path, vrt_folders(self.config)) as raster:
                 crs, normalisation = crs_of(raster), raster.tags().get(_NORMALISATION)
                 names = [(name or "").strip() for name in raster.descriptions]
                 plane, place = horizontal(crs) if crs is not None else None, raster.transform

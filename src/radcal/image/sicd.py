@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from radcal.errors import MeasurementError
 from radcal.findings import Finding
-from radcal.image.base import Facts, Grid, Reader, ReadImage
+from radcal.image.base import Facts, Grid, Reader, ReadImage, image_file
 from radcal.reading.images import check_header, reading
 from radcal.reading.intake import parse_xml
 
@@ -119,7 +119,7 @@ class SicdReader(Reader):
         """Context with the library's reader and the XML, after the checks of headers and, for a grid, of the size."""
         from sarkit import sicd
 
-        image = self.file(None if grid is None else grid.shape)
+        image = image_file(self.path, self.config, None if grid is None else grid.shape)
         with reading(image, self.called), self.path.open("rb") as file:
             _check_header(file)
             reader = sicd.NitfReader(file)

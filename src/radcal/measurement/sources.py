@@ -120,7 +120,8 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
     _check_radiometry(facts.radiometry, config.radiometry, radar, reader.path)
     code = "pixels_at_ground" if read.resampled else "pixels"
     findings = [Finding(code, "note", reader.name, vars(read.counts)), *read.findings]
-    findings += check_speckle(read.image_db, geometry.material, radar, reader.name, reader.scale, read.pixel_m)
+    scale = None if reader.gives_acquisition else config.scale  # a product with its acquisition defines its scale
+    findings += check_speckle(read.image_db, geometry.material, radar, reader.name, scale, read.pixel_m)
     slope = relief_slope(read.image_db, geometry, radar)
     if slope is not None:
         slope_error_deg = scene.slope_error_deg if scene is not None else 0.0

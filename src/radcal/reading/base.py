@@ -24,7 +24,7 @@ class FileReader:
     gives_radiometry : bool
         Whether a file may give its radiometry, so that the configuration need not.
     gives_acquisition : bool
-        Whether a file describes the whole acquisition, from which section ``radar`` follows.
+        Whether a file describes the whole acquisition, from which section ``radar`` follows, and defines its scale.
     """
 
     called = "a raster"

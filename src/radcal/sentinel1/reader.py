@@ -66,10 +66,6 @@ class Sentinel1Reader(Reader):
         """Name of the folder."""
         return self._product.name
 
-    @property
-    def scale(self) -> None:
-        """None: the product defines its scale."""
-
     @cached_property
     def _product(self) -> Product:
         return open_product(self.path, self.config, self.radar)
