@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from radcal.config import Case, case_from
 from radcal.config.part import Part
-from radcal.config.stages import SCHEMAS, STAGES
+from radcal.config.stages import OUTPUTS, SCHEMAS, STAGES
 from radcal.storage.inspection import kind_of
 
 WORKFLOW = Path(__file__).resolve().parents[2] / "workflow"
@@ -55,6 +55,14 @@ def test_every_rule_but_the_milestones_is_a_stage() -> None:
     pages = "".join(path.read_text(encoding="utf-8") for path in (WORKFLOW / "rules").glob("*.smk"))
     rules = re.findall(r"(?m)^(?:rule|checkpoint|use rule \w+ as) (\w+)(?::| with:)$", pages)
     assert sorted(rules) == sorted(STAGES)
+
+
+def test_the_flow_in_the_documents_is_that_of_the_table() -> None:
+    page = (WORKFLOW.parent / "docs/architecture.md").read_text(encoding="utf-8").split("## The rooms")[0]
+    rows = re.findall(r"^\| [^|]* \| (`[^|]*) \| [^|]* \| (`[^|]*) \|$", page, flags=re.MULTILINE)
+    rules, outputs = ([name for row in rows for name in re.findall("`(.*?)/?`", row[k])] for k in (0, 1))
+    assert rules == list(STAGES)
+    assert sorted(outputs) == sorted(path.replace("{", "<").replace("}", ">") for path in OUTPUTS)
 
 
 def test_the_archive_records_all_that_jobs_depend_on() -> None:

@@ -26,21 +26,10 @@ from radcal.session.reruns import reruns_table
 CASE = ("--configfile", "tiny.yaml")
 # what Snakemake calls a job of each rule
 MESSAGES = {
-    "scene": "scene",
-    "geometry of the pass": "geometry",
-    "measured image": "measurement",
-    "reference run": "reference_run",
-    "registration": "registration",
-    "target densities": "target",
-    "design, chunk 0": "design_chunk",
-    "design, chunk 1": "design_chunk",
-    "scores of the design": "scores",
-    **{f"{rule} {k}": rule for rule in ("train", "propose", "verify") for k in range(20)},
-    "stop settings": "stop_settings",
-    "final runs": "final_runs",
-    **{f"posterior of {name}": "posterior" for name in tiny_case()["materials"]},
-    "archive of all runs": "archive",
-    "exports": "export",
+    stage.words.format(chunk=number, k=number): rule
+    for rule, stage in STAGES.items()
+    for number in range(20)
+    if stage.reads and stage.is_needed(case_from(tiny_case()))
 }
 # of no rule's outputs: the treasure, and how long jobs took
 NOT_MADE = ("runs/", "benchmarks/", "posterior/draws/")
