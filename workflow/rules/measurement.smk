@@ -31,7 +31,7 @@ rule measurement:
 # bright in the reference run than in the measured image, which misleads the registration. The image is therefore
 # registered again, onto a run of the laws found with the first registration of the first pass. All passes have this run,
 # so that it also trains the surrogate.
-REGISTERED_TWICE = CASE.registers_twice
+REGISTERED_TWICE = STAGES["registration_run"].is_needed(CASE)
 
 
 rule registration:

@@ -30,5 +30,5 @@ rule simulator:
 
 # radcal's own simulator has no files or settings that change its numbers, so that its jobs need no simulator.json
 SIMULATOR = (
-    [rules.simulator.output.identity] if not CASE.simulator.own else []
+    [rules.simulator.output.identity] if STAGES["simulator"].is_needed(CASE) else []
 )
