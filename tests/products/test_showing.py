@@ -52,6 +52,13 @@ def test_a_finished_case(folder, made):
     ]
 
 
+def test_registration_runs_are_counted_apart(folder):
+    data = json.loads((folder / "summary.json").read_text())
+    data["runs"] |= {"reference": 3, "registration": 2}
+    (folder / "summary.json").write_text(json.dumps(data))
+    assert "besides 3 reference (2 of them for the registration), 1 final; end" in show(folder)[7]
+
+
 def test_warnings_and_the_next_step_are_shown(folder):
     data = json.loads((folder / "summary.json").read_text())
     level = Finding("level", "warning", "pass 1", {"level_db": 2.0, "p05_db": 1.6, "p95_db": 2.4})

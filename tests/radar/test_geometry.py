@@ -219,6 +219,69 @@ def test_left_mirrors_right(scene: Scene, radar: Radar) -> None:
 
 
 @pytest.mark.parametrize("look_side", ["right", "left"])
+def test_each_azimuth_line_has_the_shadow_of_its_own_wedge(build_scene: Build, look_side: str) -> None:
+    """Wedges of three heights beside one another, and level ground: no line is dark behind the wedge of another."""
+    radar = STEEP.model_copy(update={"look_side": look_side})
+    heights = np.repeat([7.3, 0.0, 11.9, 4.0], [3, 5, 4, 4])
+    crest = 0.5
+
+    def surface(east: np.ndarray, north: np.ndarray) -> np.ndarray:
+        away = east if look_side == "right" else -east
+        return heights[:, None] * np.interp(away, [crest - 80.0, crest, crest + 1.0], [0.0, 1.0, 0.0])
+
+    scene = build_scene(surface, cells=(16, 240), cell_m=1.0)
+    z = scene.elevation_m
+    geometry = make_geometry(scene, radar)
+    track = radar.altitude_m + z.mean()
+    end = (radar.altitude_m + crest) * track / (track - heights) - radar.altitude_m  # similar triangles
+    near = slant_m(radar, z, -120.0, 0.0)
+    first, last = (
+        np.array([slant_m(radar, z, east, up) for east, up in zip(*place, strict=True)]) - near
+        for place in ((np.full(16, crest), heights), (end, np.zeros(16)))
+    )
+    np.testing.assert_allclose(geometry.shape[0] - weights(geometry).sum(axis=0), last - first, atol=0.01)
+    row = np.arange(geometry.shape[0])[:, None]
+    np.testing.assert_array_equal(geometry.shadow, (row + 1 > first) & (row < last) & (heights > 0.0))
+
+
+@pytest.mark.parametrize("height", [7.3, 9.1])
+def test_area_of_a_facet_seen_in_part_is_that_of_its_visible_part(build_scene: Build, height: float) -> None:
+    """Level ground, on which the shadow of a wedge ends within a facet: beta0 is sigma0 over the sine, there too."""
+
+    def surface(east: np.ndarray, north: np.ndarray) -> np.ndarray:
+        return np.interp(east, [-80.0, 0.5, 1.5], [0.0, height, 0.0])
+
+    scene = build_scene(surface, cells=(16, 240), cell_m=1.0)
+    local, beta = (
+        make_geometry(scene, STEEP.model_copy(update={"radiometry": name})) for name in ("sigma0_local", "beta0")
+    )
+    share = weights(local)
+    end = int(np.flatnonzero(local.shadow[:, 5])[-1])
+    assert (share[end] < 0.9).all()
+    rows = slice(end, end + 4)
+    sine = np.sin(np.radians(beta.flat_incidence_deg[rows]))[:, None]
+    np.testing.assert_allclose(weights(beta)[rows] * sine, share[rows], atol=0.01)
+
+
+def test_incidence_of_a_facet_seen_in_part_is_that_of_its_visible_half(build_scene: Build) -> None:
+    """The crest of a wedge: central differences would mix the slope that is seen with the one that is not."""
+    rise, fall = 0.2, -5.0
+
+    def surface(east: np.ndarray, north: np.ndarray) -> np.ndarray:
+        return np.where(east <= 0.5, rise * (east - 0.5), np.maximum(fall * (east - 0.5), -10.0))
+
+    scene = build_scene(surface, cells=(16, 100), cell_m=1.0)
+    geometry = make_geometry(scene, STEEP)
+    near = slant_m(STEEP, scene.elevation_m, -50.0, rise * -50.5)
+    crest = int(slant_m(STEEP, scene.elevation_m, 0.5, 0.0) - near)
+    normal = np.array([-rise, 1.0]) / np.hypot(rise, 1.0)
+    look = np.arctan2(3000.5, 3000.0 + scene.elevation_m.mean())
+    expected = np.degrees(np.arccos(normal @ [-np.sin(look), np.cos(look)]))
+    np.testing.assert_allclose(geometry.incidence_deg[crest - 3 : crest + 1, 5], expected, atol=0.1)
+    assert np.isnan(geometry.incidence_deg[crest + 1 : crest + 4, 5]).all()
+
+
+@pytest.mark.parametrize("look_side", ["right", "left"])
 def test_places_of_pixels_are_those_of_flat_ground(build_scene: Build, radar: Radar, look_side: str) -> None:
     geometry = make_geometry(
         build_scene(lambda east, north: 0 * east, cells=(30, 44)), radar.model_copy(update={"look_side": look_side})
