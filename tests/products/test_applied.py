@@ -164,7 +164,7 @@ def test_law_and_constant_count_alike(monkeypatch) -> None:
         materials={"dyke": known, "program": known, "lost": known},
         seed=3,
     )
-    found = list(_of_pass(archive, changed, 1, SimpleNamespace(geometry=None, predicted_db=image, measured_db=None)))
+    found = list(_of_pass(archive, changed, 1, SimpleNamespace(geometry=None, image_db=image), None))
     assert [one.material for one in found] == ["dyke", "dyke"]
     assert [one.predicted_db for one in found] == pytest.approx(0.5 * (law - 12.0), abs=0.03)
     sds = np.sqrt(0.5**2 + 0.3**2) + np.sqrt(0.01 + 0.04 + 0.01 + 0.3**2)

@@ -61,9 +61,11 @@ def material_colours(names: Sequence[str], configured: Mapping[str, str] | None 
     found: dict[str, str] = {name: given[name] for name in names if name in given}
     used = {colour.upper() for colour in found.values()}
     for name in names:
-        shades = () if name in found else _shades(name)
-        colour = next((shade for shade in shades if shade not in used), None)
-        if colour is not None:
+        words = re.split(r"[^A-Za-z]+", name)
+        shades = next(
+            (shades for kind, shades in _WORDS if any(one.fullmatch(word) for one in kind for word in words)), ()
+        )
+        if name not in found and (colour := next((shade for shade in shades if shade not in used), None)) is not None:
             found[name] = colour
             used.add(colour)
     # a material gets the colour at its own place in the fixed list if that is free, as in a scene without usual names
@@ -99,12 +101,3 @@ def head(axes: Axes, case: Archive, name: str, text: str = "") -> None:
     """Set the title of a material's panel, and draw a square in the colour that the material has in the maps."""
     axes.set_title(titled(name, text))
     mark(axes, colour_of(case, name))
-
-
-def _shades(name: str) -> tuple[str, ...]:
-    """Usual colours of the kind of ground that a word of a material's name says; empty if no word says one."""
-    words = re.split(r"[^A-Za-z]+", name)
-    for kind, shades in _WORDS:
-        if any(pattern.fullmatch(word) for pattern in kind for word in words):
-            return shades
-    return ()

@@ -82,19 +82,9 @@ def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     lower.set_xlim(runs.min() - 0.6, runs.max() + 0.6)
     handles = [axes.get_legend_handles_labels() for axes in (upper, lower)]
     add_legend(canvas, (handles[0][0] + handles[1][0], handles[0][1] + handles[1][1]), 3)
-    caption = _caption(case, name, what, values)
-    return canvas, caption, f"Predicted and verified cost of the infill runs of {name}, and differences of statistics."
-
-
-def _caption(case: Archive, name: str, what: str, values: Array) -> str:
-    """Caption of the figure; ``what`` is the cost, and ``values`` the differences of the runs that are drawn."""
-    material = case.materials[name]
-    found = material.fidelity
-    assert found is not None  # noqa: S101
-    predicted = np.isfinite(found.cost)
     known = np.isfinite(values)
     inside = f"{int((np.abs(values[known]) <= 2.0).sum())} of {int(known.sum())}"
-    left_out = [str(run) for run in np.flatnonzero(case.runs.kind == "infill")[~predicted]]
+    left_out = [str(run) for run in every[~predicted_runs]]
     q2 = found.q2[np.isfinite(found.q2).all(axis=1)]
     caption = (
         f"Above: {what}, as the surrogate predicted it for each infill run, and as the run has it. Below: the "
@@ -104,9 +94,9 @@ def _caption(case: Archive, name: str, what: str, values: Array) -> str:
     )
     if left_out:
         caption += f" Without prediction, and not drawn: run{'s' * (len(left_out) > 1)} {', '.join(left_out)}"
-        ended = all(found.mode[k] == "ended" for k in np.flatnonzero(~predicted))
+        ended = all(found.mode[k] == "ended" for k in np.flatnonzero(~predicted_runs))
         caption += f"{_REPEATED if ended else ''}."
     if len(q2):
         each = ", ".join(f"{label} {value:.2f}" for (label, *_), value in zip(_STATISTICS, q2[-1], strict=True))
         caption += f" Leave-one-out Q2 of the last surrogate: {each}."
-    return caption
+    return canvas, caption, f"Predicted and verified cost of the infill runs of {name}, and differences of statistics."

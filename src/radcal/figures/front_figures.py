@@ -5,14 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radcal.figures.colours import head
 from radcal.figures.drawing import RUNS, Array, add_legend, new_canvas, short
 from radcal.results.archive import Archive
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
 __all__ = ["front"]
@@ -24,17 +22,46 @@ _WIDE = 300.0  # ratio of the ends of an axis; from this ratio on, only powers o
 
 def front(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     """Figure of the front and the runs; each panel compares the first objective with another objective."""
-    found = case.materials[name].front
+    from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
+
+    material = case.materials[name]
+    found = material.front
     if found is None:
         return None
     others = range(1, len(found.objectives))
     canvas = new_canvas(6.2, 0.8 + 4.4 * len(others))
     panels = canvas.subplots(len(others), 1, squeeze=False)[:, 0]
-    left_out = [_panel(axes, case, name, other) for axes, other in zip(panels, others, strict=True)]
+    left_out = []
+    for axes, other in zip(panels, others, strict=True):
+        line, runs = (np.maximum(values[:, [0, other]], _LEAST) for values in (found.predicted, found.verified))
+        line = line[np.argsort(line[:, 0], kind="stable")]
+        axes.plot(*line.T, color="black", linewidth=1.2, marker=".", markersize=4, label="front, predicted")
+        shown = np.concatenate([line, runs[[material.best]]])
+        (left, right), (bottom, top) = limits = _limits(shown[:, 0]), _limits(shown[:, 1])
+        for kind, (label, style) in RUNS.items():
+            x, y = runs[(case.runs.kind == kind) & np.isfinite(runs).all(axis=1)].T
+            # a kind without a run inside the axes has no place in the legend, either
+            if ((x >= left) & (x <= right) & (y >= bottom) & (y <= top)).any():
+                axes.scatter(x, y, label=label, edgecolors="black", linewidths=0.4, zorder=3, **style)
+        x, y = runs[[material.best]].T
+        axes.scatter(
+            x, y, label="chosen run", marker="o", s=190, facecolors="none", edgecolors="black", linewidths=1.6, zorder=4
+        )
+        axes.set(xscale="log", yscale="log", xlim=limits[0], ylim=limits[1])
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = axis.get_view_interval()
+            powers = LogLocator(subs=(1.0, 2.0, 5.0) if high < _WIDE * low else (1.0,))
+            axis.set_major_locator(powers if high > 10.0 * low else MaxNLocator(5))
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_locator(NullLocator())
+        axes.set_xlabel(f"squared residuals: {found.objectives[0]}")
+        axes.set_ylabel(f"squared residuals: {found.objectives[other]}")
+        low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
+        left_out.append(((runs < low) | (runs > high)).any(axis=1))
     outside = int(np.any(left_out, axis=0).sum())
     head(panels[0], case, name, "front of the last search")
     add_legend(canvas, panels[0].get_legend_handles_labels(), 3)
-    best = found.verified[case.materials[name].best]
+    best = found.verified[material.best]
     each = ", ".join(f"{short(value)} ({of})" for value, of in zip(best, found.objectives, strict=True))
     caption = (
         f"NSGA-II minimises {len(found.objectives)} sums of squared residuals side by side. Line: its front in the "
@@ -45,40 +72,6 @@ def front(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
         f"The chosen run has the sums {each}."
     )
     return canvas, caption, f"Front of the search for {name} with the runs and the chosen run, on logarithmic axes."
-
-
-def _panel(axes: Axes, case: Archive, name: str, other: int) -> NDArray[np.bool_]:
-    """Draw the first objective against the objective ``other``; return a mask of the runs outside the axes, (n,)."""
-    from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
-
-    material = case.materials[name]
-    found = material.front
-    assert found is not None  # noqa: S101
-    line, runs = (np.maximum(values[:, [0, other]], _LEAST) for values in (found.predicted, found.verified))
-    line = line[np.argsort(line[:, 0], kind="stable")]
-    axes.plot(*line.T, color="black", linewidth=1.2, marker=".", markersize=4, label="front, predicted")
-    shown = np.concatenate([line, runs[[material.best]]])
-    (left, right), (bottom, top) = limits = _limits(shown[:, 0]), _limits(shown[:, 1])
-    for kind, (label, style) in RUNS.items():
-        x, y = runs[(case.runs.kind == kind) & np.isfinite(runs).all(axis=1)].T
-        # a kind without a run inside the axes has no place in the legend, either
-        if ((x >= left) & (x <= right) & (y >= bottom) & (y <= top)).any():
-            axes.scatter(x, y, label=label, edgecolors="black", linewidths=0.4, zorder=3, **style)
-    x, y = runs[[material.best]].T
-    axes.scatter(
-        x, y, label="chosen run", marker="o", s=190, facecolors="none", edgecolors="black", linewidths=1.6, zorder=4
-    )
-    axes.set(xscale="log", yscale="log", xlim=limits[0], ylim=limits[1])
-    for axis in (axes.xaxis, axes.yaxis):
-        low, high = axis.get_view_interval()
-        powers = LogLocator(subs=(1.0, 2.0, 5.0) if high < _WIDE * low else (1.0,))
-        axis.set_major_locator(powers if high > 10.0 * low else MaxNLocator(5))
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_locator(NullLocator())
-    axes.set_xlabel(f"squared residuals: {found.objectives[0]}")
-    axes.set_ylabel(f"squared residuals: {found.objectives[other]}")
-    low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
-    return np.asarray(((runs < low) | (runs > high)).any(axis=1))
 
 
 def _limits(values: Array) -> tuple[float, float]:

@@ -199,8 +199,14 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     shares = (4.0, 1.0) if material.hidden is None else (4.0, 1.6, 1.0)
     canvas = new_canvas(6.2, 4.6 + 0.4 * sum(shares[1:]))
     panels = canvas.subplots(len(shares), 1, sharex=True, height_ratios=shares)
-    each_seen = _seen(case, material)
-    seen, view = [np.linspace(low, high, 101) for low, high in each_seen], _view(each_seen.min(), each_seen.max())
+    incidence_deg = material.target.incidence_deg.astype(np.float64)
+    each_seen = np.percentile(incidence_deg, [5.0, 95.0])[None]
+    if len(case.passes) > 1 and material.posterior is not None:
+        each_seen = np.asarray(material.posterior.seen_deg)
+    seen = [np.linspace(low, high, 101) for low, high in each_seen]
+    # each margin of the angle axis is as wide as the incidence interval seen
+    margin = max(_CONTEXT_DEG, float(np.ptp(each_seen)))
+    view = max(0.0, np.floor(each_seen.min() - margin)), min(_LAST_DEG, np.ceil(each_seen.max() + margin))
     angles = np.linspace(*view, 361)
     for axes in panels:
         for low, high in each_seen:
@@ -209,7 +215,6 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     _curves(panels[0], material, laws, seen, angles)
     head(panels[0], case, name, state(name, case.findings) or "law of the search")
     panels[0].set_ylabel("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
-    incidence_deg = material.target.incidence_deg.astype(np.float64)
     remark = ""
     if material.hidden is not None:
         _truth(panels[1], material, searched, laws, seen, angles)
@@ -220,7 +225,8 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
         ]
         where = "the incidence of pass 1" if len(case.passes) > 1 else "the incidence seen"
         remark = f" Over {where} the hidden truth (middle panel) differs from the {' and from the '.join(found)}."
-    _pixels(panels[-1], incidence_deg, view)
+    panels[-1].hist(incidence_deg, bins=np.linspace(*view, 86).tolist(), color=MUTED)
+    panels[-1].set(xlabel="local incidence [deg]", ylabel="pixels", xlim=view)
     add_legend(canvas, panels[0].get_legend_handles_labels(), 2)
     shaded = " and ".join(f"{low:.1f} to {high:.1f}" for low, high in each_seen)
     histogram = "in each pass (histogram of pass 1 below)" if len(case.passes) > 1 else "(histogram below)"
@@ -237,13 +243,6 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     return canvas, caption, f"Backscatter laws of {name} in dB against local incidence in degrees."
 
 
-def _seen(case: Archive, material: MaterialResult) -> Array:
-    """5 and 95 % quantile of the incidence at which a material is seen [deg], shape (passes, 2)."""
-    if len(case.passes) > 1 and material.posterior is not None:
-        return np.asarray(material.posterior.seen_deg)
-    return np.percentile(material.target.incidence_deg.astype(np.float64), [5.0, 95.0])[None]
-
-
 def _of_band(case: Archive, name: str) -> str:
     """Part of the caption that describes the bands, with the verdict on the material; empty without a band."""
     posterior = case.materials[name].posterior
@@ -256,12 +255,6 @@ def _of_band(case: Archive, name: str) -> str:
     if width := widths(name, case.findings):
         text += f" Half-widths where sigma0 is determined (bar): {width}."
     return f"{text} Verdict on {verdict(name, case.findings)}" if state(name, case.findings) else text
-
-
-def _view(low_deg: float, high_deg: float) -> tuple[float, float]:
-    """Ends of the angle axis [deg]; each margin is as wide as the incidence interval seen, at least 5 degrees."""
-    margin = max(_CONTEXT_DEG, high_deg - low_deg)
-    return max(0.0, np.floor(low_deg - margin)), min(_LAST_DEG, np.ceil(high_deg + margin))
 
 
 def _laws(case: Archive, name: str) -> list[tuple[str, Law, Array, dict[str, Any]]]:
@@ -352,11 +345,3 @@ def _truth(
     axes.axhline(0.0, **HIDDEN)
     axes.set_ylim(-1.2 * max(largest), 1.2 * max(largest))
     axes.set_ylabel("minus\ntruth [dB]")
-
-
-def _pixels(axes: Axes, incidence_deg: Array, view: tuple[float, float]) -> None:
-    """Draw a histogram of the pixels' incidence, and label the axis of the angles."""
-    axes.hist(incidence_deg, bins=np.linspace(*view, 86).tolist(), color=MUTED)
-    axes.set_ylabel("pixels")
-    axes.set_xlabel("local incidence [deg]")
-    axes.set_xlim(*view)

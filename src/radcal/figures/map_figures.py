@@ -114,7 +114,18 @@ def images(case: Archive) -> tuple[Canvas, str, str]:
     bar = canvas.colorbar(of_bar, ax=panels, extend="both", fraction=0.05, pad=0.02, aspect=30)
     bar.set_label("backscatter [dB]")
     axis_labels(panels, stacked)
-    caption = _images_caption(first, own)
+    which = "Measured and calibrated image" if own else "The three images"
+    caption = f"{which} in one gray scale (1 to 99.5 % of the measured pixels), near range on top. "
+    if own:
+        caption += "The start would be nearly black or white there, and has a scale of its own, given in its title. "
+    caption += (
+        "The calibrated image, that of the laws of the search, has speckle of its own: compare levels and textures, "
+        "not pixels."
+    )
+    if missing := int(np.count_nonzero(~np.isfinite(first))):
+        caption += f" {missing:,} measured pixels have no value (pale)."
+    if (k := _factor(first.shape)) > 1:
+        caption += f" Shown as means over {k} x {k} pixels."
     scales = "the start in a gray scale of its own" if own else "in the same gray scale"
     return canvas, caption, f"Measured, starting and calibrated radar image side by side, {scales}."
 
@@ -134,23 +145,6 @@ def _unreadable(image_db: NDArray[Any], other_db: NDArray[Any]) -> bool:
     low, high = _gray_scale(other_db)
     beyond = float(((values < low) | (values > high)).mean())
     return beyond > _BEYOND or abs(float(np.median(values) - np.median(others))) > _MOVED * (high - low)
-
-
-def _images_caption(first: NDArray[Any], own: bool) -> str:
-    """Caption of the figure of the images; ``own`` if the start has a gray scale of its own."""
-    images = "Measured and calibrated image" if own else "The three images"
-    caption = f"{images} in one gray scale (1 to 99.5 % of the measured pixels), near range on top. "
-    if own:
-        caption += "The start would be nearly black or white there, and has a scale of its own, given in its title. "
-    caption += (
-        "The calibrated image, that of the laws of the search, has speckle of its own: compare levels and textures, "
-        "not pixels."
-    )
-    if missing := int(np.count_nonzero(~np.isfinite(first))):
-        caption += f" {missing:,} measured pixels have no value (pale)."
-    if (k := _factor(first.shape)) > 1:
-        caption += f" Shown as means over {k} x {k} pixels."
-    return caption
 
 
 def registration(case: Archive) -> tuple[Canvas, str, str] | None:
@@ -223,8 +217,30 @@ def residual(case: Archive) -> tuple[Canvas, str, str] | None:
     columns = max(1, min(4, int(105 / (max(map(len, labels), default=1) + 9))))
     rows = -(-(len(labels) + 1) // columns)
     canvas, panels, stacked, aspect = panels_for(difference.shape, 2, below=0.215 * rows)
-    _difference_map(canvas, panels[0], difference, aspect)
-    _material_map(panels[1], material, present, of_ids(case), aspect)
+    (left, right), (cmap, norm) = panels, of_ids(case)
+    k = _factor(difference.shape)
+    finite = difference[np.isfinite(difference)]
+    limit = float(np.clip(np.ceil(np.percentile(np.abs(finite), 98.0)), 1.0, 40.0)) if finite.size else 1.0
+    shown = left.imshow(
+        difference[k // 2 :: k, k // 2 :: k], cmap="RdBu_r", vmin=-limit, vmax=limit, aspect=aspect,
+        extent=image_extent(difference.shape),
+    )  # fmt: skip
+    left.set_title("calibrated minus measured")
+    bar = canvas.colorbar(shown, ax=left, extend="both", fraction=0.05, pad=0.02, aspect=30)
+    bar.set_label("difference [dB]")
+    right.imshow(
+        material[k // 2 :: k, k // 2 :: k], cmap=cmap, norm=norm, aspect=aspect,
+        extent=image_extent(material.shape), interpolation="nearest",
+    )  # fmt: skip
+    right.set_title("materials")
+    places: list[tuple[int, int]] = []
+    for number in present:
+        places.append(_middle(material == number, places))
+        row, column = places[-1]
+        right.text(
+            column, row, str(number), ha="center", va="center", fontsize=10.0, fontweight="bold",
+            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "black", "linewidth": 0.6},
+        )  # fmt: skip
     if not stacked:
         canvas.set_layout_engine("compressed", wspace=0.05, h_pad=0.08)
     fills = [*(colours_of(case)[number - 1] for number in present), "#FFFFFF"]
@@ -255,40 +271,6 @@ def _smoothed(pixels: NDArray[Any], incidence_deg: NDArray[Any] | None) -> NDArr
     total = uniform_filter(np.where(valid, pixels, 0.0), _BOXCAR, mode="constant")
     enough = valid & (share > 0.25)
     return np.where(enough, total / np.where(enough, share, 1.0), np.nan)
-
-
-def _difference_map(canvas: Canvas, panel: Axes, difference: NDArray[Any], aspect: Aspect) -> None:
-    """Map of a difference [dB], red above zero and blue below."""
-    k = _factor(difference.shape)
-    finite = difference[np.isfinite(difference)]
-    limit = float(np.clip(np.ceil(np.percentile(np.abs(finite), 98.0)), 1.0, 40.0)) if finite.size else 1.0
-    shown = panel.imshow(
-        difference[k // 2 :: k, k // 2 :: k], cmap="RdBu_r", vmin=-limit, vmax=limit, aspect=aspect,
-        extent=image_extent(difference.shape),
-    )  # fmt: skip
-    panel.set_title("calibrated minus measured")
-    bar = canvas.colorbar(shown, ax=panel, extend="both", fraction=0.05, pad=0.02, aspect=30)
-    bar.set_label("difference [dB]")
-
-
-def _material_map(
-    panel: Axes, material: NDArray[np.int64], present: Sequence[int], colours: tuple[Any, Any], aspect: Aspect
-) -> None:
-    """Map of the materials, each with its number."""
-    k, (cmap, norm) = _factor(material.shape), colours
-    panel.imshow(
-        material[k // 2 :: k, k // 2 :: k], cmap=cmap, norm=norm, aspect=aspect,
-        extent=image_extent(material.shape), interpolation="nearest",
-    )  # fmt: skip
-    panel.set_title("materials")
-    places: list[tuple[int, int]] = []
-    for number in present:
-        places.append(_middle(material == number, places))
-        row, column = places[-1]
-        panel.text(
-            column, row, str(number), ha="center", va="center", fontsize=10.0, fontweight="bold",
-            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "black", "linewidth": 0.6},
-        )  # fmt: skip
 
 
 def _middle(inside: NDArray[np.bool_], taken: Sequence[tuple[int, int]] = ()) -> tuple[int, int]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -15,7 +14,6 @@ from radcal.figures.map_figures import axis_labels, image_extent, panels_for
 from radcal.results.archive import Archive
 
 if TYPE_CHECKING:
-    from matplotlib.colors import LightSource
     from matplotlib.figure import Figure as Canvas
 
 __all__ = ["incidence", "scene"]
@@ -30,21 +28,73 @@ _LARGEST_TIMES = 20  # largest factor by which heights are exaggerated in the vi
 
 def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     """Figure of the scene: materials and elevation and, unless the ground is flat, relief and a view in 3-D."""
+    from matplotlib.colors import LightSource
+
     view = case.scene
     if view.elevation_m is None or view.material is None:
         return None
     elevation = view.elevation_m.astype(np.float64)
     cell_m = view.cell_m * view.step
     objects_m = view.objects_m
-    steepest_deg = _steepest_deg(elevation, cell_m)
+    steepest_deg = 0.0
+    if min(elevation.shape) >= 2:
+        steepest_deg = float(np.degrees(np.arctan(np.percentile(np.hypot(*np.gradient(elevation, cell_m)), 99.0))))
     flat = steepest_deg < _FLAT_DEG
-    canvas, colours, directions = new_canvas(9.5, 5.0 if flat else 9.1), of_ids(case), _directions(case)
-    _plans(canvas, elevation, view.material, objects_m, cell_m, colours, directions, flat)
+    # the grid of a scene points north or, with a heading, along the track
+    heading = case.configured.radar.heading_deg
+    across, along, lit, viewer = "east [km]", "north [km]", "north-west", "south-west"
+    if heading:
+        across, along = "right of the track [km]", f"along the track, {heading:g} deg [km]"
+        lit, viewer = "ahead on the left", "behind on the left"
+    ny, nx = elevation.shape
+    sides = (0.0, nx * cell_m / 1000.0, 0.0, ny * cell_m / 1000.0)
+    light = LightSource(azdeg=315.0, altdeg=40.0)
+    canvas, (cmap, norm) = new_canvas(9.5, 5.0 if flat else 9.1), of_ids(case)
+    plans = [canvas.add_subplot(1, 2, k) for k in (1, 2)] if flat else [canvas.add_subplot(2, 2, k) for k in (2, 3, 1)]
     if not flat:
-        _view(canvas, elevation, view.material, cell_m, colours, directions)
+        shade = light.hillshade(elevation, dx=cell_m, dy=cell_m)
+        plans[2].imshow(shade, cmap="gray", origin="lower", extent=sides)
+        plans[2].set_title(f"shaded relief, light from {lit}")
+    plans[0].imshow(view.material, cmap=cmap, norm=norm, origin="lower", extent=sides, interpolation="nearest")
+    if objects_m is not None:
+        # drawn as single pixels, so that their number does not matter
+        plans[0].plot(*objects_m.T / 1000.0, ",", color="black", rasterized=True)
+        plans[0].set(xlim=sides[:2], ylim=sides[2:])
+    plans[0].set_title("materials" if objects_m is None else "materials and objects (black)")
+    shown = plans[1].imshow(elevation, cmap="terrain", origin="lower", extent=sides)
+    plans[1].set_title("elevation")
+    bar = canvas.colorbar(shown, ax=plans[1], fraction=0.046, pad=0.03)
+    bar.set_label("elevation [m]")
+    for panel in plans:
+        panel.grid(False)
+        panel.set_xlabel(across)
+        panel.set_ylabel(along)
+        panel.locator_params(nbins=5)
+    if not flat:
+        solid = cast(Any, canvas.add_subplot(2, 2, 4, projection="3d"))
+        k = max(1, max(ny, nx) // _SURFACE)
+        y, x = (np.mgrid[:ny:k, :nx:k] + 0.5) * cell_m / 1000.0
+        low = elevation[::k, ::k]
+        rgb = cmap(norm(view.material[::k, ::k]))[..., :3]
+        shaded = light.shade_rgb(rgb, low, dx=k * cell_m, dy=k * cell_m, vert_exag=2.0, blend_mode="soft")
+        surface = solid.plot_surface(
+            x, y, low, facecolors=shaded, rstride=1, cstride=1, linewidth=0, antialiased=False, shade=False
+        )
+        surface.set_rasterized(True)  # rasterised, since thousands of faces would be slow and large as vectors
+        height = float(np.ptp(elevation))
+        span = max(sides[1], sides[3])
+        times = min(max(1, round(0.25 * span * 1000.0 / height)), _LARGEST_TIMES)
+        solid.set_box_aspect((sides[1] / span, sides[3] / span, height / 1000.0 * times / span))
+        solid.view_init(elev=32.0, azim=-120.0)
+        seen = f"seen from {viewer}"
+        solid.set_title(f"{seen}, heights {times} times" if times > 1 else seen)
+        # the plans name the heading; a longer name would leave the axis
+        solid.set_xlabel(across, labelpad=9.0)
+        solid.set_ylabel(re.sub(", .* deg", "", along), labelpad=9.0)
+        solid.locator_params(nbins=4)
+        solid.tick_params(axis="z", labelsize=8.5)
     places = [int(k) - 1 for k in np.unique(view.material) if 0 < k <= len(case.names)]
     add_fills(canvas, [colours_of(case)[k] for k in places], [label(case.names[k], 30) for k in places], 6)
-    ny, nx = elevation.shape
     # a low relief needs a digit after the point
     digits = 1 if np.ptp(elevation) < 10.0 else 0
     caption = (
@@ -59,117 +109,6 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     if flat:
         return canvas, caption, "Material map and elevation map."
     return canvas, caption, "Shaded relief, material map, elevation map and a view of the terrain."
-
-
-def _steepest_deg(elevation: Array, cell_m: float) -> float:
-    """99 % quantile of the slope of the ground [deg]."""
-    if min(elevation.shape) < 2:
-        return 0.0
-    return float(np.degrees(np.arctan(np.percentile(np.hypot(*np.gradient(elevation, cell_m)), 99.0))))
-
-
-@dataclass(frozen=True)
-class _Directions:
-    """Words for directions of the scene's grid: its two axes, and the corners from which light and view come."""
-
-    across: str = "east [km]"
-    along: str = "north [km]"
-    light: str = "north-west"
-    view: str = "south-west"
-
-
-def _directions(case: Archive) -> _Directions:
-    """Words for directions of a scene's grid, which points north or, with a heading, along the track."""
-    heading = case.configured.radar.heading_deg
-    if not heading:
-        return _Directions()
-    return _Directions(
-        "right of the track [km]", f"along the track, {heading:g} deg [km]", "ahead on the left", "behind on the left"
-    )
-
-
-def _light() -> LightSource:
-    """Light source in the north-west, for the shading of the relief."""
-    from matplotlib.colors import LightSource
-
-    return LightSource(azdeg=315.0, altdeg=40.0)
-
-
-def _sides_km(shape: tuple[int, ...], cell_m: float) -> tuple[float, float, float, float]:
-    """West, east, south and north bounds of the scene's axes [km]."""
-    return (0.0, shape[1] * cell_m / 1000.0, 0.0, shape[0] * cell_m / 1000.0)
-
-
-def _plans(
-    canvas: Canvas,
-    elevation: Array,
-    material: NDArray[Any],
-    objects_m: NDArray[Any] | None,
-    cell_m: float,
-    colours: tuple[Any, Any],
-    directions: _Directions,
-    flat: bool,
-) -> None:
-    """Draw plans of the scene: shaded relief unless the ground is flat, materials with objects, and elevation."""
-    sides = _sides_km(elevation.shape, cell_m)
-    cmap, norm = colours
-    plans = [canvas.add_subplot(1, 2, k) for k in (1, 2)] if flat else [canvas.add_subplot(2, 2, k) for k in (2, 3, 1)]
-    if not flat:
-        shade = _light().hillshade(elevation, dx=cell_m, dy=cell_m)
-        plans[2].imshow(shade, cmap="gray", origin="lower", extent=sides)
-        plans[2].set_title(f"shaded relief, light from {directions.light}")
-    plans[0].imshow(material, cmap=cmap, norm=norm, origin="lower", extent=sides, interpolation="nearest")
-    if objects_m is not None:
-        plans[0].plot(
-            *objects_m.T / 1000.0, ",", color="black", rasterized=True
-        )  # drawn as single pixels, so that their number does not matter
-        plans[0].set(xlim=sides[:2], ylim=sides[2:])
-    plans[0].set_title("materials" if objects_m is None else "materials and objects (black)")
-    shown = plans[1].imshow(elevation, cmap="terrain", origin="lower", extent=sides)
-    plans[1].set_title("elevation")
-    bar = canvas.colorbar(shown, ax=plans[1], fraction=0.046, pad=0.03)
-    bar.set_label("elevation [m]")
-    for panel in plans:
-        panel.grid(False)
-        panel.set_xlabel(directions.across)
-        panel.set_ylabel(directions.along)
-        panel.locator_params(nbins=5)
-
-
-def _view(
-    canvas: Canvas,
-    elevation: Array,
-    material: NDArray[Any],
-    cell_m: float,
-    colours: tuple[Any, Any],
-    directions: _Directions,
-) -> None:
-    """Draw the terrain in three dimensions, in the colours of its materials."""
-    solid = cast(Any, canvas.add_subplot(2, 2, 4, projection="3d"))
-    ny, nx = elevation.shape
-    sides = _sides_km(elevation.shape, cell_m)
-    cmap, norm = colours
-    k = max(1, max(ny, nx) // _SURFACE)
-    y, x = (np.mgrid[:ny:k, :nx:k] + 0.5) * cell_m / 1000.0
-    low = elevation[::k, ::k]
-    rgb = cmap(norm(material[::k, ::k]))[..., :3]
-    shaded = _light().shade_rgb(rgb, low, dx=k * cell_m, dy=k * cell_m, vert_exag=2.0, blend_mode="soft")
-    surface = solid.plot_surface(
-        x, y, low, facecolors=shaded, rstride=1, cstride=1, linewidth=0, antialiased=False, shade=False
-    )
-    surface.set_rasterized(True)  # rasterised, since thousands of faces would be slow and large as vectors
-    height = float(np.ptp(elevation))
-    span = max(sides[1], sides[3])
-    times = min(max(1, round(0.25 * span * 1000.0 / height)), _LARGEST_TIMES)
-    solid.set_box_aspect((sides[1] / span, sides[3] / span, height / 1000.0 * times / span))
-    solid.view_init(elev=32.0, azim=-120.0)
-    seen = f"seen from {directions.view}"
-    solid.set_title(f"{seen}, heights {times} times" if times > 1 else seen)
-    # the plans name the heading; a longer name would leave the axis
-    solid.set_xlabel(directions.across, labelpad=9.0)
-    solid.set_ylabel(re.sub(", .* deg", "", directions.along), labelpad=9.0)
-    solid.locator_params(nbins=4)
-    solid.tick_params(axis="z", labelsize=8.5)
 
 
 def _expected_db(case: Archive, incidence_deg: NDArray[Any], material: NDArray[Any]) -> Array:
@@ -206,13 +145,10 @@ def incidence(case: Archive) -> tuple[Canvas, str, str] | None:
         low, high = _scale(known)
         drawn = panel.imshow(values[::k, ::k], cmap=colours, vmin=low, vmax=high, aspect=aspect, extent=where)
         panel.set_title(title)
-        canvas.colorbar(drawn, ax=panel, extend=_extend(known, low, high), fraction=0.05, pad=0.02)
+        beyond = bool(known.min() < low), bool(known.max() > high)
+        extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
+        canvas.colorbar(drawn, ax=panel, extend=extend, fraction=0.05, pad=0.02)
     axis_labels(panels, stacked)
-    return canvas, *_incidence_words(case, angle, material, expected)
-
-
-def _incidence_words(case: Archive, angle: NDArray[Any], material: NDArray[Any], expected: Array) -> tuple[str, str]:
-    """Caption and alternative text of the figure of the local incidence."""
     spans = []
     for name in list(case.materials)[:_LISTED]:
         inside = (material == case.names.index(name) + 1) & np.isfinite(angle)
@@ -225,12 +161,12 @@ def _incidence_words(case: Archive, angle: NDArray[Any], material: NDArray[Any],
     more = f", and {len(case.materials) - _LISTED} more" if len(case.materials) > _LISTED else ""
     listed = f"From 5 to 95 %: {'; '.join(spans)}{more}."
     if not np.isfinite(expected).any():
-        return f"Mean local incidence of each pixel's ground. {listed}", "Map of the local incidence angle."
+        return canvas, f"Mean local incidence of each pixel's ground. {listed}", "Map of the local incidence angle."
     caption = (
         "Left: mean local incidence of each pixel's ground. Right: the calibrated (or fixed) law of its material at "
         f"that incidence, without speckle, noise or resolution. {listed}"
     )
-    return caption, "Maps of the local incidence angle and of the backscatter that the laws expect there."
+    return canvas, caption, "Maps of the local incidence angle and of the backscatter that the laws expect there."
 
 
 def _span_deg(low: float, high: float) -> str:
@@ -244,10 +180,3 @@ def _scale(values: NDArray[Any]) -> tuple[float, float]:
     low, high = (float(v) for v in np.percentile(values, [1.0, 99.0]))
     middle = 0.5 * (low + high)
     return (low, high) if high - low >= _LEAST_SCALE else (middle - 0.5 * _LEAST_SCALE, middle + 0.5 * _LEAST_SCALE)
-
-
-def _extend(values: NDArray[Any], low: float, high: float) -> str:
-    """Ends of a colour bar with an arrow, because values lie beyond them: neither, min, max or both."""
-    return {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[
-        bool(values.min() < low), bool(values.max() > high)
-    ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 
 from radcal import skewnormal
 from radcal.bands import LETTER_BANDS_GHZ, letter_band, within_band
-from radcal.config import FileMeasurement, Radar, TargetConfig
+from radcal.config import FileMeasurement, Radar
 from radcal.config.part import Part
 from radcal.errors import FitError, MeasurementError, MissingSign
 from radcal.findings import Finding
@@ -69,31 +68,20 @@ def make_measurement(
     if case.target.normalisation == "none":  # else the noise level is known after the reference run
         noise_db = noise_floor_db(case.radar, geometry.flat_incidence_deg)
         flags[IN_THE_NOISE] = noise_limited(measurement.image_db, noise_db, case.target.snr_db)
-    refused = [_refusal(name, measurement, geometry, case.target, flags) for name in case.calibrated]
-    errors = [error for error in refused if error is not None]
-    if errors and not (partly and len(errors) < len(refused)):
+    errors = []
+    for name in case.calibrated:
+        try:
+            pixels = eligible_pixels(name, geometry, measurement, case.target, flags=flags).pixels
+            skewnormal.fit(measurement.image_db.ravel()[pixels])
+        except MeasurementError as error:
+            errors.append(error)
+        except FitError as error:
+            errors.append(MeasurementError(f"materials.{name} in {measurement.source}: {error}"))
+    if errors and not (partly and len(errors) < len(case.calibrated)):
         is_file = isinstance(case.measurement, FileMeasurement)
         mistake = _noise_above(measurement, noise_db, case.radar) if flags and is_file else None
         raise mistake or errors[0]
     return measurement
-
-
-def _refusal(
-    name: str,
-    measurement: Measurement,
-    geometry: Geometry,
-    config: TargetConfig,
-    flags: Mapping[str, NDArray[np.bool_]],
-) -> MeasurementError | None:
-    """Error about a material that cannot be fitted; None if it can be fitted."""
-    try:
-        pixels = eligible_pixels(name, geometry, measurement, config, flags=flags).pixels
-        skewnormal.fit(measurement.image_db.ravel()[pixels])
-    except MeasurementError as error:
-        return error
-    except FitError as error:
-        return MeasurementError(f"materials.{name} in {measurement.source}: {error}")
-    return None
 
 
 def _noise_above(measurement: Measurement, noise_db: NDArray[np.float64], radar: Radar) -> MeasurementError | None:

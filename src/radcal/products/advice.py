@@ -18,7 +18,6 @@ from radcal.laws import Law
 from radcal.posterior.curves import GRID_DEG, NORMAL_90
 from radcal.posterior.result import Posterior
 from radcal.products.tables import aligned, write_csv
-from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.results.archive import Archive, read_finished
 from radcal.scene.model import Scene, read_scene
@@ -187,7 +186,7 @@ def advice_on(
                 widths = half_widths_after(draws, law, measured, [view], posterior.looks, config, of, removed)
                 after = float(widths.mean())
             incidence = None if view is None else _seen(view)
-            each.append(Advised(radar, name, incidence, now, after, over, *_hidden(made)))
+            each.append(Advised(radar, name, incidence, now, after, over, made.layover.mean(), made.shadow.mean()))
     return [row for each in sorted(rows, key=common_ratio) for row in each]
 
 
@@ -213,10 +212,6 @@ def _passes(rows: Sequence[Advised]) -> Iterator[list[Advised]]:
 def _seen(view: View) -> tuple[float, float]:
     low, high = np.quantile(view.incidence_deg, [0.05, 0.95])
     return float(low), float(high)
-
-
-def _hidden(geometry: Geometry) -> tuple[float, float]:
-    return float(geometry.layover.mean()), float(geometry.shadow.mean())
 
 
 def of_archive(archive: Archive, folder: str | Path) -> dict[str, tuple[Posterior, Law]]:

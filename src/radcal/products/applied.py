@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -24,10 +23,8 @@ from radcal.products.export import ground_layers
 from radcal.products.geotiff import Layer, write_layers
 from radcal.products.simulated import Forward, forward
 from radcal.products.tables import aligned, calibrated_materials, write_csv
-from radcal.radar.geometry import Geometry
 from radcal.registration.registered import registered_as
 from radcal.results.archive import Archive, read_finished
-from radcal.scene.model import Scene
 from radcal.seeds import derived_rng
 from radcal.simulators.sources import make_simulator
 from radcal.storage.records import understood
@@ -122,16 +119,6 @@ def _known(posterior: Posterior, angle_deg: float) -> str:
     return SEEN if any(low <= angle_deg <= high for low, high in posterior.seen_deg) else OUTSIDE
 
 
-@dataclass(frozen=True)
-class _Pass:
-    """Predicted image of one pass and, if there is one, its measured image [dB]."""
-
-    geometry: Geometry
-    predicted_db: NDArray[np.float32]
-    measured_db: NDArray[np.float32] | None
-    remarks: tuple[str, ...]
-
-
 def apply(folder: str | Path, other: Part, measured: Case | None, out: str | Path, runs: str | Path) -> list[str]:
     """Predict the images of another case from the laws of a finished calibration, and compare them with measurements.
 
@@ -171,11 +158,22 @@ def apply(folder: str | Path, other: Part, measured: Case | None, out: str | Pat
     lines: list[str] = []
     files: list[Path] = []
     for number, made in enumerate(passes, start=1):
-        one = _measured(measured, number, made, scene, out, Path(runs).parent)
-        lines += one.remarks
-        files += _images(out, number, other.passes[number - 1], scene, one)
+        radar, measured_db = other.passes[number - 1].radar, None
+        tags = {"case": other.case, "radiometry": radar.radiometry}
+        layers = {"predicted": Layer(made.image_db, "dB", "image predicted from the laws of another case", tags)}
+        if measured is not None:
+            one = measured.passes[number - 1]
+            path = out / f"passes/{number}/geometry.h5"
+            simulator = make_simulator(STAGES["simulator"].of(one), made.geometry, path)
+            found = make_measurement(STAGES["measurement"].of(one), made.geometry, simulator, scene, partly=True)
+            as_in_case = Path(runs).parent / f"passes/{number}/registered.h5"
+            registered, by = registered_as(as_in_case, made.image_db, found, one.registration)
+            lines += [f"pass {number}: {found.source}; {by}: {registered.verdict}", *map(sentence, found.findings)]
+            measured_db = registered.measurement.image_db
+            layers["measured"] = Layer(measured_db, "dB", "measured image, registered", tags)
+        files += write_layers(out, number, {**layers, **ground_layers(made.geometry, tags)}, scene, made.geometry)
         with understood(folder / "calibration.h5"):
-            rows += [(number, row) for row in _of_pass(archive, changed, number, one)]
+            rows += [(number, row) for row in _of_pass(archive, changed, number, made, measured_db)]
     shared = [name for name in archive.materials if name in other.materials]
     remarks = [*_few_pixels(archive, shared, {one.material for _, one in rows}), *doubts(shared, archive.findings)]
     rows, left_out = where_seen(archive, rows)
@@ -231,29 +229,9 @@ def _few_pixels(archive: Archive, names: Iterable[str], predicted: Collection[st
             yield f"{name}: not predicted, because no pass has 50 usable pixels of it."
 
 
-def _measured(case: Case | None, number: int, made: Forward, scene: Scene, out: Path, own: Path) -> _Pass:
-    """Measured image of a pass, registered as in the results folder ``own`` of its case or onto the predicted image."""
-    if case is None:
-        return _Pass(made.geometry, made.image_db, None, ())
-    one = case.passes[number - 1]
-    below = f"passes/{number}"
-    simulator = make_simulator(STAGES["simulator"].of(one), made.geometry, out / below / "geometry.h5")
-    found = make_measurement(STAGES["measurement"].of(one), made.geometry, simulator, scene, partly=True)
-    registered, by = registered_as(own / below / "registered.h5", made.image_db, found, one.registration)
-    remarks = (f"pass {number}: {found.source}; {by}: {registered.verdict}", *map(sentence, found.findings))
-    return _Pass(made.geometry, made.image_db, registered.measurement.image_db, remarks)
-
-
-def _images(out: Path, number: int, case: Part, scene: Scene, one: _Pass) -> list[Path]:
-    """Write the GeoTIFFs of a pass, and return their paths."""
-    tags = {"case": case.case, "radiometry": case.radar.radiometry}
-    layers = {"predicted": Layer(one.predicted_db, "dB", "image predicted from the laws of another case", tags)}
-    if one.measured_db is not None:
-        layers["measured"] = Layer(one.measured_db, "dB", "measured image, registered", tags)
-    return write_layers(out, number, {**layers, **ground_layers(one.geometry, tags)}, scene, one.geometry)
-
-
-def _of_pass(archive: Archive, changed: Part, number: int, one: _Pass) -> Iterator[Prediction]:
+def _of_pass(
+    archive: Archive, changed: Part, number: int, made: Forward, measured_db: NDArray[np.float32] | None
+) -> Iterator[Prediction]:
     """Predictions of all calibrated materials in a pass."""
     case = changed.passes[number - 1]
     margin_px, uncertainty = archive.configured.target.margin_px, archive.configured.uncertainty
@@ -261,11 +239,11 @@ def _of_pass(archive: Archive, changed: Part, number: int, one: _Pass) -> Iterat
         posterior = material.posterior
         if name not in changed.materials or posterior is None or posterior.constant is None:
             continue
-        view = view_of(name, one.geometry, case.radar, margin_px)
+        view = view_of(name, made.geometry, case.radar, margin_px)
         if view is None:
             continue
-        simulated = one.predicted_db.ravel()[view.pixels].astype(np.float64)
-        values = None if one.measured_db is None else one.measured_db.ravel()[view.pixels].astype(np.float64)
+        simulated = made.image_db.ravel()[view.pixels].astype(np.float64)
+        values = None if measured_db is None else measured_db.ravel()[view.pixels].astype(np.float64)
         start, rng = changed.materials[name].start_parameters, derived_rng(changed.seed, "apply", name)
         law = case.laws[name]
         bins = PredictionBins.of(view)

@@ -71,14 +71,6 @@ def _united(intervals: Sequence[Sequence[float]]) -> Intervals:
     return tuple(found)
 
 
-def _angles(intervals: Intervals) -> Doubles:
-    """About 101 angles [deg], distributed evenly over all intervals, with the ends of each interval."""
-    whole = sum(high - low for low, high in intervals)
-    shares = [(high - low) / whole if whole > 0.0 else 1.0 for low, high in intervals]
-    parts = zip(intervals, shares, strict=True)
-    return np.concatenate([np.linspace(low, high, max(2, round(_ANGLES * share))) for (low, high), share in parts])
-
-
 def law_difference(first: Archive, second: Archive, name: str) -> LawDifference | None:
     """Difference between the laws of a material.
 
@@ -101,7 +93,11 @@ def law_difference(first: Archive, second: Archive, name: str) -> LawDifference 
     both = _united([(low, high) for low, high in pairs if low <= high])
     if not both:
         return None
-    degrees = _angles(both)
+    whole = sum(high - low for low, high in both)
+    degrees = np.concatenate([
+        np.linspace(low, high, max(2, round(_ANGLES * ((high - low) / whole if whole > 0.0 else 1.0))))
+        for low, high in both
+    ])  # fmt: skip
     (low_a, middle_a, high_a), (low_b, middle_b, high_b) = a[0].at(degrees), b[0].at(degrees)
     difference = middle_b - middle_a
     meet = float(np.mean((low_a <= high_b) & (low_b <= high_a)))
@@ -151,7 +147,11 @@ def compare(folders: Sequence[str | Path], figure: str | Path) -> list[str]:
     for one, other, letter in ((first, second, "A"), (second, first, "B")):
         if alone := [name for name in one.materials if name not in other.materials]:
             lines.append(f"only in {letter}: {', '.join(alone)}")
-    _draw(first, second, shared, figure)
+    with law_panels(figure, shared, "\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]") as panels:
+        for axes, name in panels:
+            for archive, letter, style in ((first, "A", START), (second, "B", FOUND)):
+                if (band := _band(archive, name)) is not None:
+                    _draw(axes, *band, f"{letter}: {archive.configured.case}", style)
     return [*lines, f"figure: {figure}"]
 
 
@@ -187,19 +187,8 @@ def _known(material: MaterialResult) -> str:
     return "nowhere" if known is None else "{}-{} deg".format(*ends(*known))
 
 
-def _draw(first: Archive, second: Archive, names: Sequence[str], path: str | Path) -> None:
-    """Draw the laws in one panel for each material, and write the figure as PNG."""
-    with law_panels(path, names, "\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]") as panels:
-        for axes, name in panels:
-            for archive, letter, style in ((first, "A", START), (second, "B", FOUND)):
-                _panel(axes, _band(archive, name), f"{letter}: {archive.configured.case}", style)
-
-
-def _panel(axes: Axes, band: tuple[Curve, Intervals] | None, label: str, style: Mapping[str, Any]) -> None:
+def _draw(axes: Axes, curve: Curve, each_seen: Intervals, label: str, style: Mapping[str, Any]) -> None:
     """Draw one law with its 90 % band; the line is thick over the incidence seen, and dashed lines lie on top."""
-    if band is None:
-        return
-    curve, each_seen = band
     low, high = each_seen[0][0], each_seen[-1][1]
     around = np.linspace(max(low - 10.0, 0.0), min(high + 10.0, 90.0), 201)
     lowest, middle, highest = curve.at(around)

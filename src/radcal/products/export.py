@@ -143,22 +143,16 @@ def write_export(
         files += simulator.write_input(folder / _INPUT, parameters, seed)
     for number, one in enumerate(images, start=1):
         tags = {"case": archive.configured.case, "radiometry": one.radar.radiometry}
-        layers = {**_image_layers(one, tags), **ground_layers(one.geometry, tags)}
-        files += write_layers(folder, number, layers, scene, one.geometry)
+        measured, calibrated, layers = one.measured_db, one.calibrated_db, dict[str, Layer]()
+        if measured is not None:
+            layers["measured"] = Layer(measured, "dB", one.description, tags)
+        if calibrated is not None:
+            text = "simulated image with the laws of the search and textures"
+            layers["calibrated"] = Layer(calibrated, "dB", text, tags)
+        if measured is not None and calibrated is not None:
+            layers["difference"] = Layer(calibrated - measured, "dB", "calibrated minus measured image", tags)
+        files += write_layers(folder, number, layers | ground_layers(one.geometry, tags), scene, one.geometry)
     return files
-
-
-def _image_layers(images: PassImages, tags: Mapping[str, str]) -> dict[str, Layer]:
-    """Measured, calibrated and difference image of a pass, by file name; an image that is not known has no entry."""
-    measured, calibrated, found = images.measured_db, images.calibrated_db, {}
-    if measured is not None:
-        found["measured"] = Layer(measured, "dB", images.description, tags)
-    if calibrated is not None:
-        text = "simulated image with the laws of the search and textures"
-        found["calibrated"] = Layer(calibrated, "dB", text, tags)
-    if measured is not None and calibrated is not None:
-        found["difference"] = Layer(calibrated - measured, "dB", "calibrated minus measured image", tags)
-    return found
 
 
 def ground_layers(geometry: Geometry, tags: Mapping[str, str]) -> dict[str, Layer]:

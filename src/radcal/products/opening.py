@@ -141,7 +141,8 @@ class Results:
         try:
             return pd.read_csv(self.folder / name)
         except OSError as error:
-            raise _missing(self.folder / name, error) from error
+            why = error.strerror or error
+            raise StoreError(f"{self.folder / name}: cannot be read ({why}); the case's command makes it.") from error
 
     def _read(self, name: str) -> tuple[NDArray[Any], dict[str, Any], tuple[float, ...]]:
         """Values of an exported image, its tags and CRS, and the six coefficients of its affine transform."""
@@ -159,10 +160,6 @@ class Results:
                 return raster.read(1), {**tags, **crs}, tuple(raster.transform)[:6]
         except (OSError, RasterioError) as error:
             raise StoreError(f"{path}: cannot be read ({error}).") from error
-
-
-def _missing(path: Path, error: OSError) -> StoreError:
-    return StoreError(f"{path}: cannot be read ({error.strerror or error}); the case's command makes it.")
 
 
 def open_results(folder: str | Path) -> Results:
