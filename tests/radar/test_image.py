@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy import signal, special, stats
+from speckle_samples import circular_gaussian
 
 from radcal import compiled
 from radcal.config import Radar
@@ -19,7 +20,6 @@ from radcal.radar.projection import make_geometry
 from radcal.radar.reflectivity import law_tables, reflectivity, uniform
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.speckle.gaussian import circular_gaussian
 from radcal.speckle.response import beta_share, impulse_response
 
 SHAPE = (330, 330)

@@ -12,8 +12,7 @@ from radcal.findings import Finding
 from radcal.image.model import Measurement
 from radcal.registration import registered as registration
 from radcal.registration.displacement import invert, warp
-from radcal.registration.registered import register
-from radcal.registration.second import register_again
+from radcal.registration.registered import register, register_again
 from radcal.storage.dataclass_groups import same
 
 pytestmark = pytest.mark.slow

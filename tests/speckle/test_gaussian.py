@@ -3,8 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import stats
+from speckle_samples import circular_gaussian
 
-from radcal.speckle.gaussian import circular_gaussian, gaussian_row, philox, seed_words
+from radcal.speckle.gaussian import gaussian_row, philox, seed_words
 
 SHAPE = (300, 200)
 N = SHAPE[0] * SHAPE[1]

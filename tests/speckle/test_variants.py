@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.special import polygamma
+from speckle_samples import circular_gaussian
 from variants import agrees
 
-from radcal.speckle.gaussian import circular_gaussian
 from radcal.speckle.response import border_gain, impulse_response, speckle_correlation
 from radcal.speckle.texture import equal_texture, log_speckle_cumulants, order_of_texture, texture_db, texture_order
 

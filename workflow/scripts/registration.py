@@ -3,8 +3,7 @@
 from radcal.image.model import read_measurement
 from radcal.radar.geometry import read_geometry
 from radcal.registration.geometry_check import checked
-from radcal.registration.registered import read_registered, register, write_registered
-from radcal.registration.second import register_again
+from radcal.registration.registered import read_registered, register, register_again, write_registered
 from radcal.scene.model import read_scene
 from radcal.session.jobs import job, progress
 from radcal.storage.run_index import indexed

@@ -151,6 +151,11 @@ def conclude(
         if not case.simulator.own:
             law = case.materials[name].law
             findings += another_law(name, law, objectives[name], targets[name], history, geometry)
+    calibrated_db = final[1].image_db
+    if calibrated_db is not None:
+        calibrated_db = calibrated_db.copy()
+        for name in targets:
+            calibrated_db.ravel()[geometry.pixels(name)] = fresh_db[name]
     shown = {name: law for name, law in laws.items() if not targets.level_only(name)}
     for one in images[:1]:
         findings += check_registration(shown, targets, geometry, one, final[1].image_db)
@@ -158,7 +163,7 @@ def conclude(
         decision=decide(history, list(targets), stop, case.objective),
         materials=_materials(targets, each_db, final),
         reference_db=reference.image_db,
-        calibrated_db=_picture(final[1], {name: fresh_db[name] for name in targets}, geometry),
+        calibrated_db=calibrated_db,
         simulator=store.description(key).get("simulator", {}),
         posteriors={
             name: replace(one, known_between_deg=None, known_half_width_db=None) if refused else one
@@ -166,16 +171,6 @@ def conclude(
         },
         findings=findings,
     )
-
-
-def _picture(record: Record, pixels_db: Pixels, geometry: Geometry) -> NDArray[np.float32] | None:
-    """Whole image of a run in which the pixels of some materials are replaced by ``pixels_db``."""
-    if record.image_db is None or not pixels_db:
-        return record.image_db
-    image = record.image_db.copy()
-    for name, values in pixels_db.items():
-        image.ravel()[geometry.pixels(name)] = values
-    return image
 
 
 def _materials(targets: Targets, each_db: Sequence[Pixels], final: Sequence[Record]) -> dict[str, MaterialPixels]:

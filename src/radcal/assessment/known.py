@@ -43,24 +43,20 @@ def image_findings(case: Part, image: Image) -> Iterator[Finding]:
         for name, error in image.laws_db.items():
             if name in bright and _differs(error, _WRONG_LAW_DB):
                 yield Finding("fixed_law", "warning", name, _numbers(error, "error_db"), f"materials.{name}.parameters")
-    yield from _levels(case, image)
-    if not image.sampled:
-        yield Finding("not_sampled", "warning", "fixed laws", {})
-
-
-def _levels(case: Part, image: Image) -> Iterator[Finding]:
-    """Level of each pass or, of a single fixed material, difference between image and law in the first pass."""
     if len(image.laws_db) == 1:
         name, apart = next(iter(image.apart_db.items()))
         severity: Severity = "warning" if _differs(apart, _LEVEL_DB) else "note"
         yield Finding("fixed_law_and_image", severity, name, _numbers(apart, "apart_db"))
-        return
-    for number, level in enumerate(image.levels_db, start=1):
-        if not image.laws_db:
-            yield Finding("level_unchecked", "note", f"pass {number}", {"level_db": case.uncertainty.level_db})
-            continue
-        severity = "warning" if _differs(level, _LEVEL_DB) else "note"
-        yield Finding("level", severity, f"pass {number}", _numbers(level, "level_db"))
+    else:
+        for number, level in enumerate(image.levels_db, start=1):
+            about = f"pass {number}"
+            if not image.laws_db:
+                yield Finding("level_unchecked", "note", about, {"level_db": case.uncertainty.level_db})
+            else:
+                severity = "warning" if _differs(level, _LEVEL_DB) else "note"
+                yield Finding("level", severity, about, _numbers(level, "level_db"))
+    if not image.sampled:
+        yield Finding("not_sampled", "warning", "fixed laws", {})
 
 
 def _differs(quantiles: Doubles, least_db: float) -> bool:

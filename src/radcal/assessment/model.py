@@ -11,7 +11,6 @@ from scipy.linalg import block_diag
 from threadpoolctl import threadpool_limits
 
 from radcal.calibration.steps import train_all
-from radcal.config import Validation
 from radcal.config.part import Part
 from radcal.laws import Law
 from radcal.objectives import Comparison
@@ -25,7 +24,7 @@ from radcal.posterior.form_error import form_error, noticed_db
 from radcal.posterior.prediction import constant_of, field_check, left_out
 from radcal.posterior.quantiles import Form, points_of, summary, with_band, without_cells
 from radcal.posterior.radiometry import Radiometry, radiometry_of
-from radcal.posterior.result import FormError, HeldOut, Image, Posterior
+from radcal.posterior.result import Image, Posterior
 from radcal.proposals.surrogate import Surrogate
 from radcal.radar.radiometry import with_noise_db
 from radcal.seeds import derived_seed
@@ -153,8 +152,20 @@ def posterior_of(
         model = models[0]
         drawn = [one.drawn(seed, best) for one in models]
         draws, middle = Draws.mixed(drawn, [one.chance for one in given]), np.median(drawn[0].sample.draws, axis=0)
-        error = None if form is None else _form_error(model, middle, draws, form, knots, seen)
-        held, fields = _left_out(case.validation, whole, model, seed) if curved and case.validation else (None, None)
+        error = held = fields = None
+        if form is not None:
+            span = min(low for low, _ in seen), max(high for _, high in seen)
+            columns = form.columns(np.linspace(*span, _ANGLES))
+            errors = draws.form @ columns.T
+            smallest = noticed_db(model, middle, columns, knots, span)
+            error = form_error(errors - errors.mean(axis=1, keepdims=True), smallest)
+        if curved and case.validation:
+            fold = observed.together("fold")
+            if case.validation.keep == "fields":
+                fold = np.unique(whole.patch, return_inverse=True)[1] % _FOLDS
+            elif case.validation.holds_out:
+                fold = np.where(fold == 1, 1, -1)
+            held, fields = left_out(whole, fold, seed), field_check(model, seed)
         simulated = [with_noise_db(law, one.noise_db) for law, one in zip(observed.law_db, observed.cells, strict=True)]
         signal = whole.measured_db + np.concatenate(observed.law_db) - np.concatenate(simulated)  # without noise
         constant = constant_of(signal[kept], model.variance, model.patch) if curved else None
@@ -164,18 +175,6 @@ def posterior_of(
     known_db = None if targets.level_only(name) else case.uncertainty.known_db
     found = replace(found, points=points_of(whole, signal, draws))
     return with_band(found, laws[0], draws, form, parameters, known_db)
-
-
-def _left_out(
-    validation: Validation, whole: LawModel, model: LawModel, seed: int
-) -> tuple[HeldOut | None, HeldOut | None]:
-    """Predictions of held-out ground, and of whole fields of the calibrated ground, each from the other cells."""
-    fold = whole.observed.together("fold")
-    if validation.keep == "fields":
-        fold = np.unique(whole.patch, return_inverse=True)[1] % _FOLDS
-    elif validation.holds_out:
-        fold = np.where(fold == 1, 1, -1)
-    return left_out(whole, fold, seed), field_check(model, seed)
 
 
 def _with_curve(
@@ -267,14 +266,3 @@ def _flattening(observed: Observed, attenuation: Sequence[tuple[float, float]], 
         -2.0 * (1.0 - share) * log_sd * slope * (own.incidence_deg - middle)
         for own, slope, (middle, share) in zip(observed.cells, observed.slope_db, attenuation, strict=True)
     ])  # fmt: skip
-
-
-def _form_error(
-    model: LawModel, middle: Doubles, draws: Draws, form: Form, knots: Doubles, seen: Sequence[tuple[float, float]]
-) -> FormError:
-    """Error of the form over the incidence seen, and the smallest that would be noticed."""
-    span = min(low for low, _ in seen), max(high for _, high in seen)
-    columns = form.columns(np.linspace(*span, _ANGLES))
-    found = draws.form @ columns.T
-    smallest = noticed_db(model, middle, columns, knots, span)
-    return form_error(found - found.mean(axis=1, keepdims=True), smallest)

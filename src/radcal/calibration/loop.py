@@ -30,8 +30,7 @@ from radcal.proposals.design import design_points
 from radcal.proposals.surrogate import Training
 from radcal.radar.geometry import Geometry
 from radcal.registration.geometry_check import checked
-from radcal.registration.registered import Registered, register
-from radcal.registration.second import register_again
+from radcal.registration.registered import Registered, register, register_again
 from radcal.scene.model import Scene
 from radcal.simulators.declared_scale import check_scale
 from radcal.simulators.runner import Runner

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 __all__ = ["Correlation", "estimate_correlation", "independent_pairs", "without_trend"]
 
@@ -76,7 +76,13 @@ class Correlation:
             sums += self.lags[down, across] ** powers[:, None, None] * joint.reshape(size, size)
         sums += np.swapaxes(sums, 1, 2)
         sums[:, np.arange(size), np.arange(size)] += count
-        return _positive(sums / np.multiply.outer(count, count))
+        matrices = sums / np.multiply.outer(count, count)
+        # eigenvalues are raised to at least 5 % of the smallest diagonal element of the matrix
+        values, vectors = np.linalg.eigh(matrices)
+        least = _LEAST_SHARE * np.diagonal(matrices, axis1=1, axis2=2).min(axis=1)[:, None]
+        if (values >= least).all():
+            return np.asarray(matrices)
+        return np.asarray((vectors * np.maximum(values, least)[:, None]) @ np.swapaxes(vectors, 1, 2))
 
     def effective(self, pixels: NDArray[np.int64]) -> float:
         """Effective sample size of given pixels, from 1 to their number.
@@ -91,15 +97,6 @@ class Correlation:
 def independent_pairs(group: NDArray[np.int64], size: int) -> Doubles:
     """Result of :meth:`Correlation.pairs` for uncorrelated pixels, shape (3, size, size)."""
     return np.repeat(np.diag(1.0 / np.bincount(group, minlength=size))[None], _POWERS, axis=0)
-
-
-def _positive(matrices: Doubles) -> Doubles:
-    """Matrices whose eigenvalues are raised to at least 5 % of the smallest diagonal element of the matrix."""
-    values, vectors = np.linalg.eigh(matrices)
-    least = _LEAST_SHARE * np.diagonal(matrices, axis1=1, axis2=2).min(axis=1)
-    if (values >= least[:, None]).all():
-        return matrices
-    return np.asarray((vectors * np.maximum(values, least[:, None])[:, None]) @ np.swapaxes(vectors, 1, 2))
 
 
 def estimate_correlation(
@@ -149,7 +146,11 @@ def estimate_correlation(
     there[inside] = 1.0
     of_material = image_db.ravel()[inside].astype(np.float64)
     angle = np.zeros(inside.size) if incidence_deg is None else incidence_deg.ravel()[inside].astype(np.float64)
-    values[inside] = without_trend(of_material, angle, _groups(angle, 1 if incidence_deg is None else _GROUPS))
+    # groups of about equal sizes hold similar incidence angles
+    groups = 1 if incidence_deg is None else max(1, min(_GROUPS, inside.size // _GROUP))
+    group = np.empty(inside.size, dtype=np.int64)
+    group[np.argsort(angle, kind="stable")] = np.arange(inside.size) * groups // inside.size
+    values[inside] = without_trend(of_material, angle, group)
     count, products = pairs(there.reshape(shape)).round(), pairs(values.reshape(shape))
     variance = products[REACH_PX, REACH_PX] / inside.size
     if variance <= 0.0:  # all pixels are equal
@@ -173,12 +174,3 @@ def without_trend(values: Doubles, incidence_deg: Doubles, group: NDArray[np.int
     level = values - (np.bincount(group, values) / count)[group]
     slope = np.bincount(group, away * level) / np.maximum(np.bincount(group, away**2), 1e-12)
     return np.asarray(level - slope[group] * away)
-
-
-def _groups(incidence_deg: ArrayLike, most: int) -> NDArray[np.int64]:
-    """Group number of each pixel; groups have about equal sizes and hold similar incidence angles, shape (pixels,)."""
-    order = np.argsort(np.asarray(incidence_deg), kind="stable")
-    count = max(1, min(most, order.size // _GROUP))
-    group = np.empty(order.size, dtype=np.int64)
-    group[order] = np.arange(order.size) * count // max(order.size, 1)
-    return group

@@ -218,19 +218,17 @@ def eligible_pixels(
         )
     if left.size < MINIMUM_PIXELS:
         why = ", ".join(f"{count} {reason}" for reason, count in masked.items() if count)
+        above = ""
+        if masked.get(IN_THE_NOISE):
+            level_db = np.nanmedian(measurement.image_db.ravel()[visible])
+            above = (
+                f"; the image's own level there is {level_db:.3g} dB, which radar.nesz_db and target.snr_db treat as "
+                "noise: set radar.nesz_db to that of the image, or far below this level for an image without noise"
+            )
         raise MeasurementError(
             f"materials.{name}: {left.size} usable pixels, expected at least {MINIMUM_PIXELS}; in "
             f"{measurement.source} it has {visible.size} visible pixels{f', masked: {why}' if why else ''} "
             f"(target.margin_px is {config.margin_px}"
-            f"{', and the registration has an uncertainty' if uncertainty_px is not None else ''})"
-            f"{_above_noise(measurement.image_db.ravel()[visible]) if masked.get(IN_THE_NOISE) else ''}."
+            f"{', and the registration has an uncertainty' if uncertainty_px is not None else ''}){above}."
         )
     return Eligible(left, masked)
-
-
-def _above_noise(values_db: NDArray[np.float32]) -> str:
-    """Advice for an error message about pixels that are masked as noise."""
-    return (
-        f"; the image's own level there is {np.nanmedian(values_db):.3g} dB, which radar.nesz_db and target.snr_db "
-        "treat as noise: set radar.nesz_db to that of the image, or far below this level for an image without noise"
-    )

@@ -236,16 +236,12 @@ class BinMisfit(Misfit):
         found[:, 2] += SKEWNESS_SHAPE * rng.normal(size=(count, 1))
         return self.whitened(np.swapaxes(found, 1, 2))
 
-    def _shift(self, x: Doubles) -> Doubles | float:
-        """Change of the bins' cumulants by the error of the local incidence, shape (n, 3); 0 without an error."""
-        law, mapped = self.method.law, self.classes.nodes_deg
-        if not law.has_curve or self.true_deg.shape == mapped.shape:  # no error
-            return 0.0
-        return law_cumulants(law, x, self.true_deg) - law_cumulants(law, x, mapped)
-
     def __call__(self, parameters: Doubles, looks: float, simulated: Doubles, slack: Doubles | float = 0.0) -> Doubles:
         """Expected minus measured means, log sds and skewnesses, whitened by their covariance, shape (3 n,)."""
-        shift = self._shift(parameters)
+        law, mapped = self.method.law, self.classes.nodes_deg
+        shift: Doubles | float = 0.0
+        if law.has_curve and self.true_deg.shape != mapped.shape:  # the error of the incidence moves the expectation
+            shift = law_cumulants(law, parameters, self.true_deg) - law_cumulants(law, parameters, mapped)
         expected = expected_cumulants(simulated, self.method.looks, looks, self.patch_variance, shift)
         return self.whitened(drawn(from_cumulants(expected), from_cumulants(self.classes.cumulants), slack))
 

@@ -95,12 +95,6 @@ def limited(ground: Ground, member: NDArray[np.int64]) -> Ground:
     return replace(ground, values_db=winsorised(ground.values_db, member))
 
 
-def _limited(ground: Ground, method: Method) -> Ground:
-    """Ground with far outliers limited in the incidence-angle bins that the method prescribes."""
-    edges = incidence_edges(ground.incidence_deg, method.classes)
-    return limited(ground, class_of(ground.incidence_deg, edges))
-
-
 def bins_of(ground: Ground, classes: int | Literal["auto"]) -> Classes:
     """Incidence-angle bins of measured pixels, by :func:`radcal.ground.classes.incidence_edges`."""
     return make_classes(ground.values_db, ground.incidence_deg, classes, ground.pairs, ground.cells.of_pixel)
@@ -132,15 +126,6 @@ def ground_residuals(ground: Ground, classes: Classes, method: Method, spread: S
     return lambda x, looks: misfit(x, looks, simulate(x))
 
 
-def _fitted(
-    ground: Ground, method: Method, classes: Classes, spread: Spread, start: tuple[ArrayLike, float] | None
-) -> FittedLaw:
-    """Law fitted to the pixels in their bins; looks that are not free are those of ``start``, or of the sensor."""
-    residuals, prior = ground_residuals(ground, classes, method, spread), curve_prior(ground, method)
-    fit = fit_law(residuals, method.bounds, method.looks, method.free_looks, start, prior)
-    return FittedLaw(ground, method, classes, spread, fit)
-
-
 def fit_laws(
     measured: Mapping[str, Ground],
     methods: Mapping[str, Method],
@@ -159,7 +144,8 @@ def fit_laws(
     dict
         Fitted law by material.
     """
-    measured = {name: _limited(ground, methods[name]) for name, ground in measured.items()}
+    edges = {name: incidence_edges(ground.incidence_deg, methods[name].classes) for name, ground in measured.items()}
+    measured = {name: limited(one, class_of(one.incidence_deg, edges[name])) for name, one in measured.items()}
     classes = {name: bins_of(g, methods[name].classes) for name, g in measured.items()}
     spread = dict.fromkeys(measured, _START_SPREAD)
     found: dict[str, FittedLaw] = {}
@@ -171,7 +157,10 @@ def fit_laws(
                 continue
             last = found.get(name)
             start = (last.fit.parameters, last.fit.looks) if last else None
-            found[name] = _fitted(ground, method, classes[name], spread[name], start)
+            residuals = ground_residuals(ground, classes[name], method, spread[name])
+            prior = curve_prior(ground, method)
+            fit = fit_law(residuals, method.bounds, method.looks, method.free_looks, start, prior)
+            found[name] = FittedLaw(ground, method, classes[name], spread[name], fit)
         if turn < _ROUNDS - 1:
             spread = dict(zip(found, spreads([item.cell_residuals() for item in found.values()]), strict=True))
     return found

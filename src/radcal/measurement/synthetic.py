@@ -126,7 +126,13 @@ def _other_simulator(case: Part, synthetic: Synthetic, geometry: Geometry, scene
             raise MeasurementError(
                 "measurement.synthetic: relief, fields and wrong labels need the scene, which is missing."
             )
-        geometry = _other_ground(radar, synthetic, geometry, scene)
+        if synthetic.relief_m > 0 or synthetic.wrong_labels > 0:
+            scene = relabelled(scene, synthetic.wrong_labels, derived_rng(synthetic.seed, "measurement", "labels"))
+            if synthetic.relief_m > 0:
+                rng, k = derived_rng(synthetic.seed, "measurement", "relief"), refinement(scene.cell_m, radar)
+                scene = roughened(scene, synthetic.relief_m, synthetic.relief_length_m, k, rng)
+            geometry = make_geometry(scene, radar, onto=geometry)
+        geometry = varied(geometry, scene, synthetic.fields_db, synthetic.seed)
     if synthetic.texture_db > 0:
         rng = derived_rng(synthetic.seed, "measurement", "texture")
         geometry = textured(geometry, radar, synthetic.texture_db, synthetic.texture_length_m, rng)
@@ -135,19 +141,6 @@ def _other_simulator(case: Part, synthetic: Synthetic, geometry: Geometry, scene
         materials[name] = materials[name].with_law(hidden)
     laws = case.model_copy(update={"materials": materials}).laws
     return BuiltinSimulator(geometry, radar, laws)
-
-
-def _other_ground(radar: Radar, synthetic: Synthetic, geometry: Geometry, scene: Scene) -> Geometry:
-    """Geometry of the scene with wrong labels and relief, and with fields that differ."""
-    if synthetic.relief_m > 0 or synthetic.wrong_labels > 0:
-        scene = relabelled(scene, synthetic.wrong_labels, derived_rng(synthetic.seed, "measurement", "labels"))
-        if synthetic.relief_m > 0:
-            rng = derived_rng(synthetic.seed, "measurement", "relief")
-            scene = roughened(
-                scene, synthetic.relief_m, synthetic.relief_length_m, refinement(scene.cell_m, radar), rng
-            )
-        geometry = make_geometry(scene, radar, onto=geometry)
-    return varied(geometry, scene, synthetic.fields_db, synthetic.seed)
 
 
 def _other_pass(radar: Radar, synthetic: Synthetic) -> Radar:

@@ -49,18 +49,13 @@ def sample_unit(sampler: str, size: int, dimension: int, rng: np.random.Generato
             return np.asarray(qmc.Sobol(dimension, scramble=True, rng=rng).random(size))
     points = np.asarray(qmc.LatinHypercube(dimension, rng=rng).random(_LATIN_BLOCK))
     while len(points) < size:
-        points = np.concatenate([points, _fill_strata(points, rng)])
+        n = len(points)  # the added points fill the empty strata of twice as many
+        added = np.empty_like(points)
+        for j in range(dimension):
+            empty = np.setdiff1d(np.arange(2 * n), np.floor(points[:, j] * 2 * n).astype(int))
+            added[:, j] = (rng.permutation(empty) + rng.random(n)) / (2 * n)
+        points = np.concatenate([points, added])
     return points[:size]
-
-
-def _fill_strata(points: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
-    """Points, as many as the given ones, that form a Latin hypercube together with them, shape (n, d)."""
-    n, dimension = points.shape
-    added = np.empty_like(points)
-    for j in range(dimension):
-        empty = np.setdiff1d(np.arange(2 * n), np.floor(points[:, j] * 2 * n).astype(int))
-        added[:, j] = (rng.permutation(empty) + rng.random(n)) / (2 * n)
-    return added
 
 
 def _points(case: Part, size: int, box: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,30 +59,8 @@ def nsga2(objective: Any, dimension: int, config: Optimiser, seed: int, objectiv
     """
     import platypus
 
-    problem = platypus.Problem(dimension, objectives)
-    problem.types[:] = [platypus.Real(0.0, 1.0) for _ in range(dimension)]
-    earlier = random.getstate()  # Platypus draws from the module random, whose state is restored
-    random.seed(seed)
-    try:
-        algorithm = platypus.NSGAII(problem, config.population, evaluator=_batched(objective))
-        algorithm.run(max(config.evaluations, config.population))
-    finally:
-        random.setstate(earlier)
-    population = sorted(algorithm.population, key=lambda s: sum(s.objectives))
-    best = {id(solution) for solution in platypus.nondominated(population)}
-    values = np.array([solution.objectives[:] for solution in population], dtype=np.float64)
-    front = np.flatnonzero([id(solution) in best for solution in population])
-    _, first = np.unique(values[front], axis=0, return_index=True)  # a population may contain a point several times
-    points = np.array([solution.variables[:] for solution in population], dtype=np.float64)
-    return Population(points, values, front[np.sort(first)])
-
-
-def _batched(objective: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> Any:
-    """Evaluator of Platypus that evaluates all solutions of a generation in one call of the objective."""
-    import platypus
-
     class Batched(platypus.Evaluator):  # type: ignore[misc]
-        def evaluate_all(self, jobs: Any, **_: Any) -> Any:
+        def evaluate_all(self, jobs: Any, **_: Any) -> Any:  # of a generation, in one call of the objective
             jobs = list(jobs)
             points = np.array([job.solution.variables[:] for job in jobs], dtype=np.float64)
             state = random.getstate()
@@ -96,4 +73,19 @@ def _batched(objective: Callable[[NDArray[np.float64]], NDArray[np.float64]]) ->
                 job.solution.evaluated = True
             return jobs
 
-    return Batched()
+    problem = platypus.Problem(dimension, objectives)
+    problem.types[:] = [platypus.Real(0.0, 1.0) for _ in range(dimension)]
+    earlier = random.getstate()  # Platypus draws from the module random, whose state is restored
+    random.seed(seed)
+    try:
+        algorithm = platypus.NSGAII(problem, config.population, evaluator=Batched())
+        algorithm.run(max(config.evaluations, config.population))
+    finally:
+        random.setstate(earlier)
+    population = sorted(algorithm.population, key=lambda s: sum(s.objectives))
+    best = {id(solution) for solution in platypus.nondominated(population)}
+    values = np.array([solution.objectives[:] for solution in population], dtype=np.float64)
+    front = np.flatnonzero([id(solution) in best for solution in population])
+    _, first = np.unique(values[front], axis=0, return_index=True)  # a population may contain a point several times
+    points = np.array([solution.variables[:] for solution in population], dtype=np.float64)
+    return Population(points, values, front[np.sort(first)])

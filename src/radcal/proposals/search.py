@@ -15,7 +15,7 @@ from radcal.objectives import Comparison
 from radcal.objectives.base import PredictedPoints
 from radcal.objectives.history import Front, Proposal, Score
 from radcal.proposals.lattice import SAME, corners, elsewhere, lattice
-from radcal.proposals.nsga2 import Population, nsga2
+from radcal.proposals.nsga2 import nsga2
 from radcal.proposals.surrogate import Surrogate
 
 __all__ = ["Search"]
@@ -292,10 +292,45 @@ class Search:
         """
         direct = config.objective == "rms"
         goals = 1 if direct else len(self.objective.part_names)
-        population = nsga2(partial(self._goals, direct), self.dimension, config, seed, goals)
+
+        def minimised(points: NDArray[np.float64]) -> NDArray[np.float64]:
+            at = self._at(self.snapped(points), 0.0)
+            return self.objective.cost(at)[:, None] if direct else self.objective.parts(at)
+
+        population = nsga2(minimised, self.dimension, config, seed, goals)
         first = self.snapped(population.points[:1])[0]
-        front = self._front(population) if goals > 1 else Front()
-        proposal = partial(self._proposal, seed=seed, best=best, nsga2_cost=float(self.cost(first)[0]), front=front)
+        front = Front()
+        if goals > 1:
+            x, looks = self.split(self.snapped(population.points[population.front]))
+            front = Front(x.tolist(), looks.tolist(), population.objectives[population.front].tolist())
+        nsga2_cost = float(self.cost(first)[0])
+
+        def proposal(point: NDArray[np.float64], mode: str, floor: float | None = None) -> Proposal:
+            """Proposal of a point, or of another point if rounding leads to an X that has been simulated already."""
+            if self.surrogate.integer.any() and not self._fresh(point):
+                if floor is not None and not self.objective.leaves_open(floor, best.cost):
+                    # no X is clearly better than that of the best run, which is proposed again and needs no new run
+                    return Proposal(list(best.parameters), "exploit", best.looks, best.cost, floor, nsga2_cost)
+                others = elsewhere(self.surrogate, seed)
+                if not len(others):
+                    return Proposal(list(best.parameters), "exhausted", best.looks, best.cost, best.cost, nsga2_cost)
+                others = np.concatenate([others, np.repeat(point[None, self._d :], len(others), axis=0)], axis=1)
+                point, mode = others[np.argmin(self.cost(others, _FAVOUR))], "explore"
+            unit = point[None, : self._d]
+            _, looks = self.split(point[None])
+            return Proposal(
+                parameters=[float(v) for v in self.surrogate.scaled(point[: self._d])],
+                mode=mode,  # type: ignore[arg-type]
+                looks=float(looks[0]),
+                cost=float(self.cost(point)[0]),
+                floor=floor,
+                nsga2_cost=nsga2_cost,
+                statistics=self.surrogate.predict(unit)[0].tolist(),
+                errors=self.surrogate.standard_error(unit)[0].tolist(),
+                q2=[float(v) if np.isfinite(v) else None for v in self.surrogate.training.q2],
+                front=front,
+            )
+
         if not config.polish:
             return proposal(first, "exploit")
         there, *others = self._starts(best)
@@ -324,16 +359,6 @@ class Search:
             return proposal(hopeful, "explore", floor=floor)
         return proposal(point, "exploit", floor=floor)
 
-    def _goals(self, direct: bool, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Goals that NSGA-II minimises at m points, shape (m, p): the cost, or parts of the sum of squares."""
-        at = self._at(self.snapped(points), 0.0)
-        return self.objective.cost(at)[:, None] if direct else self.objective.parts(at)
-
-    def _front(self, population: Population) -> Front:
-        """Front of a population for several objectives, with X in its own units."""
-        x, looks = self.split(self.snapped(population.points[population.front]))
-        return Front(x.tolist(), looks.tolist(), population.objectives[population.front].tolist())
-
     def _promising(self, points: Sequence[NDArray[np.float64]], best: Score) -> NDArray[np.bool_]:
         return self.objective.promising(np.array([float(self.cost(point)[0]) for point in points]), best.cost)
 
@@ -341,38 +366,3 @@ class Search:
         """Whether the X of a point has not been simulated yet."""
         known = self.surrogate.unit(self.surrogate.parameters)
         return bool(np.abs(known - point[: self._d]).max(axis=1).min() > SAME)
-
-    def _proposal(
-        self,
-        point: NDArray[np.float64],
-        mode: str,
-        seed: int,
-        best: Score,
-        nsga2_cost: float,
-        front: Front,
-        floor: float | None = None,
-    ) -> Proposal:
-        """Proposal of a point, or of another point if rounding leads to an X that has been simulated already."""
-        if self.surrogate.integer.any() and not self._fresh(point):
-            if floor is not None and not self.objective.leaves_open(floor, best.cost):
-                # no X is clearly better than that of the best run, which is proposed again and needs no new run
-                return Proposal(list(best.parameters), "exploit", best.looks, best.cost, floor, nsga2_cost)
-            others = elsewhere(self.surrogate, seed)
-            if not len(others):
-                return Proposal(list(best.parameters), "exhausted", best.looks, best.cost, best.cost, nsga2_cost)
-            others = np.concatenate([others, np.repeat(point[None, self._d :], len(others), axis=0)], axis=1)
-            point, mode = others[np.argmin(self.cost(others, _FAVOUR))], "explore"
-        unit = point[None, : self._d]
-        _, looks = self.split(point[None])
-        return Proposal(
-            parameters=[float(v) for v in self.surrogate.scaled(point[: self._d])],
-            mode=mode,  # type: ignore[arg-type]
-            looks=float(looks[0]),
-            cost=float(self.cost(point)[0]),
-            floor=floor,
-            nsga2_cost=nsga2_cost,
-            statistics=self.surrogate.predict(unit)[0].tolist(),
-            errors=self.surrogate.standard_error(unit)[0].tolist(),
-            q2=[float(v) if np.isfinite(v) else None for v in self.surrogate.training.q2],
-            front=front,
-        )

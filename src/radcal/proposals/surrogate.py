@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -150,7 +149,10 @@ class Surrogate:
         low, high = self.bounds.T
         base = self._base(low + points * (high - low)) if baseline is None else baseline * self.training.baseline
         learnt = base + np.stack([model.mean(points) for model in self._models], -1)
-        return _statistics(learnt, self.training.direct)
+        if not self.training.direct:
+            return learnt
+        xi, omega, alpha = np.moveaxis(learnt, -1, 0)
+        return from_dp(np.stack([xi, np.maximum(omega, 1e-6), alpha], axis=-1))
 
     def error(self, unit: ArrayLike) -> NDArray[np.float64]:
         """Standard error of the predicted statistics, checked against leave-one-out errors, shape (m, d) to (m, 3).
@@ -187,13 +189,6 @@ class Surrogate:
 
 def _learnt(statistics: NDArray[np.float64], direct: bool) -> NDArray[np.float64]:
     return to_dp(statistics) if direct else statistics
-
-
-def _statistics(learnt: NDArray[np.float64], direct: bool) -> NDArray[np.float64]:
-    if not direct:
-        return learnt
-    xi, omega, alpha = np.moveaxis(learnt, -1, 0)
-    return from_dp(np.stack([xi, np.maximum(omega, 1e-6), alpha], axis=-1))
 
 
 def train_surrogate(
@@ -255,44 +250,31 @@ def train_surrogate(
             candidates.append(0.0)
             if one.shape[1] == 1 and config.training != "smt":  # bins differ: no factor holds for all of them
                 candidates.append(baseline_factor(unit, one[:, 0], of[:, 0]))
-        tried = [_train_one(unit, one - factor * of, config, noise) for factor in candidates]
-        chosen = int(np.argmin([each.squares for each in tried]))
+        tried = []
+        for left in (one - factor * of for factor in candidates):
+            if config.training == "smt":
+                scales, nugget, status = train_smt(unit, left[:, 0], noisy=noise != 0.0)
+                nugget = max(nugget, JITTER if noise != 0.0 else 0.0)
+            else:
+                (scales, nugget), status = train(unit, left, noise), "trained"
+            errors = Kriging(unit, left, scales, nugget).leave_one_out() if len(unit) > 1 else np.full(1, np.nan)
+            tried.append((scales, nugget, float((errors**2).sum()), status))
+        chosen = int(np.argmin([squares for _, _, squares, _ in tried]))
         found.append(tried[chosen])
         factors.append(candidates[chosen])
-    scales, nugget, squares, status = zip(*found, strict=True)
+    each_scales, nuggets, squares, statuses = zip(*found, strict=True)
     variation = ((values - values.mean(axis=0)) ** 2).sum(axis=(0, 1))
     q2 = 1.0 - np.array(squares) / np.where(variation > 0.0, variation, np.nan)
     return Training(
         parameters=parameters,
         statistics=statistics,
-        scales=np.stack(scales),
-        nugget=np.array(nugget),
+        scales=np.stack(each_scales),
+        nugget=np.array(nuggets),
         baseline=np.array(factors),
         q2=q2,
-        status=status,
+        status=statuses,
         direct=direct,
     )
-
-
-class _Trained(NamedTuple):
-    """Hyper-parameters of the kriging of one statistic, and the sum of its squared leave-one-out errors."""
-
-    scales: NDArray[np.float64]
-    nugget: float
-    squares: float
-    status: str
-
-
-def _train_one(
-    unit: NDArray[np.float64], values: NDArray[np.float64], config: SurrogateConfig, noise: float | None
-) -> _Trained:
-    if config.training == "smt":
-        scales, nugget, status = train_smt(unit, values[:, 0], noisy=noise != 0.0)
-        nugget = max(nugget, JITTER if noise != 0.0 else 0.0)
-    else:
-        (scales, nugget), status = train(unit, values, noise), "trained"
-    errors = Kriging(unit, values, scales, nugget).leave_one_out() if len(unit) > 1 else np.full(1, np.nan)
-    return _Trained(scales, nugget, float((errors**2).sum()), status)
 
 
 @dataclass(frozen=True)

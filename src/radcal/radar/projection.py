@@ -231,7 +231,12 @@ def _pixels(
     )  # fmt: skip
     if radar.radiometry == "gamma0_rtc":
         flatten_terrain(rows * columns, start, facet_material, incidence, weight, objects)
-    cell_start, cell_material, facet_start = _cells(cells, start, facet_material)
+    cell_start = np.zeros(cells.size + 1, dtype=np.int32)
+    np.cumsum(cells, out=cell_start[1:])
+    cell_material = np.empty(int(cell_start[-1]), dtype=np.uint8)
+    facet_start = np.empty(int(cell_start[-1]) + 1, dtype=np.int32)
+    facet_start[-1] = facet_material.size
+    cells_of(cells.size, start, cell_start, facet_material, cell_material, facet_start)
     # lines and facets are converted to the scene's rows and columns; columns grow eastward for either look side
     ground = (ground + np.float32(0.5)) / np.float32(k) - np.float32(0.5)
     if radar.look_side == "left":
@@ -257,19 +262,6 @@ def _pixels(
         point_amplitude=points.amplitude,
         point_number=points.number,
     )
-
-
-def _cells(
-    cells: NDArray[np.uint16], start: NDArray[np.int32], facet_material: NDArray[np.uint8]
-) -> tuple[NDArray[np.int32], NDArray[np.uint8], NDArray[np.int32]]:
-    """First cell of each pixel, and material and first facet of each cell, given the number of cells in each pixel."""
-    cell_start = np.zeros(cells.size + 1, dtype=np.int32)
-    np.cumsum(cells, out=cell_start[1:])
-    cell_material = np.empty(int(cell_start[-1]), dtype=np.uint8)
-    facet_start = np.empty(int(cell_start[-1]) + 1, dtype=np.int32)
-    facet_start[-1] = facet_material.size
-    cells_of(cells.size, start, cell_start, facet_material, cell_material, facet_start)
-    return cell_start, cell_material, facet_start
 
 
 def _counted(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-__all__ = ["compose", "invert", "warp"]
+__all__ = ["invert", "warp"]
 
 _ITERATIONS = 50
 _CLOSE_PX = 1e-3
@@ -42,23 +42,6 @@ def warp(image: NDArray[np.float32], displacement: NDArray[np.float64]) -> NDArr
 def _at(field: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Values of a field at points, shape (2, rows, columns); a point outside the image takes the border value."""
     return np.stack([map_coordinates(part, points, order=1, mode="nearest") for part in field])
-
-
-def compose(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Displacement field that has the same effect as one displacement followed by another.
-
-    Parameters
-    ----------
-    first, second : ndarray, shape (2, rows, columns)
-        Displacement fields [pixels].
-
-    Returns
-    -------
-    ndarray, shape (2, rows, columns)
-        Displacement d(x) = first(x) + second(x + first(x)).
-    """
-    grid = np.indices(first.shape[1:], dtype=np.float64)
-    return np.asarray(first + _at(second, grid + first))
 
 
 def invert(displacement: NDArray[np.float64]) -> NDArray[np.float64]:

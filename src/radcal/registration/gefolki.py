@@ -29,7 +29,7 @@ from threadpoolctl import threadpool_limits
 
 from radcal.registration.spline_field import CELL_PX, Data, Lattice, Prior, SplinePosterior
 
-__all__ = ["Flow", "Level", "find_flow", "gefolki", "gefolki_px", "local_correlation", "pyramid", "rank_transform"]
+__all__ = ["Flow", "Level", "find_flow", "gefolki_px", "local_correlation", "pyramid", "rank_transform"]
 
 # chosen on the even seeds of benchmarks/registration.py
 _RANK_RADIUS = 16
@@ -252,14 +252,6 @@ def _matched(level: Level, field: NDArray[np.float64]) -> Level:
     return replace(level, fixed=one, moving=two)
 
 
-def _restricted(levels: list[Level], keep: NDArray[np.bool_]) -> list[Level]:
-    """Levels in which all pixels of the fixed image outside ``keep`` are masked."""
-    kept = [keep.astype(np.float32)]
-    for _ in levels[1:]:
-        kept.append(_halved(kept[-1]))
-    return [replace(level, weight=level.weight * part) for level, part in zip(levels, kept, strict=True)]
-
-
 def find_flow(
     levels: list[Level],
     keep: NDArray[np.bool_] | None = None,
@@ -284,7 +276,10 @@ def find_flow(
     if start is not None:
         origin += np.asarray(start, dtype=np.float64)[:, None, None]
     if keep is not None:
-        levels = _restricted(levels, keep)
+        kept = [keep.astype(np.float32)]
+        for _ in levels[1:]:
+            kept.append(_halved(kept[-1]))
+        levels = [replace(level, weight=level.weight * part) for level, part in zip(levels, kept, strict=True)]
     with threadpool_limits(1):  # one thread, for a fixed order of sums
         return _found(lattice, levels, origin, prior)
 
@@ -311,31 +306,6 @@ def _found(lattice: Lattice, levels: list[Level], origin: NDArray[np.float64], p
         posterior = step(matched, choose=n % 2 == 0)
         coefficients, near = origin + posterior.coefficients(), posterior.prior
     return Flow(lattice.field(coefficients), posterior)
-
-
-def gefolki(
-    fixed_db: NDArray[np.float32],
-    moving_db: NDArray[np.float32],
-    keep: NDArray[np.bool_] | None = None,
-    start: NDArray[np.float64] | None = None,
-) -> NDArray[np.float64]:
-    """Displacement field between two images of equal size.
-
-    Parameters
-    ----------
-    fixed_db, moving_db : ndarray, shape (rows, columns)
-        Backscatter [dB], NaN where a pixel has no value. At least 32 x 32 pixels.
-    keep : ndarray of bool, shape (rows, columns), optional
-        Pixels of the fixed image that are used; by default all.
-    start : ndarray, shape (2,), optional
-        Shift in rows and columns at which the search starts [pixels].
-
-    Returns
-    -------
-    ndarray, shape (2, rows, columns)
-        Displacement d, such that fixed(x) corresponds to moving(x + d(x)) [pixels].
-    """
-    return find_flow(pyramid(fixed_db, moving_db), keep, start).displacement_px
 
 
 def gefolki_px(

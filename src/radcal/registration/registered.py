@@ -27,6 +27,7 @@ __all__ = [
     "contrast_db",
     "read_registered",
     "register",
+    "register_again",
     "registered_as",
     "without_images",
     "write_registered",
@@ -182,7 +183,12 @@ def register(
         )
     levels = pyramid(fixed_db, moving_db)
     ranks = levels[0].fixed, levels[0].moving
-    start = _global_shift(*ranks) if config.global_shift else None
+    start = None
+    if config.global_shift:
+        from skimage.registration import phase_cross_correlation
+
+        shift, *_ = phase_cross_correlation(*ranks, upsample_factor=4, normalization=None)
+        start = -np.asarray(shift, dtype=np.float64)
     squares = _chequerboard((fixed_db.shape[0], fixed_db.shape[1]))
     flow = find_flow(levels, start=start)
     both, prior = flow.displacement_px, flow.posterior.prior
@@ -226,6 +232,39 @@ def register(
         verdict=f"registered with {config.method}: moved by {typical:.1f} pixels (rms, at most {furthest:.1f}) with a "
         f"standard error of {np.median(uncertainty):.2f}; {found}.",
     )
+
+
+def register_again(image_db: NDArray[np.float32], first: Registered, config: RegistrationConfig) -> Registered:
+    """Register the measured image onto another simulated image, and choose the registration that agrees better.
+
+    A registration compares patterns of brightness. The reference run has the starting laws. If a starting law differs
+    much from the real law, other slopes are bright in the reference run than in the measured image, and the
+    displacement has an error that its standard error does not contain. A run of the laws found with the first
+    registration usually has a pattern that is nearer to that of the measured image (``docs/registration.md``).
+
+    Parameters
+    ----------
+    image_db : ndarray, shape (rows, columns)
+        Simulated image of the laws found with the first registration [dB].
+    first : Registered
+        Measured image, registered onto the reference run.
+    config : RegistrationConfig
+        Method and limits of the registration.
+
+    Returns
+    -------
+    Registered
+        Registration with the higher mean local correlation of the measured image with its simulated image. The
+        sentence ``verdict`` names the choice. Findings are those of the first registration.
+    """
+    again = register(image_db, replace(first.measurement, image_db=first.unregistered_db), config, same_area=True)
+    before, after = (float(np.mean(one.correlation)) for one in (first, again))
+    numbers = f"mean local correlation {after:.3f}, with the reference run {before:.3f}"
+    if after < before:
+        kept = f"The image agrees less with a run of the laws found with it ({numbers}), and this registration is kept."
+        return replace(first, verdict=f"{first.verdict} {kept}")
+    onto = f"This is the second registration, onto a run of the laws found with the first one ({numbers})."
+    return replace(again, verdict=f"{again.verdict} {onto}", findings=first.findings)
 
 
 def _check_agreement(
@@ -338,14 +377,6 @@ def _mirrored(levels: list[Level], prior: Prior) -> dict[str, float]:
         images = [level.mirrored(along, across) for level in levels]
         found[name] = _common((images[0].fixed, images[0].moving), find_flow(images, prior=prior).displacement_px)
     return found
-
-
-def _global_shift(fixed: NDArray[np.float32], moving: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Shift of the whole image [pixels], found by phase correlation."""
-    from skimage.registration import phase_cross_correlation
-
-    shift, *_ = phase_cross_correlation(fixed, moving, upsample_factor=4, normalization=None)
-    return -np.asarray(shift, dtype=np.float64)
 
 
 def write_registered(path: str | Path, registered: Registered) -> None:

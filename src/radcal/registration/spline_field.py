@@ -222,21 +222,16 @@ class Data:
                         best = posterior if best is None or posterior.evidence > best.evidence else best
             return known[place]
 
-        here = _nearest(near, lows, highs)
+        first = np.clip((near.spread_px, near.length_px), lows, highs)
+        floors, ceilings = (np.log(limit) / np.log(_RATIO) for limit in (lows, highs))
+        places = np.clip(np.round(np.log(first) / np.log(_RATIO)), np.ceil(floors), np.floor(ceilings))
+        here = int(places[0]), int(places[1])
         while True:
             # of equal values max returns the first, which is the present place, so that the climb ends
             there = max(((here[0] + a, here[1] + b) for a, b in _WAYS), key=evidence)
             if there == here:
                 return best or self.given(near)
             here = there
-
-
-def _nearest(prior: Prior, lows: tuple[float, float], highs: tuple[float, float]) -> tuple[int, int]:
-    """Indices of the prior, on the grid of priors, that is nearest to a given prior."""
-    values = np.clip((prior.spread_px, prior.length_px), lows, highs)
-    floors, ceilings = (np.log(limit) / np.log(_RATIO) for limit in (lows, highs))
-    places = np.clip(np.round(np.log(values) / np.log(_RATIO)), np.ceil(floors), np.floor(ceilings))
-    return int(places[0]), int(places[1])
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.skewnormal.distribution import MAX_R, MAX_SKEWNESS
 from radcal.skewnormal.likelihood import Fit, covariance, farthest, fit, objective, search, standardised
 
-__all__ = ["intervals", "likelihood_ratio"]
+__all__ = ["intervals"]
 
 # for skewnesses up to this size, and for at least this number of values, 95 % Wald intervals contain the true value in
 # 93 to 97 % of samples
@@ -35,36 +35,6 @@ _RATIOS = np.array(
 )
 _LEAST_RATIO = 1e-3  # lower limit of the ratio, against rounding errors
 _HOPELESS = 2.5  # root of a likelihood ratio minus root of its critical value, at which a search ends
-
-
-def likelihood_ratio(sample: ArrayLike, skewness: float) -> float:
-    """Likelihood-ratio statistic of a given skewness for a sample.
-
-    The statistic is twice the logarithm of a ratio: the maximum of the likelihood over all parameters, divided by the
-    maximum at the given skewness. The statistic does not change if the sample is shifted or scaled.
-
-    Parameters
-    ----------
-    sample : array_like, shape (n,)
-        Backscatter [dB].
-    skewness : float
-        Assumed skewness of the sample; +-0.99527 and beyond stand for the half-normal limit.
-
-    Returns
-    -------
-    float
-        Likelihood ratio statistic (Cox and Hinkley 1974, section 9.3).
-
-    Raises
-    ------
-    FitError
-        The sample cannot be fitted.
-    """
-    y = standardised(sample)[0]
-    profile = _Profile(y, float(y.size), fit(y).cp)
-    return profile.of_skewness(
-        math.atanh(skewness / MAX_SKEWNESS) if abs(skewness) < MAX_SKEWNESS else skewness * np.inf
-    )
 
 
 def _critical(effective: float, v: float, level: float) -> float:

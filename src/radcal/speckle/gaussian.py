@@ -17,11 +17,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radcal.compiled import njit
 
-__all__ = ["circular_gaussian", "gaussian_row", "philox"]
+__all__ = ["gaussian_row", "philox", "seed_words"]
 
 _M0, _M1 = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 _W0, _W1 = np.uint32(0x9E3779B9), np.uint32(0xBB67AE85)
@@ -117,41 +116,6 @@ def gaussian_row(n: Any, place: Any, stream: Any, look: Any, seed: Any, words: A
         size = -real[i] if (quadrant & np.uint32(2)) != 0 else real[i]
         real[i] = size * x
         imaginary[i] = size * y
-
-
-def circular_gaussian(seed: int, look: int, stream: int, shape: tuple[int, int]) -> NDArray[np.complex64]:
-    """Circular complex Gaussian numbers of unit mean power for a whole image.
-
-    Parameters
-    ----------
-    seed : int
-        Noise seed of the run, below 2**63.
-    look : int
-        Index of the look.
-    stream : int
-        Material id for speckle, 256 for thermal noise.
-    shape : (int, int)
-        Image size.
-
-    Returns
-    -------
-    ndarray of complex64, shape ``shape``
-        Numbers u with E|u|^2 = 1 and independent real and imaginary parts (Goodman, "Speckle Phenomena in
-        Optics", section 2.2: fully developed speckle).
-    """
-    n = shape[0] * shape[1]
-    real, imaginary = np.empty((2, n), dtype=np.float32)
-    gaussian_row(
-        n,
-        np.arange(n, dtype=np.uint32),
-        np.full(n, stream, dtype=np.uint32),
-        np.uint32(look),
-        seed_words(seed),
-        np.empty((2, n), dtype=np.uint32),
-        real,
-        imaginary,
-    )
-    return (real + 1j * imaginary).astype(np.complex64).reshape(shape)
 
 
 def seed_words(seed: int) -> tuple[np.uint32, np.uint32]:

@@ -37,21 +37,15 @@ def log_speckle_cumulants(looks: ArrayLike) -> NDArray[np.float64]:
     """
     n = np.asarray(looks, dtype=np.float64)
     if n.ndim == 0:  # cached, because a search asks for the same number of looks many times
-        return np.array(_scalar(float(n)))
+        return np.array(_of_looks(float(n)))
     from scipy.special import digamma, polygamma
 
     return np.stack([_DB * (digamma(n) - np.log(n)), _DB**2 * polygamma(1, n), _DB**3 * polygamma(2, n)], axis=-1)
 
 
 @lru_cache(maxsize=4096)
-def _scalar(looks: float) -> tuple[float, float, float]:
-    from scipy.special import digamma, polygamma
-
-    return (
-        float(_DB * (digamma(looks) - np.log(looks))),
-        float(_DB**2 * polygamma(1, looks)),
-        float(_DB**3 * polygamma(2, looks)),
-    )
+def _of_looks(looks: float) -> tuple[float, ...]:
+    return tuple(log_speckle_cumulants([looks])[0].tolist())
 
 
 def texture_order(looks: float, effective: float) -> float:
