@@ -159,9 +159,21 @@ def conclude(
     shown = {name: law for name, law in laws.items() if not targets.level_only(name)}
     for one in images[:1]:
         findings += check_registration(shown, targets, geometry, one, final[1].image_db)
+    levels = targets.levels
+    mappings = [levels.simulated(pixels_db) for pixels_db in each_db]
+    scores = [targets.score(pixels_db) for pixels_db in each_db[1:]]
+    materials = {}
+    for name, target in targets.items():
+        start, calibrated, fresh = (
+            levels.apply(pixels_db[name][target.order], mapping)
+            for pixels_db, mapping in zip(each_db, mappings, strict=True)
+        )
+        calibrated_dp, fresh_dp = (score[name][0] for score in scores)
+        differ = not np.array_equal(final[0].pixels_db[name], final[1].pixels_db[name])
+        materials[name] = MaterialPixels(start, calibrated, fresh, calibrated_dp, fresh_dp, differ)
     return Conclusion(
         decision=decide(history, list(targets), stop, case.objective),
-        materials=_materials(targets, each_db, final),
+        materials=materials,
         reference_db=reference.image_db,
         calibrated_db=calibrated_db,
         simulator=store.description(key).get("simulator", {}),
@@ -171,20 +183,3 @@ def conclude(
         },
         findings=findings,
     )
-
-
-def _materials(targets: Targets, each_db: Sequence[Pixels], final: Sequence[Record]) -> dict[str, MaterialPixels]:
-    """Pixels of each material in the reference run and both final runs, and densities of the final runs."""
-    levels = targets.levels
-    mappings = [levels.simulated(pixels_db) for pixels_db in each_db]
-    scores = [targets.score(pixels_db) for pixels_db in each_db[1:]]
-    found = {}
-    for name, target in targets.items():
-        start, calibrated, fresh = (
-            levels.apply(pixels_db[name][target.order], mapping)
-            for pixels_db, mapping in zip(each_db, mappings, strict=True)
-        )
-        calibrated_dp, fresh_dp = (score[name][0] for score in scores)
-        differ = not np.array_equal(final[0].pixels_db[name], final[1].pixels_db[name])
-        found[name] = MaterialPixels(start, calibrated, fresh, calibrated_dp, fresh_dp, differ)
-    return found

@@ -102,8 +102,7 @@ class _Densities:
         self._axes.plot(grid, values, label=label, **style)
 
     def finish(self) -> None:
-        self._axes.set_xlim(self._low, self._high)
-        self._axes.set_ylim(0.0, 1.06 * max(self._tops))
+        self._axes.set(xlim=(self._low, self._high), ylim=(0.0, 1.06 * max(self._tops)))
 
     def remark(self) -> str:
         """Sentence on the number of densities that lie outside the axes or are higher than the axes."""
@@ -131,8 +130,7 @@ def histogram(case: Archive, name: str) -> tuple[Canvas, str, str]:
     panel.draw(material.target.dp, "target: fitted skew normal", TARGET | {"linewidth": 3.2})
     panel.finish()
     head(axes, case, name)
-    axes.set_xlabel(f"backscatter [{case.levels.unit}]")
-    axes.set_ylabel(f"density [1/{case.levels.unit}]")
+    axes.set(xlabel=f"backscatter [{case.levels.unit}]", ylabel=f"density [1/{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 3)
     caption = (
         f"Grey: the {material.target.values_db.size:,} measured pixels of {name}. Black: the skew normal fitted to "
@@ -150,8 +148,7 @@ def densities(case: Archive, name: str) -> tuple[Canvas, str, str]:
     axes = canvas.subplots()
     panel = _before_after(axes, material)
     head(axes, case, name, f"rms {short(material.rms[material.best])} 1/{case.levels.unit}")
-    axes.set_xlabel(f"backscatter [{case.levels.unit}]")
-    axes.set_ylabel(f"density [1/{case.levels.unit}]")
+    axes.set(xlabel=f"backscatter [{case.levels.unit}]", ylabel=f"density [1/{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 4)
     caption = (
         "Density of the backscatter at the starting parameters (orange, dashed), by the law of the search (blue) and "
@@ -242,8 +239,8 @@ def quality(case: Archive, name: str) -> tuple[Canvas, str, str]:
         expected, values, color=FOUND["color"], marker=".", markersize=4, linestyle="none", label="measured pixels"
     )
     head(axes, case, name, f"distance {short(material.target.goodness.ks)}, p = {short(material.target.goodness.ad_p)}")
-    axes.set_xlabel(f"quantile of the skew normal [{case.levels.unit}]")
-    axes.set_ylabel(f"measured quantile [{case.levels.unit}]")
+    unit = case.levels.unit
+    axes.set(xlabel=f"quantile of the skew normal [{unit}]", ylabel=f"measured quantile [{unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 3)
     caption = (
         f"The {n:,} measured pixels in order against what the skew normal fitted to them expects; points on the line "

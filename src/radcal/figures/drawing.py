@@ -141,9 +141,7 @@ def law_panels(path: str | Path, names: Sequence[str], y_label: str) -> Iterator
         canvas = new_canvas(0.8 + 4.4 * columns, 0.8 + 3.2 * rows)
         panels = canvas.subplots(rows, columns, squeeze=False).ravel()
         for axes, name in zip(panels, names, strict=False):
-            axes.set_title(titled(name))
-            axes.set_xlabel("local incidence [deg]")
-            axes.set_ylabel(y_label)
+            axes.set(title=titled(name), xlabel="local incidence [deg]", ylabel=y_label)
         yield zip(panels, names, strict=False)
         for axes in panels[len(names) :]:
             axes.remove()

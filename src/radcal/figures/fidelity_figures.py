@@ -70,9 +70,8 @@ def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
             at, np.clip(values[..., k].ravel(), -_MOST, _MOST), color=color, marker=marker, linestyle="none",
             markersize=4, alpha=0.8, label=label,
         )  # fmt: skip
-    lower.set_ylim(-_MOST - 0.5, _MOST + 0.5)
+    lower.set(ylim=(-_MOST - 0.5, _MOST + 0.5), xlabel="run (0: reference)")
     lower.set_ylabel("verified - predicted\n[standard deviations]")
-    lower.set_xlabel("run (0: reference)")
     from matplotlib.ticker import MaxNLocator
 
     if len(runs) <= _EACH:

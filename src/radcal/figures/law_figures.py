@@ -343,5 +343,4 @@ def _truth(
             float(np.abs(np.interp(at, band.incidence_deg, edge) - truth).max()) for edge in (band.p05_db, band.p95_db)
         ]
     axes.axhline(0.0, **HIDDEN)
-    axes.set_ylim(-1.2 * max(largest), 1.2 * max(largest))
-    axes.set_ylabel("minus\ntruth [dB]")
+    axes.set(ylim=(-1.2 * max(largest), 1.2 * max(largest)), ylabel="minus\ntruth [dB]")

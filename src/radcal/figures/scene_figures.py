@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.figures.colours import colours_of, of_ids
-from radcal.figures.drawing import Array, add_fills, label, new_canvas
+from radcal.figures.drawing import add_fills, label, new_canvas
 from radcal.figures.map_figures import axis_labels, image_extent, panels_for
 from radcal.results.archive import Archive
 
@@ -67,8 +67,7 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     bar.set_label("elevation [m]")
     for panel in plans:
         panel.grid(False)
-        panel.set_xlabel(across)
-        panel.set_ylabel(along)
+        panel.set(xlabel=across, ylabel=along)
         panel.locator_params(nbins=5)
     if not flat:
         solid = cast(Any, canvas.add_subplot(2, 2, 4, projection="3d"))
@@ -111,18 +110,6 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     return canvas, caption, "Shaded relief, material map, elevation map and a view of the terrain."
 
 
-def _expected_db(case: Archive, incidence_deg: NDArray[Any], material: NDArray[Any]) -> Array:
-    """Sigma0 [dB] by the calibrated or fixed law of each pixel, at its mean incidence; NaN without a law's curve."""
-    angle = np.radians(incidence_deg.astype(np.float64))
-    expected, laws = np.full(angle.shape, np.nan), case.configured.laws
-    for k, name in enumerate(case.names, start=1):
-        law = laws.get(name)
-        if law is not None and law.has_curve:  # the curve of an external law is not known
-            inside = material == k
-            expected[inside] = law(angle[inside], case.laws[name])
-    return expected
-
-
 def incidence(case: Archive) -> tuple[Canvas, str, str] | None:
     """Figure of two maps: local incidence angle, and sigma0 that the calibrated laws give at this angle."""
     angle, material = case.images.incidence_deg, case.images.material
@@ -131,7 +118,12 @@ def incidence(case: Archive) -> tuple[Canvas, str, str] | None:
     finite = angle[np.isfinite(angle)]
     if not finite.size:
         return None
-    expected = _expected_db(case, angle, material)
+    expected, laws = np.full(angle.shape, np.nan), case.configured.laws
+    for k, name in enumerate(case.names, start=1):
+        law = laws.get(name)
+        if law is not None and law.has_curve:  # the curve of an external law is not known
+            inside = material == k
+            expected[inside] = law(np.radians(angle[inside].astype(np.float64)), case.laws[name])
     seen = expected[np.isfinite(expected)]
     # a label along the bar would stand beside the right panel like the label of its axis
     maps: list[tuple[NDArray[Any], NDArray[Any], str, str]] = [(angle, finite, "viridis", "local incidence [deg]")]

@@ -27,7 +27,6 @@ __all__ = [
     "patch_effects",
     "patches_seen",
     "pooled",
-    "scale_log_evidence",
     "spread_log_likelihood",
     "spreads",
 ]

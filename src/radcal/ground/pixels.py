@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 __all__ = [
     "IN_THE_NOISE",
     "MANY_IN_NOISE",
-    "MINIMUM_PIXELS",
     "Eligible",
     "eligible_pixels",
     "noise_limited",

@@ -24,7 +24,6 @@ __all__ = [
     "bins_of",
     "curve_prior",
     "fit_laws",
-    "ground_residuals",
     "law_prior",
     "limited",
 ]

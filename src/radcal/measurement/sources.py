@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +12,7 @@ from radcal.config.part import Part
 from radcal.errors import FitError, MeasurementError, MissingSign
 from radcal.findings import Finding
 from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited
-from radcal.image.base import Facts, Grid, opened
+from radcal.image.base import Grid, opened
 from radcal.image.model import Measurement
 from radcal.image.speckle_check import check_resolutions, check_speckle
 from radcal.measurement.synthetic import make_synthetic
@@ -104,8 +102,33 @@ def _noise_above(measurement: Measurement, noise_db: NDArray[np.float64], radar:
 def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene: Scene | None) -> Measurement:
     reader = opened(config, radar)
     read, facts = reader.read(Grid(geometry, scene)), reader.facts()
-    _check_pass(facts, radar, reader.path)
-    _check_radiometry(facts.radiometry, config.radiometry, radar, reader.path)
+    path, of_file, configured = reader.path, facts.radiometry, config.radiometry
+    if facts.polarisation not in (None, radar.polarisation):
+        raise MeasurementError(
+            f"measurement.path: the polarisation of {path} is {facts.polarisation}, radar.polarisation is "
+            f"{radar.polarisation}: polarisations are never mixed, set it to the image's."
+        )
+    if facts.frequency_hz is not None and within_band(radar.band, facts.frequency_hz) is False:
+        raise MeasurementError(
+            f"measurement.path: the carrier of {path} is {facts.frequency_hz / 1e9:.4g} GHz (band "
+            f"{letter_band(facts.frequency_hz) or 'without a letter'}), radar.band is {radar.band}: "
+            "bands are never mixed, set it to the image's."
+        )
+    if of_file is None and configured is None:
+        raise MeasurementError(
+            f"measurement.radiometry is missing: {path} does not say it (SICD does with a polynomial of sigma0, beta0 "
+            f"or gamma0), {RADIOMETRY_EXPECTED}."
+        )
+    if of_file is not None and configured not in (None, of_file):
+        raise MeasurementError(
+            f"measurement.radiometry is {configured}, {path} is read as {of_file}: leave the key out, and set "
+            f"radar.radiometry: {of_file}."
+        )
+    if of_file is not None and of_file != radar.radiometry:
+        raise MeasurementError(
+            f"measurement.path: the radiometry of {path} is {of_file}, radar.radiometry is {radar.radiometry}: set it "
+            "to the image's, since the simulated image is made in it."
+        )
     code = "pixels_at_ground" if read.resampled else "pixels"
     findings = [Finding(code, "note", reader.name, vars(read.counts)), *read.findings]
     scale = None if reader.gives_acquisition else config.scale  # a product with its acquisition defines its scale
@@ -125,37 +148,3 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
         carrier = {"frequency_ghz": facts.frequency_hz / 1e9, **bands}
         findings.append(Finding("carrier_not_compared", "note", reader.name, carrier))
     return Measurement(read.image_db, reader.name, findings=tuple(findings))
-
-
-def _check_radiometry(of_file: str | None, configured: str | None, radar: Radar, path: Path) -> None:
-    """Refuse an image whose radiometry is unknown or differs from the configured radiometry."""
-    if of_file is None and configured is None:
-        raise MeasurementError(
-            f"measurement.radiometry is missing: {path} does not say it (SICD does with a polynomial of sigma0, beta0 "
-            f"or gamma0), {RADIOMETRY_EXPECTED}."
-        )
-    if of_file is not None and configured not in (None, of_file):
-        raise MeasurementError(
-            f"measurement.radiometry is {configured}, {path} is read as {of_file}: leave the key out, and set "
-            f"radar.radiometry: {of_file}."
-        )
-    if of_file is not None and of_file != radar.radiometry:
-        raise MeasurementError(
-            f"measurement.path: the radiometry of {path} is {of_file}, radar.radiometry is {radar.radiometry}: set it "
-            "to the image's, since the simulated image is made in it."
-        )
-
-
-def _check_pass(facts: Facts, radar: Radar, path: Path) -> None:
-    """Refuse an image whose file gives another polarisation or band than ``radar``."""
-    if facts.polarisation not in (None, radar.polarisation):
-        raise MeasurementError(
-            f"measurement.path: the polarisation of {path} is {facts.polarisation}, radar.polarisation is "
-            f"{radar.polarisation}: polarisations are never mixed, set it to the image's."
-        )
-    if facts.frequency_hz is not None and within_band(radar.band, facts.frequency_hz) is False:
-        raise MeasurementError(
-            f"measurement.path: the carrier of {path} is {facts.frequency_hz / 1e9:.4g} GHz (band "
-            f"{letter_band(facts.frequency_hz) or 'without a letter'}), radar.band is {radar.band}: "
-            "bands are never mixed, set it to the image's."
-        )

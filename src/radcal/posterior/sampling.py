@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ESS", "R_HAT", "Sample", "mixed", "sample", "split_r_hat"]
+__all__ = ["Sample", "mixed", "sample", "split_r_hat"]
 
 Doubles = NDArray[np.float64]
 LogDensity = Callable[[Doubles], Doubles]

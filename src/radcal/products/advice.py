@@ -33,7 +33,6 @@ __all__ = [
     "candidates",
     "common_ratio",
     "judged",
-    "of_archive",
 ]
 
 Doubles = NDArray[np.float64]

@@ -97,7 +97,10 @@ def forward(
     folder, started = Path(folder), case.at_start
     with provenance(case.case, case.sections(*type(case).model_fields)):
         scene = make_scene(case.scene, None, case.radar.heading_deg)
-        _check_materials(scene, list(case.materials))
+        if wrong := [name for name in case.materials if name not in scene.names]:
+            texts = (f"materials.{name}: not in the scene{nearest(name, scene.names)}." for name in wrong)
+            raise SceneError("\nradcal: ".join(texts))
+        scene.require(list(case.materials))
         geometries = [make_geometry(scene, one.radar) for one in case.passes]
         paths = [folder / f"passes/{number}/geometry.h5" for number in range(1, len(geometries) + 1)]
         runner = runner_of(started, scene.identity, geometries, paths, runs)
@@ -117,14 +120,6 @@ def forward(
             looks = partial(each.looks, case.start_parameters, seed)
             found.append(Forward(geometry, record.image_db, record.key, kept, looks))
     return scene, found
-
-
-def _check_materials(scene: Scene, materials: list[str]) -> None:
-    """Raise an error with a sentence for each material that the scene lacks; see also :meth:`Scene.require`."""
-    if wrong := [name for name in materials if name not in scene.names]:
-        texts = (f"materials.{name}: not in the scene{nearest(name, scene.names)}." for name in wrong)
-        raise SceneError("\nradcal: ".join(texts))
-    scene.require(materials)
 
 
 def simulate(
@@ -162,8 +157,21 @@ def simulate(
     folder = Path(folder)
 
     def check(keys: Sequence[str]) -> None:
-        if not replace:
-            _check_former(folder, keys)
+        if replace:
+            return
+        for number, key in enumerate(keys, start=1):
+            path = folder / f"simulated{of_pass(number)}.tif"
+            if not path.exists():
+                continue
+            former = None
+            with contextlib.suppress(RadcalError, OSError), open_raster(path) as raster:
+                former = raster.tags().get("run")
+            if former != key:
+                run = "is no readable image of a run" if former is None else f"is the image of run {former}"
+                raise ConfigError(
+                    f"{path}: {run}, and not of run {key}, which differs in laws, scene, pass, seed or simulator: give "
+                    "--replace to replace it, or --out with another folder."
+                )
 
     scene, passes = forward(case, folder, runs, check, product)
     lines = [sentence(one) for one in scene.findings]
@@ -200,20 +208,3 @@ def _write_looks(path: Path, case: str, radar: Radar, made: Forward) -> None:
         file.attrs.update({"case": case, "run": made.key, "product": "complex", **known})
     with atomic(path) as partial_path:
         partial_path.write_bytes(whole.getbuffer())
-
-
-def _check_former(folder: Path, keys: Sequence[str]) -> None:
-    """Raise an error if the folder has the image of another run than those with the given hashes."""
-    for number, key in enumerate(keys, start=1):
-        path = folder / f"simulated{of_pass(number)}.tif"
-        if not path.exists():
-            continue
-        former = None
-        with contextlib.suppress(RadcalError, OSError), open_raster(path) as raster:
-            former = raster.tags().get("run")
-        if former != key:
-            run = "is no readable image of a run" if former is None else f"is the image of run {former}"
-            raise ConfigError(
-                f"{path}: {run}, and not of run {key}, which differs in laws, scene, pass, seed or simulator: give "
-                "--replace to replace it, or --out with another folder."
-            )

@@ -280,32 +280,27 @@ def find_flow(
         for _ in levels[1:]:
             kept.append(_halved(kept[-1]))
         levels = [replace(level, weight=level.weight * part) for level, part in zip(levels, kept, strict=True)]
-    with threadpool_limits(1):  # one thread, for a fixed order of sums
-        return _found(lattice, levels, origin, prior)
-
-
-def _found(lattice: Lattice, levels: list[Level], origin: NDArray[np.float64], prior: Prior | None) -> Flow:
-    """Displacement field, found from coarse to fine scales; some steps estimate the prior unless it is given."""
     coefficients, near = origin, prior or _START
 
     def step(level: Level, choose: bool) -> SplinePosterior:
         data = _data(lattice, level, coefficients, origin)
         return data.best(near) if choose and prior is None else data.given(near)
 
-    coarse = levels[1:] or levels
-    for level in reversed(coarse):
-        fixed, moving = (gaussian_filter(image, _BLUR_PX) for image in (level.fixed, level.moving))
-        blurred = replace(level, fixed=fixed, moving=moving)
-        steps = _STEPS_COARSEST if level is coarse[-1] else _STEPS
-        for n in range(steps):
-            posterior = step(blurred, choose=n == steps - 1)
+    with threadpool_limits(1):  # one thread, for a fixed order of sums; from coarse to fine scales
+        coarse = levels[1:] or levels
+        for level in reversed(coarse):
+            fixed, moving = (gaussian_filter(image, _BLUR_PX) for image in (level.fixed, level.moving))
+            blurred = replace(level, fixed=fixed, moving=moving)
+            steps = _STEPS_COARSEST if level is coarse[-1] else _STEPS
+            for n in range(steps):
+                posterior = step(blurred, choose=n == steps - 1)
+                coefficients, near = origin + posterior.coefficients(), posterior.prior
+        for n in range(_STEPS_MATCHED):
+            if n % 2 == 0:
+                matched = _matched(levels[0], lattice.field(coefficients))
+            posterior = step(matched, choose=n % 2 == 0)
             coefficients, near = origin + posterior.coefficients(), posterior.prior
-    for n in range(_STEPS_MATCHED):
-        if n % 2 == 0:
-            matched = _matched(levels[0], lattice.field(coefficients))
-        posterior = step(matched, choose=n % 2 == 0)
-        coefficients, near = origin + posterior.coefficients(), posterior.prior
-    return Flow(lattice.field(coefficients), posterior)
+        return Flow(lattice.field(coefficients), posterior)
 
 
 def gefolki_px(

@@ -54,18 +54,6 @@ class Prior:
     length_px: float
 
 
-def _basis(points: NDArray[np.float64], spacing: float, length: float) -> sparse.csr_array:
-    """Values of cubic B-splines at points, shape (points, control points)."""
-    x = points / spacing
-    first = np.floor(x).astype(int)
-    t = x - first
-    weights = np.stack([(1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3], axis=1) / 6
-    rows = np.repeat(np.arange(points.size), 4)
-    columns = (first[:, None] + np.arange(4)).ravel()
-    shape = (points.size, int(np.floor(length / spacing)) + 4)
-    return sparse.csr_array((weights.ravel(), (rows, columns)), shape=shape)
-
-
 def _laplacian(n: int) -> sparse.csr_array:
     """Matrix of the quadratic form that sums the squared differences between neighbours along a line."""
     one = sparse.eye_array(n, format="csr")
@@ -93,7 +81,13 @@ class Lattice:
         for length in self.shape:
             n = int(np.ceil(length // scale / step))
             points = np.minimum((np.arange(n) + 0.5) * step * scale, length)
-            bases.append(_basis(points, self.spacing_px, length))
+            x = points / self.spacing_px
+            first = np.floor(x).astype(int)
+            t = x - first
+            cubic = (1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3
+            place = np.repeat(np.arange(points.size), 4), (first[:, None] + np.arange(4)).ravel()
+            shape = (points.size, int(np.floor(length / self.spacing_px)) + 4)
+            bases.append(sparse.csr_array(((np.stack(cubic, axis=1) / 6).ravel(), place), shape=shape))
         return bases[0], bases[1]
 
     def field(self, coefficients: NDArray[np.float64], scale: int = 1) -> NDArray[np.float64]:

@@ -158,7 +158,7 @@ def search(
     """Minimise :func:`objective` by Newton's method, with the Hessian made positive definite and with step halving.
 
     A penalty keeps alpha finite. Without a penalty, the search also ends if alpha is so large that the sample does not
-    distinguish the density from the half-normal limit (see :func:`_limit`).
+    distinguish the density from the half-normal limit (see :func:`fit`).
 
     Parameters
     ----------
@@ -222,31 +222,6 @@ def farthest(n: int) -> float:
         Sample size.
     """
     return math.log(8.0 * n)
-
-
-def _valleys(
-    x: NDArray[np.float64], sign: float, penalty: float
-) -> list[tuple[NDArray[np.float64], tuple[float, float]]]:
-    """Local minima of the objective on a grid of v: the parameters u at each minimum, and the interval of v around it.
-
-    At each point of the grid, the objective is minimised over mean and sd.
-    """
-    u, path = np.array([0.0, 0.0, sign * _SCAN[0]]), []
-    for v in _SCAN:
-        u, value = search(np.array([u[0], u[1], sign * v]), x, penalty, (0, 1), 1e-2)
-        path.append((value, u))
-    values = np.array([np.inf, *(value for value, _ in path), np.inf])
-    lowest = np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:]))
-    ends = (-np.inf, *_SCAN, np.inf)
-    return [(path[k][1], (ends[k], ends[k + 2])) for k in lowest]
-
-
-def _limit(x: NDArray[np.float64], sign: float) -> NDArray[np.float64]:
-    """Direct parameters of the fitted half-normal distribution, which is the limit of the density for large alpha."""
-    y = sign * x
-    omega = float(np.sqrt(np.mean((y - y.min()) ** 2)))
-    # xi is chosen so that alpha z is 6, and Phi(alpha z) practically 1, at the smallest value of the sample
-    return np.array([sign * (y.min() - 6.0 * omega / _ALPHA_LIMIT), omega, sign * _ALPHA_LIMIT])
 
 
 def standardised(sample: ArrayLike) -> tuple[NDArray[np.float64], float, float]:
@@ -314,14 +289,24 @@ def fit(sample: ArrayLike, penalised: bool = False) -> Fit:
     penalty = 1.0 / y.size if penalised else 0.0
     skewness = np.mean(y**3)
     sign = float(np.sign(skewness) or 1.0)
-    limit = _limit(y, sign)
+    # the half-normal distribution is the limit of the density for large alpha; its xi is chosen so that alpha z is 6,
+    # and Phi(alpha z) practically 1, at the smallest value of the sample
+    least = (sign * y).min()
+    omega = float(np.sqrt(np.mean((sign * y - least) ** 2)))
+    limit = np.array([sign * (least - 6.0 * omega / _ALPHA_LIMIT), omega, sign * _ALPHA_LIMIT])
     limit_value = -log_likelihood(y, limit) / y.size
     u, lowest = search(np.array([0.0, 0.0, np.arctanh(np.clip(skewness, -0.9, 0.9))]), y, penalty)
     # the likelihood of a small or very skewed sample may have several maxima, or no maximum at a finite alpha
     if y.size < 200 or abs(skewness) > 0.7 or limit_value < lowest + 0.05:
-        for start, (below, above) in _valleys(y, sign, penalty):
-            if not below < sign * u[2] < above:  # the minimum in this interval is already known
-                other, value = search(start, y, penalty)
+        start, path = np.array([0.0, 0.0, sign * _SCAN[0]]), []
+        for v in _SCAN:  # the objective is minimised over mean and sd at each point of a grid of v
+            start, value = search(np.array([start[0], start[1], sign * v]), y, penalty, (0, 1), 1e-2)
+            path.append((value, start))
+        values = np.array([np.inf, *(value for value, _ in path), np.inf])
+        ends = (-np.inf, *_SCAN, np.inf)
+        for k in np.flatnonzero((values[1:-1] <= values[:-2]) & (values[1:-1] <= values[2:])):
+            if not ends[k] < sign * u[2] < ends[k + 2]:  # the minimum in this interval is already known
+                other, value = search(path[k][1], y, penalty)
                 if value < lowest:
                     u, lowest = other, value
     dp = _unpack(u)[0]

@@ -53,14 +53,6 @@ def taylor_weights(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
     return weights
 
 
-def _taylor_response(x: NDArray[np.float64], bandwidth: float) -> NDArray[np.float64]:
-    """Impulse response of a Taylor-weighted band of a given bandwidth [1/m] at the distance ``x`` from the peak [m]."""
-    n = 1024
-    frequency = (np.arange(n) + 0.5) / n - 0.5
-    weights = taylor_weights(frequency)
-    return np.asarray(np.cos(2.0 * np.pi * np.multiply.outer(x, frequency * bandwidth)) @ weights / weights.sum())
-
-
 def impulse_response(resolution_m: float, spacing_m: float) -> NDArray[np.float64]:
     """Sampled impulse response in one direction of the image, slant range or azimuth.
 
@@ -79,7 +71,11 @@ def impulse_response(resolution_m: float, spacing_m: float) -> NDArray[np.float6
     """
     bandwidth = WIDTH_FACTOR / resolution_m
     m = int(np.ceil(_REACH * resolution_m / spacing_m))
-    taps = _taylor_response(np.arange(-m, m + 1, dtype=np.float64) * spacing_m, min(bandwidth, 1.0 / spacing_m))
+    away_m, n = np.arange(-m, m + 1, dtype=np.float64) * spacing_m, 1024
+    frequency = (np.arange(n) + 0.5) / n - 0.5
+    weights = taylor_weights(frequency)
+    turns = np.multiply.outer(away_m, frequency * min(bandwidth, 1.0 / spacing_m))
+    taps = np.cos(2.0 * np.pi * turns) @ weights / weights.sum()
     return np.asarray(taps / np.sqrt((taps**2).sum()))
 
 
