@@ -414,7 +414,7 @@ def test_quantiles_and_their_band_are_scipys(made):
 def test_a_surrogate_is_judged_by_verified_minus_predicted():
     one = np.array([[[2.0, 0.5, -1.0]], [[1.0, 1.0, 1.0]]])
     error = np.array([[[0.5, 0.1, 2.0]], [[0.0, 0.0, 0.0]]])
-    found = differences(Fidelity(np.zeros(2), np.zeros(2), one, error, one + 1.0, np.zeros((2, 3))))
+    found = differences(Fidelity(("exploit",) * 2, np.zeros(2), np.zeros(2), one, error, one + 1.0, np.zeros((2, 3))))
     np.testing.assert_allclose(found, [[[2.0, 10.0, 0.5]], [[np.nan] * 3]])
 
 
