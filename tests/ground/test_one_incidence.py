@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from radcal.ground.classes import incidence_span_deg, seen_at_one_incidence
+from radcal.ground.one_incidence import incidence_span_deg, seen_at_one_incidence
 
 
 def test_span_is_that_of_the_true_incidence() -> None:

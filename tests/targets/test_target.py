@@ -11,8 +11,8 @@ from scipy.ndimage import uniform_filter
 
 from radcal import skewnormal
 from radcal.config import TargetConfig, Validation
-from radcal.ground.classes import incidence_span_deg
 from radcal.ground.levels import Levels, offset_levels
+from radcal.ground.one_incidence import incidence_span_deg
 from radcal.ground.pixels import eligible_pixels
 from radcal.image.model import Measurement
 from radcal.radar.geometry import Geometry

@@ -12,17 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.errors import MeasurementError
 from radcal.ground.correlation import independent_pairs, without_trend
 
-__all__ = [
-    "LEAST_SPAN_DEG",
-    "Classes",
-    "class_cumulants",
-    "class_of",
-    "incidence_edges",
-    "incidence_span_deg",
-    "make_classes",
-    "seen_at_one_incidence",
-    "winsorised",
-]
+__all__ = ["Classes", "class_cumulants", "class_of", "incidence_edges", "make_classes", "winsorised"]
 
 FEWEST = 30  # smallest number of pixels in a bin
 _AUTO = (4, 8)  # smallest and largest number of bins
@@ -31,11 +21,6 @@ _FAR = 6.0  # number of robust standard deviations, which one pixel in 1,500 of 
 _LEAST_DB2 = 1e-6  # smallest variance of a bin
 _FREEDOM = 10  # degrees of freedom that an estimate of a variance needs
 _NODES = 24  # incidence angles that represent a bin
-# Over one degree, the level of the steepest natural surface changes by about 1 dB (calm water, 27 dB between 20 and 44
-# degrees), that of land by 0.1 to 0.5 dB. Fields of one material differ as much, so that the slope of the law cannot be
-# separated from differences between fields.
-LEAST_SPAN_DEG = 1.0
-_NORMAL_SPAN = 3.2897  # standard deviations between the 5 % and 95 % quantiles of a normal distribution
 
 
 @dataclass(frozen=True)
@@ -262,51 +247,3 @@ def winsorised(values_db: ArrayLike, member: NDArray[np.int64]) -> NDArray[np.fl
         if limit > 0.0:
             values[inside] = np.clip(values[inside], median - limit, median + limit)
     return values
-
-
-def incidence_span_deg(incidence_deg: ArrayLike, error_deg: float = 0.0) -> float:
-    """Width of the range of incidence angles at which a material is seen.
-
-    Parameters
-    ----------
-    incidence_deg : array_like, shape (pixels,)
-        Local incidence angle of each pixel, as computed from the scene [deg].
-    error_deg : float
-        Standard error of the computed local incidence angle [deg], for example from heights rounded to whole metres.
-
-    Returns
-    -------
-    float
-        Width between the 5 % and 95 % quantiles [deg], without the part due to the error. The squared width of the
-        error is subtracted from the squared width of the angles, because squared widths of independent distributions
-        add.
-
-    References
-    ----------
-    Carroll, Ruppert, Stefanski and Crainiceanu, "Measurement Error in Nonlinear Models", 2nd edition (2006), chapter 1:
-    the variance of the mapped values is that of the true ones plus that of the error.
-    """
-    low, high = np.percentile(np.asarray(incidence_deg, dtype=np.float64), [5.0, 95.0])
-    return float(np.sqrt(max(0.0, (high - low) ** 2 - (_NORMAL_SPAN * error_deg) ** 2)))
-
-
-def seen_at_one_incidence(incidence_deg: ArrayLike, error_deg: float = 0.0) -> bool:
-    """Whether a material is seen at a single incidence angle, so that its level can be determined, but not its law.
-
-    Parameters
-    ----------
-    incidence_deg, error_deg
-        Arguments of :func:`incidence_span_deg`.
-
-    Returns
-    -------
-    bool
-        Whether the range of incidence angles is narrower than 1 degree. Over 1 degree, the laws of natural surfaces
-        change by 0.1 to 1 dB, which is no more than the differences between fields of one material.
-
-    References
-    ----------
-    Ulaby and Dobson, "Handbook of Radar Scattering Statistics for Terrain" (1989): levels over incidence, with their
-    spread, by material.
-    """
-    return incidence_span_deg(incidence_deg, error_deg) < LEAST_SPAN_DEG

@@ -14,7 +14,7 @@ from radcal.config.part import Part
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
 from radcal.figures.applied_figures import KNOWN, OUTSIDE, SEEN, Prediction, draw_predictions
-from radcal.ground.classes import LEAST_SPAN_DEG
+from radcal.ground.one_incidence import LEAST_SPAN_DEG
 from radcal.measurement.sources import make_measurement
 from radcal.posterior.prediction import predict
 from radcal.posterior.result import Posterior, Predicted

@@ -12,19 +12,8 @@ Azzalini, "A class of distributions which includes the normal ones", Scand. J. S
 
 from __future__ import annotations
 
-from radcal.skewnormal.distribution import (
-    MAX_SKEWNESS,
-    cdf,
-    centred,
-    density,
-    density_rms,
-    direct,
-    hellinger,
-    kolmogorov_smirnov,
-    log_likelihood,
-    sample,
-    target_grid,
-)
+from radcal.skewnormal.distances import density_rms, hellinger, kolmogorov_smirnov, target_grid
+from radcal.skewnormal.distribution import MAX_SKEWNESS, cdf, centred, density, direct, log_likelihood, sample
 from radcal.skewnormal.likelihood import Fit, covariance, fit
 from radcal.skewnormal.profile import intervals
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
-from radcal.ground.classes import LEAST_SPAN_DEG, seen_at_one_incidence
 from radcal.ground.correlation import Correlation
 from radcal.ground.goodness import Goodness
 from radcal.ground.ground import Ground
 from radcal.ground.levels import Levels
+from radcal.ground.one_incidence import LEAST_SPAN_DEG, seen_at_one_incidence
 from radcal.storage.dataclass_groups import About
 from radcal.storage.records import read_item, write_item
 from radcal.targets.class_target import ClassTarget
