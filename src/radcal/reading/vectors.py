@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -84,6 +83,8 @@ def read_vectors(path: Path, layer: str | None, refused: Callable[[str], RadcalE
     ----------
     GDAL, "Vector drivers", https://gdal.org/drivers/vector/
     """
+    from concurrent.futures.process import BrokenProcessPool  # imported here, because every job imports this module
+
     try:
         found: VectorLayer = apart(partial(_read, path, layer, refused), _LONGEST_S)
     except BrokenProcessPool:
