@@ -13,7 +13,13 @@ from snakemake.logging import logger
 from snakemake.utils import min_version
 
 from radcal.forecast.runs_and_time import planned_runs, runs_sentence, stages_sentence
-from radcal.session.session import is_dry_run, is_finished, is_planned, open_session
+from radcal.session.session import (
+    is_dry_run,
+    is_finished,
+    is_planned,
+    open_session,
+    say,
+)
 from radcal.session.slurm import job_name
 
 min_version("9.10")
@@ -75,10 +81,8 @@ def say_last_words():
             (job.rule.name, job.wildcards_dict) for layer in layers for job in layer
         ]
         twice = sum(rule == "registration_run" for rule, _ in jobs)
-        SESSION.say(stages_sentence(jobs))
-        SESSION.say(
-            runs_sentence(planned_runs(CASE, jobs), CASE.simulator.draws, twice)
-        )
+        say(stages_sentence(jobs))
+        say(runs_sentence(planned_runs(CASE, jobs), CASE.simulator.draws, twice))
 
 
 localrules:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from radcal.config.disclosure import disclosed
 from radcal.config.part import Part
@@ -78,7 +76,8 @@ def reuse_runs(case: Part, runner: Runner, earlier: str | Path) -> list[IndexedR
             continue
         if theirs.get("noise_seed") in more:  # a further draw, which is taken with the first draw of its run
             continue
-        parameters = {**reference, **_calibrated(case, theirs)}
+        laws = theirs.get("materials", {})
+        parameters = {**reference, **{name: laws[name]["parameters"] for name in case.calibrated if name in laws}}
         ours = runner.description(parameters, seed)
         if digest(ours) != path.stem:
             unlike[first_difference(disclosed(theirs), disclosed(ours))] += 1
@@ -103,12 +102,6 @@ def reuse_runs(case: Part, runner: Runner, earlier: str | Path) -> list[IndexedR
             f"seed with other parameters{why}. Take design.reuse out, or name another case."
         )
     return taken
-
-
-def _calibrated(case: Part, description: Mapping[str, Any]) -> dict[str, list[float]]:
-    """Parameters that a run of the earlier case gives to the calibrated materials of this case."""
-    materials = description.get("materials", {})
-    return {name: materials[name]["parameters"] for name in case.calibrated if name in materials}
 
 
 def _inside(x: list[float], box: list[tuple[float, float]]) -> bool:

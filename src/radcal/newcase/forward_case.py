@@ -70,11 +70,6 @@ def _checked_materials(file: str | Path, scene: Any) -> dict[str, Any]:
         Case.model_validate({"scene": scene, "materials": with_undecided(found)}, context=[])
     except ValidationError as error:
         wrong = [one for one in mistakes(error, Case, lines_of(path)) if one.section == "materials"]
-        _refuse(f"{path}: {shown(one.text, 600)}." for one in wrong)
+        if wrong:
+            raise ConfigError("\nradcal: ".join(f"{path}: {shown(one.text, 600)}." for one in wrong)) from None
     return found
-
-
-def _refuse(sentences: Any) -> None:
-    """Raise one error with all sentences, if there are any."""
-    if texts := list(sentences):
-        raise ConfigError("\nradcal: ".join(texts))

@@ -24,7 +24,7 @@ from radcal.objectives.base import (
     Progress,
     SearchState,
 )
-from radcal.objectives.history import History, Proposal
+from radcal.objectives.history import History
 
 __all__ = ["UNREACHABLE_SHARE", "Density"]
 
@@ -128,7 +128,10 @@ class Density(Objective):
         numbers = {**cls.standing(best, stop), "runs": progress.runs}
         if best <= stop.rms:
             return SearchState.of("rms", "rms_reached", name, **numbers)
-        known = len(progress.score.parameters) + 2 <= progress.runs and _kept(proposal, progress.score.cost)
+        # the floor of a surrogate is believed where its last prediction agrees with the verified rms
+        rms, predicted = progress.score.cost, proposal.cost if proposal.mode == "exploit" else None
+        agrees = predicted is not None and abs(rms - predicted) <= _KEPT * predicted
+        known = len(progress.score.parameters) + 2 <= progress.runs and agrees
         if proposal.floor is not None and not cls.leaves_open(proposal.floor, best) and known:
             return SearchState.of("unreachable", "rms_unreachable", name, **numbers, floor=proposal.floor)
         if proposal.mode == "exhausted":
@@ -154,9 +157,3 @@ class Density(Objective):
             within = sum(value <= stop.rms for value in best.values())
             text = f"{within} of {len(best)} materials within tolerance, worst {worst} at rms {best[worst]:.2e}"
         return f"{text}, tolerance {stop.rms:.1e}"
-
-
-def _kept(proposal: Proposal, rms: float) -> bool:
-    """Whether a verified rms agrees with its prediction; otherwise the floor of the surrogate is not used."""
-    predicted = proposal.cost
-    return proposal.mode == "exploit" and predicted is not None and abs(rms - predicted) <= _KEPT * predicted

@@ -122,12 +122,6 @@ def _verdict(archive: Archive) -> str:
     return headline(list(archive.materials), archive.findings, archive.decision.converged)
 
 
-def _overall(archive: Archive) -> dict[str, Any]:
-    """Whether all laws fit, and the verdict on all materials."""
-    fits = [material.fits for material in archive.materials.values()]
-    return {"fits": False if False in fits else None if None in fits else True, "verdict": _verdict(archive)}
-
-
 def _posterior(material: MaterialResult, names: Sequence[str]) -> dict[str, Any]:
     """Posterior of a law: incidence at which sigma0 is determined, curve, parameters, and error of the form."""
     known = material.posterior
@@ -352,10 +346,12 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
     looks = float(archive.configured.radar.looks)
     search = runs["design"] + runs["infill"]
     reused = int(np.count_nonzero(kinds == "reused"))
+    fits = [material.fits for material in archive.materials.values()]
     summary: dict[str, Any] = {
         "case": archive.configured.case,
         "objective": archive.configured.objective,
-        **_overall(archive),
+        "fits": False if False in fits else None if None in fits else True,
+        "verdict": _verdict(archive),
         "converged": archive.decision.converged,
         "stop_reason": archive.decision.reason or "running",
         "tolerance": archive.configured.stop.rms,

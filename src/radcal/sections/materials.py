@@ -18,9 +18,8 @@ __all__ = ["Material", "OtherLaw", "check_parameters", "default_materials"]
 
 _DEFINING = ("law", "angles_deg", "formula", "names", "conditions")  # keys of a law that are not its parameters
 _LARGEST_WHOLE = 2.0**53
-_LARGEST = (
-    1000.0  # largest parameter: 1000 dB is a power of 10^100, which exceeds single precision; the unit must be wrong
-)
+# largest parameter: 1000 dB is a power of 10^100, which exceeds single precision; the unit must be wrong
+_LARGEST = 1000.0
 
 
 def _is_none(value: object) -> bool:

@@ -27,9 +27,8 @@ __all__ = ["Radar", "Radiometry"]
 
 Radiometry = Literal["sigma0_ref", "sigma0_local", "beta0", "gamma0", "gamma0_rtc"]
 
-_COARSEST = (
-    1000.0  # largest number of pixels per resolution cell, which determines the length of the sampled impulse response
-)
+# largest number of pixels per resolution cell, which determines the length of the sampled impulse response
+_COARSEST = 1000.0
 
 
 # keys that are left out of the description of a pass if they have their default, so that earlier runs stay valid

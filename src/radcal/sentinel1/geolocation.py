@@ -131,7 +131,7 @@ class GroundRange:
             np.degrees(np.arccos(np.clip(-(ray * up).sum(-1), -1.0, 1.0))),
             np.where(right, azimuth - 90.0, azimuth + 90.0) % 360.0,
             right,
-            _height_m(radar),
+            np.asarray(transformer("EPSG:4978", "EPSG:4979").transform(*np.moveaxis(radar, -1, 0))[2]),
         )
 
     @cached_property
@@ -181,8 +181,3 @@ def between(knots: Array, at: Array, values: Callable[[int, NDArray[np.bool_]], 
 def _geocentric(longitude_deg: Array, latitude_deg: Array, height_m: Array) -> Array:
     """Geocentric coordinates [m] of places on WGS 84, shape (..., 3)."""
     return np.stack(transformer("EPSG:4979", "EPSG:4978").transform(longitude_deg, latitude_deg, height_m), axis=-1)
-
-
-def _height_m(place: Array) -> Array:
-    """Height above the ellipsoid of geocentric coordinates [m]."""
-    return np.asarray(transformer("EPSG:4978", "EPSG:4979").transform(place[..., 0], place[..., 1], place[..., 2])[2])

@@ -97,9 +97,8 @@ def logged(
         die_with_parent()
         if not alive(int(os.environ[OWNER])):  # the parent ended before die_with_parent() took effect
             sys.exit("radcal: the snakemake that started this job has ended.")
-    logging.raiseExceptions = (
-        False  # on a full disk only the failed write of a result reports an error, not every log line
-    )
+    # on a full disk only the failed write of a result reports an error, not every log line
+    logging.raiseExceptions = False
     try:
         logging.basicConfig(
             filename=path,

@@ -175,9 +175,7 @@ def _listing(path: Path, checksums: Mapping[str, str], sentences: list[str]) -> 
 
 
 def _remove(path: Path) -> None:
-    with contextlib.suppress(
-        OSError
-    ):  # a read-only folder: the first job that writes into the folder reports the error
+    with contextlib.suppress(OSError):  # the first job that writes into a read-only folder reports the error
         path.unlink()
 
 

@@ -27,7 +27,7 @@ from radcal.storage.lock import CaseLock, leave
 from radcal.storage.records import REPLACE, read_json
 from radcal.words import sentence
 
-__all__ = ["Session", "is_dry_run", "is_finished", "is_planned", "open_session"]
+__all__ = ["Session", "is_dry_run", "is_finished", "is_planned", "open_session", "say"]
 
 _SNAKEMAKE = Path(".snakemake")
 _RESULTS = "results"
@@ -74,7 +74,7 @@ def open_session(
     except RadcalError as error:
         sys.exit(f"radcal: {error}")
     for finding in starts_as_truth(case.calibrated, [one.measurement for one in case.passes]) if main else ():
-        _say(sentence(finding))
+        say(sentence(finding))
     logger.addFilter(session.messages)
     return session
 
@@ -192,7 +192,7 @@ class Session:
             path, why = error.filename or self.folder, error.strerror or error
             leave(f"{path} cannot be read ({why}); results are there, so make it readable.")
         for text in [*sentences, *simulator_change(self.folder, self.case)]:
-            _say(text)
+            say(text)
 
     def start(self, cluster: str | None = None, remote_jobs: bool = False) -> None:
         """Lock the results folder of the case and prepare this folder for the first job.
@@ -212,7 +212,7 @@ class Session:
             leave(refusal)
         try:
             if cancelled := cancel_leftovers(self._slurm):
-                _say(f"{cancelled} jobs of an earlier snakemake cancelled; finished runs are kept.")
+                say(f"{cancelled} jobs of an earlier snakemake cancelled; finished runs are kept.")
         except RadcalError as error:
             leave(str(error))
         sweep_scripts(_SNAKEMAKE / "scripts", self.folder)
@@ -234,9 +234,9 @@ class Session:
         by = "Ctrl-C" if self.messages.interrupted else "SIGTERM" if self.messages.terminated else None
         if by is not None:
             kept = len(list(runs.glob("[!.]*.h5")))
-            _say(f"stopped by {by}. {kept} finished runs are kept in {runs}; the same command goes on from there.")
+            say(f"stopped by {by}. {kept} finished runs are kept in {runs}; the same command goes on from there.")
         elif failed:
-            _say(
+            say(
                 f"stopped. Finished runs are kept in {runs}, logs in {self.folder / 'logs'}; once the cause is "
                 "removed, the same command continues."
             )
@@ -244,14 +244,10 @@ class Session:
     def say_verdict(self) -> None:
         """Print the verdict of a finished case and the path of its report."""
         try:
-            _say(read_json(self.folder / "summary.json")["verdict"])
+            say(read_json(self.folder / "summary.json")["verdict"])
         except RadcalError as error:
-            _say(str(error))
-        _say(f"report: {self.folder / 'report.html'}")
-
-    def say(self, sentence: str) -> None:
-        """Print a sentence on the terminal."""
-        _say(sentence)
+            say(str(error))
+        say(f"report: {self.folder / 'report.html'}")
 
     def _refusal(self) -> str | None:
         """Message about the first folder or result file that is not writable; None if all are writable."""
@@ -265,6 +261,7 @@ class Session:
         return None
 
 
-def _say(sentence: str) -> None:
+def say(sentence: str) -> None:
+    """Print a sentence on the terminal."""
     sys.stderr.write(f"radcal: {sentence}\n")
     sys.stderr.flush()

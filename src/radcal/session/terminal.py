@@ -141,9 +141,8 @@ class Messages:
         with a file for each pass or iteration, and one its text about SIGTERM.
         """
         text = str(record.msg)
-        exception = getattr(
-            record, "exception", ""
-        )  # class name of an exception, in records of Snakemake's event ERROR
+        # class name of an exception, in records of Snakemake's event ERROR
+        exception = getattr(record, "exception", "")
         if text.startswith(_INTERRUPTED):
             self.interrupted = True
             return False

@@ -45,9 +45,7 @@ from radcal.findings import Finding
 
 __all__ = ["About", "put", "same", "table", "take"]
 
-_COMPRESSED = (
-    1024  # smallest size of a compressed dataset [bytes]; for smaller datasets, compression would not save space
-)
+_COMPRESSED = 1024  # smallest size of a compressed dataset [bytes]; compression of smaller ones saves no space
 _TEXT = h5py.string_dtype()
 _TEXTS, _FINDINGS = tuple[str, ...], tuple[Finding, ...]
 
