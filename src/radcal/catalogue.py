@@ -24,11 +24,11 @@ _SPREAD = (
     "radar.range_resolution_m is {range_declared_m:g} and radar.azimuth_resolution_m {azimuth_declared_m:g}"
 )
 _CORRELATED = (
-    _SPREAD + "; the correlation area of its speckle is {correlation_ratio:.2g} times that of these resolutions"
+    _SPREAD + "; neighbouring pixels are correlated over {correlation_ratio:.2g} times the area of these resolutions"
 )
 _COUNTS = (
-    "{pixels:,} pixels, {no_data:,} without data, {zero:,} zero, {negative:,} negative, {impossible:,} impossible: NaN "
-    "in the image"
+    "{pixels:,} pixels, of which NaN in the image: {no_data:,} without data, {zero:,} zero, {negative:,} negative, "
+    "{impossible:,} of an impossible level"
 )
 _RELIEF = (
     "{about} changes by {db_per_deg:+.2f} dB (standard error {error_db_per_deg:.2f}) per degree of local incidence on "
@@ -62,15 +62,15 @@ _OF_IMAGE: Mapping[str, str] = {
     "looks_fewer": _LOOKS + ": the simulated speckle varies less than that; with objective: classes and "
     "target.looks: free, the search takes the difference for texture",
     "looks_single": "{about}: complex pixels have a single look, radar.looks is {declared:g}",
-    "looks_unknown": "radar.looks and the scale of {about} could not be checked by the speckle: the areas of single "
-    "materials are too small for these resolutions",
+    "looks_unknown": "the speckle of {about} could not check radar.looks and measurement.scale: the areas of single "
+    "materials have too few pixels",
     "resolutions_unknown": "radar.range_resolution_m and radar.azimuth_resolution_m could not be checked by the "
     "speckle of {about}, nor whether it was filtered: the areas of single materials are too small (fewer than "
     "{pairs:.0f} pairs of their pixels are {apart_px:.0f} pixels apart in slant range or in azimuth), or the speckle "
     "is correlated over most of their width",
     "resolution_unusual": "{about} of {resolution_m:g} is {spacings:.3g} times the pixel spacing, and images usually "
     "have at most {most_spacings:.2g} times; the speckle could not check it",
-    "filtered": "{about} is speckle-filtered: " + _CORRELATED + ", and it has {looks_ratio:.2g} times radar.looks. "
+    "filtered": "{about} is speckle-filtered: " + _CORRELATED + "; its looks are {looks_ratio:.2g} times radar.looks. "
     "Use the image before filtering, unless radar.looks and the resolutions are both wrong",
     "smoothed": "{about} is speckle-filtered or smoothed in another way, unless the resolutions are wrong: "
     + _CORRELATED,
@@ -83,7 +83,7 @@ _OF_IMAGE: Mapping[str, str] = {
     "spacing_limits": "{about} of {spacing_m:g} allows a resolution of {finest_m:g} m at the finest",
     "unweighted": "{about}: an impulse response without weighting seems 24 to 34 % finer than it is: then no key need "
     "be changed",
-    "image_plane": "{about}: its rows lie in the image plane {plane}, those of the scene's image in slant range",
+    "image_plane": "{about}: its rows lie in the image plane {plane}, not in slant range as in the scene's image",
     "polarisation_unknown": "{about}: its polarisation is unknown, it is taken for radar.polarisation",
     "carrier_unknown": "{about}: its carrier frequency is unknown, it is taken for one of radar.band",
     "carrier_not_compared": "{about}: its carrier of {frequency_ghz:.4g} GHz is not compared with radar.band = {band}, "
@@ -132,8 +132,8 @@ _OF_IMAGE: Mapping[str, str] = {
 
 _OF_CASE: Mapping[str, str] = {
     "scene_large": "The scene is large: it is read when the calibration starts, not in this check",
-    "starts_as_truth": "{about}: measurement.synthetic.parameters has no hidden law, so that the measured image is "
-    "simulated with the starting law, and the search begins at its result",
+    "starts_as_truth": "{about}: measurement.synthetic.parameters gives no hidden law, so that the starting law makes "
+    "the measured image, and the search begins at its solution",
     "ground_hidden": "{hidden_percent:.0f} % of the simulated image's pixels are in shadow or layover or without "
     "ground ({without_percent:.0f} % show no ground at all), and half of the ground is steeper than {slope_deg:.0f} "
     "degrees: are the heights in {about} in another unit than metres ({units}), or is radar.depression_deg wrong?",
@@ -182,8 +182,9 @@ _OF_MODEL: Mapping[str, str] = {
     "place": "{about} does not show the place of the scene: the mean levels of its squares of {square_px:.0f} pixels "
     "have a correlation of {correlation:.2f} with those of the simulated image, and of up to {shifted:.2f} if it is "
     "shifted by two squares or more",
-    "radiometry": "{about}: the fixed materials show that the image is {other}, and the case says {declared} (exponent "
-    "{exponent:+.2f} on the area of the ground, standard error {error:.2f}); the bands are given for {other}",
+    "radiometry": "{about}: by the fixed materials the image is {other}, not {declared} as the case says (against "
+    "{declared} it goes with the ground area to the power {exponent:+.2f}, standard error {error:.2f}); the bands are "
+    "given for {other}",
     "radiometry_unchecked": "{about}: radiometry unchecked, because the fixed materials show too little of it; the "
     "bands allow for {other} with a probability of {chance_percent:.0f} %",
     "fixed_law": "{about}: the image minus its fixed law is {error_db:+.2f} dB (90 %: {p05_db:+.2f} to "
@@ -254,8 +255,8 @@ _OF_SEARCH: Mapping[str, str] = {
 
 _NARROWS = "{about}: a pass of {name} is expected to narrow "
 _ALIKE = (
-    "{about}: the passes of the table do not differ by more than 5 %, so that other reasons may decide: the best of "
-    "them is expected to narrow "
+    "{about}: all passes of the table narrow the band alike, to within 5 %, so that other reasons may decide: the best "
+    "is expected to narrow "
 )
 _TO_DB = (
     "from +-{now_db:.2f} dB to +-{after_db:.2f} dB (mean half-width between {over_from_deg:.1f} and {over_to_deg:.1f} "
@@ -272,7 +273,7 @@ _OF_ADVICE: Mapping[str, str] = {
     "bands_alike": _ALIKE + "the bands " + _TO_RATIO,
     "bands_none": "{about}: no pass of the table is expected to narrow the bands by a tenth; the best narrows them "
     + _TO_RATIO,
-    "passes_equal": "{about}: as good within 5 %: {names}",
+    "passes_equal": "{about}: within 5 % of the best: {names}",
     "model_of_advice": "The table follows from a linear-Gaussian model with draws of the posterior; it does not allow "
     "for an image that cannot be registered, nor for a wrong radiometry",
     "opposite_side": "All passes have heading_deg {heading_deg:g}, that of the scene's grid. A satellite that sees the "

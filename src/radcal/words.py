@@ -36,7 +36,7 @@ _COUNTED = {
 _DETERMINED = "determined to +-{half_width_db:.1f} dB {between}"
 _WIDTHS = (
     "+-{half_width_db:.1f} dB for the material, +-{field_half_width_db:.1f} dB for its fields in this image; level, "
-    "radiometry, noise, incidence and point spread (systematic) alone give +-{systematic_db:.1f} dB"
+    "radiometry, noise, incidence and point spread alone (systematic) give +-{systematic_db:.1f} dB of it"
 )
 _ABOVE = "rms {rms:.2g}, above the tolerance {tolerance:.2g}"
 _NAMED = 4  # most materials named in a headline
@@ -189,7 +189,7 @@ def _counts(findings: Sequence[Finding]) -> list[str]:
             found.append(f"{len(names)} {'is' if len(names) == 1 else 'are'} {words}{who}")
     refuted = [one.about for one in findings if one.code == "refuted"]
     if refuted:
-        found.append(f"the law of {', '.join(refuted)} is refuted")
+        found.append(f"laws refuted: {', '.join(refuted)}")
     return found
 
 

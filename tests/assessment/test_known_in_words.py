@@ -91,9 +91,9 @@ def test_every_code_has_a_sentence_for_its_numbers():
     [
         (
             of_image(radiometry=WRONG)[0],
-            "refusal: pass 1: the fixed materials show that the image is sigma0_ref, and the case says sigma0_local "
-            "(exponent +0.10 on the area of the ground, standard error 0.20); the bands are given for sigma0_ref: set "
-            "radar.radiometry: sigma0_ref.",
+            "refusal: pass 1: by the fixed materials the image is sigma0_ref, not sigma0_local as the case says "
+            "(against sigma0_local it goes with the ground area to the power +0.10, standard error 0.20); the "
+            "bands are given for sigma0_ref: set radar.radiometry: sigma0_ref.",
         ),
         (
             of_material()[0],
@@ -135,7 +135,7 @@ def test_the_headline_says_what_is_unchecked():
 def test_a_refusal_comes_first_and_takes_the_rest_away():
     found = [*of_image(radiometry=WRONG, **LAW_OFF), *of_material(refused=True)]
     said = headline(["dyke"], found, True)
-    assert said.startswith("pass 1: the fixed materials show that the image is sigma0_ref")
+    assert said.startswith("pass 1: by the fixed materials the image is sigma0_ref")
     assert (
         "set radar.radiometry: sigma0_ref. dyke: sigma0 is determined at no angle, because the image is refused" in said
     )
@@ -160,7 +160,7 @@ def test_the_headline_of_several_materials_counts_them():
     ]
     assert headline(["dyke", "rest", "road", "pond", "ditch"], found, False) == (
         "Of 5 materials 2 are determined at some angles (dyke, road), 1 is determined at no angle (rest), 1 is seen at "
-        "one incidence alone (pond), 1 is without enough pixels side by side (ditch), the law of road is refuted. "
+        "one incidence alone (pond), 1 is without enough pixels side by side (ditch), laws refuted: road. "
         "The search is not finished."
     )
     many = [one for k in range(5) for one in of_material(f"field {k}")]

@@ -324,4 +324,4 @@ def test_help_is_there_at_once() -> None:
     assert done.stdout == "set()\n"
     shown = CliRunner().invoke(app, ["run", "--help"])
     assert shown.exit_code == 0
-    assert "  radcal run config/mine.yaml --set stop.rms=1e-6   one key changed" in shown.output
+    assert "  radcal run config/mine.yaml --set stop.law_db=0.02   one key changed" in shown.output

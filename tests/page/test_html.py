@@ -149,7 +149,7 @@ def test_findings_are_listed_warnings_first_and_notes_folded(made, tmp_path):
     )
     text, parsed = render(tmp_path / "report.html", archive)
     order = [
-        "pass 1: the fixed materials show that the image is sigma0_ref",
+        "pass 1: by the fixed materials the image is sigma0_ref",
         "dyke: sigma0 is determined to +-1.5 dB",
         "Next: set radar.radiometry: sigma0_ref.",
         "warning: radar.heading_deg is not given",

@@ -69,8 +69,8 @@ def test_the_process_that_plans_jobs_says_which_starts_are_the_truth(tmp_path, c
     assert capsys.readouterr().err == ""
     open_session(["mine.yaml"], {}, [], False, logging.getLogger("of snakemake"))
     assert capsys.readouterr().err == (
-        "radcal: grass, water: measurement.synthetic.parameters has no hidden law, so that the measured image is "
-        "simulated with the starting law, and the search begins at its result.\n"
+        "radcal: grass, water: measurement.synthetic.parameters gives no hidden law, so that the starting law makes "
+        "the measured image, and the search begins at its solution.\n"
     )
 
 

@@ -22,7 +22,7 @@ Results = Annotated[
 ]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="One key of the case, as stop.rms=1e-6; may be repeated."),
+    typer.Option("--set", metavar="KEY=VALUE", help="One key of the case, as stop.law_db=0.02; may be repeated."),
 ]
 
 

@@ -46,7 +46,7 @@ Examples:
   radcal run config/mine.yaml reference             one run
   radcal run config/mine.yaml registration          up to the registered image
   radcal run config/mine.yaml                       the whole calibration
-  radcal run config/mine.yaml --set stop.rms=1e-6   one key changed: goes on from there
+  radcal run config/mine.yaml --set stop.law_db=0.02   one key changed: goes on from there
   radcal run config/a.yaml config/b.yaml            two cases
   radcal run config/mine.yaml -- --forcerun report  what follows -- is for Snakemake
 

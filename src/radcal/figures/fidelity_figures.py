@@ -98,4 +98,4 @@ def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     if len(q2):
         each = ", ".join(f"{label} {value:.2f}" for (label, *_), value in zip(_STATISTICS, q2[-1], strict=True))
         caption += f" Leave-one-out Q2 of the last surrogate: {each}."
-    return canvas, caption, f"Predicted and verified cost of the infill runs of {name}, and differences of statistics."
+    return canvas, caption, f"Infill runs of {name}: cost and statistics, predicted by the surrogate and simulated."

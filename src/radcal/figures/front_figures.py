@@ -64,10 +64,10 @@ def front(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     best = found.verified[material.best]
     each = ", ".join(f"{short(value)} ({of})" for value, of in zip(best, found.objectives, strict=True))
     caption = (
-        f"NSGA-II minimises {len(found.objectives)} sums of squared residuals side by side. Line: its front in the "
-        "last iteration, as the surrogate predicts it; of two points of the front, each is better in one of the sums. "
-        "Least squares from the front's best point, the best run and further starts then minimise all residuals "
-        "together, so that runs may lie below the front. Markers: the runs"
+        f"NSGA-II, a genetic algorithm, minimises {len(found.objectives)} sums of squared residuals. Line: the "
+        "trade-off between them in the last iteration, by the surrogate; no point of it is better in all sums. Least "
+        "squares from its best point, the best run and further starts then minimise the total, so that runs may lie "
+        "below the line. Markers: the runs"
         f"{f', of which {outside} lie outside of the axes' if outside else ''}. "
         f"The chosen run has the sums {each}."
     )
