@@ -19,9 +19,9 @@ _LOOKS = (
     "{windows:.0f} windows of {side_px:.0f} x {side_px:.0f} independent pixels); radar.looks is {declared:g}"
 )
 _SPREAD = (
-    "by its speckle the point spread of {about} is {range_least}{range_m:.3g} m (standard error {range_error_m:.2g}) "
-    "in slant range and {azimuth_least}{azimuth_m:.3g} m (standard error {azimuth_error_m:.2g}) in azimuth, "
-    "radar.range_resolution_m is {range_declared_m:g} and radar.azimuth_resolution_m {azimuth_declared_m:g}"
+    "the point spread of {about}, estimated from its speckle, is {range_least}{range_m:.3g} m (standard error "
+    "{range_error_m:.2g}) in slant range and {azimuth_least}{azimuth_m:.3g} m (standard error {azimuth_error_m:.2g}) "
+    "in azimuth; radar.range_resolution_m is {range_declared_m:g} and radar.azimuth_resolution_m {azimuth_declared_m:g}"
 )
 _CORRELATED = (
     _SPREAD + "; neighbouring pixels are correlated over {correlation_ratio:.2g} times the area of these resolutions"
@@ -58,16 +58,16 @@ _OF_IMAGE: Mapping[str, str] = {
     "account as correlation",
     "looks": _LOOKS,
     "looks_uncertain": _LOOKS + ": too few windows to be certain, check measurement.scale and radar.looks",
-    "looks_more": _LOOKS + ": the simulated speckle varies more than that",
-    "looks_fewer": _LOOKS + ": the simulated speckle varies less than that; with objective: classes and "
-    "target.looks: free, the search takes the difference for texture",
+    "looks_more": _LOOKS + ": the simulated speckle therefore varies more than the measured",
+    "looks_fewer": _LOOKS + ": the simulated speckle therefore varies less than the measured; with objective: "
+    "classes and target.looks: free, the search takes the difference for texture",
     "looks_single": "{about}: complex pixels have a single look, radar.looks is {declared:g}",
     "looks_unknown": "the speckle of {about} could not check radar.looks and measurement.scale: the areas of single "
     "materials have too few pixels",
-    "resolutions_unknown": "radar.range_resolution_m and radar.azimuth_resolution_m could not be checked by the "
-    "speckle of {about}, nor whether it was filtered: the areas of single materials are too small (fewer than "
-    "{pairs:.0f} pairs of their pixels are {apart_px:.0f} pixels apart in slant range or in azimuth), or the speckle "
-    "is correlated over most of their width",
+    "resolutions_unknown": "the speckle of {about} could not check radar.range_resolution_m and "
+    "radar.azimuth_resolution_m, nor whether it was filtered: the areas of single materials are too small (fewer than "
+    "{pairs:.0f} pairs of pixels {apart_px:.0f} pixels apart in slant range or in azimuth), or the speckle is "
+    "correlated over most of their width",
     "resolution_unusual": "{about} of {resolution_m:g} is {spacings:.3g} times the pixel spacing, and images usually "
     "have at most {most_spacings:.2g} times; the speckle could not check it",
     "filtered": "{about} is speckle-filtered: " + _CORRELATED + "; its looks are {looks_ratio:.2g} times radar.looks. "
@@ -80,9 +80,9 @@ _OF_IMAGE: Mapping[str, str] = {
     "resolutions_nearest": _SPREAD + ": no nearer resolutions can be simulated with these pixel spacings",
     "resampling": "{about}: its resampling by nearest neighbour widens the point spread: an image of the configured "
     "resolutions then has up to {range_m:.3g} m in slant range and {azimuth_m:.3g} m in azimuth",
-    "spacing_limits": "{about} of {spacing_m:g} allows a resolution of {finest_m:g} m at the finest",
-    "unweighted": "{about}: an impulse response without weighting seems 24 to 34 % finer than it is: then no key need "
-    "be changed",
+    "spacing_limits": "with {about} of {spacing_m:g} m the finest possible resolution is {finest_m:g} m",
+    "unweighted": "{about}: for an impulse response without weighting this estimate is 24 to 34 % too fine; for such "
+    "an image no key need be changed",
     "image_plane": "{about}: its rows lie in the image plane {plane}, not in slant range as in the scene's image",
     "polarisation_unknown": "{about}: its polarisation is unknown, it is taken for radar.polarisation",
     "carrier_unknown": "{about}: its carrier frequency is unknown, it is taken for one of radar.band",
@@ -97,11 +97,11 @@ _OF_IMAGE: Mapping[str, str] = {
     "foreign": "{about}: {text}",  # of a variant of another distribution, whose text is in the numbers
     "levels_sentinel1": "{about}: sigma0 = DN^2 / sigmaNought^2 (radiometry sigma0_ref)",
     "noise_subtracted": "{about}: thermal noise was subtracted by the processor, so that radar.nesz_db should be far "
-    "below the image",
+    "below the level of the image",
     "noise_kept": "{about}: thermal noise is not subtracted, since the simulated image has that of radar.nesz_db",
-    "product": "{about}: by its name {product}, read as scale {scale}, radiometry {radiometry}, polarisation "
-    "{polarisation}",
-    "product_filtered": "{about}: by its name its speckle was filtered, use the product before filtering",
+    "product": "{about}: its name says {product}: it is read with scale {scale}, radiometry {radiometry}, "
+    "polarisation {polarisation}",
+    "product_filtered": "{about}: its name says that the speckle was filtered; use the product before filtering",
     "acquisition": "{about}: {sensor} {polarisation} of {start}, {pass_direction}, heading {heading_deg:.1f} deg over "
     "the scene, looking {look_side}, incidence {incidence_deg:.2f} deg, {frequency_ghz:.4g} GHz, {range_looks:.0f} x "
     "{azimuth_looks:.0f} looks (equivalent {looks:.3g}), pixels of {range_spacing_m:g} m in ground range and "
@@ -118,7 +118,7 @@ _OF_IMAGE: Mapping[str, str] = {
     "remain unnoticed: {declared_deg:g} gives incidences {between} on level ground: compare them with the "
     "metadata of the image",
     "incidence_of_band": "{about}: {key} of {declared_deg:g} gives incidences {between} on level ground, as band "
-    "{band:.0f} ({name}) does ({off_deg:+.1f} degrees, median)",
+    "{band:.0f} ({name}) does (median difference {off_deg:+.1f} degrees)",
     "relief_turned": _RELIEF + "its bright slopes face away from the radar with radar.look_side {look_side} and "
     "radar.heading_deg {heading_deg:g}; set the side and the heading from which the image was taken (or is "
     "scene.elevation upside down?)",
@@ -155,16 +155,16 @@ _OF_RUNS: Mapping[str, str] = {
     "repeats": "The simulator is deterministic: the reference run repeated gives the same pixels",
     "does_not_repeat": "The simulator is not deterministic: the reference run repeated, with equal parameters and "
     "seed, differs by up to {largest_db:.2g} dB in a pixel" + _SMOOTHS,
-    "seedless": "The simulator takes no seed: a run with other random numbers cannot be made, rms_fresh is not given",
+    "seedless": "The simulator takes no seed: no run with other random numbers can be made, and rms_fresh is not given",
     "seed_without_effect": "The final run with another seed gives the same pixels as the one that it repeats, bit for "
     "bit: the seed does not reach the program's random numbers, or there are none (simulator.seedless: true says so). "
     "The rms with other random numbers is not given",
     "scatter": "{about}: between runs of equal parameters the mean scatters by {mean_db:.2g} dB, its standard "
     "deviation by {sd_percent:.2g} %, its skewness by {skewness:.2g} (one standard deviation, from the repeated "
-    "reference run); the surrogate takes no less than that for noise",
+    "reference run); the surrogate assumes at least this noise",
     "passes_together": "The laws are those of {passes:.0f} passes together; densities, images, pixels and checks on "
     "held-out ground are those of pass 1",
-    "fields_shared": "A field has the same effect in all passes",
+    "fields_shared": "The deviation of a field from its material is taken as equal in all passes",
     "too_few_pixels": "{about}: too few pixels in this pass, which is not used for this material",
     "outside_angles": "{about}: {share_percent:.0f} % of its pixels are seen outside of the {from_angle_deg:g} to "
     "{to_angle_deg:g} deg that law {law!r} was made for; there it is an extrapolation",
@@ -185,8 +185,8 @@ _OF_MODEL: Mapping[str, str] = {
     "radiometry": "{about}: by the fixed materials the image is {other}, not {declared} as the case says (against "
     "{declared} it goes with the ground area to the power {exponent:+.2f}, standard error {error:.2f}); the bands are "
     "given for {other}",
-    "radiometry_unchecked": "{about}: radiometry unchecked, because the fixed materials show too little of it; the "
-    "bands allow for {other} with a probability of {chance_percent:.0f} %",
+    "radiometry_unchecked": "{about}: radiometry unchecked, because the fixed materials cannot tell it; the bands "
+    "allow for {other} with a probability of {chance_percent:.0f} %",
     "fixed_law": "{about}: the image minus its fixed law is {error_db:+.2f} dB (90 %: {p05_db:+.2f} to "
     "{p95_db:+.2f}), more than those of the other fixed materials",
     "fixed_law_and_image": "{about}: the image minus the fixed law is {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "
@@ -213,7 +213,7 @@ _OF_MODEL: Mapping[str, str] = {
     "parameters_only": "only the parameters have intervals, because the law has no curve in dB or the image is "
     "normalised; there is no band of sigma0",
     "without_cells": "sigma0 is determined at no angle, because too few of its pixels lie together: a cell "
-    "has 8 pixels or more in a square of 24 pixels and 3 degrees of incidence, and a pass 3 cells or more",
+    "needs 8 pixels in a square of 24 x 24 pixels and 3 degrees of incidence, and a pass needs 3 cells",
     "refuted": "the form of the law is refuted: it is wrong by {rms_db:.1f} dB (rms; 90 %: {p05_db:.1f} to "
     "{p95_db:.1f}), which the band contains",
     "form_noticed": "an error of the law's form is noticed, {rms_db:.1f} dB (rms; 90 %: {p05_db:.1f} to "
@@ -241,8 +241,8 @@ _OF_SEARCH: Mapping[str, str] = {
     "search_out_of_runs": "{about}: {standing} at the maximum of {counted_runs}",
     "rms_before_infill": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} before any infill run",
     "rms_reached": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} after {counted_runs}",
-    "rms_unreachable": "{about}: {standing}, after {counted_runs}; even two standard errors in favour, the surrogate "
-    "has no rms below {floor:.2g} inside the bounds: the target seems out of reach there",
+    "rms_unreachable": "{about}: {standing}, after {counted_runs}; even less two standard errors, the surrogate "
+    "predicts no rms below {floor:.2g} inside the bounds: the target seems out of reach there",
     "rms_exhausted": "{about}: {standing}: " + _EXHAUSTED,
     "rms_below_sampling_error": "{about}: rms {rms:.2g}, without improvement for {counted_idle} and below a third of "
     "the sampling error {sampling:.2g}: a better fit would not be significant (stop.at_sampling_error: false goes on)",

@@ -10,7 +10,7 @@ from geometry_samples import X, two_materials
 
 from radcal.assessment.program_check import another_law, beyond_law_db
 from radcal.findings import Finding
-from radcal.ground.classes import make_classes
+from radcal.ground.bins import make_classes
 from radcal.inference.expected import law_cumulants
 from radcal.laws import LAWS, external_law
 from radcal.objectives.history import History

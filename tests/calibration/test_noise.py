@@ -7,7 +7,7 @@ import pytest
 
 from radcal import skewnormal
 from radcal.calibration.noise import noise_variance, scatter
-from radcal.ground.classes import class_cumulants
+from radcal.ground.bins import class_cumulants
 from radcal.inference.moments import from_cumulants, from_dp
 
 DP = np.array([-12.0, 3.0, -2.0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from variants import agrees
 
-from radcal.ground.classes import class_cumulants, class_of, incidence_edges
+from radcal.ground.bins import class_cumulants, class_of, incidence_edges
 from radcal.ground.correlation import Correlation, without_trend
 from radcal.ground.levels import image_levels, median_and_range, pooled_offset
 from radcal.ground.patches import Cells, Spread, gls_mean, patch_effects, pooled

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from radcal.ground.classes import class_cumulants, make_classes
+from radcal.ground.bins import class_cumulants, make_classes
 from radcal.inference.expected import LawForward, expected_cumulants, law_cumulants
 from radcal.laws import LAWS
 

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 from scipy.ndimage import gaussian_filter
 
-from radcal.ground.classes import make_classes
+from radcal.ground.bins import make_classes
 from radcal.ground.correlation import Correlation, estimate_correlation, independent_pairs
 from radcal.ground.ground import Ground
 from radcal.ground.patches import Spread

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import polygamma
 
-from radcal.ground.classes import make_classes
+from radcal.ground.bins import make_classes
 from radcal.ground.ground import Ground
 from radcal.ground.patches import Spread, spreads
 from radcal.inference.law_fit import LawFit, fit_law

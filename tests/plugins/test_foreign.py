@@ -13,16 +13,21 @@ import pytest
 from registration_samples import displaced, ground, smooth_field, speckled
 
 from radcal import plugins
-from radcal.config import Case, input_files, load
+from radcal.config import Case, case_from, input_files, load
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError, MeasurementError
 from radcal.image.model import Measurement
 from radcal.measurement.sources import make_measurement
+from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.registration.registered import register
 from radcal.scene.base import scene_size
 from radcal.scene.sources import make_scene
 from radcal.simulators.builtin import BuiltinSimulator
+from radcal.simulators.runner import Runner
+from radcal.simulators.sources import make_simulator
+from radcal.storage.files import digest
+from radcal.storage.runs import RunStore
 from radcal.words import sentence
 
 CASE = """
@@ -89,15 +94,51 @@ def test_scene_law_and_reader_of_another_package_make_a_measurement(installed: P
         make_measurement(stage, geometry, nothing, scene)
 
 
+def of_version(folder: Path, version: str) -> None:
+    metadata = folder / "elsewhere_sar-1.5.dist-info/METADATA"
+    metadata.write_text(metadata.read_text().replace("1.5", version))
+    plugins._installed.cache_clear()
+
+
 def test_another_version_gives_another_scene_and_law(installed: Path) -> None:
     case = loaded(installed)
     one = make_scene(case.scene, None).identity
     assert case.laws["dyke"].description == {"law": "elsewhere_line", "distribution": "elsewhere-sar", "version": "1.5"}
-    metadata = installed / "elsewhere_sar-1.5.dist-info/METADATA"
-    metadata.write_text(metadata.read_text().replace("1.5", "1.6"))
-    plugins._installed.cache_clear()
+    of_version(installed, "1.6")
     assert loaded(installed).laws["dyke"].description["version"] == "1.6"
     assert make_scene(case.scene, None).identity != one
+
+
+def test_a_run_by_a_foreign_simulator_and_a_law_with_a_condition(installed: Path, geometry: Geometry) -> None:
+    def runner(permittivity: float) -> Runner:
+        law = {"law": "elsewhere_damp", "conditions": {"permittivity": permittivity}}
+        case = case_from(
+            {
+                "simulator": {"kind": "elsewhere_level", "gain_db": 2.0},
+                "materials": {
+                    "dyke": {**law, "calibrate": True, "bounds": [[-30, -10]]},
+                    "grass": {"law": "constant_gamma", "parameters": [-10]},
+                },
+                "measurement": {"synthetic": {"parameters": {"dyke": [-15]}}},
+            }
+        )
+        stage = STAGES["reference_run"].model.model_validate(STAGES["reference_run"].params(case))  # as in a job
+        return Runner(RunStore(installed), make_simulator(stage, geometry, installed), geometry, "scene", stage)
+
+    x = {"dyke": [-20.0], "grass": [-10.0]}
+    image = runner(5.0).run(x, 1, image=True).image_db
+    assert image is not None
+    np.testing.assert_allclose(image.ravel()[geometry.pixels("dyke")], -20.0 + 5.0 + 2.0, atol=1e-5)
+    described = runner(5.0).description(x, 1)
+    origin = {"distribution": "elsewhere-sar", "version": "1.5"}
+    assert described["simulator"] == {"kind": "elsewhere_level", "gain_db": 2.0, **origin}
+    law = {"law": "elsewhere_damp", "conditions": {"permittivity": 5.0}, "parameters": [-20.0]}
+    assert described["materials"]["dyke"] == {**law, **origin}
+    keys = {digest(described), digest(runner(6.0).description(x, 1))}
+    of_version(installed, "1.6")  # a new version does not take the runs of an earlier one
+    assert len(keys | {digest(runner(5.0).description(x, 1))}) == 3
+    with pytest.raises(ConfigError, match=r"complex is not one of simulator\.kind: elsewhere_level"):
+        runner(5.0).require("complex")
 
 
 def test_a_name_of_radcal_or_of_a_second_package_is_refused(installed: Path) -> None:
@@ -114,6 +155,8 @@ def test_mistakes_in_the_keys_of_another_package_are_named(installed: Path) -> N
         loaded(installed, **{"side: 40": "side: 5"})
     with pytest.raises(ConfigError, match=r"scene\.source is 'elsewhere_rmp', expected .*'raster', 'elsewhere_ramp'"):
         loaded(installed, elsewhere_ramp="elsewhere_rmp")
+    with pytest.raises(ConfigError, match=r"simulator\.gain_db is 'x', expected a number"):
+        case_from({"simulator": {"kind": "elsewhere_level", "gain_db": "x"}})
     with pytest.raises(ConfigError, match=r"registration\.method is 'half', expected 'gefolki', 'ilk', 'elsewhere_h"):
         loaded(installed, elsewhere_half="half")
 

@@ -14,7 +14,7 @@ from radcal.config import RegistrationConfig, TargetConfig, Uncertainty, case_fr
 from radcal.errors import ConfigError, StoreError
 from radcal.figures.applied_figures import Prediction
 from radcal.findings import Finding
-from radcal.ground.classes import class_of, incidence_edges
+from radcal.ground.bins import class_of, incidence_edges
 from radcal.image.model import Measurement
 from radcal.laws import LAWS, law_for
 from radcal.posterior.result import WHOLE_DEG, Constant, KeptDraws, Predicted

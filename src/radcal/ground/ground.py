@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Validation
-from radcal.ground.classes import class_of, incidence_edges
+from radcal.ground.bins import class_of, incidence_edges
 from radcal.ground.correlation import Correlation, independent_pairs, without_trend
 from radcal.ground.patches import Cells, make_cells
 

@@ -10,7 +10,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.ground.classes import Classes, class_of
+from radcal.ground.bins import Classes, class_of
 from radcal.ground.ground import Ground
 from radcal.ground.patches import Spread
 from radcal.inference.expected import expected_cumulants, law_cumulants

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.ground.classes import Classes, class_of, incidence_edges, make_classes, winsorised
+from radcal.ground.bins import Classes, class_of, incidence_edges, make_classes, winsorised
 from radcal.ground.ground import Ground
 from radcal.ground.patches import Residuals as CellResiduals
 from radcal.ground.patches import Spread, spreads
@@ -95,7 +95,7 @@ def limited(ground: Ground, member: NDArray[np.int64]) -> Ground:
 
 
 def bins_of(ground: Ground, classes: int | Literal["auto"]) -> Classes:
-    """Incidence-angle bins of measured pixels, by :func:`radcal.ground.classes.incidence_edges`."""
+    """Incidence-angle bins of measured pixels, by :func:`radcal.ground.bins.incidence_edges`."""
     return make_classes(ground.values_db, ground.incidence_deg, classes, ground.pairs, ground.cells.of_pixel)
 
 

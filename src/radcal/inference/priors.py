@@ -1,6 +1,8 @@
 """Weak priors on the curve of a backscatter law: knowledge that does not come from the measured image.
 
-Each prior adds a residual, in standard deviations of the prior, to the residuals of the measured pixels.
+Each prior adds a residual, in standard deviations of the prior, to the residuals of the measured pixels. Priors on the
+standard deviation between fields are those of :mod:`radcal.ground.patches` for the search and of
+:mod:`radcal.posterior.fixed_laws` for the posterior.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from radcal.ground.classes import Classes
+from radcal.ground.bins import Classes
 from radcal.inference.misfit import BinMisfit
 
 __all__ = ["SharedFields", "together"]

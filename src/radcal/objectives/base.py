@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.config import Stop
 from radcal.findings import Finding
-from radcal.ground.classes import Classes
+from radcal.ground.bins import Classes
 from radcal.ground.ground import Ground
 from radcal.inference.expected import LawForward
 from radcal.inference.law_fit import LOOKS

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radcal.assessment.preposterior import View, common_errors
 from radcal.config import Uncertainty
-from radcal.ground.classes import class_of, incidence_edges
+from radcal.ground.bins import class_of, incidence_edges
 from radcal.laws import Law
 from radcal.posterior.cells import DB
 from radcal.posterior.curves import GRID_DEG

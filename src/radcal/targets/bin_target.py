@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from radcal.config.part import Part
-from radcal.ground.classes import incidence_edges
+from radcal.ground.bins import incidence_edges
 from radcal.ground.ground import Ground
 from radcal.inference.incidence_error import registration_error_deg
 from radcal.inference.misfit import BinMisfit, Method, Misfit

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.ground.classes import Classes, class_cumulants, winsorised
+from radcal.ground.bins import Classes, class_cumulants, winsorised
 from radcal.ground.patches import Spread
 
 __all__ = ["ClassTarget"]
@@ -21,7 +21,7 @@ class ClassTarget:
     ----------
     classes : Classes
         Incidence-angle bins with the measured statistics of the target's pixels, prepared for a comparison with K draws
-        of speckle (:meth:`radcal.ground.classes.Classes.compared`).
+        of speckle (:meth:`radcal.ground.bins.Classes.compared`).
     spread : Spread
         Between-field and within-field standard deviation, pooled over the materials [dB].
     draws : int

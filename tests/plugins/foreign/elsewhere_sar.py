@@ -1,4 +1,4 @@
-"""A law, a reader, a source of scenes and a method of registration that another distribution adds to radcal."""
+"""Laws, reader, source of scenes, method of registration and simulator that another distribution adds to radcal."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from radcal.laws import Law
 from radcal.scene.base import SceneSize, SceneSource
 from radcal.scene.model import Scene
 from radcal.sections.scene import SceneSection
+from radcal.sections.simulator import PythonSimulation
 from radcal.storage.files import digest
 
 
@@ -23,6 +24,14 @@ def line(phi: Any, parameters: Any) -> Any:
 
 
 LINE = Law(line, ("A", "B"), ("dB", "dB/rad"), ((-30.0, 0.0), (-20.0, 0.0)))
+
+
+def damp(phi: Any, parameters: Any, *, permittivity: float) -> Any:
+    """Level plus the permittivity, as a law with a condition."""
+    return parameters[0] + permittivity + 0.0 * phi
+
+
+DAMP = Law(damp, ("level",), ("dB",), needs=("permittivity",))
 
 
 class TextReader(Reader):
@@ -77,3 +86,38 @@ class RampSource(SceneSource):
 def half_px(fixed: Any, moving: Any, start: Any, gefolki_px: Any) -> Any:
     """Half of the displacement that GeFolki finds."""
     return 0.5 * gefolki_px
+
+
+class LevelSimulation(PythonSimulation):
+    """Section of the simulator, with a key of its own."""
+
+    kind: Literal["elsewhere_level"] = "elsewhere_level"
+    gain_db: float = 0.0
+
+
+class LevelSimulator:
+    """Image of each material's sigma0 at its mean incidence, without speckle."""
+
+    section = LevelSimulation
+
+    def __init__(self, case: Any, geometry: Any) -> None:
+        self.laws, self.geometry, self.gain_db = case.laws, geometry, case.simulator.gain_db
+
+    @classmethod
+    def of(cls, case: Any, geometry: Any, geometry_path: Any) -> LevelSimulator:
+        """Simulator of a pass."""
+        return cls(case, geometry)
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What else decides its numbers."""
+        return {"kind": "elsewhere_level", "gain_db": self.gain_db}
+
+    def run(self, parameters: Any, noise_seed: int) -> Any:
+        """Image [dB]."""
+        image = np.full(self.geometry.shape, -99.0, dtype=np.float32)
+        for name in self.geometry.names:
+            pixels = self.geometry.pixels(name)
+            phi = np.radians(self.geometry.incidence_deg.ravel()[pixels]).mean()
+            image.ravel()[pixels] = float(self.laws[name](phi, parameters[name])) + self.gain_db
+        return image
