@@ -66,7 +66,7 @@ def test_several_materials_share_each_run_and_need_no_design(project):
     with h5py.File(project.out() / "calibration.h5") as file:
         n = len(file["runs/kind"])
         assert len(file["materials/field/rms"]) == len(file["materials/lake/rms"]) == n
-        modes = {name: file[f"materials/{name}/mode"].asstr()[()] for name in truth}
+        modes = {name: file[f"materials/{name}/fidelity/mode"].asstr()[()] for name in truth}
     assert n == 1 + summary["runs"]["infill"]
     assert summary["runs"]["design"] == 0
     assert len(project.records()) == summary["runs"]["total"]
