@@ -27,7 +27,7 @@ _CORRELATED = (
     _SPREAD + "; neighbouring pixels are correlated over {correlation_ratio:.2g} times the area of these resolutions"
 )
 _COUNTS = (
-    "{pixels:,} pixels, of which NaN in the image: {no_data:,} without data, {zero:,} zero, {negative:,} negative, "
+    "{pixels:,} pixels, set to NaN: {no_data:,} without data, {zero:,} of zero and {negative:,} of negative power, "
     "{impossible:,} of an impossible level"
 )
 _RELIEF = (
@@ -159,7 +159,7 @@ _OF_RUNS: Mapping[str, str] = {
     "seed_without_effect": "The final run with another seed gives the same pixels as the one that it repeats, bit for "
     "bit: the seed does not reach the program's random numbers, or there are none (simulator.seedless: true says so). "
     "The rms with other random numbers is not given",
-    "scatter": "{about}: between runs of equal parameters the mean scatters by {mean_db:.2g} dB, its standard "
+    "scatter": "{about}: between runs of equal parameters the pixels' mean scatters by {mean_db:.2g} dB, its standard "
     "deviation by {sd_percent:.2g} %, its skewness by {skewness:.2g} (one standard deviation, from the repeated "
     "reference run); the surrogate assumes at least this noise",
     "passes_together": "The laws are those of {passes:.0f} passes together; densities, images, pixels and checks on "

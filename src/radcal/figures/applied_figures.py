@@ -85,7 +85,7 @@ def draw_predictions(path: str | Path, rows: Sequence[Prediction], source: str, 
                 some = [row for row in own if row.known == known]
                 middle = np.array([row.predicted_db for row in some])
                 error = np.abs(np.array([[row.p05_db, row.p95_db] for row in some]).reshape(-1, 2).T - middle)
-                label = f"predicted from {source}, 90 %: {known}"
+                label = f"predicted ({source}), 90 %: sigma0 {known}"
                 x = [row.incidence_deg for row in some]
                 axes.errorbar(x, middle, error, label=label, **style)
             compared = [row for row in own if row.inside is not None]
