@@ -38,19 +38,21 @@ def test_own_variants_come_without_a_look_at_installed_distributions(monkeypatch
 
 
 def test_a_foreign_variant_has_distribution_and_version(installed: Callable[..., None]) -> None:
-    installed("elsewhere", theirs="math:e", broken="no_such_module:x")
-    assert list(OWN) == ["at_once", "late", "theirs", "broken"]
-    assert len(OWN) == 4
+    installed("elsewhere", theirs="math:e", broken="no_such_module:x", part="radcal.image.base:Reader")
+    assert list(OWN) == ["at_once", "late", "theirs", "broken", "part"]
+    assert len(OWN) == 5
     assert OWN["theirs"] == pytest.approx(2.7182818)
     assert OWN.origin("theirs") == {"distribution": "elsewhere", "version": "1.5"}
     assert ("broken" in OWN, "unknown" in OWN, OWN.get("unknown")) == (True, False, None)
     with pytest.raises(ConfigError, match=r"'broken' of elsewhere 1\.5 .* no_such_module:x: ModuleNotFoundError"):
         _ = OWN["broken"]
+    with pytest.raises(ConfigError, match=r"'part' of elsewhere 1\.5 lacks matches, read, expected"):
+        _ = OWN["part"]
 
 
 @pytest.mark.parametrize(("name", "owner"), [("late", "radcal"), ("theirs", "elsewhere")])
 def test_a_name_of_two_distributions_is_refused(installed: Callable[..., None], name: str, owner: str) -> None:
     installed("elsewhere", theirs="math:e")
     installed("other", **{name: "math:pi"})
-    with pytest.raises(ConfigError, match=rf"'{name}' is a name of {owner} and of other 1\.5|of other and of {owner}"):
+    with pytest.raises(ConfigError, match=rf"{owner} and other 1\.5 both have '{name}'|other and {owner} 1\.5 both"):
         list(OWN)

@@ -75,26 +75,26 @@ class Plugins(Mapping[str, T]):
         for entry in _entry_points(self.group):
             if entry.name in self.builtin or entry.name in found:
                 other = _distribution(found[entry.name])[0] if entry.name in found else "radcal"
-                raise ConfigError(
-                    f"{self.group}: {entry.name!r} is a name of {other} and of {' '.join(_distribution(entry))}, "
-                    "expected one of each name: uninstall one of them."
-                )
+                theirs = " ".join(_distribution(entry))
+                raise ConfigError(f"{self.group}: {other} and {theirs} both have {entry.name!r}: uninstall the latter.")
             found[entry.name] = entry
         return found
 
     def __getitem__(self, name: str) -> T:
-        """Variant of a name; a KeyError for an unknown name, a ConfigError if a foreign variant cannot be imported."""
+        """Variant of a name; a KeyError for an unknown name, a ConfigError if a foreign one cannot be used."""
         if name in self.builtin:
             own = self.builtin[name]
             return cast("T", pkgutil.resolve_name(own)) if isinstance(own, str) else own
         entry = self.foreign[name]
+        called = f"{self.group}: {name!r} of {' '.join(_distribution(entry))}"
         try:
-            return cast("T", entry.load())
+            found = entry.load()
         except Exception as error:  # whatever a foreign module raises when it is imported
-            raise ConfigError(
-                f"{self.group}: {name!r} of {' '.join(_distribution(entry))} cannot be imported from {entry.value}: "
-                f"{type(error).__name__}: {error}."
-            ) from error
+            what = f"{type(error).__name__}: {error}"
+            raise ConfigError(f"{called} cannot be imported from {entry.value}: {what}.") from error
+        if lacking := sorted(getattr(found, "__abstractmethods__", ())):
+            raise ConfigError(f"{called} lacks {', '.join(lacking)}, expected as its base class describes them.")
+        return cast("T", found)
 
     def __contains__(self, name: object) -> bool:
         """Whether there is a variant of a name; a foreign one is not imported."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -151,6 +152,7 @@ class Reader(FileReader):
         del scene
         return Facts()
 
+    @abstractmethod
     def read(self, grid: Grid) -> ReadImage:
         """Backscatter on the pixels of the scene's image.
 
@@ -159,7 +161,6 @@ class Reader(FileReader):
         MeasurementError
             The file cannot be read or holds no image of the scene, or its numbers contradict the scale.
         """
-        raise NotImplementedError
 
     def in_db(self, values: NDArray[Any], scale: str, shape: tuple[int, int] | None) -> tuple[Any, Counts]:
         """Image [dB] of the numbers of the file in a scale, and its counts, after a check of the numbers."""

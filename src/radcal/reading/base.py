@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from radcal.reading.rasters import raster_files
 __all__ = ["READERS", "FileReader", "reader_of"]
 
 
-class FileReader:
+class FileReader(ABC):
     """Reader of a kind of files, before a file is opened; :class:`radcal.image.base.Reader` reads the image.
 
     Attributes
@@ -33,9 +34,9 @@ class FileReader:
     gives_acquisition = False
 
     @classmethod
+    @abstractmethod
     def matches(cls, path: Path) -> bool:
         """Whether the reader reads a path; the file need not exist, and the path may contain ``${NAME}``."""
-        raise NotImplementedError
 
     @classmethod
     def named(cls, path: str) -> NamedProduct | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,7 +32,7 @@ class SceneSize:
     resampled: int
 
 
-class SceneSource:
+class SceneSource(ABC):
     """Source of scenes, such as rasters on the map.
 
     Attributes
@@ -43,6 +44,7 @@ class SceneSource:
     section: type[SceneSection]
 
     @staticmethod
+    @abstractmethod
     def size(config: Any) -> SceneSize:
         """Size of a scene, from the headers of its files.
 
@@ -53,9 +55,9 @@ class SceneSource:
         SceneError
             A file cannot be read, or no grid fits the files.
         """
-        raise NotImplementedError
 
     @staticmethod
+    @abstractmethod
     def make(config: Any, heading_deg: float) -> Scene:
         """Scene without objects, whose grid is turned to the heading of the track [deg] if it is on the map.
 
@@ -64,7 +66,6 @@ class SceneSource:
         SceneError
             A file cannot be read, or contradicts the configuration.
         """
-        raise NotImplementedError
 
 
 def source_of(config: SceneSection) -> type[SceneSource]:
