@@ -112,7 +112,7 @@ def calibrate(
         Simulator with a run store; stored runs are not simulated again.
     targets : mapping
         Target by calibrated material, divided into incidence-angle bins if the objective needs them
-        (:func:`radcal.targets.target_fit.make_targets`).
+        (``radcal.targets.target_fit.make_targets``).
     report : callable, optional
         Function that is called with the history after the design and after every infill run.
     reference : Runner, optional

@@ -1,4 +1,4 @@
-"""Types of the numbers in the configuration, with their allowed ranges; docs/limits.md lists the ranges by key.
+"""Types of the numbers in the configuration, with their allowed ranges; docs/configuration.md lists the ranges by key.
 
 No real acquisition, scene or computer has a value outside the allowed range of a key. A value outside its range
 therefore has a wrong unit or a wrong digit.

@@ -1,0 +1,131 @@
+"""Write the tables of ``docs/configuration.md`` from ``config/schema.json``.
+
+python docs/keys.py > docs/configuration.md
+"""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+HEAD = """# Keys of a case
+
+A case is one YAML file with the keys that differ from the defaults. A key that has no default in these tables takes no
+value, or a value that depends on other keys, as its description says. Every section has a table of its own; in a path,
+`*` stands for a name.
+
+Every number has a lower and an upper limit. Most limits lie beyond the values of real passes, scenes and computers, so
+that a number outside of its limits probably has a wrong unit or a wrong digit; some are limits of radcal itself, such
+as 64 looks. radcal refuses a number outside of its limits before any run, in a sentence with the key, the number and
+the limits.
+
+Editors with the YAML language server show descriptions and limits while a case is written, and complete the keys. For
+the language server, the first line of the case must give the path of `config/schema.json`, relative to the folder of
+the case, as in the cases of `config/` and `examples/`:
+
+    # yaml-language-server: $schema=schema.json
+"""
+
+
+def number(value: float) -> str:
+    """Text of a limit."""
+    return f"{value:,.0f}" if isinstance(value, float) and value == round(value) and abs(value) < 1e13 else f"{value:,}"
+
+
+def limits(schema: dict[str, Any]) -> str:
+    """Text of the range of a number; the value of an environment variable has none."""
+    if not schema.keys() & {"minimum", "exclusiveMinimum"}:
+        return "number"
+    low = number(schema["minimum"]) if "minimum" in schema else f"above {number(schema['exclusiveMinimum'])}"
+    high = number(schema["maximum"]) if "maximum" in schema else f"below {number(schema['exclusiveMaximum'])}"
+    return f"{low} to {high}"
+
+
+def values(schema: dict[str, Any], headings: dict[str, str]) -> str:
+    """Text on the values that a key admits."""
+
+    def each(parts: list[dict[str, Any]]) -> str:
+        return " or ".join(dict.fromkeys(values(part, headings) for part in parts if part.get("type") != "null"))
+
+    if parts := schema.get("anyOf", schema.get("oneOf")):
+        return each(parts)
+    if "enum" in schema:
+        return ", ".join(f"`{value}`" for value in schema["enum"])
+    if "const" in schema:
+        return f"`{schema['const']}`"
+    if "$ref" in schema:
+        return f"keys of {headings[kind(schema)]}"
+    match schema.get("type"):
+        case "boolean":
+            return "`true`, `false`"
+        case "integer" | "number":
+            return limits(schema)
+        case "array":
+            items = schema.get("items", {})
+            return f"list: {each(items if isinstance(items, list) else [items])}"
+        case "object":
+            return f"by name: {values(schema['additionalProperties'], headings)}"
+    return "text"
+
+
+def kind(schema: dict[str, Any]) -> str:
+    """Name of the class of a section."""
+    return str(schema["$ref"].rpartition("/")[2])
+
+
+def headings_of(schema: Any, models: dict[str, Any], path: str, found: dict[str, str]) -> dict[str, str]:
+    """Heading of every section by its class: the first place where the section stands in a case."""
+    if isinstance(schema, list):
+        for item in schema:
+            headings_of(item, models, path, found)
+    elif isinstance(schema, dict) and "$ref" in schema:
+        if (name := kind(schema)) not in found:
+            properties = models[name]["properties"]
+            tag = [f"`{key}: {own['const']}`" for key, own in properties.items() if "const" in own]
+            found[name] = " with ".join([f"`{path}`", *tag])
+            for key, own in properties.items():
+                headings_of(own, models, f"{path}.{key}", found)
+    elif isinstance(schema, dict):
+        for word in ("anyOf", "oneOf", "items"):
+            headings_of(schema.get(word, []), models, path, found)
+        headings_of(schema.get("additionalProperties", []), models, f"{path}.*", found)
+    return found
+
+
+def linked(text: str) -> str:
+    """Text in which the path of another page is a link with that page's title."""
+
+    def link(path: re.Match[str]) -> str:
+        title = (ROOT / path[0]).read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")
+        return f"[{title}]({path[1]})"
+
+    return re.sub(r"docs/(\w+\.md)", link, text)
+
+
+def table(section: dict[str, Any], headings: dict[str, str]) -> str:
+    """Table of the keys of a section."""
+    rows = ["| key | values | default | meaning |", "|---|---|---|---|"]
+    for key, schema in section["properties"].items():
+        given = f"`{json.dumps(schema['default'])}`" if "default" in schema else "\N{EN DASH}"
+        if key in section.get("required", ()):
+            given = "required"
+        rows.append(f"| `{key}` | {values(schema, headings)} | {given} | {linked(schema['description'])} |")
+    return "\n".join(rows)
+
+
+def main() -> None:
+    """Print the page."""
+    schema = json.loads((ROOT / "config/schema.json").read_text(encoding="utf-8"))
+    models, headings = schema["$defs"], {}
+    for key, section in schema["properties"].items():
+        headings_of(section, models, key, headings)
+    single = {key: own for key, own in schema["properties"].items() if "keys of" not in values(own, headings)}
+    print(f"{HEAD}\n{table({'properties': single}, headings)}")
+    for name, heading in headings.items():
+        description = models[name]["description"].partition("\n")[0].replace("``", "`")
+        print(f"\n## {heading}\n\n{description}\n\n{table(models[name], headings)}")
+
+
+if __name__ == "__main__":
+    main()
