@@ -276,9 +276,10 @@ _OF_ADVICE: Mapping[str, str] = {
     "passes_equal": "{about}: within 5 % of the best: {names}",
     "model_of_advice": "The table follows from a linear-Gaussian model with draws of the posterior; it does not allow "
     "for an image that cannot be registered, nor for a wrong radiometry",
-    "opposite_side": "All passes have heading_deg {heading_deg:g}, that of the scene's grid. A satellite that sees the "
-    "scene from the other side with the same look side, half a day apart, heads to about {opposite_deg:.1f} deg: the "
-    "other look side of the table stands for it, in a direction that differs by {apart_deg:.1f} deg",
+    "opposite_side": "All passes have heading_deg {heading_deg:g}, because the passes of a case share one grid. A "
+    "satellite that sees the scene from the other side with the same look side, half a day apart, heads to about "
+    "{opposite_deg:.1f} deg: its image needs a case of its own (radar.heading_deg), which radcal apply compares with "
+    "this one. The other look side, where the table has it, looks in a direction that differs by {apart_deg:.1f} deg",
 }
 
 TEXTS: Mapping[str, str] = {**_OF_SCENE, **_OF_IMAGE, **_OF_CASE, **_OF_RUNS, **_OF_SEARCH, **_OF_MODEL, **_OF_ADVICE}

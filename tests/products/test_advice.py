@@ -102,6 +102,28 @@ def test_passes_of_an_orbit_are_offered_by_incidence():
     assert _opposite(orbit).numbers == pytest.approx({"heading_deg": 189.0, "opposite_deg": 351.0, "apart_deg": 18.0})
 
 
+def test_only_passes_that_the_sensor_can_fly_are_offered():
+    given = {"sensor": "sentinel1_iw_grdh", "incidence_deg": 38.0, "polarisation": "VV", "nesz_db": -23}
+    at = {**sections(), "radar": given}
+    found = candidates(case_from(at))
+    assert [(each.incidence_deg, each.look_side) for each in found] == [(29.1, "right"), (46.0, "right")]
+    assert [each.incidence_deg for each in candidates(case_from(at), [55.0])] == [35.0]
+    with pytest.raises(ConfigError, match="incidence_deg 23, which sentinel1_iw_grdh does not fly .* 29.1 to 46.0"):
+        candidates(case_from(at), [67.0])
+    # nearer to the end of the swath than a step, and in an experimental pass to the left
+    at["radar"] = {**given, "incidence_deg": 46.0, "look_side": "left"}
+    assert [(each.incidence_deg, each.look_side) for each in candidates(case_from(at))] == [(31.0, "left")]
+    # by depression: over a sphere of 6371 km, 29.1 degrees are seen from 693 km at arccos(sin 29.1 / 1.1088)
+    del given["incidence_deg"]
+    curved = case_from({**at, "radar": {**given, "depression_deg": 60.0, "earth": "curved"}})
+    assert [each.depression_deg for each in candidates(curved)] == pytest.approx([49.55, 63.99], abs=0.01)
+    # a radar that looks to both sides, whose incidences were found in no source
+    alos = {"sensor": "alos2_fine_l15", "incidence_deg": 38.0, "look_side": "right", "polarisation": "HH",
+            "nesz_db": -26, "range_resolution_m": 6, "azimuth_resolution_m": 8}  # fmt: skip
+    both = candidates(case_from({**at, "radar": alos}))
+    assert [each.incidence_deg for each in both] == [38.0, 23.0, 23.0, 53.0, 53.0]
+
+
 @pytest.mark.slow
 def test_passes_far_from_the_known_angle_narrow_a_slope_most():
     one, known = case(), found()

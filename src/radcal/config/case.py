@@ -154,7 +154,8 @@ class Case(Part):
         if len(set(headings)) > 1:
             yield (
                 f"radar.*.heading_deg are {', '.join(f'{heading:g}' for heading in headings)}, expected the same "
-                "heading in all passes, which share the scene's grid"
+                "heading in all passes, which share the scene's grid: make a case of its own for each heading, and "
+                "compare them with radcal apply or radcal compare (docs/passes.md)"
             )
         for number, one in enumerate(self.passes, start=1):
             for found in one._in_pass():

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.angles import depression_deg
 from radcal.assessment.preposterior import View, half_widths_after, half_widths_now, view_of
 from radcal.config import Case, Radar
 from radcal.errors import ConfigError
@@ -21,6 +22,7 @@ from radcal.products.tables import aligned, write_csv
 from radcal.radar.projection import make_geometry
 from radcal.results.archive import Archive, read_finished
 from radcal.scene.model import Scene, read_scene
+from radcal.tables.sensors import sensors
 from radcal.words import doubts, sentence
 
 __all__ = [
@@ -91,36 +93,60 @@ class Advised:
 
 
 def candidates(case: Case, depressions: Sequence[float] = ()) -> list[Radar]:
-    """Candidate passes: depression angles on both look sides, without the passes that the case already has.
+    """Candidate passes that the sensor can fly, without the passes that the case already has.
 
     Parameters
     ----------
     case : Case
-        Case whose first pass gives the other settings.
+        Case whose first pass gives the other settings. If it names a sensor whose look side or incidences are known
+        (``radar.sensor``), candidates keep them; else they have both look sides.
     depressions : sequence of float
-        Depression angles [deg]; by default that of the first pass, and 15 degrees more and less. In a case with
-        ``incidence_deg``, a candidate has the incidence 90 degrees minus depression angle.
+        Depression angles [deg]; by default that of the first pass, and 15 degrees more and less, or as far as the
+        sensor can. In a case with ``incidence_deg``, a candidate has the incidence 90 degrees minus depression angle.
+
+    Raises
+    ------
+    ConfigError
+        A given angle is impossible, or the sensor cannot fly it.
     """
     first = case.radar
     for angle in depressions:
         if not 5.0 < angle < 85.0:
             raise ConfigError(f"--depression is {angle:g}, expected an angle above 5 and below 85 degrees.")
+    sensor = None if first.sensor is None else sensors()[first.sensor]
+    sides = _SIDES if sensor is None or "look_side" not in sensor.values else (first.look_side,)
     if first.incidence_deg is None:
         key, middle, (low, high), given = "depression_deg", first.depression_deg, _DEPRESSIONS, list(depressions)
     else:
         key, middle, (low, high) = "incidence_deg", first.incidence_deg, _INCIDENCES
         given = [90.0 - angle for angle in depressions]
     around = [middle + step for step in (0.0, -_STEP_DEG, _STEP_DEG)]
-    angles = given or [angle for angle in around if low <= angle <= high]
+    if sensor is not None and sensor.incidence is not None:
+        low, high = sensor.incidence.value
+        if key == "depression_deg":
+            low, high = (_depression_deg(first, angle) for angle in (high, low))
+        around = [middle, max(around[1], low), min(around[2], high)]
+        for angle in given:
+            if not low <= angle <= high:
+                raise ConfigError(
+                    f"--depression gives a pass of {key} {angle:g}, which {first.sensor} does not fly (radar.sensor), "
+                    f"expected {low:.1f} to {high:.1f} degrees (docs/sensors.md)."
+                )
+    angles = given or [angle for angle in dict.fromkeys(around) if low <= angle <= high]
     if first.incidence_deg is not None:
         angles = [round(angle, 2) for angle in angles]
     taken = {(getattr(one.radar, key), one.radar.look_side) for one in case.passes}
     return [
         first.model_copy(update={key: float(angle), "look_side": side})
         for angle in angles
-        for side in _SIDES
+        for side in sides
         if (angle, side) not in taken
     ]
+
+
+def _depression_deg(radar: Radar, incidence_deg: float) -> float:
+    """Depression angle of a pass of another incidence [deg], over the earth of the given pass."""
+    return 90.0 - incidence_deg if radar.earth == "flat" else depression_deg(incidence_deg, radar.altitude_m)
 
 
 def _opposite(radar: Radar) -> Finding:

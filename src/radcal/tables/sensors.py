@@ -49,11 +49,14 @@ class Sensor:
         Keys that the case must give; the case may give ``depression_deg`` instead of ``incidence_deg``.
     orbit : bool
         Whether the sensor is in orbit, so that its track does not head north.
+    incidence : _Value or None
+        Lowest and highest incidence of the product [deg], with its source; None if it was read in no source.
     """
 
     values: Mapping[str, _Value]
     asks: tuple[str, ...]
     orbit: bool = True
+    incidence: _Value | None = None
 
     def missing(self, given: Mapping[str, Any]) -> list[str]:
         """Required keys that are missing in section ``radar`` of the case."""
@@ -85,10 +88,12 @@ def sensors() -> dict[str, Sensor]:
     def read(value: Any, source: str, note: str = "", ground_range: bool = False) -> _Value:
         return _Value(value, table["sources"][source] + note, ground_range)
 
-    return {
-        name: Sensor({k: read(**item) for k, item in one["values"].items()}, tuple(one["asks"]), one.get("orbit", True))
-        for name, one in table["sensors"].items()
-    }
+    found = {}
+    for name, one in table["sensors"].items():
+        values = {key: read(**item) for key, item in one["values"].items()}
+        incidence = read(**one["incidence_deg"]) if "incidence_deg" in one else None
+        found[name] = Sensor(values, tuple(one["asks"]), one.get("orbit", True), incidence)
+    return found
 
 
 def sensors_table() -> str:
@@ -98,6 +103,9 @@ def sensors_table() -> str:
         for key, item in sensor.values.items():
             value = f"{item.value:g}" if isinstance(item.value, float) else str(item.value)
             lines.append(f"| `{name}` | `{key}` | {value}{' in ground range' * item.ground_range} | {item.source} |")
+        if sensor.incidence is not None:
+            between = "{:g} to {:g}".format(*sensor.incidence.value)
+            lines.append(f"| `{name}` | incidence of the product | {between} degrees | {sensor.incidence.source} |")
         asked = ", ".join(f"`{key}`" for key in sensor.asks)
         lines.append(f"| `{name}` | {asked} | asked for | read in no source, or different from image to image |")
     return "\n".join(lines) + "\n"
