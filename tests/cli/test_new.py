@@ -92,9 +92,11 @@ def test_what_the_files_say_is_read_and_the_rest_is_marked(files: list[str]) -> 
     for number, line in enumerate(text.splitlines(), start=1):
         if key := line.partition(": FILL_IN")[0].strip() * (": FILL_IN" in line):
             assert "  # " in line
-            assert sum(f".{key} is FILL_IN (line {number}), expected" in one for one in listed) == 1, key
+            assert sum(f", line {number}: " in one and f".{key} is FILL_IN, expected" in one for one in listed) == 1, (
+                key
+            )
     run = CliRunner().invoke(app, ["run", "mine.yaml"])
-    assert (run.exit_code, "scene.vertical_datum is FILL_IN (line 9)" in run.stderr) == (1, True)
+    assert (run.exit_code, "mine.yaml, line 9: scene.vertical_datum is FILL_IN" in run.stderr) == (1, True)
 
 
 def test_the_search_lies_about_the_levels_of_the_image(files: list[str]) -> None:

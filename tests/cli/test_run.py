@@ -67,7 +67,7 @@ def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(clone: 
         ("utf16.yaml", "case: mine\n".encode("utf-16"), "utf16.yaml, line 1: not a text file in UTF-8 (byte 0xff"),
         ("two.yaml", b"case: a\n---\ncase: b\n", "two.yaml, line 2: not a YAML file (but found another document"),
         # Snakemake would run the Python code in it
-        ("code.yaml", b"__use_yte__: true\n", "code.yaml: unknown key __use_yte__ "),
+        ("code.yaml", b"__use_yte__: true\n", "code.yaml, line 1: unknown key __use_yte__ "),
         ("files.yaml", gone, "measurement.path: the file gone.tif does not exist in "),
     ):
         (clone / name).write_bytes(content)
@@ -88,9 +88,12 @@ def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(clone: 
         (["mine.yaml", "--cores", "0"], "--cores is '0', expected a number from 1 on, or all."),
         (["mine.yaml", "-c", "1.5"], "--cores is '1.5', expected a number from 1 on, or all."),
         (["mine.yaml", "--set", "stop.rms"], "--set stop.rms: expected KEY=VALUE such as stop.rms=1e-6."),
-        (["mine.yaml", "--set", "stop.rsm=1"], "mine.yaml: unknown key stop.rsm (did you mean 'rms'?)."),
-        (["mine.yaml", "--set", "stop.max_runs=1"], "mine.yaml: stop.max_runs is 1, expected at least design.size"),
-        (["mine.yaml", "--set", "stop.rms=low"], "mine.yaml: stop.rms is 'low', expected a number"),
+        (["mine.yaml", "--set", "stop.rsm=1"], "mine.yaml, command line: unknown key stop.rsm (did you mean 'rms'?)."),
+        (
+            ["mine.yaml", "--set", "stop.max_runs=1"],
+            "mine.yaml, command line: stop.max_runs is 1, expected at least design.size",
+        ),
+        (["mine.yaml", "--set", "stop.rms=low"], "mine.yaml, command line: stop.rms is 'low', expected a number"),
         (["mine.yaml", "--set", "seed=1", "--set", "seed=2"], "--set: seed is given twice, expected once."),
         (["mine.yaml", "--set", "stop.rms=[1"], "--set stop.rms=[1: not valid JSON or YAML ("),
         (["mine.yaml", "--", "--config", "seed=3"], "--config after -- would replace the case that is checked: type"),
@@ -268,7 +271,7 @@ def test_a_case_that_fails_does_not_stop_the_next(
     done = run("mine.yaml", "wrong.yaml", "gone.yaml")
     assert capfd.readouterr().out == "", "no case is run if one is wrong"
     assert [line[:25] for line in done.stderr.splitlines()] == [
-        "radcal: wrong.yaml: unkno",
+        "radcal: wrong.yaml, line ",
         "radcal: gone.yaml: cannot",
     ]
 

@@ -476,7 +476,7 @@ def test_each_of_three_passes_has_its_own_radar_and_image() -> None:
                     {"source": "file", "path": "x", "scale": "db", "radiometry": "sigma0_ref", "polarisation": "HH"},
                 ]
             },
-            "pass 2: measurement.polarisation is HH, radar.polarisation is VV",
+            "measurement.2.polarisation is HH, radar.polarisation is VV",
         ),
         ({"design": {"reuse": "other"}}, "design.reuse is 'other' in a case of 2 passes, expected one pass"),
         ({"further_radar": [{}]}, "unknown key further_radar"),

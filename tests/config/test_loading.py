@@ -139,7 +139,7 @@ def test_a_forward_run_needs_neither_measurement_nor_calibration(tmp_path: Path)
     [
         ({"radar": {"look": 3}}, "unknown key radar.look"),
         ({"sede": 3}, "unknown key sede"),
-        ({"materials": {"soil": {"law": "external"}}}, "case.yaml: materials.soil.law is external, which only"),
+        ({"materials": {"soil": {"law": "external"}}}, "case.yaml, line 3: materials.soil.law is external, which only"),
         ({"materials": {"soil": {"law": "oh1992", "parameters": [8, 1, 1]}}}, "radar.frequency_ghz is missing"),
     ],
 )

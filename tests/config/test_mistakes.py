@@ -30,7 +30,7 @@ def test_every_wrong_key_of_all_sections_and_passes_is_told_once(loaded: Any) ->
     radar = [{"looks": 7, "depression_deg": 41}, {"looks": 0, "depression_deg": 52, "loks": 3}]
     materials = {"a": {"law": "constant_gamma", "parameters": ["low"], "calibrate": "maybe"}, "b": {"law": "mangja"}}
     found = loaded({"sede": 3, "radar": radar, "measurement": [IMAGE, IMAGE], "materials": materials})
-    said = {" ".join(text.removeprefix("mine.yaml: ").split()[:4]) for text in found.problems}
+    said = {" ".join(text.partition(": ")[2].split()[:4]) for text in found.problems}
     assert said == {
         "unknown key sede (did", "unknown key radar.2.loks (did", "radar.2.looks is 0, expected",
         "materials.a.parameters.0 is 'low', expected", "materials.a.calibrate is 'maybe', expected",
@@ -50,7 +50,7 @@ def test_contradictions_between_sections_are_told_once_all_sections_are_right(lo
     def problems(**more: Any) -> list[str]:
         return list(loaded({"design": {"reuse": "mine"}, "case": "mine", "stop": {"max_runs": 1}, **more}).problems)
 
-    assert [text.split()[1] for text in problems()] == ["design.reuse", "stop.max_runs"]
+    assert [text.split(": ")[1].split()[0] for text in problems()] == ["design.reuse", "stop.max_runs"]
     for key, value in (("seed", -1), ("seed", "FILL_IN"), ("case", "FILL_IN")):
         (problem,) = problems(**{key: value})
         assert f"{key} is" in problem
@@ -60,10 +60,10 @@ def test_what_is_still_to_be_decided_is_no_other_mistake(loaded: Any) -> None:
     materials = {"a": {"law": "FILL_IN", "calibrate": True}, "b": {"parameters": ["FILL_IN", 2]}}
     radar, image = [{"looks": 3}, {"looks": "FILL_IN"}], {**IMAGE, "scale": "FILL_IN", "path": [1]}
     found = loaded({"materials": materials, "radar": radar, "measurement": [image, IMAGE]})
-    assert sorted(text.partition(",")[0] for text in found.problems) == [
-        "mine.yaml: materials.a.law is FILL_IN (line 4)", "mine.yaml: materials.b.parameters is FILL_IN (line 6)",
-        "mine.yaml: measurement.path is [1]", "mine.yaml: measurement.scale is FILL_IN (line 13)",
-        "mine.yaml: radar.2.looks is FILL_IN (line 21)",
+    assert sorted(text.rpartition(", ")[0].partition(", expected")[0] for text in found.problems) == [
+        "mine.yaml, line 10: measurement.path is [1]", "mine.yaml, line 13: measurement.scale is FILL_IN",
+        "mine.yaml, line 21: radar.2.looks is FILL_IN", "mine.yaml, line 4: materials.a.law is FILL_IN",
+        "mine.yaml, line 6: materials.b.parameters is FILL_IN",
     ]  # fmt: skip
 
 
@@ -75,14 +75,14 @@ def test_what_is_still_to_be_decided_has_its_line_and_an_example(tmp_path: Path)
         "scene: {source: raster, elevation: FILL_IN, materials: a.tif, vertical_datum: EGM96, cell_m: FILL_IN}\n"
     )
     found = load_with_problems([file], {"stop": {"rms": "FILL_IN"}}).problems
-    assert sorted(text.removeprefix(f"{file}: ") for text in found) == [
-        "materials.FILL_IN is FILL_IN (line 5), expected the name of a material of the scene in its place, for example "
+    assert sorted(text.removeprefix(f"{file}, ") for text in found) == [
+        "command line: stop.rms is FILL_IN, expected its value.",
+        "line 11: scene.cell_m is FILL_IN, expected its value.",
+        "line 11: scene.elevation is FILL_IN, expected its value, for example elevation: data/dem.tif.",
+        "line 2: radar.looks is FILL_IN, expected its value, for example looks: 4.4.",
+        "line 5: materials.FILL_IN is FILL_IN, expected the name of a material of the scene in its place, for example "
         "crops: {calibrate: true}.",
-        "materials.crops.parameters is FILL_IN (line 8), expected its value, for example parameters: [-15].",
-        "radar.looks is FILL_IN (line 2), expected its value, for example looks: 4.4.",
-        "scene.cell_m is FILL_IN (line 11), expected its value.",
-        "scene.elevation is FILL_IN (line 11), expected its value, for example elevation: data/dem.tif.",
-        "stop.rms is FILL_IN, expected its value.",
+        "line 8: materials.crops.parameters is FILL_IN, expected its value, for example parameters: [-15].",
     ]
 
 
@@ -98,7 +98,7 @@ def test_what_is_still_to_be_decided_has_its_line_and_an_example(tmp_path: Path)
 )
 def test_the_kind_of_a_simulator_is_not_its_key_command(loaded: Any, keys: dict[str, Any], wrong: str) -> None:
     (problem,) = loaded({"simulator": OUTSIDE | keys}).problems
-    assert problem.removeprefix("mine.yaml: simulator").lstrip(".: ").startswith(wrong)
+    assert problem.partition(": simulator")[2].lstrip(".: ").startswith(wrong)
 
 
 def test_one_mistake_of_two_materials_is_told_of_both(loaded: Any) -> None:
@@ -113,5 +113,5 @@ def test_one_mistake_of_two_materials_is_told_of_both(loaded: Any) -> None:
 def test_a_case_for_simulate_need_not_calibrate(loaded: Any) -> None:
     fixed = {"a": {"law": "constant_gamma", "parameters": [-12]}}
     (problem,) = loaded({"materials": fixed, "measurement": IMAGE}).problems
-    assert problem == "mine.yaml: materials: none is marked calibrate: true, expected at least one."
+    assert problem == "mine.yaml, line 1: materials: none is marked calibrate: true, expected at least one."
     assert (loaded({"materials": fixed}).problems, loaded({"materials": fixed}).forward) == ([], True)

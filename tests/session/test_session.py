@@ -39,7 +39,7 @@ def test_a_command_opens_the_session_of_its_case(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words", "said"),
     [
-        ("stop: {rmss: 1}", [], "mine.yaml: unknown key stop.rmss (did you mean 'rms'?)"),
+        ("stop: {rmss: 1}", [], "mine.yaml, line 1: unknown key stop.rmss (did you mean 'rms'?)"),
         ("seed: 1", ["seed=1", "seed=2"], "--config: seed is given twice"),
         (
             "measurement: {source: file, path: no.tif, scale: db, radiometry: sigma0_ref}",

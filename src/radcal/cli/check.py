@@ -64,7 +64,7 @@ def _is_right(case: Path, changed: dict[str, Any], results: Path) -> bool:
         count = len(found.problems)
         typer.echo(f"radcal: {case} cannot be run; {count} problem{'s' if count > 1 else ''} found:", err=True)
         for text in found.problems:
-            typer.echo(f"  - {text.removeprefix(f'{case}: ')}", err=True)
+            typer.echo(f"  - {text.removeprefix(str(case)).lstrip(':, ')}", err=True)
         if found.unseen:
             typer.echo(f"Not looked at yet, because of the above: {'; '.join(found.unseen)}.", err=True)
         for line in (*found.warnings(), *found.remarks()):

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +30,6 @@ __all__ = [
     "load_forward",
     "load_measured",
     "load_with_problems",
-    "origin_of",
-    "read_cases",
 ]
 
 _SECTIONS = {field.alias or name for name, field in Case.model_fields.items()}
@@ -54,6 +51,51 @@ def _parsed(overrides: Mapping[str, Any]) -> dict[str, Any]:
     return parsed
 
 
+@dataclass
+class _Read:
+    """Plain data of a case, and where each of its keys stands.
+
+    Attributes
+    ----------
+    data : dict
+        Keys and values.
+    origin : str
+        Names of the case files, with which a sentence on a key begins that stands in none of them.
+    places : dict of str to str
+        File and line of each key in dotted form, or the command line.
+    wrong : list of Mistake
+        Mistakes that :meth:`case` has found.
+    """
+
+    data: dict[str, Any]
+    origin: str
+    places: dict[str, str] = field(default_factory=dict)
+    wrong: list[Mistake] = field(default_factory=list)
+
+    def case(self, without: Container[str] = ()) -> Case | None:
+        """Case of the sections except those named; None if it has mistakes other than contradictions of sections."""
+        data = {name: section for name, section in self.data.items() if name not in without}
+        contradictions = list[Mistake]()
+        try:
+            case = Case.model_validate(data, context=contradictions)
+        except ValidationError as error:
+            self.wrong = mistakes(error, Case)
+            return None
+        self.wrong = contradictions
+        return case
+
+    def said(self, mistake: Mistake) -> str:
+        """Sentence on a mistake, which begins with the place of its key or of the innermost section that has one."""
+        key = mistake.key
+        while key and key not in self.places:
+            key = key.rpartition(".")[0]
+        return f"{self.places.get(key, self.origin)}: {shown(mistake.text, 600)}"
+
+    def refused(self) -> ConfigError:
+        """Error on the first mistake, which tells how many there are."""
+        return ConfigError(first_of([self.said(one) for one in self.wrong]))
+
+
 def case_from(data: Mapping[str, Any], origin: str = "configuration") -> Case:
     """Convert plain data to a typed case, and check keys and values.
 
@@ -62,27 +104,14 @@ def case_from(data: Mapping[str, Any], origin: str = "configuration") -> Case:
     ConfigError
         A key or value is wrong; the message describes the first problem.
     """
-    return _validated(dict(data), origin)
+    return _right(_Read(dict(data), origin))
 
 
-def _validated(
-    data: dict[str, Any], origin: str, contradictions: list[str] | None = None, files: Sequence[str | Path] = ()
-) -> Case:
-    """Case of plain data; a list given for ``contradictions`` collects those between sections, which are no errors."""
-    try:
-        return Case.model_validate(data, context=contradictions)
-    except ValidationError as error:
-        raise ConfigError(f"{origin}: {first_of([one.text for one in _mistakes(error, files)])}") from None
-
-
-def _mistakes(error: ValidationError, files: Sequence[str | Path]) -> list[Mistake]:
-    """Mistakes that pydantic found in a case, with lines of the case files, of which a later one counts."""
-    from radcal.config.yaml_file import lines_of
-
-    lines: dict[str, int] = {}
-    for file in files:
-        lines |= lines_of(file)
-    return mistakes(error, Case, lines)
+def _right(read: _Read) -> Case:
+    case = read.case()
+    if case is None or read.wrong:
+        raise read.refused()
+    return case
 
 
 def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Case:
@@ -101,7 +130,7 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     ConfigError
         A file is missing, empty or not YAML, a key occurs twice, or a key or value is wrong.
     """
-    return _validated(read_cases(files, overrides), origin_of(files), None, files)
+    return _right(_read(files, overrides))
 
 
 @dataclass(frozen=True)
@@ -144,22 +173,11 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     ConfigError
         A file is missing, empty or not YAML, or contains a key twice.
     """
-    data, origin = read_cases(files, overrides), origin_of(files)
-    contradictions: list[str] = []
-    try:
-        case = Case.model_validate(data, context=contradictions)
-    except ValidationError as error:
-        wrong = _mistakes(error, files)
-    else:
-        forward = "measurement" not in data and not case.calibrated
-        told = [] if forward else contradictions
-        return Loaded(case, [ConfigError(f"{origin}: {shown(text, 600)}.") for text in told], forward)
-    found = [ConfigError(f"{origin}: {shown(one.text, 600)}.", one) for one in wrong]
-    left_out = {one.section for one in wrong}
-    with contextlib.suppress(ValidationError):
-        rest = {name: section for name, section in data.items() if name not in left_out}
-        return Loaded(Case.model_validate(rest, context=[]), found)
-    return Loaded(None, found)
+    read = _read(files, overrides)
+    case = read.case()
+    forward = case is not None and "measurement" not in read.data and not case.calibrated
+    found = [ConfigError(f"{read.said(one)}.", one) for one in read.wrong if not forward]
+    return Loaded(case or read.case(without={one.section for one in read.wrong}), found, forward)
 
 
 def load_forward(
@@ -182,20 +200,23 @@ def load_forward(
     Raises
     ------
     ConfigError
-        As for :func:`load`; or the simulator cannot evaluate a law, or the pass lacks the carrier frequency that a law
-        needs.
+        As for :func:`load`, but the message has one line for each mistake; or the simulator cannot evaluate a law, or
+        the pass lacks the carrier frequency that a law needs.
     """
-    origin = origin_of(files)
-    data = {key: value for key, value in read_cases(files, overrides).items() if key not in _OF_CALIBRATION}
+    read = _read(files, overrides)
+    data = {key: value for key, value in read.data.items() if key not in _OF_CALIBRATION}
     if calibrated is not None and isinstance(own := data.get("materials", {}), dict):
-        data["materials"] = {**own, **_materials_of(calibrated, "--materials")}
+        data["materials"] = {**own, **_materials_of(calibrated, "--materials", read.places)}
     passes = data.get("radar")
     if isinstance(passes, list):  # a case must have a measurement for each pass; a forward run reads none of them
         data["measurement"] = [{}] * len(passes)
-    case = _validated(data, origin, [], files)
-    for one in case.passes:
-        for text in one.laws_without_pass():
-            raise ConfigError(f"{origin}: {text}.")
+    read.data = dict(with_undecided(data))
+    case = read.case()
+    if case is not None:
+        found = [text for one in case.passes for text in one.laws_without_pass()]
+        read.wrong = [Mistake(key, f"{key}{text}") for key, text in dict.fromkeys(found)]
+    if case is None or read.wrong:
+        raise ConfigError("\nradcal: ".join(f"{read.said(one)}." for one in read.wrong))
     return model_of(*FORWARD).of(case)
 
 
@@ -217,46 +238,53 @@ def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | No
     ConfigError
         As for :func:`load`.
     """
-    data = read_cases(files, overrides)
-    if "measurement" not in data:
+    read = _read(files, overrides)
+    if "measurement" not in read.data:
         return None
-    found: list[str] = []
-    case = _validated(data, origin_of(files), found, files)
-    if found and case.calibrated:
-        raise ConfigError(f"{origin_of(files)}: {shown(found[0], 600)}.")
+    case = read.case()
+    if case is None or (read.wrong and case.calibrated):
+        raise read.refused()
     return case
 
 
-def origin_of(files: Sequence[str | Path]) -> str:
-    """Names of the case files, as text with which error messages begin."""
-    return ", ".join(str(f) for f in files) or "configuration"
-
-
-def read_cases(files: Sequence[str | Path], overrides: Mapping[str, Any] | None) -> dict[str, Any]:
+def _read(files: Sequence[str | Path], overrides: Mapping[str, Any] | None) -> _Read:
     """Plain data merged from configuration files and overrides; parameters and errors as for :func:`load`."""
-    from radcal.config.yaml_file import merged, read_case_file  # imports PyYAML, which workflow jobs do not need
+    from radcal.config.yaml_file import leaves, merged, read_case_file  # imports PyYAML, which jobs do not need
 
     for variants in (LAWS, READERS, SCENES, SIMULATORS, OBJECTIVES, REGISTRATIONS):
         _ = variants.foreign  # a name of two distributions is refused
-    data: dict[str, Any] = {}
+    data, places = dict[str, Any](), dict[str, str]()
     for file in files:
-        data = merged(data, read_case_file(file))
-    data = merged(data, _parsed(overrides or {}))
+        data = merged(data, read_case_file(file, places))
+    # the configuration that Snakemake has merged repeats what the files say
+    told, changes = dict(leaves(data)), _parsed(overrides or {})
+    origin = ", ".join(map(str, files)) or "configuration"
+    of_command = f"{origin}, command line"
+    places |= {key: of_command for key, value in leaves(changes) if key not in told or told[key] != value}
+    data = merged(data, changes)
     if (file := data.pop(MATERIALS_FROM, None)) is not None:
         own = data.get("materials", {})
         # a material of the case replaces the other file's whole material, because keys of two laws must not be combined
-        data["materials"] = {**_materials_of(file, MATERIALS_FROM), **own} if isinstance(own, dict) else own
-    return dict(with_undecided(data))
+        data["materials"] = (
+            {**_materials_of(file, MATERIALS_FROM, places, own), **own} if isinstance(own, dict) else own
+        )
+    return _Read(dict(with_undecided(data)), origin, places)
 
 
-def _materials_of(file: Any, key: str) -> dict[str, Any]:
-    """Section ``materials`` of a file other than the case file, such as ``calibrated.yaml``."""
+def _materials_of(file: Any, key: str, places: dict[str, str], kept: Container[str] = ()) -> dict[str, Any]:
+    """Materials of a file other than the case file, without those that are ``kept``; ``places`` gets their places."""
     from radcal.config.yaml_file import read_case_file
 
     if not isinstance(file, str | Path):
         raise ConfigError(f"{key} is {shown(repr(file))}, expected the path of a YAML file with a section materials.")
     path = expand_path(str(file), key)
-    found = read_case_file(path).get("materials")
+    theirs = dict[str, str]()
+    found = read_case_file(path, theirs).get("materials")
     if not isinstance(found, dict) or not found:
         raise ConfigError(f"{key}: {path} has no section materials, expected one, as calibrated.yaml has it.")
-    return found
+    taken = {name: item for name, item in found.items() if name not in kept}
+    inside = tuple(f"materials.{name}." for name in taken)
+    others = {key: place for key, place in places.items() if not f"{key}.".startswith(inside)}
+    places.clear()
+    places |= others | {key: place for key, place in theirs.items() if f"{key}.".startswith(inside)}
+    return taken

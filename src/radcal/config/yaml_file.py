@@ -14,9 +14,9 @@ from typing import Any
 import yaml
 
 from radcal.errors import ConfigError
-from radcal.sections.errors import shown
+from radcal.sections.errors import key_in_list, shown
 
-__all__ = ["check_words", "lines_of", "merged", "read_case_file", "read_value", "setting"]
+__all__ = ["check_words", "leaves", "merged", "read_case_file", "read_value", "setting"]
 
 _LARGEST_BYTES = 200_000  # size limit of a case file: about twenty times the size of radcal's longest case file
 _LARGEST_VALUES = 200_000  # limit after every alias is expanded; no case file without aliases contains as many values
@@ -38,7 +38,7 @@ class _Loader(yaml.SafeLoader):
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
-        self.lines: dict[str, int] = {}  # line of each key, in dotted form; items of a list are counted from 0
+        self.lines: dict[str, int] = {}  # line of each key, in dotted form
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
@@ -55,13 +55,15 @@ class _Loader(yaml.SafeLoader):
         return value
 
 
-def read_case_file(path: str | Path) -> dict[str, Any]:
+def read_case_file(path: str | Path, places: dict[str, str] | None = None) -> dict[str, Any]:
     """Read the keys and values of a case file.
 
     Parameters
     ----------
     path : path
         A YAML file in UTF-8 with one document.
+    places : dict, optional
+        Mapping to which file and line of each key, in dotted form, are added.
 
     Returns
     -------
@@ -79,7 +81,7 @@ def read_case_file(path: str | Path) -> dict[str, Any]:
     YAML 1.1, sections 3.2.1.3 (keys are unique) and 7.1 (aliases).
     """
     try:
-        found, _ = _parsed(_text(_content(Path(path))))
+        found, lines = _parsed(_text(_content(Path(path))))
     except _Fault as fault:
         line = "" if fault.line is None else f", line {fault.line}"
         raise ConfigError(f"{shown(str(path), 300)}{line}: {fault}.") from None
@@ -87,12 +89,9 @@ def read_case_file(path: str | Path) -> dict[str, Any]:
         raise ConfigError(f"{path}: is empty, expected keys and values such as case: mine.")
     if not isinstance(found, Mapping):
         raise ConfigError(f"{path}: holds {type(found).__name__}, expected keys and values.")
+    if places is not None:
+        places |= {key: f"{path}, line {line}" for key, line in lines.items()}
     return dict(found)
-
-
-def lines_of(path: str | Path) -> dict[str, int]:
-    """Line, from 1, of each key of a case file that :func:`read_case_file` accepts; keys are in dotted form."""
-    return _parsed(_text(_content(Path(path))))[1]
 
 
 def read_value(text: str, origin: str) -> Any:
@@ -167,19 +166,20 @@ def check_words(words: Sequence[str], origin: str = "--config") -> None:
     """
     given: set[str] = set()
     for word in words:
-        for key in _leaves(setting(word, origin)):
+        for key, _ in leaves(setting(word, origin)):
             if key in given:
                 raise ConfigError(f"{origin}: {shown(key)} is given twice, expected once.")
             given.add(key)
 
 
-def _leaves(data: Mapping[Any, Any], above: str = "") -> Iterator[str]:
+def leaves(data: Mapping[Any, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    """Keys in dotted form, and values that are no sections."""
     for key, value in data.items():
         name = f"{above}{key}"
         if isinstance(value, Mapping):
-            yield from _leaves(value, f"{name}.")
+            yield from leaves(value, f"{name}.")
         else:
-            yield name
+            yield name, value
 
 
 def _content(path: Path) -> bytes:
@@ -242,7 +242,7 @@ def _check(loader: _Loader, root: yaml.Node) -> None:
         entered.add(id(node))
         weight = 1
         if isinstance(node, yaml.SequenceNode):
-            weight += sum(weigh(item, f"{key}.{number}") for number, item in enumerate(node.value))
+            weight += sum(weigh(item, key_in_list(key, number)) for number, item in enumerate(node.value))
         elif isinstance(node, yaml.MappingNode):
             for name, (key_node, value) in zip(_names(loader, node, key), node.value, strict=True):
                 weight += weigh(key_node, name) + weigh(value, name)

@@ -1,4 +1,4 @@
-"""Case of ``radcal simulate``: all mistakes in its materials at once, and remarks on where each law comes from."""
+"""Case of ``radcal simulate``, and remarks on where each of its laws comes from."""
 
 from __future__ import annotations
 
@@ -6,15 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
-from radcal.config import Case, expand_path, load_forward
-from radcal.config.loading import read_cases
+from radcal.config import expand_path, load_forward
 from radcal.config.part import Part
-from radcal.config.yaml_file import lines_of, read_case_file
-from radcal.errors import ConfigError
-from radcal.sections.base import with_undecided
-from radcal.sections.errors import mistakes, shown
+from radcal.config.yaml_file import read_case_file
 
 __all__ = ["forward_case"]
 
@@ -43,12 +37,10 @@ def forward_case(
     Raises
     ------
     ConfigError
-        As for :func:`radcal.config.load_forward`. The message has one line for each mistake in the other file.
+        As for :func:`radcal.config.load_forward`.
     """
-    others = {}
-    if materials is not None:
-        others = _checked_materials(materials, read_cases([file], overrides).get("scene", {}))
     case = load_forward([file], overrides, materials)
+    others = {} if materials is None else read_case_file(expand_path(str(materials), "--materials"))["materials"]
     remarks = []
     if kept := [name for name in case.materials if name not in others and materials is not None]:
         remarks.append(
@@ -58,18 +50,3 @@ def forward_case(
     if case.calibrated:
         remarks.append(f"Simulated at the start, because of calibrate: true: {', '.join(case.calibrated)}.")
     return case, remarks
-
-
-def _checked_materials(file: str | Path, scene: Any) -> dict[str, Any]:
-    """Section ``materials`` of a file, without mistakes; ``scene`` is the section of the case, for its land cover."""
-    path = expand_path(str(file), "--materials")
-    found = read_case_file(path).get("materials")
-    if not isinstance(found, dict) or not found:
-        raise ConfigError(f"--materials: {path} has no section materials, expected one, as calibrated.yaml has it.")
-    try:
-        Case.model_validate({"scene": scene, "materials": with_undecided(found)}, context=[])
-    except ValidationError as error:
-        wrong = [one for one in mistakes(error, Case, lines_of(path)) if one.section == "materials"]
-        if wrong:
-            raise ConfigError("\nradcal: ".join(f"{path}: {shown(one.text, 600)}." for one in wrong)) from None
-    return found

@@ -106,10 +106,9 @@ class NewCase:
             self.undecided.append("materials.fixed")
         # the file of names need not exist yet
         checked = {**case, "scene": {**case["scene"], "names": "names.json"}}
-        wrong = load_with_problems([], checked).found
-        found = [one for one in wrong if not (isinstance(one.about, Mistake) and one.about.undecided)]
-        if found:
-            raise ConfigError("\nradcal: ".join(str(one).removeprefix("configuration: ") for one in found))
+        wrong = [one.about for one in load_with_problems([], checked).found]
+        if found := [f"{one.text}." for one in wrong if isinstance(one, Mistake) and not one.undecided]:
+            raise ConfigError("\nradcal: ".join(found))
         self.text = "# Written by radcal new. Every other key has a default (config/config.yaml).\n"
         if self.undecided:
             self.text += f"# Write a value in place of each {FILL_IN}, as its comment says; radcal check lists them.\n"

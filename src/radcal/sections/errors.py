@@ -5,9 +5,8 @@ from __future__ import annotations
 import difflib
 import re
 import typing
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
@@ -15,7 +14,8 @@ from pydantic_core import ErrorDetails
 
 from radcal.sections.base import EXAMPLES, FILL_IN, MATERIALS_FROM, PASSES, TAGS, UNDECIDED
 
-__all__ = ["MISSING", "Mistake", "first_of", "mistakes", "nearest", "shown"]
+__all__ = ["MISSING", "Contradiction", "Mistake", "first_of", "key_in_list", "mistakes", "nearest", "shown"]
+
 
 MISSING = "missing_because"  # type of the error for a missing key, with a reason in the message
 
@@ -40,6 +40,13 @@ _EXPECTED = {
     "int_from_float": "an integer",
     "int_parsing_size": "an integer of fewer digits",
 }
+
+
+class Contradiction(typing.NamedTuple):
+    """Argument of a validator's ``ValueError``: a key of its section, and the rest of the sentence on it."""
+
+    key: str
+    text: str
 
 
 @dataclass(frozen=True)
@@ -84,34 +91,34 @@ def first_of(texts: Sequence[str]) -> str:
     return f"{shown(texts[0], 600)}{more}."
 
 
-def mistakes(
-    error: ValidationError, root: type[BaseModel], lines: Mapping[str, int] = MappingProxyType({})
-) -> list[Mistake]:
+def mistakes(error: ValidationError, root: type[BaseModel]) -> list[Mistake]:
     """List of the mistakes that pydantic found, one for each key and for each contradiction.
 
     Parameters
     ----------
     error : ValidationError
-        Error that pydantic raised. A ``ValueError`` of a validator has one contradiction in each argument.
+        Error that pydantic raised. A ``ValueError`` of a validator has one contradiction in each argument: a sentence,
+        or a :data:`Contradiction`.
     root : type of model
         Model of the data. For an unknown key, the sentence names the most similar key of the model.
-    lines : mapping, optional
-        Line of each key of the case file (:func:`radcal.config.yaml_file.lines_of`), for values that are ``FILL_IN``.
     """
     found: dict[str, list[Mistake]] = {}
     # A misspelt required key gives two errors, an unknown key and a missing key: the unknown key comes first.
     for detail in sorted(error.errors(), key=lambda detail: detail["type"] != "extra_forbidden"):
-        one = _of_contradictions(detail) if detail["type"] == "value_error" else [_of_key(detail, root, lines)]
+        one = _of_contradictions(detail) if detail["type"] == "value_error" else [_of_key(detail, root)]
         found.setdefault(one[0].key, one)  # the errors of all alternatives of one key count as one
     return [one for several in found.values() for one in several]
 
 
 def _of_contradictions(detail: ErrorDetails) -> list[Mistake]:
-    key = _dotted(detail["loc"])
-    return [Mistake(key, f"{key}: {text}" if key else str(text)) for text in detail["ctx"]["error"].args]
+    section, found = _dotted(detail["loc"]), []
+    for argument in detail["ctx"]["error"].args:
+        key, text = argument if isinstance(argument, Contradiction) else ("", str(argument))
+        found.append(Mistake(f"{section}.{key}".strip("."), f"{section}: {key}{text}".removeprefix(": ")))
+    return found
 
 
-def _of_key(detail: ErrorDetails, root: type[BaseModel], lines: Mapping[str, int]) -> Mistake:
+def _of_key(detail: ErrorDetails, root: type[BaseModel]) -> Mistake:
     """Mistake of one key, in words of YAML."""
     kind, place, value, context = detail["type"], detail["loc"], detail["input"], detail.get("ctx", {})
     key = _dotted(place)
@@ -125,7 +132,7 @@ def _of_key(detail: ErrorDetails, root: type[BaseModel], lines: Mapping[str, int
         tag = context["discriminator"].strip("'")
         key, value = f"{key}.{tag}", value.get(tag) if isinstance(value, dict) else value
     if value is UNDECIDED:
-        return _undecided(key, lines)
+        return _undecided(key)
     expected = context.get("expected_tags") or re.sub(r"^\w+ should (be |have |match )?", "", detail["msg"])
     if kind in _EXPECTED:
         names = [name for name in key.split(".") if not name.isdigit()]
@@ -135,27 +142,30 @@ def _of_key(detail: ErrorDetails, root: type[BaseModel], lines: Mapping[str, int
     return Mistake(key, f"{key} is {found}, expected {expected.replace(' after validation', '')}")
 
 
-def _undecided(key: str, lines: Mapping[str, int]) -> Mistake:
-    """Mistake of a key whose value is ``FILL_IN``, with its line and an example."""
-    section, *inside = place = key.split(".")
-    # in a case file, the passes are counted from 0
-    number, below = (int(inside[0]) - 1, inside[1:]) if inside and inside[0].isdigit() else (0, inside)
-    line = lines.get(key) or lines.get(".".join([section, str(number), *below]))
-    example = EXAMPLES.get(f"{section}.{place[-1]}")
-    such = "its value" if example is None else f"its value, for example {place[-1]}: {example}"
-    if place[-1] == FILL_IN:
+def _undecided(key: str) -> Mistake:
+    """Mistake of a key whose value is ``FILL_IN``, with an example."""
+    section, last = key.partition(".")[0], key.rpartition(".")[2]
+    example = EXAMPLES.get(f"{section}.{last}")
+    such = "its value" if example is None else f"its value, for example {last}: {example}"
+    if last == FILL_IN:
         such = "the name of a material of the scene in its place, for example crops: {calibrate: true}"
-    return Mistake(key, f"{key} is {FILL_IN}{'' if line is None else f' (line {line})'}, expected {such}", True)
+    return Mistake(key, f"{key} is {FILL_IN}, expected {such}", True)
+
+
+def key_in_list(key: str, number: int) -> str:
+    """Key in dotted form of an item of a list, of which passes are counted from 1, and the first has no number."""
+    if key not in PASSES:
+        return f"{key}.{number}"
+    return f"{key}.{number + 1}" if number else key
 
 
 def _dotted(location: Sequence[int | str]) -> str:
     """Key in dotted form of an error's location, without the tags and alternatives that pydantic inserts."""
-    place, kind = list(location), 1
-    if place and place[0] in PASSES and len(place) > 1:  # passes are counted from 1, and the first is not numbered
-        number = int(place[1])
-        place[1:2], kind = ([number + 1], 2) if number else ([], 1)
-    if place and place[0] in TAGS:
-        del place[kind : kind + 1]  # it may be the name of one of the section's keys, too
+    section, *place = location or ("",)
+    tagged = section in TAGS
+    if section in PASSES and place:
+        section = key_in_list(str(section), int(place.pop(0)))
+    place = [section, *place[tagged:]]  # the tag may be the name of one of the section's keys, too
     return ".".join(str(part) for part in place if part not in _ALTERNATIVES and "[" not in str(part))
 
 
