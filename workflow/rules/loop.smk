@@ -34,6 +34,11 @@ def verified(wildcards):
     return files[1:]
 
 
+def trained_last(wildcards):
+    """Surrogates that the last verification has trained, by all runs; none without an iteration."""
+    return [f"{OUT}/iterations/{len(found) - 1}/verified/surrogate.h5"] if (found := verified(wildcards)) else []
+
+
 def earlier(wildcards):
     """Files of the verified proposals before this iteration."""
     return [f"{OUT}/iterations/{j}/verified.json" for j in range(int(wildcards.k))]

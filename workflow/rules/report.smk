@@ -67,6 +67,7 @@ rule archive:
         stop=rules.stop_settings.output.stop,
         scores=f"{OUT}/scores.json",
         verified=verified,
+        trained=trained_last,
         final=rules.final_runs.output.final,
         image=rules.posterior.output.image,
         posterior=rules.posterior.output.posterior,

@@ -3,6 +3,7 @@
 from radcal.config import Stop
 from radcal.objectives.history import read_runs
 from radcal.posterior.result import Image, Posterior
+from radcal.proposals.surrogate import read_trainings
 from radcal.radar.geometry import read_geometry
 from radcal.registration.registered import read_registered
 from radcal.results.archive import write_archive
@@ -25,7 +26,8 @@ with job(snakemake) as case:
     images = [read_registered(path) for path in snakemake.input.registered]
     each = [read_item(path, "posterior", Posterior) for path in snakemake.input.posterior]
     image, scene = read_item(snakemake.input.image, "image", Image), read_scene(snakemake.input.scene)
-    archive = archive_of(case, stop, history, scene, geometry, images, targets, runs, final, each, image)
+    trained = {name: one for path in snakemake.input.trained for name, one in read_trainings(path).items()}
+    archive = archive_of(case, stop, history, scene, geometry, images, targets, runs, final, each, image, trained)
     write_archive(snakemake.output.archive, archive)
     write_table(snakemake.output.table, archive)
     write_listing(snakemake.output.checksum, [snakemake.output.table])

@@ -23,6 +23,7 @@ from radcal.findings import Finding
 from radcal.ground.levels import Levels, without_level
 from radcal.posterior.result import Image, Posterior
 from radcal.registration.registered import Registered
+from radcal.results.bin_statistics import BinStatistics
 from radcal.results.search_front import SearchFront
 from radcal.sections.objectives import OBJECTIVES
 from radcal.storage.dataclass_groups import About, put, table, take
@@ -105,6 +106,8 @@ class MaterialResult:
     fidelity: Annotated[Fidelity | None, About("proposals of the surrogate and the runs that verified them")] = None
     front: Annotated[SearchFront | None, About("front of the last search, if it had several objectives")] = None
     posterior: Annotated[Posterior | None, About("posterior of the law")] = None
+    bins: Annotated[BinStatistics | None, About("statistics of incidence-angle bins; absent without bins")] = None
+    prior: Annotated[Doubles | None, About("400 draws of X from the prior of the posterior", shape="400, d")] = None
 
     @property
     def target(self) -> Target:

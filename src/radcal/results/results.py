@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from radcal.findings import Finding
 from radcal.objectives import make_objectives, objective_class
 from radcal.objectives.history import History, Run
 from radcal.posterior.result import Image, Posterior
+from radcal.proposals.surrogate import Training
 from radcal.radar.geometry import Geometry
 from radcal.registration.height_shift import with_height_finding
 from radcal.registration.registered import Registered, without_images
@@ -34,9 +36,11 @@ from radcal.results.archive import (
     Runs,
     SceneView,
 )
+from radcal.results.bin_statistics import bin_statistics, prior_draws
 from radcal.results.law_notes import law_notes
 from radcal.results.search_front import search_fronts
 from radcal.scene.model import Scene
+from radcal.seeds import derived_rng
 from radcal.storage.runs import Record
 from radcal.targets.target import Targets
 
@@ -59,6 +63,7 @@ def archive_of(
     final: Sequence[Record],
     posteriors: Sequence[Posterior],
     image: Image,
+    trained: Mapping[str, Training] = MappingProxyType({}),
 ) -> Archive:
     """Conclude a calibration (:func:`.conclude`) and collect its results.
 
@@ -84,6 +89,8 @@ def archive_of(
         Posterior of each law, in the order of the calibrated materials.
     image : Image
         What the fixed materials say.
+    trained : mapping
+        Surrogate by all runs, by material; empty if the search made none.
 
     Returns
     -------
@@ -134,6 +141,8 @@ def archive_of(
                 _material(name, case, history, targets, found, hidden.get(name)),
                 posterior=found.posteriors.get(name),
                 front=fronts.get(name),
+                bins=bin_statistics(objectives[name], history, trained.get(name)),
+                prior=prior_draws(objectives[name], derived_rng(case.seed, "prior", name)),
             )
             for name in targets
         },
