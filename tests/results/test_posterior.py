@@ -140,7 +140,7 @@ def test_the_figure_shows_the_incidence_of_all_passes(made):
     assert (
         "Shaded, thick: 21.0 to 33.0 and 44.0 to 57.0 deg, where 90 % of the material's pixels lie in each" in caption
     )
-    assert "Over the incidence of pass 1 the hidden truth (middle panel) differs" in caption
+    assert "Over the incidence of pass 1 the hidden truth differs" in caption
     thick = [line.get_xdata() for line in canvas.axes[0].lines if line.get_linewidth() == 2.6]
     assert [(one.min(), one.max()) for one in thick[:2]] == [(21.0, 33.0), (44.0, 57.0)]
     one = law(archive, "dyke")[1]

@@ -35,11 +35,26 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["cost", "law"]
+__all__ = [
+    "GRAZING_DB",
+    "PIXEL_BINS",
+    "SIGMA0",
+    "cost",
+    "cost_caption",
+    "ended",
+    "floors",
+    "law",
+    "law_caption",
+    "laws_of",
+    "levels_seen",
+    "seen_and_view",
+]
 
-_GRAZING_DB = -60.0
+GRAZING_DB = -60.0
 _LAST_DEG = 85.0  # largest incidence at which bands and curves are drawn
 _SEARCH, _NEAREST = "law of the search", "law nearest to the median"
+PIXEL_BINS = 85  # of the histogram of the incidence
+SIGMA0 = "\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]"
 _CONTEXT_DEG = 5.0  # smallest margin of the angle axis on each side of the incidence seen
 
 
@@ -49,9 +64,9 @@ def _runs(axes: Axes, case: Archive, material: MaterialResult, shown: Array) -> 
     counted = np.isfinite(material.parameters).all(axis=1)  # a run of another law is never the best
     best = np.minimum.accumulate(shown[counted])
     axes.step(runs[counted], best, where="post", color="black", linewidth=1.6, label="best so far")
-    ended = _ended(case, material)
-    markers = [(label, (case.runs.kind == kind) & ~ended, style) for kind, (label, style) in RUNS.items()]
-    for label, which, style in (*markers, ("infill after it ended", ended, {"color": PALE, "marker": "^", "s": 26})):
+    after = ended(case, material)
+    markers = [(label, (case.runs.kind == kind) & ~after, style) for kind, (label, style) in RUNS.items()]
+    for label, which, style in (*markers, ("infill after it ended", after, {"color": PALE, "marker": "^", "s": 26})):
         if which.any():
             axes.scatter(
                 runs[which], shown[which], label=label, edgecolors="black", linewidths=0.4, zorder=3, clip_on=False,
@@ -60,17 +75,17 @@ def _runs(axes: Axes, case: Archive, material: MaterialResult, shown: Array) -> 
     axes.set_yscale("log")
 
 
-def _ended(case: Archive, material: MaterialResult) -> NDArray[np.bool_]:
+def ended(case: Archive, material: MaterialResult) -> NDArray[np.bool_]:
     """Mask of the infill runs after the end of a material's search, which repeat its best X for other materials."""
-    ended = np.zeros(case.runs.kind.size, dtype=bool)
+    found = np.zeros(case.runs.kind.size, dtype=bool)
     if material.fidelity is not None:
-        ended[np.flatnonzero(case.runs.kind == "infill")[[mode == "ended" for mode in material.fidelity.mode]]] = True
-    return ended
+        found[case.runs.kind == "infill"] = [mode == "ended" for mode in material.fidelity.mode]
+    return found
 
 
 def _run_words(case: Archive, material: MaterialResult) -> tuple[str, str]:
     """Remark for the title on the last run of a material's search, and sentences on the numbers of the runs."""
-    kinds, ended = case.runs.kind, _ended(case, material)
+    kinds, after = case.runs.kind, ended(case, material)
     reused, design = np.flatnonzero(kinds == "reused"), np.flatnonzero(kinds == "design")
     text = "Run 0 is the reference run"
     if (again := np.flatnonzero(kinds == "registration")).size:
@@ -81,9 +96,9 @@ def _run_words(case: Archive, material: MaterialResult) -> tuple[str, str]:
     if design.size:
         text += f", run {design[0]} the first of the design"
     text = f" {text}."
-    if not ended.any():
+    if not after.any():
         return "", text
-    last = int(np.flatnonzero(ended)[0]) - 1
+    last = int(np.flatnonzero(after)[0]) - 1
     count = int(np.isin(kinds[: last + 1], ("design", "infill")).sum())
     text += (
         f" The search of this material ended after run {last} (runs of design and infill until then: {count}); the "
@@ -112,10 +127,10 @@ def _law_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
     canvas = new_canvas(6.2, 6.2)
     upper, lower = canvas.subplots(2, 1, sharex=True)
     squares = np.maximum(2.0 * material.cost, 1e-3)
-    ended, numbered = _run_words(case, material)
+    remark, _ = _run_words(case, material)
     _runs(upper, case, material, squares)
     upper.set_ylabel("squared residuals,\npriors included")
-    head(upper, case, name, f"best misfit {short(squares[material.best])} in run {material.best}{ended}")
+    head(upper, case, name, f"best misfit {short(squares[material.best])} in run {material.best}{remark}")
     rms = material.rms
     _runs(lower, case, material, np.where(rms > 0, rms, rms[rms > 0].min() / 3.0 if (rms > 0).any() else 1.0))
     if material.target.rms_sampling > 0:
@@ -130,20 +145,8 @@ def _law_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
     for axes in (upper, lower):
         entries |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     add_legend(canvas, (list(entries.values()), list(entries)), 3)
-    caption = (
-        "Above: sum of the squared residuals of the incidence-angle bins, in standard deviations, at the effective "
-        "looks that suit each run best, with the squares of the priors' residuals. "
-    )
-    caption += (
-        "Below: root mean square difference of the simulated and the target density, which the search does not "
-        f"minimise; another sample of {material.target.values_db.size:,} pixels would move the target itself by about "
-        f"{short(material.target.rms_sampling)} 1/{case.levels.unit} (dotted).{numbered}"
-    )
-    return (
-        canvas,
-        caption,
-        f"Misfit of each run of {name} on logarithmic axes: incidence-angle bins, density.",
-    )
+    alt = f"Misfit of each run of {name} on logarithmic axes: incidence-angle bins, density."
+    return canvas, cost_caption(case, name), alt
 
 
 def _density_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
@@ -152,7 +155,7 @@ def _density_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
     canvas = new_canvas(6.2, 4.8)
     axes = canvas.subplots()
     rms = material.rms
-    runs, infill = np.arange(rms.size), np.flatnonzero(case.runs.kind == "infill")
+    runs = np.arange(rms.size)
     tolerance = case.configured.stop.rms
     positive = np.concatenate([rms[rms > 0], [tolerance, material.target.rms_sampling]])
     positive = positive[np.isfinite(positive) & (positive > 0)]
@@ -164,31 +167,52 @@ def _density_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
     pixels = material.target.values_db.size
     if material.target.rms_sampling > 0:
         axes.axhline(material.target.rms_sampling, label=f"sampling error of {pixels:,} pixels", **SAMPLING)
-    floor = np.full(rms.size, np.nan)
-    if material.fidelity is not None:
-        floor[infill] = material.fidelity.floor
-    known = np.isfinite(floor) & (floor > 0)
+    floor = floors(case, material)
+    known = floor > 0.0
     if known.any():
         axes.plot(runs[known], np.maximum(floor[known], bottom), color=MUTED, linestyle="none", marker="_",
                   markersize=9, markeredgewidth=1.8, label="lower bound by the surrogate")  # fmt: skip
     top = max(float(shown.max()), float(positive.max()))
     axes.set_ylim(bottom, 2.0 * top)
     _number_runs(axes, rms.size)
-    ended, numbered = _run_words(case, material)
-    head(axes, case, name, f"best rms {short(rms[material.best])} 1/{case.levels.unit} in run {material.best}{ended}")
+    remark, _ = _run_words(case, material)
+    head(axes, case, name, f"best rms {short(rms[material.best])} 1/{case.levels.unit} in run {material.best}{remark}")
     axes.set_ylabel(f"difference of the densities, rms [1/{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 3)
+    return canvas, cost_caption(case, name), f"Cost of each run of {name} on a logarithmic axis, with the tolerance."
+
+
+def cost_caption(case: Archive, name: str) -> str:
+    """Caption of the figure of each run's misfit to the target."""
+    material, unit = case.materials[name], case.levels.unit
+    pixels, sampling = material.target.values_db.size, short(material.target.rms_sampling)
+    _, numbered = _run_words(case, material)
+    if case.bins:
+        return (
+            "Above: sum of the squared residuals of the incidence-angle bins, in standard deviations, at the effective "
+            "looks that suit each run best, with the squares of the priors' residuals. "
+            "Below: root mean square difference of the simulated and the target density, which the search does not "
+            f"minimise; another sample of {pixels:,} pixels would move the target itself by about {sampling} 1/{unit} "
+            f"(dotted).{numbered}"
+        )
     caption = (
         "Root mean square difference between the simulated and the target density, run by run; the line is the best so "
-        f"far. Below the dotted line ({short(material.target.rms_sampling)} 1/{case.levels.unit}) a smaller cost is "
-        f"numerical convergence: another sample of {pixels:,} pixels would move the target itself by about that much."
-        f"{numbered}"
+        f"far. Below the dotted line ({sampling} 1/{unit}) a smaller cost is numerical convergence: another sample of "
+        f"{pixels:,} pixels would move the target itself by about that much.{numbered}"
     )
-    if known.any():
+    if (floors(case, material) > 0.0).any():
         caption += " Short bars: lower bound of the rms inside the bounds, by the surrogate and two standard errors."
-    if not np.all(rms > 0):
+    if not np.all(material.rms > 0):
         caption += " Runs on the lower edge have a cost of 0."
-    return canvas, caption, f"Cost of each run of {name} on a logarithmic axis, with the tolerance."
+    return caption
+
+
+def floors(case: Archive, material: MaterialResult) -> Array:
+    """Smallest cost that the surrogate allows inside the bounds, by run, shape (n,); NaN where it is unknown."""
+    found = np.full(material.rms.size, np.nan)
+    if material.fidelity is not None:
+        found[case.runs.kind == "infill"] = material.fidelity.floor
+    return found
 
 
 def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
@@ -199,48 +223,59 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     shares = (4.0, 1.0) if material.hidden is None else (4.0, 1.6, 1.0)
     canvas = new_canvas(6.2, 4.6 + 0.4 * sum(shares[1:]))
     panels = canvas.subplots(len(shares), 1, sharex=True, height_ratios=shares)
-    incidence_deg = material.target.incidence_deg.astype(np.float64)
-    each_seen = np.percentile(incidence_deg, [5.0, 95.0])[None]
-    if len(case.passes) > 1 and material.posterior is not None:
-        each_seen = np.asarray(material.posterior.seen_deg)
-    seen = [np.linspace(low, high, 101) for low, high in each_seen]
-    # each margin of the angle axis is as wide as the incidence interval seen
-    margin = max(_CONTEXT_DEG, float(np.ptp(each_seen)))
-    view = max(0.0, np.floor(each_seen.min() - margin)), min(_LAST_DEG, np.ceil(each_seen.max() + margin))
-    angles = np.linspace(*view, 361)
+    each_seen, view = seen_and_view(case, name)
+    seen, angles = [np.linspace(low, high, 101) for low, high in each_seen], np.linspace(*view, 361)
     for axes in panels:
         for low, high in each_seen:
             axes.axvspan(low, high, color="#EFEFEF", zorder=0, linewidth=0)
-    laws = _laws(case, name)
+    laws = laws_of(case, name)
     _curves(panels[0], material, laws, seen, angles)
     head(panels[0], case, name, state(name, case.findings) or "law of the search")
-    panels[0].set_ylabel("\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]")
-    remark = ""
+    panels[0].set_ylabel(SIGMA0)
     if material.hidden is not None:
         _truth(panels[1], material, searched, laws, seen, angles)
-        found = [
-            f"{words} by at most {curve.largest_difference_db(x, material.hidden, incidence_deg):.2g} dB"
-            for words, curve, x, _ in laws
-            if words in (_SEARCH, _NEAREST)
-        ]
-        where = "the incidence of pass 1" if len(case.passes) > 1 else "the incidence seen"
-        remark = f" Over {where} the hidden truth (middle panel) differs from the {' and from the '.join(found)}."
-    panels[-1].hist(incidence_deg, bins=np.linspace(*view, 86).tolist(), color=MUTED)
+    edges = np.linspace(*view, PIXEL_BINS + 1)
+    panels[-1].hist(material.target.incidence_deg.astype(np.float64), bins=edges.tolist(), color=MUTED)
     panels[-1].set(xlabel="local incidence [deg]", ylabel="pixels", xlim=view)
     add_legend(canvas, panels[0].get_legend_handles_labels(), 2)
-    shaded = " and ".join(f"{low:.1f} to {high:.1f}" for low, high in each_seen)
-    histogram = "in each pass (histogram of pass 1 below)" if len(case.passes) > 1 else "(histogram below)"
+    return canvas, law_caption(case, name), f"Backscatter laws of {name} in dB against local incidence in degrees."
+
+
+def seen_and_view(case: Archive, name: str) -> tuple[Array, tuple[float, float]]:
+    """Intervals of incidence seen in the passes, shape (p, 2), and limits of the angle axis [deg]."""
+    material = case.materials[name]
+    seen = np.percentile(material.target.incidence_deg.astype(np.float64), [5.0, 95.0])[None]
+    if len(case.passes) > 1 and material.posterior is not None:
+        seen = np.asarray(material.posterior.seen_deg)
+    # each margin of the angle axis is as wide as the incidence interval seen
+    margin = max(_CONTEXT_DEG, float(np.ptp(seen)))
+    return seen, (max(0.0, np.floor(seen.min() - margin)), min(_LAST_DEG, np.ceil(seen.max() + margin)))
+
+
+def law_caption(case: Archive, name: str) -> str:
+    """Caption of the figure of the laws over the incidence angle."""
+    material, curve = case.materials[name], case.configured.laws[name]
+    several = len(case.passes) > 1
+    shaded = " and ".join(f"{low:.1f} to {high:.1f}" for low, high in seen_and_view(case, name)[0])
+    histogram = "in each pass (histogram of pass 1 below)" if several else "(histogram below)"
     caption = (
         f"Backscatter against local incidence. Shaded, thick: {shaded} deg, where 90 % of the material's pixels lie "
-        f"{histogram}; outside, every law is an extrapolation.{_of_band(case, name)}{remark}"
+        f"{histogram}; outside, every law is an extrapolation.{_of_band(case, name)}"
     )
+    if material.hidden is not None:
+        shown = [(words, x) for words, _, x, _ in laws_of(case, name) if words in (_SEARCH, _NEAREST)]
+        angles = material.target.incidence_deg
+        each = [(words, curve.largest_difference_db(x, material.hidden, angles)) for words, x in shown]
+        found = [f"{words} by at most {largest:.2g} dB" for words, largest in each]
+        where = "the incidence of pass 1" if several else "the incidence seen"
+        caption += f" Over {where} the hidden truth differs from the {' and from the '.join(found)}."
     if material.posterior is not None and material.posterior.points is not None:
         caption += (
             f" Dots, with bars of 95 %: mean level of the measured cells in each {STEP_DEG:g} deg of incidence, less "
             "the level of the image and what the simulator adds to its law (area of the ground, noise, other ground); "
             "the bars hold speckle and the effects of fields and cells."
         )
-    return canvas, caption, f"Backscatter laws of {name} in dB against local incidence in degrees."
+    return caption
 
 
 def _of_band(case: Archive, name: str) -> str:
@@ -257,7 +292,7 @@ def _of_band(case: Archive, name: str) -> str:
     return f"{text} Verdict on {verdict(name, case.findings)}" if state(name, case.findings) else text
 
 
-def _laws(case: Archive, name: str) -> list[tuple[str, Law, Array, dict[str, Any]]]:
+def laws_of(case: Archive, name: str) -> list[tuple[str, Law, Array, dict[str, Any]]]:
     """Label, law, X and style of the laws to draw: start, search, nearest to the median, and hidden truth."""
     material, configured, curve = case.materials[name], case.configured.materials[name], case.configured.laws[name]
     posterior, start = material.posterior, case.configured.at_start.laws[name]
@@ -300,9 +335,14 @@ def _curves(
             marker="o", markersize=4.5, elinewidth=1.2, zorder=4, label="measured levels, 95 %",
         )  # fmt: skip
     axes.margins(x=0)
-    if axes.get_ylim()[0] < _GRAZING_DB:  # a law that falls steeply at grazing incidence would flatten all other curves
-        values = np.concatenate([curve(np.radians(np.concatenate(seen)), x) for _, curve, x, _ in laws])
-        axes.set_ylim(float(values.min()) - 3.0, float(values.max()) + 3.0)
+    if axes.get_ylim()[0] < GRAZING_DB:  # a law that falls steeply at grazing incidence would flatten all other curves
+        axes.set_ylim(*levels_seen(laws, seen))
+
+
+def levels_seen(laws: Sequence[tuple[str, Law, Array, dict[str, Any]]], seen: Sequence[Array]) -> tuple[float, float]:
+    """Limits of an axis that holds the laws at the angles seen [deg], with a margin of 3 dB."""
+    values = np.concatenate([curve(np.radians(np.concatenate(seen)), x) for _, curve, x, _ in laws])
+    return float(values.min()) - 3.0, float(values.max()) + 3.0
 
 
 def _bands(axes: Axes, curve: Curve, angles: Array, less: Array | float = 0.0) -> None:

@@ -1,0 +1,80 @@
+// Draws the figures of the element #plots (JSON: name to {data, layout}) into the elements with data-plot="name".
+// The library is embedded once, in #plotly (base64 of gzip), and is unpacked when the first figure comes into view.
+(() => {
+  "use strict";
+  const text = (id) => document.getElementById(id)?.textContent ?? "";
+  const specs = JSON.parse(text("plots") || "{}");
+  const [dark, print, narrow] = ["(prefers-color-scheme: dark)", "print", "(max-width: 640px)"].map((q) => matchMedia(q));
+  const LIGHTER = { "#000000": "#e4e9ef", "#0072B2": "#6cb8ea", "#7B3F9E": "#c59be0", "#F5F5F5": "#2a3440" };
+  const STACKED = 560; // a figure that is narrower than this [px] has its panels below each other
+  const PAPER = 660; // width of a printed figure [px]
+  const BUTTONS = [["zoom2d", "pan2d", "resetScale2d", "toImage"]]; // plotly's own list has one that sends the data away
+  const CONFIG = { displaylogo: false, modeBarButtons: BUTTONS, plotlyServerURL: "", responsive: true };
+  const drawn = new Set();
+  let library;
+
+  const unpacked = async () => {
+    const bytes = Uint8Array.from(atob(text("plotly").trim()), (c) => c.charCodeAt(0));
+    const source = new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip")));
+    const element = document.createElement("script");
+    element.textContent = await source.text();
+    document.head.append(element);
+    return window.Plotly;
+  };
+
+  const coloured = (spec, light) =>
+    JSON.parse(JSON.stringify(spec), (_, value) => (!light && LIGHTER[value]) || value);
+
+  const laidOut = (layout, width, light) => {
+    const [ink, line] = light ? ["#1c2430", "#dfe4ea"] : ["#e4e9ef", "#3a4552"];
+    for (const key of Object.keys(layout).filter((name) => /^[xy]axis/.test(name))) {
+      layout[key] = { gridcolor: line, zerolinecolor: line, linecolor: line, automargin: true, ...layout[key] };
+    }
+    if (layout.grid && width < STACKED) {
+      layout.height *= 0.8 * layout.grid.columns;
+      layout.grid = { ...layout.grid, rows: layout.grid.columns, columns: 1 };
+    }
+    const below = { orientation: "h", x: 0, y: 1, yanchor: "bottom", xanchor: "left" };
+    const paper = { paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: ink, size: 12 } };
+    const hover = { bgcolor: light ? "#ffffff" : "#202833", font: { color: ink } };
+    const margin = { l: 56, r: 12, t: 34, b: 44 };
+    const modebar = { bgcolor: "rgba(0,0,0,0)", color: "#8a94a0", activecolor: ink };
+    return { ...paper, legend: below, margin, modebar, hoverlabel: hover, hovermode: "closest", ...layout, width };
+  };
+
+  const draw = async (place) => {
+    library ??= unpacked();
+    const plotly = await library;
+    show(plotly, place);
+  };
+
+  const show = (plotly, place) => {
+    const light = print.matches || !dark.matches;
+    let canvas = place.querySelector(":scope > .drawn");
+    if (!canvas) {
+      place.replaceChildren(Object.assign(document.createElement("div"), { className: "drawn" }));
+      canvas = place.firstChild;
+      drawn.add(place);
+    }
+    const { data, layout } = coloured(specs[place.dataset.plot], light);
+    const width = print.matches ? PAPER : place.clientWidth;
+    plotly.react(canvas, data, laidOut(layout, width, light), CONFIG);
+  };
+
+  const again = () => library?.then((plotly) => drawn.forEach((place) => show(plotly, place)));
+  const atOnce = () => window.Plotly && drawn.forEach((place) => show(window.Plotly, place));
+  for (const query of [dark, narrow]) query.addEventListener("change", again);
+  print.addEventListener("change", atOnce); // paper does not wait
+  const seen = new IntersectionObserver(
+    (entries) => {
+      for (const { target } of entries.filter((entry) => entry.isIntersecting)) {
+        seen.unobserve(target);
+        draw(target);
+      }
+    },
+    { rootMargin: "300px" },
+  );
+  if ("DecompressionStream" in window) {
+    for (const place of document.querySelectorAll("[data-plot]")) if (specs[place.dataset.plot]) seen.observe(place);
+  }
+})();
