@@ -66,7 +66,7 @@ def test_pictures_and_page_are_there(finished):
         for suffix in (".png", ".pdf"):
             assert (figures / (stem + suffix)).stat().st_size > 1000
     page = (finished.out() / "report.html").read_text()
-    assert "data:image/png;base64," in page
+    assert "data:image/webp;base64," in page
     assert 'src="http' not in page
 
 

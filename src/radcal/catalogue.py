@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-__all__ = ["IF", "TEXTS"]
+__all__ = ["IF", "STEPS", "TEXTS"]
 
 IF = "if scene, geometry and pixels are what the case says"
 _LEVEL = "{level_db:+.2f} dB (90 %: {p05_db:+.2f} to {p95_db:+.2f})"
@@ -284,3 +284,24 @@ _OF_ADVICE: Mapping[str, str] = {
 
 TEXTS: Mapping[str, str] = {**_OF_SCENE, **_OF_IMAGE, **_OF_CASE, **_OF_RUNS, **_OF_SEARCH, **_OF_MODEL, **_OF_ADVICE}
 """Text of each code, to be formatted with ``about``, ``do`` and the numbers of the finding."""
+
+_FURTHER = "ask which further pass would narrow its band most"
+_ADVISE = "radcal advise {case}"
+STEPS: Mapping[str, tuple[str, str, str]] = {
+    "refuted": (
+        "another law",
+        "choose another law for {about} (docs/laws.md), or divide its ground; the band contains the error of the form",
+        "",
+    ),
+    "max_runs": ("more runs", "continue with more runs", "stop.max_runs: {max_runs}"),
+    "stagnation": ("more patience", "continue for longer without improvement", "stop.stagnation_runs: {idle}"),
+    "unreachable": ("wider bounds", "widen materials.{about}.bounds: no law inside them reaches the target", ""),
+    "running": ("continue", "repeat the command that began the case", ""),
+    "determined": ("use the law", "use the law (folder export), or " + _FURTHER, _ADVISE),
+    "undetermined": ("another pass", _FURTHER, _ADVISE),
+    "withheld": ("check the image", "remove what the image is refused for, and repeat the command", ""),
+    "level_only": ("another incidence", "add a pass at another incidence: " + _FURTHER, _ADVISE),
+    "parameters_only": ("use the parameters", "use the parameters in the program that computes the law", ""),
+    "without_cells": ("larger ground", "give the material larger connected ground in the scene, or smaller pixels", ""),
+}
+"""Next step by state of a material, or by the reason why its search ended: short words, clause, and what to paste."""

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
 
-from radcal.catalogue import TEXTS
+from radcal.catalogue import STEPS, TEXTS
 from radcal.findings import Finding
 
 __all__ = [
+    "STANDINGS",
+    "Step",
+    "asked_steps",
     "beside_headline",
     "degrees",
     "doubts",
@@ -17,7 +21,9 @@ __all__ = [
     "next_steps",
     "remarks",
     "sentence",
+    "standing",
     "state",
+    "step",
     "verdict",
     "widths",
 ]
@@ -38,6 +44,14 @@ _WIDTHS = (
     "+-{half_width_db:.1f} dB for the material, +-{field_half_width_db:.1f} dB for its fields in this image; level, "
     "radiometry, noise, incidence and point spread alone (systematic) give +-{systematic_db:.1f} dB of it"
 )
+STANDINGS = {
+    "refuted": "law refuted",
+    "unfinished": "search not finished",
+    "nowhere": "determined nowhere",
+    "level": "level only",
+    "determined": "determined",
+}
+"""Words for the standing of a material, those that need action first."""
 _ABOVE = "rms {rms:.2g}, above the tolerance {tolerance:.2g}"
 _NAMED = 4  # most materials named in a headline
 _STEPS = ("depression", "relief", "place", "radiometry", "fixed_law", "fixed_law_and_image", "level")
@@ -49,6 +63,25 @@ _DO = {
     "fixed_law_and_image": "check materials.{about}.parameters and the calibration of the image",
     "level": "check the absolute calibration of the image",
 }
+
+
+@dataclass(frozen=True)
+class Step:
+    """What to do next.
+
+    Attributes
+    ----------
+    short : str
+        Two or three words, for a table.
+    text : str
+        Clause without an end mark.
+    paste : str
+        Line for the case file, or command; empty if there is none.
+    """
+
+    short: str
+    text: str
+    paste: str
 
 
 def sentence(finding: Finding, prefix: bool = True) -> str:
@@ -149,8 +182,44 @@ def _in_headline(findings: Iterable[Finding]) -> list[Finding]:
 
 def next_steps(findings: Iterable[Finding]) -> list[str]:
     """What to do next, the most important first."""
+    return [one.text for one in asked_steps(findings)]
+
+
+def asked_steps(findings: Iterable[Finding]) -> list[Step]:
+    """Steps that findings on the whole case ask for, the most important first."""
     asked = [one for one in findings if one.code in _STEPS and one.severity != "note" and _do(one)]
-    return [_do(one) for one in sorted(asked, key=lambda one: _STEPS.index(one.code))]
+    first = sorted(asked, key=lambda one: _STEPS.index(one.code))
+    return [Step(one.code, _do(one), one.do if ": " in one.do else "") for one in first]
+
+
+def standing(name: str, findings: Iterable[Finding], finished: bool) -> str:
+    """Standing of a material, a key of :data:`STANDINGS`; ``finished`` says whether its search met its criterion."""
+    codes = {one.code for one in findings if one.about == name}
+    if "refuted" in codes:
+        return "refuted"
+    if not finished:
+        return "unfinished"
+    return "level" if "level_only" in codes else "determined" if "determined" in codes else "nowhere"
+
+
+def step(name: str, findings: Sequence[Finding], reason: str, **numbers: float | str) -> Step:
+    """Next step that follows from the state of a material.
+
+    Parameters
+    ----------
+    name : str
+        Calibrated material.
+    findings : sequence of Finding
+        All findings.
+    reason : str
+        Why its search ended (:data:`radcal.results.reasons.REASONS`).
+    **numbers
+        Numbers and names for the texts of the catalogue: ``case``, ``max_runs`` and ``idle``.
+    """
+    codes = [one.code for one in findings if one.about == name and one.code in (*_STATES, "refuted")]
+    code = "refuted" if "refuted" in codes else reason if reason in STEPS else next(iter(codes), "undetermined")
+    short, text, paste = (each.format(about=name, **numbers) for each in STEPS[code])
+    return Step(short, text, paste)
 
 
 def headline(names: Sequence[str], findings: Sequence[Finding], finished: bool) -> str:

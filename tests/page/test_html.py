@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import json
 import re
 from dataclasses import replace
@@ -12,14 +13,18 @@ import numpy as np
 import pytest
 from archives import changed_findings, changed_material, configured, ended, image, posterior
 from assessment_samples import held_cells
+from PIL import Image
 
 from radcal.figures.figures import Figure
 from radcal.findings import Finding
-from radcal.page.html import _material, _number, _span, write_report
+from radcal.page.html import _number, _span, write_report
 from radcal.posterior.radiometry import Radiometry
 from radcal.results.summary import summarise
 
-VOID = {"meta", "link", "img", "br"}
+VOID = {"meta", "link", "img", "br", "input"}
+
+
+COLOURS = ("#204080", "#a03010", "#308050")
 
 
 class Page(HTMLParser):
@@ -47,7 +52,7 @@ class Page(HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data):
-        if not {"style", "title"} & set(self.open):
+        if not {"style", "title", "script"} & set(self.open):
             self.words.append(data)
 
     @property
@@ -57,12 +62,12 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory):
-    """Stand-ins: the page embeds bytes, whatever they show."""
+    """Stand-ins: the page embeds pictures, whatever they show."""
     folder = tmp_path_factory.mktemp("figures")
     figures = []
-    for name, material in (("images", None), ("cost_dyke", "dyke"), ("cost_stem_beans", "stem beans")):
+    for k, (name, material) in enumerate((("residual", None), ("law_dyke", "dyke"), ("cost_stem_beans", "stem beans"))):
         png = folder / f"{name}.png"
-        png.write_bytes(b"\x89PNG " + name.encode())
+        Image.new("RGB", (3 + k, 2), COLOURS[k]).save(png)
         figures.append(
             Figure(name, "Title", "A <caption> & more", 'an "alt" text', png, folder / f"{name}.pdf", material)
         )
@@ -80,26 +85,29 @@ def page(made, pictures, tmp_path_factory):
     return render(tmp_path_factory.mktemp("page") / "report.html", made.archive, pictures)
 
 
-def test_verdict_comes_first_and_claims_no_more_than_the_density(page):
+def test_the_verdict_comes_first_and_claims_no_more_than_the_density(page):
     text = page[1].text
-    assert "Stopped after 6 runs: the tolerance of 1.0" in text
     order = [
         "Of 2 materials 2 are determined at some angles",
-        "Stopped after",
-        "What has been shown",
         "What has not been shown: that the law is right",
-        "Sigma0",
-        "Densities",
-        "Pictures",
+        "different laws can give the same histogram",
+        "Half-widths are those of 90 % bands",
+        "Agreement of the measured density",
+        "Stopped after 6 runs: the tolerance of 1.0",
     ]
     places = [text.index(words) for words in order]
     assert places == sorted(places)
-    assert "different laws can give the same histogram" in text
     assert re.search(
         r"for dyke: the law of the search differs from it by up to [\d.]+ dB over the incidence seen", text
     )
     assert "the law nearest to the median (parameters_model) by up to" in text
     assert "For stem beans whether the law is right beyond that cannot be checked from this image alone" in text
+
+
+FORM = {"rms_db": 1.1, "p05_db": 0.6, "p95_db": 1.9}
+LEVEL_ONLY = Finding(
+    "level_only", "note", "dyke", {"incidence_deg": 31.4, "median_db": -9.1, "p05_db": -10.0, "p95_db": -8.3}
+)
 
 
 def settled(archive):
@@ -122,21 +130,48 @@ RADIOMETRY = Finding(
 )
 
 
-def test_the_bar_is_good_only_if_something_is_determined_and_nothing_refused_or_refuted(made, tmp_path):
-    def good(archive):
-        return '<p class="verdict good">' in render(tmp_path / "report.html", archive)[0]
+def only_dyke(archive, *findings, **changes):
+    """Case of one material with these findings on it."""
+    archive = replace(archive, materials={"dyke": replace(archive.materials["dyke"], **changes)})
+    return changed_findings(archive, *(findings or (determined("dyke"),)))
 
-    archive = settled(made.archive)
-    assert good(archive)
-    refuted = posterior(form=replace(posterior().form, refuted=True))
-    assert not good(changed_material(archive, "dyke", posterior=refuted))
-    # undetermined, of one material and of all
-    lost = posterior(known_between_deg=None, known_half_width_db=None)
-    archive = changed_material(archive, "dyke", posterior=lost)
-    assert good(archive)
-    assert not good(changed_material(archive, "stem beans", posterior=lost))
-    assert not good(changed_findings(archive, RADIOMETRY))
-    assert not good(ended(archive, "max_runs", dyke="max_runs"))
+
+@pytest.mark.parametrize(
+    ("findings", "reason", "bar", "chip", "step"),
+    [
+        ([determined("dyke")], "settled", "determined", "determined", "use the law (folder export)"),
+        ([determined("dyke"), Finding("refuted", "warning", "dyke", FORM)], "settled", "refuted", "law refuted",
+         "choose another law for dyke"),
+        ([determined("dyke")], "max_runs", "unfinished", "search not finished", "<code>stop.max_runs: 100</code>"),
+        ([determined("dyke")], "stagnation", "unfinished", "search not finished", "stop.stagnation_runs: 40</code>"),
+        ([Finding("undetermined", "warning", "dyke", {"narrowest_db": 3.2, "known_db": 1.5})], "settled", "nowhere",
+         "determined nowhere", "<code>radcal advise small</code>"),
+        ([Finding("without_cells", "warning", "dyke")], "settled", "nowhere", "determined nowhere", "larger connected"),
+        ([LEVEL_ONLY], "settled", "level", "level only", "add a pass at another incidence"),
+        ([RADIOMETRY, Finding("withheld", "refusal", "dyke", {"half_width_db": 1.0})], "settled", "refused", None,
+         "<b>Next:</b> set <code>radar.radiometry: sigma0_ref</code></p>"),
+    ],
+)  # fmt: skip
+def test_the_first_screen_says_the_state_and_the_next_step(made, tmp_path, findings, reason, bar, chip, step):
+    archive = ended(only_dyke(settled(made.archive), *findings), reason, dyke=reason)
+    text = render(tmp_path / "report.html", archive)[0]
+    first = text[text.index('<section id="result"') : text.index('<section id="material-dyke"')]
+    assert re.findall(r'<p class="verdict is-(\w+)">', first) == [bar]
+    assert re.findall(r'<span class="chip">(.*?)</span>', first) == ([chip] if chip else [])
+    assert step in first
+    assert first.count('class="next"') == 1
+
+
+def test_materials_that_need_action_come_first_and_the_first_of_them_is_chosen(made, tmp_path):
+    archive = changed_findings(
+        settled(made.archive), determined("dyke"), Finding("without_cells", "warning", "stem beans")
+    )
+    text = render(tmp_path / "report.html", archive)[0]
+    rows = re.findall(r'<tr class="is-(\w+)"><th scope="row"><input type="radio" .*?id="(\S+)"( checked)?>', text)
+    assert rows == [("nowhere", "pick-stem_beans", " checked"), ("determined", "pick-dyke", "")]
+    assert re.search(r'<td>1\.5</td><td>23 to 39</td><td class="words">use the law</td>', text)
+    assert ".first:has(#pick-dyke:checked) #law-dyke" in text
+    assert '<section class="choice" id="law-dyke"' in text
 
 
 def test_findings_are_listed_warnings_first_and_notes_folded(made, tmp_path):
@@ -150,17 +185,17 @@ def test_findings_are_listed_warnings_first_and_notes_folded(made, tmp_path):
     text, parsed = render(tmp_path / "report.html", archive)
     order = [
         "pass 1: by the fixed materials the image is sigma0_ref",
-        "dyke: sigma0 is determined to +-1.5 dB",
-        "Next: set radar.radiometry: sigma0_ref.",
+        "Next: set radar.radiometry: sigma0_ref",
         "warning: radar.heading_deg is not given",
         "leaves the band by up to 2.2 dB (cause unknown)",
+        "dyke: sigma0 is determined to +-1.5 dB",
         "Further findings",
         "by a level of +0.10 dB",
     ]
     places = [parsed.text.index(words) for words in order]
     assert places == sorted(places)
     # the refusal stands in the first line, and the note in the folded part alone
-    assert parsed.text.count(order[0]) == parsed.text.count(order[6]) == 1
+    assert parsed.text.count(order[0]) == parsed.text.count(order[-1]) == 1
     assert "by a level of" in re.search(r"<details><summary>Further findings.*?</details>", text, re.DOTALL)[0]
 
 
@@ -192,18 +227,32 @@ def test_fixed_laws_level_and_radiometry_have_tables(made, tmp_path):
 def test_page_is_well_formed_and_loads_nothing(page):
     text, parsed = page
     assert parsed.open == []
-    assert "script" not in parsed.tags
-    assert all(address.startswith("data:") for address in parsed.addresses)
+    inside = [address for address in parsed.addresses if address.startswith("#")]
+    ids = re.findall(r' id="(\S+?)"', text)
+    assert len(ids) == len(set(ids))
+    assert {address[1:] for address in inside} <= set(ids)
+    beside = [address for address in parsed.addresses if not address.startswith(("data:", "#"))]
+    assert all(re.fullmatch(r"figures/\w+\.pdf", address) for address in beside)
     assert not re.search(r"https?://|@import|url\(", text)
 
 
 def test_every_picture_is_embedded(page, pictures):
-    images = page[1].images
-    assert [base64.b64decode(image["src"].partition(",")[2]) for image in images] == [
-        figure.png.read_bytes() for figure in pictures
-    ]
-    assert all(image["alt"] == 'an "alt" text' for image in images)
+    found = [image for image in page[1].images if image["alt"] == 'an "alt" text']
+    opened = [Image.open(io.BytesIO(base64.b64decode(image["src"].partition(",")[2]))) for image in found]
+    assert all(image.format == "WEBP" for image in opened)
+    # the law beside the list of materials, the map, the figure of its material
+    assert [image.size[0] for image in opened] == [4, 3, 5]
+    colours = [f"#{''.join(f'{value:02x}' for value in image.convert('RGB').getpixel((0, 0)))}" for image in opened]
+    assert [colours[0], colours[2]] == [COLOURS[1], COLOURS[2]]
     assert "A <caption> & more" in page[1].text
+
+
+def test_measured_start_and_calibrated_image_stand_at_one_place(page):
+    text, parsed = page
+    shown = [image["alt"] for image in parsed.images if "of the calibrated ground" in image["alt"]]
+    assert shown == [f"{which} image of the calibrated ground" for which in ("Measured", "Start", "Calibrated")]
+    assert '<input type="range" min="0" max="2" step="0.1" value="0"' in text
+    assert 'aria-label="Image shown: measured, start, calibrated"' in text
 
 
 def test_foreign_text_is_escaped(page):
@@ -215,17 +264,17 @@ def test_foreign_text_is_escaped(page):
 def test_a_table_too_wide_for_the_page_scrolls_in_its_own_box(page):
     text, _ = page
     assert text.count("<table") > 5
-    assert len(re.findall(r'<div class="scroll">\s*<table', text)) == text.count("<table")
+    assert len(re.findall(r'<div class="(?:list )?scroll">\s*<table', text)) == text.count("<table")
 
 
 def test_tables(page):
     text = page[1].text
     assert "X1 is at its upper bound (50 dB)" not in text
-    runs = text[text.index("Runs of the simulator") :]
+    runs = text[text.index("Stopped after") :]
     assert re.findall(r"(reference|design|infill|final|total)\s*(\d+)", runs)[:5] == [
         ("reference", "1"), ("design", "4"), ("infill", "2"), ("final", "1"), ("total", "8"),
     ]  # fmt: skip
-    assert "50.00 (at bound)" in text
+    assert "50.00 (bound)" in text
     assert "More skewed than a skew normal can be" in text  # at_boundary of the stem beans
     for words in ("skewness", "standard deviation [dB]", "Kolmogorov", "Hellinger", "eligible", "mangia"):
         assert words in text
@@ -237,7 +286,7 @@ def test_the_table_of_parameters_has_their_intervals(page, made, tmp_path):
     without = changed_material(changed_material(made.archive, "dyke", posterior=None), "stem beans", posterior=None)
     assert "5 to 95 %</th>" not in render(tmp_path / "report.html", without)[0].replace("incidence, 5 to 95 %", "")
     text = page[0]
-    assert "<th>search</th><th>5 to 95 %</th><th>nearest to<br>the median</th><th>start</th>" in text
+    assert "<th>search</th><th>5 to 95 %</th><th>near<br>median</th><th>start</th>" in text
     x = summarise(made.archive)["materials"]["dyke"]["parameters"]["X4"]
     assert f"{x:.4g}</td><td>4.00 to 5.90</td><td>4.800</td><td>" in text
 
@@ -313,25 +362,24 @@ def test_numbers(value, text):
     assert _number(value).translate(str.maketrans(plain)) == text
 
 
-def test_a_better_law_outside_of_a_bound_is_suspected_only_where_the_form_is_wrong(made, tmp_path):
+@pytest.mark.parametrize(
+    ("form", "reason", "flagged"),
+    [
+        ({"noticed": True}, "rms", True),
+        ({"noticed": False}, "unreachable", False),
+        (None, "unreachable", True),
+        (None, "rms", False),
+    ],
+)
+def test_a_better_law_outside_of_a_bound_is_suspected_only_where_the_form_is_wrong(
+    made, tmp_path, form, reason, flagged
+):
     """Or, where the form cannot be tested, after a failed search."""
-    result, material = made.archive.materials["stem beans"], made.archive.configured.materials["stem beans"]
-    found = summarise(made.archive)["materials"]["stem beans"]
-    assert found["stop_reason"] == "unreachable"
-    for form, reason, flagged in (
-        ({"noticed": True}, "rms", ["X1"]),
-        ({"noticed": False}, "unreachable", []),
-        (None, "unreachable", ["X1"]),
-        (None, "rms", []),
-    ):
-        data = _material("stem beans", {**found, "misfit": form, "stop_reason": reason}, result, material, ())
-        assert [p["name"] for p in data["at_bounds"]] == flagged
-        assert data["parameters"][0]["value"] == 50.0
-    near = {**found, "parameters": {**found["parameters"], "X1": 50.0 - 1e-9}}
-    assert _material("stem beans", near, result, material, ())["parameters"][0]["value"] == 50.0
-    wrong = changed_material(made.archive, "dyke", posterior=posterior(form=replace(posterior().form, noticed=True)))
-    text = render(tmp_path / "report.html", wrong)[1].text
-    assert "dyke: X1 is at its upper bound (50 dB); a better law may lie outside the bounds." in text
+    known = posterior(form=None if form is None else replace(posterior().form, **form))
+    archive = ended(changed_material(made.archive, "dyke", posterior=known), reason, dyke=reason)
+    text = render(tmp_path / "report.html", archive)[1].text
+    assert ("dyke: X1 is at its upper bound (50 dB); a better law may lie outside the bounds." in text) is flagged
+    assert "50.00 (bound)" in text
 
 
 def test_errors_on_held_out_ground_are_in_a_table(made, tmp_path):

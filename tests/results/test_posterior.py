@@ -123,7 +123,7 @@ def test_the_figure_shows_both_bands_and_where_sigma0_is_determined(made):
     np.testing.assert_allclose(model.get_ydata(), expected)
     assert upper.get_title().replace("\n", " ") == "dyke: determined to +-1.5 dB between 23 and 39 degrees"
     assert "(bar): +-1.5 dB for the material, +-0.9 dB for its fields in this image; level, " in caption
-    assert "give +-0.4 dB of it. Verdict on dyke: sigma0 is determined to" in caption
+    assert "give +-0.4 dB of it." in caption
     nowhere = changed_material(archive, "dyke", posterior=posterior(known_between_deg=None))
     lost = Finding("undetermined", "warning", "dyke", {"narrowest_db": 2.4, "known_db": 1.5})
     canvas, caption, _ = law(changed_findings(nowhere, lost), "dyke")

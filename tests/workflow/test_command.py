@@ -98,7 +98,7 @@ def test_the_example_in_python_with_parameters_of_its_own(project):
     # a law that only the simulator knows has no curve
     assert "law_difference_db" not in soil
     assert not list((project.out("command_python") / "figures").glob("law_*"))
-    assert "Parameters of the external simulator" in page
+    assert "X of the external simulator" in page
     assert '<th scope="row">mv <span class="unit">[m3/m3]</span></th>' in page
     assert soil["law"] == "external"
 

@@ -160,8 +160,8 @@ class Case(Part):
             yield Contradiction(
                 "radar.*.heading_deg",
                 f" are {', '.join(f'{heading:g}' for heading in headings)}, expected the same heading in all passes, "
-                "which share the scene's grid: make a case of its own for each heading, and compare them with radcal apply "
-                "or radcal compare (docs/passes.md)",
+                "which share the scene's grid: make a case of its own for each heading, and compare them with "
+                "radcal apply or radcal compare (docs/passes.md)",
             )
         for number, one in enumerate(self.passes, start=1):
             for key, text in one._in_pass():

@@ -29,7 +29,7 @@ from radcal.laws import Law
 from radcal.posterior.cells import STEP_DEG
 from radcal.posterior.result import Curve
 from radcal.results.archive import Archive, MaterialResult
-from radcal.words import state, verdict, widths
+from radcal.words import state, widths
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -279,7 +279,7 @@ def law_caption(case: Archive, name: str) -> str:
 
 
 def _of_band(case: Archive, name: str) -> str:
-    """Part of the caption that describes the bands, with the verdict on the material; empty without a band."""
+    """Part of the caption that describes the bands; empty without a band."""
     posterior = case.materials[name].posterior
     if posterior is None or posterior.curve is None:
         return ""
@@ -289,7 +289,7 @@ def _of_band(case: Archive, name: str) -> str:
     )
     if width := widths(name, case.findings):
         text += f" Half-widths where sigma0 is determined (bar): {width}."
-    return f"{text} Verdict on {verdict(name, case.findings)}" if state(name, case.findings) else text
+    return text
 
 
 def laws_of(case: Archive, name: str) -> list[tuple[str, Law, Array, dict[str, Any]]]:

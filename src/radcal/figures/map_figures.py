@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -16,13 +17,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["axis_labels", "image_extent", "images", "panels_for", "registration", "residual"]
+__all__ = ["Shot", "axis_labels", "image_extent", "images", "panels_for", "registration", "residual", "shots"]
 
 Aspect = Literal["equal", "auto"]
 
 _BOXCAR = 9  # side of the blocks over which the residual is averaged [pixels]
 _BEYOND = 0.1  # share of a simulated image beyond the measured image's gray scale, and
 _MOVED = 0.25  # difference of the medians in parts of this scale, above which the simulated image has its own scale
+_MISSING = "#F6E9D8"  # pixels without a value
+_MARGIN = 0.08  # ground around the calibrated materials in the compared images, as a share of their larger extent
 _LARGEST = 1600  # largest number of pixels per side of an image in a figure; larger images are averaged
 
 
@@ -72,7 +75,7 @@ def panels_for(shape: tuple[int, ...], n: int, below: float = 0.0) -> tuple[Canv
         axes = canvas.subplots(1, n, sharex=True, sharey=True, squeeze=False)
     for panel in axes.ravel():
         panel.grid(False)
-        panel.set_facecolor("#F6E9D8")
+        panel.set_facecolor(_MISSING)
         for spine in panel.spines.values():
             spine.set_visible(True)
     return canvas, list(axes.ravel()), ratio < 0.6, aspect
@@ -128,6 +131,61 @@ def images(case: Archive) -> tuple[Canvas, str, str]:
         caption += f" Shown as means over {k} x {k} pixels."
     scales = "the start in a gray scale of its own" if own else "in the same gray scale"
     return canvas, caption, f"Measured, starting and calibrated radar image side by side, {scales}."
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One of the images that the page shows at the same place: the ground of the calibrated materials.
+
+    Attributes
+    ----------
+    title : str
+        ``measured``, ``start`` or ``calibrated``.
+    low_db, high_db : float
+        Ends of the gray scale [dB].
+    pixels : ndarray of uint8, shape (rows, columns, 3)
+        Red, green and blue; rows along slant range, near range on top.
+    """
+
+    title: str
+    low_db: float
+    high_db: float
+    pixels: NDArray[np.uint8]
+
+
+def shots(case: Archive) -> list[Shot]:
+    """Measured, starting and calibrated image of the calibrated materials, in the gray scale of the measured one.
+
+    A start that would be nearly black or white there has a scale of its own. Images that are not archived are left out.
+    """
+    kept, where = case.images, _around_calibrated(case)
+    each = {"measured": case.measured_db, "start": kept.reference_db, "calibrated": kept.calibrated_db}
+    cut = {title: image[where] for title, image in each.items() if image is not None}
+    found = []
+    for title, image in cut.items():
+        alone = title == "start" and _unreadable(image, cut["measured"])
+        low, high = _gray_scale(image if alone else cut["measured"])
+        values = _shown(image)
+        gray = np.nan_to_num(255.0 * np.clip((values - low) / (high - low), 0.0, 1.0))
+        missing = [int(_MISSING[k : k + 2], 16) for k in (1, 3, 5)]
+        pixels = np.where(np.isfinite(values)[..., None], gray[..., None], missing)
+        found.append(Shot(title, low, high, np.round(pixels).astype(np.uint8)))
+    return found
+
+
+def _around_calibrated(case: Archive) -> tuple[slice, slice]:
+    """Rows and columns of the image around the pixels of the calibrated materials; all without a map of materials."""
+    material = case.images.material
+    ids = [case.names.index(name) + 1 for name in case.materials]
+    inside = np.ones(case.measured_db.shape, bool) if material is None else np.isin(material, ids)
+    if not inside.any():
+        return slice(None), slice(None)
+    ends = [
+        (int(there[0]), int(there[-1]) + 1) for there in map(np.flatnonzero, (inside.any(axis=1), inside.any(axis=0)))
+    ]
+    margin = round(_MARGIN * max(last - first for first, last in ends))
+    rows, columns = (slice(max(0, first - margin), last + margin) for first, last in ends)
+    return rows, columns
 
 
 def _gray_scale(image_db: NDArray[Any]) -> tuple[float, float]:

@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 import base64
+import io
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from radcal import skewnormal
 from radcal.config import Material
+from radcal.figures.drawing import slugs
 from radcal.figures.figures import Figure
+from radcal.figures.map_figures import shots
 from radcal.results.archive import Archive, MaterialResult
 from radcal.results.law_notes import at_bound
-from radcal.results.reasons import REASONS
+from radcal.results.reasons import REASONS, Words
 from radcal.results.summary import summarise
 from radcal.sections.objectives import OBJECTIVES
 from radcal.storage.files import atomic
-from radcal.words import beside_headline, remarks, sentence
+from radcal.words import STANDINGS, Step, asked_steps, beside_headline, ends, remarks, sentence, standing, step
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 __all__ = ["write_report"]
 
@@ -28,6 +35,53 @@ _AGREE = 1.4  # largest ratio of rms to sampling error at which two densities co
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MINUS = "\N{MINUS SIGN}"
 _TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPACE}"
+_QUALITY = 82  # of maps as WebP, whose speckle takes most of the page
+_METHOD = 2  # effort of the WebP encoder, 0 to 6
+_DIAGNOSTICS = ("front", "fidelity", "histogram", "quality")  # figures for those who know the method
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """Calibrated material with all that the page shows of it; ``summary`` is its part of ``summary.json``."""
+
+    name: str
+    slug: str
+    summary: Mapping[str, Any]
+    result: MaterialResult
+    configured: Material
+    standing: str
+    step: Step
+    figures: Mapping[str, Figure]
+
+    @property
+    def reason(self) -> Words:
+        """Texts on the end of its search."""
+        return REASONS[self.summary["stop_reason"]]
+
+    @property
+    def seen_deg(self) -> tuple[float, float]:
+        """Incidence of 5 and 95 % of the target's pixels in the first pass [deg]."""
+        low, high = np.percentile(self.result.target.incidence_deg, [5.0, 95.0])
+        return float(low), float(high)
+
+    @property
+    def at_bounds(self) -> list[tuple[str, str, str]]:
+        """Name, side and bound with unit of the parameters at a bound beyond which a better law may lie.
+
+        That may be where the form of the law is seen to be wrong or, if the form cannot be tested, the search has
+        failed.
+        """
+        form = self.summary.get("misfit")
+        if self.reason.met if form is None else not form["noticed"]:
+            return []
+        each = zip(
+            self.summary["parameters"].items(), self.configured.parameter_units, self.summary["bounds"], strict=True
+        )
+        return [
+            (name, side, f"{bounds[side == 'upper']:g} {unit}".rstrip())
+            for (name, value), unit, bounds in each
+            if (side := at_bound(value, *bounds))
+        ]
 
 
 def _number(value: float | None, digits: int = 3) -> str:
@@ -55,8 +109,27 @@ def _span(values: Iterable[float | None]) -> str:
     return " to ".join(dict.fromkeys((_number(found[0], 2), _number(found[-1], 2))))
 
 
-def _embedded(path: Path) -> str:
-    return "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode("ascii")
+def _webp(pixels: Image.Image, quality: int | None = None) -> str:
+    """Data address of an image as WebP, without loss or with a quality of 0 to 100."""
+    held = io.BytesIO()
+    options: dict[str, Any] = {"lossless": True} if quality is None else {"quality": quality}
+    pixels.save(held, "WEBP", method=_METHOD, **options)
+    return "data:image/webp;base64," + base64.b64encode(held.getvalue()).decode("ascii")
+
+
+def _embedded(figure: Figure) -> str:
+    """Data address of a figure: maps with some loss, lines and letters without."""
+    from PIL import Image
+
+    with Image.open(figure.png) as opened:
+        return _webp(opened.convert("RGB"), _QUALITY if figure.material is None else None)
+
+
+def _pixels(pixels: Any) -> str:
+    """Data address of an array of pixels."""
+    from PIL import Image
+
+    return _webp(Image.fromarray(pixels), _QUALITY)
 
 
 def _theta(values: Mapping[str, float]) -> dict[str, float]:
@@ -65,85 +138,38 @@ def _theta(values: Mapping[str, float]) -> dict[str, float]:
     return {**values, "mean": float(mean), "sd": float(sd), "skewness": float(skewness)}
 
 
-def _largest(found: Sequence[Mapping[str, Any]], key: str) -> Mapping[str, Any]:
-    """Material with the largest value of ``key``; an unknown value counts as smallest."""
-    return max(found, key=lambda m: -math.inf if m[key] is None else m[key])
+def _difference_db(name: str, summary: Mapping[str, Any]) -> float | None:
+    """Largest difference of the law of the search from the truth over the incidence of all passes [dB]."""
+    of_passes = [one["materials"][name]["difference_db"] for one in _seen_in(name, summary)]
+    found = [summary["materials"][name].get("law_difference_db"), *of_passes]
+    return max((one for one in found if one is not None), default=None)
 
 
-def _material(
-    name: str,
-    summary: Mapping[str, Any],
-    result: MaterialResult,
-    material: Material,
-    passes: Sequence[Mapping[str, Any]],
-) -> dict[str, Any]:
-    """Data of one material for the template of the page; ``passes`` are those of a case of several passes."""
-    low, high = np.percentile(result.target.incidence_deg, [5.0, 95.0])
-    laws = [one["materials"][name] for one in passes if name in one["materials"]]
-    seen = [(law["low_deg"], law["high_deg"]) for law in laws] or [(float(low), float(high))]
-    differences = [summary.get("law_difference_db"), *(law["difference_db"] for law in laws)]
-    start, same_law = material.start_parameters, not material.starts_with_another_law
-    hidden = summary.get("hidden", {})
-    parameters = [
-        {
-            "name": key,
-            "unit": unit.replace("rad2", "rad²"),
-            # a value next to a bound has digits of the search without meaning
-            "value": {"lower": bounds[0], "upper": bounds[1]}.get(at_bound(value, *bounds), value),
-            "start": begun,
-            "hidden": hidden.get(key),
-            "model": (summary.get("parameters_model") or {}).get(key),
-            "p05": summary.get("parameters_p05", {}).get(key),
-            "p95": summary.get("parameters_p95", {}).get(key),
-            "low": bounds[0],
-            "high": bounds[1],
-            "at": at_bound(value, *bounds),
-        }
-        for (key, value), unit, begun, bounds in zip(
-            summary["parameters"].items(),
-            material.parameter_units,
-            # a start with another law has parameters of that other law
-            start if same_law else [None] * len(summary["bounds"]),
-            summary["bounds"],
-            strict=True,
-        )
-    ]
-    words = REASONS[summary["stop_reason"]]
-    form = summary.get("misfit")
-    # a better law may lie outside of the bounds where the form is seen to be wrong, or the search has failed
-    limited = not words.met if form is None else form["noticed"]
-    return {
-        **summary,
-        "name": name,
-        "other_start": None if same_law else {"law": summary["start_law"], "parameters": start},
-        "reason": words.clause,
-        "short_reason": words.cell,
-        "parameters": parameters,
-        "at_bounds": [p for p in parameters if p["at"] and limited],
-        "target": _theta(summary["target"]),
-        "calibrated": _theta(summary["calibrated"]),
-        "within": words.met,
-        "low": float(low),
-        "high": float(high),
-        "drawn": result.target.pixels.size,
-        "eligible": result.target.eligible,
-        "at_boundary": result.target.at_boundary,
-        "seen": f"{' and '.join(f'{_number(a)} to {_number(b)}' for a, b in seen)} deg",
-        "difference_db": max((one for one in differences if one is not None), default=None),
-        "known": "law_difference_db" in summary,
-        # true for hidden parameters of an external law, too
-        "truth": bool(hidden),
-    }
+def _seen_in(name: str, summary: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Passes of several that see a material."""
+    return [one for one in summary.get("passes", ()) if name in one["materials"]]
 
 
-def _who(found: Sequence[Mapping[str, Any]], total: int) -> str:
+def _seen(shown: _Shown, summary: Mapping[str, Any]) -> str:
+    """Text of the incidence at which a material is seen in each pass."""
+    laws = [one["materials"][shown.name] for one in _seen_in(shown.name, summary)]
+    spans = [(law["low_deg"], law["high_deg"]) for law in laws] or [shown.seen_deg]
+    return f"{' and '.join(f'{_number(a)} to {_number(b)}' for a, b in spans)} deg"
+
+
+def _largest(found: Sequence[_Shown], key: str) -> _Shown:
+    """Material with the largest value of a key of its summary; an unknown value counts as smallest."""
+    return max(found, key=lambda m: -math.inf if m.summary[key] is None else m.summary[key])
+
+
+def _who(found: Sequence[_Shown], total: int) -> str:
     """Names of up to four materials, else their number."""
-    return _listed([m["name"] for m in found]) if len(found) <= 4 else f"{len(found)} of {total} materials"
+    return _listed([m.name for m in found]) if len(found) <= 4 else f"{len(found)} of {total} materials"
 
 
-def _criterion(materials: Sequence[Mapping[str, Any]]) -> str:
+def _criterion(materials: Sequence[_Shown]) -> str:
     """Sentences on the stop criterion of laws that are compared by incidence-angle bin."""
-    missed, count = [m for m in materials if not m["within"]], len(materials)
+    missed, count = [m for m in materials if not m.reason.met], len(materials)
     text = (
         "Laws that meet the stop criterion (the surrogate of all runs predicts no law that is clearly better and "
         f"differs by more than stop.law_db): {count - len(missed)} of {count}."
@@ -151,7 +177,7 @@ def _criterion(materials: Sequence[Mapping[str, Any]]) -> str:
     return f"{text} Better laws of {_who(missed, count)} may exist." if missed else text
 
 
-def _ending(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) -> str:
+def _ending(summary: Mapping[str, Any], materials: Sequence[_Shown]) -> str:
     """Sentence that says how the search ended, and after how many runs."""
     runs = f"{summary['runs']['design'] + summary['runs']['infill']} runs"
     if reused := summary["runs"]["reused"]:
@@ -163,11 +189,11 @@ def _ending(summary: Mapping[str, Any], materials: Sequence[Mapping[str, Any]]) 
         )
     if summary["converged"]:
         return f"Converged after {runs}: {aim} is met for {_who(materials, len(materials))}."
-    missed = [m for m in materials if not m["within"]]
+    missed = [m for m in materials if not m.reason.met]
     who = _who(missed, len(materials))
     if summary["stop_reason"] == "running":
         return f"Not finished after {runs}: {aim} is not yet met for {who}."
-    reasons = _listed(list(dict.fromkeys(m["reason"] for m in missed)))
+    reasons = _listed(list(dict.fromkeys(m.reason.clause for m in missed)))
     return f"Stopped after {runs}: {aim} is not met for {who} ({reasons})."
 
 
@@ -186,6 +212,27 @@ def _yaml(text: str) -> str:
     return yaml.dump(json.loads(text), Dumper=Dumper, sort_keys=False, width=100, allow_unicode=True)
 
 
+def _materials(archive: Archive, summary: Mapping[str, Any], figures: Sequence[Figure]) -> list[_Shown]:
+    """Calibrated materials in the order of the configuration."""
+    stop, found = archive.configured.stop, []
+    numbers = {"case": summary["case"], "max_runs": 2 * stop.max_runs, "idle": 2 * stop.stagnation_runs}
+    for (name, result), slug in zip(archive.materials.items(), slugs(archive.materials), strict=True):
+        own, configured = summary["materials"][name], archive.configured.materials[name]
+        found.append(
+            _Shown(
+                name=name,
+                slug=slug,
+                summary=own,
+                result=result,
+                configured=configured,
+                standing=standing(name, archive.findings, REASONS[own["stop_reason"]].met),
+                step=step(name, archive.findings, own["stop_reason"], **numbers),
+                figures={figure.name.removesuffix(f"_{slug}"): figure for figure in figures if figure.material == name},
+            )
+        )
+    return found
+
+
 def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) -> None:
     """Write ``report.html``, atomically.
 
@@ -196,20 +243,14 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     archive : Archive
         Results of a calibration.
     figures : sequence of Figure
-        Figures from :func:`radcal.figures.figures.write_figures`; their PNG files are
-        embedded, so that the page is one file that opens offline.
+        Figures from :func:`radcal.figures.figures.write_figures`; they are embedded as WebP, so that the page is one
+        file that opens offline.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     summary = summarise(archive)
-    passes = summary.get("passes", ())
-    materials = [
-        _material(name, summary["materials"][name], result, archive.configured.materials[name], passes)
-        for name, result in archive.materials.items()
-    ]
-    refused = any(one.severity == "refusal" for one in archive.findings)
-    determined = any(m.get("identified") for m in materials)
-    good = summary["converged"] and determined and not refused and summary["fits"] is not False
+    materials = _materials(archive, summary, figures)
+    urgency = list(STANDINGS)
     environment = Environment(
         loader=PackageLoader("radcal.page", ""),
         autoescape=True,
@@ -218,31 +259,34 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"number": _number, "listed": _listed, "embedded": _embedded, "span": _span}
-    environment.filters |= {"who": _who, "largest": _largest}
+    filters = (_number, _listed, _embedded, _pixels, _span, _who, _largest, _theta, _seen)
+    environment.filters |= {one.__name__[1:]: one for one in filters}
+    environment.globals |= {"at_bound": at_bound, "ends": ends, "standings": STANDINGS}
     text = environment.get_template("report.html.j2").render(
         summary=summary,
+        configured=archive.configured,
         objective=OBJECTIVES[archive.configured.objective],
         search=_ending(summary, materials),
         criterion=_criterion(materials),
-        good=good,
+        refused=any(one.severity == "refusal" for one in archive.findings),
+        asked=asked_steps(archive.findings)[:1],
         warnings=beside_headline(summary["warnings"], archive.findings),
         remarks=[sentence(one) for one in remarks(archive.findings) if one.severity == "note"],
         materials=materials,
-        within=[m for m in materials if m["within"]],
+        ranked=sorted(materials, key=lambda m: urgency.index(m.standing)),
         determined={one.about: one.numbers for one in archive.findings if one.code == "determined"},
-        modelled=[m for m in materials if "posterior" in m],
-        agreeing=[m["name"] for m in materials if m["rms"] is not None and m["rms"] <= _AGREE * m["rms_sampling"]],
-        known=[m for m in materials if m["known"]],
-        external=[m for m in materials if m["truth"] and not m["known"]],
-        unknown=[m for m in materials if not m["truth"]],
-        overall=[figure for figure in figures if figure.material is None],
-        figures={m["name"]: [figure for figure in figures if figure.material == m["name"]] for m in materials},
-        reasons=list(dict.fromkeys(reason for m in materials for reason in m["left_out"])),
-        looks=f"{archive.configured.radar.looks:g}",
-        max_runs=archive.configured.stop.max_runs,
-        margin_px=archive.configured.target.margin_px,
+        agreeing=[m.name for m in materials if _agrees(m.summary)],
+        differences_db={m.name: _difference_db(m.name, summary) for m in materials},
+        overall=[figure for figure in figures if figure.material is None and figure.name != "images"],
+        shots=shots(archive),
+        diagnostics=_DIAGNOSTICS,
+        reasons=list(dict.fromkeys(reason for m in materials for reason in m.summary["left_out"])),
         config=_yaml(archive.config),
     )
     with atomic(page) as partial:
         partial.write_text(text, encoding="utf-8")
+
+
+def _agrees(summary: Mapping[str, Any]) -> bool:
+    """Whether the density of a material's best run agrees with its target as well as samples of one density do."""
+    return summary["rms"] is not None and bool(summary["rms"] <= _AGREE * summary["rms_sampling"])
