@@ -1,6 +1,7 @@
 """Exports: tables, calibrated materials, and images whose places on the map are known."""
 
 import json
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,9 @@ import pytest
 import rasterio
 import yaml
 from archives import changed_material, configured, posterior
+from lxml import etree
+from rasterio.enums import ColorInterp
+from rasterio.shutil import copy
 
 from radcal.config import Radar, case_from
 from radcal.config.stages import STAGES
@@ -98,7 +102,7 @@ def test_masks_tell_layover_from_shadow(made):
     layover, shadow = (np.zeros(made.geometry.shape, dtype=bool) for _ in range(2))
     layover[5, :4], shadow[5, 2:6] = True, True
     hidden = replace(made.geometry, layover=layover, shadow=shadow)
-    found = ground_layers(hidden, {})["mask"].values  # noqa: PD011
+    found = ground_layers(hidden, {}, made.case.materials)["mask"].values  # noqa: PD011
     assert found[5, :7].tolist() == [2, 2, 4, 4, 3, 3, 1]
     nothing = np.flatnonzero(~hidden.visible.ravel() & ~shadow.ravel())
     assert not found.ravel()[nothing].any()
@@ -136,7 +140,40 @@ def test_a_scene_without_a_map_says_so(made, tmp_path):
     with rasterio.open(tmp_path / "material.tif") as raster:
         assert (raster.nodata, raster.read(1)[0, 0]) == (0, 0)
         assert yaml.safe_load(raster.tags()["materials"]) == {"1": "dyke", "2": "stem beans", "3": "unused"}
-    assert {path.name for path in files} == {path.name for path in tmp_path.iterdir()}
+    # beside them, styles and names of classes, into which map viewers write
+    assert {path.name for path in set(tmp_path.iterdir()) - set(files)} == {
+        "calibrated.qml", "mask.qml", "mask.tif.aux.xml", "material.qml", "material.tif.aux.xml", "measured.qml",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("georeferenced", [False, True])
+def test_map_viewers_show_names_and_colours_of_materials(made, on_map, tmp_path, georeferenced):
+    scene, geometry = on_map if georeferenced else (None, None)
+    colours = {1: "#0A141E", 2: "#56B4E9", 3: "#009E73"}  # configured, or at the material's place in the list
+    changed = deepcopy(made)
+    changed.case.materials["dyke"] = changed.case.materials["dyke"].model_copy(update={"colour": colours[1]})
+    export(changed, tmp_path, scene=scene, geometry=geometry)
+    with rasterio.open(tmp_path / "material.tif") as raster:
+        found = raster.colormap(1)
+        assert raster.colorinterp == (ColorInterp.palette,)
+    assert [found[k][:3] for k in (1, 2, 3)] == [(10, 20, 30), (86, 180, 233), (0, 158, 115)]
+    # a VRT holds what GDAL has read of the image and of the file beside it
+    copy(tmp_path / "material.tif", tmp_path / "material.vrt", driver="VRT")
+    names = [one.text for one in etree.parse(tmp_path / "material.vrt").iter("Category")]
+    assert names == [None, "dyke", "stem beans", "unused"]
+    entries = [dict(one.attrib) for one in etree.parse(tmp_path / "material.qml").iter("paletteEntry")]
+    assert {int(one["value"]): (one["label"], one["color"]) for one in entries} == {
+        k: (names[k], colour) for k, colour in colours.items()
+    }
+
+
+def test_measured_and_calibrated_image_have_one_gray_scale(made, tmp_path):
+    export(made, tmp_path)
+    ends = [[float(etree.parse(tmp_path / f"{name}.qml").findtext(f".//{end}")) for end in ("minValue", "maxValue")]
+            for name in ("measured", "calibrated")]  # fmt: skip
+    assert ends[0] == ends[1]
+    levels_db = np.sort(made.archive.measured_db[np.isfinite(made.archive.measured_db)])
+    assert ends[0] == pytest.approx([levels_db[levels_db.size // 100], levels_db[-levels_db.size // 100]], abs=0.3)
 
 
 def test_the_level_of_a_material_seen_at_one_incidence_is_a_row_of_the_laws(made, tmp_path):

@@ -3,15 +3,21 @@
 import re
 import sys
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+import pystac
 import pytest
+import rioxarray  # noqa: F401 - the accessor rio of arrays
+from pyproj import Transformer
 
 import radcal
 from radcal.config.stages import STAGES
 from radcal.errors import StoreError
 from radcal.products.export import PassImages, write_export
+from radcal.products.stac import stac_item
+from radcal.results.archive import write_archive
 from radcal.results.run_table import write_table
 from radcal.results.summary import summarise
 from radcal.storage.records import write_json
@@ -59,17 +65,57 @@ def test_images_have_units(folder, made):
     assert image.azimuth[-1] == 29
 
 
-def test_an_image_on_the_map_has_coordinates(made, tmp_path):
+def on_map(made, folder):
+    """Results of a scene of 30 x 40 cells of 5 m on a map, each of which one pixel shows."""
     place = {"crs": "EPSG:32631", "transform": (5.0, 0.0, 600_000.0, 0.0, 5.0, 5_780_000.0)}
     rows, columns = np.meshgrid(np.arange(40.0), np.arange(30.0), indexing="ij")
     changed = replace(made, geometry=replace(made.geometry, ground=np.stack([columns, rows]).astype(np.float32)))
     grid = {"material": np.ones((30, 40), dtype=np.uint8), "elevation_m": np.zeros((30, 40))}
-    image = radcal.open(finish(changed, tmp_path, **place, **grid)).image("measured")
+    return radcal.open(finish(changed, folder, **place, **grid))
+
+
+def test_an_image_on_the_map_has_coordinates(made, tmp_path):
+    image = on_map(made, tmp_path).image("measured")
     assert image.dims == ("y", "x")
     assert image.attrs["crs"] == "EPSG:32631"
+    # as rioxarray reads them, also after a computation, which drops the attributes
+    doubled = 2.0 * image
+    assert doubled.rio.crs.to_epsg() == 32631
+    assert tuple(doubled.rio.transform())[:6] == (5.0, 0.0, 600_000.0, 0.0, -5.0, 5_780_150.0)
+    assert doubled.rio.transform(recalc=True) == doubled.rio.transform()
     # pixel (3, 7) shows row 7, column 3 of the scene
     found = image.sel(x=600_000 + 3.5 * 5, y=5_780_000 + 7.5 * 5)
     assert found.item() == made.archive.measured_db[3, 7]
+
+
+def test_stac_item(made, folder, tmp_path):
+    results = on_map(made, tmp_path)
+    write_archive(tmp_path / "calibration.h5", made.archive)
+    item = results.to_stac()
+    item.validate()
+    item.save_object()
+    item = pystac.Item.from_file(tmp_path / "item.json")
+    to_wgs84 = Transformer.from_crs("EPSG:32631", "EPSG:4326", always_xy=True)
+    corners = [to_wgs84.transform(600_000 + 200 * east, 5_780_000 + 150 * north) for east in (0, 1) for north in (0, 1)]
+    assert item.bbox == pytest.approx([*np.min(corners, axis=0), *np.max(corners, axis=0)], abs=1e-7)
+    np.testing.assert_allclose(sorted(item.geometry["coordinates"][0][:4]), sorted(map(list, corners)), atol=1e-7)
+    assert item.assets["measured.tif"].media_type == pystac.MediaType.COG
+    assert item.assets["incidence.tif"].extra_fields["bands"] == [{"unit": "deg", "data_type": "float32"}]
+    assert item.properties["radcal:materials"]["dyke"]["parameters"]["X2"] == made.archive.laws["dyke"][1]
+    assert abs((datetime.now(UTC) - item.datetime).total_seconds()) < 3600
+    there = {name for name, asset in item.assets.items() if (tmp_path / asset.href).is_file()}
+    assert item.assets.keys() - there == {"report.html"}  # which this test does not make
+    # in slant range, and of a product that says when it was taken
+    summary = {**results.summary, "findings": [{"code": "acquisition", "numbers": {"start": "2021-12-23T05:11:22.5"}}]}
+    flat = stac_item(tmp_path, summary, [])
+    assert (flat.geometry, flat.bbox) == (None, None)
+    assert flat.datetime == datetime(2021, 12, 23, 5, 11, 22, 500_000, UTC)
+
+
+def test_without_pystac_the_message_says_what_to_install(folder, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pystac", None)
+    with pytest.raises(ImportError, match=r"to_stac\(\) needs .* pip install 'radcal\[stac\]'"):
+        radcal.open(folder).to_stac()
 
 
 def test_without_xarray_the_message_says_what_to_install(folder, monkeypatch):

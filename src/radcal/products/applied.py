@@ -19,7 +19,7 @@ from radcal.measurement.sources import make_measurement
 from radcal.posterior.prediction import predict
 from radcal.posterior.result import Posterior, Predicted
 from radcal.products.applied_bins import PredictionBins, by_constant_db, predictive_db
-from radcal.products.export import ground_layers
+from radcal.products.export import gray_scale, ground_layers
 from radcal.products.geotiff import Layer, write_layers
 from radcal.products.simulated import Forward, forward
 from radcal.products.tables import aligned, calibrated_materials, write_csv
@@ -160,7 +160,8 @@ def apply(folder: str | Path, other: Part, measured: Case | None, out: str | Pat
     for number, made in enumerate(passes, start=1):
         radar, measured_db = other.passes[number - 1].radar, None
         tags = {"case": other.case, "radiometry": radar.radiometry}
-        layers = {"predicted": Layer(made.image_db, "dB", "image predicted from the laws of another case", tags)}
+        text, gray = "image predicted from the laws of another case", gray_scale(made.image_db)
+        layers = {"predicted": Layer(made.image_db, "dB", text, tags, gray=gray)}
         if measured is not None:
             one = measured.passes[number - 1]
             path = out / f"passes/{number}/geometry.h5"
@@ -170,8 +171,9 @@ def apply(folder: str | Path, other: Part, measured: Case | None, out: str | Pat
             registered, by = registered_as(as_in_case, made.image_db, found, one.registration)
             lines += [f"pass {number}: {found.source}; {by}: {registered.verdict}", *map(sentence, found.findings)]
             measured_db = registered.measurement.image_db
-            layers["measured"] = Layer(measured_db, "dB", "measured image, registered", tags)
-        files += write_layers(out, number, {**layers, **ground_layers(made.geometry, tags)}, scene, made.geometry)
+            layers["measured"] = Layer(measured_db, "dB", "measured image, registered", tags, gray=gray)
+        layers |= ground_layers(made.geometry, tags, changed.materials)
+        files += write_layers(out, number, layers, scene, made.geometry)
         with understood(folder / "calibration.h5"):
             rows += [(number, row) for row in _of_pass(archive, changed, number, made, measured_db)]
     shared = [name for name in archive.materials if name in other.materials]

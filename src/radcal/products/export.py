@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from radcal.config import Radar
 from radcal.config.part import Part
+from radcal.figures.colours import material_colours
 from radcal.ground.levels import Levels, without_level
 from radcal.products.geotiff import Layer, write_layers
+from radcal.products.styles import Classes
 from radcal.products.tables import (
     LAWS,
     PARAMETERS,
@@ -29,15 +31,22 @@ from radcal.registration.registered import Registered
 from radcal.results.archive import Archive
 from radcal.results.summary import sentences
 from radcal.scene.model import Scene
+from radcal.sections.materials import Material
 from radcal.seeds import noise_seed
 from radcal.simulators.base import Simulator
 from radcal.storage.files import atomic
 from radcal.storage.run_index import read_index, record_of
 from radcal.storage.runs import RunStore
 
-__all__ = ["PassImages", "ground_layers", "pass_images", "write_export"]
+__all__ = ["PassImages", "gray_scale", "ground_layers", "pass_images", "write_export"]
 
 _INPUT = "simulator_input"
+_MASK: Classes = {
+    1: ("clear", "#D9D9D9"),
+    2: ("in layover", "#E69F00"),
+    3: ("with ground in shadow", "#332288"),
+    4: ("in layover, with ground in shadow", "#882255"),
+}
 
 
 @dataclass(frozen=True)
@@ -144,18 +153,29 @@ def write_export(
     for number, one in enumerate(images, start=1):
         tags = {"case": archive.configured.case, "radiometry": one.radar.radiometry}
         measured, calibrated, layers = one.measured_db, one.calibrated_db, dict[str, Layer]()
+        gray = gray_scale(calibrated if measured is None else measured)
         if measured is not None:
-            layers["measured"] = Layer(measured, "dB", one.description, tags)
+            layers["measured"] = Layer(measured, "dB", one.description, tags, gray=gray)
         if calibrated is not None:
             text = "simulated image with the laws of the search and textures"
-            layers["calibrated"] = Layer(calibrated, "dB", text, tags)
+            layers["calibrated"] = Layer(calibrated, "dB", text, tags, gray=gray)
         if measured is not None and calibrated is not None:
             layers["difference"] = Layer(calibrated - measured, "dB", "calibrated minus measured image", tags)
-        files += write_layers(folder, number, layers | ground_layers(one.geometry, tags), scene, one.geometry)
+        layers |= ground_layers(one.geometry, tags, case.materials)
+        files += write_layers(folder, number, layers, scene, one.geometry)
     return files
 
 
-def ground_layers(geometry: Geometry, tags: Mapping[str, str]) -> dict[str, Layer]:
+def gray_scale(image_db: NDArray[np.float32] | None) -> tuple[float, float] | None:
+    """Levels of an image that are shown in black and in white [dB]: its 1 % and 99 % quantile; None without pixels."""
+    finite = np.empty(0) if image_db is None else image_db[np.isfinite(image_db)]
+    if finite.size == 0:
+        return None
+    black, white = np.quantile(finite, [0.01, 0.99])
+    return float(black), float(white)
+
+
+def ground_layers(geometry: Geometry, tags: Mapping[str, str], materials: Mapping[str, Material]) -> dict[str, Layer]:
     """Images of local incidence, materials and mask of a pass in slant range, by file name.
 
     Parameters
@@ -164,7 +184,12 @@ def ground_layers(geometry: Geometry, tags: Mapping[str, str]) -> dict[str, Laye
         Geometry of the pass.
     tags : mapping
         Further tags of the files.
+    materials : mapping
+        Materials of the case by name, of which some have a colour.
     """
+    configured = {name: one.colour for name, one in materials.items() if one.colour is not None}
+    colours = material_colours(geometry.names, configured)
+    of_material = dict(enumerate(zip(geometry.names, colours, strict=True), start=1))
     names = {str(k): name for k, name in enumerate(geometry.names, start=1)}
     alone = "material of pixels of one material alone, by number (tag materials); 0: mixed, or none"
     hidden = "1: clear; 2: in layover; 3: with ground in shadow; 4: both; 0: no ground (on a map: no pixel shows it)"
@@ -173,6 +198,6 @@ def ground_layers(geometry: Geometry, tags: Mapping[str, str]) -> dict[str, Laye
     mask = np.where(seen, 1 + geometry.layover + 2 * geometry.shadow, 0).astype(np.uint8)
     return {
         "incidence": Layer(geometry.incidence_deg, "deg", "mean local incidence of the pixel's ground", tags),
-        "material": Layer(material, "1", alone, {**tags, "materials": json.dumps(names)}),
-        "mask": Layer(mask, "1", hidden, tags),
+        "material": Layer(material, "1", alone, {**tags, "materials": json.dumps(names)}, of_material),
+        "mask": Layer(mask, "1", hidden, tags, _MASK),
     }

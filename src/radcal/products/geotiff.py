@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.products.styles import Classes, category_names, class_style, gray_style, rgb
 from radcal.radar.geometry import Geometry
 from radcal.scene.model import Scene
 from radcal.storage.files import atomic
@@ -36,12 +37,18 @@ class Layer:
         Meaning of the values.
     tags : mapping
         Further tags of the file.
+    classes : mapping
+        Name and colour of each number, for an image of classes.
+    gray : (float, float) or None
+        Values that a map viewer shows in black and in white.
     """
 
     values: NDArray[Any]
     unit: str
     description: str
     tags: Mapping[str, str]
+    classes: Classes = field(default_factory=dict)
+    gray: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -134,6 +141,10 @@ def write_layers(
 ) -> list[Path]:
     """Write the images of the pass ``number`` (from 1) as ``<name>.tif``, from pass 2 on ``<name>_pass<number>.tif``.
 
+    Beside an image of classes lies ``<name>.tif.aux.xml`` with their names, and beside an image with classes or ends of
+    a gray scale lies its style for QGIS, ``<name>.qml``. Map viewers write into both files, so that they are in no list
+    of checksums.
+
     Parameters
     ----------
     folder : Path
@@ -148,12 +159,21 @@ def write_layers(
     Returns
     -------
     list of Path
-        Paths of the files.
+        Paths of the GeoTIFFs.
     """
     grid = map_grid(scene, geometry)
     paths = [folder / f"{name}{of_pass(number)}.tif" for name in layers]
     for path, layer in zip(paths, layers.values(), strict=True):
         write_geotiff(path, layer, grid)
+        beside = {}
+        if layer.classes:
+            beside[path.with_suffix(".tif.aux.xml")] = category_names(layer.classes)
+            beside[path.with_suffix(".qml")] = class_style(layer.classes)
+        elif layer.gray is not None:
+            beside[path.with_suffix(".qml")] = gray_style(*layer.gray)
+        for file, content in beside.items():
+            with atomic(file) as partial:
+                partial.write_bytes(content)
     return paths
 
 
@@ -201,6 +221,9 @@ def write_geotiff(path: str | Path, layer: Layer, grid: MapGrid | None) -> None:
             raster.write(values, 1)
             raster.set_band_description(1, layer.description)
             raster.units = (layer.unit,)
+            if layer.classes:
+                colours = {value: rgb(colour) for value, (_, colour) in layer.classes.items()}
+                raster.write_colormap(1, {0: (255, 255, 255), **colours})
             raster.update_tags(
                 unit=layer.unit, description=layer.description, grid=SLANT_RANGE if grid is None else _MAP, **layer.tags
             )

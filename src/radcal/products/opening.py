@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,10 +17,9 @@ from radcal.products.geotiff import SLANT_RANGE
 
 if TYPE_CHECKING:
     import pandas as pd
+    import pystac
 
 __all__ = ["Results", "open_results"]
-
-_INSTALL = "pip install 'radcal[xarray]'"
 
 
 @dataclass(frozen=True)
@@ -106,8 +106,9 @@ class Results:
         Returns
         -------
         xarray.DataArray
-            On a map, the dimensions y and x have the coordinates of the pixel centres in ``attrs["crs"]``; in slant
-            range, the dimensions are slant_range and azimuth, in pixels.
+            On a map, the dimensions y and x have the coordinates of the pixel centres, and the coordinate
+            ``spatial_ref`` has the CRS and the affine transform as rioxarray and GDAL read them (``image.rio.crs``); in
+            slant range, the dimensions are slant_range and azimuth, in pixels.
 
         Raises
         ------
@@ -116,24 +117,38 @@ class Results:
         StoreError
             No exported image has this name, or the file cannot be read.
         """
-        try:
-            import xarray
-        except ImportError:
-            raise ImportError(
-                f"image({name!r}) needs the package xarray, which is not installed: type {_INSTALL}, or call "
-                f"array({name!r}) for a numpy array."
-            ) from None
+        xarray = _library("xarray", f"image({name!r})", f", or call array({name!r}) for a numpy array")
+        from pyproj import CRS
+
         values, attributes, (a, b, c, d, e, f) = self._read(name)
         rows, columns = (np.arange(n) + 0.5 for n in values.shape)
         attributes["units"] = attributes["unit"]
         if attributes["grid"] == SLANT_RANGE:
             coordinates = {"slant_range": rows - 0.5, "azimuth": columns - 0.5}
             return xarray.DataArray(values, coordinates, ("slant_range", "azimuth"), name, attributes)
-        if b or d:
-            places = {"x": (("row", "column"), a * columns + b * rows[:, None] + c)}
-            places["y"] = (("row", "column"), d * columns + e * rows[:, None] + f)
-            return xarray.DataArray(values, places, ("row", "column"), name, attributes)
-        return xarray.DataArray(values, {"y": e * rows + f, "x": a * columns + c}, ("y", "x"), name, attributes)
+        transform = " ".join(map(repr, (c, a, b, f, d, e)))  # in GDAL's order
+        grid_mapping = {**CRS.from_user_input(attributes["crs"]).to_cf(), "GeoTransform": transform}
+        places: dict[str, Any] = {"spatial_ref": ((), 0, grid_mapping)}
+        if not (b or d):  # the axes of a turned grid have no coordinates of their own
+            places |= {"y": e * rows + f, "x": a * columns + c}
+        return xarray.DataArray(values, places, ("y", "x"), name, attributes)
+
+    def to_stac(self) -> pystac.Item:
+        """STAC item of the case, with its exports as assets (:func:`.stac.stac_item`).
+
+        ``results.to_stac().save_object()`` writes it to ``item.json`` in the results folder.
+
+        Raises
+        ------
+        ImportError
+            pystac is not installed; the message says how to install it.
+        DamagedError, StoreError
+            A file is missing or cannot be read.
+        """
+        _library("pystac", "to_stac()", extra="stac")
+        from radcal.products.stac import stac_item
+
+        return stac_item(self.folder, self.summary, self.images)
 
     def _table(self, name: str) -> pd.DataFrame:
         import pandas as pd
@@ -160,6 +175,15 @@ class Results:
                 return raster.read(1), {**tags, **crs}, tuple(raster.transform)[:6]
         except (OSError, RasterioError) as error:
             raise StoreError(f"{path}: cannot be read ({error}).") from error
+
+
+def _library(name: str, of: str, otherwise: str = "", extra: str | None = None) -> Any:
+    """Library that a call needs; if it is not installed, the error says how to install it."""
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        install = f"pip install 'radcal[{extra or name}]'"
+        raise ImportError(f"{of} needs the package {name}, which is missing: type {install}{otherwise}.") from None
 
 
 def open_results(folder: str | Path) -> Results:

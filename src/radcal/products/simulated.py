@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from radcal.config import Radar, nearest
 from radcal.config.part import Part
 from radcal.errors import ConfigError, RadcalError, SceneError
-from radcal.products.export import ground_layers
+from radcal.products.export import gray_scale, ground_layers
 from radcal.products.geotiff import Layer, of_pass, write_layers
 from radcal.radar.geometry import Geometry, write_geometry
 from radcal.radar.projection import make_geometry
@@ -178,8 +178,8 @@ def simulate(
     for number, (one, made) in enumerate(zip(case.passes, passes, strict=True), start=1):
         tags = {"case": case.case, "radiometry": one.radar.radiometry, "run": made.key}
         layers = {
-            "simulated": Layer(made.image_db, "dB", "simulated image", tags),
-            **ground_layers(made.geometry, tags),
+            "simulated": Layer(made.image_db, "dB", "simulated image", tags, gray=gray_scale(made.image_db)),
+            **ground_layers(made.geometry, tags, case.materials),
         }
         how = "was in the run store" if made.kept else "simulated"
         lines.append(f"pass {number}: {made.image_db.shape[0]} x {made.image_db.shape[1]} pixels, run {made.key} {how}")
