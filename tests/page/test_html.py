@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import io
 import json
 import re
@@ -18,6 +19,7 @@ from PIL import Image
 from radcal.figures.figures import Figure
 from radcal.findings import Finding
 from radcal.page.html import _number, _span, write_report
+from radcal.page.provenance import provenance_of
 from radcal.posterior.radiometry import Radiometry
 from radcal.results.summary import summarise
 
@@ -232,7 +234,7 @@ def test_page_is_well_formed_and_loads_nothing(page):
     assert len(ids) == len(set(ids))
     assert {address[1:] for address in inside} <= set(ids)
     beside = [address for address in parsed.addresses if not address.startswith(("data:", "#"))]
-    assert all(re.fullmatch(r"figures/\w+\.pdf", address) for address in beside)
+    assert all(re.fullmatch(r"figures/\w+\.pdf|[a-z]+/|\w+\.(json|csv|h5)", address) for address in beside)
     assert not re.search(r"https?://|@import|url\(", text)
 
 
@@ -394,3 +396,25 @@ def test_errors_on_held_out_ground_are_in_a_table(made, tmp_path):
     assert "dyke (whole fields)</th><td>1, 2</td>" in page
     render(path, changed_material(made.archive, "dyke", posterior=posterior(held=cells)))
     assert "whole fields" not in path.read_text()
+
+
+def test_provenance_names_date_command_time_and_inputs(build_archive, tmp_path, monkeypatch):
+    elevation = tmp_path / "heights.tif"
+    elevation.write_bytes(b"heights of the scene")
+    (tmp_path / "benchmarks").mkdir()
+    (tmp_path / "benchmarks/scene.tsv").write_text("s\th:m:s\n95.5\t0:01:35\n")
+    archive = build_archive(tmp_path).archive
+    monkeypatch.setattr("radcal.page.provenance.input_files", lambda case: {"scene.elevation": elevation})
+    made = provenance_of(archive, tmp_path, "snakemake --cores 2")
+    path = tmp_path / "report.html"
+    write_report(path, archive, [], made)
+    text = Page(path.read_text(encoding="utf-8")).text
+    digest = hashlib.sha256(b"heights of the scene").hexdigest()
+    assert f"report of{made.date}" in text.replace("\n", "")
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d UTC", made.date)
+    for words in ("snakemake --cores 2", "1.6 min in all stages", f"heights.tif, SHA-256 {digest}"):
+        assert words in text
+    monkeypatch.undo()
+    # the configured image is not there any more
+    gone = configured(archive, measurement={"source": "file", "path": "gone.h5", "scale": "db", "radiometry": "beta0"})
+    assert provenance_of(gone, tmp_path, "").inputs == {}

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from radcal.errors import ConfigError, StoreError
-from radcal.session.jobs import CASE, FAILURE, OWNER, PROGRESS, STARTED
+from radcal.session.jobs import CASE, COMMAND, FAILURE, OWNER, PROGRESS, STARTED
 from radcal.session.session import Session, is_dry_run, open_session
 from radcal.storage.provenance import provenance
 from radcal.storage.records import REPLACE, write_json
@@ -20,7 +20,7 @@ from radcal.storage.records import REPLACE, write_json
 @pytest.fixture(autouse=True)
 def _folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for name in (CASE, FAILURE, OWNER, PROGRESS, STARTED, REPLACE):
+    for name in (CASE, COMMAND, FAILURE, OWNER, PROGRESS, STARTED, REPLACE):
         monkeypatch.setenv(name, "before")  # put back afterwards, whatever the session sets
 
 
@@ -108,6 +108,19 @@ def test_jobs_hear_of_their_case(build_case):
     assert os.environ[FAILURE] == str(Path("results/dyke/logs/failure.txt").absolute())
     assert float(os.environ[STARTED]) > 0
     assert PROGRESS not in os.environ
+
+
+def test_jobs_hear_of_the_command_but_not_of_values_that_may_be_secrets(build_case, monkeypatch):
+    words = [
+        "/opt/venv/bin/snakemake",
+        "--configfile",
+        "my case.yaml",
+        "--config",
+        'simulator={"environment": {"KEY": "k"}}',
+    ]
+    monkeypatch.setattr("sys.argv", words)
+    Session(build_case())
+    assert os.environ[COMMAND] == "snakemake --configfile 'my case.yaml' --config ..."
 
 
 def test_a_job_on_a_cluster_keeps_the_clock_of_who_submitted_it(build_case):

@@ -137,6 +137,10 @@ def test_commands_of_snakemake_behave(finished):
 
 def content(path: Path) -> object:
     """What a file holds, when it was made and how long that took aside."""
+    if path.name == "report.html":
+        return re.sub('(?s)<section id="provenance">.*?</section>', "", path.read_text(encoding="utf-8"))
+    if path.name == "report.json":
+        return set(json.loads(path.read_text())["checksums"])
     if path.suffix == ".h5":
         with h5py.File(path) as file:
             return file.attrs["content"]

@@ -1,16 +1,21 @@
 """Draw the figures and write the report from the archive."""
 
+import os
+from pathlib import Path
+
 from radcal.figures.figures import write_figures
 from radcal.page.html import write_report
+from radcal.page.provenance import provenance_of
 from radcal.results.archive import read_archive
-from radcal.session.jobs import job, progress
+from radcal.session.jobs import COMMAND, job, progress
 from radcal.storage.listing import write_listing
 
 with job(snakemake):
     archive = read_archive(snakemake.input.archive)
     progress(f"report: figures of {len(archive.materials)} calibrated materials are drawn ...")
     figures = write_figures(archive, snakemake.output.figures)
-    write_report(snakemake.output.page, archive, figures)
+    made = provenance_of(archive, Path(snakemake.output.page).parent, os.environ.get(COMMAND, ""))
+    write_report(snakemake.output.page, archive, figures, made)
     pictures = [path for figure in figures for path in (figure.png, figure.pdf)]
     write_listing(snakemake.output.checksums, [snakemake.output.page, *pictures])
     progress(f"report: {snakemake.output.page}")

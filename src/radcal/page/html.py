@@ -18,6 +18,8 @@ from radcal.config import Material
 from radcal.figures.drawing import slugs
 from radcal.figures.figures import Figure
 from radcal.figures.map_figures import shots
+from radcal.forecast.runs_and_time import duration
+from radcal.page.provenance import Provenance
 from radcal.results.archive import Archive, MaterialResult
 from radcal.results.law_notes import at_bound
 from radcal.results.reasons import REASONS, Words
@@ -233,7 +235,7 @@ def _materials(archive: Archive, summary: Mapping[str, Any], figures: Sequence[F
     return found
 
 
-def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) -> None:
+def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure], made: Provenance | None = None) -> None:
     """Write ``report.html``, atomically.
 
     Parameters
@@ -245,6 +247,8 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     figures : sequence of Figure
         Figures from :func:`radcal.figures.figures.write_figures`; they are embedded as WebP, so that the page is one
         file that opens offline.
+    made : Provenance, optional
+        Date, command, run time and input files.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -261,6 +265,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
     )
     filters = (_number, _listed, _embedded, _pixels, _span, _who, _largest, _theta, _seen)
     environment.filters |= {one.__name__[1:]: one for one in filters}
+    environment.filters["duration"] = duration
     environment.globals |= {"at_bound": at_bound, "ends": ends, "standings": STANDINGS}
     text = environment.get_template("report.html.j2").render(
         summary=summary,
@@ -281,6 +286,8 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure]) 
         shots=shots(archive),
         diagnostics=_DIAGNOSTICS,
         reasons=list(dict.fromkeys(reason for m in materials for reason in m.summary["left_out"])),
+        made=made,
+        simulator_seconds=float(np.nansum(archive.runs.seconds)),
         config=_yaml(archive.config),
     )
     with atomic(page) as partial:

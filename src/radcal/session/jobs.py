@@ -22,6 +22,7 @@ from radcal.storage.provenance import provenance
 
 __all__ = [
     "CASE",
+    "COMMAND",
     "FAILURE",
     "OWNER",
     "PASSES",
@@ -39,6 +40,7 @@ __all__ = [
 
 # environment variables that the session sets for its jobs
 CASE = "RADCAL_CASE"  # name of the case
+COMMAND = "RADCAL_COMMAND"  # command line of the Snakemake process that plans the jobs
 STARTED = "RADCAL_STARTED"  # time when this invocation began [s since 1970]
 OWNER = "RADCAL_OWNER"  # process number of the Snakemake process that starts the jobs on this machine
 PASSES = "RADCAL_PASSES"  # number of passes of the case

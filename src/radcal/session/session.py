@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import re
+import shlex
 import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,7 +18,7 @@ from radcal.config.yaml_file import check_words
 from radcal.errors import RadcalError, StoreError
 from radcal.programs.command import check_command
 from radcal.programs.seed_width import with_seed_bits
-from radcal.session.jobs import CASE, FAILURE, OWNER, PASSES, PROGRESS, RESULTS, STARTED, Follower
+from radcal.session.jobs import CASE, COMMAND, FAILURE, OWNER, PASSES, PROGRESS, RESULTS, STARTED, Follower
 from radcal.session.replacement import check_replacement
 from radcal.session.salvage import files_of, salvage, simulator_change
 from radcal.session.slurm import cancel_leftovers, remember
@@ -109,6 +110,12 @@ def is_finished(workflow: Any) -> bool:
     return len(workflow.dag) == 0 and [rule.name for rule in workflow.dag.targetrules] == ["all"]
 
 
+def _command_line(words: Sequence[str]) -> str:
+    """Command line that can be typed again, without values that may be secrets."""
+    kept = ["..." if "environment" in word else word for word in words[1:]]
+    return shlex.join([Path(words[0]).name, *kept])
+
+
 class Session:
     """Session of one Snakemake command: it locks the results folder, prepares it for the jobs, and filters messages.
 
@@ -164,6 +171,7 @@ class Session:
         self.messages = Messages(lambda: self._started and self._failure.exists())
         settings = {
             CASE: case.case,
+            COMMAND: os.environ.get(COMMAND) if remote else _command_line(sys.argv),
             PASSES: str(len(case.passes)),
             OWNER: str(os.getpid()),
             FAILURE: str(self._failure),
