@@ -67,7 +67,9 @@ def pictures(tmp_path_factory):
     """Stand-ins: the page embeds pictures, whatever they show."""
     folder = tmp_path_factory.mktemp("figures")
     figures = []
-    for k, (name, material) in enumerate((("residual", None), ("law_dyke", "dyke"), ("cost_stem_beans", "stem beans"))):
+    for k, (name, material) in enumerate(
+        (("residual", None), ("law_dyke", "dyke"), ("densities_stem_beans", "stem beans"))
+    ):
         png = folder / f"{name}.png"
         Image.new("RGB", (3 + k, 2), COLOURS[k]).save(png)
         figures.append(
@@ -80,6 +82,14 @@ def render(path, archive, figures=()):
     write_report(path, archive, figures)
     text = path.read_text(encoding="utf-8")
     return text, Page(text)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _small_library():
+    """A stand-in for plotly.js, which takes long to compress."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("radcal.page.html.embedded_library", lambda: "library")
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -247,6 +257,15 @@ def test_every_picture_is_embedded(page, pictures):
     colours = [f"#{''.join(f'{value:02x}' for value in image.convert('RGB').getpixel((0, 0)))}" for image in opened]
     assert [colours[0], colours[2]] == [COLOURS[1], COLOURS[2]]
     assert "A <caption> & more" in page[1].text
+
+
+def test_an_interactive_figure_takes_the_place_of_the_static_law(page):
+    text = page[0]
+    specs = json.loads(re.search(r'<script type="application/json" id="plots">(.*?)</script>', text)[1])
+    places = re.findall(r'<div class="plot" data-plot="(\S+?)"', text)
+    assert sorted(places) == sorted(specs)
+    assert re.search(r'<div class="plot" data-plot="law-dyke" role="group" aria-label="[^"]+">\s*<img src=', text)
+    assert '<script type="text/plain" id="plotly">library</script>' in text
 
 
 def test_measured_start_and_calibrated_image_stand_at_one_place(page):

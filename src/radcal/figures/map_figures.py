@@ -26,6 +26,7 @@ _BEYOND = 0.1  # share of a simulated image beyond the measured image's gray sca
 _MOVED = 0.25  # difference of the medians in parts of this scale, above which the simulated image has its own scale
 _MISSING = "#F6E9D8"  # pixels without a value
 _MARGIN = 0.08  # ground around the calibrated materials in the compared images, as a share of their larger extent
+_COMPARED = 1024  # largest number of pixels per side of the compared images
 _LARGEST = 1600  # largest number of pixels per side of an image in a figure; larger images are averaged
 
 
@@ -46,14 +47,14 @@ def _blocks(values: NDArray[Any], k: int) -> NDArray[Any]:
     return np.asarray(values[: rows * k, : columns * k].reshape(rows, k, columns, k).sum(axis=(1, 3)))
 
 
-def _factor(shape: tuple[int, ...]) -> int:
-    k = -(-max(shape) // _LARGEST)
+def _factor(shape: tuple[int, ...], largest: int | None = None) -> int:
+    k = -(-max(shape) // (largest or _LARGEST))
     return k if min(shape) >= k else 1
 
 
-def _shown(image_db: NDArray[Any]) -> NDArray[Any]:
+def _shown(image_db: NDArray[Any], largest: int | None = None) -> NDArray[Any]:
     """Image for a figure, averaged in power over blocks of pixels if the image is large."""
-    k = _factor(image_db.shape)
+    k = _factor(image_db.shape, largest)
     if k == 1:
         return image_db
     power, valid = _power(image_db)
@@ -165,7 +166,7 @@ def shots(case: Archive) -> list[Shot]:
     for title, image in cut.items():
         alone = title == "start" and _unreadable(image, cut["measured"])
         low, high = _gray_scale(image if alone else cut["measured"])
-        values = _shown(image)
+        values = _shown(image, _COMPARED)
         gray = np.nan_to_num(255.0 * np.clip((values - low) / (high - low), 0.0, 1.0))
         missing = [int(_MISSING[k : k + 2], 16) for k in (1, 3, 5)]
         pixels = np.where(np.isfinite(values)[..., None], gray[..., None], missing)

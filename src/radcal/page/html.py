@@ -19,6 +19,7 @@ from radcal.figures.drawing import slugs
 from radcal.figures.figures import Figure
 from radcal.figures.map_figures import shots
 from radcal.forecast.runs_and_time import duration
+from radcal.page.interactive import Interactive, embedded_library, interactive, script
 from radcal.page.provenance import Provenance
 from radcal.results.archive import Archive, MaterialResult
 from radcal.results.law_notes import at_bound
@@ -38,6 +39,7 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MINUS = "\N{MINUS SIGN}"
 _TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPACE}"
 _QUALITY = 82  # of maps as WebP, whose speckle takes most of the page
+_SPECKLED = 70  # of images of speckle alone
 _METHOD = 2  # effort of the WebP encoder, 0 to 6
 _DIAGNOSTICS = ("front", "fidelity", "histogram", "quality")  # figures for those who know the method
 
@@ -54,6 +56,17 @@ class _Shown:
     standing: str
     step: Step
     figures: Mapping[str, Figure]
+    plots: Mapping[str, Interactive]
+
+    @property
+    def product(self) -> str | None:
+        """Kind of the figure of the first screen: the law or, without a curve, the density."""
+        return next((kind for kind in ("law", "densities") if kind in self.figures or kind in self.plots), None)
+
+    @property
+    def kinds(self) -> list[str]:
+        """Kinds of the other figures."""
+        return [kind for kind in dict.fromkeys((*self.plots, *self.figures)) if kind != self.product]
 
     @property
     def reason(self) -> Words:
@@ -131,7 +144,7 @@ def _pixels(pixels: Any) -> str:
     """Data address of an array of pixels."""
     from PIL import Image
 
-    return _webp(Image.fromarray(pixels), _QUALITY)
+    return _webp(Image.fromarray(pixels), _SPECKLED)
 
 
 def _theta(values: Mapping[str, float]) -> dict[str, float]:
@@ -214,7 +227,9 @@ def _yaml(text: str) -> str:
     return yaml.dump(json.loads(text), Dumper=Dumper, sort_keys=False, width=100, allow_unicode=True)
 
 
-def _materials(archive: Archive, summary: Mapping[str, Any], figures: Sequence[Figure]) -> list[_Shown]:
+def _materials(
+    archive: Archive, summary: Mapping[str, Any], figures: Sequence[Figure], plots: Sequence[Interactive]
+) -> list[_Shown]:
     """Calibrated materials in the order of the configuration."""
     stop, found = archive.configured.stop, []
     numbers = {"case": summary["case"], "max_runs": 2 * stop.max_runs, "idle": 2 * stop.stagnation_runs}
@@ -230,6 +245,7 @@ def _materials(archive: Archive, summary: Mapping[str, Any], figures: Sequence[F
                 standing=standing(name, archive.findings, REASONS[own["stop_reason"]].met),
                 step=step(name, archive.findings, own["stop_reason"], **numbers),
                 figures={figure.name.removesuffix(f"_{slug}"): figure for figure in figures if figure.material == name},
+                plots={plot.name.removesuffix(f"-{slug}"): plot for plot in plots if plot.material == name},
             )
         )
     return found
@@ -253,7 +269,8 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure], 
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     summary = summarise(archive)
-    materials = _materials(archive, summary, figures)
+    plots = interactive(archive)
+    materials = _materials(archive, summary, figures, plots)
     urgency = list(STANDINGS)
     environment = Environment(
         loader=PackageLoader("radcal.page", ""),
@@ -286,6 +303,10 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure], 
         shots=shots(archive),
         diagnostics=_DIAGNOSTICS,
         reasons=list(dict.fromkeys(reason for m in materials for reason in m.summary["left_out"])),
+        shared=[plot for plot in plots if plot.material is None],
+        specs={plot.name: plot.spec for plot in plots},
+        library=embedded_library(),
+        drawing=script(),
         made=made,
         simulator_seconds=float(np.nansum(archive.runs.seconds)),
         config=_yaml(archive.config),
