@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from radcal.config import SimulatorConfig
     from radcal.config.part import Part
+    from radcal.sections.simulator import SimulatorConfig
 
 __all__ = ["derived_rng", "derived_seed", "draw_seeds", "measurement_seed", "noise_seed"]
 

@@ -8,11 +8,12 @@ from assessment_samples import LINE, LINE_X
 from geometry_samples import of_pixels
 
 from radcal.assessment.observation import observe
-from radcal.config import BuiltinSimulation, Radar, RegistrationConfig, TargetConfig, Validation
+from radcal.config import Radar, RegistrationConfig, TargetConfig, Validation
 from radcal.image.model import Measurement
 from radcal.laws import external_law
 from radcal.posterior.cells import Simulated
 from radcal.registration.registered import register
+from radcal.sections.simulator import BuiltinSimulation
 
 SHAPE = (96, 120)
 ROW, COLUMN = np.indices(SHAPE)

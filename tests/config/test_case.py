@@ -24,16 +24,9 @@ from config_samples import (
 )
 from pydantic import ValidationError
 
-from radcal.config import (
-    BuiltinScene,
-    Case,
-    FileMeasurement,
-    RasterScene,
-    SlantRangeScene,
-    SyntheticMeasurement,
-    case_from,
-)
+from radcal.config import Case, FileMeasurement, RasterScene, SlantRangeScene, SyntheticMeasurement, case_from
 from radcal.errors import ConfigError
+from radcal.sections.scene import BuiltinScene
 
 
 def test_defaults_are_a_valid_case() -> None:

@@ -8,8 +8,8 @@ import pytest
 from config_samples import flat, mapped, measured
 from safe_product import write_product
 
-from radcal.config import Case, FileMeasurement, case_from, check_reuse, expand_path, input_files, missing_inputs
-from radcal.config.inputs import executable_path
+from radcal.config import Case, FileMeasurement, case_from, expand_path, input_files
+from radcal.config.inputs import check_reuse, executable_path, missing_inputs
 from radcal.errors import ConfigError
 
 

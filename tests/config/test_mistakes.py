@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 import yaml
 
-from radcal.config import Loaded, load_with_problems
+from radcal.config import load_with_problems
+from radcal.config.loading import Loaded
 
 IMAGE = {"source": "file", "path": "a.npy", "scale": "db", "radiometry": "sigma0_ref"}
 FIELD = {"field": {"calibrate": True}}

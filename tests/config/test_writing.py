@@ -12,8 +12,8 @@ import pytest
 import yaml
 from config_samples import COMMAND, FIXED, synthetic
 
-from radcal.config import Case, Radar, SyntheticMeasurement, case_from, default_case, default_yaml, load
-from radcal.config.writing import _inline
+from radcal.config import Case, Radar, SyntheticMeasurement, case_from, load
+from radcal.config.writing import _inline, default_case, default_yaml
 
 
 def test_default_yaml_is_the_default_case(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from radcal.config import Case, Radar, Synthetic
+from radcal.config import Case, Radar
 from radcal.errors import MeasurementError
 from radcal.image.model import Measurement
 from radcal.measurement.sources import make_measurement
@@ -17,6 +17,7 @@ from radcal.measurement.synthetic import check_synthetic, relabelled, roughened,
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
+from radcal.sections.measurement import Synthetic
 from radcal.simulators.builtin import BuiltinSimulator
 
 TRUTH = [6.1, 14.2, 21.5, 3.3]

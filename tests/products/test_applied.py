@@ -10,7 +10,8 @@ import pytest
 from scipy.special import polygamma
 
 from radcal.assessment.preposterior import View
-from radcal.config import RegistrationConfig, TargetConfig, Uncertainty, case_from, load_forward, load_measured
+from radcal.config import RegistrationConfig, TargetConfig, Uncertainty, case_from, load_forward
+from radcal.config.loading import load_measured
 from radcal.errors import ConfigError, StoreError
 from radcal.figures.applied_figures import Prediction
 from radcal.findings import Finding

@@ -10,8 +10,9 @@ import pytest
 from affine import Affine
 from raster_files import write_raster
 
-from radcal.config import BuiltinScene, RasterScene, SlantRangeScene
+from radcal.config import RasterScene, SlantRangeScene
 from radcal.scene.base import SceneSize, scene_size
+from radcal.sections.scene import BuiltinScene
 
 
 def write(path: Path, shape: tuple[int, int], pixel_m: float, crs: str | None) -> str:

@@ -15,8 +15,9 @@ from workflow_project import ROOT, tiny_case
 
 from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import train_all
-from radcal.config import case_from, default_case, default_yaml, load
+from radcal.config import case_from, load
 from radcal.config.stages import STAGES
+from radcal.config.writing import default_case, default_yaml
 from radcal.inference.moments import to_dp
 from radcal.measurement.sources import make_measurement
 from radcal.objectives import make_objectives

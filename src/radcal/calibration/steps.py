@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from radcal.calibration.noise import scatter
 from radcal.calibration.scoring import score
 from radcal.calibration.stopping import decide
-from radcal.config import Material, SimulatorConfig, Stop
+from radcal.config import Material, Stop
 from radcal.config.part import Part
 from radcal.errors import SimulatorError
 from radcal.findings import Finding
@@ -22,6 +22,7 @@ from radcal.objectives.history import History, Proposal, Run, Score
 from radcal.processes import each
 from radcal.proposals.search import Search
 from radcal.proposals.surrogate import Surrogate, Training, train_surrogate
+from radcal.sections.simulator import SimulatorConfig
 from radcal.seeds import derived_seed, draw_seeds, noise_seed
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import Parameters, Record

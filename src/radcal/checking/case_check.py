@@ -10,15 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, outlook
 from radcal.checking.unregistered import cells_of, fixed_laws, unreachable
-from radcal.config import (
-    Case,
-    FileMeasurement,
-    check_reuse,
-    input_files,
-    load_with_problems,
-    missing_inputs,
-    starts_as_truth,
-)
+from radcal.config import Case, FileMeasurement, input_files, load_with_problems
+from radcal.config.inputs import check_reuse, missing_inputs
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError, MissingSign, RadcalError
 from radcal.findings import Finding, of_pass
@@ -28,6 +21,7 @@ from radcal.posterior.cells import CellMeans
 from radcal.programs.command_plan import check_command, check_image_shape
 from radcal.reading.base import reader_of
 from radcal.scene.base import scene_size
+from radcal.sections.measurement import starts_as_truth
 from radcal.session.replacement import check_replacement
 from radcal.words import sentence
 

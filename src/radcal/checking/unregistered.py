@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from radcal.assessment.known import image_findings
 from radcal.assessment.model import image_of
 from radcal.assessment.observation import observe
-from radcal.config import BuiltinSimulation, Case
+from radcal.config import Case
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError, MeasurementError
 from radcal.findings import Finding, of_pass
@@ -25,6 +25,7 @@ from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
 from radcal.registration.registered import Registered
 from radcal.scene.model import Scene
+from radcal.sections.simulator import BuiltinSimulation
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.targets.reach import check_level
 

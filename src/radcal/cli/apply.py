@@ -21,7 +21,8 @@ def main(
     results: Results = Path("results"),
 ) -> None:
     """Predict the images of another case from the laws of a finished case."""
-    from radcal.config import load_forward, load_measured
+    from radcal.config import load_forward
+    from radcal.config.loading import load_measured
     from radcal.products.applied import apply
     from radcal.products.showing import results_folder
 

@@ -138,9 +138,9 @@ def check_folder(folder: Path, targets: Iterable[str] = ()) -> None:
     ConfigError
         The folder has no Snakefile of radcal, or a target is neither a rule outside the loop nor a path with a slash.
     """
-    from radcal.config import nearest
     from radcal.config.stages import STAGES
     from radcal.errors import ConfigError
+    from radcal.sections.errors import nearest
     from radcal.session.workflow_files import holds_workflow
 
     if not holds_workflow(folder):

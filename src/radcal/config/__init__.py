@@ -6,82 +6,37 @@ models. In the default case, every key has its default value; ``python -m radcal
 """
 
 from radcal.config.case import Case
-from radcal.config.inputs import (
-    check_reuse,
-    executable_path,
-    expand_path,
-    files_below,
-    input_files,
-    missing_inputs,
-    vrt_folders,
-)
-from radcal.config.loading import Loaded, case_from, load, load_forward, load_measured, load_with_problems
-from radcal.config.writing import default_case, default_yaml
-from radcal.sections.base import FILL_IN
-from radcal.sections.errors import nearest
+from radcal.config.inputs import expand_path, input_files
+from radcal.config.loading import case_from, load, load_forward, load_with_problems
 from radcal.sections.materials import Material
-from radcal.sections.measurement import (
-    FileMeasurement,
-    RegistrationConfig,
-    Synthetic,
-    SyntheticMeasurement,
-    starts_as_truth,
-)
+from radcal.sections.measurement import FileMeasurement, RegistrationConfig, SyntheticMeasurement
 from radcal.sections.radar import Radar
-from radcal.sections.scene import BuiltinScene, RasterScene, SceneConfig, SceneObjects, SlantRangeScene
+from radcal.sections.scene import RasterScene, SlantRangeScene
 from radcal.sections.search import Optimiser, Stop, SurrogateConfig
-from radcal.sections.simulator import (
-    BuiltinSimulation,
-    CommandSimulation,
-    InputFile,
-    Output,
-    RawType,
-    SimulatorConfig,
-)
+from radcal.sections.simulator import CommandSimulation
 from radcal.sections.target import TargetConfig
 from radcal.sections.uncertainty import Uncertainty, Validation
 
 __all__ = [
-    "FILL_IN",
-    "BuiltinScene",
-    "BuiltinSimulation",
     "Case",
     "CommandSimulation",
     "FileMeasurement",
-    "InputFile",
-    "Loaded",
     "Material",
     "Optimiser",
-    "Output",
     "Radar",
     "RasterScene",
-    "RawType",
     "RegistrationConfig",
-    "SceneConfig",
-    "SceneObjects",
-    "SimulatorConfig",
     "SlantRangeScene",
     "Stop",
     "SurrogateConfig",
-    "Synthetic",
     "SyntheticMeasurement",
     "TargetConfig",
     "Uncertainty",
     "Validation",
     "case_from",
-    "check_reuse",
-    "default_case",
-    "default_yaml",
-    "executable_path",
     "expand_path",
-    "files_below",
     "input_files",
     "load",
     "load_forward",
-    "load_measured",
     "load_with_problems",
-    "missing_inputs",
-    "nearest",
-    "starts_as_truth",
-    "vrt_folders",
 ]

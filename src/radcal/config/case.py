@@ -21,15 +21,10 @@ from radcal.config.fitting_defaults import (
 from radcal.config.part import Measurements, Part, Radars
 from radcal.laws import DEFAULT_LAW, EXTERNAL, laws_known
 from radcal.sections.base import PASSES, CaseName
-from radcal.sections.errors import Contradiction, Mistake, key_in_list, nearest
+from radcal.sections.errors import Mistake, Wrong, key_in_list, nearest
 from radcal.sections.limits import Seed
 from radcal.sections.materials import Material, check_parameters, default_materials
-from radcal.sections.measurement import (
-    FileMeasurement,
-    RegistrationConfig,
-    Synthetic,
-    SyntheticMeasurement,
-)
+from radcal.sections.measurement import FileMeasurement, RegistrationConfig, Synthetic, SyntheticMeasurement
 from radcal.sections.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
 from radcal.sections.radar import Radar
 from radcal.sections.scene import BuiltinScene, SceneConfig
@@ -135,29 +130,27 @@ class Case(Part):
             info.context.extend(Mistake(key, f"{key}{text}") for key, text in found)
         return self
 
-    def _contradictions(self) -> Iterator[Contradiction]:
+    def _contradictions(self) -> Iterator[Wrong]:
         """Sentences on contradictions between settings of different sections, in the order of the sections."""
         if not self.calibrated:
-            yield Contradiction("materials", ": none is marked calibrate: true, expected at least one")
+            yield Wrong("materials", ": none is marked calibrate: true, expected at least one")
             return
         for name in self.target.reference_materials or []:
             if name not in self.materials:
-                yield Contradiction(
-                    "target.reference_materials", f": no material {name!r}{nearest(name, self.materials)}"
-                )
+                yield Wrong("target.reference_materials", f": no material {name!r}{nearest(name, self.materials)}")
             elif self.materials[name].calibrate:
-                yield Contradiction(
+                yield Wrong(
                     "target.reference_materials", f": {name!r} is calibrated, expected a material with fixed parameters"
                 )
         if self.target.normalisation == "offset" and not self.reference_materials:
-            yield Contradiction(
+            yield Wrong(
                 "target.normalisation",
                 " is offset, expected at least one material with fixed parameters (calibrate: false) to give the "
                 "level, found none",
             )
         headings = [one.radar.heading_deg for one in self.passes]
         if len(set(headings)) > 1:
-            yield Contradiction(
+            yield Wrong(
                 "radar.*.heading_deg",
                 f" are {', '.join(f'{heading:g}' for heading in headings)}, expected the same heading in all passes, "
                 "which share the scene's grid: make a case of its own for each heading, and compare them with "
@@ -167,29 +160,29 @@ class Case(Part):
             for key, text in one._in_pass():
                 section, _, rest = key.partition(".")
                 own = f"{key_in_list(section, number - 1)}.{rest}" if section in PASSES else key
-                yield Contradiction(own, text)
+                yield Wrong(own, text)
         yield from self._of_objective()
         if self.design.reuse is not None and len(self.radars) > 1:
-            yield Contradiction(
+            yield Wrong(
                 "design.reuse",
                 f" is {self.design.reuse!r} in a case of {len(self.radars)} passes, expected one pass: a pass that is "
                 "added to a case reuses the case's own runs without it",
             )
         if self.design.reuse == self.case:
-            yield Contradiction("design.reuse", f" is {self.case!r}, this case itself, expected an earlier one")
+            yield Wrong("design.reuse", f" is {self.case!r}, this case itself, expected an earlier one")
         yield from self._in_whole_box()
         if self.design_size == 0 and self.start_with_another_law and self.design.reuse is None:
-            yield Contradiction(
+            yield Wrong(
                 "design.size",
                 f" is 0 and materials.{self.start_with_another_law[0]}.start is of another law, so that no "
                 "run would train the surrogate, expected design.size of at least 1",
             )
         if self.stop.max_runs < self.design_size:
-            yield Contradiction(
+            yield Wrong(
                 "stop.max_runs", f" is {self.stop.max_runs}, expected at least design.size ({self.design_size})"
             )
 
-    def _in_pass(self) -> Iterator[Contradiction]:
+    def _in_pass(self) -> Iterator[Wrong]:
         """Sentences on settings of one pass that contradict the laws or the measured image of this pass."""
         measurement = self.measurement
         # default hidden parameters belong to the default case; without hidden parameters a material keeps its start
@@ -204,7 +197,7 @@ class Case(Part):
         if isinstance(measurement, FileMeasurement):
             yield from self._in_image(measurement)
 
-    def _in_sampling(self) -> Iterator[Contradiction]:
+    def _in_sampling(self) -> Iterator[Wrong]:
         """Sentences on resolutions too fine for the built-in simulator to sample at the given pixel spacing."""
         if not self.simulator.own:
             return
@@ -212,63 +205,63 @@ class Case(Part):
             resolution, spacing = (getattr(self.radar, f"{way}_{what}_m") for what in ("resolution", "spacing"))
             finest = WIDTH_FACTOR * spacing
             if resolution < finest * (1 - 1e-9):
-                yield Contradiction(
+                yield Wrong(
                     f"radar.{way}_resolution_m",
                     f" is {resolution:g}, expected at least {finest:.2f} at radar."
                     f"{way}_spacing_m of {spacing:g} (the image must be sampled above its bandwidth), or a spacing of "
                     f"at most {resolution / WIDTH_FACTOR:.3g}",
                 )
 
-    def _in_hidden(self, synthetic: Synthetic) -> Iterator[Contradiction]:
+    def _in_hidden(self, synthetic: Synthetic) -> Iterator[Wrong]:
         """Sentences on hidden parameters of unknown materials, and on hidden parameters that do not fit their law."""
         for name, x in synthetic.parameters.items():
             key = f"measurement.synthetic.parameters.{name}"
             if name not in self.materials:
-                yield Contradiction(key, f": no such material{nearest(name, self.materials)}")
+                yield Wrong(key, f": no such material{nearest(name, self.materials)}")
                 continue
             material = self.materials[name]
             try:
                 check_parameters(key, x, material.unbound_law)
                 material.check_whole(key, x)
             except ValueError as error:
-                yield Contradiction(key, str(error).removeprefix(key))
+                yield Wrong(key, str(error).removeprefix(key))
 
-    def _in_whole_box(self) -> Iterator[Contradiction]:
+    def _in_whole_box(self) -> Iterator[Wrong]:
         """Sentence on bounds with fewer combinations of integer parameters than design and reference run need."""
         materials = [self.materials[name] for name in self.calibrated]
         if not all(all(material.integers) for material in materials):
             return
         points = math.prod(int(high - low) + 1 for material in materials for low, high in material.box)
         if self.design_size >= points:
-            yield Contradiction(
+            yield Wrong(
                 "design.size",
                 f" is {self.design_size}, expected less than {points}, the number of combinations of whole "
                 "parameters inside the bounds, of which the reference run takes one",
             )
 
-    def _of_objective(self) -> Iterator[Contradiction]:
+    def _of_objective(self) -> Iterator[Wrong]:
         """Sentences on settings that the objective does not use, and on settings that contradict the objective."""
         traits, target = OBJECTIVES[self.objective], self.target
         if not traits.bins and target.incidence_classes not in (1, "auto"):
-            yield Contradiction(
+            yield Wrong(
                 "target.incidence_classes",
                 f" is {target.incidence_classes}, which objective: {self.objective} does not "
                 f"use, expected objective: {' or '.join(names(bins=True))}",
             )
         if target.normalisation == "image" and self.validation is not None:
-            yield Contradiction(
+            yield Wrong(
                 "validation",
                 " is configured and target.normalisation is image, whose values are not in dB: errors of "
                 "block means would have no unit, expected normalisation none or offset",
             )
         if traits.bins and target.normalisation == "image":
-            yield Contradiction(
+            yield Wrong(
                 "objective",
                 f" is {self.objective} and target.normalisation is image, whose values are not in dB: "
                 "looks and priors have no meaning there, expected normalisation none or offset",
             )
         if traits.bins and (self.surrogate.outputs, self.surrogate.training) != ("centred", "posterior"):
-            yield Contradiction(
+            yield Wrong(
                 "surrogate.outputs",
                 f" is {self.surrogate.outputs} and surrogate.training {self.surrogate.training}, "
                 f"which objective: {self.objective} does not use, expected centred and posterior",
@@ -277,13 +270,13 @@ class Case(Part):
             key, found = ("objective", self.objective) if traits.curve else ("validation", "configured")
             for name in self.calibrated:
                 if self.materials[name].law == EXTERNAL:
-                    yield Contradiction(
+                    yield Wrong(
                         key,
                         f" is {found} and materials.{name}.law is {EXTERNAL}, whose curve only the simulator knows, "
                         f"expected objective: {' or '.join(names(curve=False))}, without validation",
                     )
 
-    def _in_truth(self, synthetic: Synthetic) -> Iterator[Contradiction]:
+    def _in_truth(self, synthetic: Synthetic) -> Iterator[Wrong]:
         """Sentences on calibrated laws for which the synthetic measurement has no hidden parameters."""
         for name, material in self.materials.items():
             key = f"measurement.synthetic.parameters.{name}"
@@ -292,80 +285,78 @@ class Case(Part):
             if name in synthetic.parameters and (synthetic.is_written or material.law == DEFAULT_LAW):
                 continue
             if name in synthetic.parameters:
-                yield Contradiction(
+                yield Wrong(
                     key,
                     f" is missing: its default is for law {DEFAULT_LAW!r}, materials.{name}.law is {material.law!r}",
                 )
             if material.starts_with_another_law:
-                yield Contradiction(
+                yield Wrong(
                     key,
                     f" is missing: hidden parameters are of law {material.law!r}, and "
                     f"materials.{name}.start is of another law",
                 )
 
-    def _in_mismatch(self, synthetic: Synthetic) -> Iterator[Contradiction]:
+    def _in_mismatch(self, synthetic: Synthetic) -> Iterator[Wrong]:
         """Sentences on mismatches of a synthetic measurement that scene, pass, laws or simulator do not support."""
         key = "measurement.synthetic"
         for name, hidden in synthetic.laws.items():
             if name not in self.materials:
-                yield Contradiction(f"{key}.laws.{name}", f": no such material{nearest(name, self.materials)}")
+                yield Wrong(f"{key}.laws.{name}", f": no such material{nearest(name, self.materials)}")
                 continue
             if synthetic.is_written and name in synthetic.parameters:
-                yield Contradiction(
-                    f"{key}.laws.{name}", f" and {key}.parameters.{name} are both given, expected one of them"
-                )
+                yield Wrong(f"{key}.laws.{name}", f" and {key}.parameters.{name} are both given, expected one of them")
             if "frequency_ghz" in hidden.unbound_law.needs and self.radar.frequency_ghz is None:
-                yield Contradiction(
+                yield Wrong(
                     "radar.frequency_ghz", f" is missing: law {hidden.law!r} of {key}.laws.{name} depends on it"
                 )
         for name in synthetic.fields_db:
             if name not in self.materials:
-                yield Contradiction(f"{key}.fields_db.{name}", f": no such material{nearest(name, self.materials)}")
+                yield Wrong(f"{key}.fields_db.{name}", f": no such material{nearest(name, self.materials)}")
         if synthetic.disturbed and not self.simulator.own:
-            yield Contradiction(
+            yield Wrong(
                 f"{key}.{synthetic.disturbed[0]}",
                 f" is for the built-in simulator, which images the changed scene; "
                 f"simulator.kind: {self.simulator.kind} receives the scene of the runs alone",
             )
         if synthetic.relief_m > 0 and not self.scene.has_heights:
-            yield Contradiction(
+            yield Wrong(
                 f"{key}.relief_m", f" is {synthetic.relief_m:g}, expected 0: a slant-range scene has no heights"
             )
 
-    def _in_track(self) -> Iterator[Contradiction]:
+    def _in_track(self) -> Iterator[Wrong]:
         """Sentences on a heading of the track that the scene does not allow, or on a missing heading."""
         radar, scene = self.radar, self.scene
         if not scene.on_map:
             if radar.heading_deg:
-                yield Contradiction(
+                yield Wrong(
                     "radar.heading_deg",
                     f" is {radar.heading_deg:g}, expected none with scene.source: {scene.source}, "
                     "whose grid has no place on the map",
                 )
             return
         if radar.heading_deg and scene.on_ground is not None and scene.on_ground.path is not None:
-            yield Contradiction(
+            yield Wrong(
                 "radar.heading_deg",
                 f" is {radar.heading_deg:g} and scene.objects.path is given, whose positions are not "
                 "turned with the scene's grid, expected scene.objects.generate or a track to the north",
             )
         if radar.sensor is not None and sensors()[radar.sensor].orbit and "heading_deg" not in radar.model_fields_set:
-            yield Contradiction(
+            yield Wrong(
                 "radar.heading_deg",
                 f" is missing: the track of sensor {radar.sensor} does not head north (docs/sensors.md)",
             )
 
-    def laws_without_pass(self) -> Iterator[Contradiction]:
+    def laws_without_pass(self) -> Iterator[Wrong]:
         """Sentences on laws that the simulator cannot evaluate, or that need a missing ``radar.frequency_ghz``."""
         for name, material in self.materials.items():
             if material.law == EXTERNAL and self.simulator.own:
-                yield Contradiction(
+                yield Wrong(
                     f"materials.{name}.law",
                     f" is {EXTERNAL}, which only simulator.kind: command can simulate, "
                     f"expected one of {', '.join(laws_known(external=False))}",
                 )
             if material.starts_with_another_law and self.simulator.only_parameters:
-                yield Contradiction(
+                yield Wrong(
                     f"materials.{name}.start",
                     f" is of law {material.at_start.law!r}, which simulator.kind: command does "
                     f"not receive: expected a list of {len(material.parameter_names)} numbers for law "
@@ -373,33 +364,33 @@ class Case(Part):
                 )
             for key, seen in ((name, material), (f"{name}.start", material.at_start)):
                 if "frequency_ghz" in seen.unbound_law.needs and self.radar.frequency_ghz is None:
-                    yield Contradiction(
+                    yield Wrong(
                         "radar.frequency_ghz", f" is missing: law {seen.law!r} of materials.{key} depends on it"
                     )
 
-    def _in_image(self, measurement: FileMeasurement) -> Iterator[Contradiction]:
+    def _in_image(self, measurement: FileMeasurement) -> Iterator[Wrong]:
         """Sentences on a file that is no image, or on an image whose keys contradict those of section ``radar``."""
         for key in ("elevation", "materials", "labels"):
             of_scene = getattr(self.scene, key, None)
             if of_scene and measurement.band in (None, 1) and Path(of_scene) == Path(measurement.path):
-                yield Contradiction(
+                yield Wrong(
                     "measurement.path",
                     f" and scene.{key} are the same file {of_scene}, expected the measured image in measurement.path",
                 )
         if measurement.radiometry not in (None, self.radar.radiometry):
-            yield Contradiction(
+            yield Wrong(
                 "measurement.radiometry",
                 f" is {measurement.radiometry}, radar.radiometry is {self.radar.radiometry}: set "
                 "radar.radiometry to the measurement's, since the simulated image is made in it",
             )
         if measurement.polarisation not in (None, self.radar.polarisation):
-            yield Contradiction(
+            yield Wrong(
                 "measurement.polarisation",
                 f" is {measurement.polarisation}, radar.polarisation is "
                 f"{self.radar.polarisation}: polarisations are never mixed, set both to the image's",
             )
         if measurement.carrier_band is not None and not same_label(measurement.carrier_band, self.radar.band):
-            yield Contradiction(
+            yield Wrong(
                 "measurement.carrier_band",
                 f" is {measurement.carrier_band!r}, radar.band is {self.radar.band!r}: "
                 "bands are never mixed, set both to the image's",

@@ -9,7 +9,8 @@ from collections import Counter
 from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 
-from radcal.config import Case, SimulatorConfig
+from radcal.config import Case
+from radcal.sections.simulator import SimulatorConfig
 from radcal.storage.runs import median_seconds
 
 __all__ = [

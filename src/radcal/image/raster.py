@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import vrt_folders
+from radcal.config.inputs import vrt_folders
 from radcal.errors import MeasurementError
 from radcal.findings import Finding
 from radcal.image.base import Facts, Grid, Reader, ReadImage, image_file

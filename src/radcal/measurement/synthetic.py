@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, label, maximum_filter, minimum_filter
 
 from radcal.bands import WIDTH_FACTOR
-from radcal.config import Radar, Synthetic
+from radcal.config import Radar
 from radcal.config.part import Part
 from radcal.errors import MeasurementError
 from radcal.ground.patches import patches_seen
@@ -25,6 +25,7 @@ from radcal.radar.projection import make_geometry
 from radcal.radar.size import refinement
 from radcal.registration.displacement import invert, warp
 from radcal.scene.model import Scene
+from radcal.sections.measurement import Synthetic
 from radcal.seeds import derived_rng, measurement_seed
 from radcal.simulators.base import Simulator
 from radcal.simulators.builtin import BuiltinSimulator

@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from radcal.bands import WIDTH_FACTOR, letter_band
-from radcal.config import FILL_IN, Uncertainty, load_with_problems
+from radcal.config import Uncertainty, load_with_problems
 from radcal.errors import ConfigError
 from radcal.image.acquisition import radar_keys
 from radcal.newcase.file_facts import POLARISATIONS, RasterFacts, code_counts, product_acquisition, raster_facts
@@ -19,7 +19,7 @@ from radcal.newcase.new_materials import fixed_laws, new_materials
 from radcal.newcase.template import TEMPLATE
 from radcal.reading.base import reader_of
 from radcal.scene.names import read_names
-from radcal.sections.base import EXAMPLES, check_case_name
+from radcal.sections.base import EXAMPLES, FILL_IN, check_case_name
 from radcal.sections.errors import Mistake
 from radcal.storage.files import atomic
 from radcal.tables.landcover import landcovers

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from radcal.config import FILL_IN, Case
+from radcal.config import Case
 from radcal.errors import ConfigError
+from radcal.sections.base import FILL_IN
 from radcal.seeds import derived_rng
 from radcal.tables.landcover import starting_keys, starting_levels
 

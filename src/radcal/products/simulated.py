@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import Radar, nearest
+from radcal.config import Radar
 from radcal.config.part import Part
 from radcal.errors import ConfigError, RadcalError, SceneError
 from radcal.products.export import gray_scale, ground_layers
@@ -24,6 +24,7 @@ from radcal.radar.projection import make_geometry
 from radcal.reading.rasters import open_raster
 from radcal.scene.model import Scene, write_scene
 from radcal.scene.sources import make_scene
+from radcal.sections.errors import nearest
 from radcal.seeds import noise_seed
 from radcal.simulators.base import Product
 from radcal.simulators.sources import runner_of

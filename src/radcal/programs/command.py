@@ -17,7 +17,8 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from radcal.config import CommandSimulation, Material, Output, Radar, RawType, executable_path
+from radcal.config import CommandSimulation, Material, Radar
+from radcal.config.inputs import executable_path
 from radcal.config.part import Part
 from radcal.errors import ConfigError, SimulatorError, StoreError, WrongNumbers
 from radcal.programs.command_plan import CommandPlan, check_command, check_image_shape
@@ -25,6 +26,7 @@ from radcal.programs.placeholders import SEED, argument
 from radcal.programs.process import output_tail, run_program
 from radcal.reading.arrays import read_array
 from radcal.reading.images import NOT_FINITE, ImageFile, Values, reading, to_db
+from radcal.sections.simulator import Output, RawType
 from radcal.storage.files import atomic, case_folder, working_folder
 
 if TYPE_CHECKING:

@@ -8,20 +8,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from radcal.config import (
-    Case,
-    CommandSimulation,
-    Material,
-    SimulatorConfig,
-    executable_path,
-    expand_path,
-    files_below,
-)
+from radcal.config import Case, CommandSimulation, Material, expand_path
+from radcal.config.inputs import executable_path, files_below
 from radcal.config.part import Part
 from radcal.errors import ConfigError
 from radcal.programs.placeholders import SEED, Marked, argument, template
 from radcal.programs.seed_width import check_seeds
 from radcal.programs.written_numbers import check_numbers
+from radcal.sections.simulator import SimulatorConfig
 from radcal.storage.files import file_sha256
 
 __all__ = ["CommandPlan", "changed_links", "check_command", "check_image_shape"]

@@ -14,8 +14,8 @@ import string
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from radcal.config import nearest
 from radcal.errors import ConfigError, SimulatorError
+from radcal.sections.errors import nearest
 
 __all__ = ["SEED", "Marked", "Marker", "argument", "template"]
 

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from radcal.config import BuiltinScene
 from radcal.scene.base import SceneSize, SceneSource
 from radcal.scene.model import Scene
+from radcal.sections.scene import BuiltinScene
 from radcal.storage.files import digest
 
 __all__ = ["CELLS", "CELL_M", "MATERIALS", "ROUGHNESS", "BuiltinSource", "builtin_scene"]

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from radcal.config import RasterScene, expand_path, vrt_folders
+from radcal.config import RasterScene, expand_path
+from radcal.config.inputs import vrt_folders
 from radcal.errors import SceneError
 from radcal.reading.intake import LARGEST_VALUES, guarded
 from radcal.reading.rasters import open_raster

@@ -7,7 +7,8 @@ import hashlib
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import SlantRangeScene, expand_path, vrt_folders
+from radcal.config import SlantRangeScene, expand_path
+from radcal.config.inputs import vrt_folders
 from radcal.errors import SceneError
 from radcal.reading.intake import LARGEST_VALUES, guarded
 from radcal.reading.rasters import check_blocks, open_raster

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from radcal.config import SceneConfig, SceneObjects, expand_path
+from radcal.config import expand_path
 from radcal.findings import Finding
 from radcal.scene.base import source_of
 from radcal.scene.model import Scene
 from radcal.scene.object_generator import generate_objects
 from radcal.scene.object_tables import Place, read_objects
 from radcal.scene.objects import Objects
-from radcal.sections.scene import SCENES
+from radcal.sections.scene import SCENES, SceneConfig, SceneObjects
 from radcal.storage.files import digest
 
 __all__ = ["make_scene"]

@@ -14,7 +14,7 @@ from pydantic_core import ErrorDetails
 
 from radcal.sections.base import EXAMPLES, FILL_IN, MATERIALS_FROM, PASSES, TAGS, UNDECIDED
 
-__all__ = ["MISSING", "Contradiction", "Mistake", "first_of", "key_in_list", "mistakes", "nearest", "shown"]
+__all__ = ["MISSING", "Mistake", "Wrong", "first_of", "key_in_list", "mistakes", "nearest", "shown"]
 
 
 MISSING = "missing_because"  # type of the error for a missing key, with a reason in the message
@@ -42,7 +42,7 @@ _EXPECTED = {
 }
 
 
-class Contradiction(typing.NamedTuple):
+class Wrong(typing.NamedTuple):
     """Argument of a validator's ``ValueError``: a key of its section, and the rest of the sentence on it."""
 
     key: str
@@ -98,7 +98,7 @@ def mistakes(error: ValidationError, root: type[BaseModel]) -> list[Mistake]:
     ----------
     error : ValidationError
         Error that pydantic raised. A ``ValueError`` of a validator has one contradiction in each argument: a sentence,
-        or a :data:`Contradiction`.
+        or a :data:`Wrong`.
     root : type of model
         Model of the data. For an unknown key, the sentence names the most similar key of the model.
     """
@@ -113,7 +113,7 @@ def mistakes(error: ValidationError, root: type[BaseModel]) -> list[Mistake]:
 def _of_contradictions(detail: ErrorDetails) -> list[Mistake]:
     section, found = _dotted(detail["loc"]), []
     for argument in detail["ctx"]["error"].args:
-        key, text = argument if isinstance(argument, Contradiction) else ("", str(argument))
+        key, text = argument if isinstance(argument, Wrong) else ("", str(argument))
         found.append(Mistake(f"{section}.{key}".strip("."), f"{section}: {key}{text}".removeprefix(": ")))
     return found
 

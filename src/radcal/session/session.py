@@ -12,12 +12,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from radcal.config import Case, check_reuse, input_files, load, starts_as_truth
+from radcal.config import Case, input_files, load
+from radcal.config.inputs import check_reuse
 from radcal.config.stages import OUTPUTS
 from radcal.config.yaml_file import check_words
 from radcal.errors import RadcalError, StoreError
 from radcal.programs.command import check_command
 from radcal.programs.seed_width import with_seed_bits
+from radcal.sections.measurement import starts_as_truth
 from radcal.session.jobs import CASE, COMMAND, FAILURE, OWNER, PASSES, PROGRESS, RESULTS, STARTED, Follower
 from radcal.session.replacement import check_replacement
 from radcal.session.salvage import files_of, salvage, simulator_change
