@@ -68,7 +68,7 @@ def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(clone: 
         ("two.yaml", b"case: a\n---\ncase: b\n", "two.yaml, line 2: not a YAML file (but found another document"),
         # Snakemake would run the Python code in it
         ("code.yaml", b"__use_yte__: true\n", "code.yaml, line 1: unknown key __use_yte__ "),
-        ("files.yaml", gone, "measurement.path: the file gone.tif does not exist in "),
+        ("files.yaml", gone, "files.yaml, line 1: measurement.path: the file gone.tif does not exist in "),
     ):
         (clone / name).write_bytes(content)
         assert refused(name).startswith(said)

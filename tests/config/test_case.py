@@ -457,7 +457,7 @@ def test_each_of_three_passes_has_its_own_radar_and_image() -> None:
             {"radar": [{"heading_deg": 10}, {"depression_deg": 30, "heading_deg": 12}]},
             "radar.*.heading_deg are 10, 12, expected the same heading in all passes",
         ),
-        ({"measurement": {}}, "passes: found radar of 2 and measurement of 1, expected lists of equal length"),
+        ({"measurement": {}}, "measurement: found radar of 2 and measurement of 1, expected lists of equal length"),
         ({"radar": [{}, {"depression_deg": 2}]}, "radar.2.depression_deg is 2, expected greater than 5."),
         ({"radar": [{}, {"depresion_deg": 2}]}, "unknown key radar.2.depresion_deg (did you mean 'depression_deg'?)."),
         ({"measurement": [{}, {"source": "fil"}]}, "measurement.2.source is 'fil', expected 'synthetic', 'file'."),

@@ -112,7 +112,7 @@ def test_files_of_one_polarisation_of_a_product_are_inputs(tmp_path: Path) -> No
     assert sorted(files) == ["measurement.path", *(f"measurement.path.{k}" for k in range(4))]
     assert all("-vv-" in files[f"measurement.path.{k}"].name for k in range(4))
     other = case_from({"measurement": {"source": "file", "path": str(safe)}, "radar": {**radar, "polarisation": "HH"}})
-    (problem,) = missing_inputs(other)
+    ((_, problem),) = missing_inputs(other, {})
     assert str(problem) == (
         f"measurement.path: {safe} cannot be read as a Sentinel-1 product (it has VV, radar.polarisation is HH)."
     )

@@ -43,8 +43,8 @@ def test_every_wrong_key_of_all_sections_and_passes_is_told_once(loaded: Any) ->
 def test_a_section_with_a_mistake_leaves_the_others_for_further_checks(loaded: Any) -> None:
     found = loaded({"stop": {"rms": "small", "max_runs": 77}, "radar": {"looks": 7}})
     assert len(found.problems) == 1
-    assert (found.case.radar.looks, found.case.stop.max_runs) == (7, 200)
-    assert loaded({"radar": [{"looks": 7}, {"looks": 9}]}).case is None
+    assert (found.case, found.rest.radar.looks, found.rest.stop.max_runs) == (None, 7, 200)
+    assert loaded({"radar": [{"looks": 7}, {"looks": 9}]}).rest is None
 
 
 def test_contradictions_between_sections_are_told_once_all_sections_are_right(loaded: Any) -> None:

@@ -44,10 +44,14 @@ def test_a_command_opens_the_session_of_its_case(tmp_path):
         (
             "measurement: {source: file, path: no.tif, scale: db, radiometry: sigma0_ref}",
             [],
-            "measurement.path: the file no.tif does not exist",
+            "mine.yaml, line 1: measurement.path: the file no.tif does not exist",
         ),
         ("design: {reuse: earlier}", [], "design.reuse is 'earlier', which has no runs in results/earlier/runs"),
-        ("simulator: {kind: command, command: [./no], output: {file: i.npy, scale: db}}", [], "simulator.command"),
+        (
+            "simulator: {kind: command, command: [./no], output: {file: i.npy, scale: db}}",
+            [],
+            "mine.yaml, line 1: simulator.command",
+        ),
     ],
 )
 def test_a_case_that_is_refused_ends_in_one_sentence(tmp_path, text, words, said):

@@ -138,14 +138,16 @@ def check_case(
         loaded = load_with_problems(paths, overrides)
     except ConfigError as error:
         return CaseCheck([str(error)])
-    case, problems = loaded.case, list[RadcalError](loaded.found)
+    case, problems = loaded.rest, loaded.problems
     if case is None:
-        return CaseCheck(loaded.problems)
-    refused = [] if problems else [*_refused(check_command, case), *_refused(check_reuse, case, results)]
-    for new in [*missing_inputs(case), *refused]:
-        if not any(str(one) == str(new) or one.about == new.about is not None for one in problems):
-            problems.append(new)
-    found = CaseCheck([str(one) for one in problems], case, loaded.forward)
+        return CaseCheck(problems)
+    refused: list[tuple[str, RadcalError]] = [*missing_inputs(case, {})]
+    if not problems:
+        told = {error.about for _, error in refused} - {None}
+        refused += [("simulator", error) for error in _refused(check_command, case) if error.about not in told]
+        refused += [("design.reuse", error) for error in _refused(check_reuse, case, results)]
+    problems += dict.fromkeys(loaded.at(key, error) for key, error in refused)
+    found = CaseCheck(problems, case, loaded.forward)
     if not problems:
         _check_stages(found, case, say)
     if found.shape is None and not found.sections:
@@ -154,8 +156,8 @@ def check_case(
         return found
     found.findings += starts_as_truth(case.calibrated, [one.measurement for one in case.passes])
     if found.shape is not None:
-        refused = _refused(check_replacement, case, Path(results) / case.case, input_files(case))
-        found.refused = list(map(str, refused))
+        replaced = _refused(check_replacement, case, Path(results) / case.case, input_files(case))
+        found.refused = list(map(str, replaced))
     found.time = time_expected(case, results)
     return found
 

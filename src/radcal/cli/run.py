@@ -261,15 +261,14 @@ def _for_snakemake(value: Any) -> str:
 
 def _checked(files: Sequence[Path], changes: dict[str, Any]) -> list[Case]:
     """Cases in the given files, whose input files exist; if any case is wrong, one error reports every wrong case."""
-    from radcal.config import input_files, load
+    from radcal.config.loading import load_with_inputs
     from radcal.errors import ConfigError
 
     names: dict[str, Path] = {}
     cases, problems = [], []
     for file in files:
         try:
-            case = load([file], changes)
-            input_files(case)
+            case, _ = load_with_inputs([file], changes)
             name = case.case
             if name in names:
                 raise ConfigError(f"{file}: case is {name!r}, which {names[name]} is called, too, expected another.")

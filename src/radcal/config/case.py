@@ -123,7 +123,8 @@ class Case(Part):
         counts = {"radar": len(self.radars), "measurement": len(self.measurements)}
         if len(set(counts.values())) > 1 or 0 in counts.values():
             lengths = " and ".join(f"{name} of {count}" for name, count in counts.items())
-            raise ValueError(f"passes: found {lengths}, expected lists of equal length, with one item for each pass")
+            wrong = f": found {lengths}, expected lists of equal length, with one item for each pass"
+            raise ValueError(Wrong("measurement", wrong))
         if found := list(dict.fromkeys(self._contradictions())):
             if not isinstance(info.context, list):  # a list collects them, and the caller gets the case
                 raise ValueError(*found)

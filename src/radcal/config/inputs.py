@@ -118,41 +118,43 @@ def input_files(case: Case) -> dict[str, Path]:
     ConfigError
         An input file is missing or cannot be read.
     """
-    files: dict[str, Path] = {}
-    for source in _sources(case):
-        files |= source()
+    files = dict[str, Path]()
+    for _, error in missing_inputs(case, files):
+        raise error
     return files
 
 
-def missing_inputs(case: Case) -> list[ConfigError]:
-    """Errors about input files that :func:`input_files` would refuse, one for each file."""
-    problems = []
-    for source in _sources(case):
+def missing_inputs(case: Case, files: dict[str, Path]) -> list[tuple[str, ConfigError]]:
+    """Keys and errors of the input files that are missing or cannot be read; ``files`` gets the others."""
+    missing = []
+    for key, source in _sources(case):
         try:
-            source()
+            files |= source()
         except ConfigError as error:
-            problems.append(error)
-    return problems
+            missing.append((key, error))
+    return missing
 
 
-def _sources(case: Case) -> Iterator[Callable[[], dict[str, Path]]]:
-    """Functions that find input files: one function for each configuration key."""
+def _sources(case: Case) -> Iterator[tuple[str, Callable[[], dict[str, Path]]]]:
+    """Configuration keys, each with the function that finds its input files."""
     scene = case.scene
-    for key in scene.rasters:
-        yield partial(_found, getattr(scene, key), f"scene.{key}", scene, "a raster", _with_raster)
-    for key in scene.tables:
-        if (path := getattr(scene, key)) is not None:
-            yield partial(_found, path, f"scene.{key}", scene)
+    for name in (*scene.rasters, *scene.tables):
+        key, path = f"scene.{name}", getattr(scene, name)
+        if name in scene.rasters:
+            yield key, partial(_found, path, key, scene, "a raster", _with_raster)
+        elif path is not None:
+            yield key, partial(_found, path, key, scene)
     if scene.on_ground and scene.on_ground.path:
-        yield partial(_found, scene.on_ground.path, "scene.objects.path", scene, "vectors", _with_vectors)
+        key = "scene.objects.path"
+        yield key, partial(_found, scene.on_ground.path, key, scene, "vectors", _with_vectors)
     for number, one in enumerate(case.passes, start=1):
         if isinstance(image := one.measurement, FileMeasurement):
             key = f"measurement.{number}.path" if len(case.radars) > 1 else "measurement.path"
             reader = reader_of(image.path)
             files = partial(reader.files, polarisation=one.radar.polarisation)
-            yield partial(_found, image.path, key, image, reader.called, files, reader.folder)
+            yield key, partial(_found, image.path, key, image, reader.called, files, reader.folder)
     if isinstance(case.simulator, CommandSimulation):
-        yield partial(_simulator_files, case.simulator)
+        yield "simulator", partial(_simulator_files, case.simulator)
 
 
 def _found(

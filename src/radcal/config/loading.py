@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from radcal.config.case import Case
-from radcal.config.inputs import expand_path
+from radcal.config.inputs import expand_path, missing_inputs
 from radcal.config.part import Part
 from radcal.config.stages import FORWARD, model_of
 from radcal.errors import ConfigError
@@ -29,6 +29,7 @@ __all__ = [
     "load",
     "load_forward",
     "load_measured",
+    "load_with_inputs",
     "load_with_problems",
 ]
 
@@ -52,8 +53,8 @@ def _parsed(overrides: Mapping[str, Any]) -> dict[str, Any]:
 
 
 @dataclass
-class _Read:
-    """Plain data of a case, and where each of its keys stands.
+class Loaded:
+    """Case from plain data, which may have mistakes.
 
     Attributes
     ----------
@@ -63,37 +64,51 @@ class _Read:
         Names of the case files, with which a sentence on a key begins that stands in none of them.
     places : dict of str to str
         File and line of each key in dotted form, or the command line.
-    wrong : list of Mistake
-        Mistakes that :meth:`case` has found.
+    case : Case or None
+        The case; None if a key is wrong.
+    mistakes : list of Mistake
+        Wrong keys; if there are none, contradictions between sections.
     """
 
     data: dict[str, Any]
-    origin: str
-    places: dict[str, str] = field(default_factory=dict)
-    wrong: list[Mistake] = field(default_factory=list)
+    origin: str = "configuration"
+    places: Mapping[str, str] = field(default_factory=dict)
+    case: Case | None = field(init=False, default=None)
+    mistakes: list[Mistake] = field(init=False, default_factory=list)
 
-    def case(self, without: Container[str] = ()) -> Case | None:
-        """Case of the sections except those named; None if it has mistakes other than contradictions of sections."""
-        data = {name: section for name, section in self.data.items() if name not in without}
-        contradictions = list[Mistake]()
+    def __post_init__(self) -> None:
         try:
-            case = Case.model_validate(data, context=contradictions)
+            self.case = Case.model_validate(self.data, context=self.mistakes)
         except ValidationError as error:
-            self.wrong = mistakes(error, Case)
-            return None
-        self.wrong = contradictions
-        return case
+            self.mistakes = mistakes(error, Case)
 
-    def said(self, mistake: Mistake) -> str:
-        """Sentence on a mistake, which begins with the place of its key or of the innermost section that has one."""
-        key = mistake.key
+    @property
+    def rest(self) -> Case | None:
+        """Case with default values in place of all sections with wrong keys; None if that is no case."""
+        wrong = {one.section for one in self.mistakes}
+        return self.case or Loaded({name: section for name, section in self.data.items() if name not in wrong}).case
+
+    @property
+    def forward(self) -> bool:
+        """Whether the case has neither a measurement nor a material to calibrate: it is for ``radcal simulate``."""
+        return self.case is not None and "measurement" not in self.data and not self.case.calibrated
+
+    @property
+    def problems(self) -> list[str]:
+        """One sentence for each mistake."""
+        return [] if self.forward else [f"{self.at(one.key, one.text)}." for one in self.mistakes]
+
+    def at(self, key: str, text: object) -> str:
+        """Text that begins with the place of a key, or of the innermost section around it that has one."""
         while key and key not in self.places:
             key = key.rpartition(".")[0]
-        return f"{self.places.get(key, self.origin)}: {shown(mistake.text, 600)}"
+        return f"{self.places.get(key, self.origin)}: {shown(str(text), 600)}"
 
-    def refused(self) -> ConfigError:
-        """Error on the first mistake, which tells how many there are."""
-        return ConfigError(first_of([self.said(one) for one in self.wrong]))
+    def right(self) -> Case:
+        """Case without mistakes; a ConfigError tells the first of them, and how many there are."""
+        if self.case is None or self.mistakes:
+            raise ConfigError(first_of([self.at(one.key, one.text) for one in self.mistakes]))
+        return self.case
 
 
 def case_from(data: Mapping[str, Any], origin: str = "configuration") -> Case:
@@ -104,14 +119,7 @@ def case_from(data: Mapping[str, Any], origin: str = "configuration") -> Case:
     ConfigError
         A key or value is wrong; the message describes the first problem.
     """
-    return _right(_Read(dict(data), origin))
-
-
-def _right(read: _Read) -> Case:
-    case = read.case()
-    if case is None or read.wrong:
-        raise read.refused()
-    return case
+    return Loaded(dict(data), origin).right()
 
 
 def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Case:
@@ -130,32 +138,18 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     ConfigError
         A file is missing, empty or not YAML, a key occurs twice, or a key or value is wrong.
     """
-    return _right(_read(files, overrides))
+    return Loaded(*_read(files, overrides)).right()
 
 
-@dataclass(frozen=True)
-class Loaded:
-    """Result of reading a case with mistakes.
-
-    Attributes
-    ----------
-    case : Case or None
-        Case with default values in place of all sections with mistakes, for further checks; None if this is no case.
-    found : list of ConfigError
-        One error for each wrong key and each contradiction between settings.
-    forward : bool
-        Whether the case has neither a measurement nor a material with ``calibrate: true``, so that it is for
-        ``radcal simulate``.
-    """
-
-    case: Case | None
-    found: list[ConfigError]
-    forward: bool = False
-
-    @property
-    def problems(self) -> list[str]:
-        """One sentence for each error."""
-        return [str(error) for error in self.found]
+def load_with_inputs(
+    files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
+) -> tuple[Case, dict[str, Path]]:
+    """Case, and its input files by configuration key; parameters and errors as for :func:`load`, and missing files."""
+    loaded, inputs = load_with_problems(files, overrides), dict[str, Path]()
+    case = loaded.right()
+    for key, error in missing_inputs(case, inputs):
+        raise ConfigError(loaded.at(key, error))
+    return case, inputs
 
 
 def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Loaded:
@@ -173,11 +167,7 @@ def load_with_problems(files: Sequence[str | Path], overrides: Mapping[str, Any]
     ConfigError
         A file is missing, empty or not YAML, or contains a key twice.
     """
-    read = _read(files, overrides)
-    case = read.case()
-    forward = case is not None and "measurement" not in read.data and not case.calibrated
-    found = [ConfigError(f"{read.said(one)}.", one) for one in read.wrong if not forward]
-    return Loaded(case or read.case(without={one.section for one in read.wrong}), found, forward)
+    return Loaded(*_read(files, overrides))
 
 
 def load_forward(
@@ -203,21 +193,20 @@ def load_forward(
         As for :func:`load`, but the message has one line for each mistake; or the simulator cannot evaluate a law, or
         the pass lacks the carrier frequency that a law needs.
     """
-    read = _read(files, overrides)
-    data = {key: value for key, value in read.data.items() if key not in _OF_CALIBRATION}
+    read, origin, places = _read(files, overrides)
+    data = {key: value for key, value in read.items() if key not in _OF_CALIBRATION}
     if calibrated is not None and isinstance(own := data.get("materials", {}), dict):
-        data["materials"] = {**own, **_materials_of(calibrated, "--materials", read.places)}
+        data["materials"] = {**own, **_materials_of(calibrated, "--materials", places)}
     passes = data.get("radar")
     if isinstance(passes, list):  # a case must have a measurement for each pass; a forward run reads none of them
         data["measurement"] = [{}] * len(passes)
-    read.data = dict(with_undecided(data))
-    case = read.case()
-    if case is not None:
-        found = [text for one in case.passes for text in one.laws_without_pass()]
-        read.wrong = [Mistake(key, f"{key}{text}") for key, text in dict.fromkeys(found)]
-    if case is None or read.wrong:
-        raise ConfigError("\nradcal: ".join(f"{read.said(one)}." for one in read.wrong))
-    return model_of(*FORWARD).of(case)
+    loaded = Loaded(dict(with_undecided(data)), origin, places)
+    if loaded.case is not None:
+        found = dict.fromkeys(wrong for one in loaded.case.passes for wrong in one.laws_without_pass())
+        loaded.mistakes = [Mistake(key, f"{key}{text}") for key, text in found]
+    if loaded.case is None or loaded.mistakes:
+        raise ConfigError("\nradcal: ".join(f"{loaded.at(one.key, one.text)}." for one in loaded.mistakes))
+    return model_of(*FORWARD).of(loaded.case)
 
 
 def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None) -> Case | None:
@@ -238,17 +227,16 @@ def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | No
     ConfigError
         As for :func:`load`.
     """
-    read = _read(files, overrides)
-    if "measurement" not in read.data:
+    loaded = Loaded(*_read(files, overrides))
+    if "measurement" not in loaded.data:
         return None
-    case = read.case()
-    if case is None or (read.wrong and case.calibrated):
-        raise read.refused()
-    return case
+    return loaded.case if loaded.case is not None and not loaded.case.calibrated else loaded.right()
 
 
-def _read(files: Sequence[str | Path], overrides: Mapping[str, Any] | None) -> _Read:
-    """Plain data merged from configuration files and overrides; parameters and errors as for :func:`load`."""
+def _read(
+    files: Sequence[str | Path], overrides: Mapping[str, Any] | None
+) -> tuple[dict[str, Any], str, dict[str, str]]:
+    """Data, origin and places of :class:`Loaded`, from files and overrides; parameters and errors of :func:`load`."""
     from radcal.config.yaml_file import leaves, merged, read_case_file  # imports PyYAML, which jobs do not need
 
     for variants in (LAWS, READERS, SCENES, SIMULATORS, OBJECTIVES, REGISTRATIONS):
@@ -268,7 +256,7 @@ def _read(files: Sequence[str | Path], overrides: Mapping[str, Any] | None) -> _
         data["materials"] = (
             {**_materials_of(file, MATERIALS_FROM, places, own), **own} if isinstance(own, dict) else own
         )
-    return _Read(dict(with_undecided(data)), origin, places)
+    return dict(with_undecided(data)), origin, places
 
 
 def _materials_of(file: Any, key: str, places: dict[str, str], kept: Container[str] = ()) -> dict[str, Any]:

@@ -11,7 +11,8 @@ from typing import Any
 import yaml
 
 from radcal.bands import WIDTH_FACTOR, letter_band
-from radcal.config import Uncertainty, load_with_problems
+from radcal.config import Uncertainty
+from radcal.config.loading import Loaded
 from radcal.errors import ConfigError
 from radcal.image.acquisition import radar_keys
 from radcal.newcase.file_facts import POLARISATIONS, RasterFacts, code_counts, product_acquisition, raster_facts
@@ -19,8 +20,7 @@ from radcal.newcase.new_materials import fixed_laws, new_materials
 from radcal.newcase.template import TEMPLATE
 from radcal.reading.base import reader_of
 from radcal.scene.names import read_names
-from radcal.sections.base import EXAMPLES, FILL_IN, check_case_name
-from radcal.sections.errors import Mistake
+from radcal.sections.base import EXAMPLES, FILL_IN, check_case_name, with_undecided
 from radcal.storage.files import atomic
 from radcal.tables.landcover import landcovers
 from radcal.tables.sensors import Sensor, sensors
@@ -106,8 +106,9 @@ class NewCase:
             self.undecided.append("materials.fixed")
         # the file of names need not exist yet
         checked = {**case, "scene": {**case["scene"], "names": "names.json"}}
-        wrong = [one.about for one in load_with_problems([], checked).found]
-        if found := [f"{one.text}." for one in wrong if isinstance(one, Mistake) and not one.undecided]:
+        loaded = Loaded(dict(with_undecided(checked)))
+        found = [f"{one.text}." for one in loaded.mistakes if not (one.undecided or loaded.forward)]
+        if found:
             raise ConfigError("\nradcal: ".join(found))
         self.text = "# Written by radcal new. Every other key has a default (config/config.yaml).\n"
         if self.undecided:

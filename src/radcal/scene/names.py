@@ -42,11 +42,14 @@ def read_names(path: Path, present: Iterable[int], raster: Path) -> dict[int, st
     size = path.stat().st_size if path.is_file() else 0
     if size > _LARGEST_BYTES:
         raise SceneError(f"scene.names: {path} has {size} bytes, expected at most {_LARGEST_BYTES}.")
+    names = dict[int, str]()
     try:
-        names = {int(k): str(v) for k, v in json.loads(path.read_text(encoding="utf-8")).items()}
-    except (OSError, ValueError, AttributeError, TypeError, RecursionError):
+        for key, name in json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=tuple):
+            if names.setdefault(int(key), str(name)) != str(name):
+                raise ValueError(f"id {key} has the names {names[int(key)]!r} and {name!r}")
+    except (OSError, ValueError, TypeError, RecursionError) as error:
         raise SceneError(
-            f'scene.names: {path} is not a JSON object of id and name, such as {{"1": "grass"}}.'
+            f'scene.names: {path} is not a JSON object of id and name, such as {{"1": "grass"}} ({error}).'
         ) from None
     if wrong := [k for k in names if not 0 <= k <= _LARGEST_ID]:
         raise SceneError(f"scene.names: {path} names the material id {wrong[0]}, expected 1 to {_LARGEST_ID}.")

@@ -7,6 +7,7 @@ import re
 import typing
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from datetime import date
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
@@ -138,7 +139,8 @@ def _of_key(detail: ErrorDetails, root: type[BaseModel]) -> Mistake:
         names = [name for name in key.split(".") if not name.isdigit()]
         example = EXAMPLES.get(f"{names[0]}.{names[-1]}")
         expected = _EXPECTED[kind] + (f", for example {names[-1]}: {example}" if example else "")
-    found = "empty" if value is None else str(value).lower() if isinstance(value, bool) else shown(repr(value))
+    text = str(value).lower() if isinstance(value, bool) else str(value) if isinstance(value, date) else repr(value)
+    found = "empty" if value is None else shown(text)
     return Mistake(key, f"{key} is {found}, expected {expected.replace(' after validation', '')}")
 
 

@@ -12,8 +12,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from radcal.config import Case, input_files, load
+from radcal.config import Case
 from radcal.config.inputs import check_reuse
+from radcal.config.loading import load_with_inputs
 from radcal.config.stages import OUTPUTS
 from radcal.config.yaml_file import check_words
 from radcal.errors import RadcalError, StoreError
@@ -67,8 +68,8 @@ def open_session(
     results = os.environ.get(RESULTS) or _RESULTS
     try:
         check_words(words)
-        case = with_seed_bits(load(files, config), results)
-        inputs = input_files(case)
+        case, inputs = load_with_inputs(files, config)
+        case = with_seed_bits(case, results)
         check_command(case)
         check_reuse(case, results)
         if main:
