@@ -12,6 +12,7 @@ from radcal.forecast.runs_and_time import (
     largest_runs,
     planned_runs,
     runs_sentence,
+    standing,
     stored_iteration_seconds,
     time_expected,
 )
@@ -112,3 +113,44 @@ def test_the_time_follows_from_stored_runs_and_iterations(build_case, tmp_path: 
     said = time_expected(case, tmp_path)
     assert "about 11 min with 16 iterations" in said
     assert said.endswith("at most 24 min with 40 (a run takes 16 s, an iteration 33 s)")
+
+
+def test_the_standing_follows_from_the_files_of_the_case(build_case, tmp_path: Path) -> None:
+    """Of a case with 2 reference runs, 5 of the design, 2 final ones, and half of all searches ending within 6."""
+    case = build_case(design={"size": 5}, stop={"max_runs": 40})
+
+    def runs(count: int, seconds: float) -> None:
+        for k in range(count):
+            with write_hdf5(tmp_path / f"runs/{k}.h5", "run") as file:
+                file.attrs["seconds"] = seconds
+
+    def iteration(k: int) -> None:
+        path = tmp_path / f"iterations/{k}/verified.json"
+        path.parent.mkdir(parents=True)
+        path.touch()
+
+    assert str(standing(case, tmp_path / "gone")) == "0 of about 15 runs"
+    runs(3, 2.0)
+    assert str(standing(case, tmp_path)) == "3 of about 15 runs"  # the rest of an iteration may take longer than a run
+    runs(3, 100.0)
+    # 4 runs, 6 iterations of one run and 2 final runs
+    assert (standing(case, tmp_path).expected, standing(case, tmp_path).left_s) == (15, 1200.0)
+    runs(9, 100.0)
+    for k in range(2):
+        iteration(k)
+    (tmp_path / "benchmarks").mkdir()
+    for stage, seconds in (("train", 10), ("propose", 20), ("verify", 110)):
+        (tmp_path / f"benchmarks/{stage}_0.tsv").write_text(f"s\n{seconds}\n")
+    found = standing(case, tmp_path)
+    assert (found.done, found.expected, found.left_s) == (9, 15, 4 * 140.0 + 2 * 100.0)
+    assert str(found) == "9 of about 15 runs, about 13 min to the end of the search"
+    # a search that takes longer than most, up to its last run; and one whose earlier settings left more runs
+    for k in range(2, 35):
+        iteration(k)
+        if k == 9:
+            assert (standing(case, tmp_path).expected, standing(case, tmp_path).left_s) == (20, 10 * 100.0 + 140.0)
+    assert standing(case, tmp_path).expected == 44
+    runs(60, 100.0)
+    assert (standing(case, tmp_path).expected, standing(case, tmp_path).left_s) == (60, 200.0)
+    (tmp_path / "final.json").touch()
+    assert str(standing(case, tmp_path)) == "60 runs, the search has ended"

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import atexit
+import contextlib
 import errno
 import logging
 import os
 import re
 import subprocess
 import sys
+import threading
 
 import pytest
 
-from radcal.session.terminal import Guarded, Messages
+from radcal.session.terminal import BAR, Bar, Guarded, Messages, can_draw
 
 PRINTS = """
 import logging, os, sys
@@ -74,6 +76,59 @@ def test_a_full_disk_may_have_room_again_and_a_closed_pipe_stays_closed(tmp_path
         guarded.write("later")
         guarded.flush()
     assert (tmp_path / "out.txt").read_text() == left
+
+
+def screen(text: str) -> list[str]:
+    """Lines that a terminal shows, where a line may be erased before it is written again."""
+    return [line.rpartition("\r\x1b[2K")[2].rstrip("\r") for line in text.split("\n")]
+
+
+def test_a_bar_stays_below_the_lines_of_all_processes(monkeypatch):
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "12")
+    ours, theirs = os.openpty()
+    child = "from radcal.session.terminal import guard; import sys; guard(); print('of a job', file=sys.stderr)"
+    with os.fdopen(theirs, "w") as terminal:
+        stream = Guarded(terminal)
+        atexit.unregister(stream._end)
+        assert can_draw(stream)
+        drawn = threading.Event()
+        bar = Bar(stream, lambda: drawn.set() or "3 of about 11 runs")
+        stream.write("first ")
+        assert drawn.wait(10)
+        stream.write("line\n")
+        drawn.clear()
+        subprocess.run([sys.executable, "-c", child], stderr=terminal, check=True)
+        assert drawn.wait(10)
+        bar.stop()
+        stream.write("last\n")
+    shown = ""
+    with contextlib.suppress(OSError):  # when all is read
+        while True:
+            shown += os.read(ours, 10_000).decode()
+    os.close(ours)
+    assert "3 of about \x1b" not in shown  # a line of 12 columns holds 11 characters before it is broken
+    assert "3 of about " in shown
+    assert screen(shown) == ["first line", "of a job", "last", ""]
+    assert BAR not in os.environ
+
+
+@pytest.mark.parametrize(("term", "expected"), [("dumb", False), (None, False), ("xterm", True)])
+def test_only_a_terminal_that_can_erase_has_a_bar(monkeypatch, tmp_path, term, expected):
+    monkeypatch.delenv("TERM", raising=False)
+    if term is not None:
+        monkeypatch.setenv("TERM", term)
+    ours, theirs = os.openpty()
+    with os.fdopen(theirs, "w") as terminal:
+        assert can_draw(terminal) is expected
+    os.close(ours)
+    monkeypatch.setenv(BAR, "1")
+    with (tmp_path / "out.txt").open("w") as file:
+        assert not can_draw(file)
+        redirected = Guarded(file)
+        atexit.unregister(redirected._end)
+        redirected.write("a line\n")
+    assert (tmp_path / "out.txt").read_text() == "a line\n"  # also beside a bar of standard error
 
 
 def shown(messages: Messages, text: str) -> str | None:

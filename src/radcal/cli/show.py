@@ -14,12 +14,15 @@ __all__ = ["HELP", "main"]
 HELP = """Show the verdict of cases, their runs, and where report, exports and summary lie.
 
 CASE is the name of a case below results/, a results folder, or the case's YAML file. The command also says what is
-missing if the calibration is not finished, and where it stands if a command works on it at this moment.
+missing if the calibration is not finished, and where it stands if a command works on it at this moment. With the YAML
+file, it also says how many runs are expected.
 
 \b
 Examples:
   radcal show dyke
   radcal show config/mine.yaml config/other.yaml
+  radcal show config/mine.yaml --watch          until no command works on it
+  radcal show config/mine.yaml --watch --html   as a page, results/mine/live.html
 """
 
 
@@ -28,11 +31,21 @@ def main(
         list[str], typer.Argument(metavar="CASE...", help="Names, results folders or YAML files.", show_default=False)
     ],
     results: Results = Path("results"),
+    watch: Annotated[bool, typer.Option("--watch", help="Show again until no command works on the cases.")] = False,
+    html: Annotated[bool, typer.Option("--html", help="With --watch: write live.html in the results folder.")] = False,
 ) -> None:
     """Show the verdict, the runs and the files of cases."""
+    from radcal.cli.watching import watched
     from radcal.products.showing import results_folder, show
 
     failed = False
+    if html and not watch:
+        typer.echo("radcal: --html is given without --watch, expected both.", err=True)
+        raise typer.Exit(1)
+    if watch:
+        with sentences():
+            watched({results_folder(case, results): case for case in cases}, html)
+        return
     for number, case in enumerate(cases):
         if number:
             typer.echo()

@@ -7,6 +7,7 @@ import csv
 import statistics
 from collections import Counter
 from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from radcal.config import Case
@@ -14,14 +15,43 @@ from radcal.sections.simulator import SimulatorConfig
 from radcal.storage.runs import median_seconds
 
 __all__ = [
-    "duration", "largest_runs", "planned_runs", "reference_count", "runs_in_words", "runs_sentence",
-    "stages_sentence", "stored_iteration_seconds", "time_expected",
+    "Standing", "duration", "largest_runs", "planned_runs", "reference_count", "runs_in_words", "runs_sentence",
+    "stages_sentence", "standing", "stored_iteration_seconds", "time_expected",
 ]  # fmt: skip
 
 _FINAL_RUNS = 2  # of each pass: one with the noise seed of all runs, one with another noise seed
 # infill runs within which 63 of the 64 searches with a baseline in docs/evidence/runs.md ended (one took 17);
 # of 20 searches without a baseline, half ended within 8
 _SEARCH_RUNS = 16
+# infill runs of half of the searches of the workflow in docs/evidence/runs.md
+_HALF_SEARCH_RUNS = 6
+_LONG_RUN_S = 60.0  # a run beside which the other time of an iteration does not count
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How far the runs of a case are.
+
+    Attributes
+    ----------
+    done : int
+        Runs in the run store.
+    expected : int or None
+        Number of runs with which the search is expected to end; None after its final runs.
+    left_s : float or None
+        Time expected to the end of the final runs [s], if it is known.
+    """
+
+    done: int
+    expected: int | None
+    left_s: float | None
+
+    def __str__(self) -> str:
+        """Words for the terminal and the live page."""
+        if self.expected is None:
+            return f"{self.done} runs, the search has ended"
+        left = "" if self.left_s is None else f", about {duration(self.left_s)} to the end of the search"
+        return f"{self.done} of about {self.expected} runs{left}"
 
 
 def reference_count(simulator: SimulatorConfig) -> int:
@@ -146,6 +176,33 @@ def stored_iteration_seconds(folder: str | Path) -> float | None:
             rows = [list(csv.DictReader(page.read_text("utf-8").splitlines(), delimiter="\t")) for page in pages]
             found.append(sum(float(row[-1]["s"]) for row in rows))
     return statistics.median(found) if found else None
+
+
+def standing(case: Case, folder: str | Path) -> Standing:
+    """How far the runs of a case are, from the files in its results folder.
+
+    Parameters
+    ----------
+    case : Case
+        Configuration of the case.
+    folder : path
+        ``results/<case>``, which need not exist. Records of runs with earlier settings of the case count as done.
+    """
+    folder, passes = Path(folder), len(case.passes)
+    done = len(list((folder / "runs").glob("[!.]*.h5"))) // case.simulator.draws
+    if (folder / "final.json").exists():
+        return Standing(done, None, None)
+    counts = largest_runs(case)
+    begun = len(list((folder / "iterations").glob("*/verified.json")))
+    iterations = min(max(_HALF_SEARCH_RUNS - begun, 1), counts.pop("infill") // passes - begun)
+    runs = sum(counts.values()) + passes * begun
+    expected = max(runs + passes * iterations, done)
+    each = case.simulator.draws * (median_seconds(folder / "runs") or 0.0)
+    iteration = stored_iteration_seconds(folder / "benchmarks")
+    if iteration is None and each < _LONG_RUN_S:
+        return Standing(done, expected, None)
+    left_s = max(runs - done, counts["final"]) * each + iterations * (iteration or passes * each)
+    return Standing(done, expected, left_s)
 
 
 def time_expected(case: Case, results: str | Path) -> str:

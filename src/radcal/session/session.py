@@ -18,14 +18,15 @@ from radcal.config.loading import load_with_inputs
 from radcal.config.stages import OUTPUTS
 from radcal.config.yaml_file import check_words
 from radcal.errors import RadcalError, StoreError
+from radcal.forecast.runs_and_time import standing
 from radcal.programs.command import check_command
 from radcal.programs.seed_width import with_seed_bits
 from radcal.sections.measurement import starts_as_truth
-from radcal.session.jobs import CASE, COMMAND, FAILURE, OWNER, PASSES, PROGRESS, RESULTS, STARTED, Follower
+from radcal.session.jobs import CASE, COMMAND, FAILURE, OWNER, PASSES, PROGRESS, RESULTS, STARTED, Follower, elapsed
 from radcal.session.replacement import check_replacement
 from radcal.session.salvage import files_of, salvage, simulator_change
 from radcal.session.slurm import cancel_leftovers, remember
-from radcal.session.terminal import Messages, guard, write_protected
+from radcal.session.terminal import BAR, Bar, Guarded, Messages, can_draw, guard, write_protected
 from radcal.storage.files import sweep_scripts, unwritable
 from radcal.storage.lock import CaseLock, leave
 from radcal.storage.records import REPLACE, read_json
@@ -35,6 +36,7 @@ __all__ = ["Session", "is_dry_run", "is_finished", "is_planned", "open_session",
 
 _SNAKEMAKE = Path(".snakemake")
 _RESULTS = "results"
+_BAR_WIDTH = 20
 
 
 def open_session(
@@ -167,6 +169,7 @@ class Session:
         self.case, self.inputs = case, dict(inputs or {})
         self._lock = CaseLock(self.folder)
         self._follower: Follower | None = None
+        self._bar: Bar | None = None
         self._failure = (self.folder / "logs" / "failure.txt").absolute()
         self._slurm = self.folder / ".slurm"
         self._started = remote
@@ -180,6 +183,7 @@ class Session:
             FAILURE: str(self._failure),
             REPLACE: "1" if case.replace else None,
             PROGRESS: str(self._progress) if remote else None,
+            BAR: None,
             # a remote job keeps the start time of the process that submitted it
             STARTED: os.environ.get(STARTED, str(time.time())) if remote else str(time.time()),
         }
@@ -233,9 +237,14 @@ class Session:
             self._follower = Follower(self._progress)
         if cluster is not None:
             remember(self._slurm, cluster)
+        if isinstance(sys.stderr, Guarded) and can_draw(sys.stderr):
+            self._bar = Bar(sys.stderr, self._foot)
 
     def end(self, failed: bool = False) -> None:
         """Release the lock after the last job; after a failure, Ctrl-C or SIGTERM, also print how to continue."""
+        if self._bar is not None:
+            self._bar.stop()
+            self._bar = None
         if self._follower is not None:
             self._follower.stop()
             self._follower = None
@@ -251,6 +260,12 @@ class Session:
                 f"stopped. Finished runs are kept in {runs}, logs in {self.folder / 'logs'}; once the cause is "
                 "removed, the same command continues."
             )
+
+    def _foot(self) -> str:
+        """Bar at the foot of the terminal: how far the runs of the case are."""
+        now = standing(self.case, self.folder)
+        filled = _BAR_WIDTH * now.done // max(now.expected or now.done, 1)
+        return f"[{'#' * filled}{'.' * (_BAR_WIDTH - filled)}] {elapsed()} {now}"
 
     def say_verdict(self) -> None:
         """Print the verdict of a finished case and the path of its report."""

@@ -1,4 +1,4 @@
-"""Terminal output that does not fail after the terminal or pipe was closed, and a filter of Snakemake's log.
+"""Terminal output that does not fail after the terminal or pipe was closed, a bar, and a filter of Snakemake's log.
 
 ``snakemake ... | head -1`` closes the pipe after one line. Without :func:`guard`, a job that prints a second line would
 fail, and Snakemake's scheduler would wait for ever after one of its callbacks printed a line.
@@ -11,12 +11,18 @@ import errno
 import logging
 import os
 import re
+import shutil
 import sys
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, TextIO
 
-__all__ = ["Guarded", "Messages", "guard", "write_protected"]
+__all__ = ["BAR", "Bar", "Guarded", "Messages", "can_draw", "guard", "write_protected"]
+
+BAR = "RADCAL_BAR"  # environment variable of a command that shows a bar, and of its jobs
+_RENEWED_S = 1.0
+_ERASE = "\r\x1b[2K"  # back to the start of the line, which is cleared
 
 
 class Guarded:
@@ -30,12 +36,21 @@ class Guarded:
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
+        self._new_line = True
         atexit.register(self._end)
 
     def write(self, text: str) -> int:
-        """Write the text, ignore any error, and return the length of the text."""
-        self._try(lambda: self._stream.write(text))
+        """Write the text, ignore any error, and return the length of the text; a new line erases the bar."""
+        first, self._new_line = self._new_line, text.endswith("\n") if text else self._new_line
+        bar = bool(text) and first and BAR in os.environ
+        self._try(lambda: self._stream.write(_ERASE * (bar and self._stream.isatty()) + text))
         return len(text)
+
+    def draw(self, bar: str) -> None:
+        """Show a bar at the foot of the terminal in place of the earlier one, unless a line is not yet complete."""
+        if self._new_line:
+            self._try(lambda: self._stream.write(_ERASE + bar))
+            self.flush()
 
     def flush(self) -> None:
         """Flush the stream and ignore any error."""
@@ -67,6 +82,44 @@ class Guarded:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
+
+
+class Bar:
+    """Thread that shows one line at the foot of the terminal, of this process and of its jobs, and renews it.
+
+    Several processes write lines to the terminal, each of which erases the bar first (:data:`BAR`).
+
+    Parameters
+    ----------
+    stream : Guarded
+        Standard error of this process.
+    text : callable
+        Function that returns the line.
+    """
+
+    def __init__(self, stream: Guarded, text: Callable[[], str]) -> None:
+        self._stream, self._text = stream, text
+        os.environ[BAR] = "1"
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._renew, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Erase the bar."""
+        self._ended.set()
+        self._thread.join()
+        self._stream.draw("")
+        del os.environ[BAR]
+
+    def _renew(self) -> None:
+        while not self._ended.wait(_RENEWED_S):
+            with suppress(OSError):  # the results folder was deleted
+                self._stream.draw(self._text()[: shutil.get_terminal_size().columns - 1])
+
+
+def can_draw(stream: TextIO | Guarded) -> bool:
+    """Whether a stream is a terminal that can erase a line."""
+    return stream.isatty() and os.environ.get("TERM", "dumb") != "dumb"
 
 
 def guard(logger: logging.Logger | None = None) -> None:
