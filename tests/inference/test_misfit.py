@@ -226,8 +226,8 @@ def test_the_covariance_is_that_of_images_of_correlated_speckle():
 
 
 @pytest.mark.slow
-def test_replicates_have_the_covariance():
-    """Of sampling, fields and cells; three fields have another variance among them in every replicate."""
+def test_the_covariance_is_that_of_fields_and_cells_that_are_drawn():
+    """Three fields have another variance among them in every draw."""
     rng = np.random.default_rng(13)
     n = 900
     incidence = rng.uniform(30.0, 50.0, n)
@@ -238,11 +238,18 @@ def test_replicates_have_the_covariance():
     ground = Ground(speckled(rng, incidence, 4.0), incidence, patch, block, pixels, Correlation(lags, n))
     classes = make_classes(ground.values_db, incidence, 3, ground.pairs)
     misfit = BinMisfit.of(ground, classes, METHOD, Spread(1.5, 0.5))
-    drawn = misfit.replicates(20_000, rng) @ np.linalg.cholesky(misfit.covariance).T
-    wanted = misfit.covariance[:6, :6]
-    sd = np.sqrt(np.diag(wanted))
-    np.testing.assert_allclose(np.cov(drawn.T)[:6, :6] / np.outer(sd, sd), wanted / np.outer(sd, sd), atol=0.06)
-    np.testing.assert_allclose(drawn.mean(axis=0)[:6] / sd, 0.0, atol=0.05)
+    draws = 20_000
+    means, log_sds, _ = np.moveaxis(
+        rng.multivariate_normal(np.zeros(9), misfit.sampling, draws).reshape(draws, 3, 3), 1, 0
+    )
+    fields, cells = misfit.patch_share.shape[1], misfit.cell_share.shape[1]
+    effects = 1.5 * rng.normal(size=(draws, fields))[:, misfit.patch_of_cell] + 0.5 * rng.normal(size=(draws, cells))
+    levels = effects @ misfit.cell_share.T
+    log_sds = log_sds + 0.1 * rng.normal(size=(draws, fields)) @ misfit.patch_share.T  # a field's looks are its own
+    log_sds += (effects**2 @ misfit.cell_share.T - levels**2) / (2.0 * misfit.classes.cumulants[:, 1])
+    found = np.cov(np.concatenate([means + levels, log_sds], axis=1).T)
+    sd = np.sqrt(np.diag(found))
+    np.testing.assert_allclose(misfit.covariance[:6, :6] / np.outer(sd, sd), found / np.outer(sd, sd), atol=0.06)
 
 
 def test_bins_of_nearly_normal_pixels_share_powers_of_the_correlation():

@@ -63,11 +63,6 @@ def test_the_covariance_of_the_means_is_that_of_effects_that_are_drawn(passes):
         np.testing.assert_allclose(joined.covariance[np.ix_(of_all, of_all)], one.covariance, rtol=1e-12)
 
 
-def test_replicates_have_unit_variance_in_all_passes_together(passes):
-    drawn = together(passes).replicates(3000, np.random.default_rng(3))
-    np.testing.assert_allclose(np.cov(drawn.T)[:10, :10], np.eye(10), atol=0.12)
-
-
 def test_an_effect_that_both_passes_show_costs_as_much_as_one(passes):
     """Differences that a field explains in both passes are no more unlikely than in one of them."""
     shared = SharedFields(passes)

@@ -15,7 +15,7 @@ from radcal.ground.ground import Ground
 from radcal.ground.patches import Spread
 from radcal.inference.expected import expected_cumulants, law_cumulants
 from radcal.inference.incidence_error import attenuation, true_nodes
-from radcal.inference.moments import from_cumulants, sampled_statistics, sampling_covariance
+from radcal.inference.moments import from_cumulants, sampling_covariance
 from radcal.laws import Law
 from radcal.speckle.texture import log_speckle_cumulants
 
@@ -205,36 +205,6 @@ class BinMisfit(Misfit):
     def differences(self, residuals: Doubles) -> Doubles:
         """Expected minus measured statistics, (..., n, 3), from residuals, (..., 3 n): inverse of :meth:`whitened`."""
         return np.swapaxes((residuals @ self._root.T).reshape(*residuals.shape[:-1], 3, -1), -1, -2)
-
-    def replicates(self, count: int, rng: np.random.Generator) -> Doubles:
-        """Residuals of random samples for which the expected statistics are true, shape (count, 3 n).
-
-        Log-gamma values are drawn for each bin, as many as its effective sample size; effects of fields and cells and
-        the shape of texture are drawn, too. The residuals thus have all parts of :attr:`covariance`, but need not be
-        normal. Bins are drawn independently; their statistics then receive the sampling covariance between bins.
-        """
-        n = self.classes.size
-        # ``alone`` whitens each bin by itself; the Cholesky factor then adds the covariance, also between bins
-        alone = np.zeros((3, n, 3, n))
-        for k in range(n):
-            alone[:, k, :, k] = np.linalg.inv(self._order[k]) * np.sqrt(self.classes.effective[k])
-        together = np.linalg.cholesky(self.sampling) @ alone.reshape(3 * n, 3 * n)
-        found = np.empty((count, 3, n))
-        for k in range(n):
-            speckle, levels = self.classes.speckle_db2[k], self._levels_db2[k]
-            found[:, :, k] = sampled_statistics(speckle, self.classes.effective[k], count, rng, levels)
-        found = (found.reshape(count, 3 * n) @ together.T).reshape(count, 3, n)
-        fields, cells = (share.shape[1] for share in (self.patch_share, self.cell_share))
-        effects = self.between_db * rng.normal(size=(count, fields))
-        found[:, 1] += _LOG_SD_PATCH * rng.normal(size=(count, fields)) @ self.patch_share.T
-        effects = effects[:, self.patch_of_cell] + self.within_db * rng.normal(size=(count, cells))
-        means = effects @ self.cell_share.T
-        found[:, 0] += means
-        variance = effects**2 @ self.cell_share.T - means**2
-        measured = self.classes.cumulants[:, 1]
-        found[:, 1] += (variance - self.patch_variance) / (2.0 * measured)
-        found[:, 2] += SKEWNESS_SHAPE * rng.normal(size=(count, 1))
-        return self.whitened(np.swapaxes(found, 1, 2))
 
     def __call__(self, parameters: Doubles, looks: float, simulated: Doubles, slack: Doubles | float = 0.0) -> Doubles:
         """Expected minus measured means, log sds and skewnesses, whitened by their covariance, shape (3 n,)."""

@@ -12,14 +12,12 @@ __all__ = [
     "STATISTICS",
     "from_cumulants",
     "from_dp",
-    "sampled_statistics",
     "sampling_covariance",
     "to_cumulants",
     "to_dp",
 ]
 
 STATISTICS = ("mean", "log sd", "skewness")
-_FEWEST, _MOST = 8, 1000  # limits of the number of values drawn; statistics of larger samples are taken as normal
 _SKEWNESS_LIMIT = 0.995  # the skewness of a skew normal is below 0.9953 in size
 
 
@@ -98,44 +96,3 @@ def sampling_covariance(variance_db2: float, effective: float, levels_db2: float
         ]
     )
     return np.asarray(to @ k @ to.T / effective)
-
-
-def sampled_statistics(
-    variance_db2: float, effective: float, count: int, rng: np.random.Generator, levels_db2: float = 0.0
-) -> NDArray[np.float64]:
-    """Random sampling errors of mean [dB], log sd and skewness of log-gamma values that vary about fixed levels.
-
-    Parameters
-    ----------
-    variance_db2 : float
-        Variance of the values about their levels [dB^2], which also determines the looks of their gamma distribution.
-    effective : float
-        Number of independent values in each sample; above 1,000, the errors are drawn from a normal distribution with
-        the covariance of :func:`sampling_covariance`.
-    count : int
-        Number of samples.
-    rng : Generator
-        Source of the random numbers.
-    levels_db2 : float
-        Variance of the levels [dB^2], which are quantiles of a normal distribution.
-
-    Returns
-    -------
-    ndarray, shape (count, 3)
-        Statistics of the samples minus the statistics of their distribution.
-    """
-    from scipy.special import ndtri, polygamma
-
-    if effective > _MOST:
-        return rng.multivariate_normal(np.zeros(3), sampling_covariance(variance_db2, effective, levels_db2), count)
-    looks, size = looks_of_log_variance(variance_db2), max(_FEWEST, round(effective))
-    mean, sd = float(polygamma(0, looks)), float(np.sqrt(polygamma(1, looks)))
-    levels = ndtri((np.arange(size) + 0.5) / size)
-    levels *= np.sqrt(levels_db2 / variance_db2) / levels.std()
-    whole = 1.0 + levels_db2 / variance_db2
-    values = (np.log(rng.gamma(looks, 1.0, (count, size))) - mean) / sd + levels
-    first = values.mean(axis=1)
-    left = values - first[:, None]
-    second = np.mean(left**2, axis=1)
-    skewness = np.mean(left**3, axis=1) / second**1.5 - float(polygamma(2, looks)) / (sd * np.sqrt(whole)) ** 3
-    return np.stack([np.sqrt(variance_db2) * first, 0.5 * np.log(second / whole), skewness], axis=-1)

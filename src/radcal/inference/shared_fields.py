@@ -32,7 +32,7 @@ def together(misfits: Sequence[BinMisfit]) -> BinMisfit:
     Returns
     -------
     BinMisfit
-        Misfit with the covariance and the replicates of all passes; with one pass, the misfit of this pass. The misfit
+        Misfit with the covariance of all passes; with one pass, the misfit of this pass. The misfit
         of several passes does not shift expected statistics.
     """
     first = misfits[0]
