@@ -104,6 +104,38 @@ def test_points_are_levels_of_the_law_in_intervals_of_incidence():
     np.testing.assert_allclose(found.error_db, np.sqrt([inside, 0.4 + 0.2**2 + 0.5**2]))
 
 
+def test_the_predictive_check_is_that_of_simulated_images():
+    """Replicates of every draw, with effects of fields and cells and speckle drawn one by one."""
+    angle, patch = np.array([27.5, 29.0, 28.0, 31.0, 32.5]), np.array([3, 3, 8, 8, 8])
+    pixels, variance = np.array([20, 30, 50, 70, 35]), np.array([0.05, 0.1, 0.2, 0.4, 0.15])
+    law, away = LINE(np.radians(angle), LINE_X), np.array([0.9, 0.4, 1.1, -0.8, 0.2])
+    common = known_common(0.0)
+    common.mean[:] = 0.0
+    model = line_model(made_cells(law + away, angle, patch=patch, pixels=pixels, variance=variance), common)
+    draws = made_draws(400)
+    found = quantiles.points_of(model, model.measured_db + 1.7, draws, draws)
+    weights = np.array([[0.2, 0.3, 0.5, 0.0, 0.0], [0.0, 0.0, 0.0, 2.0 / 3.0, 1.0 / 3.0]])
+    rng = np.random.default_rng(4)
+    count = 60_000
+    which = rng.integers(400, size=count)
+    expected = line_db(draws.parameters, angle)[which]
+    effects = rng.normal(0.0, 0.5, (count, 2))[:, [0, 0, 1, 1, 1]] + rng.normal(0.0, 0.2, (count, 5))
+    cells = expected + effects + rng.normal(size=(count, 5)) * np.sqrt(variance)
+    of_cells = np.diag(variance + 0.2**2) + 0.5**2 * np.equal.outer(patch, patch)
+    inverse = np.linalg.inv(weights @ of_cells @ weights.T)
+
+    def squares(values):
+        left = (values - expected) @ weights.T
+        return np.einsum("mi,ij,mj->m", left, inverse, left)
+
+    assert found.p == pytest.approx((squares(cells) >= squares(model.measured_db)).mean(), abs=0.01)
+    assert 0.03 < found.p < 0.3
+    # on the level of the points, of which nothing that the simulator adds is left
+    np.testing.assert_allclose(found.predicted_db[:, 1], (cells @ weights.T + 1.7).mean(axis=0), atol=0.05)
+    wanted = np.quantile(cells @ weights.T + 1.7, [0.05, 0.95], axis=0).T
+    np.testing.assert_allclose(found.predicted_db[:, [0, 2]], wanted, atol=0.06)
+
+
 def test_the_error_of_the_form_is_constant_beyond_the_cells():
     form = quantiles.Form(np.array([26.3, 40.0, 47.6]))
     columns = form.columns(np.array([0.0, 26.0, 52.0, 90.0]))

@@ -97,10 +97,10 @@ def test_sensitivity_is_the_change_over_a_hundredth_of_the_bounds():
 
 def test_prior_is_uniform_inside_the_bounds_without_a_prior_on_the_curve():
     found = prior_draws(made(priors=False), np.random.default_rng(1))
-    assert found.shape == (400, 4)
+    assert found.shape == (2000, 4)
     unit = (found - BOX[:, 0]) / np.ptp(BOX, axis=1)
-    np.testing.assert_allclose(unit.mean(axis=0), 0.5, atol=0.06)
-    np.testing.assert_allclose(unit.std(axis=0), 1.0 / np.sqrt(12.0), atol=0.03)
+    np.testing.assert_allclose(unit.mean(axis=0), 0.5, atol=0.03)
+    np.testing.assert_allclose(unit.std(axis=0), 1.0 / np.sqrt(12.0), atol=0.02)
 
 
 def test_draws_have_the_prior_of_the_curve():
@@ -114,5 +114,5 @@ def test_draws_have_the_prior_of_the_curve():
     mean = np.average(grid, weights=weight)
     sd = np.sqrt(np.average((grid - mean) ** 2, weights=weight))
     assert abs(mean - 15.0) > 1.5
-    assert found.mean() == pytest.approx(mean, abs=4.0 * sd / 20.0)
-    assert found.std() == pytest.approx(sd, rel=0.15)
+    assert found.mean() == pytest.approx(mean, abs=4.0 * sd / 44.7)
+    assert found.std() == pytest.approx(sd, rel=0.08)

@@ -36,7 +36,11 @@ def verified(wildcards):
 
 def trained_last(wildcards):
     """Surrogates that the last verification has trained, by all runs; none without an iteration."""
-    return [f"{OUT}/iterations/{len(found) - 1}/verified/surrogate.h5"] if (found := verified(wildcards)) else []
+    return (
+        [f"{OUT}/iterations/{len(found) - 1}/verified/surrogate.h5"]
+        if (found := verified(wildcards))
+        else []
+    )
 
 
 def earlier(wildcards):

@@ -173,7 +173,7 @@ def posterior_of(
     if not curved:
         return found
     known_db = None if targets.level_only(name) else case.uncertainty.known_db
-    found = replace(found, points=points_of(whole, signal, draws))
+    found = replace(found, points=points_of(whole, signal, draws, drawn[0]))
     return with_band(found, laws[0], draws, form, parameters, known_db)
 
 

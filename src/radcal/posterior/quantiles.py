@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.special import gammaincc, ndtri
 
 from radcal.laws import Law
 from radcal.posterior.calibrated import FORMS, Draws, LawModel, Parameters
@@ -23,6 +24,7 @@ _FORM_KNOT_DEG = 2.0
 _KEPT = 400
 _QUANTILES = [0.05, 0.5, 0.95]
 _LAST_DEG = 85
+_NORMALS = 19  # quantiles of a normal distribution that stand for random replicates of each draw
 _TRIED = 3  # draws from which the nearest law is searched
 
 
@@ -120,15 +122,36 @@ def with_band(
     )
 
 
-def points_of(model: LawModel, signal_db: Doubles, draws: Draws) -> LevelPoints:
-    """Levels of cells without noise [dB], shape (n,), in their intervals of incidence, weighted by pixels."""
+def points_of(model: LawModel, signal_db: Doubles, draws: Draws, own: Draws | None = None) -> LevelPoints:
+    """Levels of cells without noise [dB], shape (n,), in their intervals of incidence, weighted by pixels.
+
+    Of ``own``, draws of the model itself, the posterior predictive distribution of the levels follows, with its p-value
+    for the sum of squares of the levels less their expectation, divided by their covariance.
+
+    References
+    ----------
+    Gelman, Meng and Stern, "Posterior predictive assessment of model fitness via realized discrepancies", Statistica
+    Sinica 6 (1996).
+    """
     interval = model.incidence_deg // STEP_DEG
     weights = (interval == np.unique(interval)[:, None]) * model.pixels
     weights = weights / weights.sum(axis=1, keepdims=True)
-    field, cell = np.median(draws.field_db), np.median(draws.cell_db)
     shares = weights @ np.equal(model.patch[:, None], np.unique(model.patch))
+    field, cell = np.median(draws.field_db), np.median(draws.cell_db)
     variance = weights**2 @ (model.variance + cell**2) + field**2 * (shares**2).sum(axis=1)
-    return LevelPoints(weights @ model.incidence_deg, weights @ signal_db, np.sqrt(variance))
+    level = weights @ signal_db
+    points = LevelPoints(weights @ model.incidence_deg, level, np.sqrt(variance))
+    if own is None:
+        return points
+    own = own.thinned(_KEPT)
+    fields, cells = own.field_db[:, None, None] ** 2, own.cell_db[:, None, None] ** 2
+    covariance = (weights * model.variance) @ weights.T + cells * (weights @ weights.T) + fields * (shares @ shares.T)
+    away = (model.measured_db - model.levels(own)) @ weights.T
+    squares = (away * np.linalg.solve(covariance, away[..., None])[..., 0]).sum(axis=1)
+    sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    replicates = level - away + sd * ndtri((np.arange(_NORMALS) + 0.5) / _NORMALS)[:, None, None]
+    predicted = np.quantile(replicates.reshape(-1, level.size), _QUANTILES, axis=0).T
+    return replace(points, predicted_db=predicted, p=float(gammaincc(0.5 * level.size, 0.5 * squares).mean()))
 
 
 def _explained(curves: Doubles, common: Doubles) -> Doubles:

@@ -107,7 +107,7 @@ class MaterialResult:
     front: Annotated[SearchFront | None, About("front of the last search, if it had several objectives")] = None
     posterior: Annotated[Posterior | None, About("posterior of the law")] = None
     bins: Annotated[BinStatistics | None, About("statistics of incidence-angle bins; absent without bins")] = None
-    prior: Annotated[Doubles | None, About("400 draws of X from the prior of the posterior", shape="400, d")] = None
+    prior: Annotated[Doubles | None, About("draws of X from the prior of the posterior", shape="2000, d")] = None
 
     @property
     def target(self) -> Target:

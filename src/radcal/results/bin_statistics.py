@@ -20,7 +20,7 @@ __all__ = ["BinStatistics", "bin_statistics", "prior_draws"]
 Doubles = NDArray[np.float64]
 
 _HALF_STEP = 0.005  # half of 1 % of the width of the bounds
-_TRIED, _KEPT = 40_000, 400  # points of which the draws from a prior are chosen, and draws
+_TRIED, _KEPT = 40_000, 2_000  # points of which the draws from a prior are chosen, and draws
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def _sensitivity(surrogate: Surrogate, parameters: list[float]) -> Doubles:
 
 
 def prior_draws(comparison: Comparison, rng: np.random.Generator) -> Doubles:
-    """Draws from the prior of X: uniform inside the bounds, times the prior on the law's curve, shape (400, d).
+    """Draws from the prior of X: uniform inside the bounds, times the prior on the law's curve, shape (2000, d).
 
     References
     ----------
