@@ -35,26 +35,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = [
-    "GRAZING_DB",
-    "PIXEL_BINS",
-    "SIGMA0",
-    "cost",
-    "cost_caption",
-    "ended",
-    "floors",
-    "law",
-    "law_caption",
-    "laws_of",
-    "levels_seen",
-    "seen_and_view",
-]
+__all__ = ["SIGMA0", "angle_axis", "cost", "cost_caption", "floors", "kinds", "law", "law_caption", "laws_of", "limits"]
 
-GRAZING_DB = -60.0
+Styled = Sequence[tuple[str, Law, Array, dict[str, Any]]]
+"""Label, law, X and style of each of several laws."""
+SIGMA0 = "\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]"
+"""Label of the axis of sigma0."""
+
+_GRAZING_DB = -60.0
 _LAST_DEG = 85.0  # largest incidence at which bands and curves are drawn
 _SEARCH, _NEAREST = "law of the search", "law nearest to the median"
-PIXEL_BINS = 85  # of the histogram of the incidence
-SIGMA0 = "\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]"
 _CONTEXT_DEG = 5.0  # smallest margin of the angle axis on each side of the incidence seen
 
 
@@ -64,18 +54,22 @@ def _runs(axes: Axes, case: Archive, material: MaterialResult, shown: Array) -> 
     counted = np.isfinite(material.parameters).all(axis=1)  # a run of another law is never the best
     best = np.minimum.accumulate(shown[counted])
     axes.step(runs[counted], best, where="post", color="black", linewidth=1.6, label="best so far")
-    after = ended(case, material)
-    markers = [(label, (case.runs.kind == kind) & ~after, style) for kind, (label, style) in RUNS.items()]
-    for label, which, style in (*markers, ("infill after it ended", after, {"color": PALE, "marker": "^", "s": 26})):
-        if which.any():
-            axes.scatter(
-                runs[which], shown[which], label=label, edgecolors="black", linewidths=0.4, zorder=3, clip_on=False,
-                **style,
-            )  # fmt: skip
+    for label, which, style in kinds(case, material):
+        axes.scatter(
+            runs[which], shown[which], label=label, edgecolors="black", linewidths=0.4, zorder=3, clip_on=False, **style
+        )
     axes.set_yscale("log")
 
 
-def ended(case: Archive, material: MaterialResult) -> NDArray[np.bool_]:
+def kinds(case: Archive, material: MaterialResult) -> list[tuple[str, NDArray[np.intp], dict[str, Any]]]:
+    """Label, numbers and style of the runs of each kind; those after the end of a material's search are a kind."""
+    after = _ended(case, material)
+    found = [(label, np.flatnonzero((case.runs.kind == kind) & ~after), style) for kind, (label, style) in RUNS.items()]
+    late = ("infill after it ended", np.flatnonzero(after), {"color": PALE, "marker": "^", "s": 26})
+    return [one for one in (*found, late) if one[1].size]
+
+
+def _ended(case: Archive, material: MaterialResult) -> NDArray[np.bool_]:
     """Mask of the infill runs after the end of a material's search, which repeat its best X for other materials."""
     found = np.zeros(case.runs.kind.size, dtype=bool)
     if material.fidelity is not None:
@@ -85,7 +79,7 @@ def ended(case: Archive, material: MaterialResult) -> NDArray[np.bool_]:
 
 def _run_words(case: Archive, material: MaterialResult) -> tuple[str, str]:
     """Remark for the title on the last run of a material's search, and sentences on the numbers of the runs."""
-    kinds, after = case.runs.kind, ended(case, material)
+    kinds, after = case.runs.kind, _ended(case, material)
     reused, design = np.flatnonzero(kinds == "reused"), np.flatnonzero(kinds == "design")
     text = "Run 0 is the reference run"
     if (again := np.flatnonzero(kinds == "registration")).size:
@@ -223,8 +217,8 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     shares = (4.0, 1.0) if material.hidden is None else (4.0, 1.6, 1.0)
     canvas = new_canvas(6.2, 4.6 + 0.4 * sum(shares[1:]))
     panels = canvas.subplots(len(shares), 1, sharex=True, height_ratios=shares)
-    each_seen, view = seen_and_view(case, name)
-    seen, angles = [np.linspace(low, high, 101) for low, high in each_seen], np.linspace(*view, 361)
+    each_seen, edges = angle_axis(case, name)
+    seen, angles = [np.linspace(low, high, 101) for low, high in each_seen], np.linspace(edges[0], edges[-1], 361)
     for axes in panels:
         for low, high in each_seen:
             axes.axvspan(low, high, color="#EFEFEF", zorder=0, linewidth=0)
@@ -234,29 +228,29 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     panels[0].set_ylabel(SIGMA0)
     if material.hidden is not None:
         _truth(panels[1], material, searched, laws, seen, angles)
-    edges = np.linspace(*view, PIXEL_BINS + 1)
     panels[-1].hist(material.target.incidence_deg.astype(np.float64), bins=edges.tolist(), color=MUTED)
-    panels[-1].set(xlabel="local incidence [deg]", ylabel="pixels", xlim=view)
+    panels[-1].set(xlabel="local incidence [deg]", ylabel="pixels", xlim=(edges[0], edges[-1]))
     add_legend(canvas, panels[0].get_legend_handles_labels(), 2)
     return canvas, law_caption(case, name), f"Backscatter laws of {name} in dB against local incidence in degrees."
 
 
-def seen_and_view(case: Archive, name: str) -> tuple[Array, tuple[float, float]]:
-    """Intervals of incidence seen in the passes, shape (p, 2), and limits of the angle axis [deg]."""
+def angle_axis(case: Archive, name: str) -> tuple[Array, Array]:
+    """Intervals of incidence seen in the passes, (p, 2), and edges of a histogram over the whole angle axis [deg]."""
     material = case.materials[name]
     seen = np.percentile(material.target.incidence_deg.astype(np.float64), [5.0, 95.0])[None]
     if len(case.passes) > 1 and material.posterior is not None:
         seen = np.asarray(material.posterior.seen_deg)
     # each margin of the angle axis is as wide as the incidence interval seen
     margin = max(_CONTEXT_DEG, float(np.ptp(seen)))
-    return seen, (max(0.0, np.floor(seen.min() - margin)), min(_LAST_DEG, np.ceil(seen.max() + margin)))
+    low, high = max(0.0, np.floor(seen.min() - margin)), min(_LAST_DEG, np.ceil(seen.max() + margin))
+    return seen, np.linspace(low, high, 86)
 
 
 def law_caption(case: Archive, name: str) -> str:
     """Caption of the figure of the laws over the incidence angle."""
     material, curve = case.materials[name], case.configured.laws[name]
     several = len(case.passes) > 1
-    shaded = " and ".join(f"{low:.1f} to {high:.1f}" for low, high in seen_and_view(case, name)[0])
+    shaded = " and ".join(f"{low:.1f} to {high:.1f}" for low, high in angle_axis(case, name)[0])
     histogram = "in each pass (histogram of pass 1 below)" if several else "(histogram below)"
     caption = (
         f"Backscatter against local incidence. Shaded, thick: {shaded} deg, where 90 % of the material's pixels lie "
@@ -292,7 +286,7 @@ def _of_band(case: Archive, name: str) -> str:
     return text
 
 
-def laws_of(case: Archive, name: str) -> list[tuple[str, Law, Array, dict[str, Any]]]:
+def laws_of(case: Archive, name: str) -> Styled:
     """Label, law, X and style of the laws to draw: start, search, nearest to the median, and hidden truth."""
     material, configured, curve = case.materials[name], case.configured.materials[name], case.configured.laws[name]
     posterior, start = material.posterior, case.configured.at_start.laws[name]
@@ -311,7 +305,7 @@ def laws_of(case: Archive, name: str) -> list[tuple[str, Law, Array, dict[str, A
 def _curves(
     axes: Axes,
     material: MaterialResult,
-    laws: Sequence[tuple[str, Law, Array, dict[str, Any]]],
+    laws: Styled,
     seen: Sequence[Array],
     angles: Array,
 ) -> None:
@@ -335,13 +329,14 @@ def _curves(
             marker="o", markersize=4.5, elinewidth=1.2, zorder=4, label="measured levels, 95 %",
         )  # fmt: skip
     axes.margins(x=0)
-    if axes.get_ylim()[0] < GRAZING_DB:  # a law that falls steeply at grazing incidence would flatten all other curves
-        axes.set_ylim(*levels_seen(laws, seen))
+    axes.set_ylim(*(limits(laws, np.concatenate(seen), axes.get_ylim()[0]) or axes.get_ylim()))
 
 
-def levels_seen(laws: Sequence[tuple[str, Law, Array, dict[str, Any]]], seen: Sequence[Array]) -> tuple[float, float]:
-    """Limits of an axis that holds the laws at the angles seen [deg], with a margin of 3 dB."""
-    values = np.concatenate([curve(np.radians(np.concatenate(seen)), x) for _, curve, x, _ in laws])
+def limits(laws: Styled, seen: Array, lowest: float) -> tuple[float, float] | None:
+    """Limits of an axis of sigma0 [dB] that holds the laws at angles [deg]; None if all curves are above -60 dB."""
+    if lowest >= _GRAZING_DB:  # a law that falls steeply at grazing incidence would flatten all other curves
+        return None
+    values = np.concatenate([curve(np.radians(seen), x) for _, curve, x, _ in laws])
     return float(values.min()) - 3.0, float(values.max()) + 3.0
 
 
@@ -360,7 +355,7 @@ def _truth(
     axes: Axes,
     material: MaterialResult,
     curve: Law,
-    laws: Sequence[tuple[str, Law, Array, dict[str, Any]]],
+    laws: Styled,
     seen: Sequence[Array],
     angles: Array,
 ) -> None:

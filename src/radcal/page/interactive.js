@@ -8,6 +8,7 @@
   const LIGHTER = { "#000000": "#e4e9ef", "#0072B2": "#6cb8ea", "#7B3F9E": "#c59be0", "#F5F5F5": "#2a3440" };
   const STACKED = 560; // a figure that is narrower than this [px] has its panels below each other
   const PAPER = 660; // width of a printed figure [px]
+  const COLUMN = 60; // least width of a column of a table [px]
   const BUTTONS = [["zoom2d", "pan2d", "resetScale2d", "toImage"]]; // plotly's own list has one that sends the data away
   const CONFIG = { displaylogo: false, modeBarButtons: BUTTONS, plotlyServerURL: "", responsive: true };
   const drawn = new Set();
@@ -30,12 +31,12 @@
     for (const key of Object.keys(layout).filter((name) => /^[xy]axis/.test(name))) {
       layout[key] = { gridcolor: line, zerolinecolor: line, linecolor: line, automargin: true, ...layout[key] };
     }
-    if (layout.grid && width < STACKED) {
-      layout.height *= 0.8 * layout.grid.columns;
-      layout.grid = { ...layout.grid, rows: layout.grid.columns, columns: 1 };
+    if (width < STACKED) {
+      layout.height *= layout.grid?.rows === 1 ? 0.8 * layout.grid.columns : 1.15; // room for the lines of the legend
+      if (layout.grid?.rows === 1) layout.grid = { ...layout.grid, rows: layout.grid.columns, columns: 1 };
     }
     const below = { orientation: "h", x: 0, y: 1, yanchor: "bottom", xanchor: "left" };
-    const paper = { paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: ink, size: 12 } };
+    const paper = { paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: ink, size: width < STACKED ? 10 : 12 } };
     const hover = { bgcolor: light ? "#ffffff" : "#202833", font: { color: ink } };
     const margin = { l: 56, r: 12, t: 34, b: 44 };
     const modebar = { bgcolor: "rgba(0,0,0,0)", color: "#8a94a0", activecolor: ink };
@@ -53,12 +54,16 @@
     let canvas = place.querySelector(":scope > .drawn");
     if (!canvas) {
       place.replaceChildren(Object.assign(document.createElement("div"), { className: "drawn" }));
+      place.style.overflowX = "auto";
       canvas = place.firstChild;
       drawn.add(place);
     }
     const { data, layout } = coloured(specs[place.dataset.plot], light);
-    const width = print.matches ? PAPER : place.clientWidth;
-    plotly.react(canvas, data, laidOut(layout, width, light), CONFIG);
+    const columns = data[0].type === "table" ? data[0].cells.values.length : 0; // wider than a narrow page: it scrolls
+    const width = Math.max(print.matches ? PAPER : place.clientWidth, COLUMN * columns);
+    const bare = columns || width < STACKED;
+    if (bare) for (const trace of data) if (trace.type === "heatmap") trace.showscale = false;
+    plotly.react(canvas, data, laidOut(layout, width, light), { ...CONFIG, displayModeBar: bare ? false : "hover" });
   };
 
   const again = () => library?.then((plotly) => drawn.forEach((place) => show(plotly, place)));

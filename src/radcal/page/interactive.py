@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import base64
 import gzip
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
 from radcal.figures.drawing import slugs
-from radcal.page import plots
+from radcal.page.plots import PLOTS
 from radcal.results.archive import Archive
 
 __all__ = ["Interactive", "embedded_library", "interactive", "script"]
@@ -40,13 +39,6 @@ class Interactive:
     spec: dict[str, Any]
 
 
-_DRAWINGS: tuple[tuple[str, str, Callable[[Archive, str], plots.Drawn | None]], ...] = (
-    ("law", "Sigma0 and laws", plots.law),
-    ("bins", "Incidence-angle bins", plots.bins),
-    ("cost", "Cost of each run", plots.cost),
-)
-
-
 def interactive(archive: Archive) -> list[Interactive]:
     """Interactive figures of a calibration, material by material; a figure without data is left out.
 
@@ -57,9 +49,11 @@ def interactive(archive: Archive) -> list[Interactive]:
     """
     found = []
     for name, slug in zip(archive.materials, slugs(archive.materials), strict=True):
-        for kind, title, draw in _DRAWINGS:
+        for kind, title, alt, draw in PLOTS:
             if (drawn := draw(archive, name)) is not None:
-                found.append(Interactive(f"{kind}-{slug}", name, title, *drawn))
+                caption, data, layout = drawn
+                spec = {"data": data, "layout": layout}
+                found.append(Interactive(f"{kind}-{slug}", name, title, caption, alt.format(name), spec))
     return found
 
 
