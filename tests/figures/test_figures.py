@@ -332,6 +332,62 @@ def test_axes_of_a_turned_scene_are_those_of_the_track(made):
     assert "light from ahead on the left" in turned.axes[2].get_title("left")
 
 
+def arrows_of(axes):
+    """Direction of each arrow of a map, to the right and upwards."""
+    names = ("N", "flight", "look")
+    return {one.get_text(): one.xyann / np.hypot(*one.xyann) for one in axes.texts if one.get_text() in names}
+
+
+@pytest.mark.parametrize(
+    ("heading_deg", "side", "north", "look"), [(0.0, "right", (0, 1), 1), (30.0, "left", (-0.5, 0.75**0.5), -1)]
+)
+def test_maps_show_north_flight_and_look(made, heading_deg, side, north, look):
+    """A grid of heading 30 degrees points along the track, so that north lies 30 degrees to the left of its rows."""
+    radar = {**json.loads(made.archive.config)["radar"], "heading_deg": heading_deg, "look_side": side}
+    case = configured(made.archive, radar=radar)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, _, _ = module.scene(case)
+        assert drawn(canvas) == []
+        (plan,) = [axes for axes in canvas.axes if axes.get_title("left") == "materials"]
+        for name, expected in {"N": north, "flight": (0, 1), "look": (look, 0)}.items():
+            np.testing.assert_allclose(arrows_of(plan)[name], expected, atol=1e-12)
+        for draw in (module.images, module.incidence, module.residual):
+            canvas, _, _ = draw(case)
+            found = arrows_of(canvas.axes[0])
+            # columns of an image lie along azimuth, and its rows, the first on top, along range
+            assert (tuple(found["flight"]), tuple(found["look"])) == ((1.0, 0.0), (0.0, -1.0))
+
+
+def test_a_scene_on_the_map_has_coordinates(made):
+    placed = replace(made.archive.scene, crs="EPSG:32631", west_m=612_345.0, south_m=5_801_000.0)
+    with mpl.rc_context(drawing.STYLE):
+        canvas, caption, _ = module.scene(replace(made.archive, scene=placed))
+        plain = module.scene(made.archive)[0]
+    wide, high = (np.ptp(ends) for ends in (plain.axes[0].get_xlim(), plain.axes[0].get_ylim()))
+    np.testing.assert_allclose(canvas.axes[0].get_xlim(), [612.345, 612.345 + wide])
+    np.testing.assert_allclose(canvas.axes[0].get_ylim(), [5801.0, 5801.0 + high])
+    assert "WGS 84 / UTM zone 31N" in caption
+
+
+def test_the_ground_is_hatched_where_its_law_is_determined(made):
+    """The incidence grows from row to row; both laws are determined from 22.25 to 39.5 degrees."""
+    with mpl.rc_context(drawing.STYLE):
+        canvas, caption, _ = module.incidence(made.archive)
+        assert drawn(canvas) == []
+    assert "Hatched: ground whose incidence" in caption
+    (areas,) = [one for one in canvas.axes[0].collections if one.get_hatch() or hasattr(one, "hatches")]
+    rows = areas.get_paths()[0].vertices[:, 1]
+    angle, material = made.archive.images.incidence_deg, made.archive.images.material
+    calibrated = np.isin(material, [made.archive.names.index(name) + 1 for name in made.archive.materials])
+    inside = np.flatnonzero(((angle >= 22.25) & (angle <= 39.5) & calibrated).all(axis=1))
+    assert (rows.min(), rows.max()) == pytest.approx((inside[0], inside[-1]), abs=1.5)
+    nowhere = posterior(known_between_deg=None)
+    case = made.archive
+    for name in case.materials:
+        case = changed_material(case, name, posterior=nowhere)
+    assert "Hatched" not in module.incidence(case)[1]
+
+
 def test_measured_levels_are_drawn(made):
     points = LevelPoints(np.array([25.0, 35.0]), np.array([-9.0, -12.0]), np.array([0.5, 0.8]))
     case = changed_material(made.archive, "dyke", posterior=posterior(points=points))

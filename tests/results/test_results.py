@@ -234,3 +234,12 @@ def test_fields_are_shared_where_the_search_shares_them(made):
     assert _of_passes(Targets(made.targets), "classes") == []
     for objective, codes in (("classes", ["fields_shared"]), ("density", []), ("likelihood", [])):
         assert [one.code for one in _of_passes(targets, objective)] == ["passes_together", *codes]
+
+
+@pytest.mark.parametrize("heading_deg", [None, 200.0])
+def test_the_scene_keeps_its_place_unless_its_grid_is_turned(made, tmp_path, heading_deg):
+    transform = (5.0, 0.0, 612_345.0, 0.0, 5.0, 5_801_000.0)
+    scene = replace(made.scene, crs="EPSG:32631", transform=transform, heading_deg=heading_deg)
+    found = made.gathered(tmp_path / "calibration.h5", scene=scene).scene
+    expected = (None, 0.0, 0.0) if heading_deg else ("EPSG:32631", 612_345.0, 5_801_000.0)
+    assert (found.crs, found.west_m, found.south_m) == expected

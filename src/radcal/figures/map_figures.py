@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,13 +17,24 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["Shot", "axis_labels", "image_extent", "images", "panels_for", "registration", "residual", "shots"]
+__all__ = [
+    "Shot",
+    "add_arrows",
+    "axis_labels",
+    "image_extent",
+    "images",
+    "panels_for",
+    "registration",
+    "residual",
+    "shots",
+]
 
 Aspect = Literal["equal", "auto"]
 
 _BOXCAR = 9  # side of the blocks over which the residual is averaged [pixels]
 _BEYOND = 0.1  # share of a simulated image beyond the measured image's gray scale, and
 _MOVED = 0.25  # difference of the medians in parts of this scale, above which the simulated image has its own scale
+_ARROW = 30.0  # length of an arrow [points]
 _MISSING = "#F6E9D8"  # pixels without a value
 _MARGIN = 0.08  # ground around the calibrated materials in the compared images, as a share of their larger extent
 _COMPARED = 1024  # largest number of pixels per side of the compared images
@@ -93,6 +104,38 @@ def axis_labels(panels: Sequence[Axes], stacked: bool) -> None:
         panel.locator_params(axis="y", nbins=5, integer=True)
 
 
+# rows of an image lie along slant range, columns along azimuth
+_OF_IMAGE: Mapping[str, tuple[float, float]] = {"flight": (1.0, 0.0), "look": (0.0, -1.0)}
+
+
+def add_arrows(
+    panel: Axes, place: tuple[float, float] = (0.06, 0.95), arrows: Mapping[str, tuple[float, float]] = _OF_IMAGE
+) -> None:
+    """Draw arrows of directions from one point of a map.
+
+    Parameters
+    ----------
+    panel : Axes
+        The map.
+    place : tuple of float
+        Common start of the arrows, in shares of the panel's width and height.
+    arrows : mapping
+        Direction to the right and upwards by label; by default those of an image.
+    """
+    from matplotlib.patheffects import withStroke
+
+    for text, (right, up) in arrows.items():
+        panel.annotate(
+            text, place, (_ARROW * right, _ARROW * up), xycoords="axes fraction", textcoords="offset points",
+            ha="center", va="center", fontsize=8.5, fontweight="bold", color="black",
+            bbox={"boxstyle": "round,pad=0.12", "facecolor": "white", "alpha": 0.85, "linewidth": 0.0},
+            arrowprops={
+                "arrowstyle": "<|-", "color": "black", "linewidth": 2.0, "shrinkA": 0.0, "shrinkB": 0.0,
+                "path_effects": [withStroke(linewidth=4.0, foreground="white")],
+            },
+        )  # fmt: skip
+
+
 def image_extent(shape: tuple[int, ...]) -> tuple[float, float, float, float]:
     """Extent of an image on axes where pixel centres are whole numbers."""
     return (-0.5, shape[1] - 0.5, shape[0] - 0.5, -0.5)
@@ -115,6 +158,7 @@ def images(case: Archive) -> tuple[Canvas, str, str]:
         panel.set_title(f"start, own scale:\n{low:.0f} to {high:.0f} dB" if alone else title)
         if not alone:
             of_bar = shown
+    add_arrows(panels[0])
     bar = canvas.colorbar(of_bar, ax=panels, extend="both", fraction=0.05, pad=0.02, aspect=30)
     bar.set_label("backscatter [dB]")
     axis_labels(panels, stacked)
@@ -224,6 +268,7 @@ def registration(case: Archive) -> tuple[Canvas, str, str] | None:
         both = np.where(squares, levelled, _levelled(image))
         panel.imshow(both[::k, ::k], cmap="gray", vmin=-2.0, vmax=2.0, aspect=aspect, extent=extent)
         panel.set_title(title)
+    add_arrows(panels[0])
     length = np.hypot(*field)
     largest = max(float(length.max()), 1e-6)
     shown = panels[2].imshow(length[::k, ::k], cmap="viridis", vmin=0.0, aspect=aspect, extent=extent)
@@ -285,6 +330,7 @@ def residual(case: Archive) -> tuple[Canvas, str, str] | None:
         extent=image_extent(difference.shape),
     )  # fmt: skip
     left.set_title("calibrated minus measured")
+    add_arrows(left)
     bar = canvas.colorbar(shown, ax=left, extend="both", fraction=0.05, pad=0.02, aspect=30)
     bar.set_label("difference [dB]")
     right.imshow(

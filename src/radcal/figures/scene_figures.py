@@ -10,14 +10,17 @@ from numpy.typing import NDArray
 
 from radcal.figures.colours import colours_of, of_ids
 from radcal.figures.drawing import add_fills, label, new_canvas
-from radcal.figures.map_figures import axis_labels, image_extent, panels_for
+from radcal.figures.map_figures import add_arrows, axis_labels, image_extent, panels_for
 from radcal.results.archive import Archive
+from radcal.scene.crs import crs_from
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
 __all__ = ["incidence", "scene"]
 
+_HATCHED = 300  # number of places per side at which the hatching of a map is computed
 _SURFACE = 110  # number of cells per side of the view in three dimensions
 _LEAST_SCALE = 0.01  # smallest range of a colour scale [deg or dB]
 _LISTED = 8  # largest number of materials named in the caption
@@ -28,7 +31,8 @@ _LARGEST_TIMES = 20  # largest factor by which heights are exaggerated in the vi
 
 def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     """Figure of the scene: materials and elevation and, unless the ground is flat, relief and a view in 3-D."""
-    from matplotlib.colors import LightSource
+    from matplotlib import colormaps
+    from matplotlib.colors import LightSource, ListedColormap
 
     view = case.scene
     if view.elevation_m is None or view.material is None:
@@ -41,13 +45,13 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
         steepest_deg = float(np.degrees(np.arctan(np.percentile(np.hypot(*np.gradient(elevation, cell_m)), 99.0))))
     flat = steepest_deg < _FLAT_DEG
     # the grid of a scene points north or, with a heading, along the track
-    heading = case.configured.radar.heading_deg
+    heading, west_m, south_m = case.configured.radar.heading_deg, view.west_m, view.south_m
     across, along, lit, viewer = "east [km]", "north [km]", "north-west", "south-west"
     if heading:
         across, along = "right of the track [km]", f"along the track, {heading:g} deg [km]"
         lit, viewer = "ahead on the left", "behind on the left"
     ny, nx = elevation.shape
-    sides = (0.0, nx * cell_m / 1000.0, 0.0, ny * cell_m / 1000.0)
+    sides = west_m / 1e3, (west_m + nx * cell_m) / 1e3, south_m / 1e3, (south_m + ny * cell_m) / 1e3
     light = LightSource(azdeg=315.0, altdeg=40.0)
     canvas, (cmap, norm) = new_canvas(9.5, 5.0 if flat else 9.1), of_ids(case)
     plans = [canvas.add_subplot(1, 2, k) for k in (1, 2)] if flat else [canvas.add_subplot(2, 2, k) for k in (2, 3, 1)]
@@ -58,10 +62,12 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     plans[0].imshow(view.material, cmap=cmap, norm=norm, origin="lower", extent=sides, interpolation="nearest")
     if objects_m is not None:
         # drawn as single pixels, so that their number does not matter
-        plans[0].plot(*objects_m.T / 1000.0, ",", color="black", rasterized=True)
+        plans[0].plot(*(objects_m + np.array([west_m, south_m])).T / 1000.0, ",", color="black", rasterized=True)
         plans[0].set(xlim=sides[:2], ylim=sides[2:])
     plans[0].set_title("materials" if objects_m is None else "materials and objects (black)")
-    shown = plans[1].imshow(elevation, cmap="terrain", origin="lower", extent=sides)
+    # without the blue lower end, which looks like a lake
+    ground = ListedColormap(colormaps["terrain"](np.linspace(0.25, 1.0, 256)))
+    shown = plans[1].imshow(elevation, cmap=ground, origin="lower", extent=sides)
     plans[1].set_title("elevation")
     bar = canvas.colorbar(shown, ax=plans[1], fraction=0.046, pad=0.03)
     bar.set_label("elevation [m]")
@@ -69,10 +75,15 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
         panel.grid(False)
         panel.set(xlabel=across, ylabel=along)
         panel.locator_params(nbins=5)
+        panel.ticklabel_format(useOffset=False)
+    look = 1.0 if case.configured.radar.look_side == "right" else -1.0
+    add_arrows(plans[0], (0.06, 0.84), {"N": (-np.sin(np.radians(heading)), np.cos(np.radians(heading)))})
+    add_arrows(plans[0], (0.5 - 0.44 * look, 0.06), {"flight": (0.0, 1.0), "look": (look, 0.0)})
     if not flat:
         solid = cast(Any, canvas.add_subplot(2, 2, 4, projection="3d"))
         k = max(1, max(ny, nx) // _SURFACE)
         y, x = (np.mgrid[:ny:k, :nx:k] + 0.5) * cell_m / 1000.0
+        x, y = x + west_m / 1e3, y + south_m / 1e3
         low = elevation[::k, ::k]
         rgb = cmap(norm(view.material[::k, ::k]))[..., :3]
         shaded = light.shade_rgb(rgb, low, dx=k * cell_m, dy=k * cell_m, vert_exag=2.0, blend_mode="soft")
@@ -81,9 +92,10 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
         )
         surface.set_rasterized(True)  # rasterised, since thousands of faces would be slow and large as vectors
         height = float(np.ptp(elevation))
-        span = max(sides[1], sides[3])
+        wide, high = sides[1] - sides[0], sides[3] - sides[2]
+        span = max(wide, high)
         times = min(max(1, round(0.25 * span * 1000.0 / height)), _LARGEST_TIMES)
-        solid.set_box_aspect((sides[1] / span, sides[3] / span, height / 1000.0 * times / span))
+        solid.set_box_aspect((wide / span, high / span, height / 1000.0 * times / span))
         solid.view_init(elev=32.0, azim=-120.0)
         seen = f"seen from {viewer}"
         solid.set_title(f"{seen}, heights {times} times" if times > 1 else seen)
@@ -103,6 +115,8 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     if flat:
         slopes = f"{steepest_deg:.2g} deg or less" if steepest_deg >= _LEAST_DEG else f"below {_LEAST_DEG:g} deg"
         caption += f" Slopes are {slopes} at 99 % of the cells, so that no relief is drawn."
+    if view.crs is not None:
+        caption += f" Coordinates are those of {crs_from(view.crs).name}."
     if objects_m is not None:
         caption += " Objects are dots, whatever their size."
     if flat:
@@ -133,6 +147,7 @@ def incidence(case: Archive) -> tuple[Canvas, str, str] | None:
         )
     canvas, panels, stacked, aspect = panels_for(angle.shape, len(maps))
     where, k = image_extent(angle.shape), max(1, max(angle.shape) // 1600)
+    add_arrows(panels[0])
     for panel, (values, known, colours, title) in zip(panels, maps, strict=True):
         low, high = _scale(known)
         drawn = panel.imshow(values[::k, ::k], cmap=colours, vmin=low, vmax=high, aspect=aspect, extent=where)
@@ -141,6 +156,7 @@ def incidence(case: Archive) -> tuple[Canvas, str, str] | None:
         extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
         canvas.colorbar(drawn, ax=panel, extend=extend, fraction=0.05, pad=0.02)
     axis_labels(panels, stacked)
+    hatched = _hatch_determined(panels[0], case, angle, material)
     spans = []
     for name in list(case.materials)[:_LISTED]:
         inside = (material == case.names.index(name) + 1) & np.isfinite(angle)
@@ -152,6 +168,8 @@ def incidence(case: Archive) -> tuple[Canvas, str, str] | None:
             spans.append(f"{name} {angles}{level}")
     more = f", and {len(case.materials) - _LISTED} more" if len(case.materials) > _LISTED else ""
     listed = f"From 5 to 95 %: {'; '.join(spans)}{more}."
+    if hatched:
+        listed += " Hatched: ground whose incidence lies where sigma0 of its material is determined."
     if not np.isfinite(expected).any():
         return canvas, f"Mean local incidence of each pixel's ground. {listed}", "Map of the local incidence angle."
     caption = (
@@ -159,6 +177,24 @@ def incidence(case: Archive) -> tuple[Canvas, str, str] | None:
         f"that incidence, without speckle, noise or resolution. {listed}"
     )
     return canvas, caption, "Maps of the local incidence angle and of the backscatter that the laws expect there."
+
+
+def _hatch_determined(panel: Axes, case: Archive, angle: NDArray[Any], material: NDArray[Any]) -> bool:
+    """Hatch the ground whose incidence lies where its law is determined; whether there is any."""
+    from scipy.ndimage import uniform_filter
+
+    inside = np.zeros(angle.shape, dtype=np.float32)
+    for name, result in case.materials.items():
+        if result.posterior is not None and (known := result.posterior.known_between_deg) is not None:
+            inside[(material == case.names.index(name) + 1) & (angle >= known[0]) & (angle <= known[1])] = 1.0
+    if not inside.any():
+        return False
+    k = max(1, max(angle.shape) // _HATCHED)
+    share = uniform_filter(inside, 2 * k + 1)[k // 2 :: k, k // 2 :: k]
+    rows, columns = (np.arange(n)[k // 2 :: k] for n in angle.shape)
+    areas = panel.contourf(columns, rows, share, levels=[0.5, 2.0], colors="none", hatches=["////"])
+    areas.set(edgecolor="white", linewidth=0.8)
+    return True
 
 
 def _span_deg(low: float, high: float) -> str:

@@ -173,6 +173,13 @@ def _as_written(case: Part, stop: Stop) -> dict[str, Any]:
     return data
 
 
+def _place(scene: Scene) -> dict[str, Any]:
+    """Coordinate reference system and south-west corner of a grid that points to the north of this system."""
+    if scene.crs is None or scene.transform is None or scene.heading_deg:
+        return {}
+    return {"crs": scene.crs, "west_m": float(scene.transform[2]), "south_m": float(scene.transform[5])}
+
+
 def _scene(scene: Scene) -> SceneView:
     """Scene, reduced to the resolution of the figures."""
     step = -(-max(scene.material.shape) // _LARGEST_SCENE)
@@ -188,6 +195,7 @@ def _scene(scene: Scene) -> SceneView:
         elevation_m=None if elevation_m is None else elevation_m[::step, ::step].astype(np.float32),
         objects_m=objects_m,
         object_count=count,
+        **_place(scene),
     )
 
 
