@@ -25,6 +25,9 @@ the language server, the first line of the case must give the path of `config/sc
 the case, as in the cases of `config/` and `examples/`:
 
     # yaml-language-server: $schema=schema.json
+
+The schema names radcal's own objectives, scenes, simulators and registration methods: an editor marks those of other
+distributions, which radcal accepts.
 """
 
 

@@ -240,7 +240,7 @@ def headline(names: Sequence[str], findings: Sequence[Finding], finished: bool) 
     if len(names) == 1:
         overall = verdict(names[0], findings)
     else:
-        overall = f"Of {len(names)} materials {', '.join(_counts(findings))}."
+        overall = f"sigma0 of {len(names)} materials: {', '.join(_counts(findings))}."
     unchecked = [one.code for one in findings if one.code.endswith("_unchecked")]
     if unchecked and not refused:
         overall += f" Unchecked: {', '.join(dict.fromkeys(code.removesuffix('_unchecked') for code in unchecked))}."

@@ -159,15 +159,18 @@ def test_the_headline_of_several_materials_counts_them():
         *of_material("ditch", cells=0, curve=None, form=None),
     ]
     assert headline(["dyke", "rest", "road", "pond", "ditch"], found, False) == (
-        "Of 5 materials 2 are determined at some angles (dyke, road), 1 is determined at no angle (rest), 1 is seen at "
-        "one incidence alone (pond), 1 is without enough pixels side by side (ditch), laws refuted: road. "
+        "sigma0 of 5 materials: 2 are determined at some angles (dyke, road), 1 is determined at no angle (rest), 1 is "
+        "seen at one incidence alone (pond), 1 is without enough pixels side by side (ditch), laws refuted: road. "
         "The search is not finished."
     )
     many = [one for k in range(5) for one in of_material(f"field {k}")]
-    assert headline([f"field {k}" for k in range(5)], many, True) == "Of 5 materials 5 are determined at some angles."
+    assert (
+        headline([f"field {k}" for k in range(5)], many, True)
+        == "sigma0 of 5 materials: 5 are determined at some angles."
+    )
     refused = [*of_image(radiometry=WRONG), *of_material("dyke", True), *of_material("rest", True)]
     assert headline(["dyke", "rest"], refused, True).endswith(
-        "Of 2 materials 2 are determined at no angle, because an image is refused (dyke, rest)."
+        "sigma0 of 2 materials: 2 are determined at no angle, because an image is refused (dyke, rest)."
     )
 
 

@@ -134,7 +134,7 @@ def test_the_search_lies_about_the_levels_of_the_image(files: list[str]) -> None
         (["--sensor", "radarsat"], "radar.sensor is 'radarsat', expected"),
         (["--scale", "decibel"], "measurement.scale is 'decibel', expected"),
         (["--looks", "-3"], "radar.looks is -3"),
-        (["--band", "3"], "measurement.band is 3, image.tif has 2."),
+        (["--band", "3"], "measurement.band is 3, image.tif has 2, counted from 1."),
         (["--near-incidence", "20"], "unknown key scene.near_incidence_deg"),
         (["--image", "none", "--band", "2"], "measurement.band is given, and --image none makes a case without a"),
         (["--image", "none", "--material", "code_2"], "code_2 is given, and --image none makes a case without a"),

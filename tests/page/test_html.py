@@ -100,7 +100,7 @@ def page(made, pictures, tmp_path_factory):
 def test_the_verdict_comes_first_and_claims_no_more_than_the_density(page):
     text = page[1].text
     order = [
-        "Of 2 materials 2 are determined at some angles",
+        "sigma0 of 2 materials: 2 are determined at some angles",
         "What has not been shown: that the law is right",
         "different laws can give the same histogram",
         "Half-widths are those of 90 % bands",

@@ -244,7 +244,7 @@ def test_calibrated_materials(made, tmp_path):
     export(made, tmp_path, archive)
     text = (tmp_path / "calibrated.yaml").read_text()
     found = yaml.safe_load(text)["materials"]
-    assert text.startswith("# Materials of the case small, as radcal calibrated them: Of 2 materials")
+    assert text.startswith("# Materials of the case small, as radcal calibrated them: sigma0 of 2 materials")
     assert list(found) == ["dyke", "stem beans", "unused"]
     assert found["dyke"]["looks"] == 2.75
     assert {name: item.get("colour") for name, item in found.items()} == {

@@ -51,8 +51,8 @@ def test_materials(made):
     assert "hidden" not in beans
     assert "law_difference_db" not in beans
     first = (
-        "Of 2 materials 2 are determined at some angles (dyke, stem beans). Unchecked: radiometry. The search is not "
-        "finished."
+        "sigma0 of 2 materials: 2 are determined at some angles (dyke, stem beans). Unchecked: radiometry. The "
+        "search is not finished."
     )
     summary = summarise(made.archive)
     assert summary["verdict"] == first

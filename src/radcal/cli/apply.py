@@ -17,7 +17,9 @@ HELP = "Predict the image of another scene or pass from the laws of a finished c
 def main(
     case: Annotated[str, typer.Argument(metavar="CASE", help="Name, results folder or YAML file.", show_default=False)],
     to: Annotated[Path, typer.Option("--to", metavar="OTHER", help="YAML file of the other case.", show_default=False)],
-    out: Annotated[Path | None, typer.Option(help="By default results/<other>/applied_<case>.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(file_okay=False, help="By default results/<other>/applied_<case>.")
+    ] = None,
     results: Results = Path("results"),
 ) -> None:
     """Predict the images of another case from the laws of a finished case."""

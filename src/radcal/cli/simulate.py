@@ -37,7 +37,8 @@ def main(
     ] = None,
     settings: Settings = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Folder of the images; by default results/<case>/simulated.")
+        Path | None,
+        typer.Option(metavar="FOLDER", file_okay=False, help="Of the images; by default results/<case>/simulated."),
     ] = None,
     product: Annotated[
         Literal["intensity", "complex"],

@@ -123,7 +123,12 @@ class NewCase:
         list of str
             Sentences about the files that were written.
         """
-        self.path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(
+                f"{self.path}: cannot be written ({error.strerror}), expected a path in a folder."
+            ) from None
         files = {path: json.dumps(names, indent=1) + "\n" for path, names in self._made_up.items()}
         for path, text in {**files, self.path: self.text}.items():
             with atomic(path) as partial:
@@ -231,7 +236,7 @@ class NewCase:
             return None
         if not 1 <= band <= len(facts.bands):
             path = self._values["measurement.path"]
-            raise ConfigError(f"measurement.band is {band}, {path} has {len(facts.bands)}.")
+            raise ConfigError(f"measurement.band is {band}, {path} has {len(facts.bands)}, counted from 1.")
         if facts.bands[band - 1] in POLARISATIONS:
             self._values.setdefault("radar.polarisation", facts.bands[band - 1])
         self._set_spacing(facts, "the image's pixels")

@@ -139,7 +139,7 @@ def to_db(values: Values, file: ImageFile) -> tuple[NDArray[np.float32], Counts]
     check_header(file, values.shape, values.dtype)
     finite = np.isfinite(values)
     if not finite.any():
-        raise file.refused(f"{path} holds no finite number.", NOT_FINITE)
+        raise file.refused(f"{path} holds no finite number, expected an image.", NOT_FINITE)
     if scale == "db":
         zero, negative = values == -np.inf, 0  # the logarithm of zero power
         image = np.where(finite, values, np.nan).astype(np.float32)

@@ -134,8 +134,8 @@ def opened(key: str, config: RasterScene) -> Iterator[Source]:
             raise refused(f"has {raster.count} bands, expected one.")
         if crs is None:
             raise refused(
-                "has no coordinate reference system, expected a geographic or projected one: give it one with "
-                "gdal_edit -a_srs."
+                "has no geographic or projected coordinate reference system, expected one: give it one with gdal_edit "
+                "-a_srs."
             )
         if transform.is_identity:
             raise refused(
