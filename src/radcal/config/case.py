@@ -249,18 +249,16 @@ class Case(Part):
                 f" is {target.incidence_classes}, which objective: {self.objective} does not "
                 f"use, expected objective: {' or '.join(names(bins=True))}",
             )
-        if target.normalisation == "image" and self.validation is not None:
-            yield Wrong(
-                "validation",
-                " is configured and target.normalisation is image, whose values are not in dB: errors of "
-                "block means would have no unit, expected normalisation none or offset",
-            )
-        if traits.bins and target.normalisation == "image":
-            yield Wrong(
-                "objective",
-                f" is {self.objective} and target.normalisation is image, whose values are not in dB: "
-                "looks and priors have no meaning there, expected normalisation none or offset",
-            )
+        for key, found in (
+            ("validation", "configured" if self.validation is not None else None),
+            ("objective", self.objective if traits.bins else None),
+        ):
+            if target.normalisation == "image" and found is not None:
+                yield Wrong(
+                    key,
+                    f" is {found} and target.normalisation is image, whose values are not in dB, expected "
+                    "normalisation none or offset",
+                )
         if traits.bins and (self.surrogate.outputs, self.surrogate.training) != ("centred", "posterior"):
             yield Wrong(
                 "surrogate.outputs",
@@ -378,21 +376,14 @@ class Case(Part):
                     "measurement.path",
                     f" and scene.{key} are the same file {of_scene}, expected the measured image in measurement.path",
                 )
-        if measurement.radiometry not in (None, self.radar.radiometry):
-            yield Wrong(
-                "measurement.radiometry",
-                f" is {measurement.radiometry}, radar.radiometry is {self.radar.radiometry}: set "
-                "radar.radiometry to the measurement's, since the simulated image is made in it",
-            )
-        if measurement.polarisation not in (None, self.radar.polarisation):
-            yield Wrong(
-                "measurement.polarisation",
-                f" is {measurement.polarisation}, radar.polarisation is "
-                f"{self.radar.polarisation}: polarisations are never mixed, set both to the image's",
-            )
-        if measurement.carrier_band is not None and not same_label(measurement.carrier_band, self.radar.band):
-            yield Wrong(
-                "measurement.carrier_band",
-                f" is {measurement.carrier_band!r}, radar.band is {self.radar.band!r}: "
-                "bands are never mixed, set both to the image's",
-            )
+        for key, other, why in (
+            ("radiometry", "radiometry", "since the simulated image is made in it"),
+            ("polarisation", "polarisation", "since polarisations are never mixed"),
+            ("carrier_band", "band", "since bands are never mixed"),
+        ):
+            image, own = getattr(measurement, key), getattr(self.radar, other)
+            if image is not None and not same_label(image, own):
+                yield Wrong(
+                    f"measurement.{key}",
+                    f" is {image}, radar.{other} is {own}: set radar.{other} to the measurement's, {why}",
+                )
