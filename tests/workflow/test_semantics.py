@@ -117,14 +117,23 @@ def test_commands_of_snakemake_behave(finished):
     made = set(re.findall(r"(?m)^results/tiny/(\S+)\t", ended(finished, "--summary", *CASE)))
     assert made == {re.sub("^(figures|export)/.*", r"\1", name) for name in listing if not name.startswith(NOT_MADE)}
     ended(finished, "--report", "snakemake.html", *CASE)
-    assert (finished.folder / "snakemake.html").stat().st_size > 10_000
+    page = (finished.folder / "snakemake.html").read_text(encoding="utf-8")
+    listed = json.loads(re.findall(r"var categories = (.*);\n", page)[0])
+    found = {name: {Path(path).name for path in files["Other"]} for name, files in listed.items()}
+    figures = {path.name for path in (finished.out() / "figures").glob("*.png")}
+    assert found["Report"] == {"report.html"}
+    assert found["Tables"] == {"runs.csv", "laws.csv", "parameters.csv"}
+    assert found["field"] == {name for name in figures if name.endswith("_field.png")}
+    assert found["Whole case"] == figures - found["field"]
+    shown = json.loads(re.findall(r"var results = ({.*});\n", page)[0])
+    assert len({shown[f"results/tiny/figures/{name}"]["caption"] for name in figures} - {""}) == len(figures)
     assert finished.listing() == listing
     # a single file, and nothing else, from what is there
-    page, archive = finished.out() / "report.html", (finished.out() / "calibration.h5").read_bytes()
-    page.unlink()
+    report, archive = finished.out() / "report.html", (finished.out() / "calibration.h5").read_bytes()
+    report.unlink()
     shutil.rmtree(finished.out() / "figures")
     ended(finished, "results/tiny/report.html", *CASE)
-    assert page.is_file()
+    assert report.is_file()
     assert (finished.out() / "calibration.h5").read_bytes() == archive
     # a stage by name: made again, its runs found
     ended(finished, "--forcerun", "design_chunk", "--until", "scores", *CASE)

@@ -1,6 +1,11 @@
 # The final runs, the archive, figures, report and summary.
 
 
+def subject(wildcards):
+    """Category of a figure in Snakemake's report: the material in its file's name, or the whole case."""
+    return wildcards.get("material", "Whole case")
+
+
 rule final_runs:
     input:
         every_pass(SIMULATOR),
@@ -72,7 +77,12 @@ rule archive:
         image=rules.posterior.output.image,
         posterior=rules.posterior.output.posterior,
     output:
-        **outputs("archive"),
+        **outputs(
+            "archive",
+            table=lambda path: report(
+                path, category="Tables", caption="../report/tables.rst"
+            ),
+        ),
     log:
         f"{OUT}/logs/archive.log",
     benchmark:
@@ -98,7 +108,15 @@ rule export:
         target=every_pass(rules.target.output.target),
         final=rules.final_runs.output.final,
     output:
-        **outputs("export", folder=directory),
+        **outputs(
+            "export",
+            folder=lambda path: report(
+                directory(path),
+                patterns=["{table}.csv"],
+                category="Tables",
+                caption="../report/tables.rst",
+            ),
+        ),
     log:
         f"{OUT}/logs/export.log",
     benchmark:
@@ -121,7 +139,19 @@ rule report:
     output:
         **outputs(
             "report",
-            figures=directory,
+            # of a material, or of the whole case
+            figures=lambda path: report(
+                directory(path),
+                patterns=[
+                    "{figure,held_out|[a-z]+}_{material}.png",
+                    "{figure,[a-z]+}.png",
+                ],
+                category=subject,
+                labels=lambda wildcards: {
+                    "figure": wildcards.figure.replace("_", " ")
+                },
+                caption="../report/figures.rst",
+            ),
             page=lambda path: report(
                 path, category="Report", caption="../report/report.rst"
             ),
