@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -350,3 +351,20 @@ def test_runs_of_an_earlier_case_are_reused(finished):
     assert len(shared) >= runs["reused"]
     assert f"{runs['reused']} of an earlier case" in (finished.out("second") / "report.html").read_text()
     assert len(finished.contents("second")) - len(shared) <= runs["reference"] + runs["design"] + runs["infill"] + 1
+
+
+def test_a_second_snakemake_on_the_case_says_so(project):
+    process = project.start("--configfile", "tiny.yaml")
+    try:
+        deadline = time.time() + 60
+        while not (project.out() / ".lock").is_file() or not (project.out() / ".lock").read_text():
+            assert time.time() < deadline
+            time.sleep(0.05)
+        second = project.run("--configfile", "tiny.yaml")
+        assert second.returncode != 0
+        assert f"another snakemake (process {process.pid})" in second.stdout
+        assert "Traceback" not in second.stdout
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()

@@ -1,0 +1,36 @@
+"""Results folders that earlier versions of radcal wrote, continued by this one."""
+
+import shutil
+import tarfile
+from pathlib import Path
+
+import pytest
+
+MOVED = "the files of pass 1 lie in passes/1 now; those of an earlier version of radcal are removed and made again."
+SIMULATED = "measured image: synthetic, seed 1"
+
+
+@pytest.mark.parametrize(("version", "killed"), [("0.1.0", False), ("69e11348", False), ("69e11348", True)])
+def test_results_of_an_earlier_version_are_continued_without_a_repeated_run(project, version, killed):
+    """The tiny case of each version, with 48 x 40 pixels, 4 runs of the design, and no report, exports and logs.
+
+    Before 0.1.0 the files of the first pass lay beside ``passes``: the measured image is simulated again, no run is.
+    """
+    with tarfile.open(Path(__file__).with_name(f"results_{version}.tar.xz")) as archive:
+        archive.extractall(project.folder, filter="data")
+    records, contents, summary = project.records(), project.contents(), project.summary()
+    assert len(records) == summary["runs"]["total"]
+    if killed:  # in the first iteration
+        for name in ("iterations/0/verified.json", "final.json", "calibration.h5", "summary.json"):
+            (project.out() / name).unlink()
+        for path in [*project.out().glob("iterations/[1-9]*"), project.out() / "posterior"]:
+            shutil.rmtree(path)
+    done = project.run("--configfile", "tiny.yaml")
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.count(MOVED) == done.stdout.count(SIMULATED) == (version != "0.1.0")
+    assert (project.records(), project.contents()) == (records, contents)
+    found = project.summary()
+    for key in ("parameters", "target", "calibrated", "rms", "rms_fresh"):
+        assert found["materials"]["field"][key] == summary["materials"]["field"][key]
+    assert found["runs"] == summary["runs"]
+    assert "Nothing to be done" in project.run("--configfile", "tiny.yaml").stdout
