@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +69,7 @@ class Width:
     ) -> Width:
         """Width from semivariances, and its error from those of bootstrap samples; ``start`` is a first guess."""
         spacing, resolution = getattr(radar, f"{way}_spacing_m"), getattr(radar, f"{way}_resolution_m")
-        expected = speckle_correlation(np.arange(1, seen.size) / _WIDTHS[:, None])
+        expected = _expected(seen.size)
         width = _width(seen, expected, start)
         scatter = float(np.std([_width(one, expected, start) for one in again]))
         error = spacing * float(np.hypot(scatter, _SHAPE * width))
@@ -208,6 +209,12 @@ def _semivariances(windows: NDArray[np.float64]) -> NDArray[np.float64]:
     n = windows.shape[1]
     lags = range(1, n // 2 + 1)
     return np.stack([0.5 * np.mean((windows[:, k:] - windows[:, : n - k]) ** 2, axis=(1, 2)) for k in lags], axis=1)
+
+
+@cache
+def _expected(lags: int) -> NDArray[np.float64]:
+    """Autocorrelations of speckle of all trial widths, shape (widths, lags - 1); the same for each image."""
+    return speckle_correlation(np.arange(1, lags) / _WIDTHS[:, None])
 
 
 def _width(semivariances: NDArray[np.float64], expected: NDArray[np.float64], start: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,10 +73,16 @@ def _correlations(looks: float) -> tuple[Doubles, Doubles]:
     """Correlations of the power of speckle from 0 to 1, and those of its logarithm."""
     from scipy.special import gammaln, polygamma
 
-    power = np.linspace(0.0, 1.0, 201)
-    k = np.arange(1, _TERMS + 1)
+    k, power, powers = _powers()
     terms = np.exp(gammaln(k) + gammaln(looks) - gammaln(looks + k)) / k
-    return power, np.asarray((power[:, None] ** k) @ terms / float(polygamma(1, looks)))
+    return power, np.asarray(powers @ terms / float(polygamma(1, looks)))
+
+
+@cache
+def _powers() -> tuple[NDArray[np.int64], Doubles, Doubles]:
+    """Exponents of the series, correlations from 0 to 1, and their powers; the same in each draw of the bootstrap."""
+    k, power = np.arange(1, _TERMS + 1), np.linspace(0.0, 1.0, 201)
+    return k, power, power[:, None] ** k
 
 
 def pairs_of_areas(image_db: NDArray[np.float32], material: NDArray[np.uint8]) -> tuple[Pairs, Pairs] | None:

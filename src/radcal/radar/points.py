@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ _LOBE = 1.5  # distance from the peak of the impulse response to its first null,
 _PHASE = 257  # stream of random numbers for the points' phases; streams 1 to 255 are materials, 256 is thermal noise
 
 
+@lru_cache(maxsize=8)
 def fine_taps(resolution_m: float, spacing_m: float) -> NDArray[np.float32]:
     """Impulse response, sampled at ``FINENESS`` positions in each pixel.
 
