@@ -223,5 +223,5 @@ def _source(path: Path, text: str, relative: bool, allowed: Sequence[Path]) -> P
         raise RasterRefused(f"{path.name} names the source {text!r}, {expected}")
     if not source.is_file() or _is_vrt(source):
         what = "which is a mosaic itself" if source.is_file() else "which is no file"
-        raise RasterRefused(f"{path.name} names the source {text!r}, {what}")
+        raise RasterRefused(f"{path.name} names the source {text!r}, {what}, expected a raster")
     return source

@@ -128,30 +128,28 @@ def _of_key(detail: ErrorDetails, root: type[BaseModel]) -> Mistake:
         key = f"{_dotted(above)}.{last}".lstrip(".")
         return Mistake(key, f"unknown key {key}{nearest(str(last), _known_keys(above, root))}")
     if kind in ("missing", MISSING):
-        return Mistake(key, f"{key} is missing" + f": {detail['msg']}" * (kind == MISSING))
+        return Mistake(key, f"{key} is missing" + (f": {detail['msg']}" if kind == MISSING else f", {_expected(key)}"))
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         tag = context["discriminator"].strip("'")
         key, value = f"{key}.{tag}", value.get(tag) if isinstance(value, dict) else value
     if value is UNDECIDED:
-        return _undecided(key)
-    expected = context.get("expected_tags") or re.sub(r"^\w+ should (be |have |match )?", "", detail["msg"])
+        material = "the name of a material of the scene in its place, for example crops: {calibrate: true}"
+        what = material if place[-1] == FILL_IN else "its value"
+        return Mistake(key, f"{key} is {FILL_IN}, {_expected(key, what)}", True)
     if kind in _EXPECTED:
-        names = [name for name in key.split(".") if not name.isdigit()]
-        example = EXAMPLES.get(f"{names[0]}.{names[-1]}")
-        expected = _EXPECTED[kind] + (f", for example {names[-1]}: {example}" if example else "")
+        expected = _expected(key, _EXPECTED[kind])
+    else:
+        words = context.get("expected_tags") or re.sub(r"^\w+ should (be |have |match )?", "", detail["msg"])
+        expected = f"expected {words.replace(' after validation', '')}"
     text = str(value).lower() if isinstance(value, bool) else str(value) if isinstance(value, date) else repr(value)
-    found = "empty" if value is None else shown(text)
-    return Mistake(key, f"{key} is {found}, expected {expected.replace(' after validation', '')}")
+    return Mistake(key, f"{key} is {'empty' if value is None else shown(text)}, {expected}")
 
 
-def _undecided(key: str) -> Mistake:
-    """Mistake of a key whose value is ``FILL_IN``, with an example."""
-    section, last = key.partition(".")[0], key.rpartition(".")[2]
-    example = EXAMPLES.get(f"{section}.{last}")
-    such = "its value" if example is None else f"its value, for example {last}: {example}"
-    if last == FILL_IN:
-        such = "the name of a material of the scene in its place, for example crops: {calibrate: true}"
-    return Mistake(key, f"{key} is {FILL_IN}, expected {such}", True)
+def _expected(key: str, what: str = "its value") -> str:
+    """Words on what a key needs, with an example."""
+    names = [name for name in key.split(".") if not name.isdigit()]
+    example = EXAMPLES.get(f"{names[0]}.{names[-1]}")
+    return f"expected {what}" + (f", for example {names[-1]}: {example}" if example else "")
 
 
 def key_in_list(key: str, number: int) -> str:
