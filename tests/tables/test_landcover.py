@@ -93,7 +93,7 @@ def test_colours_are_no_part_of_what_determines_runs() -> None:
     assert coloured.sections("colours") == {"colours": {"cropland": "#12aB9f"}}
     with pytest.raises(ConfigError, match="materials.cropland.colour is 'green', expected"):
         case({"cropland": {"calibrate": True, "colour": "green"}})
-    with pytest.raises(ConfigError, match="unknown key colours"):
+    with pytest.raises(ConfigError, match="colours: unknown key, expected a key colour"):
         case_from({"colours": {"dyke": "#000000"}})
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from radcal.laws import DEFAULT_LAW, LAWS
 from radcal.sections.base import TAGS
+from radcal.sections.errors import Wrong
 from radcal.sections.measurement import SyntheticMeasurement, default_synthetic, hidden_dyke, within
 from radcal.sections.objectives import DEFAULT, OBJECTIVES
 from radcal.tables import read_table
@@ -97,7 +98,7 @@ def with_starting_laws(data: dict[str, Any]) -> dict[str, Any]:
 def with_colours(data: dict[str, Any]) -> dict[str, Any]:
     """Case data with a section ``colours`` of the materials' colours, which only the stage ``archive`` reads."""
     if data.get("colours") is not None:
-        raise ValueError("unknown key colours: materials have a key colour each")
+        raise ValueError(Wrong("colours", ": unknown key, expected a key colour in each material"))
     materials = data.get("materials")
     if not isinstance(materials, dict):
         return data

@@ -1,0 +1,143 @@
+"""Wrong cases and files, each told in one sentence with key, value found and value expected."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from raster_files import write_raster
+from rasterio.transform import Affine, from_origin
+from typer.testing import CliRunner
+
+from radcal.cli import app
+
+SLANT_RANGE = """
+case: mine
+radar: {looks: 4, nesz_db: -40}
+scene: {source: slant_range, labels: labels.tif, names: names.json, near_incidence_deg: 20, far_incidence_deg: 40}
+measurement: {source: file, path: image.npy, scale: power, radiometry: sigma0_ref}
+materials:
+  field: {calibrate: true, law: mangia, bounds: [[-40, 0], [0, 30], [0, 20], [0, 20]]}
+  lake: {law: mangia, parameters: [-4, 3, 2, 6]}
+simulator: {kind: builtin}
+"""
+OUTSIDE = (
+    "{kind: command, command: ['{python}', sim.py, '{input}'], input: {format: json}, output: {file: i.h5, scale: db}}"
+)
+MAP = from_origin(6e5, 5.8e6, 20.0, 20.0)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    write_raster("labels.tif", np.where(np.arange(50) < 20, 1, 2).astype(np.uint8)[None].repeat(60, axis=0))
+    Path("names.json").write_text(json.dumps({"1": "field", "2": "lake"}))
+    np.save("image.npy", np.random.default_rng(3).gamma(4.0, 0.25, (60, 50)))
+    return tmp_path
+
+
+def refused(text: str) -> str:
+    """Sentence on the one problem of a case."""
+    Path("mine.yaml").write_text(text, "utf-8")
+    done = CliRunner().invoke(app, ["check", "mine.yaml"])
+    assert (done.exit_code, type(done.exception)) == (1, SystemExit)
+    head, problem, *_ = done.stderr.splitlines()
+    assert head == "radcal: mine.yaml cannot be run; 1 problem found:"
+    return problem.removeprefix("  - ")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (SLANT_RANGE, "- case: mine\n- case: other\n", "holds list, expected keys and values"),
+        ("radar: {looks: 4, nesz_db: -40}", "radar:", "line 3: radar is empty, expected keys and values"),
+        ("looks: 4", "looks: .nan", "line 3: radar.looks is nan, expected greater than or equal to 1"),
+        ("looks: 4,", "looks: '4,5',", "line 3: radar.looks is '4,5', expected a number, for example looks: 4.4"),
+        ("looks: 4", "looks: &l [4]", "line 3: radar.looks is [4], expected a number"),
+        ("{looks: 4,", "{polarisation: [VV, VH],", "line 3: radar.polarisation is ['VV', 'VH'], expected 'HH', 'HV'"),
+        ("radar:", "r\u0430dar:", "line 3: unknown key r\u0430dar (did you mean 'radar'?)"),
+        ("case: mine", "case: 2024-05-01", "line 2: case is 2024-05-01, expected a text"),
+        ("deg: 20", "deg: 20 deg", "line 4: scene.near_incidence_deg is '20 deg', expected a number, for example"),
+        ("labels.tif", "https://a.org/b.tif", "line 4: scene.labels: the file https:/a.org/b.tif does not exist in"),
+        ("labels.tif", "/vsizip/a.zip/b.tif", "line 4: scene.labels: the file /vsizip/a.zip/b.tif does not exist"),
+        ("image.npy", "C:\\data\\image.npy", "line 5: measurement.path: the file C:\\data\\image.npy does not exist"),
+        ("scale: power, ", "", "line 5: measurement.scale is missing, expected its value, for example scale: power"),
+        ("{source: file, path", "[]\ncolours: {a", "line 6: colours: unknown key, expected a key colour in each"),
+        ("calibrate: true", "calibrate: always", "line 7: materials.field.calibrate is 'always', expected true or"),
+        ("[[-40, 0],", "[[-40, -20, 0],", "line 7: materials.field.bounds.0 is [-40, -20, 0], expected at most 2"),
+        ("  lake:", "  lake/2:", "line 6: materials: name 'lake/2' is not made of letters, digits, blanks, _ and -"),
+        ("{kind: builtin}", "!!set {kind}", "line 9: simulator is {'kind'}, expected keys and values"),
+        ("simulator: {kind: builtin}", "objective: yes", "line 9: objective is true, expected a text"),
+        ("simulator: {kind: builtin}", "stop: {max_runs: .inf}", "line 9: stop.max_runs is inf, expected a finite"),
+        ("{kind: builtin}", OUTSIDE.replace("sim.py", "3"), "line 9: simulator.command.1 is 3, expected a text"),
+        ("{kind: builtin}", OUTSIDE.replace("{python}", "/tmp"), "line 9: simulator.command: /tmp is not a file"),
+        ("{kind: builtin}", OUTSIDE.replace("i.h5", "../i.h5"), "line 9: simulator.output.file: is '../i.h5', exp"),
+    ],
+)  # fmt: skip
+@pytest.mark.usefixtures("folder")
+def test_wrong_keys(old: str, new: str, said: str) -> None:
+    assert SLANT_RANGE.count(old) == 1
+    assert refused(SLANT_RANGE.replace(old, new).removesuffix(" ")).startswith(said)
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_wrong_key_of_materials_from_is_told_with_that_file() -> None:
+    Path("other.yaml").write_text("\nmaterials:\n  shore: {law: constant_gama, parameters: [-10]}\n  lake: {lw: a}\n")
+    said = refused(f"{SLANT_RANGE}materials_from: other.yaml\n")
+    assert said.startswith(
+        "other.yaml, line 3: materials.shore: law is 'constant_gama', expected one of constant_gamma"
+    )
+
+
+def half(name: str) -> None:
+    content = Path(name).read_bytes()
+    Path(name).write_bytes(content[: len(content) // 2])
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("names.json", '{"1": "field", "1": "meadow"}', "scene.names: names.json is not a JSON object of id and name"),
+        ("names.json", '{"1": "field", "2": ', 'such as {"1": "grass"} (Expecting value: line 1 column 21 (char 20))'),
+        ("names.json", '{"1.0": "field", "2": "lake"}', "(invalid literal for int() with base 10: '1.0')"),
+        ("names.json", "[" * 100_000, "(maximum recursion depth exceeded"),
+        ("names.json", '{"1": 7, "2": "lake"}', "materials.field: not in the scene, which has 7, lake"),
+        ("labels.tif", np.full((60, 50), 300, np.uint16), "scene.labels: labels.tif holds uint16 from 300 to 300"),
+        ("labels.tif", np.full((60, 50), 1.5), "scene.labels: labels.tif holds float64"),
+        ("image.npy", np.ones((60, 50, 2)), "image.npy holds an array of shape (60, 50, 2), expected an image"),
+        ("image.npy", np.zeros((60, 50), "f4,f4"), "image.npy holds [('f0', '<f4'), ('f1', '<f4')], expected real num"),
+        ("image.npy", np.full((60, 50), np.nan), "measurement.path: image.npy holds no finite number, expected an im"),
+    ],
+)  # fmt: skip
+@pytest.mark.usefixtures("folder")
+def test_wrong_files(name: str, content: str | np.ndarray, said: str) -> None:
+    if isinstance(content, str):
+        Path(name).write_text(content)
+    elif name.endswith(".npy"):
+        np.save(name, content)
+    else:
+        write_raster(name, content)
+    assert said in refused(SLANT_RANGE)
+
+
+@pytest.mark.parametrize(
+    ("values", "crs", "transform", "said"),
+    [
+        (90 + 1j, "EPSG:32631", MAP, "holds complex64, expected heights as real numbers"),
+        (90_000.0, "EPSG:32631", MAP, "holds heights from 90000 to 90000 m, expected -1000 to 9000"),
+        (90.0, "EPSG:32631", Affine(20, 8, 6e5, 8, -20, 5.8e6), "is rotated against its coordinate axes: warp it"),
+        (90.0, "EPSG:4978", MAP, "has no geographic or projected coordinate reference system, expected one"),
+    ],
+)
+@pytest.mark.usefixtures("folder")
+def test_wrong_heights(values: complex, crs: str, transform: Affine, said: str) -> None:
+    where = {"crs": "EPSG:32631", "transform": MAP}
+    write_raster("cover.tif", np.full((1, 30, 40), 10, np.uint8), **where)
+    heights = np.full((1, 30, 40), values, np.complex64 if isinstance(values, complex) else np.float32)
+    write_raster("dem.tif", heights, crs=crs, transform=transform)
+    scene = "{source: raster, elevation: dem.tif, materials: cover.tif, names: names.json, vertical_datum: EGM2008}"
+    text = SLANT_RANGE.splitlines()
+    text[3] = f"scene: {scene}"
+    assert refused("\n".join(text)).startswith(f"scene.elevation: dem.tif {said}")
