@@ -10,11 +10,13 @@ import numpy as np
 import pystac
 import pytest
 import rioxarray  # noqa: F401 - the accessor rio of arrays
+from archives import changed_material, posterior
 from pyproj import Transformer
 
 import radcal
 from radcal.config.stages import STAGES
 from radcal.errors import StoreError
+from radcal.posterior.result import KeptDraws
 from radcal.products.export import PassImages, write_export
 from radcal.products.stac import stac_item
 from radcal.results.archive import write_archive
@@ -112,6 +114,17 @@ def test_stac_item(made, folder, tmp_path):
     assert flat.datetime == datetime(2021, 12, 23, 5, 11, 22, 500_000, UTC)
 
 
+def test_posterior_for_arviz(made, tmp_path):
+    draws = KeptDraws(np.arange(12.0).reshape(3, 4), np.ones(3), np.ones(3), np.zeros((3, 91)), np.zeros(3))
+    (tmp_path / "summary.json").write_text("{}")
+    with pytest.raises(StoreError, match="the calibration is not finished, expected calibration.h5"):
+        radcal.open(tmp_path).to_arviz()
+    write_archive(tmp_path / "calibration.h5", changed_material(made.archive, "dyke", posterior=posterior(draws=draws)))
+    found = radcal.open(tmp_path).to_arviz()
+    assert found["posterior"]["X3"].values.ravel().tolist() == [2.0, 6.0, 10.0]
+    assert found.attrs["case"] == "small"
+
+
 def test_without_pystac_the_message_says_what_to_install(folder, monkeypatch):
     monkeypatch.setitem(sys.modules, "pystac", None)
     with pytest.raises(ImportError, match=r"to_stac\(\) needs .* pip install 'radcal\[stac\]'"):
@@ -120,6 +133,8 @@ def test_without_pystac_the_message_says_what_to_install(folder, monkeypatch):
 
 def test_without_xarray_the_message_says_what_to_install(folder, monkeypatch):
     monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(ImportError, match=r"to_arviz\(\) needs .* pip install 'radcal\[arviz\]'"):
+        radcal.open(folder).to_arviz()
     with pytest.raises(ImportError, match=r"image\('measured'\) needs .* pip install 'radcal\[xarray\]'"):
         radcal.open(folder).image("measured")
     assert radcal.open(folder).array("measured").shape == (40, 30)

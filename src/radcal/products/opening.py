@@ -18,6 +18,7 @@ from radcal.products.geotiff import SLANT_RANGE
 if TYPE_CHECKING:
     import pandas as pd
     import pystac
+    import xarray
 
 __all__ = ["Results", "open_results"]
 
@@ -149,6 +150,24 @@ class Results:
         from radcal.products.stac import stac_item
 
         return stac_item(self.folder, self.summary, self.images)
+
+    def to_arviz(self) -> xarray.DataTree:
+        """Posterior, prior, sampler statistics and measured levels of all laws (:func:`.posterior_tree`).
+
+        ``results.to_arviz().to_netcdf("posterior.nc", engine="h5netcdf")`` writes a file for ``arviz.from_netcdf``.
+
+        Raises
+        ------
+        ImportError
+            xarray is not installed; the message says how to install it.
+        DamagedError, StoreError
+            ``calibration.h5`` is missing or cannot be read, or it holds no draws of a posterior.
+        """
+        _library("xarray", "to_arviz()", extra="arviz")
+        from radcal.results.archive import read_finished
+        from radcal.results.posterior_tree import posterior_tree
+
+        return posterior_tree(read_finished(self.folder))
 
     def _table(self, name: str) -> pd.DataFrame:
         import pandas as pd
