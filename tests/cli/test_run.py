@@ -78,11 +78,11 @@ def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(clone: 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["gone.yaml"], "gone.yaml: cannot be read (No such file or directory)."),
+        (["gone.yaml"], "gone.yaml: cannot be read (No such file or directory), expected a YAML file."),
         (["config"], "config: cannot be read (not a regular file, expected a YAML file)."),
-        (["a\nb.yaml"], "a\\nb.yaml: cannot be read (No such file or directory)."),
+        (["a\nb.yaml"], "a\\nb.yaml: cannot be read (No such file or directory), expected a YAML file."),
         (["mine.yaml", "desing"], "there is no target 'desing' (did you mean 'design'?)."),
-        (["mine.yaml", "other.yaml"], "other.yaml: cannot be read (No such file or directory)."),
+        (["mine.yaml", "other.yaml"], "other.yaml: cannot be read (No such file or directory), expected a YAML file."),
         (["mine.yaml", "report", "mine.yaml"], "mine.yaml: case is 'mine', which mine.yaml is called, too, expected"),
         (["mine.yaml", "--results", "{a}"], "--results is '{a}', expected a folder without braces in its name."),
         (["mine.yaml", "--cores", "0"], "--cores is '0', expected a number from 1 on, or all."),

@@ -138,7 +138,9 @@ def test_what_is_no_file_is_not_opened(tmp_path: Path) -> None:
 
 def test_a_file_that_cannot_be_read_says_why() -> None:
     # as one without permission, which root would have: Linux refuses the first page of a process
-    with pytest.raises(ConfigError, match=r"^/proc/self/mem: cannot be read \(Input/output error\)\.$"):
+    with pytest.raises(
+        ConfigError, match=r"^/proc/self/mem: cannot be read \(Input/output error\), expected a YAML file\.$"
+    ):
         read_case_file("/proc/self/mem")
 
 

@@ -64,7 +64,7 @@ def expand_path(text: str, key: str, folder: bool = False) -> Path:
         text = f"{key}: the file {shown(str(path), 200)} does not exist{where}."
         raise ConfigError(text, MissingFile(key, path))
     if not path.is_file() and not (folder and path.is_dir()):
-        raise ConfigError(f"{key}: {path} is not a file.")
+        raise ConfigError(f"{key}: {path} is not a file, expected one.")
     if not os.access(path, os.R_OK):
         raise ConfigError(f"{key}: no permission to read {path}.")
     return path

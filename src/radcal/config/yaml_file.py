@@ -192,7 +192,7 @@ def _content(path: Path) -> bytes:
             raise _Fault(f"holds {found.st_size:,} bytes, expected a case file of at most {_LARGEST_BYTES:,}")
         return path.read_bytes()
     except OSError as error:
-        raise _Fault(f"cannot be read ({error.strerror})") from None
+        raise _Fault(f"cannot be read ({error.strerror}), expected a YAML file") from None
     except ValueError:  # the path contains a null character
         raise _Fault("cannot be read (no name of a file)") from None
 

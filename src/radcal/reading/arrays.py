@@ -112,7 +112,7 @@ def _chosen(names: list[str], file: ImageFile) -> str:
             return names[0]
         raise file.refused(f"{file.path} holds {listed}: say which with {file.section}.dataset.")
     if chosen not in names:
-        raise file.asked("dataset", f"{chosen!r}, {file.path} holds {listed}.")
+        raise file.asked("dataset", f"{chosen!r}, {file.path} holds {listed}, expected one in the file.")
     return chosen
 
 
