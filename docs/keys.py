@@ -11,23 +11,17 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 HEAD = """# Keys of a case
 
-A case is one YAML file with the keys that differ from the defaults. A key that has no default in these tables takes no
-value, or a value that depends on other keys, as its description says. Every section has a table of its own; in a path,
-`*` stands for a name.
+A case is one YAML file with the keys that differ from the defaults. Defaults are in bold; a key without one takes no
+value, or one that depends on other keys, as its description says. In a path, `*` stands for a name.
 
-Every number has a lower and an upper limit. Most limits lie beyond the values of real passes, scenes and computers, so
-that a number outside of its limits probably has a wrong unit or a wrong digit; some are limits of radcal itself, such
-as 64 looks. radcal refuses a number outside of its limits before any run, in a sentence with the key, the number and
-the limits.
+Most limits of numbers lie beyond real passes, scenes and computers: a number outside of them probably has a wrong unit
+or digit, and is refused before any run.
 
-Editors with the YAML language server show descriptions and limits while a case is written, and complete the keys. For
-the language server, the first line of the case must give the path of `config/schema.json`, relative to the folder of
-the case, as in the cases of `config/` and `examples/`:
+Editors with the YAML language server complete keys and show descriptions and limits, if the first line gives the path
+of the schema from the folder of the case. They mark objectives, scenes, simulators and registration methods of other
+distributions, which radcal accepts.
 
     # yaml-language-server: $schema=schema.json
-
-The schema names radcal's own objectives, scenes, simulators and registration methods: an editor marks those of other
-distributions, which radcal accepts.
 """
 
 
@@ -108,12 +102,14 @@ def linked(text: str) -> str:
 
 def table(section: dict[str, Any], headings: dict[str, str]) -> str:
     """Table of the keys of a section."""
-    rows = ["| key | values | default | meaning |", "|---|---|---|---|"]
+    rows = ["| key | values, **default** | meaning |", "|---|---|---|"]
     for key, schema in section["properties"].items():
-        given = f"`{json.dumps(schema['default'])}`" if "default" in schema else "\N{EN DASH}"
+        cell = values(schema, headings)
         if key in section.get("required", ()):
-            given = "required"
-        rows.append(f"| `{key}` | {values(schema, headings)} | {given} | {linked(schema['description'])} |")
+            cell = f"{cell}; **required**"
+        elif "default" in schema:
+            cell = f"{cell}; **`{json.dumps(schema['default'])}`**"
+        rows.append(f"| `{key}` | {cell} | {linked(schema['description'])} |")
     return "\n".join(rows)
 
 
