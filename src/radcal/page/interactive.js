@@ -4,15 +4,14 @@
   "use strict";
   const text = (id) => document.getElementById(id)?.textContent ?? "";
   const specs = JSON.parse(text("plots") || "{}");
-  const [dark, print, narrow] = ["(prefers-color-scheme: dark)", "print", "(max-width: 640px)"].map((q) => matchMedia(q));
+  const [dark, print] = ["(prefers-color-scheme: dark)", "print"].map((query) => matchMedia(query));
   const LIGHTER = { "#000000": "#e4e9ef", "#0072B2": "#6cb8ea", "#7B3F9E": "#c59be0", "#F5F5F5": "#2a3440" };
   const STACKED = 560; // a figure that is narrower than this [px] has its panels below each other
-  const PAPER = 660; // width of a printed figure [px]
   const COLUMN = 60; // least width of a column of a table [px]
   const BUTTONS = [["zoom2d", "pan2d", "resetScale2d", "toImage"]]; // plotly's own list has one that sends the data away
-  const CONFIG = { displaylogo: false, modeBarButtons: BUTTONS, plotlyServerURL: "", responsive: true };
+  const CONFIG = { displaylogo: false, modeBarButtons: BUTTONS, plotlyServerURL: "" };
   const drawn = new Set();
-  let library;
+  let library, resized;
 
   const unpacked = async () => {
     const bytes = Uint8Array.from(atob(text("plotly").trim()), (c) => c.charCodeAt(0));
@@ -35,21 +34,17 @@
       layout.height *= layout.grid?.rows === 1 ? 0.8 * layout.grid.columns : 1.15; // room for the lines of the legend
       if (layout.grid?.rows === 1) layout.grid = { ...layout.grid, rows: layout.grid.columns, columns: 1 };
     }
+    const font = { color: ink, size: width < STACKED ? 10 : 12 };
     const below = { orientation: "h", x: 0, y: 1, yanchor: "bottom", xanchor: "left" };
-    const paper = { paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font: { color: ink, size: width < STACKED ? 10 : 12 } };
+    const paper = { paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", font };
     const hover = { bgcolor: light ? "#ffffff" : "#202833", font: { color: ink } };
     const margin = { l: 56, r: 12, t: 34, b: 44 };
     const modebar = { bgcolor: "rgba(0,0,0,0)", color: "#8a94a0", activecolor: ink };
     return { ...paper, legend: below, margin, modebar, hoverlabel: hover, hovermode: "closest", ...layout, width };
   };
 
-  const draw = async (place) => {
-    library ??= unpacked();
-    const plotly = await library;
-    show(plotly, place);
-  };
-
   const show = (plotly, place) => {
+    if (!place.clientWidth) return seen.observe(place); // hidden again
     const light = print.matches || !dark.matches;
     let canvas = place.querySelector(":scope > .drawn");
     if (!canvas) {
@@ -60,21 +55,25 @@
     }
     const { data, layout } = coloured(specs[place.dataset.plot], light);
     const columns = data[0].type === "table" ? data[0].cells.values.length : 0; // wider than a narrow page: it scrolls
-    const width = Math.max(print.matches ? PAPER : place.clientWidth, COLUMN * columns);
-    const bare = columns || width < STACKED;
-    if (bare) for (const trace of data) if (trace.type === "heatmap") trace.showscale = false;
+    const width = Math.max(place.clientWidth, print.matches ? 0 : COLUMN * columns);
+    const bare = print.matches || columns || width < STACKED;
+    if (width < STACKED) for (const trace of data) if (trace.type === "heatmap") trace.showscale = false;
     plotly.react(canvas, data, laidOut(layout, width, light), { ...CONFIG, displayModeBar: bare ? false : "hover" });
   };
 
   const again = () => library?.then((plotly) => drawn.forEach((place) => show(plotly, place)));
   const atOnce = () => window.Plotly && drawn.forEach((place) => show(window.Plotly, place));
-  for (const query of [dark, narrow]) query.addEventListener("change", again);
+  dark.addEventListener("change", again);
+  addEventListener("resize", () => {
+    clearTimeout(resized);
+    resized = setTimeout(again, 200);
+  });
   print.addEventListener("change", atOnce); // paper does not wait
   const seen = new IntersectionObserver(
-    (entries) => {
+    async (entries) => {
       for (const { target } of entries.filter((entry) => entry.isIntersecting)) {
         seen.unobserve(target);
-        draw(target);
+        show(await (library ??= unpacked()), target);
       }
     },
     { rootMargin: "300px" },

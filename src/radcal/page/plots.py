@@ -25,8 +25,7 @@ __all__ = ["PLOTS", "Drawn"]
 Trace = dict[str, Any]
 Drawn = tuple[str, list[Trace], dict[str, Any]]
 """Caption, traces and layout."""
-Pair = tuple[dict[str, Any], dict[str, Any]]
-"""Horizontal and vertical axis of a panel."""
+Pair = tuple[dict[str, Any], dict[str, Any]]  # horizontal and vertical axis of a panel
 
 _INK = "#000000"  # the script replaces it by the colour of the text in dark mode
 _SYMBOLS = {"s": "square", "P": "cross", "D": "diamond", "o": "circle", "^": "triangle-up"}
@@ -294,7 +293,7 @@ def _parallel(case: Archive, name: str) -> Drawn:
         text = np.repeat(_texts(case, name, which), place.size + 1).tolist()
         traces.append(_line(words, x, rows, {"color": style["color"]}, text=text, hoverinfo="text"))
     names = [*settings.parameter_names, "looks", "log10 cost"]
-    ticks = [f"{one}<br>{low:.3g} to {high:.3g}" for one, (low, high) in zip(names, ends, strict=True)]
+    ticks = [f"{one}<br>{low:.3g} to<br>{high:.3g}" for one, (low, high) in zip(names, ends, strict=True)]
     caption = f"Each line is a run. Axes end at the bounds of X and at the extremes of looks and cost ({label})."
     axis = _axis("", tickvals=place.tolist(), ticktext=ticks, range=[-0.5, len(ends) - 0.5], tickangle=0)
     hidden = _axis("", range=[-0.03, 1.03], showticklabels=False, showgrid=False, zeroline=False)
@@ -344,8 +343,9 @@ def _corner(case: Archive, name: str) -> Drawn | None:
     x = every[:: 1 + len(every) * d * (d - 1) // (2 * _MOST_POINTS)]
     marks = [("law of the search", material.parameters[material.best], FOUND["color"], "cross")]
     marks += [] if material.hidden is None else [("hidden truth", material.hidden, HIDDEN["color"], "x")]
-    margin, box = 0.3 * np.ptp(every, axis=0), np.array(settings.box, dtype=np.float64).T
-    low, high = np.maximum(box[0], every.min(axis=0) - margin), np.minimum(box[1], every.max(axis=0) + margin)
+    box, margin = np.array(settings.box, dtype=np.float64), 0.3 * np.ptp(every, axis=0)
+    box += 0.03 * np.ptp(box, axis=1, keepdims=True) * [-1.0, 1.0]  # a marker on a bound is not cut
+    low, high = np.maximum(box[:, 0], every.min(axis=0) - margin), np.minimum(box[:, 1], every.max(axis=0) + margin)
     traces: list[Trace] = []
     grid = {"rows": d, "columns": d, "pattern": "independent", "xgap": 0.08, "ygap": 0.1}
     layout: dict[str, Any] = {"height": 120 + 150 * d, "bargap": 0, "grid": grid}
