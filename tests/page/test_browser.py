@@ -181,7 +181,7 @@ def test_paper_has_all_that_is_folded(opened):
         "(query, rule) => [...document.querySelectorAll(query)].every((one) => getComputedStyle(one)[rule] === 'avoid')"
     )
     assert opened.evaluate(f"({rules})('h2, h3', 'breakAfter')")
-    assert opened.evaluate(f"({rules})('figure, tr', 'breakInside')")
+    assert opened.evaluate(f"({rules})('figure img, .plot, tr', 'breakInside')")
     opened.evaluate("dispatchEvent(new Event('afterprint'))")
     assert opened.evaluate(closed) > 2
 

@@ -62,7 +62,8 @@
   };
 
   const again = () => library?.then((plotly) => drawn.forEach((place) => show(plotly, place)));
-  const atOnce = () => window.Plotly && drawn.forEach((place) => show(window.Plotly, place));
+  const places = () => [...document.querySelectorAll("[data-plot]")].filter((place) => specs[place.dataset.plot]);
+  const atOnce = () => window.Plotly && places().forEach((place) => show(window.Plotly, place));
   dark.addEventListener("change", again);
   addEventListener("resize", () => {
     clearTimeout(resized);
@@ -79,6 +80,6 @@
     { rootMargin: "300px" },
   );
   if ("DecompressionStream" in window) {
-    for (const place of document.querySelectorAll("[data-plot]")) if (specs[place.dataset.plot]) seen.observe(place);
+    for (const place of places()) seen.observe(place);
   }
 })();
