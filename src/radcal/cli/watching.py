@@ -26,7 +26,7 @@ _PAGE = """\
 <title>radcal: {name}</title>
 <style>:root {{ color-scheme: light dark }} body {{ font: 1rem/1.5 sans-serif; max-width: 60rem; margin: 2rem auto;
 padding: 0 1rem; overflow-wrap: anywhere }} progress {{ width: 100% }}</style></head>
-<body><h1>{name}</h1>{bar}{paragraphs}<h2>Jobs</h2><ol>{jobs}</ol></body></html>
+<body><h1>{name}</h1>{bar}{paragraphs}<h2>Latest lines of the jobs</h2><ul>{jobs}</ul></body></html>
 """
 
 
@@ -52,7 +52,7 @@ def watched(cases: Mapping[Path, str], page: bool) -> None:
         lines = []
         for folder in cases:
             now = standing(configured[folder], folder) if folder in configured and folder in at_work else None
-            of_case = [*show(folder), *[f"runs: {now}."] * (now is not None)]
+            of_case = [*show(folder), *[f"search: {now}."] * (now is not None)]
             if page:
                 with atomic(folder / "live.html") as partial:
                     partial.write_text(live_page(folder, of_case, now, folder in at_work), encoding="utf-8")
@@ -89,10 +89,11 @@ def live_page(folder: Path, lines: Sequence[str], now: Standing | None, at_work:
     paragraphs = [html.escape(line) for line in lines]
     if (folder / "report.html").exists() and not at_work:
         paragraphs.insert(0, '<a href="report.html">Report</a>')
+    most = 0 if now is None else now.expected or now.done
     return _PAGE.format(
         name=html.escape(folder.name),
         renew=f'<meta http-equiv="refresh" content="{_EVERY_S:g}">' * at_work,
-        bar="" if now is None else f'<progress value="{now.done}" max="{now.expected or now.done}"></progress>',
+        bar="" if now is None else f'<progress aria-label="runs" value="{now.done}" max="{most}"></progress>',
         paragraphs="".join(f"<p>{text}</p>" for text in paragraphs),
         jobs="".join(f"<li>{html.escape(text)}</li>" for text in jobs),
     )
