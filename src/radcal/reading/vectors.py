@@ -7,7 +7,7 @@ ends. The first bytes therefore decide about the driver, and a limit of CPU time
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -20,7 +20,7 @@ from radcal.errors import RadcalError
 from radcal.processes import apart
 from radcal.reading.intake import guarded
 
-__all__ = ["ENDINGS", "VectorLayer", "read_vectors", "vector_files"]
+__all__ = ["ENDINGS", "VectorLayer", "read_shapefiles", "read_vectors", "vector_files"]
 
 # ending of the file's name: first bytes, driver of GDAL, and what the driver's name for a file begins with
 ENDINGS = {
@@ -28,6 +28,7 @@ ENDINGS = {
     ".shp": (b"\0\0\x27\x0a", "ESRI Shapefile", ""),
     ".geojson": (b"{", "GeoJSON", "GeoJSON:"),
 }
+_TABLES = {".dbf": (b"", "ESRI Shapefile", "")}  # the first byte of a dBASE table is one of many versions
 _LARGEST_FILE = 4_000_000_000  # largest size of a file [bytes]
 _LARGEST_LAYER = 30_000_000  # largest number of features
 _LONGEST_S = 300  # longest CPU time for reading a layer [s]
@@ -83,18 +84,60 @@ def read_vectors(path: Path, layer: str | None, refused: Callable[[str], RadcalE
     ----------
     GDAL, "Vector drivers", https://gdal.org/drivers/vector/
     """
-    from concurrent.futures.process import BrokenProcessPool  # imported here, because every job imports this module
-
-    try:
-        found: VectorLayer = apart(partial(_read, path, layer, refused), _LONGEST_S)
-    except BrokenProcessPool:
-        reason = f"it ended the process that read it, or took more than {_LONGEST_S} s of CPU time"
-        raise refused(f"cannot be read as a vector file ({reason}).") from None
+    found = _apart([path], lambda one: _read(one, layer, refused), lambda _, text: refused(text))[0]
+    if isinstance(found, RadcalError):
+        raise found
     return found
 
 
+def read_shapefiles(
+    paths: Sequence[Path], refused: Callable[[Path, str], RadcalError]
+) -> list[VectorLayer | RadcalError]:
+    """Features of shapefiles, and rows of dBASE tables without a shapefile, in one process for all of them.
+
+    Parameters
+    ----------
+    paths : sequence of path
+        Files whose names end with ``.shp`` or ``.dbf``.
+    refused : callable
+        Function from a file and the end of a sentence to the exception.
+
+    Returns
+    -------
+    list of VectorLayer or RadcalError
+        For each file its features, or the reason why it cannot be read.
+    """
+    return _apart(paths, lambda path: _read(path, None, partial(refused, path)), refused)
+
+
+def _apart(
+    paths: Sequence[Path], read: Callable[[Path], VectorLayer], refused: Callable[[Path, str], RadcalError]
+) -> list[VectorLayer | RadcalError]:
+    """Layers of several files, read in another process; if this process ends early, in one for each file."""
+    from concurrent.futures.process import BrokenProcessPool  # imported here, because every job imports this module
+
+    def every() -> list[VectorLayer | RadcalError]:
+        found: list[VectorLayer | RadcalError] = []
+        for path in paths:
+            try:
+                found.append(read(path))
+            except RadcalError as error:
+                found.append(error)
+        return found
+
+    if not paths:
+        return []
+    try:
+        return apart(every, _LONGEST_S)
+    except BrokenProcessPool:
+        if len(paths) > 1:
+            return [one for path in paths for one in _apart([path], read, refused)]
+        reason = f"it ended the process that read it, or took more than {_LONGEST_S} s of CPU time"
+        return [refused(paths[0], f"cannot be read as a vector file ({reason}).")]
+
+
 def _read(path: Path, layer: str | None, refused: Callable[[str], RadcalError]) -> VectorLayer:
-    first, driver, prefix = ENDINGS[path.suffix.lower()]
+    first, driver, prefix = (ENDINGS | _TABLES)[path.suffix.lower()]
     with guarded(path, refused, "a vector file"):
         if (size := path.stat().st_size) > _LARGEST_FILE:
             raise refused(f"has {size} bytes, expected at most {_LARGEST_FILE}.")
@@ -107,7 +150,7 @@ def _read(path: Path, layer: str | None, refused: Callable[[str], RadcalError]) 
         name = f"{prefix}{path.absolute()}"
         if (found := pyogrio.read_info(name, layer=0)["driver"]) != driver:
             raise refused(f"cannot be read as a vector file (it is one of {found}, expected {driver}).")
-        layers = [str(one) for one, kind in pyogrio.list_layers(name) if kind is not None]
+        layers = [str(one) for one, kind in pyogrio.list_layers(name) if kind is not None or first == b""]
         if layer is None and len(layers) != 1:
             which = f"the layers {', '.join(layers)}: name one as scene.objects.layer" if layers else "no layer"
             raise refused(f"has {which}.")
@@ -115,6 +158,8 @@ def _read(path: Path, layer: str | None, refused: Callable[[str], RadcalError]) 
             raise refused(f"has the layers {', '.join(layers) or 'none'}, scene.objects.layer is {layer!r}.")
         layer = layer or layers[0]
         about, _, geometries, columns = pyogrio.raw.read(name, layer=layer, max_features=_LARGEST_LAYER + 1)
+        if geometries is None:  # a table
+            geometries = np.full(len(columns[0]) if columns else 0, None)
         if len(geometries) > _LARGEST_LAYER:
             raise refused(f"has more than {_LARGEST_LAYER} rows.")
         return VectorLayer(layer, about["crs"], geometries, dict(zip(about["fields"], columns, strict=True)))

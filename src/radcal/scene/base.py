@@ -59,7 +59,9 @@ class SceneSource(ABC):
     @staticmethod
     @abstractmethod
     def make(config: Any, heading_deg: float) -> Scene:
-        """Scene without objects, whose grid is turned to the heading of the track [deg] if it is on the map.
+        """Scene whose grid is turned to the heading of the track [deg] if it is on the map.
+
+        Its objects are those of the source; :func:`radcal.scene.sources.make_scene` adds those of ``scene.objects``.
 
         Raises
         ------

@@ -20,7 +20,18 @@ from radcal.scene.crs import METRES, crs_from, crs_of, horizontal, same_place, t
 if TYPE_CHECKING:
     from pyproj import CRS
 
-__all__ = ["LARGEST_CELLS", "Grid", "Source", "box_in", "on_pixels", "opened", "pixel_m", "scene_grid", "subdivision"]
+__all__ = [
+    "LARGEST_CELLS",
+    "Grid",
+    "Source",
+    "box_in",
+    "grid_of_degrees",
+    "on_pixels",
+    "opened",
+    "pixel_m",
+    "scene_grid",
+    "subdivision",
+]
 
 LARGEST_CELLS = LARGEST_VALUES  # largest number of cells of the grid, and of pixels read from a raster
 _SMALLEST_SIDE = 8  # smallest number of rows and of columns of the grid
@@ -268,21 +279,63 @@ def scene_grid(elevation: Source, materials: Source, config: RasterScene, headin
     pixel = float(np.sqrt(np.prod(pixel_m(elevation, crs, box))))
     # three digits are enough for the size of a pixel in another projection
     cell = config.cell_m or (pixel if same else float(f"{pixel:.3g}"))
-    # the grid consists of whole cells inside the box; its corner lies a whole number of cells away from (west, south)
-    west += np.ceil((box[0] - west) / cell - 1e-6) * cell
-    south += np.ceil((box[1] - south) / cell - 1e-6) * cell
+    return _whole_cells(crs, box, (west, south), cell, bool(heading_deg))
+
+
+def grid_of_degrees(
+    bounds: Box, crs: str | None, cell_m: float | None, step_deg: tuple[float, float], heading_deg: float
+) -> Grid:
+    """Grid of the scene's cells inside of bounds in degrees: the largest box whose sides do not leave the bounds.
+
+    Parameters
+    ----------
+    bounds : (float, float, float, float)
+        West, south, east and north bounds on WGS 84 [deg].
+    crs : str or None
+        Projected CRS; by default the UTM zone of the middle.
+    cell_m : float or None
+        Cell size [m]; by default the geometric mean of the sides of a rectangle in degrees, in three digits.
+    step_deg : (float, float)
+        Sides of this rectangle along longitude and latitude [deg].
+    heading_deg : float
+        Heading of the track, as for :func:`scene_grid`.
+
+    Raises
+    ------
+    SceneError
+        The CRS is not in metres at true scale, or the grid would have too few or too many cells.
+    """
+    plane = _projected(crs, *_middle(bounds), f"scene.bounds {list(bounds)}")
+    to_plane = transformer("EPSG:4326", plane).transform
+    x, y = (np.linspace(low, high, 21) for low, high in zip(bounds[:2], bounds[2:], strict=True))
+    west, east = (to_plane(np.full_like(y, side), y)[0] for side in bounds[::2])
+    south, north = (to_plane(x, np.full_like(x, side))[1] for side in bounds[1::2])
+    box = float(np.max(west)), float(np.max(south)), float(np.min(east)), float(np.min(north))
+    if not np.isfinite(box).all():
+        raise SceneError(f"scene.bounds are {list(bounds)}, which {plane.name} cannot express: give another scene.crs.")
+    if heading_deg:
+        plane, box = _turned(plane, box, heading_deg)
+    if cell_m is None:
+        sides = _sides_m("EPSG:4326", plane, step_deg, box)
+        cell_m = float(f"{np.sqrt(np.prod(sides)):.3g}")
+    return _whole_cells(plane, box, box[:2], cell_m, bool(heading_deg))
+
+
+def _whole_cells(crs: CRS, box: Box, corner: tuple[float, float], cell: float, turned_to_track: bool) -> Grid:
+    """Grid of whole cells inside of a box; its corner lies a whole number of cells away from ``corner``."""
+    west, south = (at + np.ceil((low - at) / cell - 1e-6) * cell for at, low in zip(corner, box[:2], strict=True))
     columns, rows = (int((high - low) / cell + 1e-6) for low, high in ((west, box[2]), (south, box[3])))
     if min(rows, columns) < _SMALLEST_SIDE:
         raise SceneError(
-            f"scene.cell_m is {cell:g}, which makes {max(columns, 0)} x {max(rows, 0)} cells of the area that both "
-            f"rasters and scene.bounds share, expected at least {_SMALLEST_SIDE} x {_SMALLEST_SIDE}."
+            f"scene.cell_m is {cell:g}, which makes {max(columns, 0)} x {max(rows, 0)} cells of the area that the "
+            f"files and scene.bounds share, expected at least {_SMALLEST_SIDE} x {_SMALLEST_SIDE}."
         )
     if rows * columns > LARGEST_CELLS:
         raise SceneError(
             f"scene.cell_m is {cell:g}, which makes {columns} x {rows} cells, expected at most {LARGEST_CELLS:.0e}: "
             "give smaller scene.bounds or a larger scene.cell_m."
         )
-    return Grid(crs, float(west), float(south), float(cell), rows, columns, bool(heading_deg))
+    return Grid(crs, float(west), float(south), float(cell), rows, columns, turned_to_track)
 
 
 def _turned(crs: CRS, box: Box, heading_deg: float) -> tuple[CRS, Box]:
@@ -322,32 +375,37 @@ def _inscribed(width: float, height: float, angle: float) -> tuple[float, float]
 
 def _target(elevation: Source, box: Box, config: RasterScene) -> CRS:
     """CRS of the scene: a projected CRS in metres, with a scale of about 1."""
+    longitude, latitude = _middle(_in_degrees(box, elevation.plane))
+    if config.crs is None and _unfit(elevation.plane, longitude, latitude) is None:
+        return elevation.plane
+    return _projected(config.crs, longitude, latitude, str(elevation.path))
+
+
+def _projected(named: str | None, longitude: float, latitude: float, about: str) -> CRS:
+    """Projected CRS that ``scene.crs`` names, by default the UTM zone of a place."""
     from pyproj.exceptions import CRSError
 
-    longitude, latitude = _middle(_in_degrees(box, elevation.plane))
-    if config.crs is None:
-        if _unfit(elevation.plane, longitude, latitude) is None:
-            return elevation.plane
+    if named is None:
         found = utm(longitude, latitude)
         if found is None:
             raise SceneError(
-                f"scene.crs is missing and {elevation.path} lies at latitude {latitude:.4g}, outside the UTM zones: "
+                f"scene.crs is missing and {about} lies at latitude {latitude:.4g}, outside the UTM zones: "
                 "give a projected CRS."
             )
         return found
     try:
-        crs = crs_from(config.crs)
+        crs = crs_from(named)
     except CRSError:
         raise SceneError(
-            f"scene.crs is {config.crs!r}, expected a projected CRS such as EPSG:32631, without files of grids."
+            f"scene.crs is {named!r}, expected a projected CRS such as EPSG:32631, without files of grids."
         ) from None
     if crs.is_compound or len(crs.axis_info) == 3:
         raise SceneError(
-            f"scene.crs is {config.crs!r}, which has a vertical axis: heights are not transformed; name the horizontal "
+            f"scene.crs is {named!r}, which has a vertical axis: heights are not transformed; name the horizontal "
             "CRS alone."
         )
     if (unfit := _unfit(crs, longitude, latitude)) is not None:
-        raise SceneError(f"scene.crs is {config.crs!r} ({crs.name}), {unfit}.")
+        raise SceneError(f"scene.crs is {named!r} ({crs.name}), {unfit}.")
     return crs
 
 
@@ -376,11 +434,15 @@ def _unfit(crs: CRS, longitude: float, latitude: float) -> str | None:
 
 def pixel_m(source: Source, crs: CRS, box: Box) -> tuple[float, float]:
     """Side lengths [m] of a raster's pixel in the middle of ``box``, whose CRS is ``crs`` and has the unit metre."""
-    right, up = 0.5 * abs(source.raster.transform.a), 0.5 * abs(source.raster.transform.e)
-    if same_place(source.plane, crs):
-        return 2.0 * right, 2.0 * up
-    x, y = transformer(crs, source.plane).transform(*_middle(box))
-    to_target = transformer(source.plane, crs)
+    sides = abs(source.raster.transform.a), abs(source.raster.transform.e)
+    return sides if same_place(source.plane, crs) else _sides_m(source.plane, crs, sides, box)
+
+
+def _sides_m(source: CRS | str, crs: CRS, sides: tuple[float, float], box: Box) -> tuple[float, float]:
+    """Side lengths [m] of a rectangle in the middle of a box in ``crs``, from its sides in the CRS ``source``."""
+    right, up = 0.5 * sides[0], 0.5 * sides[1]
+    x, y = transformer(crs, source).transform(*_middle(box))
+    to_target = transformer(source, crs)
     xs, ys = to_target.transform([x - right, x + right, x, x], [y, y, y - up, y + up])
     return float(np.hypot(xs[1] - xs[0], ys[1] - ys[0])), float(np.hypot(xs[3] - xs[2], ys[3] - ys[2]))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ from radcal.scene.model import Scene
 from radcal.scene.names import by_id, landcover_names, read_names
 from radcal.storage.files import digest
 
-__all__ = ["height_step_m", "raster_scene", "rounding_error_m"]
+__all__ = ["height_step_m", "raster_scene", "resampled", "rounding_error_m"]
 
 _LOWEST_M, _HIGHEST_M = -1000.0, 9000.0  # lowest and highest land, with a margin for mines and ellipsoidal heights
 _MISSING_SHARE = 0.5
@@ -82,23 +83,58 @@ def raster_scene(config: RasterScene, heading_deg: float = 0.0) -> Scene:
         opened("scene.materials", config) as materials,
     ):
         _check_heights(elevation)
-        datum, origin = _datum(elevation, config)
+        datum = _datum(elevation, config)
         grid = scene_grid(elevation, materials, config, heading_deg)
-        heights, filled, how_heights, step = _heights(elevation, grid)
-        ids, how_ids = _ids(materials, grid)
-        # slopes of interpolated heights are no steeper than slopes between the raster's own pixels
-        posting = max(grid.cell_m, *pixel_m(elevation, grid.crs, grid.box))
-        slope_error, steps = _slope_error_deg(config.elevation_error_m, step, posting)
-        ids, names = _named(ids, materials, config)
-        findings = [
-            _found("cells", cell_m=grid.cell_m, crs=grid.crs.name),
-            _found("resampled", elevation=how_heights, materials=how_ids),
-            _found("vertical_datum", datum=datum, origin=origin),
-            *steps,
-        ]
-        for source in (elevation, materials):
-            if not same_place(source.plane, grid.crs):
-                findings += transformation_findings(source.plane, grid.crs, source.key)
+        return resampled(
+            config.source, elevation, materials, grid, datum, lambda ids: _named(ids, materials, config),
+            heading_deg, config.elevation_error_m,
+        )  # fmt: skip
+
+
+def resampled(
+    source: str, elevation: Source, materials: Source, grid: Grid, datum: tuple[str, str],
+    named: Callable[[NDArray[np.uint8]], tuple[NDArray[np.uint8], dict[int, str]]],
+    heading_deg: float = 0.0, elevation_error_m: float = 0.0,
+) -> Scene:  # fmt: skip
+    """Scene of a raster of elevation and a raster of material ids, resampled as :func:`raster_scene` describes.
+
+    Parameters
+    ----------
+    source : str
+        Name of the source of the scene, for its identity.
+    elevation, materials : Source
+        The open rasters.
+    grid : Grid
+        Grid of the cells.
+    datum : (str, str)
+        Vertical datum of the heights, and a phrase that says where it is given.
+    named : callable
+        Function from the ids of the cells to ids and the names of ids.
+    heading_deg : float
+        Heading of the track to which the grid is turned [deg].
+    elevation_error_m : float
+        Standard error of a height relative to its neighbours [m].
+
+    Raises
+    ------
+    SceneError
+        A raster covers too little of the grid, or holds impossible values.
+    """
+    heights, filled, how_heights, step = _heights(elevation, grid)
+    ids, how_ids = _ids(materials, grid)
+    # slopes of interpolated heights are no steeper than slopes between the raster's own pixels
+    posting = max(grid.cell_m, *pixel_m(elevation, grid.crs, grid.box))
+    slope_error, steps = _slope_error_deg(elevation_error_m, step, posting)
+    ids, names = named(ids)
+    findings = [
+        _found("cells", cell_m=grid.cell_m, crs=grid.crs.name),
+        _found("resampled", elevation=how_heights, materials=how_ids),
+        _found("vertical_datum", datum=datum[0], origin=datum[1]),
+        *steps,
+    ]
+    for raster in (elevation, materials):
+        if not same_place(raster.plane, grid.crs):
+            findings += transformation_findings(raster.plane, grid.crs, raster.key)
     ids[filled] = 0
     if not ids.any():
         raise materials.error("has no material where the elevation is.")
@@ -109,7 +145,7 @@ def raster_scene(config: RasterScene, heading_deg: float = 0.0) -> Scene:
     return Scene(
         identity=digest(
             {
-                "source": config.source,
+                "source": source,
                 "shape": list(ids.shape),
                 "cell_m": grid.cell_m,
                 "elevation": hashlib.sha256(heights.tobytes()).hexdigest(),
@@ -124,7 +160,7 @@ def raster_scene(config: RasterScene, heading_deg: float = 0.0) -> Scene:
         cell_m=grid.cell_m,
         crs=label(grid.crs),
         transform=(grid.cell_m, 0.0, grid.west, 0.0, grid.cell_m, grid.south),
-        vertical_datum=datum,
+        vertical_datum=datum[0],
         findings=tuple(findings),
         heading_deg=heading_deg or None,
         slope_error_deg=slope_error,

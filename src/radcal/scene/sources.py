@@ -39,8 +39,8 @@ def make_scene(config: SceneConfig, materials: list[str] | None, heading_deg: fl
         scene = replace(scene, identity=digest({"scene": scene.identity, **origin}))
     if materials is not None:
         scene.require(materials)
-    if config.on_ground is not None:
-        objects = _objects(config.on_ground, scene)
+    objects = scene.objects if config.on_ground is None else _objects(config.on_ground, scene)
+    if objects is not None:
         numbers = {"objects": len(objects), "points": int((~objects.extended).sum())}
         scene = replace(
             scene,
