@@ -25,7 +25,7 @@ Edge = tuple[str, str]
 # Steps of the flow, first to last, by the packages and modules that take them; the longest name that fits counts.
 # A module may import its own step and earlier ones. Rooms that are not named here serve several steps.
 FLOW: list[tuple[str, list[str]]] = [
-    ("scene", ["scene"]),
+    ("scene", ["scene", "cdb"]),
     ("geometry and image formation", ["compiled", "speckle", "radar"]),
     ("simulator", ["programs", "simulators"]),
     ("measurement", ["image", "sentinel1", "ground", "registration", "measurement"]),

@@ -505,7 +505,7 @@ def test_a_missing_grid_of_shifts_is_told(monkeypatch: pytest.MonkeyPatch, accur
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"crs": None}, "has no coordinate reference system"),
+        ({"crs": None}, "has no geographic or projected coordinate reference system"),
         ({"transform": Affine(9.0, 2.0, WEST, 2.0, -9.0, SOUTH + 500)}, "is rotated against its coordinate axes"),
         ({"transform": Affine.identity()}, "has a coordinate reference system and no transform"),
         ({"bands": 2}, "has 2 bands, expected one"),

@@ -144,6 +144,9 @@ def _sources(case: Case) -> Iterator[tuple[str, Callable[[], dict[str, Path]]]]:
             yield key, partial(_found, path, key, scene, "a raster", _with_raster)
         elif path is not None:
             yield key, partial(_found, path, key, scene)
+    for name in scene.folders:
+        key = f"scene.{name}"
+        yield key, partial(_found, getattr(scene, name), key, scene, "a database", _with_files(scene), True)
     if scene.on_ground and scene.on_ground.path:
         key = "scene.objects.path"
         yield key, partial(_found, scene.on_ground.path, key, scene, "vectors", _with_vectors)
@@ -176,6 +179,10 @@ def _found(
 
 def _with_raster(path: Path, folders: Sequence[Path]) -> list[Path]:
     return [path, *raster_files(path, folders)]
+
+
+def _with_files(scene: SceneSection) -> Callable[..., list[Path]]:
+    return lambda path, folders: scene.files_in(path)  # noqa: ARG005 - a folder has no mosaics
 
 
 def _with_vectors(path: Path, folders: Sequence[Path]) -> list[Path]:

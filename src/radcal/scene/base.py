@@ -61,7 +61,7 @@ class SceneSource(ABC):
     def make(config: Any, heading_deg: float) -> Scene:
         """Scene whose grid is turned to the heading of the track [deg] if it is on the map.
 
-        Its objects are those of the source; :func:`radcal.scene.sources.make_scene` adds those of ``scene.objects``.
+        Its objects are those of the source; ``radcal.scene.sources.make_scene`` adds those of ``scene.objects``.
 
         Raises
         ------

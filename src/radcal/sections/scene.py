@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field, SerializeAsAny, model_validator
 
 from radcal.plugins import HasSection, Plugins, with_foreign
+from radcal.reading.cdb import BASE_MATERIALS, cdb_files
 from radcal.sections.base import Section, with_tag
 from radcal.sections.limits import Coordinate, Decibels, Integer, Length, Real, Seed
 from radcal.tables.landcover import LandCover
@@ -17,6 +19,7 @@ __all__ = [
     "DBSM_LIMITS",
     "SCENES",
     "BuiltinScene",
+    "CdbScene",
     "GeneratedObjects",
     "RasterScene",
     "SceneConfig",
@@ -25,7 +28,9 @@ __all__ = [
     "SlantRangeScene",
     "check_curve",
 ]
-_SOURCE = "source of the scene: builtin, slant_range or raster; each source has its own keys"
+Longitude = Annotated[Real, Field(ge=-180, le=180)]
+Latitude = Annotated[Real, Field(ge=-90, le=90)]
+_SOURCE = "source of the scene: builtin, slant_range, raster or cdb; each source has its own keys"
 DBSM_LIMITS = (-100.0, 70.0)  # 70 dBsm (10 km2) is more than any object has; larger numbers must be square metres
 
 
@@ -81,8 +86,8 @@ class SceneSection(Section):
     ----------
     source : str
         Name of the source.
-    rasters, tables : tuple of str
-        Keys that name rasters and other files.
+    rasters, tables, folders : tuple of str
+        Keys that name rasters, other files, and folders.
     on_map : bool
         Whether the grid of the scene has a place on the map, so that it can be turned to the track.
     has_heights : bool
@@ -91,6 +96,7 @@ class SceneSection(Section):
 
     rasters: ClassVar[tuple[str, ...]] = ()
     tables: ClassVar[tuple[str, ...]] = ()
+    folders: ClassVar[tuple[str, ...]] = ()
     on_map: ClassVar[bool] = False
     has_heights: ClassVar[bool] = True
     source: str
@@ -100,6 +106,10 @@ class SceneSection(Section):
         """Section ``objects``; None for a scene without objects, or of a source without this key."""
         found: SceneObjects | None = getattr(self, "objects", None)
         return found
+
+    def files_in(self, folder: Path) -> list[Path]:
+        """Files of the scene in the folder that a key of ``folders`` names."""
+        return [folder]
 
 
 class BuiltinScene(SceneSection):
@@ -208,13 +218,60 @@ class RasterScene(SceneSection):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        if self.bounds is not None:
-            west, south, east, north = self.bounds
-            if not (west < east and south < north):
-                raise ValueError(
-                    f"bounds are [{west:g}, {south:g}, {east:g}, {north:g}], expected west < east and south < north"
-                )
+        _check_bounds(self.bounds)
         return self
+
+
+class CdbScene(SceneSection):
+    """OGC CDB 1.x database: elevation, raster material and features, which radcal resamples to one grid."""
+
+    tables = ("materials",)
+    folders = ("root",)
+    on_map = True
+    source: Literal["cdb"] = Field("cdb", description=_SOURCE)
+    root: str = Field(description="folder of the database, which contains the folder Tiles")
+    bounds: tuple[Longitude, Latitude, Longitude, Latitude] = Field(
+        description="[west, south, east, north] of the scene, on WGS 84 [deg]"
+    )
+    materials: str = Field(
+        description="YAML file that maps composite materials to materials, and feature codes to objects (docs/cdb.md)"
+    )
+    crs: str | None = Field(
+        None, description="projected CRS of the scene, such as EPSG:32611; by default the UTM zone of the middle"
+    )
+    cell_m: Length | None = Field(
+        None, description="cell size of the scene [m]; by default the cell size of the finest raster of materials"
+    )
+    vertical_datum: str | None = Field(
+        None, description="vertical datum of the heights; by default the WGS 84 ellipsoid, as the standard says"
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        _check_bounds(self.bounds)
+        return self
+
+    def files_in(self, folder: Path) -> list[Path]:
+        """Files of the tiles that overlap the bounds, and the list of base materials.
+
+        Raises
+        ------
+        ValueError
+            The folder has no such tile.
+        """
+        tiles = [one.path for one in cdb_files(folder, self.bounds) if not one.fault]
+        if not tiles:
+            raise ValueError(f"it has no tile within scene.bounds {list(self.bounds)}, expected Tiles/N32/W118/...")
+        return [*tiles, *(path for path in [folder / BASE_MATERIALS] if path.is_file())]
+
+
+def _check_bounds(bounds: tuple[float, float, float, float] | None) -> None:
+    """Raise a ValueError if bounds are not in the order west, south, east, north."""
+    if bounds is not None and not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):
+        west, south, east, north = bounds
+        raise ValueError(
+            f"bounds are [{west:g}, {south:g}, {east:g}, {north:g}], expected west < east and south < north"
+        )
 
 
 SCENES: Plugins[HasSection] = Plugins(
@@ -223,14 +280,15 @@ SCENES: Plugins[HasSection] = Plugins(
         "builtin": "radcal.scene.builtin:BuiltinSource",
         "slant_range": "radcal.scene.slant_range:SlantRangeSource",
         "raster": "radcal.scene.raster:RasterSource",
+        "cdb": "radcal.cdb.source:CdbSource",
     },
 )
 """Sources of scenes (:class:`radcal.scene.base.SceneSource`) by ``scene.source``."""
 
 SceneConfig = Annotated[
-    SerializeAsAny[BuiltinScene | SlantRangeScene | RasterScene],
+    SerializeAsAny[BuiltinScene | SlantRangeScene | RasterScene | CdbScene],
     Field(discriminator="source"),
-    with_foreign("source", SCENES, BuiltinScene, SlantRangeScene, RasterScene),
+    with_foreign("source", SCENES, BuiltinScene, SlantRangeScene, RasterScene, CdbScene),
     with_tag("scene", "builtin"),
 ]
 

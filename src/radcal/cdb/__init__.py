@@ -1,0 +1,1 @@
+"""Scenes from OGC CDB 1.x databases."""

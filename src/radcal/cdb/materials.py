@@ -1,0 +1,209 @@
+"""Raster material of a database: composite materials of the finest level, joined by their names.
+
+The index of a composite material holds for its tile alone. A tile has n layers of indices and n - 1 layers of their
+shares; the last layer has the rest, and all layers have equal shares if there is no layer of shares. A cell takes the
+composite material with the largest share.
+
+References
+----------
+OGC 15-113r6, sections 2.5.2.2 (tables of composite materials) and 5.6.3 (raster material).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.cdb.mapping import CdbMapping
+from radcal.cdb.mosaic import Lattice, Log, band, by_level
+from radcal.errors import SceneError
+from radcal.findings import Finding
+from radcal.reading.cdb import BASE_MATERIALS, CdbFile, step_deg
+from radcal.reading.intake import guarded, read_xml
+
+__all__ = ["NO_TILE", "composites", "material_ids"]
+
+NO_TILE = 255  # id of cells without a raster of materials
+_CLEAR = 0.8  # share of a composite material above which a cell is not mixed
+_MOST_UNMAPPED = 0.01  # largest share of cells whose composite material has no material
+_DEFAULT = "BM_LAND-MOOR"
+_UNKNOWN = "(index without a name)"
+
+
+def composites(
+    files: Sequence[CdbFile], to: Lattice, log: Log
+) -> tuple[NDArray[np.int32], list[str], NDArray[np.bool_], NDArray[np.int64]]:
+    """Composite materials of the elements of a lattice.
+
+    Returns
+    -------
+    ndarray of int32
+        Number of the composite material of each element in the list of names; -1 without a tile.
+    list of str
+        Names; the first stands for indices that are not in their table.
+    ndarray of bool
+        Whether the largest share is below 0.8.
+    ndarray of int64
+        Level of each element.
+    """
+    names = [_UNKNOWN]
+    found = np.full((to.rows, to.columns), -1, dtype=np.int32)
+    mixed = np.zeros(found.shape, dtype=np.bool_)
+    levels = np.full(found.shape, -99)
+    tables = {(one.level, one.box): one.path for one in files if one.path.suffix == ".xml" and one.dataset == 6}
+    base = _base_materials(log)
+    layers: dict[tuple[int, tuple[float, ...]], dict[tuple[int, int], CdbFile]] = {}
+    for one in files:
+        if one.dataset == 5 and one.path.suffix == ".tif" and one.first in (1, 2):
+            layers.setdefault((one.level, one.box), {})[one.first, one.second] = one
+    firsts = [of[1, 1] for of in layers.values() if (1, 1) in of]
+    for (level, width), group in by_level(firsts):
+        step = step_deg(level, width)
+        for tile in group:
+            path = tables.get((level, tile.box))
+            table = None if path is None else _table(path, base, log)
+            if table is None:
+                if path is None:
+                    log.left_out(tile.path, "it has no table of composite materials (dataset 006)")
+                continue
+            if (read := _largest(layers[level, tile.box], log)) is None:
+                continue
+            index, share = read
+            numbers = np.zeros(256, dtype=np.int32)
+            for key, name in table.items():
+                if name not in names:
+                    names.append(name)
+                numbers[key] = names.index(name)
+            row, rows = _inside(to.latitude, tile.box[1], step[1], tile.cells)
+            column, columns = _inside(to.longitude, tile.box[0], step[0], tile.cells)
+            at = np.ix_(rows, columns)
+            found[at], levels[at] = numbers[index[np.ix_(row, column)]], level
+            mixed[at] = share[np.ix_(row, column)] < _CLEAR
+    return found, names, mixed, levels
+
+
+def _inside(
+    places: NDArray[np.float64], low: float, step: float, cells: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Elements of a tile that contain places, and the numbers of these places."""
+    element = np.floor((places - low) / step).astype(np.int64)
+    number = np.flatnonzero((element >= 0) & (element < cells))
+    return element[number], number
+
+
+def _largest(layers: dict[tuple[int, int], CdbFile], log: Log) -> tuple[NDArray[np.uint8], NDArray[np.float64]] | None:
+    """Index with the largest share of each element of a tile, and this share; None if the tile is left out."""
+    indices = [band(layers[1, k], log) for k in sorted(second for first, second in layers if first == 1)]
+    if any(one is None for one in indices):
+        return None
+    index = np.stack([one[0] for one in indices if one is not None])
+    if index.dtype != np.uint8:
+        log.left_out(layers[1, 1].path, f"it holds {index.dtype}, expected uint8")
+        return None
+    count = len(index)
+    if count == 1:
+        return index[0], np.ones(index[0].shape)
+    share = np.full(index.shape, 1.0 / count)
+    given = [band(layers[2, k], log) for k in range(1, count) if (2, k) in layers]
+    if len(given) == count - 1 and all(one is not None for one in given):
+        share[:-1] = [_fraction(one[0]) for one in given if one is not None]
+        share[-1] = np.clip(1.0 - share[:-1].sum(axis=0), 0.0, 1.0)
+    elif given:
+        log.left_out(layers[1, 1].path, "a layer of shares is missing or damaged: equal shares are taken")
+    # one composite material may stand in several layers
+    total = np.stack([np.where(index == one, share, 0.0).sum(axis=0) for one in index])
+    best = np.argmax(total, axis=0)[None]
+    return np.take_along_axis(index, best, 0)[0], np.take_along_axis(total, best, 0)[0]
+
+
+def _fraction(values: NDArray[Any]) -> NDArray[np.float64]:
+    """Shares from 0 to 1; integers are scaled to their largest value (requirement 105)."""
+    largest = np.iinfo(values.dtype).max if values.dtype.kind in "ui" else 1.0
+    return np.nan_to_num(values.astype(np.float64)) / largest
+
+
+def _base_materials(log: Log) -> set[str]:
+    """Names of base materials that the database defines; empty if its list is missing or damaged."""
+    path = log.root / BASE_MATERIALS
+    root = _xml(path, log) if path.is_file() else None
+    return (
+        set() if root is None else {text.strip() for text in root.xpath("//*[local-name()='Base_Material']/*/text()")}
+    )
+
+
+def _xml(path: Path, log: Log) -> Any:
+    """Root element of an XML file; None if it is left out."""
+    try:
+        with guarded(path, lambda text: log.refused(path, text), "XML"):
+            return read_xml(path)
+    except SceneError as error:
+        log.left_out(path, error)
+        return None
+
+
+def _table(path: Path, base: set[str], log: Log) -> dict[int, str] | None:
+    """Name of each index of a table of composite materials; None if the table is damaged."""
+    if (root := _xml(path, log)) is None:
+        return None
+    table = {}
+    for one in root.xpath("//*[local-name()='Composite_Material']"):
+        index, name = str(one.get("index")), one.xpath("string(*[local-name()='Name'])").strip()
+        if not index.isdecimal() or int(index) > 255 or not name:
+            log.left_out(path, f"it has a composite material {name!r} of index {index}, expected a name and 0 to 255")
+            return None
+        table[int(index)] = name
+    unknown = {text.strip() for text in root.xpath("//*[local-name()='Material']/*[local-name()='Name']/text()")} - base
+    if base and unknown:
+        about = str(path.relative_to(log.root))
+        log.append(Finding("cdb_base_materials", "warning", about, {"names": ", ".join(sorted(unknown))}))
+    return table
+
+
+def material_ids(
+    files: Sequence[CdbFile], to: Lattice, mapping: CdbMapping, log: Log
+) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+    """Material ids of the elements of a lattice, and their levels.
+
+    Returns
+    -------
+    ndarray of uint8
+        Material id; 0 if the composite material has no material in the mapping, ``NO_TILE`` without a tile.
+    ndarray of int64
+        Level of each element.
+
+    Raises
+    ------
+    SceneError
+        More than 1 % of the elements are of unmapped composite materials.
+    """
+    number, names, mixed, levels = composites(files, to, log)
+    if not (number >= 0).any():  # the default of section 5.6.3.2 of the standard
+        number, names = np.ones_like(number), [_UNKNOWN, _DEFAULT]
+        log.append(Finding("cdb_no_material", "warning", "scene.root", {"name": _DEFAULT}))
+    total = int(np.count_nonzero(number >= 0))
+    counts = np.bincount(number[number >= 0], minlength=len(names))
+    ids = {name: k for k, name in mapping.names.items()}
+    lacking = [name not in mapping.composites and counts[k] > 0 for k, name in enumerate(names)]
+    if any(lacking):
+        share = counts[lacking].sum() / total
+        listed = _listed((name, counts[k] / total) for k, name in enumerate(names) if lacking[k])
+        if share > _MOST_UNMAPPED:
+            raise SceneError(
+                f"scene.materials: no material for {share:.1%} of the cells, expected for at most 1 %: {listed} of "
+                f"{log.root}; add these names to composites."
+            )
+        log.append(Finding("cdb_unmapped", "warning", "scene.materials", {"names": listed}))
+    if mixed.any():
+        numbers = {"percent": 100.0 * np.count_nonzero(mixed) / total, "share": _CLEAR}
+        log.append(Finding("cdb_mixed", "warning", "scene.root", numbers))
+    of_number = np.array([ids.get(mapping.composites.get(name, ""), 0) for name in names] + [NO_TILE], dtype=np.uint8)
+    return of_number[number], levels
+
+
+def _listed(shares: Iterable[tuple[str, float]]) -> str:
+    """Names with their shares, the largest first."""
+    return ", ".join(f"{name} ({share:.2g})" for name, share in sorted(shares, key=lambda one: -one[1]))

@@ -1,0 +1,217 @@
+"""Tiles of several levels joined to one raster: the finest level that is there, coarser levels in its gaps.
+
+Two registrations occur in a database. Elements of elevation are posts, the first of which lies on the south-west corner
+of the tile; elements of other rasters are areas. A tile lies where its name says, not where the tags of the file say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.errors import SceneError
+from radcal.findings import Finding
+from radcal.reading.cdb import CdbFile, step_deg
+from radcal.reading.intake import guarded
+from radcal.reading.rasters import check_blocks, open_raster
+from radcal.scene.grid import LARGEST_CELLS, Source
+
+__all__ = ["AREA", "POST", "Lattice", "Log", "heights", "level_name"]
+
+POST, AREA = 0.0, 0.5  # place of an element, from the south-west corner of its area [elements]
+_MARGIN = 4  # elements around the bounds: cubic convolution reaches 2
+_OFF = 0.1  # largest distance of a file's tags from the place of its name without a finding [elements]
+
+
+def level_name(level: int) -> str:
+    """Level of detail as in the names of files."""
+    return f"LC{-level:02d}" if level < 0 else f"L{level:02d}"
+
+
+class Log(list[Finding]):
+    """Findings on a database; files are named by their path from its root.
+
+    Parameters
+    ----------
+    root : path
+        Folder of the database.
+    """
+
+    def __init__(self, root: Path) -> None:
+        super().__init__()
+        self.root = root
+
+    def left_out(self, path: Path, reason: object) -> None:
+        """Add a warning on a file that is left out; the reason may be an error of :meth:`refused`."""
+        text = str(reason).removeprefix(f"scene.root: {path} ").rstrip(".")
+        self.append(Finding("cdb_left_out", "warning", str(path.relative_to(self.root)), {"reason": text}))
+
+    def refused(self, path: Path, text: str) -> SceneError:
+        """Error on a file, from the end of a sentence."""
+        return SceneError(f"scene.root: {path} {text}")
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Elements of a raster in degrees.
+
+    Attributes
+    ----------
+    step : (float, float)
+        Distance of elements along longitude and latitude [deg].
+    west, south : int
+        Number of steps from the meridian of Greenwich and the equator to the south-west element.
+    columns, rows : int
+        Number of elements.
+    at : float
+        :data:`POST` or :data:`AREA`.
+    """
+
+    step: tuple[float, float]
+    west: int
+    south: int
+    columns: int
+    rows: int
+    at: float
+
+    @classmethod
+    def around(cls, bounds: Sequence[float], step: tuple[float, float], at: float) -> Lattice:
+        """Lattice of the elements inside of bounds [deg], and a margin."""
+        west, south = (int(np.floor(low / one)) - _MARGIN for low, one in zip(bounds[:2], step, strict=True))
+        east, north = (int(np.ceil(high / one)) + _MARGIN for high, one in zip(bounds[2:], step, strict=True))
+        if (east - west) * (north - south) > LARGEST_CELLS:
+            raise SceneError(
+                f"scene.bounds contain {east - west} x {north - south} elements of the finest level of the database, "
+                f"expected at most {LARGEST_CELLS:.0e}: give smaller scene.bounds."
+            )
+        return cls(step, west, south, east - west, north - south, at)
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """West, south, east and north bounds of the areas of the elements, which begin at the elements of posts."""
+        (dx, dy), east, north = self.step, self.west + self.columns, self.south + self.rows
+        return self.west * dx, self.south * dy, east * dx, north * dy
+
+    @property
+    def longitude(self) -> NDArray[np.float64]:
+        """Longitude of each column [deg]."""
+        return np.asarray((self.west + np.arange(self.columns) + self.at) * self.step[0])
+
+    @property
+    def latitude(self) -> NDArray[np.float64]:
+        """Latitude of each row, the first in the south [deg]."""
+        return np.asarray((self.south + np.arange(self.rows) + self.at) * self.step[1])
+
+    @contextmanager
+    def source(self, root: Path, values: NDArray[Any], nodata: float) -> Iterator[Source]:
+        """Raster of values in memory, whose pixels have their centres at the elements; row 0 is in the south."""
+        from pyproj import CRS
+        from rasterio.io import MemoryFile
+        from rasterio.transform import Affine
+
+        (dx, dy), crs = self.step, CRS.from_epsg(4326)
+        transform = Affine(dx, 0.0, (self.west + self.at - 0.5) * dx, 0.0, dy, (self.south + self.at - 0.5) * dy)
+        with MemoryFile() as memory:
+            with memory.open(
+                driver="GTiff", height=self.rows, width=self.columns, count=1, dtype=values.dtype, crs="EPSG:4326",
+                transform=transform, nodata=nodata,
+            ) as raster:  # fmt: skip
+                raster.write(values, 1)
+            with memory.open() as raster:
+                yield Source("scene.root", root, raster, crs, crs)
+
+
+def band(tile: CdbFile, log: Log) -> tuple[NDArray[Any], Any] | None:
+    """First band of a tile with row 0 in the south, no-data as NaN or 0, and its transform; None if it is left out."""
+    try:
+        with guarded(tile.path, partial(log.refused, tile.path), "a raster"), open_raster(tile.path) as raster:
+            if raster.shape != (tile.cells, tile.cells):
+                found = f"{raster.shape[0]} x {raster.shape[1]}"
+                raise log.refused(tile.path, f"has {found} elements, expected {tile.cells} x {tile.cells}")
+            check_blocks(raster)
+            values, transform = raster.read(1, masked=True), raster.transform
+    except SceneError as error:
+        log.left_out(tile.path, error)
+        return None
+    return values.filled(np.nan if values.dtype.kind == "f" else 0)[::-1], transform
+
+
+def by_level(tiles: Iterable[CdbFile]) -> Iterator[tuple[tuple[int, int], list[CdbFile]]]:
+    """Tiles of each level and width of geocells, coarse levels first."""
+    groups: dict[tuple[int, int], list[CdbFile]] = {}
+    for tile in tiles:
+        groups.setdefault((tile.level, tile.width), []).append(tile)
+    yield from sorted(groups.items())
+
+
+def heights(tiles: Sequence[CdbFile], to: Lattice, log: Log) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Heights [m] at the posts of a lattice, and the level of each; NaN without a height.
+
+    Posts of coarser levels are interpolated bilinearly. The finding ``cdb_tags`` says how far the tags of files are
+    from the posts of the standard.
+    """
+    found = np.full((to.rows, to.columns), np.nan)
+    levels = np.full(found.shape, -99)
+    off: list[tuple[int, float, float]] = []
+    for (level, width), group in by_level(tiles):
+        own = Lattice.around(to.box, step_deg(level, width), POST)
+        posts = np.full((own.rows, own.columns), np.nan)
+        for tile in group:
+            if (read := band(tile, log)) is None:
+                continue
+            values, transform = read[0].astype(np.float64), read[1]
+            if read[0].dtype.kind == "i" and level > 0:
+                values *= 2.0**-level  # requirement 89: integer heights are finer in finer levels
+            west, south = round(tile.box[0] / own.step[0]) - own.west, round(tile.box[1] / own.step[1]) - own.south
+            _paste(posts, values, south, west)
+            off.append((level, *_off(tile, own.step, transform)))
+        value = _bilinear(posts, to.latitude / own.step[1] - own.south, to.longitude / own.step[0] - own.west)
+        known = np.isfinite(value)
+        found[known], levels[known] = value[known], level
+    if wrong := [metres for level, posts_off, metres in off if posts_off > _OFF and level in levels]:
+        numbers = {"tiles": len(wrong), "off_m": max(wrong)}
+        log.append(Finding("cdb_tags", "warning", "scene.root", numbers))
+    return found, levels
+
+
+def _paste(to: NDArray[Any], values: NDArray[Any], row: int, column: int) -> None:
+    """Copy the part of an array that lies inside of another one, whose element (0, 0) has the given place."""
+    (top, left), (rows, columns) = (max(0, row), max(0, column)), values.shape
+    bottom, right = min(to.shape[0], row + rows), min(to.shape[1], column + columns)
+    if top < bottom and left < right:
+        to[top:bottom, left:right] = values[top - row : bottom - row, left - column : right - column]
+
+
+def _off(tile: CdbFile, step: tuple[float, float], transform: Any) -> tuple[float, float]:
+    """Largest distance of a post's tags from its place by the standard, in posts and in metres; NaN without tags."""
+    if transform.is_identity:
+        return np.nan, np.nan
+    from pyproj import Geod
+
+    last = tile.cells - 1
+    row, column = np.array([(0, 0), (0, last), (last, 0), (last, last)]).T
+    x, y = tile.box[0] + column * step[0], tile.box[1] + (last - row) * step[1]
+    tagged = transform.c + transform.a * (column + 0.5), transform.f + transform.e * (row + 0.5)
+    posts = np.maximum(abs(tagged[0] - x) / step[0], abs(tagged[1] - y) / step[1])
+    metres = Geod(ellps="WGS84").inv(x, y, tagged[0], np.clip(tagged[1], -90.0, 90.0))[2]
+    return float(posts.max()), float(np.max(metres))
+
+
+def _bilinear(posts: NDArray[np.float64], row: NDArray[Any], column: NDArray[Any]) -> NDArray[np.float64]:
+    """Values between posts, at rows and columns of a grid; a post without weight may have no value."""
+    i, j = np.floor(row + 1e-9).astype(int), np.floor(column + 1e-9).astype(int)
+    p, q = np.maximum(row - i, 0.0)[:, None], np.maximum(column - j, 0.0)[None, :]
+    total = np.zeros((len(row), len(column)))
+    for k, weight in ((i, 1.0 - p), (i + 1, p)):
+        for m, other in ((j, 1.0 - q), (j + 1, q)):
+            both = np.broadcast_to(weight * other, total.shape)
+            value = posts[np.ix_(np.clip(k, 0, posts.shape[0] - 1), np.clip(m, 0, posts.shape[1] - 1))]
+            total += np.where(both > 1e-6, both * value, 0.0)
+    return total

@@ -1,0 +1,109 @@
+"""Source of scenes ``cdb``: an OGC CDB 1.x database."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.cdb.features import burnt, objects_of, read_features
+from radcal.cdb.mapping import read_mapping
+from radcal.cdb.materials import NO_TILE, material_ids
+from radcal.cdb.mosaic import AREA, POST, Lattice, Log, heights, level_name
+from radcal.config import expand_path
+from radcal.errors import SceneError
+from radcal.findings import Finding, Severity
+from radcal.reading.cdb import CdbFile, cdb_files, step_deg
+from radcal.scene.base import SceneSize, SceneSource
+from radcal.scene.crs import named_datum
+from radcal.scene.grid import grid_of_degrees, pixel_m
+from radcal.scene.model import Scene
+from radcal.scene.raster import resampled
+from radcal.sections.scene import CdbScene
+
+__all__ = ["CdbSource"]
+
+_DATUM = "WGS 84 ellipsoid", "by the standard; the heights are used as they are"
+_COARSE_POSTS = 3.0  # distance of posts [cells] from which it is a warning
+
+
+class CdbSource(SceneSource):
+    """Source ``cdb``."""
+
+    section = CdbScene
+
+    @staticmethod
+    def size(config: CdbScene) -> SceneSize:
+        """Size of the grid, from the names of the files."""
+        root = expand_path(config.root, "scene.root", folder=True)
+        lattices = _lattices(cdb_files(root, config.bounds), config, root)
+        grid = grid_of_degrees(config.bounds, config.crs, config.cell_m, lattices[1].step, 0.0)
+        cells = grid.rows * grid.columns
+        return SceneSize(cells, grid.cell_m, max(cells, *(one.rows * one.columns for one in lattices)))
+
+    @staticmethod
+    def make(config: CdbScene, heading_deg: float) -> Scene:
+        """Scene of the finest levels that are there, with objects, lines and areas."""
+        return _scene(config, heading_deg)
+
+
+def _tiles(files: Sequence[CdbFile], dataset: int) -> list[CdbFile]:
+    """Tiles of the first raster of a dataset, such as the primary terrain elevation."""
+    return [one for one in files if (one.dataset, one.first, one.second, one.path.suffix) == (dataset, 1, 1, ".tif")]
+
+
+def _lattices(files: Sequence[CdbFile], config: CdbScene, root: Path) -> tuple[Lattice, Lattice]:
+    """Lattices of the finest posts and of the finest elements of raster material; without material, those of posts."""
+    posts, elements = (max(_tiles(files, k), key=lambda one: one.level, default=None) for k in (1, 5))
+    if posts is None:
+        raise SceneError(f"scene.root: {root} has no elevation (dataset 001) in scene.bounds.")
+    of_posts, of_elements = (step_deg(one.level, one.width) for one in (posts, elements or posts))
+    return Lattice.around(config.bounds, of_posts, POST), Lattice.around(config.bounds, of_elements, AREA)
+
+
+def _scene(config: CdbScene, heading_deg: float) -> Scene:
+    root = expand_path(config.root, "scene.root", folder=True)
+    mapping = read_mapping(expand_path(config.materials, "scene.materials"))
+    log = Log(root)
+    to_posts, to_elements = _lattices(cdb_files(root, config.bounds), config, root)
+    boxes = np.array([to_posts.box, to_elements.box])
+    files = cdb_files(root, (*boxes[:, :2].min(axis=0), *boxes[:, 2:].max(axis=0)))
+    for one in files:
+        if one.fault:
+            log.left_out(one.path, one.fault)
+    grid = grid_of_degrees(config.bounds, config.crs, config.cell_m, to_elements.step, heading_deg)
+    heights_m, of_heights = heights(_tiles(files, 1), to_posts, log)
+    ids, of_ids = material_ids(files, to_elements, mapping, log)
+    for about, levels in (("elevation", of_heights), ("material", of_ids)):
+        if shares := _shares(levels):
+            log.append(Finding("cdb_levels", "note", "scene.root", {"dataset": about, "levels": shares}))
+    points, others = read_features(files, log)
+    datum = _DATUM
+    if config.vertical_datum is not None:
+        datum = named_datum(config.vertical_datum), "from scene.vertical_datum"
+
+    def named(cells: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], dict[int, str]]:
+        return burnt(cells, others, grid, mapping, log), mapping.names
+
+    with (
+        to_posts.source(root, heights_m, np.nan) as elevation,
+        to_elements.source(root, ids, NO_TILE) as materials,
+    ):
+        scene = resampled(config.source, elevation, materials, grid, datum, named, heading_deg)
+        post_m = float(np.sqrt(np.prod(pixel_m(elevation, grid.crs, grid.box))))
+    cells = post_m / grid.cell_m
+    severity: Severity = "warning" if cells > _COARSE_POSTS else "note"
+    log.append(Finding("cdb_posts", severity, "scene.root", {"post_m": post_m, "cells": cells}))
+    assert scene.elevation_m is not None  # noqa: S101 - a scene on the map has heights
+    objects = objects_of(points, grid, scene.elevation_m, mapping, log)
+    return replace(scene, findings=(*scene.findings, *log), objects=objects)
+
+
+def _shares(levels: NDArray[np.int64]) -> str:
+    """Levels with their shares, the finest first."""
+    level, count = np.unique(levels[levels > -99], return_counts=True)
+    parts = zip(level[::-1], count[::-1] / max(count.sum(), 1), strict=True)
+    return ", ".join(f"{level_name(int(one))} ({share:.1%})" for one, share in parts)

@@ -1,0 +1,158 @@
+"""Names of the files of an OGC CDB 1.x database, and the ground that the tile of each name covers.
+
+References
+----------
+OGC 15-113r6, "Volume 1: OGC CDB Core Standard: Model and Physical Data Store Structure", sections 2.1.2 (geocells),
+3.6.2 (folders, table 3-29: widths of geocells) and 3.6.3 (names of files).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+__all__ = ["BASE_MATERIALS", "CELLS", "DATASETS", "CdbFile", "cdb_files", "cell_width_deg", "step_deg"]
+
+CELLS = 1024  # grid elements along a side of a tile of level 0 or finer
+DATASETS = (1, 5, 6, 100, 101, 201, 204)
+"""Datasets that are read: elevation, raster material and its tables, features, roads, waters."""
+
+BASE_MATERIALS = "Metadata/Materials.xml"
+
+_ZONES = ((89, 12), (80, 6), (75, 4), (70, 3), (50, 2), (0, 1))  # latitude from which a geocell has a width [deg]
+_CELL = re.compile(r"([NS])(\d{2})|([EW])(\d{3})")
+_NAME = re.compile(r"([NS]\d{2})([EW]\d{3})_D(\d{3})_S(\d{3})_T(\d{3})_(LC|L)(\d{2})_U(\d{1,7})_R(\d{1,7})\.(\w+)")
+
+Box = tuple[float, float, float, float]  # west, south, east, north [deg]
+
+
+@dataclass(frozen=True)
+class CdbFile:
+    """File of a tile.
+
+    Attributes
+    ----------
+    path : path
+        The file.
+    dataset, first, second : int
+        Code of the dataset, and its two component selectors (S and T of the name).
+    level : int
+        Level of detail; negative for the coarse levels of the folder ``LC``.
+    box : (float, float, float, float)
+        West, south, east and north bounds of the tile [deg].
+    width : int
+        Width of its geocell [deg].
+    fault : str
+        Reason why the file cannot be read as that of a tile; empty without one.
+    """
+
+    path: Path
+    dataset: int = 0
+    first: int = 0
+    second: int = 0
+    level: int = 0
+    box: Box = (0.0, 0.0, 0.0, 0.0)
+    width: int = 1
+    fault: str = ""
+
+    @property
+    def cells(self) -> int:
+        """Number of grid elements along a side of the tile."""
+        return CELLS >> max(-self.level, 0)
+
+
+def cell_width_deg(south: int) -> int:
+    """Width of a geocell [deg] whose southern edge has a latitude [deg]; the zones are symmetric to the equator."""
+    return next(width for least, width in _ZONES if (south if south >= 0 else -south - 1) >= least)
+
+
+def step_deg(level: int, width: int) -> tuple[float, float]:
+    """Distance of the grid elements of a level along longitude and latitude [deg], in geocells of a width [deg]."""
+    step = 2.0**-level / CELLS
+    return width * step, step
+
+
+def cdb_files(root: Path, bounds: Box, datasets: Sequence[int] = DATASETS) -> list[CdbFile]:
+    """Files of the datasets whose tiles overlap an area, sorted by path.
+
+    Parameters
+    ----------
+    root : path
+        Folder of the database, which contains the folder ``Tiles``.
+    bounds : (float, float, float, float)
+        West, south, east and north bounds of the area [deg].
+    datasets : sequence of int
+        Codes of the datasets.
+
+    Returns
+    -------
+    list of CdbFile
+        Files, among them misplaced ones, whose ``fault`` says why.
+    """
+    found = [one for cell in _cells(root, bounds) for one in (_of_cell(*cell, bounds, datasets))]
+    return sorted(found, key=lambda one: one.path)
+
+
+def _cells(root: Path, bounds: Box) -> Iterator[tuple[Path, int, int]]:
+    """Folders of the geocells that may overlap an area, with latitude and longitude of their south-west corners."""
+    for latitude in _folders(root / "Tiles"):
+        south = _degrees(latitude.name, "NS")
+        if south is None or not south < bounds[3] or not south + 1 > bounds[1]:
+            continue
+        for longitude in _folders(latitude):
+            west = _degrees(longitude.name, "EW")
+            if west is not None and west < bounds[2] and west + cell_width_deg(south) > bounds[0]:
+                yield longitude, south, west
+
+
+def _folders(path: Path) -> list[Path]:
+    return sorted(one for one in path.iterdir() if one.is_dir()) if path.is_dir() else []
+
+
+def _degrees(name: str, letters: str) -> int | None:
+    """Latitude or longitude that the name of a folder gives [deg]; None for another name."""
+    match = _CELL.fullmatch(name)
+    if match is None or name[0] not in letters:
+        return None
+    return int(name[1:]) * (-1 if name[0] in "SW" else 1)
+
+
+def _of_cell(folder: Path, south: int, west: int, bounds: Box, datasets: Sequence[int]) -> Iterator[CdbFile]:
+    width = cell_width_deg(south)
+    if west % width:
+        yield CdbFile(folder, fault=f"a geocell of this latitude is {width} degrees wide, its west a multiple of that")
+        return
+    for dataset in _folders(folder):
+        if not dataset.name[:3].isdecimal() or int(dataset.name[:3]) not in datasets:
+            continue
+        for row in (row for level in _folders(dataset) for row in _folders(level)):
+            for path in row.iterdir():
+                if path.is_file() and not path.name.startswith("."):
+                    one = _parsed(path, south, west, width)
+                    if one.fault or _overlap(one.box, bounds):
+                        yield one
+
+
+def _parsed(path: Path, south: int, west: int, width: int) -> CdbFile:
+    """File of a tile by its name, compared with the folders in which it lies."""
+    match = _NAME.fullmatch(path.name)
+    row, level, dataset, longitude, latitude = (folder.name for folder in list(path.parents)[:5])
+    if match is None:
+        return CdbFile(path, fault="its name is not one of a tile")
+    ns, ew, code, first, second, coarse, digits, up, right, _ = match.groups()
+    own = "LC" if coarse == "LC" else f"L{digits}"
+    if (ns, ew, code, own, f"U{up}") != (latitude, longitude, dataset[:3], level, row):
+        return CdbFile(path, fault="its name contradicts its folders")
+    number = -int(digits) if coarse == "LC" else int(digits)
+    tiles = 2 ** max(number, 0)
+    if not -10 <= number <= 23 or max(int(up), int(right)) >= tiles:
+        return CdbFile(path, fault=f"a geocell has no row {up} and column {right} of level {number}")
+    left, low = west + width * int(right) / tiles, south + int(up) / tiles
+    box = (left, low, left + width / tiles, low + 1.0 / tiles)
+    return CdbFile(path, int(code), int(first), int(second), number, box, width)
+
+
+def _overlap(one: Box, other: Box) -> bool:
+    return one[0] < other[2] and one[2] > other[0] and one[1] < other[3] and one[3] > other[1]
