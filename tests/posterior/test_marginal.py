@@ -23,16 +23,6 @@ def dense(variance, patch, cell, field):
     return np.diag(variance + cell**2) + field**2 * (patch[:, None] == patch)
 
 
-@pytest.mark.parametrize(("i", "j"), [(0, 0), (17, 22), (31, 5), (9, 31)])
-def test_on_the_grid_the_normal_equations_are_exact(i, j):
-    columns, variance, patch = made()
-    table = Marginal(columns, variance, patch)
-    gram, log_det = table.at(GRID[0][[i]], GRID[1][[j]])
-    covariance = dense(variance, patch, np.exp(GRID[0][i]), np.exp(GRID[1][j]))
-    np.testing.assert_allclose(gram[0], columns.T @ np.linalg.solve(covariance, columns), rtol=1e-8, atol=1e-8)
-    assert log_det[0] == pytest.approx(np.linalg.slogdet(covariance)[1], rel=1e-10)
-
-
 def test_the_grid_reaches_as_far_as_the_priors():
     np.testing.assert_allclose([marginal._CELL[[0, -1]], marginal._FIELD[[0, -1]]], [one[[0, -1]] for one in GRID])
     columns, variance, patch = made()

@@ -121,14 +121,6 @@ def test_the_exponent_is_that_of_least_squares_with_priors_on_slopes_and_forms()
     assert error == pytest.approx(np.sqrt(np.linalg.inv(precise)[0, 0]), rel=0.05)
 
 
-def test_outliers_hardly_move_the_exponent():
-    clean = materials(0.0)
-    cells, law = clean["water"]
-    bright = cells.measured_db + np.where((np.arange(cells.size) % 12 == 0) & (cells.area_db > 0.0), 8.0, 0.0)
-    rough = {**clean, "water": (made_cells(**{**vars(cells), "measured_db": bright}), law)}
-    assert abs(area_exponent(rough, CONFIG)[0] - area_exponent(clean, CONFIG)[0]) < 0.1
-
-
 def test_outliers_count_as_by_the_loss_of_huber():
     """Minimum of the loss of two standard errors, by an optimiser; the outliers lie where the area is large."""
     rng = np.random.default_rng(8)
