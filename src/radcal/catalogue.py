@@ -27,8 +27,8 @@ _CORRELATED = (
     _SPREAD + "; neighbouring pixels are correlated over {correlation_ratio:.2g} times the area of these resolutions"
 )
 _COUNTS = (
-    "{pixels:,} pixels, set to NaN: {no_data:,} without data, {zero:,} of zero and {negative:,} of negative power, "
-    "{impossible:,} of an impossible level"
+    "{pixels:,} pixels; not used are {no_data:,} without data, {zero:,} of zero power, {negative:,} of negative power "
+    "and {impossible:,} beyond +-200 dB"
 )
 _RELIEF = (
     "{about} changes by {db_per_deg:+.2f} dB (standard error {error_db_per_deg:.2f}) per degree of local incidence on "
@@ -199,8 +199,8 @@ _OF_MODEL: Mapping[str, str] = {
     "radiometry": "{about}: by the fixed materials the image is {other}, not {declared} as the case says (against "
     "{declared} it goes with the ground area to the power {exponent:+.2f}, standard error {error:.2f}); the bands are "
     "given for {other}",
-    "radiometry_unchecked": "{about}: radiometry unchecked, because the fixed materials cannot tell it; the bands "
-    "allow for {other} with a probability of {chance_percent:.0f} %",
+    "radiometry_unchecked": "{about}: radiometry unchecked, because the fixed materials do not show whether a pixel "
+    "holds {declared} or {other}; in the bands {other} has a probability of {chance_percent:.0f} %",
     "fixed_law": "{about}: the image minus its fixed law is {error_db:+.2f} dB (90 %: {p05_db:+.2f} to "
     "{p95_db:+.2f}), more than those of the other fixed materials",
     "fixed_law_and_image": "{about}: the image minus the fixed law is {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "
@@ -216,8 +216,8 @@ _OF_MODEL: Mapping[str, str] = {
     "images_mapped": _MAPPED,
     "all_images_mapped": _MAPPED + "; all materials are calibrated, so that a level common to all laws is not "
     "identified",
-    "level_unchecked": "{about}: level and radiometry unchecked, because no material has a fixed law; the bands "
-    "contain the level's standard error of {level_db:.2g} dB (uncertainty.level_db)",
+    "level_unchecked": "{about}: the level of the image (an offset in dB) is unchecked, because no material has a "
+    "fixed law; the bands contain its standard error of {level_db:.2g} dB (uncertainty.level_db)",
     "determined": "sigma0 is determined to +-{half_width_db:.1f} dB (90 %) {between}, " + IF,
     "undetermined": "sigma0 is determined at no angle: the half-width of its 90 % band is nowhere below "
     "{narrowest_db:.1f} dB, and uncertainty.known_db asks for {known_db:.1f} dB",

@@ -94,7 +94,7 @@ def test_radiometry_then_fixed_laws_then_the_level():
     numbers = {"chance_percent": 90.0, "exponent": 0.1, "error": 0.2}
     assert found[0].numbers == {**numbers, "declared": "sigma0_local", "other": "sigma0_ref"}
     assert found[0].do == "radar.radiometry: sigma0_ref"
-    assert found[1].numbers == {**numbers, "chance_percent": 30.0, "other": "sigma0_local"}
+    assert found[1].numbers == {**numbers, "chance_percent": 30.0, "declared": "beta0", "other": "sigma0_local"}
     assert found[2].numbers == {"error_db": 1.9, "p05_db": 1.2, "p95_db": 2.6}
     assert found[2].do == "materials.water.parameters"
     assert of_image(wrong, "sigma0_local", "beta0", normalisation="image") == []
@@ -155,7 +155,7 @@ def test_without_fixed_laws_nothing_is_checked():
     )  # fmt: skip
     found = of_image(nothing, level_db=0.45)
     assert codes(found) == [("radiometry_unchecked", "note", "pass 1"), ("level_unchecked", "note", "pass 1")]
-    assert found[0].numbers == {"other": "sigma0_ref", "chance_percent": 0.0}
+    assert found[0].numbers == {"declared": "sigma0_local", "other": "sigma0_ref", "chance_percent": 0.0}
     assert found[1].numbers == {"level_db": 0.45}
 
 

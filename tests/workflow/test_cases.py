@@ -130,7 +130,7 @@ def test_a_measured_image_from_the_raw_files_to_the_report(project):
     (project.folder / "measured.yaml").write_text(yaml.safe_dump(data))
     done = project.run("--configfile", "measured.yaml")
     assert done.returncode == 0, done.stdout
-    assert "sigma0_hh.tif: 96,000 pixels, set to NaN: 0 without data, 0 of zero and 0 of negative" in done.stdout
+    assert "sigma0_hh.tif: 96,000 pixels; not used are 0 without data, 0 of zero power, 0 of negative" in done.stdout
     summary = project.summary("measured")
     assert set(summary["materials"]) == {"beet", "wheat 2"}
     # the level of the class, from the data's own description

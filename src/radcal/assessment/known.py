@@ -30,11 +30,13 @@ def image_findings(case: Part, image: Image) -> Iterator[Finding]:
         return
     for number, one in enumerate(case.passes, start=1):
         about, shown, other = f"pass {number}", image.radiometry[str(number)], _OTHER[one.radar.radiometry]
-        numbers: dict[str, float | str] = {"other": other, "chance_percent": 100.0 * shown.chance}
+        declared = one.radar.radiometry
+        numbers: dict[str, float | str] = {
+            "declared": declared, "other": other, "chance_percent": 100.0 * shown.chance,
+        }  # fmt: skip
         if shown.materials:
             numbers |= {"exponent": shown.exponent, "error": shown.error}
         if shown.found:
-            numbers["declared"] = one.radar.radiometry
             yield Finding("radiometry", "refusal", about, numbers, f"radar.radiometry: {other}")
         elif not shown.checked:
             yield Finding("radiometry_unchecked", "note", about, numbers)
