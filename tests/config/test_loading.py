@@ -69,6 +69,28 @@ def test_bad_overrides(tmp_path: Path, overrides: dict[str, Any], words: list[st
         assert word in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("overrides", "said"),
+    [
+        # Snakemake hands over what it has merged: a key of the file keeps its line
+        (
+            {"seed": 3, "materials": {"dyke": {"calibrate": True, "bounds": [[0, -1]]}}},
+            "case.yaml, line 6: materials.dyke: bounds",
+        ),
+        ({"materials": {"dyke": {"bounds": [[1, -1]]}}}, "case.yaml, command line: materials.dyke: bounds"),
+        ({"materials": {"dyke": {"bounds": {"0": [0, 1]}}}}, "case.yaml, command line: materials.dyke.bounds is {'0'"),
+    ],
+)
+def test_a_mistake_has_the_place_of_its_key(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, overrides: dict[str, Any], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path, "seed: 3\n\nmaterials:\n  dyke:\n    calibrate: true\n    bounds: [[0, -1]]\n")
+    with pytest.raises(ConfigError) as caught:
+        load(["case.yaml"], overrides)
+    assert str(caught.value).startswith(said)
+
+
 def test_a_file_that_is_no_yaml_is_refused_with_its_line(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"case\.yaml, line 3: not a YAML file"):
         load([write(tmp_path, "seed: 3\nradar: [1, 2\n")])

@@ -138,7 +138,7 @@ def test_all_mistakes_of_a_file_of_materials_are_told_at_once(tmp_path: Path, ca
     assert [",".join(line.split(",")[:2]) for line in done.stderr.splitlines()] == [
         f"radcal: {other}, line 12: unknown key materials.shore.paramters (did you mean 'parameters'?).",
         f"radcal: {other}, line 2: materials.field: law is 'constant_gama'",
-        f"radcal: {other}, line 6: materials.lake: parameters has 2 numbers",
+        f"radcal: {other}, line 8: materials.lake: parameters has 2 numbers",
     ]
     law = {"law": "constant_gamma", "parameters": [-8]}
     done = simulate(case, "--materials", write_materials(tmp_path, feld=law, lake=law, shore=law))

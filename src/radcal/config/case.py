@@ -124,11 +124,11 @@ class Case(Part):
         if len(set(counts.values())) > 1 or 0 in counts.values():
             lengths = " and ".join(f"{name} of {count}" for name, count in counts.items())
             wrong = f": found {lengths}, expected lists of equal length, with one item for each pass"
-            raise ValueError(Wrong("measurement", wrong))
-        if found := list(dict.fromkeys(self._contradictions())):
+            raise Wrong("measurement", wrong)
+        if found := {str(one): one for one in self._contradictions()}:
             if not isinstance(info.context, list):  # a list collects them, and the caller gets the case
-                raise ValueError(*found)
-            info.context.extend(Mistake(key, f"{key}{text}") for key, text in found)
+                raise ValueError(*found.values())
+            info.context.extend(Mistake(one.key, text) for text, one in found.items())
         return self
 
     def _contradictions(self) -> Iterator[Wrong]:
@@ -158,10 +158,10 @@ class Case(Part):
                 "radcal apply or radcal compare (docs/passes.md)",
             )
         for number, one in enumerate(self.passes, start=1):
-            for key, text in one._in_pass():
-                section, _, rest = key.partition(".")
-                own = f"{key_in_list(section, number - 1)}.{rest}" if section in PASSES else key
-                yield Wrong(own, text)
+            for found in one._in_pass():
+                section, _, rest = found.key.partition(".")
+                own = f"{key_in_list(section, number - 1)}.{rest}" if section in PASSES else found.key
+                yield Wrong(own, str(found).removeprefix(found.key))
         yield from self._of_objective()
         if self.design.reuse is not None and len(self.radars) > 1:
             yield Wrong(
@@ -224,8 +224,8 @@ class Case(Part):
             try:
                 check_parameters(key, x, material.unbound_law)
                 material.check_whole(key, x)
-            except ValueError as error:
-                yield Wrong(key, str(error).removeprefix(key))
+            except Wrong as error:
+                yield error
 
     def _in_whole_box(self) -> Iterator[Wrong]:
         """Sentence on bounds with fewer combinations of integer parameters than design and reference run need."""

@@ -98,7 +98,7 @@ def with_starting_laws(data: dict[str, Any]) -> dict[str, Any]:
 def with_colours(data: dict[str, Any]) -> dict[str, Any]:
     """Case data with a section ``colours`` of the materials' colours, which only the stage ``archive`` reads."""
     if data.get("colours") is not None:
-        raise ValueError(Wrong("colours", ": unknown key, expected a key colour in each material"))
+        raise Wrong("colours", ": unknown key, expected a key colour in each material")
     materials = data.get("materials")
     if not isinstance(materials, dict):
         return data

@@ -202,8 +202,8 @@ def load_forward(
         data["measurement"] = [{}] * len(passes)
     loaded = Loaded(dict(with_undecided(data)), origin, places)
     if loaded.case is not None:
-        found = dict.fromkeys(wrong for one in loaded.case.passes for wrong in one.laws_without_pass())
-        loaded.mistakes = [Mistake(key, f"{key}{text}") for key, text in found]
+        found = {str(wrong): wrong.key for one in loaded.case.passes for wrong in one.laws_without_pass()}
+        loaded.mistakes = [Mistake(key, text) for text, key in found.items()]
     if loaded.case is None or loaded.mistakes:
         raise ConfigError("\nradcal: ".join(f"{loaded.at(one.key, one.text)}." for one in loaded.mistakes))
     return model_of(*FORWARD).of(loaded.case)
@@ -246,9 +246,10 @@ def _read(
         data = merged(data, read_case_file(file, places))
     # the configuration that Snakemake has merged repeats what the files say
     told, changes = dict(leaves(data)), _parsed(overrides or {})
+    changed = [key for key, value in leaves(changes) if key not in told or told[key] != value]
+    changed += [key for key in told if any(one.startswith(f"{key}.") for one in changed)]  # a section in its place
     origin = ", ".join(map(str, files)) or "configuration"
-    of_command = f"{origin}, command line"
-    places |= {key: of_command for key, value in leaves(changes) if key not in told or told[key] != value}
+    places |= dict.fromkeys(changed, f"{origin}, command line")
     data = merged(data, changes)
     if (file := data.pop(MATERIALS_FROM, None)) is not None:
         own = data.get("materials", {})

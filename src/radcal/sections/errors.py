@@ -43,11 +43,20 @@ _EXPECTED = {
 }
 
 
-class Wrong(typing.NamedTuple):
-    """Argument of a validator's ``ValueError``: a key of its section, and the rest of the sentence on it."""
+class Wrong(ValueError):
+    """Error of a validator about one key of its section.
 
-    key: str
-    text: str
+    Parameters
+    ----------
+    key : str
+        Key below the section.
+    text : str
+        Rest of the sentence on the key.
+    """
+
+    def __init__(self, key: str, text: str) -> None:
+        super().__init__(f"{key}{text}")
+        self.key = key
 
 
 @dataclass(frozen=True)
@@ -98,8 +107,8 @@ def mistakes(error: ValidationError, root: type[BaseModel]) -> list[Mistake]:
     Parameters
     ----------
     error : ValidationError
-        Error that pydantic raised. A ``ValueError`` of a validator has one contradiction in each argument: a sentence,
-        or a :data:`Wrong`.
+        Error that pydantic raised. A ``ValueError`` of a validator is a :class:`Wrong`, or has one contradiction in
+        each argument: a sentence, or a :class:`Wrong`.
     root : type of model
         Model of the data. For an unknown key, the sentence names the most similar key of the model.
     """
@@ -112,11 +121,10 @@ def mistakes(error: ValidationError, root: type[BaseModel]) -> list[Mistake]:
 
 
 def _of_contradictions(detail: ErrorDetails) -> list[Mistake]:
-    section, found = _dotted(detail["loc"]), []
-    for argument in detail["ctx"]["error"].args:
-        key, text = argument if isinstance(argument, Wrong) else ("", str(argument))
-        found.append(Mistake(f"{section}.{key}".strip("."), f"{section}: {key}{text}".removeprefix(": ")))
-    return found
+    section, error = _dotted(detail["loc"]), detail["ctx"]["error"]
+    found = [error] if isinstance(error, Wrong) else error.args
+    places = [f"{section}.{one.key}".strip(".") if isinstance(one, Wrong) else section for one in found]
+    return [Mistake(key, f"{section}: {one}".removeprefix(": ")) for key, one in zip(places, found, strict=True)]
 
 
 def _of_key(detail: ErrorDetails, root: type[BaseModel]) -> Mistake:

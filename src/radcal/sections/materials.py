@@ -10,7 +10,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from radcal.laws import DEFAULT_LAW, EXTERNAL, FORMULA, OF_PASS, Law, law_for, laws_known, refuse_infinite
 from radcal.sections.base import Section
-from radcal.sections.errors import nearest
+from radcal.sections.errors import Wrong, nearest
 from radcal.sections.limits import Parameter, Real
 from radcal.tables import read_table
 
@@ -77,13 +77,13 @@ def check_parameters(key: str, values: Sequence[float], law: Law) -> None:
         The law has another number of parameters, or a value lies outside the limits of the law.
     """
     if len(values) != len(law.names):
-        raise ValueError(f"{key} has {_numbers(len(values))}, {_takes(law)}")
+        raise Wrong(key, f" has {_numbers(len(values))}, {_takes(law)}")
     # only the external simulator knows which values of its parameters are too large
     largest = _LARGEST if law.has_curve else math.inf
     limits = law.limits or ((-largest, largest),) * len(law.names)
     for parameter, x, (low, high) in zip(law.names, values, limits, strict=True):
         if not low <= x <= high:
-            raise ValueError(f"{key}: {parameter} of law {law.name!r} is {x:g}, expected {low:g} to {high:g}")
+            raise Wrong(key, f": {parameter} of law {law.name!r} is {x:g}, expected {low:g} to {high:g}")
 
 
 class OtherLaw(Section):
@@ -102,9 +102,10 @@ class OtherLaw(Section):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.law == EXTERNAL:
-            raise ValueError(
-                f"law is {EXTERNAL!r}, which only an external simulator can evaluate, expected one of "
-                f"{', '.join(laws_known(external=False))}"
+            raise Wrong(
+                "law",
+                f" is {EXTERNAL!r}, which only an external simulator can evaluate, expected one of "
+                f"{', '.join(laws_known(external=False))}",
             )
         law = self.unbound_law
         check_parameters("parameters", self.parameters, law)
@@ -180,16 +181,18 @@ class Material(Section):
         if self.parameters is not None:
             raise ValueError("a calibrated material takes start and bounds, not parameters")
         if self.looks is not None:
-            raise ValueError(
-                f"looks is {self.looks:g} and calibrate is true, expected looks only with calibrate: false: those of a "
-                "calibrated material are estimated"
+            raise Wrong(
+                "looks",
+                f" is {self.looks:g} and calibrate is true, expected looks only with calibrate: false: those of a "
+                "calibrated material are estimated",
             )
         if self.law == EXTERNAL and (d == 0 or self.bounds is None):
             raise ValueError("a calibrated material of law external needs names and bounds of its parameters")
         if self.bounds is None and law.bounds is None:
-            raise ValueError(
-                f"bounds is missing, law {self.law!r} has no default: expected [lower, upper] for each of "
-                f"{', '.join(law.names)}"
+            raise Wrong(
+                "bounds",
+                f" is missing, law {self.law!r} has no default: expected [lower, upper] for each of "
+                f"{', '.join(law.names)}",
             )
         if wrong := list(self._of_bounds(law)):
             raise ValueError(*wrong)
@@ -201,30 +204,30 @@ class Material(Section):
         if self.starts_with_another_law:
             return self
         if len(self.start_parameters) != d:
-            raise ValueError(f"start has {_numbers(len(self.start_parameters))}, {_takes(law)}")
+            raise Wrong("start", f" has {_numbers(len(self.start_parameters))}, {_takes(law)}")
         for name, x, (low, high) in zip(law.names, self.start_parameters, self.box, strict=True):
             if not low <= x <= high:
-                raise ValueError(f"start of {name} is {x:g}, expected inside its bounds [{low:g}, {high:g}]")
+                raise Wrong("start", f" of {name} is {x:g}, expected inside its bounds [{low:g}, {high:g}]")
         self.check_whole("start", self.start_parameters)
         return self
 
-    def _of_bounds(self, law: Law) -> Iterator[str]:
+    def _of_bounds(self, law: Law) -> Iterator[Wrong]:
         """Sentences on all bounds that are wrong."""
         if len(self.box) != len(law.names):
-            yield f"bounds has {len(self.box)} interval{'s' * (len(self.box) != 1)}, {_takes(law)}"
+            yield Wrong("bounds", f" has {len(self.box)} interval{'s' * (len(self.box) != 1)}, {_takes(law)}")
         for name, (low, high) in zip(law.names, self.box, strict=False):
             if not low < high:
-                yield f"bounds of {name} are [{low:g}, {high:g}], expected lower < upper"
+                yield Wrong("bounds", f" of {name} are [{low:g}, {high:g}], expected lower < upper")
             elif law.has_curve and max(abs(low), abs(high)) > _LARGEST:
-                yield f"bounds of {name} are [{low:g}, {high:g}], expected within +-{_LARGEST:g}"
+                yield Wrong("bounds", f" of {name} are [{low:g}, {high:g}], expected within +-{_LARGEST:g}")
 
     def _check_integers(self) -> None:
         """Refuse the key ``integer`` for a law that is not external, and unknown parameter names in this key."""
         if self.integer and self.law != EXTERNAL:
-            raise ValueError(f"integer is for parameters of law: {EXTERNAL}, law is {self.law!r}")
+            raise Wrong("integer", f" is for parameters of law: {EXTERNAL}, law is {self.law!r}")
         for name in self.integer if isinstance(self.integer, list) else ():
             if name not in self.parameter_names:
-                raise ValueError(f"integer: no parameter {name!r}{nearest(name, self.parameter_names)}")
+                raise Wrong("integer", f": no parameter {name!r}{nearest(name, self.parameter_names)}")
 
     def check_whole(self, key: str, values: Sequence[float]) -> None:
         """Raise an error if the value of an integer parameter is not a whole number.
@@ -244,9 +247,7 @@ class Material(Section):
         """
         for name, whole, x in zip(self.parameter_names, self.integers, values, strict=True):
             if whole and (x != round(x) or abs(x) > _LARGEST_WHOLE):
-                raise ValueError(
-                    f"{key}: {name} is {x:g}, expected a whole number within +-2^53: the parameter is integer"
-                )
+                raise Wrong(key, f": {name} is {x:g}, expected a whole number within +-2^53: the parameter is integer")
 
     @property
     def integers(self) -> tuple[bool, ...]:

@@ -20,6 +20,7 @@ from pydantic import (
 from radcal.angles import depression_deg, incidence_deg
 from radcal.bands import WIDTH_FACTOR, within_band
 from radcal.sections.base import Section
+from radcal.sections.errors import Wrong
 from radcal.sections.limits import Altitude, Decibels, Frequency, Length, Looks, Real
 from radcal.tables.sensors import SensorName, sensors
 
@@ -143,25 +144,29 @@ class Radar(Section):
         given = self.model_fields_set
         if self.incidence_deg is not None:
             if "depression_deg" in given:
-                raise ValueError(
-                    f"depression_deg ({self.depression_deg:g}) and incidence_deg ({self.incidence_deg:g}) are both "
-                    "given, expected one of them"
+                raise Wrong(
+                    "depression_deg",
+                    f" ({self.depression_deg:g}) and incidence_deg ({self.incidence_deg:g}) are both "
+                    "given, expected one of them",
                 )
             if self.earth == "flat":
-                raise ValueError(
-                    f"incidence_deg is {self.incidence_deg:g} and earth is flat, expected earth: curved, or "
-                    f"depression_deg: {90.0 - self.incidence_deg:g} instead of incidence_deg"
+                raise Wrong(
+                    "incidence_deg",
+                    f" is {self.incidence_deg:g} and earth is flat, expected earth: curved, or "
+                    f"depression_deg: {90.0 - self.incidence_deg:g} instead of incidence_deg",
                 )
             if self.maybe_in_km:
-                raise ValueError(
-                    f"altitude_m is {self.altitude_m:g} beside incidence_deg {self.incidence_deg:g}, expected metres: "
+                raise Wrong(
+                    "altitude_m",
+                    f" is {self.altitude_m:g} beside incidence_deg {self.incidence_deg:g}, expected metres: "
                     f"{1000.0 * self.altitude_m:g} if the track is {self.altitude_m:g} km high, or for an aircraft "
-                    f"depression_deg: {90.0 - self.incidence_deg:g} instead of incidence_deg"
+                    f"depression_deg: {90.0 - self.incidence_deg:g} instead of incidence_deg",
                 )
         elif self.earth == "curved" and not self.centre_incidence_deg < _STEEPEST:
-            raise ValueError(
-                f"depression_deg is {self.depression_deg:g}, at which a track at altitude_m {self.altitude_m:g} sees "
-                f"the curved earth at an incidence of {_STEEPEST:g} degrees or not at all, expected a larger one"
+            raise Wrong(
+                "depression_deg",
+                f" is {self.depression_deg:g}, at which a track at altitude_m {self.altitude_m:g} sees "
+                f"the curved earth at an incidence of {_STEEPEST:g} degrees or not at all, expected a larger one",
             )
         return self
 
@@ -251,8 +256,9 @@ class Radar(Section):
     def _one_band(self) -> Self:
         if self.frequency_ghz is not None and within_band(self.band, self.frequency_ghz * 1e9) is False:
             in_mhz = within_band(self.band, self.frequency_ghz * 1e6)
-            raise ValueError(
-                f"frequency_ghz is {self.frequency_ghz:g}, which is not in band {self.band!r}: correct one of them"
-                + f" (in MHz? {self.frequency_ghz / 1000.0:g} GHz)" * bool(in_mhz)
+            raise Wrong(
+                "frequency_ghz",
+                f" is {self.frequency_ghz:g}, which is not in band {self.band!r}: correct one of them"
+                + f" (in MHz? {self.frequency_ghz / 1000.0:g} GHz)" * bool(in_mhz),
             )
         return self

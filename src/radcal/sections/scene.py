@@ -12,6 +12,7 @@ from pydantic import Field, SerializeAsAny, model_validator
 from radcal.plugins import HasSection, Plugins, with_foreign
 from radcal.reading.cdb import BASE_MATERIALS, cdb_files
 from radcal.sections.base import Section, with_tag
+from radcal.sections.errors import Wrong
 from radcal.sections.limits import Coordinate, Decibels, Integer, Length, Real, Seed
 from radcal.tables.landcover import LandCover
 
@@ -152,9 +153,9 @@ class SlantRangeScene(SceneSection):
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if self.near_incidence_deg >= self.far_incidence_deg:
-            raise ValueError(
-                f"near_incidence_deg ({self.near_incidence_deg:g}) must be below "
-                f"far_incidence_deg ({self.far_incidence_deg:g})"
+            raise Wrong(
+                "near_incidence_deg",
+                f" ({self.near_incidence_deg:g}) must be below far_incidence_deg ({self.far_incidence_deg:g})",
             )
         return self
 
@@ -209,11 +210,11 @@ class RasterScene(SceneSection):
     @model_validator(mode="after")
     def _named(self) -> Self:
         if self.elevation == self.materials:
-            raise ValueError(
-                f"elevation and materials are the same file {self.elevation}, expected heights and material ids"
+            raise Wrong(
+                "elevation", f" and materials are the same file {self.elevation}, expected heights and material ids"
             )
         if self.names is None and self.landcover is None:
-            raise ValueError("names is missing, expected a file of names, or landcover")
+            raise Wrong("names", " is missing, expected a file of names, or landcover")
         return self
 
     @model_validator(mode="after")
@@ -266,11 +267,11 @@ class CdbScene(SceneSection):
 
 
 def _check_bounds(bounds: tuple[float, float, float, float] | None) -> None:
-    """Raise a ValueError if bounds are not in the order west, south, east, north."""
+    """Raise an error if bounds are not in the order west, south, east, north."""
     if bounds is not None and not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):
         west, south, east, north = bounds
-        raise ValueError(
-            f"bounds are [{west:g}, {south:g}, {east:g}, {north:g}], expected west < east and south < north"
+        raise Wrong(
+            "bounds", f" are [{west:g}, {south:g}, {east:g}, {north:g}], expected west < east and south < north"
         )
 
 

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, SerializeAsAny, mod
 
 from radcal.plugins import HasSection, Plugins, with_foreign
 from radcal.sections.base import Section, with_tag
+from radcal.sections.errors import Wrong
 from radcal.sections.limits import LONGEST_S, Count, Integer, RetryWait, Timeout
 
 __all__ = [
@@ -195,7 +196,7 @@ class Output(Section):
     @model_validator(mode="after")
     def _raw(self) -> Self:
         if self.format == "raw" and self.dtype is None:
-            raise ValueError("format is raw, expected dtype: float32, complex64 or the like")
+            raise Wrong("format", " is raw, expected dtype: float32, complex64 or the like")
         if self.format != "raw":
             for key in ("dtype", "byte_order", "shape", "header_bytes"):
                 if getattr(self, key) is not None:
@@ -278,9 +279,10 @@ class CommandSimulation(Section):
     @model_validator(mode="after")
     def _patience(self) -> Self:
         if self._waits_s > LONGEST_S:
-            raise ValueError(
-                f"retry_wait_s is {self.retry_wait_s:g} and retries {self.retries}: waits that double each time add "
-                f"up to {self._waits_s / 86_400:.3g} days, expected at most {LONGEST_S / 86_400:g}"
+            raise Wrong(
+                "retry_wait_s",
+                f" is {self.retry_wait_s:g} and retries {self.retries}: waits that double each time add "
+                f"up to {self._waits_s / 86_400:.3g} days, expected at most {LONGEST_S / 86_400:g}",
             )
         return self
 
@@ -297,7 +299,7 @@ class CommandSimulation(Section):
     @model_validator(mode="after")
     def _names(self) -> Self:
         if self.version is not None and self.version_command is not None:
-            raise ValueError("version and version_command are both given, expected one of them")
+            raise Wrong("version", " and version_command are both given, expected one of them")
         names = [
             *(("output.file", self.output.file),),
             *((("input.file", self.input.file),) if self.input else ()),

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from radcal.sections.base import Section
+from radcal.sections.errors import Wrong
 from radcal.sections.limits import Count, Integer, Real
 
 __all__ = ["Uncertainty", "Validation"]
@@ -98,5 +99,5 @@ class Validation(Section):
     @model_validator(mode="after")
     def _whole_parts(self) -> Self:
         if self.rows % self.means:
-            raise ValueError(f"means is {self.means}, expected a divisor of rows ({self.rows})")
+            raise Wrong("means", f" is {self.means}, expected a divisor of rows ({self.rows})")
         return self
