@@ -92,7 +92,7 @@ def _joined(layer: VectorLayer, table: VectorLayer | None) -> pd.DataFrame:
     own = own.reindex(index=range(len(layer.geometries)), columns=[*_NUMBERS, "FACC"])
     numbers = own[_NUMBERS].apply(pd.to_numeric, errors="coerce").astype(np.float64)
     joined: pd.DataFrame = numbers.assign(
-        FACC=own["FACC"].fillna("").astype(str), shape=shapely.from_wkb(layer.geometries)
+        FACC=own["FACC"].astype(object).fillna("").astype(str), shape=shapely.from_wkb(layer.geometries)
     )
     return joined
 

@@ -70,18 +70,18 @@ def composites(
                 if path is None:
                     log.left_out(tile.path, "it has no table of composite materials (dataset 006)")
                 continue
-            if (read := _largest(layers[level, tile.box], log)) is None:
-                continue
-            index, share = read
             numbers = np.zeros(256, dtype=np.int32)
             for key, name in table.items():
                 if name not in names:
                     names.append(name)
                 numbers[key] = names.index(name)
+            if (read := _largest(layers[level, tile.box], numbers, log)) is None:
+                continue
+            number, share = read
             row, rows = _inside(to.latitude, tile.box[1], step[1], tile.cells)
             column, columns = _inside(to.longitude, tile.box[0], step[0], tile.cells)
             at = np.ix_(rows, columns)
-            found[at], levels[at] = numbers[index[np.ix_(row, column)]], level
+            found[at], levels[at] = number[np.ix_(row, column)], level
             mixed[at] = share[np.ix_(row, column)] < _CLEAR
     return found, names, mixed, levels
 
@@ -95,8 +95,13 @@ def _inside(
     return element[number], number
 
 
-def _largest(layers: dict[tuple[int, int], CdbFile], log: Log) -> tuple[NDArray[np.uint8], NDArray[np.float64]] | None:
-    """Index with the largest share of each element of a tile, and this share; None if the tile is left out."""
+def _largest(
+    layers: dict[tuple[int, int], CdbFile], numbers: NDArray[np.int32], log: Log
+) -> tuple[NDArray[np.int32], NDArray[np.float64]] | None:
+    """Composite material with the largest share of each element of a tile, and this share; None if it is left out.
+
+    ``numbers`` has the number of the composite material of each index.
+    """
     indices = [band(layers[1, k], log) for k in sorted(second for first, second in layers if first == 1)]
     if any(one is None for one in indices):
         return None
@@ -104,10 +109,10 @@ def _largest(layers: dict[tuple[int, int], CdbFile], log: Log) -> tuple[NDArray[
     if index.dtype != np.uint8:
         log.left_out(layers[1, 1].path, f"it holds {index.dtype}, expected uint8")
         return None
-    count = len(index)
+    number, count = numbers[index], len(index)
     if count == 1:
-        return index[0], np.ones(index[0].shape)
-    share = np.full(index.shape, 1.0 / count)
+        return number[0], np.ones(number[0].shape)
+    share = np.full(number.shape, 1.0 / count)
     given = [band(layers[2, k], log) for k in range(1, count) if (2, k) in layers]
     if len(given) == count - 1 and all(one is not None for one in given):
         share[:-1] = [_fraction(one[0]) for one in given if one is not None]
@@ -115,9 +120,9 @@ def _largest(layers: dict[tuple[int, int], CdbFile], log: Log) -> tuple[NDArray[
     elif given:
         log.left_out(layers[1, 1].path, "a layer of shares is missing or damaged: equal shares are taken")
     # one composite material may stand in several layers
-    total = np.stack([np.where(index == one, share, 0.0).sum(axis=0) for one in index])
+    total = np.stack([np.where(number == one, share, 0.0).sum(axis=0) for one in number])
     best = np.argmax(total, axis=0)[None]
-    return np.take_along_axis(index, best, 0)[0], np.take_along_axis(total, best, 0)[0]
+    return np.take_along_axis(number, best, 0)[0], np.take_along_axis(total, best, 0)[0]
 
 
 def _fraction(values: NDArray[Any]) -> NDArray[np.float64]:

@@ -94,6 +94,7 @@ def _scene(config: CdbScene, heading_deg: float) -> Scene:
     ):
         scene = resampled(config.source, elevation, materials, grid, datum, named, heading_deg)
         post_m = float(np.sqrt(np.prod(pixel_m(elevation, grid.crs, grid.box))))
+    post_m *= step_deg(int(of_heights.max()), 1)[1] / to_posts.step[1]  # the finest level may be damaged
     cells = post_m / grid.cell_m
     severity: Severity = "warning" if cells > _COARSE_POSTS else "note"
     log.append(Finding("cdb_posts", severity, "scene.root", {"post_m": post_m, "cells": cells}))

@@ -6,6 +6,7 @@ ends. The first bytes therefore decide about the driver, and a limit of CPU time
 
 from __future__ import annotations
 
+import tempfile
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -137,6 +138,15 @@ def _apart(
 
 
 def _read(path: Path, layer: str | None, refused: Callable[[str], RadcalError]) -> VectorLayer:
+    if path.suffix.lower() == ".dbf":  # a table alone: GDAL would open the shapefile beside it, which may be empty
+        with tempfile.TemporaryDirectory() as folder:
+            for file in (path, *(one for one in map(path.with_suffix, (".cpg", ".dbt")) if one.exists())):
+                (Path(folder) / f"table{file.suffix.lower()}").symlink_to(file.absolute())
+            return _opened(Path(folder) / "table.dbf", None, refused)
+    return _opened(path, layer, refused)
+
+
+def _opened(path: Path, layer: str | None, refused: Callable[[str], RadcalError]) -> VectorLayer:
     first, driver, prefix = (ENDINGS | _TABLES)[path.suffix.lower()]
     with guarded(path, refused, "a vector file"):
         if (size := path.stat().st_size) > _LARGEST_FILE:

@@ -1,0 +1,490 @@
+"""Scenes from databases that a writer of its own makes from the standard."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from cdb_database import elements, file_of, tile_of, write_features, write_heights, write_materials
+from pyproj import Geod, Transformer
+
+from radcal.cdb.mosaic import POST, Lattice, Log, heights
+from radcal.cdb.source import CdbSource
+from radcal.errors import SceneError
+from radcal.findings import Finding
+from radcal.reading.cdb import cdb_files, step_deg
+from radcal.scene.model import Scene
+from radcal.scene.sources import make_scene
+from radcal.sections.scene import CdbScene
+from radcal.words import sentence
+
+PLACE = (-70.3, -33.4)  # in Chile: south and west
+BOUNDS = (-70.31, -33.412, -70.29, -33.392)
+TO_UTM = Transformer.from_crs("EPSG:4326", "EPSG:32719", always_xy=True)
+MAPPING = """
+composites: {SOIL: soil, GRASS: grass, WATER: water}
+features:
+  AL015: {kind: house, rcs_db_per_m2: 3}
+  EC030: {kind: tree, rcs_db_per_m2: -6}
+surfaces: {BH140: water, AP030: road}
+"""
+
+
+def plane(longitude: Any, latitude: Any) -> Any:
+    """Height [m] of a place, linear in UTM."""
+    x, y = TO_UTM.transform(longitude, latitude)
+    return 700.0 + 0.06 * (np.asarray(x) - 379_000.0) - 0.11 * (np.asarray(y) - 6_303_000.0)
+
+
+def stripes(longitude: Any, latitude: Any) -> np.ndarray:
+    """Material of a place: 0 soil and 1 grass in stripes to the east, 2 water in the south."""
+    east = np.floor((np.asarray(longitude) - BOUNDS[0]) / 0.003).astype(int) % 2
+    return np.where(np.asarray(latitude) < -33.407, 2, east)
+
+
+def tables(root: Path, place: tuple[float, float] = PLACE, lod: int = 2) -> Path:
+    """Tile whose indices are its own: soil 7, grass 3, water 200."""
+    index = np.array([7, 3, 200])[stripes(*elements(place, lod, 0.5))]
+    return write_materials(root, place, lod, [index], {7: "SOIL", 3: "GRASS", 200: "WATER"})
+
+
+@pytest.fixture
+def build(tmp_path: Path) -> Callable[..., CdbScene]:
+    def make(mapping: str = MAPPING, **keys: Any) -> CdbScene:
+        (tmp_path / "mapping.yaml").write_text(mapping)
+        given = {"root": str(tmp_path), "bounds": BOUNDS, "materials": str(tmp_path / "mapping.yaml"), "cell_m": 20.0}
+        return CdbScene.model_validate({"source": "cdb"} | given | keys)
+
+    return make
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    write_heights(tmp_path, PLACE, 3, plane)
+    tables(tmp_path)
+    return tmp_path
+
+
+def centres(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Longitude and latitude of all cell centres."""
+    a, _, c, _, e, f = scene.transform
+    row, column = np.indices(scene.material.shape) + 0.5
+    return Transformer.from_crs(scene.crs, "EPSG:4326", always_xy=True).transform(c + a * column, f + e * row)
+
+
+def found(scene: Scene, code: str) -> list[Finding]:
+    return [one for one in scene.findings if one.code == code]
+
+
+@pytest.mark.parametrize(
+    ("place", "lod", "name"),
+    [
+        ((45.2, -5.2), 2, "S06E045_D001_S001_T001_L02_U3_R0.tif"),  # the standard's own examples
+        ((-160.4, 62.3), 7, "N62W162_D001_S001_T001_L07_U38_R102.tif"),
+        ((-161.9, 70.5), -4, "N70W162_D001_S001_T001_LC04_U0_R0.tif"),
+        ((178.3, -75.01), 5, "S76E176_D001_S001_T001_L05_U31_R18.tif"),
+        ((7.7, -75.0), 3, "S75E006_D001_S001_T001_L03_U0_R4.tif"),
+        ((-13.4, 89.3), 1, "N89W024_D001_S001_T001_L01_U0_R1.tif"),
+        ((3.4, -49.9), 1, "S50E003_D001_S001_T001_L01_U0_R0.tif"),
+        ((3.4, -50.1), 1, "S51E002_D001_S001_T001_L01_U1_R1.tif"),
+    ],
+)
+def test_a_name_gives_the_tile_of_a_place(tmp_path: Path, place: tuple[float, float], lod: int, name: str) -> None:
+    path = file_of(tmp_path, place, 1, lod, "tif")
+    path.touch()
+    assert path.name == name
+    x, y = place
+    (one,) = cdb_files(tmp_path, (x - 1e-6, y - 1e-6, x + 1e-6, y + 1e-6))
+    *_, (west, south, height) = tile_of(*place, lod)
+    assert (one.path, one.level, one.fault) == (path, lod, "")
+    assert one.box == pytest.approx((west, south, west + height * one.width, south + height), abs=1e-12)
+    assert cdb_files(tmp_path, (one.box[2], y, one.box[2] + 0.001, y + 1e-6)) == []
+
+
+def test_posts_lie_where_the_standard_says_at_every_level(tmp_path: Path) -> None:
+    def height(x: Any, y: Any) -> Any:
+        return 40.0 + 300.0 * (x - 2.0) - 170.0 * (y - 50.0)
+
+    # the fine level has one tile; around it, coarser posts in a zone of width 2, and of width 1 below 50 degrees
+    fine, coarse, other = (2.2, 50.1), (2.2, 50.6), (2.2, 49.9)
+    write_heights(tmp_path, fine, 2, height)
+    write_heights(tmp_path, coarse, -1, height)
+    write_heights(tmp_path, other, -1, height)
+    bounds = (2.1, 49.98, 2.6, 50.3)
+    to = Lattice.around(bounds, step_deg(2, 2), POST)
+    log = Log(tmp_path)
+    values, levels = heights(cdb_files(tmp_path, to.box), to, log)
+    longitude, latitude = np.meshgrid(to.longitude, to.latitude)
+    inside = np.isfinite(values)
+    assert inside.mean() > 0.98  # between the last post below 50 degrees and the next zone there is no height
+    assert np.abs(values - height(longitude, latitude))[inside].max() < 1e-3
+    in_fine = (longitude >= 2.0) & (longitude < 2.5 - 1e-9) & (latitude >= 50.0) & (latitude < 50.25 - 1e-9)
+    assert (levels[in_fine] == 2).all()
+    assert set(np.unique(levels[~in_fine & inside])) == {-1}
+    assert log == []
+
+
+def test_integer_heights_of_fine_levels_are_scaled(tmp_path: Path) -> None:
+    write_heights(tmp_path, PLACE, 3, lambda x, _: np.full_like(x, 5003.0), dtype=np.int16)
+    to = Lattice.around(BOUNDS, step_deg(3, 1), POST)
+    values, _ = heights(cdb_files(tmp_path, BOUNDS), to, Log(tmp_path))
+    assert np.nanmax(values) == np.nanmin(values) == 5003.0 / 8
+
+
+@pytest.mark.parametrize("heading", [0.0, 57.0])
+def test_a_scene_has_the_heights_and_materials_of_its_cells(root: Path, build: Any, heading: float) -> None:
+    scene = make_scene(build(), ["soil", "grass", "water"], heading)
+    longitude, latitude = centres(scene)
+    assert BOUNDS[0] < longitude.min() < longitude.max() < BOUNDS[2]
+    assert BOUNDS[1] < latitude.min() < latitude.max() < BOUNDS[3]
+    assert scene.elevation_m is not None
+    # resampling follows the posts to a thousandth of their distance, on a slope of 0.13
+    assert np.abs(scene.elevation_m - plane(longitude, latitude)).max() < 2e-3
+    # away from borders of materials, by a cell of the raster of materials
+    step = 0.25 / 1024
+    around = [stripes(longitude + i * step, latitude + j * step) for i in (-1, 1) for j in (-1, 1)]
+    pure = np.all([one == around[0] for one in around], axis=0)
+    names = np.array(["", *scene.names])[scene.material]
+    assert pure.mean() > 0.7
+    assert (names == np.array(["soil", "grass", "water"])[around[0]])[pure].all()
+    assert found(scene, "cdb_posts")[0].numbers["post_m"] == pytest.approx(12.4, abs=0.1)
+
+
+def test_the_size_is_that_of_the_scene(root: Path, build: Any) -> None:
+    scene, size = make_scene(build(cell_m=None), None), CdbSource.size(build(cell_m=None))
+    geod = Geod(ellps="WGS84")
+    step = 0.25 / 1024
+    sides = geod.inv(*PLACE, PLACE[0] + step, PLACE[1])[2], geod.inv(*PLACE, PLACE[0], PLACE[1] + step)[2]
+    assert size.cells == scene.material.size
+    assert size.cell_m == scene.cell_m == pytest.approx(np.sqrt(np.prod(sides)), rel=3e-3)
+
+
+def test_indices_are_joined_by_name_and_the_largest_share_counts(tmp_path: Path, build: Any) -> None:
+    write_heights(tmp_path, PLACE, -1, plane)
+    # two tiles of level 4 whose border lies in the scene, with other indices each; and a coarse level around them
+    west, east = (-70.315, -33.4), (-70.305, -33.4)
+    border = tile_of(*east, 4)[-1][0]
+    write_materials(tmp_path, PLACE, -1, [np.full((512, 512), 9)], {9: "WATER"})
+    # layers 1 and 3 are both soil: together they are more than grass
+    layers = [np.full((1024, 1024), k) for k in (1, 2, 4)]
+    shares = [np.full((1024, 1024), v, dtype=np.uint8) for v in (76, 102)]  # 0.3, 0.4, the rest 0.3
+    write_materials(tmp_path, west, 4, layers, {1: "SOIL", 2: "GRASS", 4: "SOIL"}, shares)
+    shares = [np.full((1024, 1024), v, dtype=np.float32) for v in (0.05, 0.85)]
+    write_materials(tmp_path, east, 4, layers, {1: "SOIL", 2: "GRASS", 4: "WATER"}, shares)
+    scene = make_scene(build(bounds=(-70.325, -33.45, -70.3, -33.4), cell_m=25.0), None)
+    longitude, latitude = centres(scene)
+    _, _, _, _, (left, south, height) = tile_of(*west, 4)
+    fine = (latitude > south) & (latitude < south + height) & (longitude > left) & (longitude < border + height)
+    expected = np.where(~fine, "water", np.where(longitude < border, "soil", "grass"))
+    names = np.array(["", *scene.names])[scene.material]
+    assert (names == expected).mean() > 0.98  # cells on the borders
+    assert {*np.unique(names)} == {"soil", "grass", "water"}
+    (mixed,) = found(scene, "cdb_mixed")
+    assert mixed.numbers["percent"] == pytest.approx(100 * (fine & (longitude < border)).mean(), rel=0.05)
+
+
+def test_equal_shares_without_a_layer_of_shares(tmp_path: Path, build: Any) -> None:
+    write_heights(tmp_path, PLACE, 3, plane)
+    layers = [np.full((1024, 1024), k) for k in (1, 2, 2)]
+    write_materials(tmp_path, PLACE, 2, layers, {1: "SOIL", 2: "GRASS"})
+    scene = make_scene(build(), None)
+    assert {scene.names[k - 1] for k in np.unique(scene.material)} == {"grass"}
+
+
+def test_points_are_boxes_at_their_places(root: Path, build: Any) -> None:
+    rng = np.random.default_rng(3)
+    x, y = rng.uniform(-70.308, -70.292, 40), rng.uniform(-33.41, -33.394, 40)
+    z = np.where(np.arange(40) < 20, 2.0, plane(x, y) + 5.0)
+    shapes = [shapely.Point(*at) for at in zip(x, y, z, strict=True)]
+    columns = {
+        "CNAM": ["house"] * 38 + ["lamp", "bridge"],
+        "AO1": rng.uniform(0, 360, 40),
+        "SCALx": [1.5] * 40,
+        "SCALy": [0.5] * 40,
+        "SCALz": [3.0] * 40,
+        "AHGT": [0] * 20 + [1] * 20,
+    }
+    classes = {
+        "CNAM": ["house", "lamp", "bridge"],
+        "FACC": ["AL015", "GB030", "AL015"],
+        "BBH": [4.0, 1.0, 5.0],
+        "BBW": [10.0, 1.0, 8.0],
+        "BBL": [30.0, 1.0, 401.0],
+    }
+    write_features(root, PLACE, 2, shapes, columns, classes)
+    scene = make_scene(build(), None)
+    objects = scene.objects
+    assert objects is not None
+    east, north = TO_UTM.transform(x[:38], y[:38])
+    assert np.abs(objects.x_m + scene.transform[2] - east).max() < 0.01
+    assert np.abs(objects.y_m + scene.transform[5] - north).max() < 0.01
+    assert (objects.width_m == 15.0).all()
+    assert (objects.length_m == 15.0).all()
+    assert objects.height_m[:20] == pytest.approx(14.0)
+    assert objects.height_m[20:] == pytest.approx(17.0, abs=2.0)  # the ground is that of the cell, on a slope of 0.13
+    assert objects.rcs_dbsm == pytest.approx(3.0 + 10 * np.log10(225.0))
+    # the meridian's direction in the grid from two points of it
+    ahead = TO_UTM.transform(x[:38], y[:38] + 1e-4)
+    turn = np.degrees(np.arctan2(ahead[0] - east, ahead[1] - north))
+    assert np.abs(turn).min() > 0.1
+    assert objects.heading_deg == pytest.approx((columns["AO1"][:38] + turn) % 360, abs=1e-3)
+    assert found(scene, "cdb_codes")[0].numbers == {"features": 1, "codes": "GB030 (1)"}
+    assert found(scene, "cdb_large")[0].numbers == {"features": 1, "codes": "AL015 (1)"}
+
+
+def test_lines_and_areas_are_drawn(root: Path, build: Any) -> None:
+    middle = TO_UTM.transform(*PLACE)
+    back = Transformer.from_crs("EPSG:32719", "EPSG:4326", always_xy=True)
+
+    def line(dx: float, dy: float, shift: float = 0.0) -> shapely.Geometry:
+        at = [back.transform(middle[0] + shift + k * dx, middle[1] + k * dy) for k in (-1, 1)]
+        return shapely.LineString([(*one, 0.0) for one in at])
+
+    names = {"CNAM": ["wide", "narrow"], "WGP": [90.0, 5.0]}
+    shapes = [line(0.0, 400.0), line(0.0, 400.0, 300.0)]
+    write_features(root, PLACE, 2, shapes, names, {"CNAM": ["wide", "narrow"], "FACC": ["AP030"] * 2}, 201, 3)
+    square = [back.transform(middle[0] + dx, middle[1] + dy) for dx, dy in ((-200, -200), (500, -200), (500, 0))]
+    area = shapely.Polygon([(*one, 0.0) for one in square])
+    write_features(root, PLACE, 2, [area], {"CNAM": ["lake"]}, {"CNAM": ["lake"], "FACC": ["BH140"]}, 100, 5)
+    scene = make_scene(build(), None)
+    a, _, c, _, e, f = scene.transform
+    row, column = np.indices(scene.material.shape) + 0.5
+    x, y = c + a * column - middle[0], f + e * row - middle[1]
+    road = scene.material == 1 + scene.names.index("road")
+    along = np.abs(y) < 380.0
+    assert (road[along] == ((np.abs(x) < 45.0) | (np.abs(x - 300.0) <= 10.0))[along]).mean() > 0.999
+    lake = (y < 0) & (y > -200) & (x < 500) & (y > -200) & ((x + 200) / 700 > (y + 200) / 200)
+    assert (scene.material[lake & ~road] == 1 + scene.names.index("water")).mean() > 0.97
+    assert found(scene, "cdb_burnt")[0].numbers == {"features": 3, "narrow": 1}
+
+
+def test_unmapped_names_are_refused_above_one_percent(root: Path, build: Any) -> None:
+    with pytest.raises(SceneError, match=r"no material for 2\d\.\d% of the cells.*WATER \(0\.2"):
+        make_scene(build(MAPPING.replace(", WATER: water", "")), None)
+
+
+def fine_heights(root: Path) -> Path:
+    return write_heights(root, PLACE, 4, plane)
+
+
+def cut(path: Path, size: int = 0) -> None:
+    path.write_bytes(path.read_bytes()[:size])
+
+
+def small_heights(root: Path) -> None:
+    write_heights(root, PLACE, 4, lambda x, y: plane(x, y)[:512, :512])
+
+
+def tags_of_centres(root: Path) -> None:
+    write_heights(root, PLACE, 3, plane, shift=0.5)
+
+
+def no_table(root: Path) -> None:
+    tables(root, lod=-1)
+    file_of(root, PLACE, 6, 2, "xml").unlink()
+
+
+def empty_material(root: Path) -> None:
+    tables(root, lod=-1)
+    cut(file_of(root, PLACE, 5, 2, "tif"))
+
+
+def no_xml(root: Path) -> None:
+    tables(root, lod=-1)
+    file_of(root, PLACE, 6, 2, "xml").write_text("<a>")
+
+
+def large_index(root: Path) -> None:
+    tables(root, lod=-1)
+    path = file_of(root, PLACE, 6, 2, "xml")
+    path.write_text(path.read_text().replace("200", "300"))
+
+
+def unknown_index(root: Path) -> None:
+    index = np.full((1024, 1024), 7)
+    index[::16, ::16] = 8
+    write_materials(root, PLACE, 2, [index], {7: "SOIL"})
+
+
+def missing_share(root: Path) -> None:
+    layers = [np.full((1024, 1024), k) for k in (7, 7, 7)]
+    write_materials(root, PLACE, 2, layers, {7: "SOIL"}, [np.full((1024, 1024), 99, dtype=np.uint8)])
+
+
+def unknown_base(root: Path) -> None:
+    (root / "Metadata").mkdir()
+    known = "<Base_Material><Name>BM_SOIL</Name></Base_Material>"
+    (root / "Metadata/Materials.xml").write_text(f"<Base_Material_Table>{known}</Base_Material_Table>")
+
+
+def feature(root: Path) -> Path:
+    shapes = [shapely.Point(*PLACE, 0.0)]
+    return write_features(root, PLACE, 2, shapes, {"CNAM": ["a"], "AO1": [0.0]}, {"CNAM": ["a"], "FACC": ["AL015"]})
+
+
+def text_for_shapes(root: Path) -> None:
+    feature(root).write_text("text")
+
+
+def half_a_shape(root: Path) -> None:
+    cut(feature(root), 110)
+
+
+def no_class(root: Path) -> None:
+    path = feature(root)
+    path.with_name(path.name.replace("T001", "T002")).with_suffix(".dbf").unlink()
+
+
+def other_class(root: Path) -> None:
+    path = feature(root)
+    table = path.with_name(path.name.replace("T001", "T002")).with_suffix(".dbf")
+    table.write_bytes(table.read_bytes().replace(b" a", b" b").replace(b"a ", b"b "))
+
+
+def without_size(root: Path) -> None:
+    feature(root)
+
+
+def contradiction(root: Path) -> None:
+    path = fine_heights(root)
+    path.rename(path.with_name(path.name.replace("W071", "W070")))
+
+
+def no_such_column(root: Path) -> None:
+    path = fine_heights(root)
+    path.rename(path.with_name(path.name.replace("_R", "_R9")))
+
+
+def no_name_of_a_tile(root: Path) -> None:
+    path = fine_heights(root)
+    path.rename(path.with_name("copy of " + path.name))
+
+
+@pytest.mark.parametrize(
+    ("damage", "code", "text"),
+    [
+        (lambda root: cut(fine_heights(root)), "cdb_left_out", "L04"),
+        (lambda root: cut(fine_heights(root), 2_000_000), "cdb_left_out", "L04"),
+        (small_heights, "cdb_left_out", "512 x 512 elements, expected 1024 x 1024"),
+        (tags_of_centres, "cdb_tags", "1 tiles of elevation lie up to 6 m"),
+        (no_table, "cdb_left_out", "no table of composite materials"),
+        (empty_material, "cdb_left_out", "D005_S001_T001_L02"),
+        (no_xml, "cdb_left_out", "D006_S001_T001_L02"),
+        (large_index, "cdb_left_out", "'WATER' of index 300"),
+        (unknown_index, "cdb_unmapped", "index without a name"),
+        (missing_share, "cdb_left_out", "equal shares"),
+        (unknown_base, "cdb_base_materials", "BM_GRASS, BM_WATER"),
+        (text_for_shapes, "cdb_left_out", "D100_S001_T001"),
+        (half_a_shape, "cdb_left_out", "D100_S001_T001"),
+        (no_class, "cdb_left_out", "1 of its features"),
+        (other_class, "cdb_left_out", "1 of its features"),
+        (without_size, "cdb_without_size", "AL015 (1)"),
+        (contradiction, "cdb_left_out", "contradicts its folders"),
+        (no_such_column, "cdb_left_out", "no row"),
+        (no_name_of_a_tile, "cdb_left_out", "not one of a tile"),
+    ],
+    ids=lambda one: one.__name__ if callable(one) else None,
+)
+def test_what_is_damaged_is_said_and_the_rest_is_read(
+    root: Path, build: Any, damage: Callable[[Path], Any], code: str, text: str
+) -> None:
+    whole = make_scene(build(), None)
+    damage(root)
+    scene = make_scene(build(), None)
+    assert any(text in sentence(one) for one in found(scene, code)), [sentence(one) for one in scene.findings]
+    assert scene.elevation_m is not None
+    assert whole.elevation_m is not None
+    assert np.abs(scene.elevation_m - whole.elevation_m).max() < 2e-3  # resampled from other posts
+    assert (scene.material > 0).mean() > 0.99
+
+
+def test_a_geocell_of_a_wrong_zone_is_named(tmp_path: Path) -> None:
+    path = file_of(tmp_path, (-160.4, 62.3), 1, 2, "tif")
+    path.touch()
+    (tmp_path / "Tiles/N62/W162").rename(tmp_path / "Tiles/N62/W161")
+    (one,) = cdb_files(tmp_path, (-161.0, 62.0, -160.0, 63.0))
+    assert "2 degrees wide" in one.fault
+
+
+@pytest.mark.parametrize(
+    ("keys", "text"),
+    [
+        ({"mapping": "composites: {}"}, r"scene.materials: .*composites"),
+        ({"mapping": "composites: {SOIL: soil}\nfeature: {}"}, r"feature.*features"),
+        ({"mapping": "composites: {SOIL: soil}\nfeatures: {AL015: {rcs_db_per_m2: much}}"}, r"AL015.*much"),
+        ({"bounds": (10.0, 10.0, 10.1, 10.1)}, r"scene.root: .* has no elevation \(dataset 001\)"),
+        ({"bounds": (-70.5, -33.6, -70.1, -33.2), "cell_m": 0.5}, r"scene.cell_m is 0.5"),
+        ({"crs": "EPSG:4326"}, r"scene.crs is 'EPSG:4326'"),
+    ],
+)
+def test_wrong_keys_are_told(root: Path, build: Any, keys: dict[str, Any], text: str) -> None:
+    with pytest.raises(SceneError, match=text):
+        make_scene(build(**keys), None)
+
+
+def test_the_tiles_are_inputs_of_the_case(root: Path, build: Any) -> None:
+    files = build().files_in(root)
+    assert [path.suffix for path in files] == [".tif", ".tif", ".xml"]
+    with pytest.raises(ValueError, match=r"no tile within scene.bounds"):
+        build(bounds=(10.0, 10.0, 10.1, 10.1)).files_in(root)
+
+
+def test_without_raster_material_all_cells_are_the_default(tmp_path: Path, build: Any) -> None:
+    write_heights(tmp_path, PLACE, 3, plane)
+    scene = make_scene(build("composites: {BM_LAND-MOOR: moor}"), ["moor"])
+    assert (scene.material == 1).all()
+    assert len(found(scene, "cdb_no_material")) == 1
+
+
+DATA = os.environ.get("RADCAL_DATA")
+needs_data = pytest.mark.skipif(DATA is None, reason="RADCAL_DATA is not set")
+
+
+@needs_data
+def test_the_piece_of_san_diego(build: Any) -> None:
+    import pyogrio
+    import rasterio
+
+    keys = {"root": f"{DATA}/cdb", "bounds": (-117.3, 32.5, -117.01, 32.8), "cell_m": 50.0}
+    config = build("composites: {BM_LAND-MOOR: moor}\n" + MAPPING.split("composites")[1].partition("\n")[2], **keys)
+    scene = make_scene(config, ["moor", "road"])
+    assert scene.objects is not None
+    assert len(scene.objects) == 47
+    cell = Path(keys["root"]) / "Tiles/N32/W118"
+    shapes = pyogrio.raw.read(cell / "101_GTFeature/L00/U0/N32W118_D101_S002_T001_L00_U0_R0.shp")[2]
+    x, y = Transformer.from_crs("EPSG:4326", scene.crs, always_xy=True).transform(
+        *shapely.get_coordinates(shapely.from_wkb(shapes)).T
+    )
+    assert np.abs(scene.objects.x_m + scene.transform[2] - x).max() < 0.01
+    assert np.abs(scene.objects.y_m + scene.transform[5] - y).max() < 0.01
+    assert found(scene, "cdb_large")[0].numbers["codes"] == "AL015 (1)"  # the bridge
+    assert found(scene, "cdb_burnt")[0].numbers["features"] == 8
+    # heights at nodes, by row and column of the file
+    to = Lattice.around(config.bounds, step_deg(-1, 1), POST)
+    values, _ = heights(cdb_files(Path(keys["root"]), to.box, (1,)), to, Log(Path(keys["root"])))
+    with rasterio.open(cell / "001_Elevation/LC/U0/N32W118_D001_S001_T001_LC01_U0_R0.tif") as file:
+        raw = file.read(1)
+    for row, column in np.random.default_rng(1).integers((200, 370), (250, 500), (20, 2)):
+        longitude, latitude = -118 + column / 512, 33 - (row + 1) / 512
+        k, m = np.argmin(abs(to.latitude - latitude)), np.argmin(abs(to.longitude - longitude))
+        assert (to.longitude[m], to.latitude[k]) == pytest.approx((longitude, latitude), abs=1e-9)
+        assert values[k, m] == pytest.approx(raw[row, column], abs=1e-3)
+
+
+@needs_data
+def test_the_piece_of_yemen(build: Any) -> None:
+    names = ("OCEAN", "DRYGROUND", "CALCAREOUS", "SAND", "CITY", "ASPHALTROAD", "FOREST", "WETGROUND")
+    mapping = "composites: {" + ", ".join(f"{name}: {name.lower()}" for name in names) + "}"
+    keys = {"root": f"{DATA}/cdb_material", "bounds": (44.0, 12.5, 44.99, 12.99), "cell_m": None}
+    scene = make_scene(build(mapping, **keys), None)
+    assert scene.elevation_m is not None
+    ocean = scene.material == 1
+    assert (scene.elevation_m[ocean] <= 0.5).mean() > 0.99
+    assert np.median(scene.elevation_m[scene.material == 2]) == pytest.approx(119, abs=5)
+    assert found(scene, "cdb_tags")[0].numbers["off_m"] == pytest.approx(151, abs=3)
+    assert "L00 (100.0%)" in str(found(scene, "cdb_levels")[1].numbers["levels"])
