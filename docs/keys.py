@@ -1,4 +1,4 @@
-"""Write the tables of ``docs/configuration.md`` from ``config/schema.json``.
+"""Write the keys of ``docs/configuration.md`` from ``config/schema.json``.
 
 python docs/keys.py > docs/configuration.md
 """
@@ -100,17 +100,19 @@ def linked(text: str) -> str:
     return re.sub(r"docs/(\w+\.md)", link, text)
 
 
-def table(section: dict[str, Any], headings: dict[str, str]) -> str:
-    """Table of the keys of a section."""
-    rows = ["| key | values, **default** | meaning |", "|---|---|---|"]
+def keys(section: dict[str, Any], headings: dict[str, str]) -> str:
+    """List of the keys of a section, without the key whose only value the heading states."""
+    lines = []
     for key, schema in section["properties"].items():
-        cell = values(schema, headings)
+        if "const" in schema:
+            continue
+        admitted = values(schema, headings)
         if key in section.get("required", ()):
-            cell = f"{cell}; **required**"
+            admitted = f"{admitted}; required"
         elif "default" in schema:
-            cell = f"{cell}; **`{json.dumps(schema['default'])}`**"
-        rows.append(f"| `{key}` | {cell} | {linked(schema['description'])} |")
-    return "\n".join(rows)
+            admitted = f"{admitted}; **{json.dumps(schema['default'])}**"
+        lines.append(f"- `{key}` ({admitted}): {linked(schema['description'])}")
+    return "\n".join(lines)
 
 
 def main() -> None:
@@ -120,10 +122,10 @@ def main() -> None:
     for key, section in schema["properties"].items():
         headings_of(section, models, key, headings)
     single = {key: own for key, own in schema["properties"].items() if "keys of" not in values(own, headings)}
-    print(f"{HEAD}\n{table({'properties': single}, headings)}")
+    print(f"{HEAD}\n{keys({'properties': single}, headings)}")
     for name, heading in headings.items():
         description = models[name]["description"].partition("\n")[0].replace("``", "`")
-        print(f"\n## {heading}\n\n{description}\n\n{table(models[name], headings)}")
+        print(f"\n## {heading}\n\n{description}\n\n{keys(models[name], headings)}")
 
 
 if __name__ == "__main__":
