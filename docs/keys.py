@@ -124,8 +124,10 @@ def main() -> None:
     single = {key: own for key, own in schema["properties"].items() if "keys of" not in values(own, headings)}
     print(f"{HEAD}\n{keys({'properties': single}, headings)}")
     for name, heading in headings.items():
-        description = models[name]["description"].partition("\n")[0].replace("``", "`")
-        print(f"\n## {heading}\n\n{description}\n\n{keys(models[name], headings)}")
+        print(f"\n## {heading}\n")
+        if "." not in heading:  # the list above describes the others
+            print(models[name]["description"].partition("\n")[0].replace("``", "`"), end="\n\n")
+        print(keys(models[name], headings))
 
 
 if __name__ == "__main__":
