@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+from dataclasses import replace
 
 import numpy as np
 import plotly.graph_objects as go
@@ -76,33 +77,45 @@ def test_cost_of_each_run_stands_beside_its_prediction(made, figures, whole):
     material = made.archive.materials["dyke"]
     traces = named(figures["cost-dyke"])
     assert traces["design"]["x"] == [1, 2, 3, 4]
-    assert traces["design"]["y"] == pytest.approx(material.rms[1:5], rel=1e-4)
+    assert traces["design"]["y"] == pytest.approx(material.rms[1:5], rel=6e-4)
     assert traces["predicted"]["x"] == [5, 6]
-    assert traces["predicted"]["y"] == pytest.approx(material.fidelity.cost, rel=1e-4)
+    assert traces["predicted"]["y"] == pytest.approx(material.fidelity.cost, rel=6e-4)
     # in bins, twice the cost is the sum of squared residuals, and the density has a panel of its own
     upper, lower = (one for one in whole[1]["cost-dyke"].spec["data"] if one["name"] == "design")
-    assert upper["y"] == pytest.approx(2.0 * material.cost[1:5], rel=1e-4)
-    assert (lower["yaxis"], lower["y"]) == ("y2", pytest.approx(material.rms[1:5], rel=1e-4))
-    assert named(whole[1]["cost-dyke"])["predicted"]["y"] == pytest.approx(2.0 * material.fidelity.cost, rel=1e-4)
+    assert upper["y"] == pytest.approx(2.0 * material.cost[1:5], rel=6e-4)
+    assert (lower["yaxis"], lower["y"]) == ("y2", pytest.approx(material.rms[1:5], rel=6e-4))
+    assert named(whole[1]["cost-dyke"])["predicted"]["y"] == pytest.approx(2.0 * material.fidelity.cost, rel=6e-4)
 
 
 def test_band_and_laws_are_those_of_the_archive(made, figures):
     curve = made.archive.materials["dyke"].posterior.curve
     bands = [one for one in figures["law-dyke"].spec["data"] if one["name"] == "90 % band"]
     for one, edge in zip(bands, (curve.p05_db, curve.p95_db), strict=True):
-        assert one["y"] == pytest.approx(np.interp(one["x"], curve.incidence_deg, edge), rel=1e-4)
+        assert one["y"] == pytest.approx(np.interp(one["x"], curve.incidence_deg, edge), rel=6e-4)
     law, material = made.archive.configured.laws["dyke"], made.archive.materials["dyke"]
     seen = named(figures["law-dyke"])["law of the search"]
     low, high = np.percentile(material.target.incidence_deg, [5.0, 95.0])
     assert (seen["x"][0], seen["x"][-2], seen["x"][-1]) == (
-        pytest.approx(low, rel=1e-4),
-        pytest.approx(high, rel=1e-4),
+        pytest.approx(low, rel=6e-4),
+        pytest.approx(high, rel=6e-4),
         None,
     )
     wanted = law(np.radians(np.linspace(low, high, 41)), material.parameters[material.best])
-    assert seen["y"][:-1] == pytest.approx(wanted, rel=1e-4)
+    assert seen["y"][:-1] == pytest.approx(wanted, rel=6e-4)
     histogram = named(figures["law-dyke"])["pixels"]
     assert sum(histogram["y"]) == material.target.incidence_deg.size
+
+
+def test_passes_are_kept_apart_in_the_law_and_named_in_the_misfit(whole):
+    archive, _ = whole
+    found = replace(archive, passes={"1": archive.passes["1"], "2": archive.passes["1"]})
+    seen = posterior(seen_deg=np.array([[21.0, 29.0], [36.0, 44.0]]))
+    found = changed_material(found, "dyke", posterior=seen, bins=replace(BINS, in_pass=np.array([1, 2])))
+    figures = {one.name: one for one in interactive(found)}
+    law = named(figures["law-dyke"])["law of the search"]
+    assert (law["x"][0], law["x"][40:43], law["x"][82:]) == (21.0, [29.0, None, 36.0], [44.0, None])
+    assert [one["x0"] for one in figures["law-dyke"].spec["layout"]["shapes"][:2]] == [21.0, 36.0]
+    assert figures["misfit-dyke"].spec["data"][0]["x"] == ["24.0° (1)", "37.5° (2)"]
 
 
 def test_bins_are_shown_by_statistic_and_against_each_other(whole):
@@ -137,11 +150,11 @@ def test_sensitivity_is_in_standard_deviations_by_parameter(whole):
 def test_corner_has_draws_by_pairs_and_densities_on_the_diagonal(whole):
     figure = whole[1]["corner-dyke"]
     pair = next(one for one in figure.spec["data"] if one["name"] == "draw" and one["xaxis"] == "x10")  # X3 over X2
-    np.testing.assert_allclose(np.array([pair["x"], pair["y"]]).T, X[:, [1, 2]], rtol=1e-4)
+    np.testing.assert_allclose(np.array([pair["x"], pair["y"]]).T, X[:, [1, 2]], rtol=6e-4)
     bars = [one for one in figure.spec["data"] if one["name"] == "posterior"]
     priors = [one for one in figure.spec["data"] if one["name"] == "prior"]
     for bar, prior in zip(bars, priors, strict=True):
-        assert sum(bar["y"]) * (bar["x"][1] - bar["x"][0]) == pytest.approx(1.0, rel=1e-3)
+        assert sum(bar["y"]) * (bar["x"][-1] - bar["x"][0]) / 19.0 == pytest.approx(1.0, rel=3e-3)
         assert np.mean(prior["y"]) == pytest.approx(1.0 / 50.0, rel=0.2)
     assert "split R-hat 1.012" in figure.caption
 
@@ -163,7 +176,7 @@ def test_table_and_parallel_coordinates_hold_all_runs(made, figures):
     lines = named(figures["parallel-dyke"])
     low, high = np.array(made.archive.configured.materials["dyke"].box).T
     unit = (material.parameters[1] - low) / (high - low)
-    assert lines["design"]["y"][:4] == pytest.approx(unit, rel=1e-4)
+    assert lines["design"]["y"][:4] == pytest.approx(unit, rel=6e-4)
     assert sum(one["x"].count(0) for name, one in lines.items() if name != "best run") == made.archive.runs.kind.size
 
 

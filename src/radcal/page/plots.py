@@ -37,7 +37,7 @@ _MOST_PARAMETERS = 8  # of a corner plot
 _MOST_POINTS = 6000  # in all panels of a corner plot
 
 
-def _numbers(values: ArrayLike, digits: int = 5) -> list[float | None]:
+def _numbers(values: ArrayLike, digits: int = 4) -> list[float | None]:
     """Numbers for JSON with the given significant digits, and None for what is not finite."""
     flat = np.asarray(values, dtype=np.float64).ravel()
     return [float(f"{value:.{digits}g}") if np.isfinite(value) else None for value in flat]
