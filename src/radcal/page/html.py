@@ -283,6 +283,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure], 
     filters = (_number, _listed, _embedded, _pixels, _span, _who, _largest, _theta, _seen)
     environment.filters |= {one.__name__[1:]: one for one in filters}
     environment.filters["duration"] = duration
+    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
     environment.globals |= {"at_bound": at_bound, "ends": ends, "standings": STANDINGS}
     text = environment.get_template("report.html.j2").render(
         summary=summary,
