@@ -293,7 +293,9 @@ _OF_ADVICE: Mapping[str, str] = {
     "opposite_side": "All passes have heading_deg {heading_deg:g}, because the passes of a case share one grid. A "
     "satellite that sees the scene from the other side with the same look side, half a day apart, heads to about "
     "{opposite_deg:.1f} deg: its image needs a case of its own (radar.heading_deg), which radcal apply compares with "
-    "this one. The other look side, where the table has it, looks in a direction that differs by {apart_deg:.1f} deg",
+    "this one",
+    "other_look_side": "The other look side of the table looks in a direction that differs by {apart_deg:.1f} deg from "
+    "that of this satellite",
 }
 
 TEXTS: Mapping[str, str] = {**_OF_SCENE, **_OF_IMAGE, **_OF_CASE, **_OF_RUNS, **_OF_SEARCH, **_OF_MODEL, **_OF_ADVICE}

@@ -190,7 +190,7 @@ def ground_layers(geometry: Geometry, tags: Mapping[str, str], materials: Mappin
     configured = {name: one.colour for name, one in materials.items() if one.colour is not None}
     colours = material_colours(geometry.names, configured)
     of_material = dict(enumerate(zip(geometry.names, colours, strict=True), start=1))
-    names = {str(k): name for k, name in enumerate(geometry.names, start=1)}
+    names = json.dumps(dict(enumerate(geometry.names, start=1)))
     alone = "material of pixels of one material alone, by number (tag materials); 0: mixed, or none"
     hidden = "1: clear; 2: in layover; 3: with ground in shadow; 4: both; 0: no ground (on a map: no pixel shows it)"
     material = np.where(geometry.visible, geometry.material, 0).astype(np.uint8)
@@ -198,6 +198,6 @@ def ground_layers(geometry: Geometry, tags: Mapping[str, str], materials: Mappin
     mask = np.where(seen, 1 + geometry.layover + 2 * geometry.shadow, 0).astype(np.uint8)
     return {
         "incidence": Layer(geometry.incidence_deg, "deg", "mean local incidence of the pixel's ground", tags),
-        "material": Layer(material, "1", alone, {**tags, "materials": json.dumps(names)}, of_material),
+        "material": Layer(material, "1", alone, {**tags, "materials": names}, of_material),
         "mask": Layer(mask, "1", hidden, tags, _MASK),
     }

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.products.styles import Classes, category_names, class_style, gray_style, rgb
+from radcal.products.styles import Classes, category_names, class_style, gray_style
 from radcal.radar.geometry import Geometry
 from radcal.scene.model import Scene
 from radcal.storage.files import atomic
@@ -222,7 +222,7 @@ def write_geotiff(path: str | Path, layer: Layer, grid: MapGrid | None) -> None:
             raster.set_band_description(1, layer.description)
             raster.units = (layer.unit,)
             if layer.classes:
-                colours = {value: rgb(colour) for value, (_, colour) in layer.classes.items()}
+                colours = {value: tuple(bytes.fromhex(colour[1:])) for value, (_, colour) in layer.classes.items()}
                 raster.write_colormap(1, {0: (255, 255, 255), **colours})
             raster.update_tags(
                 unit=layer.unit, description=layer.description, grid=SLANT_RANGE if grid is None else _MAP, **layer.tags

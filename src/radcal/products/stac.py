@@ -60,20 +60,19 @@ def stac_item(folder: Path, summary: Mapping[str, Any], images: Iterable[str]) -
         "created": created,
         "radcal:materials": materials,
     }
-    assets, places = {}, []
+    assets, shape, box = {}, None, None
     for name in images:
         path = folder / "export" / f"{name}.tif"
         with open_raster(path) as raster:
             tags, layout = raster.tags(), raster.tags(ns="IMAGE_STRUCTURE").get("LAYOUT")
             band = {"unit": tags["unit"], "data_type": raster.dtypes[0]}
             if raster.crs is not None:
-                places.append((raster.crs, raster.bounds))
+                shape, box = _extent(raster.crs, raster.bounds)
         media = pystac.MediaType.COG if layout == "COG" else pystac.MediaType.GEOTIFF
         assets[path.name] = pystac.Asset(str(path), name, tags["description"], media, ["data"], {"bands": [band]})
     for file in _FILES:
         kind = mimetypes.MimeTypes().guess_type(file)[0]
         assets[Path(file).name] = pystac.Asset(str(folder / file), media_type=kind, roles=["metadata"])
-    shape, box = _extent(*places[0]) if places else (None, None)
     return pystac.Item(summary["case"], shape, box, time, properties, assets=assets, href=str(folder / "item.json"))
 
 

@@ -6,16 +6,10 @@ from collections.abc import Mapping
 
 from lxml import etree
 
-__all__ = ["Classes", "category_names", "class_style", "gray_style", "rgb"]
+__all__ = ["Classes", "category_names", "class_style", "gray_style"]
 
 Classes = Mapping[int, tuple[str, str]]
 """Name and colour (``#RRGGBB``) of each class by its number, from 1."""
-
-
-def rgb(colour: str) -> tuple[int, int, int]:
-    """Red, green and blue, each 0 to 255, of a colour ``#RRGGBB``."""
-    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
-    return red, green, blue
 
 
 def category_names(classes: Classes) -> bytes:
