@@ -132,6 +132,12 @@ def test_the_standing_follows_from_the_files_of_the_case(build_case, tmp_path: P
     assert str(standing(case, tmp_path / "gone")) == "0 of about 15 runs"
     runs(3, 2.0)
     assert str(standing(case, tmp_path)) == "3 of about 15 runs"  # the rest of an iteration may take longer than a run
+    # four draws of the reference run, and one of the registration run
+    four = build_case(design={"size": 5}, stop={"max_runs": 40}, simulator={"draws": 4})
+    runs(5, 2.0)
+    assert str(standing(four, tmp_path)) == "2 of about 15 runs"
+    (tmp_path / "runs/4.h5").unlink()
+    (tmp_path / "runs/3.h5").unlink()
     runs(3, 100.0)
     # 4 runs, 6 iterations of one run and 2 final runs
     assert (standing(case, tmp_path).expected, standing(case, tmp_path).left_s) == (15, 1200.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import math
 import statistics
 from collections import Counter
 from collections.abc import Container, Mapping, Sequence
@@ -189,7 +190,8 @@ def standing(case: Case, folder: str | Path) -> Standing:
         ``results/<case>``, which need not exist. Records of runs with earlier settings of the case count as done.
     """
     folder, passes = Path(folder), len(case.passes)
-    done = len(list((folder / "runs").glob("[!.]*.h5"))) // case.simulator.draws
+    # each draw of a run has a record, the registration run has one draw alone
+    done = math.ceil(len(list((folder / "runs").glob("[!.]*.h5"))) / case.simulator.draws)
     if (folder / "final.json").exists():
         return Standing(done, None, None)
     counts = largest_runs(case)
