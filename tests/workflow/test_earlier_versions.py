@@ -10,8 +10,11 @@ MOVED = "the files of pass 1 lie in passes/1 now; those of an earlier version of
 SIMULATED = "measured image: synthetic, seed 1"
 
 
-@pytest.mark.parametrize(("version", "killed"), [("0.1.0", False), ("69e11348", False), ("69e11348", True)])
-def test_results_of_an_earlier_version_are_continued_without_a_repeated_run(project, version, killed):
+@pytest.mark.parametrize(
+    ("version", "killed", "made_again"),
+    [("0.1.0", False, {"calibration"}), ("69e11348", False, {"calibration", "field"}), ("69e11348", True, set())],
+)
+def test_results_of_an_earlier_version_are_continued_without_a_repeated_run(project, version, killed, made_again):
     """The tiny case of each version, with 48 x 40 pixels, 4 runs of the design, and no report, exports and logs.
 
     Before 0.1.0 the files of the first pass lay beside ``passes``: the measured image is simulated again, no run is.
@@ -28,6 +31,8 @@ def test_results_of_an_earlier_version_are_continued_without_a_repeated_run(proj
     done = project.run("--configfile", "tiny.yaml")
     assert done.returncode == 0, done.stdout
     assert done.stdout.count(MOVED) == done.stdout.count(SIMULATED) == (version != "0.1.0")
+    # layouts that have changed since: made again from the runs
+    assert {path.stem for path in project.out().rglob("*.earlier")} == made_again
     assert (project.records(), project.contents()) == (records, contents)
     found = project.summary()
     for key in ("parameters", "target", "calibrated", "rms", "rms_fresh"):
