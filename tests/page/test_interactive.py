@@ -87,6 +87,14 @@ def test_cost_of_each_run_stands_beside_its_prediction(made, figures, whole):
     assert named(whole[1]["cost-dyke"])["predicted"]["y"] == pytest.approx(2.0 * material.fidelity.cost, rel=6e-4)
 
 
+def test_a_run_is_told_by_its_x_or_has_another_law(build_archive, tmp_path):
+    archive = build_archive(tmp_path, other_start=("dyke",)).archive
+    traces = named(next(one for one in interactive(archive) if one.name == "cost-dyke"))
+    assert traces["reference (start)"]["text"] == ["run 0: another law"]
+    x = archive.materials["dyke"].parameters[2]
+    assert traces["design"]["text"][1] == f"run 2: X1 {x[0]:.4g}, X2 {x[1]:.4g}, X3 {x[2]:.4g}, X4 {x[3]:.4g}"
+
+
 def test_band_and_laws_are_those_of_the_archive(made, figures):
     curve = made.archive.materials["dyke"].posterior.curve
     bands = [one for one in figures["law-dyke"].spec["data"] if one["name"] == "90 % band"]

@@ -263,8 +263,9 @@ def _cost(case: Archive, name: str) -> Drawn:
 def _texts(case: Archive, name: str, which: NDArray[np.intp]) -> list[str]:
     """Number and X of some runs."""
     names, parameters = case.configured.materials[name].parameter_names, case.materials[name].parameters
-    each = [zip(names, parameters[run], strict=True) for run in which]
-    return [f"run {run}: " + ", ".join(f"{one} {x:.4g}" for one, x in of) for run, of in zip(which, each, strict=True)]
+    each = [", ".join(f"{one} {x:.4g}" for one, x in zip(names, parameters[run], strict=True)) for run in which]
+    other = np.asarray(np.isnan(parameters[which]).any(axis=1))
+    return [f"run {run}: {'another law' if of else x}" for run, x, of in zip(which, each, other, strict=True)]
 
 
 def _each_run(case: Archive, name: str, shown: Array) -> list[Trace]:
