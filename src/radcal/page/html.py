@@ -40,6 +40,7 @@ _MINUS = "\N{MINUS SIGN}"
 _TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPACE}"
 _QUALITY = 82  # of maps as WebP, whose speckle takes most of the page
 _SPECKLED = 70  # of images of speckle alone
+_COLOURS = 128  # of figures of lines and letters
 _METHOD = 2  # effort of the WebP encoder, 0 to 6
 _DIAGNOSTICS = ("front", "fidelity", "histogram", "quality")  # figures for those who know the method
 
@@ -133,11 +134,14 @@ def _webp(pixels: Image.Image, quality: int | None = None) -> str:
 
 
 def _embedded(figure: Figure) -> str:
-    """Data address of a figure: maps with some loss, lines and letters without."""
+    """Data address of a figure: maps with some loss, lines and letters without, but in few colours."""
     from PIL import Image
 
     with Image.open(figure.png) as opened:
-        return _webp(opened.convert("RGB"), _QUALITY if figure.material is None else None)
+        shown = opened.convert("RGB")
+        if figure.material is None:
+            return _webp(shown, _QUALITY)
+        return _webp(shown.quantize(_COLOURS, dither=Image.Dither.NONE).convert("RGB"))
 
 
 def _pixels(pixels: Any) -> str:
