@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +21,7 @@ from radcal.inference.moments import from_dp
 from radcal.objectives.history import History, PassScore, Proposal, Run, Score
 from radcal.radar.geometry import Geometry
 from radcal.registration.registered import Registered, register
-from radcal.results.archive import Archive, read_archive, write_archive
+from radcal.results.archive import read_archive, write_archive
 from radcal.results.results import archive_of
 from radcal.scene.model import Scene
 from radcal.storage.runs import Record, RunStore
@@ -52,11 +51,11 @@ class Made:
     passes: Sequence[Registered] = ()
 
     @property
-    def archive(self) -> Archive:
+    def archive(self):
         """What the file holds."""
         return read_archive(self.path)
 
-    def gathered(self, path: Path, **changes: Any) -> Archive:
+    def gathered(self, path, **changes):
         """Results of the same calibration but for some arguments, written and read back."""
         at = SimpleNamespace(**{**vars(self), "runs": self.path.parent / "runs", "image": image(), **changes})
         case = STAGES["archive"].of(at.case)
@@ -79,28 +78,28 @@ class Made:
 
 
 def make_archive(
-    folder: Path,
+    folder,
     *,
-    shifts: dict[str, dict[str, list[float]]] | None = None,
-    hidden: Sequence[str] = ("dyke",),
-    floors: dict[str, list[float | None]] | None = None,
-    shape: tuple[int, int] = (40, 30),
-    source: str = "synthetic, seed 2",
-    stop: Stop | None = None,
-    omega: float = 3.0,
-    nan: bool = False,
-    pixels: int = 120,
-    moved: bool = False,
-    external: Sequence[str] = (),
-    other_start: Sequence[str] = (),
-) -> Made:
+    shifts=None,
+    hidden=("dyke",),
+    floors=None,
+    shape=(40, 30),
+    source="synthetic, seed 2",
+    stop=None,
+    omega=3.0,
+    nan=False,
+    pixels=120,
+    moved=False,
+    external=(),
+    other_start=(),
+):
     """Write an archive: every material a stripe, all numbers made up but consistent."""
     shifts = SHIFTS if shifts is None else shifts
     floors = {"stem beans": [None, 0.05]} if floors is None else floors
     stop = stop or Stop(rms=1e-4, max_runs=50, stagnation_runs=20)
     names = [*shifts, "unused"]
     rng = np.random.default_rng(7)
-    materials: dict[str, Any] = {
+    materials = {
         **{name: {"calibrate": True, "start": [10.0, 10.0, 10.0, 10.0]} for name in shifts},
         "unused": {"parameters": [1.0, 2.0, 3.0, 4.0]},
     }
@@ -130,7 +129,7 @@ def make_archive(
     incidence = np.linspace(20.0, 50.0, material.size).reshape(shape).astype(np.float32)
     geometry = of_pixels(tuple(names), material, incidence, flat_incidence_deg=np.linspace(20.0, 50.0, shape[0]))
 
-    def simulated() -> Any:
+    def simulated():
         u = np.abs(rng.standard_normal(shape))
         return (-12.0 + material + omega * (-0.8 * u + 0.6 * rng.standard_normal(shape))).astype(np.float32)
 
@@ -165,7 +164,7 @@ def make_archive(
             goodness=Goodness(0.04, 0.4, 0.5, 0.01 if name == "stem beans" else 0.3),
         )
 
-    def record(key: str) -> Record:
+    def record(key):
         values = simulated()
         return Record(key, {name: values.ravel()[geometry.pixels(name)] for name in shifts}, values, 0.5)
 
@@ -220,11 +219,11 @@ def make_archive(
 
 
 @pytest.fixture(scope="session")
-def build_archive() -> Callable[..., Made]:
+def build_archive():
     return make_archive
 
 
 @pytest.fixture(scope="session")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+def made(tmp_path_factory):
     """Two materials: the dyke converges and is known, stem beans cannot be reached."""
     return make_archive(tmp_path_factory.mktemp("archive"), source="synthetic <b>seed</b> 2 & more")

@@ -1,76 +1,54 @@
 """Archives for tests, with results that differ from those of a calibration."""
 
-from __future__ import annotations
-
 import json
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radcal.calibration.stopping import Decision
-from radcal.findings import Finding
-from radcal.objectives.base import Reason
 from radcal.posterior.effects import Shared
 from radcal.posterior.radiometry import Radiometry
 from radcal.posterior.result import Curve, FormError, Image, Posterior
-from radcal.results.archive import Archive
 
 
-def changed_material(archive: Archive, name: str, **changes: Any) -> Archive:
+def changed_material(archive, name, **changes):
     """Copy of an archive with changed results of one material."""
     return replace(archive, materials={**archive.materials, name: replace(archive.materials[name], **changes)})
 
 
-def changed_target(archive: Archive, name: str, **changes: Any) -> Archive:
+def changed_target(archive, name, **changes):
     """Copy of an archive with a changed target of one material in the first pass."""
     material = archive.materials[name]
     return changed_material(archive, name, targets={**material.targets, "1": replace(material.target, **changes)})
 
 
-def changed_measurement(archive: Archive, image_db: NDArray[Any]) -> Archive:
+def changed_measurement(archive, image_db):
     """Copy of an archive with another measured image of the first pass."""
     measurement = replace(archive.registered.measurement, image_db=image_db)
     first = replace(archive.passes["1"], registered=replace(archive.registered, measurement=measurement))
     return replace(archive, passes={**archive.passes, "1": first})
 
 
-def configured(archive: Archive, **sections: Any) -> Archive:
+def configured(archive, **sections):
     """Copy of an archive with other sections of the configuration."""
     return replace(archive, config=json.dumps({**json.loads(archive.config), **sections}))
 
 
-def selected(archive: Archive, **materials: str) -> Archive:
-    """Copy of an archive with other calibrated materials: name of each, and material whose results it has."""
-
-    def of_each(found: Mapping[str, Any]) -> dict[str, Any]:
-        return {name: found[one] for name, one in materials.items()}
-
-    return replace(
-        configured(archive, materials=of_each(json.loads(archive.config)["materials"])),
-        decision=replace(archive.decision, materials=of_each(archive.decision.materials)),
-        laws=of_each(archive.laws),
-        materials=of_each(archive.materials),
-    )
-
-
-def ended(archive: Archive, reason: Reason | None, **materials: Reason) -> Archive:
+def ended(archive, reason, **materials):
     """Copy of an archive whose search has ended for another reason, with the reasons of some materials."""
     verdicts = archive.decision.materials
     changed = {name: replace(verdicts[name], reason=materials.get(name, verdicts[name].reason)) for name in verdicts}
     return replace(archive, decision=Decision(changed, reason))
 
 
-def changed_findings(archive: Archive, *findings: Finding) -> Archive:
+def changed_findings(archive, *findings):
     """Copy of an archive with other findings."""
     return replace(archive, findings=findings)
 
 
-def image(**changes: Any) -> Image:
+def image(**changes):
     """What one fixed material, ``unused``, says of an image, with changes to its fields."""
-    keys: dict[str, Any] = {
+    keys = {
         "shared": {
             "0": Shared(1.0, np.array([0.12, 0.03, 0.2, -0.1, 0.3]), np.diag([0.05, 0.01, 0.6, 0.7, 0.8]), (-0.7, 0.3))
         },
@@ -84,7 +62,7 @@ def image(**changes: Any) -> Image:
     return Image(**keys)
 
 
-def posterior(**changes: Any) -> Posterior:
+def posterior(**changes):
     """Posterior of a law with four parameters, determined between two angles, with changes to its fields."""
     angle, four = np.arange(86.0), np.array([1.0, 2.0, 3.0, 4.0])
     curve = Curve(
@@ -97,7 +75,7 @@ def posterior(**changes: Any) -> Posterior:
         field_p05_db=-4.6 - 0.205 * angle,
         field_p95_db=-3.7 - 0.19 * angle,
     )
-    keys: dict[str, Any] = {
+    keys = {
         "sampled": True,
         "ess": 812.0,
         "r_hat": 1.01,
@@ -121,7 +99,7 @@ def posterior(**changes: Any) -> Posterior:
     return Posterior(**keys)
 
 
-def without_curve(**changes: Any) -> Posterior:
+def without_curve(**changes):
     """Posterior of a law of which only parameters are known."""
     unknown = dict.fromkeys(("curve", "known_between_deg", "known_half_width_db", "form", "parameters_model"))
     return posterior(**{**unknown, **changes})

@@ -1,14 +1,9 @@
 """Cells, posteriors and images made from arrays, for tests of the assessment."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from radcal.config import Uncertainty
-from radcal.laws import Law, law_for
+from radcal.laws import law_for
 from radcal.posterior.calibrated import FORMS, LawModel, Parameters
 from radcal.posterior.cells import CellMeans
 from radcal.posterior.effects import Observed, Shared, form_basis
@@ -31,11 +26,11 @@ ANGLES = np.linspace(28.0, 46.0, 13)
 """Knots of a law and of the error of its form, and angles of bands, for cells at 26 to 48 degrees."""
 
 
-def made_cells(measured_db: ArrayLike, incidence_deg: ArrayLike, **changes: Any) -> CellMeans:
+def made_cells(measured_db, incidence_deg, **changes):
     """Cells without noise, relief and neighbours, of 60 pixels and 4 looks, each of a speckle of 0.28 dB."""
     measured = np.asarray(measured_db, dtype=np.float64)
     n, zeros = measured.size, np.zeros(measured.size)
-    keys: dict[str, Any] = {
+    keys = {
         "patch": np.ones(n, dtype=np.int64),
         "incidence_deg": np.asarray(incidence_deg, dtype=np.float64),
         "measured_db": measured,
@@ -53,19 +48,19 @@ def made_cells(measured_db: ArrayLike, incidence_deg: ArrayLike, **changes: Any)
 
 
 def seen_cells(
-    rng: np.random.Generator,
-    n: int = 240,
+    rng,
+    n=240,
     *,
-    law: Law = LINE,
-    x: ArrayLike = LINE_X,
-    added_db: Any = 0.0,
-    seen_deg: tuple[float, float] = (26.0, 48.0),
-    fields: int = 10,
-    field_db: float = 0.5,
-    cell_db: float = 0.2,
-    area: float = 0.0,
-    relief_db: float = 1.5,
-) -> CellMeans:
+    law=LINE,
+    x=LINE_X,
+    added_db=0.0,
+    seen_deg=(26.0, 48.0),
+    fields=10,
+    field_db=0.5,
+    cell_db=0.2,
+    area=0.0,
+    relief_db=1.5,
+):
     """Cells of a law with effects of fields, of cells, of relief and of speckle; ``area`` is the image's exponent."""
     incidence = np.sort(rng.uniform(*seen_deg, n))
     patch = rng.integers(1, fields + 1, n)
@@ -76,24 +71,24 @@ def seen_cells(
     return made_cells(measured, incidence, patch=patch, variance=variance, area_db=relief)
 
 
-def observed(cells: CellMeans, law: Law = LINE, x: ArrayLike = LINE_X) -> Observed:
+def observed(cells, law=LINE, x=LINE_X):
     """Cells of one pass with the law at which the image was simulated."""
     above, below = (np.asarray(law(np.radians(cells.incidence_deg + step), x)) for step in (0.5, -0.5))
     return Observed([cells], [np.asarray(law(np.radians(cells.incidence_deg), x))], [above - below])
 
 
-def made_curve(half_db: ArrayLike = 1.0, median_db: ArrayLike | None = None) -> Curve:
+def made_curve(half_db=1.0, median_db=None):
     """Curve of :data:`LINE` at :data:`LINE_X`, with a band of some half-width; that of the fields is half as wide."""
     angle = np.arange(86.0)
     median = LINE(np.radians(angle), LINE_X) if median_db is None else np.broadcast_to(median_db, angle.shape)
-    half: NDArray[np.float64] = np.broadcast_to(np.asarray(half_db, dtype=np.float64), angle.shape)
+    half = np.broadcast_to(np.asarray(half_db, dtype=np.float64), angle.shape)
     return Curve(angle, median, median - half, median + half, 0.3 * half, median, median - half / 2, median + half / 2)
 
 
-def made_posterior(**changes: Any) -> Posterior:
+def made_posterior(**changes):
     """Posterior of a law with two parameters, known between two angles."""
     three = np.array([0.3, 0.5, 0.9])
-    keys: dict[str, Any] = {
+    keys = {
         "sampled": True,
         "ess": 812.0,
         "r_hat": 1.01,
@@ -117,7 +112,7 @@ def made_posterior(**changes: Any) -> Posterior:
     return Posterior(**keys)
 
 
-def held_cells(cells: slice = slice(None)) -> HeldOut:
+def held_cells(cells=slice(None)):
     """Three cells of two fields, of which the bands of law, constant and their average hold one, three and two."""
     law = np.array([[-9.0, -10.0, -11.0], [-9.5, -11.0, -12.0], [-8.5, -9.0, -10.0]])[:, cells]
     constant = np.array([[-13.0] * 3, [-14.6] * 3, [-9.0] * 3])[:, cells]
@@ -125,20 +120,20 @@ def held_cells(cells: slice = slice(None)) -> HeldOut:
     return HeldOut(*own, Predicted(*law), Predicted(*constant))
 
 
-def made_form(**changes: Any) -> FormError:
+def made_form(**changes):
     """Error of a law's form that is not noticed."""
-    keys: dict[str, Any] = {"rms_db": np.array([0.1, 0.3, 0.7]), "noticed": False, "refuted": False, "noticed_db": 1.4}
+    keys = {"rms_db": np.array([0.1, 0.3, 0.7]), "noticed": False, "refuted": False, "noticed_db": 1.4}
     return FormError(**{**keys, **changes})
 
 
-def made_radiometry(chance: float = 0.001, term: int = 1, materials: tuple[str, ...] = BOTH) -> Radiometry:
+def made_radiometry(chance=0.001, term=1, materials=BOTH):
     """Radiometry of a pass that two fixed materials show to be right; the other one has a given probability."""
     return Radiometry(0.1, 0.2, term, chance, materials)
 
 
-def made_image(**changes: Any) -> Image:
+def made_image(**changes):
     """Image of one pass, of which two fixed materials say that all is right."""
-    keys: dict[str, Any] = {
+    keys = {
         "shared": {
             "0": Shared(1.0, np.array([0.12, 0.03, 0.2, -0.1, 0.3]), np.diag([0.05, 0.01, 0.6, 0.7, 0.8]), (-0.7, 0.3))
         },
@@ -152,15 +147,13 @@ def made_image(**changes: Any) -> Image:
     return Image(**keys)
 
 
-def image_of_fixed(
-    fixed: dict[str, Observed], areas: list[float], config: Uncertainty, offset: bool = False, seed: int = 3
-) -> Image:
+def image_of_fixed(fixed, areas, config, offset=False, seed=3):
     """What fixed materials say of passes whose radiometry is taken as declared."""
     declared = {str(number): NOTHING_SHOWN for number in range(1, len(areas) + 1)}
     return image_from(fixed, areas, declared, config, offset, seed)
 
 
-def known_common(level_db: float = 0.0, sd_db: float = 0.1, rng: np.random.Generator | None = None) -> Shared:
+def known_common(level_db=0.0, sd_db=0.1, rng=None):
     """Common effects of one pass as if the fixed materials had shown them."""
     mean = np.array([level_db, 0.05, 0.2, -0.1, 0.3])
     root = np.zeros((5, 5)) if rng is None else 0.05 * rng.normal(size=(5, 5))
@@ -168,12 +161,12 @@ def known_common(level_db: float = 0.0, sd_db: float = 0.1, rng: np.random.Gener
     return Shared(1.0, mean, covariance, (np.log(0.5), 0.3))
 
 
-def line_db(x: NDArray[np.float64], incidence_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+def line_db(x, incidence_deg):
     """Levels of :data:`LINE` for m vectors X at k angles [dB], shape (m, k), without splines."""
     return x[:, :1] + (x[:, 1:] - x[:, :1]) * (incidence_deg - 20.0) / 40.0
 
 
-def line_parameters(error: Any = None, integer: tuple[bool, bool] = (False, False)) -> Parameters:
+def line_parameters(error=None, integer=(False, False)):
     """X of :data:`LINE` in its bounds."""
     return Parameters(
         LINE_BOX, np.array(integer), lambda x: line_db(x, KNOTS),
@@ -181,14 +174,7 @@ def line_parameters(error: Any = None, integer: tuple[bool, bool] = (False, Fals
     )  # fmt: skip
 
 
-def line_model(
-    cells: CellMeans,
-    common: Shared,
-    config: Uncertainty | None = None,
-    parameters: Parameters | None = None,
-    forms: bool = True,
-    flattening: float = 0.0,
-) -> LawModel:
+def line_model(cells, common, config=None, parameters=None, forms=True, flattening=0.0):
     """Model of :data:`LINE` for cells of one pass."""
     of = observed(cells)
     weights = np.maximum(0.0, 1.0 - np.abs(cells.incidence_deg[:, None] - KNOTS))

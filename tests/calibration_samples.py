@@ -1,17 +1,11 @@
 """Targets, materials and scores made from arrays, for tests of the calibration."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from radcal.ground.goodness import Goodness
-from radcal.laws import Law, external_law
+from radcal.laws import external_law
 from radcal.objectives.base import CalibratedMaterial
-from radcal.objectives.history import PassScore, Proposal, Run, Score
+from radcal.objectives.history import PassScore, Run, Score
 from radcal.skewnormal import fit
 from radcal.targets.target import Target
 
@@ -20,10 +14,10 @@ TRUTH = {"field": [-30.0, 22.0, 6.0, 4.0], "lake": [-35.0, 12.0, 25.0, 6.0]}
 BOUNDS = [[-60, 0], [0, 50], [0, 50], [0, 20]]
 
 
-def make_target(values_db: ArrayLike, incidence_deg: ArrayLike, **changes: Any) -> Target:
+def make_target(values_db, incidence_deg, **changes):
     """Target of all pixels of a material, each of them independent."""
     values = np.asarray(values_db, dtype=np.float64)
-    keys: dict[str, Any] = {
+    keys = {
         "pixels": np.arange(values.size),
         "order": np.arange(values.size),
         "values_db": values,
@@ -42,30 +36,21 @@ def make_target(values_db: ArrayLike, incidence_deg: ArrayLike, **changes: Any) 
     return Target(**{"dp": fit(values).dp if "dp" not in changes else changes["dp"], **keys})
 
 
-def make_material(
-    target: Target,
-    box: ArrayLike,
-    law: Law | None = None,
-    integer: Sequence[bool] | None = None,
-    looks: float = 4.0,
-    **changes: Any,
-) -> CalibratedMaterial:
+def make_material(target, box, law=None, integer=None, looks=4.0, **changes):
     """Material to calibrate; its law has no curve unless one is given."""
     bounds = np.asarray(box, dtype=np.float64)
     found = law or external_law([f"p{k}" for k in range(len(bounds))])
-    whole: NDArray[np.bool_] = np.array([False] * len(bounds) if integer is None else integer)
+    whole = np.array([False] * len(bounds) if integer is None else integer)
     return CalibratedMaterial("dyke", target, found, bounds, whole, looks, **changes)
 
 
-def make_score(cost: float, x: Sequence[float] = (0.0,), rms: float | None = None, **changes: Any) -> Score:
+def make_score(cost, x=(0.0,), rms=None, **changes):
     """Score of a run whose density has mean 0, variance nearly 1."""
     density = PassScore([0.0, 1.0, 0.1], cost if rms is None else rms)
     return Score(list(x), [density], cost=cost, **{"statistics": [[0.0, 0.0, 0.0]], "looks": 4.0, **changes})
 
 
-def make_run(
-    kind: str, index: int, cost: dict[str, float], proposals: dict[str, Proposal] | None = None, **scored: Any
-) -> Run:
+def make_run(kind, index, cost, proposals=None, **scored):
     """Run in which each material's X is the run's number."""
     scores = {name: make_score(value, **{"x": [float(index)], **scored}) for name, value in cost.items()}
-    return Run(kind, index, [f"{kind}{index}"], 0.5, scores, proposals or {})  # type: ignore[arg-type]
+    return Run(kind, index, [f"{kind}{index}"], 0.5, scores, proposals or {})

@@ -1,10 +1,5 @@
 """Cases as plain data that the tests of the configuration change and break."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import pytest
 
 from radcal.config import case_from
@@ -14,29 +9,29 @@ X = [1.0, 2.0, 3.0, 4.0]
 FIXED = {"dyke": {"calibrate": True}, "grass": {"parameters": X}}
 
 
-def dyke(**keys: Any) -> dict[str, Any]:
+def dyke(**keys):
     return {"materials": {"dyke": {"calibrate": True, **keys}}}
 
 
-def flat(**keys: Any) -> dict[str, Any]:
+def flat(**keys):
     both = {"labels": "ids.tif", "names": "a.json", "near_incidence_deg": 20, "far_incidence_deg": 40}
     return {"scene": {"source": "slant_range", **both, **keys}}
 
 
-def mapped(**keys: Any) -> dict[str, Any]:
+def mapped(**keys):
     files = {"elevation": "a.tif", "materials": "b.tif", "names": "a.json"}
     return {"scene": {"source": "raster", **files, **keys}}
 
 
-def measured(**keys: Any) -> dict[str, Any]:
+def measured(**keys):
     return {"measurement": {"source": "file", "path": "a.tif", "scale": "db", "radiometry": "sigma0_ref", **keys}}
 
 
-def synthetic(**keys: Any) -> dict[str, Any]:
+def synthetic(**keys):
     return {"measurement": {"source": "synthetic", "synthetic": keys}}
 
 
-def message(data: dict[str, Any]) -> str:
+def message(data):
     with pytest.raises(ConfigError) as caught:
         case_from(data, "some.yaml")
     text = str(caught.value)
@@ -47,7 +42,7 @@ def message(data: dict[str, Any]) -> str:
     return text
 
 
-def truth(x: list[float], law: dict[str, Any], **radar: Any) -> dict[str, Any]:
+def truth(x, law, **radar):
     """A calibrated dyke of some law with a hidden truth."""
     return {**dyke(**law), **synthetic(parameters={"dyke": x}), "radar": radar}
 
@@ -57,7 +52,7 @@ TABLE = {"law": "tabulated", "angles_deg": [20, 40, 60], "bounds": [[-30, 0]] * 
 OH = {"law": "oh1992"}
 
 
-def write(folder: Path, text: str | bytes, name: str = "case.yaml") -> Path:
+def write(folder, text, name="case.yaml"):
     path = folder / name
     path.write_bytes(text.encode() if isinstance(text, str) else text)
     return path
@@ -69,7 +64,7 @@ NO_TRUTH = {"source": "synthetic", "synthetic": {"parameters": {}}}
 TRUE_SOIL = {"source": "synthetic", "synthetic": {"parameters": {"soil": [0.2, 1.0]}}}
 
 
-def outside(materials: dict[str, Any], **sections: Any) -> dict[str, Any]:
+def outside(materials, **sections):
     """Plain data of a case of an external program."""
     return {
         "simulator": {"kind": "command", "command": ["sh"], "output": {"file": "i.npy", "scale": "db"}},

@@ -1,7 +1,5 @@
 """A scene of 40 x 40 cells, small enough that geometry and image take milliseconds."""
 
-from __future__ import annotations
-
 import functools
 import gc
 import os
@@ -11,18 +9,14 @@ import sys
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from radcal.config import Case, Radar, case_from
+from radcal.config import Radar, case_from
 from radcal.findings import Finding
-from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
 from radcal.words import sentence
@@ -34,19 +28,17 @@ DESELECTED = f"not ({' or '.join((*MARKED, 'slow'))})"  # as in pyproject.toml
 TESTS = Path(__file__).parent
 FIRST = TESTS / "test_small_calibration.py"
 # folders whose tests run little or nothing that numba compiles
-LIGHT = [TESTS / name for name in ("cli", "config", "reading", "report", "running", "storage")]
+LIGHT = [TESTS / name for name in ("cli", "config", "reading", "sections", "session", "storage", "tables")]
 
 WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
 
-Surface = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
-
 
 @pytest.fixture(autouse=True)
-def _findings_have_sentences(monkeypatch: pytest.MonkeyPatch) -> None:
+def _findings_have_sentences(monkeypatch):
     """Every finding that radcal itself makes has a text in the catalogue, to which its numbers belong."""
     made = Finding.__init__
 
-    def checked(self: Finding, *args: Any, **keys: Any) -> None:
+    def checked(self, *args, **keys):
         made(self, *args, **keys)
         name = sys._getframe(1).f_globals["__name__"]
         if name.startswith("radcal.") and name != "radcal.findings":
@@ -55,22 +47,20 @@ def _findings_have_sentences(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Finding, "__init__", checked)
 
 
-def pytest_configure(config: pytest.Config) -> None:
+def pytest_configure(config):
     """Folders and files that are named on the command line are run whatever their markers."""
     named = [(config.invocation_params.dir / arg.partition("::")[0]).resolve() for arg in config.args]
     if config.option.markexpr == DESELECTED and all(TESTS in path.parents for path in named):
         config.option.markexpr = ""
 
 
-def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+def pytest_ignore_collect(collection_path, config):
     """Folders whose tests are all deselected are not read."""
     return True if config.option.markexpr == DESELECTED and _marker(collection_path) else None
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_make_collect_report(
-    collector: pytest.Collector,
-) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+def pytest_make_collect_report(collector):
     """Folders are read from their last file on by every other worker.
 
     The first worker that reads a test module compiles it for all. Two workers that read in the same order would compile
@@ -83,7 +73,7 @@ def pytest_make_collect_report(
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> Generator[None]:
+def pytest_collection_modifyitems(items):
     """Mark by folder, so that no test can forget, and put the tests in an order in which all workers end together."""
     for item in items:
         if marker := _marker(item.path):
@@ -92,7 +82,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> Generator[None]:
     if "PYTEST_XDIST_WORKER" not in os.environ:
         return
     items.sort(key=lambda item: item.path)  # the same order in all workers
-    kinds: dict[str, list[pytest.Item]] = {"first": [], "workflow": [], "light": [], "rest": []}
+    kinds = {"first": [], "workflow": [], "light": [], "rest": []}
     for item in items:
         kinds[_kind(item.path)].append(item)
     first, long, light, rest = kinds.values()
@@ -108,19 +98,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> Generator[None]:
         items[:] = [*first, *rest[:before], *light, *rest[before:]]
 
 
-def pytest_collection_finish() -> None:
+def pytest_collection_finish():
     """Leave modules and tests out of the search for garbage: they last to the end."""
     gc.freeze()
 
 
 @functools.cache
-def _marker(path: Path) -> str | None:
+def _marker(path):
     """Marker of the tests in a file or folder."""
     return next((name for name in MARKED if path.is_relative_to(TESTS / name)), None)
 
 
 @functools.cache
-def _kind(path: Path) -> str:
+def _kind(path):
     """Kind of the tests in a file, by which they are ordered."""
     if path == FIRST:
         return "first"
@@ -129,23 +119,16 @@ def _kind(path: Path) -> str:
     return "light" if any(folder in path.parents for folder in LIGHT) else "rest"
 
 
-def _part(items: Sequence[pytest.Item], k: int, parts: int) -> Sequence[pytest.Item]:
+def _part(items, k, parts):
     """Part number k of equal parts of a list."""
     return items[len(items) * k // parts : len(items) * (k + 1) // parts]
 
 
 @pytest.fixture(scope="session")
-def build_scene() -> Callable[..., Scene]:
+def build_scene():
     """Make a scene from a function of (east, north) in metres from the scene's middle."""
 
-    def build(
-        surface: Surface,
-        *,
-        cells: tuple[int, int] = (40, 40),
-        cell_m: float = 5.0,
-        names: tuple[str, ...] = ("dyke",),
-        material: NDArray[np.uint8] | None = None,
-    ) -> Scene:
+    def build(surface, *, cells=(40, 40), cell_m=5.0, names=("dyke",), material=None):
         ny, nx = cells
         north, east = np.meshgrid(
             (np.arange(ny) + 0.5 - ny / 2) * cell_m, (np.arange(nx) + 0.5 - nx / 2) * cell_m, indexing="ij"
@@ -159,7 +142,7 @@ def build_scene() -> Callable[..., Scene]:
 
 
 @pytest.fixture(scope="session")
-def scene(build_scene: Callable[..., Scene]) -> Scene:
+def scene(build_scene):
     """Rough ground: the dyke in the west, grass in the east."""
     rough = gaussian_filter(np.random.default_rng(5).standard_normal((40, 40)), 1.5, mode="wrap")
     material = np.where(np.arange(40) < 22, 1, 2).astype(np.uint8) * np.ones((40, 1), dtype=np.uint8)
@@ -167,21 +150,21 @@ def scene(build_scene: Callable[..., Scene]) -> Scene:
 
 
 @pytest.fixture(scope="session")
-def radar() -> Radar:
+def radar():
     return Radar(altitude_m=1000.0, nesz_db=-20.0, radiometry="sigma0_local")
 
 
 @pytest.fixture(scope="session")
-def geometry(scene: Scene, radar: Radar) -> Geometry:
+def geometry(scene, radar):
     return make_geometry(scene, radar)
 
 
 @pytest.fixture(scope="session")
-def build_case() -> Callable[..., Case]:
+def build_case():
     """Make the tiny case with some sections replaced."""
 
-    def build(**sections: Any) -> Case:
-        data: dict[str, Any] = {
+    def build(**sections):
+        data = {
             "radar": {"altitude_m": 1000.0, "nesz_db": -20.0, "radiometry": "sigma0_local"},
             "materials": {"dyke": {"calibrate": True}, "grass": {"parameters": [10.0, 14.0, 6.0, 4.0]}},
             "measurement": {"source": "synthetic", "synthetic": {"parameters": {"dyke": [6.1, 14.2, 21.5, 3.3]}}},
@@ -194,5 +177,5 @@ def build_case() -> Callable[..., Case]:
 
 
 @pytest.fixture(scope="session")
-def case(build_case: Callable[..., Case]) -> Case:
+def case(build_case):
     return build_case()

@@ -1,9 +1,5 @@
 """Geometries whose pixels are one facet each."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 
 from radcal.radar.geometry import Geometry
@@ -12,7 +8,7 @@ ROWS, COLUMNS = 60, 80
 X = [-28.0, 20.0, 6.0, 4.0]
 
 
-def of_pixels(names: tuple[str, ...], material: Any, incidence_deg: Any, **changes: Any) -> Geometry:
+def of_pixels(names, material, incidence_deg, **changes):
     """Geometry of materials and incidence angles by pixel, all of them seen and none in layover."""
     shape, n, nothing = material.shape, material.size, np.zeros(material.shape, dtype=bool)
     incidence = np.broadcast_to(incidence_deg, shape)
@@ -28,7 +24,7 @@ def of_pixels(names: tuple[str, ...], material: Any, incidence_deg: Any, **chang
     )  # fmt: skip
 
 
-def two_materials() -> Geometry:
+def two_materials():
     """Fifty columns of one material, thirty of another one; the incidence angle rises from row to row."""
     material = np.where(np.arange(COLUMNS) < 50, 1, 2).astype(np.uint8) * np.ones((ROWS, 1), dtype=np.uint8)
     return of_pixels(("area", "rest"), material, np.linspace(25.0, 50.0, ROWS)[:, None])

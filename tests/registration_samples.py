@@ -1,15 +1,12 @@
 """Images of fields under speckle, and smooth displacements of them."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from radcal.registration.displacement import invert
 
 
-def ground(shape: tuple[int, int], seed: int) -> NDArray[np.float64]:
+def ground(shape, seed):
     """Mean backscatter of fields with straight borders [dB]."""
     rng = np.random.default_rng(seed)
     image = np.zeros(shape)
@@ -19,19 +16,19 @@ def ground(shape: tuple[int, int], seed: int) -> NDArray[np.float64]:
     return image
 
 
-def speckled(mean_db: NDArray[np.float64], seed: int, looks: int = 4) -> NDArray[np.float32]:
+def speckled(mean_db, seed, looks=4):
     """Independent multilook speckle on a mean image [dB]."""
     gain = np.random.default_rng(seed).gamma(looks, 1.0 / looks, mean_db.shape)
     return (mean_db + 10.0 * np.log10(gain)).astype(np.float32)
 
 
-def smooth_field(shape: tuple[int, int], seed: int, length: float, sigma: float) -> NDArray[np.float64]:
+def smooth_field(shape, seed, length, sigma):
     """Displacement of a largest length [pixel], both of whose components are smoothed noise."""
     noise = np.random.default_rng(seed).standard_normal((2, *shape))
     field = np.stack([gaussian_filter(part, sigma, mode="reflect") for part in noise])
     return field * length / np.hypot(*field).max()
 
 
-def displaced(mean_db: NDArray[np.float64], field: NDArray[np.float64]) -> NDArray[np.float64]:
+def displaced(mean_db, field):
     """Mean image that is displaced by a field."""
     return map_coordinates(mean_db, np.indices(mean_db.shape) + invert(field), order=1, mode="nearest")

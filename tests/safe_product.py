@@ -1,9 +1,5 @@
 """Small Sentinel-1 product with a true orbit and tables of known functions, and places found by solving for them."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 from pyproj import Transformer
 from raster_files import write_raster
@@ -18,7 +14,7 @@ NAME = "S1B_IW_GRDH_1SDV_20211223T051122_20211223T051147_030148_039993_5371.SAFE
 _EARTH = Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
 
 
-def radar_at(time: float) -> np.ndarray:
+def radar_at(time):
     """Place of a satellite on a circular, inclined orbit, in coordinates that turn with the earth [m]."""
     along, tilt, turn = np.radians(138.0) + 1.0618e-3 * time, np.radians(98.18), np.radians(195.0) - 7.2921e-5 * time
     flat = 7.07e6 * np.array([np.cos(along), np.sin(along) * np.cos(tilt), np.sin(along) * np.sin(tilt)])
@@ -26,20 +22,20 @@ def radar_at(time: float) -> np.ndarray:
     return np.array([cosine * flat[0] - sine * flat[1], sine * flat[0] + cosine * flat[1], flat[2]])
 
 
-def velocity_at(time: float) -> np.ndarray:
+def velocity_at(time):
     return (radar_at(time + 0.01) - radar_at(time - 0.01)) / 0.02
 
 
-def slant_m(line: float, pixel: float) -> float:
+def slant_m(line, pixel):
     """Slant range of a pixel: ground range is 1.6 (r - near) and grows by 40 m from -0.05 to 0.25 s."""
     return NEAR_M + (SPACING_M * pixel - 40.0 * (line * LINE_S + 0.05) / 0.3) / 1.6
 
 
-def place_of(line: float, pixel: float, height: float = 0.0) -> tuple[float, float]:
+def place_of(line, pixel, height=0.0):
     """Longitude and latitude of what a pixel shows at a height: zero Doppler and the pixel's slant range."""
     radar, velocity = radar_at(line * LINE_S), velocity_at(line * LINE_S)
 
-    def missed(place: np.ndarray) -> list[float]:
+    def missed(place):
         ray = np.array(_EARTH.transform(place[0], place[1], height)) - radar
         return [ray @ velocity / 7e3, np.linalg.norm(ray) - slant_m(line, pixel)]
 
@@ -49,37 +45,37 @@ def place_of(line: float, pixel: float, height: float = 0.0) -> tuple[float, flo
     return float(found[0]), float(found[1])
 
 
-def divisor(line: np.ndarray, pixel: np.ndarray) -> np.ndarray:
+def divisor(line, pixel):
     """sigmaNought: linear in each of line and pixel, so that bilinear interpolation is exact."""
     return 300.0 + 0.8 * line + 1.7 * pixel + 0.004 * line * pixel
 
 
-def noise(line: np.ndarray, pixel: np.ndarray) -> np.ndarray:
+def noise(line, pixel):
     """Noise of range and azimuth tables."""
     factor = np.where(pixel < 50, 1.0 + 0.003 * line, 1.4 - 0.001 * line)
     return noise_over_range(line, pixel) * factor
 
 
-def noise_over_range(line: np.ndarray, pixel: np.ndarray) -> np.ndarray:
+def noise_over_range(line, pixel):
     """Noise of the range table alone."""
     return 200.0 + 0.3 * line + 0.9 * pixel + 0.001 * line * pixel
 
 
-def digital_numbers() -> np.ndarray:
+def digital_numbers():
     """Digital numbers without any order that a shift would leave."""
     line, pixel = np.indices((LINES, PIXELS))
     return (100 + (7 * line + 13 * pixel + line * pixel) % 701).astype(np.uint16)
 
 
-def _words(values: np.ndarray) -> str:
+def _words(values):
     return " ".join(f"{value:.10e}" for value in np.atleast_1d(values))
 
 
-def _time(seconds: float) -> str:
+def _time(seconds):
     return str(START + np.timedelta64(round(seconds * 1e9), "ns"))
 
 
-def _annotation(polarisation: str, noise_removed: str) -> str:
+def _annotation(polarisation, noise_removed):
     orbit = "".join(
         f"<orbit><time>{_time(t)}</time>"
         + "".join(
@@ -134,19 +130,19 @@ def _annotation(polarisation: str, noise_removed: str) -> str:
 <swathMerging><swathMergeList>{merged}</swathMergeList></swathMerging></product>"""
 
 
-def _vectors(name: str, quantity: str, of: object) -> str:
+def _vectors(name, quantity, of):
     """Table on lines outside and inside of the image, each with other pixels, in no order."""
     text = ""
     for line, step in ((130, 40), (-10, 25), (45, 33)):
         pixel = np.append(np.arange(0, PIXELS - 1, step), PIXELS - 1)
         text += (
             f"<{name}><line>{line}</line><pixel>{' '.join(map(str, pixel))}</pixel>"
-            f"<{quantity}>{_words(of(float(line), pixel.astype(float)))}</{quantity}></{name}>"  # type: ignore[operator]
+            f"<{quantity}>{_words(of(float(line), pixel.astype(float)))}</{quantity}></{name}>"
         )
     return f"<{name}List>{text}</{name}List>"
 
 
-def _azimuth_noise() -> str:
+def _azimuth_noise():
     text = ""
     lines = np.array([0, 20, 90, LINES - 1])
     for first, last, factors in ((0, 49, 1.0 + 0.003 * lines), (50, PIXELS - 1, 1.4 - 0.001 * lines)):
@@ -159,9 +155,7 @@ def _azimuth_noise() -> str:
     return f"<noiseAzimuthVectorList>{text}</noiseAzimuthVectorList>"
 
 
-def write_product(
-    folder: Path, pixels: np.ndarray | None = None, polarisation: str = "VV", noise_removed: str = "false"
-) -> Path:
+def write_product(folder, pixels=None, polarisation="VV", noise_removed="false"):
     """Write a product of one polarisation, and a manifest that lists a second one whose files are missing."""
     safe = folder / NAME
     (safe / "annotation/calibration").mkdir(parents=True)

@@ -1,12 +1,9 @@
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import NDArray
 
 from radcal.speckle.gaussian import gaussian_row, seed_words
 
 
-def circular_gaussian(seed: int, look: int, stream: int, shape: tuple[int, int]) -> NDArray[np.complex64]:
+def circular_gaussian(seed, look, stream, shape):
     """Circular complex Gaussian numbers of unit mean power for a whole image, of one look and one stream."""
     n = shape[0] * shape[1]
     real, imaginary = np.empty((2, n), dtype=np.float32)

@@ -8,23 +8,19 @@ A *room* is a package or a top-level module of ``radcal``. Every import counts, 
 ``docs/architecture.md`` describes the rooms.
 """
 
-from __future__ import annotations
-
 import ast
 import functools
 import re
-from collections.abc import Collection, Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 SOURCE = Path(__file__).resolve().parents[1] / "src/radcal"
-Edge = tuple[str, str]
 
 # Steps of the flow, first to last, by the packages and modules that take them; the longest name that fits counts.
 # A module may import its own step and earlier ones. Rooms that are not named here serve several steps.
-FLOW: list[tuple[str, list[str]]] = [
+FLOW = [
     ("scene", ["scene", "cdb"]),
     ("geometry and image formation", ["compiled", "speckle", "radar"]),
     ("simulator", ["programs", "simulators"]),
@@ -42,14 +38,14 @@ FLOW: list[tuple[str, list[str]]] = [
 
 
 @functools.cache
-def imports(root: Path) -> frozenset[Edge]:
+def imports(root):
     """Pairs of module and imported module of a package ``radcal``, named without ``radcal.``."""
     files = {
         ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__"): path
         for path in root.rglob("*.py")
     }
 
-    def imported(node: ast.AST) -> Iterator[str]:
+    def imported(node):
         if isinstance(node, ast.Import):
             yield from (item.name for item in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -67,14 +63,14 @@ def imports(root: Path) -> frozenset[Edge]:
     )
 
 
-def room(module: str) -> str:
+def room(module):
     """Package or top-level module that a module belongs to."""
     return module.partition(".")[0]
 
 
-def circle(edges: Collection[Edge]) -> list[str]:
+def circle(edges):
     """Names along one circle, empty if there is none."""
-    graph: dict[str, set[str]] = {}
+    graph = {}
     for importer, name in edges:
         graph.setdefault(importer, set()).add(name)
     try:
@@ -84,7 +80,7 @@ def circle(edges: Collection[Edge]) -> list[str]:
     return []
 
 
-def step(module: str) -> int | None:
+def step(module):
     """Place of a module in the flow, None if it serves several steps."""
     found = [
         (len(name), place)
@@ -95,7 +91,7 @@ def step(module: str) -> int | None:
     return max(found)[1] if found else None
 
 
-def faults(edges: Collection[Edge]) -> list[str]:
+def faults(edges):
     """Sentences on circles of modules, circles of rooms, and imports against the flow."""
     found = [f"circle of modules: {' -> '.join(names)}"] if (names := circle(edges)) else []
     rooms = {(room(a), room(b)) for a, b in edges if room(a) != room(b)}
@@ -107,20 +103,20 @@ def faults(edges: Collection[Edge]) -> list[str]:
     return found
 
 
-def test_imports_follow_the_flow_and_make_no_circle() -> None:
+def test_imports_follow_the_flow_and_make_no_circle():
     edges = imports(SOURCE)
     assert ("calibration.steps", "proposals.search") in edges
     assert len(edges) > 300
     assert faults(edges) == []
 
 
-def test_every_step_of_the_flow_has_its_modules() -> None:
+def test_every_step_of_the_flow_has_its_modules():
     modules = {name for edge in imports(SOURCE) for name in edge}
     missing = [name for _, names in FLOW for name in names if not any(f"{m}.".startswith(f"{name}.") for m in modules)]
     assert missing == [], "moved or renamed: name them as they are called now"
 
 
-def test_the_page_on_architecture_names_every_room() -> None:
+def test_the_page_on_architecture_names_every_room():
     page = (SOURCE.parents[1] / "docs/architecture.md").read_text(encoding="utf-8")
     table = page.split("## The rooms")[1].split("Imports follow the flow")[0]
     first = re.findall(r"^\| (`.*?) \|", table, flags=re.MULTILINE)
@@ -130,7 +126,7 @@ def test_the_page_on_architecture_names_every_room() -> None:
     assert named - rooms == set(), "rooms that are gone"
 
 
-def test_a_folder_has_at_most_twelve_modules() -> None:
+def test_a_folder_has_at_most_twelve_modules():
     counts = {
         path: sum(one.stem != "__init__" for one in path.glob("*.py")) for path in SOURCE.iterdir() if path.is_dir()
     }
@@ -169,13 +165,13 @@ def test_a_folder_has_at_most_twelve_modules() -> None:
         ({"page/html.py": "from radcal.scene.model import Scene", "scene/model.py": "import numpy"}, ""),
     ],
 )
-def test_circles_and_steps_back_are_found(files: dict[str, str], sentence: str, tmp_path: Path) -> None:
+def test_circles_and_steps_back_are_found(files, sentence, tmp_path):
     edges = drawn(tmp_path, files)
     assert sentence in [*faults(edges), ""]
     assert bool(faults(edges)) == bool(sentence)
 
 
-def drawn(folder: Path, files: Mapping[str, str]) -> frozenset[Edge]:
+def drawn(folder, files):
     """Imports of a package written for a test."""
     for name, text in files.items():
         (folder / name).parent.mkdir(exist_ok=True)

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import pytest
 
 from radcal.bands import letter_band, same_label, within_band
@@ -23,11 +21,11 @@ from radcal.bands import letter_band, same_label, within_band
         ("unknown", float("nan"), None),
     ],
 )
-def test_letters_of_known_instruments(instrument: str, frequency_hz: float, letter: str | None) -> None:
+def test_letters_of_known_instruments(instrument, frequency_hz, letter):
     assert letter_band(frequency_hz) == letter
 
 
-def test_labels() -> None:
+def test_labels():
     for label in ("X", "x", "X-band", "X band", " x_BAND", "Xband"):
         assert same_label(label, "X")
         assert within_band(label, 9.65e9)
@@ -36,12 +34,12 @@ def test_labels() -> None:
     assert not same_label("band", "X")
 
 
-def test_p_is_a_part_of_uhf() -> None:
+def test_p_is_a_part_of_uhf():
     assert within_band("P", 435e6)
     assert within_band("UHF", 435e6)
     assert within_band("P", 900e6) is False
 
 
 @pytest.mark.parametrize("label", ["", "9.6 GHz", "third", "XX"])
-def test_labels_that_are_no_letters(label: str) -> None:
+def test_labels_that_are_no_letters(label):
     assert within_band(label, 9.6e9) is None

@@ -1,7 +1,5 @@
 """The folder of the machine code: another one for other sources, and the same in every process of one source."""
 
-from __future__ import annotations
-
 import ast
 import os
 import re
@@ -10,7 +8,6 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -34,23 +31,23 @@ PROGRAM = (
 
 
 @compiled.threaded
-def shared(part: Any, found: Any, factor: Any) -> None:
+def shared(part, found, factor):
     for i in range(part[0], part[1]):
         found[i, 0], found[i, 1] = part[0], factor * i
 
 
-def twice(x: int) -> int:
+def twice(x):
     return 2 * x
 
 
 @pytest.fixture
-def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def package(tmp_path, monkeypatch):
     monkeypatch.setattr(compiled._config, "CACHE_DIR", "")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
     return Path(shutil.copytree(PACKAGE, tmp_path / "radcal", ignore=shutil.ignore_patterns("__pycache__")))
 
 
-def run(package: Path) -> tuple[int, int]:
+def run(package):
     """Result of a compiled function, and how often its machine code came from the disk, in a process of its own."""
     environment = {**os.environ, "PYTHONPATH": str(package.parent)}
     done = subprocess.run([sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True)
@@ -60,7 +57,7 @@ def run(package: Path) -> tuple[int, int]:
 
 
 @pytest.mark.slow
-def test_a_changed_callee_in_another_file_is_compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_callee_in_another_file_is_compiled(tmp_path, monkeypatch):
     """numba itself looks at the caller's file only."""
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     package = tmp_path / "radcal"  # of these modules alone, because whole radcal takes seconds
@@ -80,7 +77,7 @@ def test_a_changed_callee_in_another_file_is_compiled(tmp_path: Path, monkeypatc
     assert run(package) == (16, 1)
 
 
-def test_one_process_compiles_a_function_and_others_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_process_compiles_a_function_and_others_wait(tmp_path, monkeypatch):
     """The other process holds the lock until the test has seen that it is waited for."""
     monkeypatch.setattr(compiled, "_FOLDER", str(tmp_path))
     double = compiled.njit()(twice)
@@ -97,9 +94,9 @@ def test_one_process_compiles_a_function_and_others_wait(tmp_path: Path, monkeyp
         patch.setattr(compiled, "_PATIENCE_S", 0.1)
         with compiled._locked(lock), compiled._locked(tmp_path / "gone" / "lock"):
             pass
-    waits: list[float] = []
+    waits = []
 
-    def sleep(seconds: float) -> None:
+    def sleep(seconds):
         assert not double.signatures
         waits.append(seconds)
         if len(waits) == 3:
@@ -114,7 +111,7 @@ def test_one_process_compiles_a_function_and_others_wait(tmp_path: Path, monkeyp
 @pytest.mark.parametrize(
     ("threads", "first"), [(3, [0] * 3 + [3] * 4 + [7] * 4), (3, [0, 1]), (1, [0, 0, 0, 0]), (3, [])]
 )
-def test_threads_share_a_loop_evenly(monkeypatch: pytest.MonkeyPatch, threads: int, first: list[int]) -> None:
+def test_threads_share_a_loop_evenly(monkeypatch, threads, first):
     monkeypatch.setattr(compiled._config, "NUMBA_NUM_THREADS", threads)
     found = np.full((len(first), 2), -1)
     shared(len(first), found, 5)
@@ -122,7 +119,7 @@ def test_threads_share_a_loop_evenly(monkeypatch: pytest.MonkeyPatch, threads: i
     np.testing.assert_array_equal(found[:, 1], 5 * np.arange(len(first)))
 
 
-def test_another_source_of_the_rooms_has_another_folder(package: Path) -> None:
+def test_another_source_of_the_rooms_has_another_folder(package):
     before = cache_folder(package)
     (package / "scene" / "further.py").write_text("MOST = 3\n")
     assert cache_folder(package) == before, "what compiled functions do not see costs no compilation"
@@ -130,7 +127,7 @@ def test_another_source_of_the_rooms_has_another_folder(package: Path) -> None:
     assert cache_folder(package) != before
 
 
-def test_compiled_functions_use_functions_and_numbers_of_the_rooms_alone() -> None:
+def test_compiled_functions_use_functions_and_numbers_of_the_rooms_alone():
     modules = [path for path in PACKAGE.rglob("*.py") if "radcal.compiled import" in path.read_text()]
     assert {path.relative_to(PACKAGE).parts[0] for path in modules} == set(ROOMS)
     for path in modules:
@@ -143,15 +140,13 @@ def test_compiled_functions_use_functions_and_numbers_of_the_rooms_alone() -> No
                 assert not foreign or str(node.module).split(".")[1] in ROOMS, (path, foreign)
 
 
-def test_no_other_module_imports_numba() -> None:
+def test_no_other_module_imports_numba():
     """Its ``njit`` would keep machine code where nothing asks for the sources of what it calls."""
     direct = [path.name for path in PACKAGE.rglob("*.py") if re.search(r"(import|from) numba", path.read_text())]
     assert direct == ["compiled.py"]
 
 
-def test_folder_is_the_users_the_packages_or_below_home(
-    package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_folder_is_the_users_the_packages_or_below_home(package, tmp_path, monkeypatch):
     name = Path(cache_folder(package) or "").name
     assert cache_folder(package) == str(package / "__pycache__" / name)
     # as in a site-packages that may not be written: a file stands where a folder would be made
@@ -166,9 +161,7 @@ def test_folder_is_the_users_the_packages_or_below_home(
     assert cache_folder(package) is None
 
 
-def test_another_processor_numba_or_bounds_check_has_another_folder(
-    package: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_processor_numba_or_bounds_check_has_another_folder(package, monkeypatch):
     folders = {cache_folder(package)}
     monkeypatch.setattr(compiled.numba, "__version__", "0.0")
     folders.add(cache_folder(package))
@@ -180,7 +173,7 @@ def test_another_processor_numba_or_bounds_check_has_another_folder(
 
 
 @pytest.mark.parametrize(("future", "kept"), [(4.5, 8), (9.5, 11)])
-def test_folders_of_other_hashes_do_not_pile_up(package: Path, future: float, kept: int) -> None:
+def test_folders_of_other_hashes_do_not_pile_up(package, future, kept):
     """Eight are kept, and those that were used within a day."""
     parent = package / "__pycache__"
     for k in range(20):

@@ -1,11 +1,8 @@
 """What starting a job costs: modules that take seconds are imported where they are used, and only there."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys
-from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import pytest
@@ -18,7 +15,7 @@ SIMULATE = {"geometry", "reference", "design_chunk", "verify", "final_runs", "me
 
 
 @pytest.mark.slow
-def test_no_script_imports_what_takes_seconds_before_it_is_used() -> None:
+def test_no_script_imports_what_takes_seconds_before_it_is_used():
     imports = imports_of(SCRIPTS)
     assert len(SCRIPTS) > 15
     assert "from radcal.figures.figures import write_figures" in imports
@@ -26,19 +23,19 @@ def test_no_script_imports_what_takes_seconds_before_it_is_used() -> None:
 
 
 @pytest.mark.slow
-def test_scripts_that_do_not_simulate_import_no_compiler() -> None:
+def test_scripts_that_do_not_simulate_import_no_compiler():
     assert {path.stem for path in SCRIPTS} > SIMULATE
     assert loaded(imports_of([path for path in SCRIPTS if path.stem not in SIMULATE]), ("numba",)) == []
     assert loaded(imports_of([path for path in SCRIPTS if path.stem == "geometry"]), ("numba",)) == ["numba"]
 
 
-def imports_of(scripts: Iterable[Path]) -> list[str]:
+def imports_of(scripts):
     """Import statements at the top of scripts."""
     found = [node for path in scripts for node in ast.parse(path.read_text()).body]
     return sorted({ast.unparse(node) for node in found if isinstance(node, (ast.Import, ast.ImportFrom))})
 
 
-def loaded(imports: Sequence[str], names: Sequence[str]) -> list[str]:
+def loaded(imports, names):
     """Those of the modules that a process has loaded after the imports."""
     code = "\n".join([*imports, "import sys", f"print(*(name for name in {names} if name in sys.modules))"])
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -1,10 +1,5 @@
 """Variants by name: radcal's own first, those of other distributions by their entry points."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator
-from pathlib import Path
-
 import pytest
 
 from radcal import plugins
@@ -15,12 +10,12 @@ OWN = Plugins("radcal.laws", {"at_once": 2, "late": "math:tau"})
 
 
 @pytest.fixture
-def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
+def installed(tmp_path, monkeypatch):
     """Function that installs a distribution with entry points of group ``radcal.laws``."""
     monkeypatch.syspath_prepend(str(tmp_path))
     plugins._installed.cache_clear()
 
-    def install(name: str, **points: str) -> None:
+    def install(name, **points):
         folder = tmp_path / f"{name}-1.5.dist-info"
         folder.mkdir()
         (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.5\n")
@@ -31,13 +26,13 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Calla
     plugins._installed.cache_clear()
 
 
-def test_own_variants_come_without_a_look_at_installed_distributions(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_own_variants_come_without_a_look_at_installed_distributions(monkeypatch):
     monkeypatch.setattr(plugins, "_entry_points", lambda group: pytest.fail("metadata are read"))
     assert (OWN["at_once"], "late" in OWN, OWN.origin("late")) == (2, True, {})
     assert OWN["late"] == pytest.approx(6.2831853)
 
 
-def test_a_foreign_variant_has_distribution_and_version(installed: Callable[..., None]) -> None:
+def test_a_foreign_variant_has_distribution_and_version(installed):
     installed("elsewhere", theirs="math:e", broken="no_such_module:x", part="radcal.image.base:Reader")
     assert list(OWN) == ["at_once", "late", "theirs", "broken", "part"]
     assert len(OWN) == 5
@@ -51,7 +46,7 @@ def test_a_foreign_variant_has_distribution_and_version(installed: Callable[...,
 
 
 @pytest.mark.parametrize(("name", "owner"), [("late", "radcal"), ("theirs", "elsewhere")])
-def test_a_name_of_two_distributions_is_refused(installed: Callable[..., None], name: str, owner: str) -> None:
+def test_a_name_of_two_distributions_is_refused(installed, name, owner):
     installed("elsewhere", theirs="math:e")
     installed("other", **{name: "math:pi"})
     with pytest.raises(ConfigError, match=rf"{owner} and other 1\.5 both have '{name}'|other and {owner} 1\.5 both"):

@@ -1,7 +1,5 @@
 """The skew normal against scipy.stats.skewnorm, which shares no code with it."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np
@@ -17,7 +15,7 @@ from radcal.skewnormal import likelihood, profile
 DP = [(0.0, 1.0, 0.0), (-3.0, 2.5, 4.0), (12.0, 0.3, -1.5), (40.0, 8.0, -30.0), (1.0, 1.0, 1e-5)]
 
 
-def test_density_far_in_the_thin_tail_is_positive_and_finite() -> None:
+def test_density_far_in_the_thin_tail_is_positive_and_finite():
     assert skewnormal.density(-3.0, (0.0, 1.0, 8.0)) > 0.0
     assert np.isfinite(skewnormal.log_likelihood([-40.0], (0.0, 1.0, 8.0)))
 
@@ -27,33 +25,33 @@ def test_density_far_in_the_thin_tail_is_positive_and_finite() -> None:
     sd=st.floats(0.01, 30),
     skewness=st.floats(-0.994, 0.994).filter(lambda g: abs(g) > 1e-9),
 )
-def test_centred_to_direct_and_back(mean: float, sd: float, skewness: float) -> None:
+def test_centred_to_direct_and_back(mean, sd, skewness):
     back = skewnormal.centred(skewnormal.direct([mean, sd, skewness]))
     np.testing.assert_allclose(back, [mean, sd, skewness], rtol=1e-8, atol=1e-9 * sd)
 
 
-def test_parametrisations_work_on_stacks() -> None:
+def test_parametrisations_work_on_stacks():
     stack = np.array(DP[:4]).reshape(2, 2, 3)
     np.testing.assert_allclose(skewnormal.direct(skewnormal.centred(stack)), stack, rtol=1e-9, atol=1e-9)
 
 
-def test_largest_skewness_is_that_of_the_half_normal() -> None:
+def test_largest_skewness_is_that_of_the_half_normal():
     assert pytest.approx(float(stats.halfnorm.stats(moments="s")), rel=1e-12) == skewnormal.MAX_SKEWNESS
     assert round(skewnormal.MAX_SKEWNESS, 5) == 0.99527
 
 
 @pytest.mark.parametrize("cp", [(0, 0, 0), (0, -1, 0), (0, 1, 0.9953), (0, 1, -1.2)])
-def test_unreachable_centred_parameters_are_refused(cp: tuple[float, float, float]) -> None:
+def test_unreachable_centred_parameters_are_refused(cp):
     with pytest.raises(ValueError, match="0.99527"):
         skewnormal.direct(cp)
 
 
-def test_omega_must_be_positive() -> None:
+def test_omega_must_be_positive():
     with pytest.raises(ValueError, match="omega > 0"):
         skewnormal.centred((0.0, 0.0, 1.0))
 
 
-def random_samples(count: int) -> list[np.ndarray]:
+def random_samples(count):
     rng = np.random.default_rng(20)
     samples = []
     for _ in range(count):
@@ -64,7 +62,7 @@ def random_samples(count: int) -> list[np.ndarray]:
 
 
 @pytest.mark.slow
-def test_fit_is_never_less_likely_than_scipys() -> None:
+def test_fit_is_never_less_likely_than_scipys():
     compared = 0
     for x in random_samples(40):
         fit = skewnormal.fit(x)
@@ -83,7 +81,7 @@ def test_fit_is_never_less_likely_than_scipys() -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(shift=st.floats(-100, 100), scale=st.floats(0.01, 100), sign=st.sampled_from([-1.0, 1.0]))
-def test_fit_moves_with_shift_scale_and_reflection(shift: float, scale: float, sign: float) -> None:
+def test_fit_moves_with_shift_scale_and_reflection(shift, scale, sign):
     x = stats.skewnorm.rvs(2.5, 0.0, 1.0, size=200, random_state=4)
     mean, sd, skewness = skewnormal.fit(x).cp
     found = skewnormal.fit(shift + sign * scale * x).cp
@@ -92,7 +90,7 @@ def test_fit_moves_with_shift_scale_and_reflection(shift: float, scale: float, s
     )
 
 
-def test_symmetric_sample_fits_as_well_as_a_normal() -> None:
+def test_symmetric_sample_fits_as_well_as_a_normal():
     half = stats.norm.rvs(size=250, random_state=3)
     x = np.concatenate([half, -half])  # skewness exactly zero
     fit = skewnormal.fit(x)
@@ -101,7 +99,7 @@ def test_symmetric_sample_fits_as_well_as_a_normal() -> None:
     assert skewnormal.log_likelihood(x, fit.dp) >= stats.norm(x.mean(), x.std()).logpdf(x).sum() - 1e-6 * x.size
 
 
-def test_single_precision_samples_fit() -> None:
+def test_single_precision_samples_fit():
     x = stats.skewnorm.rvs(2.0, 20.0, 3.0, size=500, random_state=5)
     np.testing.assert_allclose(skewnormal.fit(x.astype(np.float32)).cp, skewnormal.fit(x).cp, atol=1e-4)
 
@@ -117,12 +115,12 @@ def test_single_precision_samples_fit() -> None:
         (np.r_[np.arange(20.0), -np.inf], "found 1 that are not"),
     ],
 )
-def test_unfit_samples_are_refused(sample: np.ndarray, words: str) -> None:
+def test_unfit_samples_are_refused(sample, words):
     with pytest.raises(FitError, match=words):
         skewnormal.fit(sample)
 
 
-def test_target_grid_is_five_sd_each_side() -> None:
+def test_target_grid_is_five_sd_each_side():
     grid = skewnormal.target_grid((2.0, 3.0, 0.0))
     assert grid.size == 1000
     np.testing.assert_allclose([grid[0], grid[-1]], [-13.0, 17.0])
@@ -130,14 +128,14 @@ def test_target_grid_is_five_sd_each_side() -> None:
 
 
 @pytest.mark.parametrize("dp", DP)
-def test_distances_of_equal_densities_are_zero(dp: tuple[float, float, float]) -> None:
+def test_distances_of_equal_densities_are_zero(dp):
     assert skewnormal.density_rms(dp, dp) == 0.0
     assert skewnormal.hellinger(dp, dp) == 0.0
     assert skewnormal.kolmogorov_smirnov(dp, dp) == 0.0
 
 
 @pytest.mark.parametrize("distance", [skewnormal.hellinger, skewnormal.kolmogorov_smirnov])
-def test_unitless_distances_are_symmetric_invariant_and_at_most_one(distance: object) -> None:
+def test_unitless_distances_are_symmetric_invariant_and_at_most_one(distance):
     a, b = np.array([0.0, 2.0, 4.0]), np.array([1.0, 3.0, -2.0])
     assert distance(a, b) == pytest.approx(distance(b, a), abs=1e-12)
     scaled = distance(a * [10, 10, 1] + [7, 0, 0], b * [10, 10, 1] + [7, 0, 0])
@@ -146,7 +144,7 @@ def test_unitless_distances_are_symmetric_invariant_and_at_most_one(distance: ob
 
 
 @pytest.mark.parametrize("skewness", [-0.8, -0.2, 0.05, 0.6])
-def test_the_search_matrix_is_the_hessian_at_the_optimum(skewness: float) -> None:
+def test_the_search_matrix_is_the_hessian_at_the_optimum(skewness):
     rng = np.random.default_rng(3)
     xi, omega, alpha = skewnormal.direct([0.0, 1.0, skewness])
     x = stats.skewnorm.rvs(alpha, xi, omega, size=2000, random_state=rng)
@@ -165,7 +163,7 @@ def test_the_search_matrix_is_the_hessian_at_the_optimum(skewness: float) -> Non
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_the_half_normal_limit_is_fitted_where_the_likelihood_grows_up_to_it(sign: float) -> None:
+def test_the_half_normal_limit_is_fitted_where_the_likelihood_grows_up_to_it(sign):
     x = sign * np.abs(np.random.default_rng(5).standard_normal(60)) * 3.0 + 7.0
     found = skewnormal.fit(x)
     assert found.at_boundary
@@ -185,7 +183,7 @@ def test_the_half_normal_limit_is_fitted_where_the_likelihood_grows_up_to_it(sig
 
 @pytest.mark.slow
 @pytest.mark.parametrize("skewness", [-0.7, 0.0, 0.4])
-def test_covariance_covers_the_truth_as_often_as_it_says(skewness: float) -> None:
+def test_covariance_covers_the_truth_as_often_as_it_says(skewness):
     truth = np.array([-12.0, 3.0, skewness])
     rng = np.random.default_rng(11)
     inside = np.zeros(3)
@@ -198,7 +196,7 @@ def test_covariance_covers_the_truth_as_often_as_it_says(skewness: float) -> Non
     assert np.all(np.abs(inside / 400 - 0.95) < 0.044), inside
 
 
-def test_covariance_at_the_boundary_is_not_a_number() -> None:
+def test_covariance_at_the_boundary_is_not_a_number():
     x = np.abs(np.random.default_rng(5).standard_normal(60))
     assert np.isnan(skewnormal.covariance(x, skewnormal.fit(x))).all()
 
@@ -206,11 +204,11 @@ def test_covariance_at_the_boundary_is_not_a_number() -> None:
 # --- penalised likelihood
 
 
-def slope_of_penalty(alpha: float) -> float:
+def slope_of_penalty(alpha):
     """Minus the expected modified score (alpha / 2) a4 / a2, a_k the mean of z^k (N/Phi)^2(alpha z), by quadrature."""
 
-    def moment(k: int) -> float:
-        def integrand(z: float) -> float:
+    def moment(k):
+        def integrand(z):
             return float(z**k * 2 * np.exp(2 * stats.norm.logpdf(alpha * z) - stats.norm.logcdf(alpha * z) - z**2 / 2))
 
         return integrate.quad(integrand, -12 / max(1, alpha), 12 / max(1, alpha), limit=400, epsabs=0, epsrel=1e-8)[0]
@@ -219,19 +217,19 @@ def slope_of_penalty(alpha: float) -> float:
 
 
 @pytest.mark.parametrize(("alpha", "tolerance"), [(1e-3, 1e-3), (1.0, 0.03), (4.0, 0.03), (100.0, 1e-3)])
-def test_penalty_stands_for_the_modified_score(alpha: float, tolerance: float) -> None:
+def test_penalty_stands_for_the_modified_score(alpha, tolerance):
     c1, c2 = likelihood._C1, likelihood._C2
     assert 2 * c1 * c2 * alpha / (1 + c2 * alpha**2) == pytest.approx(slope_of_penalty(alpha), rel=tolerance)
 
 
 @pytest.mark.parametrize("kind", ["skewed", "half-normal"])
-def test_penalised_fit_is_a_maximum_of_the_penalised_likelihood(kind: str) -> None:
+def test_penalised_fit_is_a_maximum_of_the_penalised_likelihood(kind):
     if kind == "skewed":
         x = stats.skewnorm.rvs(3.0, -5.0, 2.0, size=150, random_state=3)
     else:
         x = stats.halfnorm.rvs(-5.0, 2.0, size=150, random_state=3)
 
-    def objective(dp: np.ndarray) -> float:
+    def objective(dp):
         return float(stats.skewnorm.logpdf(x, dp[2], dp[0], dp[1]).sum() - 0.87591 * np.log1p(0.85625 * dp[2] ** 2))
 
     dp = skewnormal.fit(x, penalised=True).dp
@@ -245,7 +243,7 @@ def test_penalised_fit_is_a_maximum_of_the_penalised_likelihood(kind: str) -> No
 
 @pytest.mark.parametrize("n", [8, 50, 1000, 30_000])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_penalised_fit_of_a_half_normal_sample_is_inside(n: int, sign: float) -> None:
+def test_penalised_fit_of_a_half_normal_sample_is_inside(n, sign):
     x = sign * stats.halfnorm.rvs(size=n, random_state=n)
     found = skewnormal.fit(x, penalised=True)
     assert found.penalised
@@ -254,7 +252,7 @@ def test_penalised_fit_of_a_half_normal_sample_is_inside(n: int, sign: float) ->
     assert np.isfinite(found.cp).all()
 
 
-def test_penalised_fit_differs_by_the_inverse_of_the_size() -> None:
+def test_penalised_fit_differs_by_the_inverse_of_the_size():
     biases = []
     for n in (200, 800, 3200):
         x = stats.skewnorm.ppf((np.arange(n) + 0.5) / n, 3.0)
@@ -263,7 +261,7 @@ def test_penalised_fit_differs_by_the_inverse_of_the_size() -> None:
     np.testing.assert_allclose(biases, biases[-1], rtol=0.25)
 
 
-def test_penalised_fit_of_a_nearly_symmetric_sample_is_normal() -> None:
+def test_penalised_fit_of_a_nearly_symmetric_sample_is_normal():
     x = stats.norm.ppf((np.arange(500) + 0.5) / 500, 3.0, 2.0)
     found = skewnormal.fit(x, penalised=True)
     np.testing.assert_allclose(found.dp, [x.mean(), x.std(), 0.0], atol=1e-12)
@@ -274,7 +272,7 @@ def test_penalised_fit_of_a_nearly_symmetric_sample_is_normal() -> None:
 
 @pytest.mark.parametrize("penalty", [0.0, 0.02])
 @pytest.mark.parametrize("v", [-6.0, -0.6, 0.02, 0.3, 1.5, 4.0])
-def test_gradient_and_hessian_of_the_search_anywhere(v: float, penalty: float) -> None:
+def test_gradient_and_hessian_of_the_search_anywhere(v, penalty):
     x = stats.skewnorm.rvs(3.0, -1.0, 1.5, size=60, random_state=3)
     u = np.array([0.2, 0.4, v])
     _, gradient, hessian = likelihood.objective(u, x, penalty)
@@ -285,7 +283,7 @@ def test_gradient_and_hessian_of_the_search_anywhere(v: float, penalty: float) -
     np.testing.assert_allclose(hessian, numeric, rtol=1e-5, atol=1e-6 * np.abs(hessian).max())
 
 
-def test_fit_finds_the_highest_of_several_maxima() -> None:
+def test_fit_finds_the_highest_of_several_maxima():
     rng = np.random.default_rng(5)
     several = 0
     for _ in range(60):
@@ -301,7 +299,7 @@ def test_fit_finds_the_highest_of_several_maxima() -> None:
 # --- intervals
 
 
-def likelihood_ratio(x: np.ndarray, skewness: float) -> float:
+def likelihood_ratio(x, skewness):
     """Likelihood-ratio statistic of a given skewness, of which +-0.99527 and beyond stand for the half-normal limit."""
     y = likelihood.standardised(x)[0]
     share = skewness / skewnormal.MAX_SKEWNESS
@@ -310,11 +308,11 @@ def likelihood_ratio(x: np.ndarray, skewness: float) -> float:
 
 
 @pytest.mark.parametrize("skewness", [-0.5, 0.0, 0.3, 0.9, 0.99])
-def test_likelihood_ratio_of_a_skewness_by_a_general_optimiser(skewness: float) -> None:
+def test_likelihood_ratio_of_a_skewness_by_a_general_optimiser(skewness):
     x = stats.skewnorm.rvs(3.0, -5.0, 2.0, size=80, random_state=1)
     alpha = skewnormal.direct([0.0, 1.0, skewness])[2]
 
-    def objective(p: np.ndarray) -> float:
+    def objective(p):
         return float(-stats.skewnorm.logpdf(x, alpha, p[0], np.exp(p[1])).sum())
 
     constrained = optimize.minimize(objective, [x.mean(), np.log(x.std())], method="Nelder-Mead", tol=1e-9).fun
@@ -323,7 +321,7 @@ def test_likelihood_ratio_of_a_skewness_by_a_general_optimiser(skewness: float) 
     assert likelihood_ratio(x, skewness) == pytest.approx(2 * (constrained - free), rel=1e-4, abs=1e-4)
 
 
-def test_likelihood_ratio_of_the_limit_is_that_of_the_half_normal() -> None:
+def test_likelihood_ratio_of_the_limit_is_that_of_the_half_normal():
     x = stats.skewnorm.rvs(3.0, -5.0, 2.0, size=80, random_state=1)
     xi, omega, alpha = skewnormal.fit(x).dp
     for sign in (-1.0, 1.0):
@@ -333,7 +331,7 @@ def test_likelihood_ratio_of_the_limit_is_that_of_the_half_normal() -> None:
 
 
 @pytest.mark.parametrize("kind", ["skewed", "half-normal"])
-def test_profile_intervals_end_where_the_likelihood_ratio_says(kind: str) -> None:
+def test_profile_intervals_end_where_the_likelihood_ratio_says(kind):
     """Mean and sd fixed at the end of their interval, the rest by a general optimiser."""
     n = 60
     if kind == "skewed":
@@ -347,7 +345,7 @@ def test_profile_intervals_end_where_the_likelihood_ratio_says(kind: str) -> Non
     for k in (0, 1):
         for end in intervals[k]:
 
-            def objective(p: np.ndarray, k: int = k, end: float = end) -> float:
+            def objective(p, k=k, end=end):
                 cp = np.array([p[0], p[0], skewnormal.MAX_SKEWNESS * np.tanh(min(p[1], 10.0))])
                 cp[1 - k] = np.exp(p[0]) if k == 0 else p[0]
                 cp[k] = end
@@ -373,9 +371,7 @@ def test_profile_intervals_end_where_the_likelihood_ratio_says(kind: str) -> Non
     sign=st.sampled_from([-1.0, 1.0]),
     sample=st.sampled_from([(100, 2.0), (60, 1e6), (1200, 1.0)]),
 )
-def test_intervals_move_with_shift_scale_and_reflection(
-    shift: float, scale: float, sign: float, sample: tuple[int, float]
-) -> None:
+def test_intervals_move_with_shift_scale_and_reflection(shift, scale, sign, sample):
     x = stats.skewnorm.rvs(sample[1], 0.0, 1.0, size=sample[0], random_state=4)
     expected = skewnormal.intervals(x, skewnormal.fit(x))
     y = shift + sign * scale * x
@@ -387,7 +383,7 @@ def test_intervals_move_with_shift_scale_and_reflection(
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("n", "skewness"), [(60, 0.3), (100, -0.9), (1000, 0.5)])
-def test_intervals_hold_the_truth_as_often_as_they_say(n: int, skewness: float) -> None:
+def test_intervals_hold_the_truth_as_often_as_they_say(n, skewness):
     truth, rng, draws = np.array([-12.0, 3.0, skewness]), np.random.default_rng(12), 80
     inside = np.zeros(3)
     for _ in range(draws):
@@ -399,7 +395,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(n: int, skewness: float) 
     assert np.all(inside / draws < 0.98 + 3 * np.sqrt(0.98 * 0.02 / draws)), inside
 
 
-def test_large_samples_have_walds_intervals() -> None:
+def test_large_samples_have_walds_intervals():
     x = stats.skewnorm.rvs(1.5, size=3000, random_state=1)
     found = skewnormal.fit(x)
     error = np.sqrt(np.diagonal(skewnormal.covariance(x, found)))
@@ -413,7 +409,7 @@ def test_large_samples_have_walds_intervals() -> None:
 
 
 @pytest.mark.parametrize("sample", [stats.skewnorm(2.0), stats.halfnorm()], ids=["skewed", "half-normal"])
-def test_fewer_independent_values_and_a_higher_level_widen_the_intervals(sample: object) -> None:
+def test_fewer_independent_values_and_a_higher_level_widen_the_intervals(sample):
     x = sample.rvs(size=400, random_state=2)
     found = skewnormal.fit(x)
     one = skewnormal.intervals(x, found)
@@ -427,7 +423,7 @@ def test_fewer_independent_values_and_a_higher_level_widen_the_intervals(sample:
     )
 
 
-def test_intervals_do_not_depend_on_the_penalty() -> None:
+def test_intervals_do_not_depend_on_the_penalty():
     x = stats.skewnorm.rvs(3.0, size=100, random_state=1)
     np.testing.assert_array_equal(
         skewnormal.intervals(x, skewnormal.fit(x)), skewnormal.intervals(x, skewnormal.fit(x, penalised=True))
@@ -445,14 +441,14 @@ def test_intervals_do_not_depend_on_the_penalty() -> None:
         (5000, 0.98, 1.025),
     ],
 )
-def test_critical_value_lies_between_those_of_the_table(size: float, skewness: float, ratio: float) -> None:
+def test_critical_value_lies_between_those_of_the_table(size, skewness, ratio):
     """Simulated quantiles over those of chi squared of one degree of freedom, linear between skewnesses."""
     found = profile._critical(size, np.arctanh(skewness / skewnormal.MAX_SKEWNESS), 0.9)
     assert found == pytest.approx(stats.chi2.ppf(0.9, 1) * ratio, rel=1e-6)
 
 
 @pytest.mark.parametrize("level", [0.0, 1.0, 95.0])
-def test_a_level_is_a_probability(level: float) -> None:
+def test_a_level_is_a_probability(level):
     x = stats.norm.rvs(size=100, random_state=1)
     with pytest.raises(ValueError, match="level between 0 and 1"):
         skewnormal.intervals(x, skewnormal.fit(x), level)

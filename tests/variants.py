@@ -4,15 +4,12 @@ A test computes the right value and some wrong ones without radcal, in closed fo
 them apart. Each wrong value is named after its mistake.
 """
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import ArrayLike
 
 APART = 5.0  # least distance of a wrong value from the right one, in tolerances of the test
 
 
-def agrees(found: ArrayLike, right: ArrayLike, /, *, rtol: float = 1e-6, atol: float = 0.0, **wrong: ArrayLike) -> None:
+def agrees(found, right, /, *, rtol=1e-06, atol=0.0, **wrong):
     """Assert that values agree with the right ones, which are ``APART`` tolerances away from each wrong variant."""
     found, right = np.asarray(found, dtype=np.float64), np.asarray(right, dtype=np.float64)
     np.testing.assert_allclose(found, right, rtol=rtol, atol=atol)

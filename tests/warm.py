@@ -6,8 +6,6 @@ spent once, and fonts in PDF files are of Type 3. Whatever is killed, the wheel 
 start as people start them.
 """
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import gc
@@ -24,9 +22,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -45,7 +41,7 @@ LATE = (
 class Warm:
     """The server, for the length of a ``with`` block."""
 
-    def __enter__(self) -> Warm:
+    def __enter__(self):
         # a socket's path has little room, less than a test's own folder takes
         self._folder = tempfile.TemporaryDirectory(prefix="warm-")
         self._socket = Path(self._folder.name) / "socket"
@@ -60,21 +56,21 @@ class Warm:
             time.sleep(0.02)
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *_):
         self._server.terminate()
         self._server.wait()
         self._folder.cleanup()
 
-    def interpreter(self) -> list[str]:
+    def interpreter(self):
         """What takes the place of ``python`` in a command."""
         return interpreter(str(self._socket))
 
 
-def interpreter(path: str) -> list[str]:
+def interpreter(path):
     return [sys.executable, "-ISE", str(HERE / "warm_client.py"), path]
 
 
-def preload() -> None:
+def preload():
     """Import what the scripts name, and what they come to later; nothing of it starts a thread, to fork safely."""
     for script in sorted(SCRIPTS.glob("*.py")):
         for node in ast.parse(script.read_text()).body:
@@ -85,7 +81,7 @@ def preload() -> None:
     rehearse()
 
 
-def rehearse() -> None:
+def rehearse():
     """Form an image and draw a figure, so that machine code and fonts are loaded before the fork, not in each job."""
     import matplotlib as mpl
 
@@ -104,13 +100,13 @@ def rehearse() -> None:
             canvas.savefig(io.BytesIO(), format=ending)
 
 
-def serve(path: str) -> Callable[[], None]:
+def serve(path):
     """Answer requests; returns in the forked processes alone, with what they are to run."""
     listener = socket.socket(socket.AF_UNIX)
     listener.bind(path + "-")
     listener.listen(64)
     os.rename(path + "-", path)
-    running: set[int] = set()
+    running = set()
     selector = selectors.DefaultSelector()
     selector.register(listener, selectors.EVENT_READ)
     while True:
@@ -148,7 +144,7 @@ def serve(path: str) -> Callable[[], None]:
             client.close()
 
 
-def receive(client: socket.socket) -> tuple[dict[str, Any], list[int]]:
+def receive(client):
     head, files, _, _ = socket.recv_fds(client, 8, 3)
     content = b""
     while len(content) < int.from_bytes(head, "big"):
@@ -156,7 +152,7 @@ def receive(client: socket.socket) -> tuple[dict[str, Any], list[int]]:
     return json.loads(content), files
 
 
-def become(path: str, request: dict[str, Any], files: list[int]) -> Callable[[], None]:
+def become(path, request, files):
     """Take on the client's folder, environment, files and arguments."""
     os.setsid()
     for number, file in enumerate(files):
@@ -176,12 +172,12 @@ def become(path: str, request: dict[str, Any], files: list[int]) -> Callable[[],
         # its scripts come here, too; nothing else that it starts does
         snakemake.script.sys = type(sys)("sys")
         vars(snakemake.script.sys).update(vars(sys), executable=" ".join(interpreter(path)))
-        return lambda: runpy.run_module(module, run_name="__main__", alter_sys=True)  # type: ignore[func-returns-value]
+        return lambda: runpy.run_module(module, run_name="__main__", alter_sys=True)
     sys.argv, sys.path[0] = [first, *rest], str(Path(first).parent)
     # as in radcal/__init__.py, which has been imported without this variable
     if "RADCAL_OWNER" in os.environ:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    return lambda: runpy.run_path(first, run_name="__main__")  # type: ignore[func-returns-value]
+    return lambda: runpy.run_path(first, run_name="__main__")
 
 
 if __name__ == "__main__":

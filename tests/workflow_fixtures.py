@@ -1,10 +1,7 @@
 """The tiny case as fixtures: fresh, and run to its end."""
 
-from __future__ import annotations
-
 import fcntl
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,18 +10,18 @@ from workflow_project import Project, make_project
 
 
 @pytest.fixture(scope="session")
-def warm() -> Iterator[Warm]:
+def warm():
     with Warm() as server:
         yield server
 
 
 @pytest.fixture
-def project(request: pytest.FixtureRequest, tmp_path: Path) -> Project:
+def project(request, tmp_path):
     return quick(make_project(tmp_path / "project"), request)
 
 
 @pytest.fixture(scope="session")
-def _finished_once(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Project:
+def _finished_once(request, tmp_path_factory, worker_id):
     base = tmp_path_factory.getbasetemp()
     # tests that run side by side have a folder in common, and make it once
     folder = (base if worker_id == "master" else base.parent) / "finished" / "project"
@@ -42,12 +39,12 @@ def _finished_once(request: pytest.FixtureRequest, tmp_path_factory: pytest.Temp
 
 
 @pytest.fixture
-def finished(request: pytest.FixtureRequest, _finished_once: Project, tmp_path: Path) -> Project:
+def finished(request, _finished_once, tmp_path):
     """The tiny case, run to its end undisturbed: a copy for each test, time stamps kept."""
     return quick(Project(Path(shutil.copytree(_finished_once.folder, tmp_path / "finished"))), request)
 
 
-def quick(project: Project, request: pytest.FixtureRequest) -> Project:
+def quick(project, request):
     """The project, whose ``run`` forks a warm process in the folders of long tests; the rest starts as people type it.
 
     What is to be killed is begun with ``start``.

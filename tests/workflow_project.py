@@ -9,7 +9,6 @@ import subprocess
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
@@ -19,14 +18,14 @@ ROOT = Path(__file__).resolve().parents[1]
 ROWS, COLUMNS = 96, 80
 
 
-def sentences(text: str) -> list[str]:
+def sentences(text):
     """What radcal itself says in the output of a command that fails, without the remark on what is kept."""
     return [line for line in text.splitlines() if line.startswith("radcal: ") and "stopped." not in line]
 
 
-def tiny_case(**changes: Any) -> dict[str, Any]:
+def tiny_case(**changes):
     """Two materials over flat ground in slant range, one of them calibrated."""
-    case: dict[str, Any] = {
+    case = {
         "case": "tiny",
         "scene": {
             "source": "slant_range",
@@ -65,14 +64,14 @@ class Project:
     # what `run` starts Snakemake with; long tests have a quicker one (workflow_fixtures.py)
     interpreter: list[str] = field(default_factory=lambda: [sys.executable])
 
-    def write(self, name: str = "tiny.yaml", **changes: Any) -> str:
+    def write(self, name="tiny.yaml", **changes):
         (self.folder / name).write_text(yaml.safe_dump(tiny_case(**changes)))
         return name
 
-    def command(self, *arguments: str, cores: int = 2) -> list[str]:
+    def command(self, *arguments, cores=2):
         return [sys.executable, "-m", "snakemake", "--cores", str(cores), *arguments]
 
-    def run(self, *arguments: str, cores: int = 2) -> subprocess.CompletedProcess[str]:
+    def run(self, *arguments, cores=2):
         return subprocess.run(
             [*self.interpreter, *self.command(*arguments, cores=cores)[1:]],
             cwd=self.folder,
@@ -83,7 +82,7 @@ class Project:
             check=False,
         )
 
-    def radcal(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+    def radcal(self, *arguments):
         """Run the command ``radcal run``, which no activated environment helps to find Python."""
         return subprocess.run(
             [str(Path(sys.executable).with_name("radcal")), "run", *arguments],
@@ -96,7 +95,7 @@ class Project:
             check=False,
         )
 
-    def start(self, *arguments: str, cores: int = 2) -> subprocess.Popen[bytes]:
+    def start(self, *arguments, cores=2):
         return subprocess.Popen(
             self.command(*arguments, cores=cores),
             cwd=self.folder,
@@ -105,21 +104,21 @@ class Project:
             start_new_session=True,
         )
 
-    def out(self, case: str = "tiny") -> Path:
+    def out(self, case="tiny"):
         return self.folder / "results" / case
 
-    def summary(self, case: str = "tiny") -> dict[str, Any]:
+    def summary(self, case="tiny"):
         return dict(json.loads((self.out(case) / "summary.json").read_text()))
 
-    def records(self, case: str = "tiny") -> dict[str, int]:
+    def records(self, case="tiny"):
         """Time stamp of every finished run record [ns]; what is being written has a name with a dot first."""
         return {path.name: path.stat().st_mtime_ns for path in (self.out(case) / "runs").glob("[!.]*.h5")}
 
-    def contents(self, case: str = "tiny") -> dict[str, bytes]:
+    def contents(self, case="tiny"):
         """Every finished run record, byte for byte."""
         return {name: (self.out(case) / "runs" / name).read_bytes() for name in self.records(case)}
 
-    def listing(self, case: str = "tiny") -> dict[str, tuple[int, int]]:
+    def listing(self, case="tiny"):
         """Size and time stamp of every result, logs and lock aside."""
         return {
             str(path.relative_to(self.out(case))): (path.stat().st_size, path.stat().st_mtime_ns)
@@ -127,7 +126,7 @@ class Project:
             if path.is_file() and "logs" not in path.parts and path.name != ".lock"
         }
 
-    def lay_as_earlier(self, passes: int = 1) -> None:
+    def lay_as_earlier(self, passes=1):
         """Move results of all passes to where an earlier version of radcal had them."""
         out, parts = self.out(), sorted((self.out() / "design").iterdir(), key=lambda path: int(path.stem))
         for place in ("", "logs/", "benchmarks/"):
@@ -140,7 +139,7 @@ class Project:
                 path.rename(out / f"passes/{number}/design/{k}.json")
 
 
-def make_project(folder: Path) -> Project:
+def make_project(folder):
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copy(ROOT / "Snakefile", folder)
     for name in ("workflow", "config", "profiles"):
@@ -148,7 +147,7 @@ def make_project(folder: Path) -> Project:
     return make_case(folder)
 
 
-def make_case(folder: Path, **changes: Any) -> Project:
+def make_case(folder, **changes):
     """The tiny case alone, in a folder without the workflow."""
     labels = np.ones((ROWS, COLUMNS), dtype=np.uint8)
     labels[:, 60:] = 2

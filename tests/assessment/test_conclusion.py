@@ -1,7 +1,5 @@
 """Conclusion of a calibration: which pixels, densities, images and runs it shows."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -35,7 +33,7 @@ def parts(tmp_path_factory):
     seen = two_materials()
     rng = np.random.default_rng(4)
 
-    def record(key: str, level_db: float) -> Record:
+    def record(key, level_db):
         image = (level_db + rng.normal(0.0, 2.0, seen.shape)).astype(np.float32)
         return Record(key, {"area": image.ravel()[seen.pixels("area")]}, image, 0.1)
 

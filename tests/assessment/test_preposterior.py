@@ -1,9 +1,6 @@
 """Expected narrowing of a band by a further pass: against Gaussian formulas worked out by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -31,25 +28,25 @@ MANY = 10**9  # independent pixels
 KEYS = ("patch", "independent", "noise_db")
 
 
-def speckle_db2(independent: float) -> float:
+def speckle_db2(independent):
     """Variance of the mean power of independent pixels of 4 looks [dB^2]: (10 / ln 10)^2 trigamma(4 n)."""
     return float(18.861169701161387 * polygamma(1, LOOKS * independent))
 
 
-def view(angle: int = 120, independent: float = MANY, noise_db: float = -300.0, number: int = 1) -> View:
+def view(angle=120, independent=MANY, noise_db=-300.0, number=1):
     """One cell of one field, whose pixels all have the incidence of one place of the grid."""
     cell, middle = np.zeros(9, dtype=np.int64), GRID_DEG[[angle]]
     count, noise = np.array([float(independent)]), np.array([noise_db])
     return View(np.arange(9), np.repeat(middle, 9), cell, np.array([number]), middle, count, noise)
 
 
-def joined(*cells: View) -> View:
+def joined(*cells):
     """All cells as cells of one pass."""
     each = {key: np.concatenate([getattr(one, key) for one in cells]) for key in vars(cells[0])}
     return View(**each)
 
 
-def lines(count: int = 900, level_sd: float = 0.8, slope_sd: float = 0.06, **more: Any) -> KeptDraws:
+def lines(count=900, level_sd=0.8, slope_sd=0.06, **more):
     """Draws of curves -10 + a + b (phi - 30 deg), a and b normal and independent [dB]."""
     rng = np.random.default_rng(4)
     a, b = rng.normal(0.0, level_sd, (count, 1)), rng.normal(0.0, slope_sd, (count, 1))
@@ -58,23 +55,21 @@ def lines(count: int = 900, level_sd: float = 0.8, slope_sd: float = 0.06, **mor
     return replace(KeptDraws(np.zeros((count, 2)), nothing, nothing, curves, nothing), **more)
 
 
-def sd(values: np.ndarray) -> float:
+def sd(values):
     """Standard deviation of a normal distribution with the 90 % interval of the values."""
     return float(half_widths_now(values[:, None])[0] / 1.6448536269514722)
 
 
-def sd_left(
-    draws: KeptDraws, seen: list[View], at: np.ndarray, config: Uncertainty = EXACT, own: Any = (), same: bool = False
-) -> float:
+def sd_left(draws, seen, at, config=EXACT, own=(), same=False):
     return float(half_widths_after(draws, FLAT, own, seen, LOOKS, config, at, same)[0] / 1.6448536269514722)
 
 
-def at_30(draws: KeptDraws) -> float:
+def at_30(draws):
     """Variance of the curve at 30 degrees [dB^2]."""
     return sd(draws.form_db[:, 30]) ** 2
 
 
-def narrowed(prior: float, own: float, further: float, common: float) -> float:
+def narrowed(prior, own, further, common):
     """Standard deviation of a level after a further pass, by hand.
 
     The draws have the variance ``prior``; the errors of both passes have the variances ``common + own`` and
@@ -86,7 +81,7 @@ def narrowed(prior: float, own: float, further: float, common: float) -> float:
 
 
 @pytest.mark.parametrize("number", [3, 5])
-def test_a_pass_over_the_same_field_does_not_measure_its_effect_again(number: int) -> None:
+def test_a_pass_over_the_same_field_does_not_measure_its_effect_again(number):
     draws = lines(slope_sd=0.0, field_db=np.full(900, 0.6))
     s, t, field = speckle_db2(40.0), speckle_db2(90.0), 0.36
     own, further = view(independent=40.0, number=3), view(independent=90.0, number=number)
@@ -97,7 +92,7 @@ def test_a_pass_over_the_same_field_does_not_measure_its_effect_again(number: in
     assert (expected > 0.8 * np.sqrt(at_30(draws))) == shared
 
 
-def test_a_level_that_the_same_fixed_laws_give_is_not_measured_again() -> None:
+def test_a_level_that_the_same_fixed_laws_give_is_not_measured_again():
     draws, config = lines(slope_sd=0.0), Uncertainty(level_db=0.6, noise_db=0.0)
     own, further, s, t = view(independent=2.0), view(independent=5.0, number=2), speckle_db2(2.0), speckle_db2(5.0)
     same = sd_left(draws, [further], AT_30, config, [own], same=True)
@@ -107,7 +102,7 @@ def test_a_level_that_the_same_fixed_laws_give_is_not_measured_again() -> None:
 
 
 @pytest.mark.parametrize("same", [False, True])
-def test_several_passes_over_common_fields_agree_with_the_covariance_of_all_cells(same: bool) -> None:
+def test_several_passes_over_common_fields_agree_with_the_covariance_of_all_cells(same):
     """Two own passes and one further pass: normal distribution of curve and means, conditioned on means in turn."""
     rng, config = np.random.default_rng(8), Uncertainty(level_db=0.3, noise_db=2.0)
     draws = lines(200, field_db=np.full(200, 0.5), cell_db=np.full(200, 0.2))
@@ -134,7 +129,7 @@ def test_several_passes_over_common_fields_agree_with_the_covariance_of_all_cell
     assert sd_left(draws, passes[2:], AT_50, config, passes[:2], same) == pytest.approx(expected, rel=1e-6)
 
 
-def test_one_draw_far_away_changes_neither_scores_nor_the_standard_deviation_of_fields() -> None:
+def test_one_draw_far_away_changes_neither_scores_nor_the_standard_deviation_of_fields():
     values = np.random.default_rng(1).normal(3.0, 2.0, (999, 2))
     scores = _normal_scores(values)
     assert scores.mean(axis=0) == pytest.approx([0.0, 0.0], abs=1e-12)
@@ -152,14 +147,14 @@ def test_one_draw_far_away_changes_neither_scores_nor_the_standard_deviation_of_
     assert _equivalent_sd(half) == pytest.approx(2.0 * 1.281552 / 1.644854, rel=0.02)
 
 
-def test_without_a_pass_nothing_changes() -> None:
+def test_without_a_pass_nothing_changes():
     draws = lines(500, field_db=np.random.default_rng(2).exponential(0.5, 500))
     some = np.arange(80, 240, 40)
     left = half_widths_after(draws, FLAT, [view()], [], LOOKS, EXACT, some)
     assert left == pytest.approx(half_widths_now(draws.curves_db(FLAT)[:, some]))
 
 
-def test_an_error_of_the_noise_floor_counts_by_the_noise_in_the_mean_level() -> None:
+def test_an_error_of_the_noise_floor_counts_by_the_noise_in_the_mean_level():
     """Noise 10 dB below the mean of curves that differ much is a tenth of the power."""
     draws, seen = lines(level_sd=3.0, slope_sd=0.0), view(noise_db=-20.0)
     means = seen.means_db(draws.laws_db(FLAT))
@@ -169,7 +164,7 @@ def test_an_error_of_the_noise_floor_counts_by_the_noise_in_the_mean_level() -> 
     assert found == pytest.approx(np.sqrt(variance / (prior + variance)), rel=1e-3)
 
 
-def test_ground_in_the_noise_says_little() -> None:
+def test_ground_in_the_noise_says_little():
     draws = lines(level_sd=0.1, slope_sd=0.0)
     clear, equal, deep = (sd_left(draws, [view(independent=2000.0, noise_db=n)], AT_30) for n in (-60.0, -10.0, 10.0))
     assert clear < 0.5 * 0.1
@@ -179,11 +174,10 @@ def test_ground_in_the_noise_says_little() -> None:
     assert deep > 0.95 * 0.1
 
 
-def test_what_a_pass_sees_of_a_material(geometry_of_slopes) -> None:
+def test_what_a_pass_sees_of_a_material(geometry_of_slopes):
     geometry = geometry_of_slopes
     radar = Radar(nesz_db=-25.0)
     found = view_of("slope", geometry, radar, 0)
-    assert found is not None
     usable = geometry.pixels("slope")[~geometry.layover.ravel()[geometry.pixels("slope")]]
     assert found.pixels.tolist() == usable.tolist()
     assert found.incidence_deg == pytest.approx(geometry.incidence_deg.ravel()[usable])
@@ -205,7 +199,6 @@ def test_what_a_pass_sees_of_a_material(geometry_of_slopes) -> None:
     layover = geometry.layover.copy()
     layover[24, 23] = True
     fewer = view_of("slope", replace(geometry, layover=layover), radar, 0)
-    assert fewer is not None
     assert fewer.patch.size == 9
     assert fewer.pixels.tolist() == usable[:-8].tolist()
     assert view_of("patch", geometry, radar, 0) is None  # 40 pixels
@@ -222,7 +215,7 @@ def geometry_of_slopes():
     return of_pixels(("slope", "patch"), material, np.linspace(30.0, 40.0, 25)[:, None], layover=layover)
 
 
-def test_curves_of_kept_draws_are_mean_power() -> None:
+def test_curves_of_kept_draws_are_mean_power():
     x = np.array([[-24.0, 12.0, 9.0, 4.0], [-20.0, 9.0, 12.0, 2.0], [-22.0, 8.0, 5.0, 1.0]])
     form = np.outer([0.0, 1.0, -1.0], WHOLE_DEG)
     field, cell, mean = np.array([1.0, 0.0, 2.0]), np.array([0.5, 0.0, 0.0]), np.array([0.3, -0.2, 0.0])

@@ -1,20 +1,10 @@
 """Runs of an earlier case that are taken over, and those that are not."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any
-
 import pytest
 
 from radcal.calibration.reuse import require_earlier, reuse_runs
-from radcal.config import Case
-from radcal.config.part import Part
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
-from radcal.radar.geometry import Geometry
-from radcal.scene.model import Scene
 from radcal.seeds import draw_seeds
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
@@ -26,12 +16,10 @@ NARROW = [[8, 12], [12, 15], [19, 22], [2, 5]]
 
 
 @pytest.fixture
-def made(
-    build_case: Callable[..., Case], scene: Scene, geometry: Geometry, tmp_path: Path
-) -> Callable[..., tuple[Part, Runner]]:
+def made(build_case, scene, geometry, tmp_path):
     """Function that makes a case of two draws of speckle, and its runner on a store of a given name."""
 
-    def make(store: str, bounds: Sequence[Sequence[float]], **keys: Any) -> tuple[Part, Runner]:
+    def make(store, bounds, **keys):
         dyke = {"calibrate": True, "bounds": bounds, "start": START}
         case = build_case(
             materials={"dyke": dyke, "grass": {"parameters": [10.0, 14.0, 6.0, 4.0]}},
@@ -45,7 +33,7 @@ def made(
     return make
 
 
-def run_all(case: Part, runner: Runner, *points: Sequence[float]) -> dict[tuple[float, ...], list[str]]:
+def run_all(case, runner, *points):
     """Hashes of the draws of some runs, by the parameters of the dyke."""
     return {
         tuple(x): [runner.run({**case.start_parameters, "dyke": list(x)}, seed).key for seed in draw_seeds(case)]
@@ -53,7 +41,7 @@ def run_all(case: Part, runner: Runner, *points: Sequence[float]) -> dict[tuple[
     }
 
 
-def test_runs_inside_of_the_bounds_are_taken_with_their_draws(made: Callable[..., Any], tmp_path: Path) -> None:
+def test_runs_inside_of_the_bounds_are_taken_with_their_draws(made, tmp_path):
     """Ends of the bounds belong to them; the reference run is copied, and counts for itself."""
     keys = run_all(*made("earlier", [[0, 50]] * 4), START, INSIDE, AT_ENDS, OUTSIDE)
     (tmp_path / "earlier" / f"{keys[tuple(AT_ENDS)][1]}.h5").unlink()  # a run that was killed between its draws
@@ -68,9 +56,7 @@ def test_runs_inside_of_the_bounds_are_taken_with_their_draws(made: Callable[...
     assert copied == {keys[tuple(START)][0], *keys[tuple(INSIDE)], keys[tuple(AT_ENDS)][0]}
 
 
-def test_runs_of_another_seed_or_outside_of_the_bounds_alone_are_refused(
-    made: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_runs_of_another_seed_or_outside_of_the_bounds_alone_are_refused(made, tmp_path):
     earlier, runner = made("earlier", [[0, 50]] * 4)
     run_all(earlier, runner, INSIDE)
     other, theirs = made("mine", NARROW, seed=7)
@@ -81,7 +67,7 @@ def test_runs_of_another_seed_or_outside_of_the_bounds_alone_are_refused(
         reuse_runs(*made("mine", NARROW), tmp_path / "far")
 
 
-def test_the_target_without_an_earlier_case_says_what_is_missing(tmp_path: Path) -> None:
+def test_the_target_without_an_earlier_case_says_what_is_missing(tmp_path):
     with pytest.raises(ConfigError, match=r"^design\.reuse is missing, .* expected the earlier case's name\.$"):
         require_earlier(None)
     require_earlier(tmp_path)

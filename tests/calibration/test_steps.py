@@ -1,7 +1,5 @@
 """Steps of the loop on two materials."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -261,7 +259,7 @@ def test_lines_of_the_log_name_the_nearest_and_the_worst_material(parts, runner,
     assert alone == "run   1 (iteration 0): best rms 2.00e-01, tolerance 2.5e-01"
 
 
-def test_a_failure_names_its_run() -> None:
+def test_a_failure_names_its_run():
     about = MissingSign("any")
     said = r"^design run 3 of 12: simulator\.output\.file: no image\.$"
     with pytest.raises(SimulatorError, match=said) as refused, called("design run 3 of 12"):

@@ -3,8 +3,6 @@
 No systemd, no control groups, no database. All three daemons stay children of the test and die with it.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import socket
@@ -13,7 +11,6 @@ import tempfile
 import time
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 # snakemake's job step takes every SLURM_* variable from its srun: only the standard place reaches that
 STANDARD = Path("/etc/slurm/slurm.conf")
@@ -59,12 +56,12 @@ PartitionName={partition} Nodes={node} Default=NO MaxTime=INFINITE State=UP
 """
 
 
-def find(program: str) -> str | None:
+def find(program):
     """A program, also where only root looks."""
     return shutil.which(program, path=f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin")
 
 
-def missing() -> str | None:
+def missing():
     """What keeps Slurm from running here, None if nothing does."""
     absent = [name for name in (*DAEMONS, "sbatch", "squeue", "scancel", "scontrol", "setpriv") if find(name) is None]
     if absent:
@@ -78,7 +75,7 @@ def missing() -> str | None:
     return None
 
 
-def left_behind() -> bool:
+def left_behind():
     """Whether the configuration in the standard place is that of a test which was killed, its daemons gone with it."""
     folder = STANDARD.resolve().parent
     if not (STANDARD.is_symlink() and folder.name.startswith(PREFIX)):
@@ -87,7 +84,7 @@ def left_behind() -> bool:
     return not (pid.is_file() and Path(f"/proc/{pid.read_text().strip()}").exists())
 
 
-def free_ports(number: int) -> list[int]:
+def free_ports(number):
     sockets = [socket.socket() for _ in range(number)]
     try:
         for each in sockets:
@@ -101,12 +98,12 @@ def free_ports(number: int) -> list[int]:
 class OneNode:
     """The cluster, for the length of a ``with`` block."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         # a socket's path has little room, less than a test's own folder takes
         self.folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir="/tmp"))
-        self._daemons: list[subprocess.Popen[bytes]] = []
+        self._daemons = []
 
-    def __enter__(self) -> OneNode:
+    def __enter__(self):
         try:
             self._start()
         except BaseException:
@@ -114,7 +111,7 @@ class OneNode:
             raise
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *_):
         if len(self._daemons) == len(DAEMONS):
             self.call("scancel", "--user=root", check=False)
             self._wait_until(lambda: not self.jobs(active=True), seconds=20, what=None)
@@ -129,7 +126,7 @@ class OneNode:
             STANDARD.unlink()
         shutil.rmtree(self.folder, ignore_errors=True)
 
-    def _start(self) -> None:
+    def _start(self):
         for name in ("state", "spool"):
             (self.folder / name).mkdir()
         key = self.folder / "munge.key"
@@ -162,7 +159,7 @@ class OneNode:
         self._daemon("slurmd", "-D", "-f", f"{self.folder}/slurm.conf")
         self._wait_until(lambda: self.node_state() == "idle", seconds=60, what="the node does not come up")
 
-    def _daemon(self, program: str, *arguments: str) -> None:
+    def _daemon(self, program, *arguments):
         with (self.folder / f"{program}.out").open("wb") as out:
             self._daemons.append(
                 subprocess.Popen(
@@ -176,10 +173,10 @@ class OneNode:
             )
 
     @staticmethod
-    def _environment() -> dict[str, str]:
+    def _environment():
         return {name: value for name, value in os.environ.items() if not name.startswith(("SLURM_", "SBATCH_"))}
 
-    def _wait_until(self, condition: Any, *, seconds: float, what: str | None) -> None:
+    def _wait_until(self, condition, *, seconds, what):
         deadline = time.monotonic() + seconds
         while not condition():
             if time.monotonic() > deadline:
@@ -189,16 +186,16 @@ class OneNode:
                 raise AssertionError(f"{what}\n" + "\n".join(logs))
             time.sleep(0.1)
 
-    def call(self, *command: str, check: bool = True) -> str:
+    def call(self, *command, check=True):
         """Standard output of a Slurm command."""
         done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=self._environment())
         assert done.returncode == 0 or not check, f"{command}: {done.stderr}"
         return done.stdout
 
-    def node_state(self) -> str:
+    def node_state(self):
         return self.call("sinfo", "--noheader", f"--partition={PARTITION}", "--format=%T", check=False).strip()
 
-    def jobs(self, active: bool = False) -> list[dict[str, str]]:
+    def jobs(self, active=False):
         """Jobs in the order of submission: number, rule, state, reason, and what they asked for."""
         fields = {"id": "%i", "rule": "%k", "state": "%T", "reason": "%r", "memory": "%m", "partition": "%P"}
         fields |= {"name": "%j", "cpus": "%C", "limit": "%l", "submitted": "%V", "started": "%S", "ended": "%e"}

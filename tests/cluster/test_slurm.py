@@ -1,7 +1,5 @@
 """A tiny case through a real Slurm: jobs cancelled, the node drained, the main process killed, the same result."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
@@ -11,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from cluster.one_node import NODE, PARTITION, OneNode, missing
-from workflow_project import Project, make_project
+from workflow_project import make_project
 
 # every job costs two starts of Snakemake: as few as there may be, with two chunks and an iteration
 SMALL = {"design": {"size": 6, "chunk": 3}, "stop": {"rms": 1e-9, "max_runs": 7}}
@@ -29,7 +27,7 @@ def cluster():
 class Main:
     """The snakemake that submits the jobs."""
 
-    def __init__(self, project: Project) -> None:
+    def __init__(self, project):
         self.log = project.folder / f"main-{time.monotonic_ns()}.log"
         command = [
             *(sys.executable, "-m", "snakemake", "--profile", "profiles/slurm", "--configfile", "tiny.yaml"),
@@ -42,7 +40,7 @@ class Main:
             )
 
     @property
-    def text(self) -> str:
+    def text(self):
         return self.log.read_text(errors="replace")
 
     def until(self, condition):
@@ -54,19 +52,19 @@ class Main:
             time.sleep(0.1)
         return found
 
-    def wait(self) -> int:
+    def wait(self):
         try:
             return self.process.wait(PATIENCE_S)
         except subprocess.TimeoutExpired:
             raise AssertionError(self.text) from None
 
-    def kill(self) -> None:
+    def kill(self):
         if self.process.poll() is None:
             os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
 
 
-def of_rule(jobs: list[dict[str, str]], rule: str, *states: str) -> list[dict[str, str]]:
+def of_rule(jobs, rule, *states):
     return [job for job in jobs if rule in job["rule"] and (not states or job["state"] in states)]
 
 
@@ -84,7 +82,7 @@ def test_cancelled_drained_killed_and_continued_is_the_same_as_undisturbed(clust
     assert example in profile.read_text()
     profile.write_text(profile.read_text().replace(example, f"""  slurm_partition: "'{PARTITION}'"\n"""))
 
-    def chunks_are(state: str) -> bool:
+    def chunks_are(state):
         return all(job["state"] == state for job in cluster.jobs() if job["id"] in chunks)
 
     main = Main(project)
@@ -142,10 +140,10 @@ def test_cancelled_drained_killed_and_continued_is_the_same_as_undisturbed(clust
     assert "design of 6 runs: best rms" in main.text
 
 
-def seconds(stamp: str) -> float:
+def seconds(stamp):
     return time.mktime(time.strptime(stamp, "%Y-%m-%dT%H:%M:%S"))
 
 
-def megabytes(job: dict[str, str]) -> float:
+def megabytes(job):
     number, unit = job["memory"][:-1], job["memory"][-1]
     return float(number) * {"M": 1, "G": 1024}[unit]

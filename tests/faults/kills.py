@@ -21,10 +21,8 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import h5py
 import psutil
@@ -51,7 +49,7 @@ class Tally:
     aside: list[str] = field(default_factory=list)
     seconds: float = 0.0
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self):
         return {
             "kills": sum(self.kills.values()),
             "by": dict(self.kills),
@@ -73,7 +71,7 @@ class Watch:
     project: Project
     known: dict[str, tuple[int, str]] = field(default_factory=dict)
 
-    def look(self, tally: Tally) -> None:
+    def look(self, tally):
         runs = self.project.out() / "runs"
         for name, (stamp, content) in self.known.items():
             path = runs / name
@@ -87,7 +85,7 @@ class Watch:
         }
 
 
-def result(project: Project) -> dict[str, Any]:
+def result(project):
     """What must be the same: X, runs in their order, summary; times and the checksum over them aside."""
     summary = {key: value for key, value in project.summary().items() if key not in ("wall_seconds", "sha256")}
     with h5py.File(project.out() / "calibration.h5") as file:
@@ -98,14 +96,14 @@ def result(project: Project) -> dict[str, Any]:
         }
 
 
-def descendants(pid: int) -> list[psutil.Process]:
+def descendants(pid):
     try:
         return psutil.Process(pid).children(recursive=True)
     except psutil.NoSuchProcess:
         return []
 
 
-def start(project: Project, log: Path, cores: int = 2) -> subprocess.Popen[bytes]:
+def start(project, log, cores=2):
     with log.open("ab") as handle:
         return subprocess.Popen(
             project.command(*COMMAND, cores=cores),
@@ -116,7 +114,7 @@ def start(project: Project, log: Path, cores: int = 2) -> subprocess.Popen[bytes
         )
 
 
-def kill(process: subprocess.Popen[bytes], kind: str, draw: random.Random) -> tuple[str, list[psutil.Process]]:
+def kill(process, kind, draw):
     """Kill; return what was killed, and the processes that go on."""
     below = descendants(process.pid)
     if kind == "job":
@@ -134,7 +132,7 @@ def kill(process: subprocess.Popen[bytes], kind: str, draw: random.Random) -> tu
     return kind, below if kind == "snakemake" else []
 
 
-def calibrate(project: Project, tally: Tally, most: int, draw: random.Random, longest_s: float) -> None:
+def calibrate(project, tally, most, draw, longest_s):
     """One calibration, killed at most so many times, then left to end."""
     log, watch, orphans = project.folder / "output.txt", Watch(project), []
     killed = 0
@@ -163,17 +161,14 @@ def calibrate(project: Project, tally: Tally, most: int, draw: random.Random, lo
     tally.calibrations += 1
 
 
-def prepare(folder: Path, most_runs: int) -> Project:
+def prepare(folder, most_runs):
     """A new project that ends after so many runs of design and loop, if not before."""
     project = make_project(folder)
     project.write(stop={"rms": 1e-3, "max_runs": most_runs, "stagnation_runs": 20})
     return project
 
 
-def campaign(
-    folder: Path, kills: int, seed: int, longest_s: float, each: int, expected: dict[str, Any], most_runs: int = 60,
-    interpreter: Sequence[str] = (sys.executable,),
-) -> Tally:  # fmt: skip
+def campaign(folder, kills, seed, longest_s, each, expected, most_runs=60, interpreter=(sys.executable,)):
     """So many kills over as many calibrations as they take.
 
     The interpreter is that of the command after the last kill of each calibration.
@@ -190,7 +185,7 @@ def campaign(
     return tally
 
 
-def main() -> int:
+def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--each", type=int, default=20, help="most kills of one calibration")

@@ -1,7 +1,5 @@
 """Faults of disks, folders, memory, clocks and simulators: what the user sees, and what is kept."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -10,14 +8,13 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 from faults.kills import Tally, Watch, campaign, result
 from sealed import DAMAGES
-from workflow_project import Project, sentences
+from workflow_project import sentences
 
 from radcal.session.salvage import salvage
 from radcal.storage.records import read_json
@@ -41,7 +38,7 @@ array.array("d", [a + draw.gauss(0, 2) for _ in range(rows * columns)]).tofile(o
 """
 
 
-def simulated(project: Project, seconds: float = 0.0, fails: int = 10**9, **changes) -> None:
+def simulated(project, seconds=0.0, fails=10**9, **changes):
     """Give the project an external simulator that takes its time and fails now and then."""
     (project.folder / "sim.py").write_text(SIM)
     field = {"calibrate": True, "law": "external", "names": ["a"], "bounds": [[-20, 0]], "start": [-15]}
@@ -67,7 +64,7 @@ def simulated(project: Project, seconds: float = 0.0, fails: int = 10**9, **chan
     (project.folder / "tiny.yaml").write_text(yaml.safe_dump(data))
 
 
-def kill_when(project: Project, condition, *arguments: str) -> None:
+def kill_when(project, condition, *arguments):
     process = project.start(*arguments)
     deadline = time.time() + 300
     while not condition():
@@ -149,7 +146,7 @@ def test_retries_hide_it(project):
     assert len(project.records()) == 11
 
 
-def in_a_namespace(script: str, folder: Path) -> subprocess.CompletedProcess[str]:
+def in_a_namespace(script, folder):
     """Run a shell script that may mount file systems, seen by nobody else."""
     if subprocess.run(["unshare", "-rm", "true"], capture_output=True, check=False).returncode:
         pytest.skip("no mount namespaces here (unshare -rm)")
@@ -192,7 +189,7 @@ def test_a_read_only_results_folder_is_a_sentence(project):
     assert "Traceback" not in said
 
 
-def without_rights(project: Project, *arguments: str) -> tuple[int, list[str]]:
+def without_rights(project, *arguments):
     """A command that may do what the files' modes allow, by root too; how it ended, and radcal's sentences."""
     command = project.command("--configfile", "tiny.yaml", *arguments)
     if os.geteuid() == 0:

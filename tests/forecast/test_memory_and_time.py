@@ -1,9 +1,6 @@
 """What jobs ask for, against scenes and geometries that are made."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,13 +21,13 @@ pytestmark = [
 ]
 
 
-def write(path: Path, values: np.ndarray, pixel_m: float | None) -> str:
+def write(path, values, pixel_m):
     where = {} if pixel_m is None else {"crs": "EPSG:32631", "transform": from_origin(6e5, 5.8e6, pixel_m, pixel_m)}
     return str(write_raster(path, values, **where))
 
 
 @pytest.fixture
-def rasters(tmp_path: Path):
+def rasters(tmp_path):
     """A scene of 40 x 60 pixels of 10 m, its materials twice as fine."""
     (tmp_path / "names.json").write_text('{"1": "dyke"}')
     return {
@@ -105,7 +102,7 @@ def test_time_is_that_of_the_runs_and_of_the_scene():
 
 
 def test_a_case_has_the_values_of_its_finest_array(rasters):
-    def case(**radar: float):
+    def case(**radar):
         return case_from(
             {
                 "scene": {"source": "raster", **rasters},

@@ -1,9 +1,5 @@
 """Largest number of runs, and their time."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import pytest
 
 from radcal.config import case_from
@@ -26,7 +22,7 @@ EXTERNAL = {
 }
 
 
-def test_the_largest_number_of_runs_is_that_of_all_passes(build_case) -> None:
+def test_the_largest_number_of_runs_is_that_of_all_passes(build_case):
     case = build_case(design={"size": 5}, stop={"max_runs": 40})
     assert largest_runs(case) == {"reference": 2, "design": 5, "infill": 35, "final": 2}, "with the registration run"
     case = build_case(design={"size": 5}, stop={"max_runs": 40}, registration={"rounds": 1})
@@ -46,7 +42,7 @@ CHUNKS = [("design_chunk", {"chunk": str(k)}) for k in range(3)]
 LOOP = [("scores", {}), ("final_runs", {}), ("archive", {})]
 
 
-def test_planned_jobs_make_at_most_so_many_runs(build_case) -> None:
+def test_planned_jobs_make_at_most_so_many_runs(build_case):
     case = build_case(design={"size": 10, "chunk": 4}, stop={"max_runs": 30})
     counts = planned_runs(case, [*START, *CHUNKS, *LOOP])
     assert counts == {"measurement": 1, "reference": 1, "design": 10, "infill": 20, "final": 2}
@@ -63,7 +59,7 @@ def test_planned_jobs_make_at_most_so_many_runs(build_case) -> None:
     assert [planned_runs(case, jobs)["infill"] for jobs in (planned, LOOP[1:])] == [14, 0]
 
 
-def test_planned_jobs_of_every_pass_count(build_case) -> None:
+def test_planned_jobs_of_every_pass_count(build_case):
     file = {"source": "file", "path": "a.npy", "scale": "db", "radiometry": "sigma0_local"}
     radar = {"altitude_m": 1000.0, "radiometry": "sigma0_local"}
     case = build_case(
@@ -81,11 +77,11 @@ def test_planned_jobs_of_every_pass_count(build_case) -> None:
     ("seconds", "words"),
     [(0.42, "0.42 s"), (89, "89 s"), (91, "1.5 min"), (420, "7 min"), (5500, "1.5 h"), (4e5, "4.6 days")],
 )
-def test_durations_are_said_in_a_fitting_unit(seconds: float, words: str) -> None:
+def test_durations_are_said_in_a_fitting_unit(seconds, words):
     assert duration(seconds) == words
 
 
-def test_time_of_stored_iterations(tmp_path: Path) -> None:
+def test_time_of_stored_iterations(tmp_path):
     assert stored_iteration_seconds(tmp_path / "gone") is None
     for number, seconds in enumerate((12.0, 3.0, 5.0)):
         for stage in ("train", "propose", "verify"):
@@ -96,7 +92,7 @@ def test_time_of_stored_iterations(tmp_path: Path) -> None:
     assert stored_iteration_seconds(tmp_path) == 22.5
 
 
-def test_the_time_follows_from_stored_runs_and_iterations(build_case, tmp_path: Path) -> None:
+def test_the_time_follows_from_stored_runs_and_iterations(build_case, tmp_path):
     case = build_case(case="mine", design={"size": 3}, stop={"max_runs": 43}, simulator={"draws": 4})
     assert time_expected(case, tmp_path).startswith("time: not known before the first run")
     for number, seconds in enumerate((9.0, 4.0, 2.5)):
@@ -115,16 +111,16 @@ def test_the_time_follows_from_stored_runs_and_iterations(build_case, tmp_path: 
     assert said.endswith("at most 24 min with 40 (a run takes 16 s, an iteration 33 s)")
 
 
-def test_the_standing_follows_from_the_files_of_the_case(build_case, tmp_path: Path) -> None:
+def test_the_standing_follows_from_the_files_of_the_case(build_case, tmp_path):
     """Of a case with 2 reference runs, 5 of the design, 2 final ones, and half of all searches ending within 6."""
     case = build_case(design={"size": 5}, stop={"max_runs": 40})
 
-    def runs(count: int, seconds: float) -> None:
+    def runs(count, seconds):
         for k in range(count):
             with write_hdf5(tmp_path / f"runs/{k}.h5", "run") as file:
                 file.attrs["seconds"] = seconds
 
-    def iteration(k: int) -> None:
+    def iteration(k):
         path = tmp_path / f"iterations/{k}/verified.json"
         path.parent.mkdir(parents=True)
         path.touch()

@@ -1,14 +1,12 @@
 """Blocks of an image that are calibrated on or held out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from radcal.ground.ground import Blocks, Ground
 
 
-def picture(blocks: Blocks, rows: int, columns: int) -> tuple[np.ndarray, np.ndarray]:
+def picture(blocks, rows, columns):
     part = blocks.parts_of(np.arange(rows * columns), columns)
     return part.reshape(rows, columns), blocks.kept(part, "even").reshape(rows, columns)
 

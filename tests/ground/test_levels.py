@@ -1,7 +1,5 @@
 """Levels against numpy's quantiles, known offsets and a published example."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,7 +9,7 @@ from radcal.ground.levels import Levels, image_levels, median_and_range, offset_
 from radcal.words import sentence
 
 
-def test_equal_materials_are_averaged_by_their_errors() -> None:
+def test_equal_materials_are_averaged_by_their_errors():
     # no more scatter than sampling explains: inverse-variance weights
     offset, error = pooled_offset([1.0, 1.0, 1.0], [0.1, 0.2, 0.4])
     assert offset == pytest.approx(1.0)
@@ -19,14 +17,14 @@ def test_equal_materials_are_averaged_by_their_errors() -> None:
 
 
 @given(shift=st.floats(-30, 30), values=st.lists(st.floats(-5, 5), min_size=1, max_size=6))
-def test_an_offset_moves_with_the_measurement(shift: float, values: list[float]) -> None:
+def test_an_offset_moves_with_the_measurement(shift, values):
     errors = 0.1 + 0.1 * np.arange(len(values))
     one, other = (pooled_offset(np.array(values) + s, errors) for s in (0.0, shift))
     assert other[0] - one[0] == pytest.approx(shift, abs=1e-9)
     assert other[1] == pytest.approx(one[1], rel=1e-6)
 
 
-def test_offset_is_taken_from_the_measured_image_only() -> None:
+def test_offset_is_taken_from_the_measured_image_only():
     levels = offset_levels("offset", {"grass": (3.0, 0.1)})
     np.testing.assert_allclose(levels.apply([1.0, 5.0], levels.measured), [-2.0, 2.0])
     assert levels.simulated({}) == (0.0, 1.0)
@@ -37,7 +35,7 @@ def test_offset_is_taken_from_the_measured_image_only() -> None:
     )
 
 
-def test_none_takes_nothing_but_says_what_it_sees() -> None:
+def test_none_takes_nothing_but_says_what_it_sees():
     levels = offset_levels("none", {"grass": (-7.0, 0.13), "crops": (-7.0, 0.26)})
     assert levels.measured == (0.0, 1.0)
     error = (0.13**-2 + 0.26**-2) ** -0.5
@@ -51,7 +49,7 @@ def test_none_takes_nothing_but_says_what_it_sees() -> None:
 
 
 @pytest.fixture
-def images() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def images():
     rng = np.random.default_rng(1)
     material = rng.integers(0, 4, size=(30, 40)).astype(np.uint8)
     reference = rng.normal(-10, 4, size=material.shape).astype(np.float32)
@@ -60,7 +58,7 @@ def images() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return measured, reference, material
 
 
-def test_image_levels_are_median_and_quartiles(images: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+def test_image_levels_are_median_and_quartiles(images):
     measured, reference, material = images
     levels = image_levels(measured, reference, material, {"a": 1, "b": 3})
     valid = (material > 0) & np.isfinite(measured)
@@ -74,7 +72,7 @@ def test_image_levels_are_median_and_quartiles(images: tuple[np.ndarray, np.ndar
     assert "all materials are calibrated, so that a level common to all laws is not identified" in said
 
 
-def test_a_run_is_mapped_by_its_own_whole_image(images: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+def test_a_run_is_mapped_by_its_own_whole_image(images):
     measured, reference, material = images
     levels = image_levels(measured, reference, material, {"a": 1, "b": 3})
     run = reference.copy()
@@ -85,7 +83,7 @@ def test_a_run_is_mapped_by_its_own_whole_image(images: tuple[np.ndarray, np.nda
     assert levels.simulated(record) == pytest.approx(median_and_range(run[valid]), rel=1e-6)
 
 
-def test_no_levels_change_nothing() -> None:
+def test_no_levels_change_nothing():
     levels = Levels()
     np.testing.assert_array_equal(levels.apply([1.0, 2.0], levels.measured), [1.0, 2.0])
     assert levels.simulated({}) == (0.0, 1.0)

@@ -1,14 +1,12 @@
 """Range of incidence at which a material is seen, with the error of the map taken out."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from radcal.ground.one_incidence import incidence_span_deg, seen_at_one_incidence
 
 
-def test_span_is_that_of_the_true_incidence() -> None:
+def test_span_is_that_of_the_true_incidence():
     rng = np.random.default_rng(2)
     true = rng.normal(35.0, 1.5, 20_000)
     span = 2 * 1.6449 * 1.5  # between the 5 % and 95 % quantiles
@@ -18,7 +16,7 @@ def test_span_is_that_of_the_true_incidence() -> None:
     assert incidence_span_deg(mapped, 2.0) == pytest.approx(span, rel=0.05)
 
 
-def test_a_range_of_a_degree_is_none() -> None:
+def test_a_range_of_a_degree_is_none():
     """Half of the pixels at either end, and the error of the map as large as a part of it."""
     half = np.repeat([30.0, 31.0], 50)
     assert incidence_span_deg(half) == 1.0
@@ -37,5 +35,5 @@ def test_a_range_of_a_degree_is_none() -> None:
         (10.0, 25.0, 5.0, True),  # nothing but error
     ],
 )
-def test_a_range_below_a_degree_is_one_incidence(low: float, high: float, error_deg: float, expected: bool) -> None:
+def test_a_range_below_a_degree_is_one_incidence(low, high, error_deg, expected):
     assert seen_at_one_incidence(np.linspace(low, high, 500), error_deg) is expected

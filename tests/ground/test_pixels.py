@@ -1,7 +1,5 @@
 """Pixels that are masked, and how many for which reason."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -10,19 +8,17 @@ import pytest
 from radcal.config import Radar, TargetConfig
 from radcal.ground.pixels import eligible_pixels, noise_limited, point_targets
 from radcal.image.model import Measurement
-from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.reflectivity import uniform
 
-CONFIG = TargetConfig(margin_px=0)
 SHAPE = (200, 200)
 
 
-def test_every_pixel_is_eligible_or_counted_once(geometry: Geometry) -> None:
+def test_every_pixel_is_eligible_or_counted_once(geometry):
     dyke = geometry.pixels("dyke")
     rng = np.random.default_rng(1)
 
-    def some(share: float) -> np.ndarray:
+    def some(share):
         return rng.random(geometry.shape) < share
 
     image = np.where(some(0.1), np.nan, 1.0).astype(np.float32)
@@ -38,7 +34,7 @@ def test_every_pixel_is_eligible_or_counted_once(geometry: Geometry) -> None:
 
 
 @pytest.mark.parametrize(("length_px", "more"), [(0.3, 1), (0.9, 2), (1.1, 3)])
-def test_an_uncertain_registration_widens_the_margin(geometry: Geometry, length_px: float, more: int) -> None:
+def test_an_uncertain_registration_widens_the_margin(geometry, length_px, more):
     """By two standard errors of a component, which is shorter than the length by a root of 2, and half a pixel."""
     image = Measurement(np.ones(geometry.shape, dtype=np.float32), "x")
     uncertainty = np.full(geometry.shape, length_px, dtype=np.float32)
@@ -46,7 +42,7 @@ def test_an_uncertain_registration_widens_the_margin(geometry: Geometry, length_
     np.testing.assert_array_equal(found.pixels, geometry.pixels("dyke", 1 + more))
 
 
-def test_noise_is_where_signal_and_noise_say_so() -> None:
+def test_noise_is_where_signal_and_noise_say_so():
     rng = np.random.default_rng(2)
     signal = np.repeat([0.0, 0.001, 0.1, 1.0], 50)[None, :] * np.ones((120, 1))
     power = (signal + 0.01) * rng.gamma(8.0, 1 / 8.0, size=signal.shape)
@@ -57,7 +53,7 @@ def test_noise_is_where_signal_and_noise_say_so() -> None:
     assert not noise_limited(np.full((20, 20), np.nan, dtype=np.float32), np.full(20, -20.0), 0.0).any()
 
 
-def test_point_target_and_its_surroundings_are_found() -> None:
+def test_point_target_and_its_surroundings_are_found():
     radar = Radar()
     image = decibels(ImageFormation(radar, SHAPE, -20.0).intensity(uniform(np.full(SHAPE, 10.0, dtype=np.float32)), 1))
     image[60, 80] = 30.0
@@ -68,7 +64,7 @@ def test_point_target_and_its_surroundings_are_found() -> None:
     np.testing.assert_array_equal(found, np.abs(reach).max(axis=0) <= 2)
 
 
-def test_edges_of_fields_are_no_point_targets() -> None:
+def test_edges_of_fields_are_no_point_targets():
     radar = Radar()
     material = np.where(np.arange(SHAPE[1]) < 100, 1, 2).astype(np.uint8) * np.ones((SHAPE[0], 1), dtype=np.uint8)
     sigma0 = np.where(material == 1, 0.1, 10.0).astype(np.float32)
@@ -76,7 +72,7 @@ def test_edges_of_fields_are_no_point_targets() -> None:
     assert not point_targets(image, material, radar)[:, 104:].any()
 
 
-def test_false_alarms_are_rare_in_texture_too() -> None:
+def test_false_alarms_are_rare_in_texture_too():
     radar = Radar()
     rng = np.random.default_rng(5)
     texture = rng.gamma(4.0, 0.25, size=(600, 600)).astype(np.float32)

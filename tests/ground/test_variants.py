@@ -1,7 +1,5 @@
 """Wrong variants of levels, bins, noise masks and effects of fields, against numpy's matrices."""
 
-from __future__ import annotations
-
 import numpy as np
 from variants import agrees
 
@@ -17,7 +15,7 @@ SAMPLING = np.array([0.04, 0.3, 0.09, 0.25, 0.06, 0.5])
 SPREAD = Spread(1.3, 0.45)
 
 
-def test_levels_are_median_and_quartiles() -> None:
+def test_levels_are_median_and_quartiles():
     values = np.array([-19.0, -13.5, -12.0, -11.0, -10.5, -10.2, -6.0])
     agrees(
         median_and_range(values),
@@ -43,7 +41,7 @@ def test_levels_are_median_and_quartiles() -> None:
     )
 
 
-def test_offset_of_two_materials_has_the_variance_between_them() -> None:
+def test_offset_of_two_materials_has_the_variance_between_them():
     """Two differences: the moments' estimate of the variance between them is that of the pair less the mean square."""
     a, b, s, t = 2.6, -0.7, 0.4, 0.9
     between = 0.5 * (a - b) ** 2 - 0.5 * (s**2 + t**2)
@@ -65,7 +63,7 @@ def test_offset_of_two_materials_has_the_variance_between_them() -> None:
     )
 
 
-def test_bins_hold_equal_numbers_and_their_moments() -> None:
+def test_bins_hold_equal_numbers_and_their_moments():
     rng = np.random.default_rng(3)
     angle, values = 30.0 + 20.0 * rng.random(900) ** 2, rng.gamma(2.0, 1.5, 900) - 14.0
     edges = incidence_edges(angle, 4)
@@ -95,7 +93,7 @@ def test_bins_hold_equal_numbers_and_their_moments() -> None:
     )
 
 
-def test_pixels_near_the_noise_by_the_sum_of_powers() -> None:
+def test_pixels_near_the_noise_by_the_sum_of_powers():
     """Levels about the threshold: noise plus a signal of the required ratio."""
     noise, ratio_db = -21.0, 2.0
     right = 10.0 * np.log10(10.0 ** (noise / 10.0) * (1.0 + 10.0 ** (ratio_db / 10.0)))
@@ -117,7 +115,7 @@ def test_pixels_near_the_noise_by_the_sum_of_powers() -> None:
     agrees(mask.mean(), 0.0, atol=0.05, decibel_mean=1.0)
 
 
-def test_means_of_cells_by_the_inverse_of_their_covariance() -> None:
+def test_means_of_cells_by_the_inverse_of_their_covariance():
     shared = (FIELD[:, None] == FIELD).astype(float)
     covariance = np.diag(SAMPLING + SPREAD.within**2) + SPREAD.between**2 * shared
     one, inverse = np.ones(6), np.linalg.inv(covariance)
@@ -160,7 +158,7 @@ def test_means_of_cells_by_the_inverse_of_their_covariance() -> None:
     )
 
 
-def test_variance_inside_cells_by_the_independent_pixels() -> None:
+def test_variance_inside_cells_by_the_independent_pixels():
     of, values = np.array([0, 0, 0, 0, 1, 1, 1, 1, 1, 1] * 4), np.random.default_rng(1).normal(-9.0, 2.0, 40)
     values[of == 1] += 6.0  # another cell's level is no sampling variance
     cells = Cells(of, np.array([1, 1]), np.array([0, 1]), np.bincount(of))
@@ -179,7 +177,7 @@ def test_variance_inside_cells_by_the_independent_pixels() -> None:
     )
 
 
-def test_effective_number_of_pixels_by_the_sum_over_all_pairs() -> None:
+def test_effective_number_of_pixels_by_the_sum_over_all_pairs():
     lags = np.zeros((13, 13))
     lags[5:8, 4:9] = [[0.0, 0.3, 0.4, 0.1, 0.0], [0.2, 0.5, 1.0, 0.5, 0.2], [0.0, 0.1, 0.4, 0.3, 0.0]]
     row, column = np.divmod(np.arange(24), 8)

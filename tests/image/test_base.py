@@ -1,9 +1,5 @@
 """Readers by the path of a file, and what they say before an image is read."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 from raster_files import write_raster
@@ -31,14 +27,14 @@ pytestmark = [
         ("image", "raster", None),
     ],
 )
-def test_the_name_of_a_file_chooses_its_reader(path: str, name: str, radiometry: str | None) -> None:
+def test_the_name_of_a_file_chooses_its_reader(path, name, radiometry):
     reader = reader_of(path)
     assert reader is READERS[name]
     named = reader.named(path)
     assert (named and named.radiometry) == radiometry
 
 
-def test_products_and_rasters_with_a_place_are_on_the_map(tmp_path: Path) -> None:
+def test_products_and_rasters_with_a_place_are_on_the_map(tmp_path):
     safe = write_product(tmp_path)
     values = np.ones((4, 5), dtype=np.float32)
     place = {"crs": "EPSG:32631", "transform": from_origin(6e5, 5.8e6, 20.0, 20.0)}

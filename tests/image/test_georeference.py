@@ -1,7 +1,5 @@
 """Georeferenced images of known functions of the place, seen from the scene's pixels."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 from pathlib import Path
@@ -33,11 +31,11 @@ SCENE = (CELL_M, 0.0, WEST, 0.0, CELL_M, SOUTH)
 CONFIG = FileMeasurement(path="image.tif", scale="power", radiometry="sigma0_ref")
 
 
-def header_of(path: Path, config: FileMeasurement) -> Header:
+def header_of(path, config):
     return RasterReader(path, config, Radar()).header
 
 
-def ground_of(rows: int = 30, columns: int = 40) -> np.ndarray:
+def ground_of(rows=30, columns=40):
     """Ground of an image whose range grows to the east and azimuth to the north, with fractions and gaps."""
     rng = np.random.default_rng(1)
     ground = np.stack(
@@ -50,12 +48,12 @@ def ground_of(rows: int = 30, columns: int = 40) -> np.ndarray:
     return ground
 
 
-def place(ground: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def place(ground):
     """UTM coordinates, cell centres at integers."""
     return WEST + (ground[1].astype(float) + 0.5) * CELL_M, SOUTH + (ground[0].astype(float) + 0.5) * CELL_M
 
 
-def image(crs: str, transform: Affine, shape: tuple[int, int]) -> GeoreferencedImage:
+def image(crs, transform, shape):
     """An image whose pixels hold their own number."""
     values = np.arange(shape[0] * shape[1], dtype=np.float64).reshape(shape)
     return GeoreferencedImage(Path("image.tif"), values, transform, CRS.from_user_input(crs))
@@ -73,7 +71,7 @@ PLACES = {
 
 
 @pytest.mark.parametrize("name", PLACES)
-def test_each_pixel_takes_the_nearest_value(name: str) -> None:
+def test_each_pixel_takes_the_nearest_value(name):
     crs, transform, shape = PLACES[name]
     ground = ground_of()
     x, y = Transformer.from_crs(UTM, crs, always_xy=True).transform(*place(ground))
@@ -97,7 +95,7 @@ def test_each_pixel_takes_the_nearest_value(name: str) -> None:
         assert found[i, j] == np.argmin(np.hypot(across, along))
 
 
-def test_outside_the_image_there_is_nothing() -> None:
+def test_outside_the_image_there_is_nothing():
     crs, transform, _ = SAME
     ground = ground_of()
     found = values_at_ground(image(crs, transform, (160, 100)), UTM, SCENE, ground)
@@ -111,7 +109,7 @@ def test_outside_the_image_there_is_nothing() -> None:
         values_at_ground(image("EPSG:32601", transform, (160, 200)), UTM, SCENE, ground)
 
 
-def test_gaps_and_complex_values_are_kept() -> None:
+def test_gaps_and_complex_values_are_kept():
     one = image(*SAME)
     values = one.values * (1.0 + 0.5j)
     values[::2] = np.nan
@@ -126,7 +124,7 @@ def test_gaps_and_complex_values_are_kept() -> None:
         )
 
 
-def test_files_are_read_with_their_place(tmp_path: Path) -> None:
+def test_files_are_read_with_their_place(tmp_path):
     crs, transform, shape = SAME
     values = np.arange(np.prod(shape), dtype=np.int32).reshape(shape)
     path = write_raster(tmp_path / "image.tif", np.stack([values, 2 * values]), crs=crs, transform=transform, nodata=0)
@@ -142,7 +140,7 @@ def test_files_are_read_with_their_place(tmp_path: Path) -> None:
         read_georeferenced(path, CONFIG)
 
 
-def test_of_a_large_image_the_scenes_part_is_read(tmp_path: Path) -> None:
+def test_of_a_large_image_the_scenes_part_is_read(tmp_path):
     crs, transform, shape = SAME
     path = tmp_path / "large.tif"
     large = transform @ Affine.translation(-30_000, -20_000)
@@ -165,7 +163,7 @@ def test_of_a_large_image_the_scenes_part_is_read(tmp_path: Path) -> None:
         values_at_ground(read, UTM, SCENE, ground_of())
 
 
-def test_the_vertical_part_of_a_crs_does_not_matter(tmp_path: Path) -> None:
+def test_the_vertical_part_of_a_crs_does_not_matter(tmp_path):
     _, transform, _ = SAME
     path = write_raster(tmp_path / "image.tif", image(*SAME).values, crs="EPSG:32631+5773", transform=transform)
     read = read_georeferenced(path, CONFIG)
@@ -174,7 +172,7 @@ def test_the_vertical_part_of_a_crs_does_not_matter(tmp_path: Path) -> None:
     )
 
 
-def test_files_without_a_place_are_told_apart(tmp_path: Path) -> None:
+def test_files_without_a_place_are_told_apart(tmp_path):
     values = np.ones((20, 30), dtype=np.float32)
     plain = write_raster(tmp_path / "plain.tif", values)
     no_transform = write_raster(tmp_path / "crs.tif", values, crs=UTM)
@@ -193,7 +191,7 @@ def test_files_without_a_place_are_told_apart(tmp_path: Path) -> None:
         read_georeferenced(tmp_path / "text.tif", CONFIG)
 
 
-def test_pixels_are_turned_into_range_and_azimuth(tmp_path: Path) -> None:
+def test_pixels_are_turned_into_range_and_azimuth(tmp_path):
     """Pixels of 3 m to the east and 5 m to the north, seen by a track to the north, the east and the north-east."""
     where = {"crs": UTM, "transform": Affine(3.0, 0, WEST, 0, -5.0, SOUTH)}
     header = header_of(write_raster(tmp_path / "a.tif", np.ones((9, 9), np.uint8), **where), CONFIG)

@@ -1,22 +1,14 @@
 """Tags and band names of rasters, against the keys of a case."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 import rasterio
 from raster_files import write_raster
 
-from radcal.config import Case, FileMeasurement, Radar
+from radcal.config import FileMeasurement, Radar
 from radcal.errors import MeasurementError
-from radcal.image.model import Measurement
 from radcal.image.raster import Header, RasterReader
 from radcal.measurement.sources import make_measurement
-from radcal.radar.geometry import Geometry
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 
@@ -24,7 +16,7 @@ CONFIG = FileMeasurement(path="a.tif", scale="power", radiometry="sigma0_ref")
 NORMALISATION = "PROCESSING_INFORMATION_OUTPUT_BACKSCATTER_NORMALIZATION_CONVENTION"
 
 
-def write(path: Path, shape: tuple[int, int], names: list[str | None], **tags: str) -> Path:
+def write(path, shape, names, **tags):
     write_raster(path, np.random.default_rng(1).normal(-12.0, 3.0, (len(names), *shape)).astype(np.float32), names)
     with rasterio.open(path, "r+") as raster:
         raster.update_tags(**tags)
@@ -42,14 +34,12 @@ def write(path: Path, shape: tuple[int, int], names: list[str | None], **tags: s
         ([None], None, {}, Header()),
     ],
 )
-def test_bands_and_tags_are_read(
-    tmp_path: Path, names: list[str | None], band: int | None, tags: dict[str, str], expected: Header
-) -> None:
+def test_bands_and_tags_are_read(tmp_path, names, band, tags, expected):
     config = CONFIG.model_copy(update={"band": band})
     assert RasterReader(write(tmp_path / "a.tif", (4, 5), names, **tags), config, Radar()).facts() == expected
 
 
-def test_files_without_tags_say_nothing(tmp_path: Path) -> None:
+def test_files_without_tags_say_nothing(tmp_path):
     (tmp_path / "a.tif").write_text("no raster")
     assert RasterReader(tmp_path / "a.tif", CONFIG, Radar()).facts() == Header()
 
@@ -62,15 +52,7 @@ def test_files_without_tags_say_nothing(tmp_path: Path) -> None:
         ([None], {NORMALISATION: "gamma0"}, {}, "measurement.radiometry is sigma0_local, the tags of .* say gamma0"),
     ],
 )
-def test_contradictions_are_refused(
-    tmp_path: Path,
-    geometry: Geometry,
-    build_case: Callable[..., Case],
-    names: list[str | None],
-    tags: dict[str, str],
-    keys: dict[str, Any],
-    words: str,
-) -> None:
+def test_contradictions_are_refused(tmp_path, geometry, build_case, names, tags, keys, words):
     path = write(tmp_path / "a.tif", geometry.shape, names, **tags)
     file = {"source": "file", "path": str(path), "scale": "db", "radiometry": "sigma0_local", **keys}
     if keys:
@@ -84,9 +66,7 @@ def test_contradictions_are_refused(
 
 
 @pytest.mark.parametrize(("letters", "filtered"), [("gpuned", False), ("gpufed", True)])
-def test_what_a_name_says_is_told(
-    tmp_path: Path, geometry: Geometry, build_case: Callable[..., Case], letters: str, filtered: bool
-) -> None:
+def test_what_a_name_says_is_told(tmp_path, geometry, build_case, letters, filtered):
     path = write(tmp_path / f"S1A_IW_20180128T161201_DVP_RTC30_G_{letters}_FD6A_HH.tif", geometry.shape, [None])
     with rasterio.open(path, "r+") as raster:
         raster.write(10.0 ** (raster.read() / 10.0))
@@ -97,6 +77,6 @@ def test_what_a_name_says_is_told(
     assert ("product_filtered" in found) == filtered
 
 
-def measured(case: Case, geometry: Geometry) -> Measurement:
-    nothing: Any = None  # a file needs no simulator
+def measured(case, geometry):
+    nothing = None  # a file needs no simulator
     return make_measurement(case, geometry, nothing)

@@ -1,7 +1,5 @@
 """Point spread of speckle made with known responses; filters, and what may be mistaken for them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -20,17 +18,17 @@ ONE = np.ones(SHAPE, dtype=np.uint8)
 RADAR = Radar()  # 2 m by 3.5 m, 4 looks
 
 
-def power(level: np.ndarray | float = 1.0, seed: int = 1, **keys: float) -> np.ndarray:
+def power(level=1.0, seed=1, **keys):
     sigma0 = np.broadcast_to(np.asarray(level, dtype=np.float32), SHAPE)
     return ImageFormation(Radar(**keys), SHAPE, -30.0).intensity(uniform(sigma0), seed).astype(float)
 
 
-def texture(sigma_px: float, sd_db: float) -> np.ndarray:
+def texture(sigma_px, sd_db):
     smooth = gaussian_filter(np.random.default_rng(4).standard_normal(SHAPE), sigma_px)
     return np.asarray(10.0 ** (0.1 * sd_db * smooth / smooth.std()))
 
 
-def lee(image: np.ndarray, side: int, looks: int) -> np.ndarray:
+def lee(image, side, looks):
     """Filter of local statistics: mean plus a share of the deviation that grows with the variance beyond speckle's."""
     mean = uniform_filter(image, side)
     variance = uniform_filter(image**2, side) - mean**2
@@ -38,35 +36,32 @@ def lee(image: np.ndarray, side: int, looks: int) -> np.ndarray:
     return np.asarray(mean + beyond / np.maximum(variance, 1e-12) * (image - mean))
 
 
-def spread_of(
-    range_m: float, azimuth_m: float, range_error_m: float, azimuth_error_m: float, smoothing: float, windows: int
-) -> PointSpread:
+def spread_of(range_m, azimuth_m, range_error_m, azimuth_error_m, smoothing, windows):
     return PointSpread(Width(range_m, range_error_m, smoothing), Width(azimuth_m, azimuth_error_m, 1.0), windows)
 
 
-def found(image: np.ndarray, radar: Radar = RADAR) -> PointSpread:
+def found(image, radar=RADAR):
     spread = estimate_point_spread(decibels(image.astype(np.float32)), ONE, radar)
     assert spread is not None
     return spread
 
 
-def told(spread: PointSpread, radar: Radar, *pixel_m: tuple[float, float]) -> list[tuple[str, str]]:
+def told(spread, radar, *pixel_m):
     """Severity and code of each finding on a point spread."""
     return [(one.severity, one.code) for one in point_spread_findings(spread, None, radar, "b.tif", *pixel_m)]
 
 
-def judged(image: np.ndarray, radar: Radar = RADAR) -> tuple[bool, list[str]]:
+def judged(image, radar=RADAR):
     """Whether the image counts as filtered, and the first words of the findings: severity, code and number."""
     image_db = decibels(image.astype(np.float32))
     spread, looks = estimate_point_spread(image_db, ONE, radar), estimate_looks(image_db, ONE, radar)
-    assert spread is not None
     findings = point_spread_findings(spread, looks, radar, "a.tif")
     return is_filtered(spread, looks, radar), [f"{one.severity} {one.code}" for one in findings]
 
 
 @pytest.mark.parametrize("looks", [1, 4])
 @pytest.mark.parametrize(("range_m", "azimuth_m"), [(2.0, 3.5), (2.8, 3.1), (4.0, 6.0)])
-def test_widths_are_those_of_the_response(looks: int, range_m: float, azimuth_m: float) -> None:
+def test_widths_are_those_of_the_response(looks, range_m, azimuth_m):
     spread = found(power(looks=looks, range_resolution_m=range_m, azimuth_resolution_m=azimuth_m))
     assert spread.range.width_m == pytest.approx(range_m, rel=0.04)
     assert spread.azimuth.width_m == pytest.approx(azimuth_m, rel=0.04)
@@ -74,12 +69,12 @@ def test_widths_are_those_of_the_response(looks: int, range_m: float, azimuth_m:
     assert spread.range.error_m == pytest.approx(0.05 * range_m, rel=0.2)
 
 
-def test_texture_that_is_correlated_further_does_not_count() -> None:
+def test_texture_that_is_correlated_further_does_not_count():
     assert found(power(texture(10.0, 1.5))).range.width_m == pytest.approx(found(power()).range.width_m, rel=0.04)
 
 
 @pytest.mark.parametrize(("side", "looks"), [(3, 4), (3, 1), (5, 4)])
-def test_a_mean_divides_the_variance_by_its_growth_of_the_correlation_area(side: int, looks: int) -> None:
+def test_a_mean_divides_the_variance_by_its_growth_of_the_correlation_area(side, looks):
     """The mean over n pixels in independent cells of c pixels: looks and correlation area grow by about n / c."""
     radar, image = Radar(looks=looks), power(looks=looks)
     smooth = uniform_filter(image, side)
@@ -89,7 +84,7 @@ def test_a_mean_divides_the_variance_by_its_growth_of_the_correlation_area(side:
 
 
 @pytest.mark.slow
-def test_errors_are_the_scatter_over_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_errors_are_the_scatter_over_seeds(monkeypatch):
     """The bootstrap's part: of 32 seeds in both directions the scatter is known to 9 %."""
     monkeypatch.setattr(point_spread, "_DRAWS", 25)  # enough for the mean over the seeds
     shape = (96, 144)  # 36 windows
@@ -107,21 +102,20 @@ def test_errors_are_the_scatter_over_seeds(monkeypatch: pytest.MonkeyPatch) -> N
     np.testing.assert_allclose(widths.mean(axis=0), [2.0, 3.5], rtol=0.03)
 
 
-def test_pixels_without_correlation_are_narrow() -> None:
+def test_pixels_without_correlation_are_narrow():
     independent = np.random.default_rng(1).gamma(4.0, 0.25, SHAPE)
     assert found(independent).range.width_m < 1.3
     assert judged(independent)[1][0].endswith(" resolutions")
 
 
 @pytest.mark.parametrize("image", ["box 3", "box 5", "lee 5", "lee 7"])
-def test_filtered_speckle_is_recognised(image: str) -> None:
+def test_filtered_speckle_is_recognised(image):
     name, side = image.split()
     speckle = power(texture(10.0, 1.0))
     filtered = uniform_filter(speckle, int(side)) if name == "box" else lee(speckle, int(side), 4)
     assert judged(filtered) == (True, ["warning filtered"])
     # where radar.looks has been set to what is left, the point spread still tells
     left = estimate_looks(decibels(filtered.astype(np.float32)), ONE, RADAR)
-    assert left is not None
     assert judged(filtered, Radar(looks=min(64, round(left.looks)))) == (False, ["warning smoothed"])
 
 
@@ -140,7 +134,7 @@ def test_filtered_speckle_is_recognised(image: str) -> None:
         ),
     ],
 )  # fmt: skip
-def test_what_is_not_a_filter(keys: dict[str, float], sd_db: float, exponent: float, note: str | None) -> None:
+def test_what_is_not_a_filter(keys, sd_db, exponent, note):
     keys = dict(keys)
     pattern = texture(keys.pop("texture_px", 10.0), sd_db)
     is_so, found = judged(power(pattern, **keys) ** exponent)
@@ -148,7 +142,7 @@ def test_what_is_not_a_filter(keys: dict[str, float], sd_db: float, exponent: fl
     assert found[:1] == ([] if note is None else [note])
 
 
-def test_findings_give_both_numbers() -> None:
+def test_findings_give_both_numbers():
     spread = spread_of(2.5, 3.4, 0.13, 0.17, 1.2, 100)
     (wider,) = point_spread_findings(spread, None, RADAR, "b.tif")
     assert (wider.code, wider.severity, wider.about) == ("resolutions", "warning", "b.tif")
@@ -178,7 +172,7 @@ def test_findings_give_both_numbers() -> None:
         assert (("note", "unweighted") in narrow) == possible
 
 
-def test_resampling_from_a_map_explains_a_wider_spread() -> None:
+def test_resampling_from_a_map_explains_a_wider_spread():
     """4 looks on a map of 10 m pixels, taken to pixels of 6 by 10 m."""
     given = {"range_resolution_m": 11.0, "azimuth_resolution_m": 18.0, "azimuth_spacing_m": 10.0}
     on_map = power(**given, range_spacing_m=6.5)
@@ -187,7 +181,6 @@ def test_resampling_from_a_map_explains_a_wider_spread() -> None:
     image_db = decibels(on_map[rows].astype(np.float32))
     ones = np.ones(image_db.shape, np.uint8)
     spread = estimate_point_spread(image_db, ones, radar)
-    assert spread is not None
     # of the nearest neighbour alone, 2.355 / sqrt(12) pixels are added in quadrature
     assert spread.range.width_m == pytest.approx(math.hypot(11.0, 0.68 * 6.5), abs=2 * spread.range.error_m)
     wide = spread_of(13.9, 18.2, 0.7, 0.9, 1.3, 100)
@@ -210,35 +203,32 @@ def test_resampling_from_a_map_explains_a_wider_spread() -> None:
     assert told(coarse, radar, on_map_m)[0][1] == "resolutions"
 
 
-def test_windows_of_all_levels_are_used() -> None:
+def test_windows_of_all_levels_are_used():
     """A material 10 dB above the other one."""
     material = np.where(np.indices(SHAPE)[1] < 120, 1, 2).astype(np.uint8)
     image = power(np.where(material == 1, 1.0, 10.0))
     both, alone = (estimate_point_spread(decibels(one.astype(np.float32)), material, RADAR) for one in (image, power()))
-    assert both is not None
-    assert alone is not None
     assert both.windows > 0.9 * alone.windows
     assert both.azimuth.width_m == pytest.approx(3.5, rel=0.05)
 
 
-def test_area_of_a_point_spread_is_a_product() -> None:
+def test_area_of_a_point_spread_is_a_product():
     assert spread_of(3.0, 7.0, 0.1, 0.1, 1.0, 50).cells(RADAR) == pytest.approx(3.0)
 
 
-def fields(side: int) -> np.ndarray:
+def fields(side):
     """Square fields of four materials, so that no two fields with a common edge have the same one."""
     row, column = np.indices(SHAPE) // side
     return (1 + row % 2 + 2 * (column % 2)).astype(np.uint8)
 
 
 @pytest.mark.parametrize(("looks", "side", "configured_m"), [(1, 10, 2.0), (4, 10, 5.0), (1, 24, 60.0)])
-def test_small_fields_are_pooled(looks: int, side: int, configured_m: float) -> None:
+def test_small_fields_are_pooled(looks, side, configured_m):
     """Fields too small for windows, with levels that differ by up to 12 dB, and any configured resolution."""
     material = fields(side)
     image = power(10.0 ** (0.4 * material), looks=looks)
     radar = RADAR.model_copy(update={"looks": looks, "range_resolution_m": configured_m})
     spread = estimate_point_spread(decibels(image.astype(np.float32)), material, radar)
-    assert spread is not None
     # with the error of the bootstrap, beside 5 % that has no part in simulated images
     assert spread.range.width_m == pytest.approx(2.0, rel=0.06)
     assert spread.azimuth.width_m == pytest.approx(3.5, rel=0.06)
@@ -247,22 +237,21 @@ def test_small_fields_are_pooled(looks: int, side: int, configured_m: float) -> 
     assert declared[:1] == ([] if configured_m == 2.0 else [configured_m])
 
 
-def test_edges_of_small_fields_may_be_displaced() -> None:
+def test_edges_of_small_fields_may_be_displaced():
     """The image is not registered yet: up to four pixels at the edges show the neighbouring field."""
     material = fields(20)
     image = np.roll(power(10.0 ** (0.4 * material)), (3, -4), (0, 1))
     spread = estimate_point_spread(decibels(image.astype(np.float32)), material, RADAR)
-    assert spread is not None
     assert spread.range.width_m == pytest.approx(2.0, rel=0.06)
     assert spread.azimuth.width_m == pytest.approx(3.5, rel=0.06)
 
 
-def test_an_uncertain_wide_spread_is_not_called_smoothed() -> None:
+def test_an_uncertain_wide_spread_is_not_called_smoothed():
     uncertain = spread_of(4.0, 5.0, 1.2, 0.9, 2.0, 9)
     assert told(uncertain, RADAR) == []
 
 
-def test_without_pairs_that_are_far_enough_apart_there_is_no_estimate() -> None:
+def test_without_pairs_that_are_far_enough_apart_there_is_no_estimate():
     image_db = decibels(power().astype(np.float32))
     assert estimate_point_spread(image_db, fields(5), RADAR) is None  # 3 pixels without the edges
     assert estimate_point_spread(image_db, np.zeros(SHAPE, dtype=np.uint8), RADAR) is None

@@ -1,7 +1,5 @@
 """Resolutions against the widths of areas, and the note on those that were not checked."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -15,11 +13,11 @@ MATERIAL[10, 20:30] = 0  # mixed pixels do not end an area
 MATERIAL[21:30, 4:40] = 2
 
 
-def radar(**keys: float) -> Radar:
+def radar(**keys):
     return Radar(range_spacing_m=1.5, azimuth_spacing_m=2.5, **keys)
 
 
-def test_a_resolution_wider_than_every_area_is_refused() -> None:
+def test_a_resolution_wider_than_every_area_is_refused():
     check_resolutions(MATERIAL, radar(range_resolution_m=26.9, azimuth_resolution_m=89.0))  # 18 rows and 36 columns
     with pytest.raises(MeasurementError) as caught:
         check_resolutions(MATERIAL, radar(range_resolution_m=28.0))
@@ -36,7 +34,7 @@ def test_a_resolution_wider_than_every_area_is_refused() -> None:
     check_resolutions(np.zeros((40, 60), np.uint8), radar(range_resolution_m=61.0))  # other errors tell that
 
 
-def test_unusual_resolutions_that_the_speckle_cannot_check_are_a_warning() -> None:
+def test_unusual_resolutions_that_the_speckle_cannot_check_are_a_warning():
     (plain,) = unchecked_resolutions(radar(range_resolution_m=7.0), "a.tif")
     assert (plain.code, plain.severity, plain.about) == ("resolutions_unknown", "note", "a.tif")
     assert plain.numbers == {"pairs": 150, "apart_px": 4}

@@ -1,11 +1,7 @@
 """SICD files written with the library read back to sigma0; damaged ones end in their sentence."""
 
-from __future__ import annotations
-
 import contextlib
 import warnings
-from collections.abc import Mapping
-from typing import Any
 
 import lxml.etree
 import numpy as np
@@ -406,8 +402,6 @@ def test_flipped_bits_give_an_image_or_a_sentence(tmp_path, content, data):
 
 class NoSimulator:
     """A file needs no simulator."""
-
-    identity: Mapping[str, Any] = {}
 
     def run(self, parameters, noise_seed):
         raise AssertionError("called")

@@ -1,7 +1,5 @@
 """Repeated pixels against resampling by known factors."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -15,12 +13,11 @@ SPECKLE = (10.0 * np.log10(np.random.default_rng(3).gamma(4.0, 0.25, (160, 200))
 
 
 @pytest.mark.parametrize(("down", "across"), [(1.6, 1.0), (1.0, 3.0), (2.0, 1.25)])
-def test_shares_are_those_of_the_factors(down: float, across: float) -> None:
+def test_shares_are_those_of_the_factors(down, across):
     rows, columns = ((np.arange(n) / factor).astype(int) for n, factor in ((160, down), (200, across)))
     image = SPECKLE[np.ix_(rows, columns)]
     image[50:60, 30:90] = np.nan  # gaps are no repetitions
     found = repeated_pixels(image)
-    assert found is not None
     assert found.range == pytest.approx(1.0 - 1.0 / down, abs=0.01)
     assert found.azimuth == pytest.approx(1.0 - 1.0 / across, abs=0.01)
     radar = Radar(range_spacing_m=1.5, azimuth_spacing_m=2.5)
@@ -30,14 +27,14 @@ def test_shares_are_those_of_the_factors(down: float, across: float) -> None:
     assert found.finding("a.tif") == Finding("pixels_repeated", "note", "a.tif", shares)
 
 
-def test_equal_values_by_chance_and_constant_images_are_no_repetitions() -> None:
+def test_equal_values_by_chance_and_constant_images_are_no_repetitions():
     assert repeated_pixels(SPECKLE) is None
     assert repeated_pixels(np.round(2.0 * SPECKLE) / 2.0) is None  # steps of 0.5 dB
     assert repeated_pixels(np.zeros((160, 200), np.float32)) is None
     assert repeated_pixels(np.full((160, 200), np.nan, np.float32)) is None
 
 
-def test_a_clean_image_with_repeated_pixels_is_not_called_coarse_or_textured() -> None:
+def test_a_clean_image_with_repeated_pixels_is_not_called_coarse_or_textured():
     given = {"range_resolution_m": 4.0, "azimuth_resolution_m": 6.5}
     shape, taken = (100, 120), np.ix_(np.arange(200) // 2, np.arange(240) // 2)
     before = Radar(range_spacing_m=3.0, azimuth_spacing_m=5.0, **given)

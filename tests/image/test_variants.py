@@ -1,7 +1,5 @@
 """Wrong variants of looks, directions and spacings of a measured image, and of the tables in its annotation."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import stats
 from scipy.interpolate import RegularGridInterpolator
@@ -15,14 +13,14 @@ from radcal.sentinel1.annotation import LookUpTable
 K = 10.0 / np.log(10.0)
 
 
-def acquisition(side: str) -> Acquisition:
+def acquisition(side):
     return Acquisition(
         "S1.SAFE", "S1B IW GRD", "2020", "ascending", 349.5, side, 38.0, 7e5, 5.405e9, "VV", 4.4, (5, 1), 10.0,
         9.0, 3.1, 22.0, ((30.0, -24.0), (45.0, -22.0)), False,
     )  # fmt: skip
 
 
-def test_directions_and_spacings() -> None:
+def test_directions_and_spacings():
     right, left = acquisition("right"), acquisition("left")
     agrees(right.look_azimuth_deg, 79.5, left=259.5, flight=349.5, unturned=439.5, below_satellite=76.0)
     agrees(left.look_azimuth_deg, 259.5, right=79.5, flight=349.5)
@@ -51,7 +49,7 @@ def test_directions_and_spacings() -> None:
     )
 
 
-def test_looks_from_the_variance_in_decibels() -> None:
+def test_looks_from_the_variance_in_decibels():
     for looks in (1.0, 3.7):
         variance = K**2 * stats.loggamma.var(looks)
         agrees(
@@ -65,7 +63,7 @@ def test_looks_from_the_variance_in_decibels() -> None:
         )
 
 
-def test_looks_from_half_the_mean_square_of_differences() -> None:
+def test_looks_from_half_the_mean_square_of_differences():
     """Independent pixels on a slope of level, which differences between near pixels hardly see."""
     radar = Radar(range_resolution_m=1.0, azimuth_resolution_m=1.0, range_spacing_m=2.5, azimuth_spacing_m=2.5)
     image = K * np.log(np.random.default_rng(0).gamma(3.0, 1.0 / 3.0, (400, 300)))
@@ -81,7 +79,7 @@ def test_looks_from_half_the_mean_square_of_differences() -> None:
     )
 
 
-def test_table_between_its_lines_and_pixels() -> None:
+def test_table_between_its_lines_and_pixels():
     lines, pixels = np.array([0.0, 100.0, 250.0]), np.array([0.0, 40.0, 90.0])
     values = np.array([[3.0, 5.0, 4.0], [7.0, 6.0, 9.0], [2.0, 8.0, 1.0]])
     table = LookUpTable(lines, (pixels,) * 3, tuple(values))

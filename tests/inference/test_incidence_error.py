@@ -4,9 +4,6 @@ import numpy as np
 import pytest
 
 from radcal.inference.incidence_error import attenuation, registration_error_deg, true_nodes
-from radcal.laws import law_for
-
-LINE = law_for("tabulated", angles_deg=[0.0, 90.0])  # straight: two knots
 
 
 def test_no_error_changes_nothing():

@@ -1,7 +1,5 @@
 """Wrong variants of what a law and its ground lead to expect in a bin, from sums over angles and scipy's moments."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import stats
 from variants import agrees
@@ -15,12 +13,12 @@ K = 10.0 / np.log(10.0)
 NODES = np.array([[24.0, 27.0, 33.0], [38.0, 41.0, 52.0]])
 
 
-def moments(levels: np.ndarray) -> np.ndarray:
+def moments(levels):
     return np.stack([levels.mean(1), levels.var(1), stats.moment(levels, 3, axis=1)], axis=-1)
 
 
-def test_law_over_the_angles_of_a_bin_with_noise_in_power() -> None:
-    def curve(phi: np.ndarray) -> np.ndarray:
+def test_law_over_the_angles_of_a_bin_with_noise_in_power():
+    def curve(phi):
         return -19.0 + 6.0 * np.cos(phi) + 9.0 * np.exp(-3.0 * phi**2)
 
     phi, noise = np.radians(NODES), -14.0
@@ -41,10 +39,10 @@ def test_law_over_the_angles_of_a_bin_with_noise_in_power() -> None:
     )
 
 
-def test_looks_of_the_ground_change_all_three_cumulants() -> None:
+def test_looks_of_the_ground_change_all_three_cumulants():
     simulated = np.array([[-9.0, 8.0, -11.0], [-12.0, 9.5, -14.0]])
 
-    def speckle(looks: float) -> np.ndarray:
+    def speckle(looks):
         mean, variance, skewness = (float(x) for x in stats.loggamma.stats(looks, moments="mvs"))
         return np.array([K * (mean - np.log(looks)), K**2 * variance, K**3 * skewness * variance**1.5])
 
@@ -69,7 +67,7 @@ def test_looks_of_the_ground_change_all_three_cumulants() -> None:
     )
 
 
-def test_errors_of_mean_and_log_sd() -> None:
+def test_errors_of_mean_and_log_sd():
     """Of n log-gamma values: s^2 / n, (excess kurtosis + 2) / 4n, and their covariance by the skewness."""
     looks, n = 3.0, 250.0
     variance = K**2 * stats.loggamma.var(looks)
@@ -90,7 +88,7 @@ def test_errors_of_mean_and_log_sd() -> None:
     )
 
 
-def test_errors_of_the_incidence() -> None:
+def test_errors_of_the_incidence():
     angle, error = np.array([28.0, 33.0, 41.0, 44.0, 57.0]), 3.0
     share = (angle.var() - error**2) / angle.var()
     agrees(

@@ -1,9 +1,6 @@
 """Laws written as formulas: against the built-in laws, and what is refused."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,20 +19,20 @@ NUMBERS = st.floats(-50.0, 50.0)
 
 
 @given(st.lists(NUMBERS, min_size=4, max_size=4), st.lists(st.floats(0.0, 90.0), min_size=1, max_size=5))
-def test_mangia_as_a_formula_is_mangia(x: list[float], degrees: list[float]) -> None:
+def test_mangia_as_a_formula_is_mangia(x, degrees):
     phi = np.radians(degrees)
     x[3] = abs(x[3])
     np.testing.assert_array_equal(Formula(*MANGIA)(phi, x), LAWS["mangia"](phi, x))
 
 
 @pytest.mark.parametrize(("name", "formula"), [("ulaby_dobson", ULABY), ("constant_gamma", GAMMA)])
-def test_other_laws_as_formulas(name: str, formula: tuple[str, tuple[str, ...]]) -> None:
+def test_other_laws_as_formulas(name, formula):
     rng, phi = np.random.default_rng(3), np.radians(np.linspace(0.0, 90.0, 37))
     for x in rng.uniform(-3.0, 3.0, (20, len(formula[1]))):
         np.testing.assert_allclose(Formula(*formula)(phi, x), LAWS[name](phi, x), rtol=1e-14, atol=1e-13)
 
 
-def test_angles_in_degrees_and_the_frequency() -> None:
+def test_angles_in_degrees_and_the_frequency():
     law = law_for("formula", formula="a - theta/b + 20*log10(f_ghz)", names=["a", "b"]).bound(frequency_ghz=5.4)
     assert float(law(math.radians(42.0), [-8.0, 3.0])) == pytest.approx(-8.0 - 14.0 + 20.0 * math.log10(5.4))
     assert law.needs == ()
@@ -44,9 +41,9 @@ def test_angles_in_degrees_and_the_frequency() -> None:
         law_for("formula", formula="a*f_ghz", names=["a"])(0.3, [1.0])
 
 
-def test_each_function_is_the_one_of_its_name() -> None:
+def test_each_function_is_the_one_of_its_name():
     x = 0.37
-    own: dict[str, Any] = {
+    own = {
         "arcsin": math.asin, "arccos": math.acos, "arctan": math.atan, "abs": abs, "min": min, "max": max
     }  # fmt: skip
     for name in FUNCTIONS:
@@ -56,7 +53,7 @@ def test_each_function_is_the_one_of_its_name() -> None:
         assert float(found) == pytest.approx(expected, rel=1e-13), name
 
 
-def test_all_x_are_evaluated_at_once() -> None:
+def test_all_x_are_evaluated_at_once():
     law = formula_law(*MANGIA)
     x = np.random.default_rng(2).uniform(0.0, 9.0, (7, 4))
     together = law(np.radians(GRID_DEG)[:, None], x.T)
@@ -68,7 +65,7 @@ def test_all_x_are_evaluated_at_once() -> None:
     assert formula_law("a", ["a"])(np.radians(GRID_DEG)[:, None], x[:, :1].T).shape == (361, 7)
 
 
-def test_differences_follow_the_parameters() -> None:
+def test_differences_follow_the_parameters():
     """As the least squares and the linear covariance take them: differences by steps of 1e-4 and 1e-8 of a box."""
     phi, x = np.radians([20.0, 50.0]), np.array([-20.0, 8.0, 10.0, 3.0])
     law = formula_law(*MANGIA)
@@ -109,7 +106,7 @@ def test_differences_follow_the_parameters() -> None:
         ("-" * 400 + "a", "nested more than 30 deep"),
     ],
 )
-def test_anything_else_is_refused(text: str, words: str) -> None:
+def test_anything_else_is_refused(text, words):
     with pytest.raises(ValueError, match="formula") as caught:
         Formula(text, ("a",))
     assert words in str(caught.value)
@@ -127,20 +124,20 @@ def test_anything_else_is_refused(text: str, words: str) -> None:
         (tuple(f"a{k}" for k in range(21)), "names has 21 entries, expected 1 to 20"),
     ],
 )
-def test_names_of_parameters(names: tuple[str, ...], words: str) -> None:
+def test_names_of_parameters(names, words):
     with pytest.raises(ValueError, match="names") as caught:
         Formula("a + phi", names)
     assert words in str(caught.value)
 
 
-def test_large_powers_end_at_once_and_are_refused() -> None:
+def test_large_powers_end_at_once_and_are_refused():
     """Python's whole numbers would grow without limit here."""
     law = formula_law("a + 9**9**9**9", ["a"])
     with pytest.raises(ConfigError, match=r"is inf at an incidence of 0 degrees and a = 1, expected a finite sigma0"):
         law(0.0, [1.0])
 
 
-def test_a_value_that_is_not_finite_is_named() -> None:
+def test_a_value_that_is_not_finite_is_named():
     law = formula_law("a + 10*log10(cos(phi) - b)", ["a", "b"])
     sentence = (
         r"formula 'a \+ 10\*log10\(cos\(phi\) - b\)' is nan at an incidence of 80 degrees and a = -10, b = 0.3, "
@@ -151,7 +148,7 @@ def test_a_value_that_is_not_finite_is_named() -> None:
     assert np.isfinite(law(np.radians([60.0, 70.0]), [-10.0, 0.3])).all()
 
 
-def test_bounds_are_tried_at_their_middle_corners_and_between() -> None:
+def test_bounds_are_tried_at_their_middle_corners_and_between():
     root = formula_law("a + sqrt(b)", ["a", "b"])
     refuse_infinite(root, box=[(-30, 0), (0, 4)])
     with pytest.raises(ValueError, match=r"is nan at an incidence of 0 degrees and a = -30, b = -0.01"):
@@ -163,17 +160,17 @@ def test_bounds_are_tried_at_their_middle_corners_and_between() -> None:
         refuse_infinite(between, box=[(-30, 0), (0, 5)])
 
 
-def test_angles_of_single_precision_do_not_exceed_90_degrees() -> None:
+def test_angles_of_single_precision_do_not_exceed_90_degrees():
     law = formula_law("a + 10*log10(cos(phi))", ["a"])
     assert np.isfinite(law(np.float32(np.pi / 2), [0.0]))
 
 
-def test_blanks_and_brackets_change_nothing() -> None:
+def test_blanks_and_brackets_change_nothing():
     assert formula_law(" a+(b* cos( phi))", ["a", "b"]).formula == formula_law("a + b*cos(phi)", ["a", "b"]).formula
     assert formula_law("(a + b)*phi", ["a", "b"]).formula != formula_law("a + b*phi", ["a", "b"]).formula
 
 
-def test_limits_of_a_formula_hold_on_both_sides() -> None:
+def test_limits_of_a_formula_hold_on_both_sides():
     """Exponents from -20 to 20; trees of 30 levels."""
     for exponent in (-20, 20, -20.0):
         Formula(f"a*phi**{exponent}", ("a",))
@@ -185,7 +182,7 @@ def test_limits_of_a_formula_hold_on_both_sides() -> None:
         Formula("abs(" * 30 + "a" + ")" * 30, ("a",))
 
 
-def test_a_formula_is_tried_up_to_90_degrees_and_inside_of_its_bounds_alone() -> None:
+def test_a_formula_is_tried_up_to_90_degrees_and_inside_of_its_bounds_alone():
     refuse_infinite(formula_law("a + sqrt(3 - a)*cos(phi)", ["a"]), box=[(1.0, 3.0)])
     with pytest.raises(ValueError, match="at an incidence of 0 degrees and a = 3\\."):
         refuse_infinite(formula_law("a + sqrt(3 - a)*cos(phi)", ["a"]), box=[(1.0, 3.5)])
@@ -193,7 +190,7 @@ def test_a_formula_is_tried_up_to_90_degrees_and_inside_of_its_bounds_alone() ->
         refuse_infinite(formula_law("a/(pi/2 - phi)", ["a"]), at=[1.0])
 
 
-def test_a_pole_is_found_in_spite_of_rounding() -> None:
+def test_a_pole_is_found_in_spite_of_rounding():
     """30 degrees converted to radians and back are not exactly 30, so that the value is finite, and huge."""
     with pytest.raises(
         ValueError, match=r"formula 'a \+ 1/\(theta-30\)' is -2\.8.*e\+14 at an incidence of 30 degrees"

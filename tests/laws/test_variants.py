@@ -1,7 +1,5 @@
 """Wrong variants of the laws' formulas, written out again from their publications."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
@@ -14,7 +12,7 @@ ANGLES = np.array([21.0, 37.0, 58.0])
 PHI = np.radians(ANGLES)
 
 
-def test_curves() -> None:
+def test_curves():
     a, b, c, d = -17.0, 6.5, 9.0, 3.3
     agrees(
         mangia(PHI, [a, b, c, d]),
@@ -52,13 +50,11 @@ def test_curves() -> None:
 
 
 @pytest.mark.parametrize("polarisation", ["VV", "HH", "HV", "VH"])
-def test_soil(polarisation: str) -> None:
+def test_soil(polarisation):
     """Oh, Sarabandi and Ulaby (1992), equations 2 to 7; the wavenumber in 1/cm."""
     permittivity, height, frequency = 11.0 - 2.3j, 0.8, 5.3
 
-    def level(
-        phi: np.ndarray, k: float, share: float = 1.0, wave: str = polarisation, e: complex = permittivity
-    ) -> np.ndarray:
+    def level(phi, k, share=1.0, wave=polarisation, e=permittivity):
         cosine, root = np.cos(phi), np.sqrt(e - np.sin(phi) ** 2)
         horizontal = np.abs((cosine - root) / (cosine + root)) ** 2
         vertical = np.abs((e * cosine - root) / (e * cosine + root)) ** 2

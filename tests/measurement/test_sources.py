@@ -1,9 +1,4 @@
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +6,7 @@ import rasterio
 from raster_files import write_raster
 from scipy.ndimage import uniform_filter
 
-from radcal.config import Case, Radar
+from radcal.config import Radar
 from radcal.errors import ConfigError, MeasurementError
 from radcal.findings import Finding
 from radcal.image.base import Grid
@@ -19,7 +14,6 @@ from radcal.image.model import Measurement, read_measurement, write_measurement
 from radcal.image.raster import RasterReader
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.synthetic import smooth_warp
-from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.projection import make_geometry
 from radcal.radar.reflectivity import uniform
@@ -29,24 +23,19 @@ from radcal.storage.dataclass_groups import same
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 
-Build = Callable[..., Case]
-Read = Callable[..., Measurement]
-
 
 class NoSimulator:
     """A file needs no simulator."""
 
-    identity: Mapping[str, Any] = {}
-
-    def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> np.ndarray:
+    def run(self, parameters, noise_seed):
         raise AssertionError("called")
 
 
 @pytest.fixture
-def read(tmp_path: Path, geometry: Geometry, build_case: Build) -> Read:
+def read(tmp_path, geometry, build_case):
     """Write values as GeoTIFF and read them as the measurement of the tiny case."""
 
-    def read(values: np.ndarray | None, scale: str = "db", **sections: Any) -> Measurement:
+    def read(values, scale="db", **sections):
         path = tmp_path / "measured.tif"
         if values is not None:
             write_raster(path, values)
@@ -59,11 +48,11 @@ def read(tmp_path: Path, geometry: Geometry, build_case: Build) -> Read:
 
 
 @pytest.fixture
-def image_db(geometry: Geometry) -> np.ndarray:
+def image_db(geometry):
     return np.random.default_rng(1).normal(-12.0, 3.0, geometry.shape).astype(np.float32)
 
 
-def test_findings_tell_what_is_unusable(read: Read, image_db: np.ndarray) -> None:
+def test_findings_tell_what_is_unusable(read, image_db):
     power = 10 ** (image_db / 10)
     power[0, :6] = [0.0, 0.0, np.nan, -1e-9, np.nan, np.nan]
     none = {"pixels": power.size, "no_data": 3, "zero": 2, "negative": 1, "impossible": 0}
@@ -89,9 +78,7 @@ def test_findings_tell_what_is_unusable(read: Read, image_db: np.ndarray) -> Non
         read(power, "power", radar={**coarse, "range_resolution_m": 4000.0, "range_spacing_m": 5.0})
 
 
-def test_variable_in_the_path(
-    geometry: Geometry, build_case: Build, image_db: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_variable_in_the_path(geometry, build_case, image_db, tmp_path, monkeypatch):
     write_raster(tmp_path / "a.tif", image_db)
     case = build_case(
         measurement={"source": "file", "path": "${RADCAL_TEST_DATA}/a.tif", "scale": "db", "radiometry": "sigma0_local"}
@@ -103,7 +90,7 @@ def test_variable_in_the_path(
     np.testing.assert_array_equal(make_measurement(case, geometry, NoSimulator()).image_db, image_db)
 
 
-def test_material_without_a_finite_pixel(read: Read, geometry: Geometry, image_db: np.ndarray) -> None:
+def test_material_without_a_finite_pixel(read, geometry, image_db):
     image_db.ravel()[geometry.pixels("dyke")] = np.nan
     visible = geometry.pixels("dyke").size
     with pytest.raises(
@@ -112,12 +99,12 @@ def test_material_without_a_finite_pixel(read: Read, geometry: Geometry, image_d
         read(image_db)
 
 
-def test_other_materials_may_be_nan(read: Read, geometry: Geometry, image_db: np.ndarray) -> None:
+def test_other_materials_may_be_nan(read, geometry, image_db):
     image_db.ravel()[geometry.pixels("grass")] = np.nan
     assert np.isnan(read(image_db).image_db).any()
 
 
-def test_material_with_too_few_pixels(read: Read, geometry: Geometry, image_db: np.ndarray) -> None:
+def test_material_with_too_few_pixels(read, geometry, image_db):
     pixels = geometry.pixels("dyke", 1)
     image_db.ravel()[pixels[49:]] = np.nan
     with pytest.raises(MeasurementError, match=r"materials\.dyke: 49 usable pixels, expected at least 50") as caught:
@@ -133,8 +120,8 @@ def test_material_with_too_few_pixels(read: Read, geometry: Geometry, image_db: 
 
 
 @pytest.fixture(scope="module")
-def synthetic(geometry: Geometry, build_case: Build) -> Callable[..., Measurement]:
-    def make(parameters: dict[str, list[float]] | None = None, **keys: Any) -> Measurement:
+def synthetic(geometry, build_case):
+    def make(parameters=None, **keys):
         parameters = {"dyke": [6.1, 14.2, 21.5, 3.3]} if parameters is None else parameters
         case = build_case(measurement={"source": "synthetic", "synthetic": {"parameters": parameters, **keys}})
         return make_measurement(case, geometry, BuiltinSimulator(geometry, case.radar, case.laws))
@@ -142,7 +129,7 @@ def synthetic(geometry: Geometry, build_case: Build) -> Callable[..., Measuremen
     return make
 
 
-def test_synthetic_measurement_is_reproducible(synthetic: Callable[..., Measurement]) -> None:
+def test_synthetic_measurement_is_reproducible(synthetic):
     a, b, other = synthetic(), synthetic(), synthetic(seed=3)
     np.testing.assert_array_equal(a.image_db, b.image_db)
     assert np.nanmean(np.abs(a.image_db - other.image_db)) > 1.0
@@ -150,7 +137,7 @@ def test_synthetic_measurement_is_reproducible(synthetic: Callable[..., Measurem
     assert a.findings == ()
 
 
-def test_synthetic_measurement_hides_the_truth(synthetic: Callable[..., Measurement], geometry: Geometry) -> None:
+def test_synthetic_measurement_hides_the_truth(synthetic, geometry):
     truth = synthetic()
     assert truth.hidden == {"dyke": (6.1, 14.2, 21.5, 3.3)}
     brighter = synthetic({"dyke": [11.1, 14.2, 21.5, 3.3]})
@@ -161,9 +148,7 @@ def test_synthetic_measurement_hides_the_truth(synthetic: Callable[..., Measurem
     assert synthetic({}).hidden == {"dyke": (25.0,) * 4}
 
 
-def test_speckle_of_the_measurement_is_not_that_of_the_runs(
-    synthetic: Callable[..., Measurement], geometry: Geometry, case: Case
-) -> None:
+def test_speckle_of_the_measurement_is_not_that_of_the_runs(synthetic, geometry, case):
     x = {"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [10.0, 14.0, 6.0, 4.0]}
     pixels = geometry.pixels("grass", 3)
     measured = synthetic().image_db.ravel()[pixels]
@@ -173,12 +158,12 @@ def test_speckle_of_the_measurement_is_not_that_of_the_runs(
 
 
 @pytest.mark.parametrize("offset_db", [1.5, -30.0])
-def test_offset_is_added_exactly(synthetic: Callable[..., Measurement], offset_db: float) -> None:
+def test_offset_is_added_exactly(synthetic, offset_db):
     np.testing.assert_array_equal(synthetic(offset_db=offset_db).image_db, synthetic().image_db + np.float32(offset_db))
 
 
 @pytest.mark.parametrize("rms_px", [0.5, 4.0])
-def test_displacement_field_has_the_requested_rms_and_is_smooth(rms_px: float) -> None:
+def test_displacement_field_has_the_requested_rms_and_is_smooth(rms_px):
     field = smooth_warp((200, 150), rms_px, np.random.default_rng(0))
     assert field.shape == (2, 200, 150)
     assert np.sqrt((field**2).sum(axis=0).mean()) == pytest.approx(rms_px, rel=1e-9)
@@ -186,18 +171,16 @@ def test_displacement_field_has_the_requested_rms_and_is_smooth(rms_px: float) -
     assert not np.array_equal(field, smooth_warp((200, 150), rms_px, np.random.default_rng(1)))
 
 
-def test_warp_moves_the_image_by_the_requested_rms(geometry: Geometry, build_case: Build) -> None:
+def test_warp_moves_the_image_by_the_requested_rms(geometry, build_case):
     rms_px = 3.0
 
     class Ramp:
         """Power that says where a pixel comes from."""
 
-        identity: Mapping[str, Any] = {}
-
-        def __init__(self, axis: int) -> None:
+        def __init__(self, axis):
             self.axis = axis
 
-        def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> np.ndarray:
+        def run(self, parameters, noise_seed):
             return (10 * np.log10(np.indices(geometry.shape)[self.axis] + 1.0)).astype(np.float32)
 
     case = build_case(measurement={"source": "synthetic", "synthetic": {"warp_px": rms_px}})
@@ -213,7 +196,7 @@ def test_warp_moves_the_image_by_the_requested_rms(geometry: Geometry, build_cas
     assert length.max() < 4 * rms_px
 
 
-def test_measurement_file_round_trip(tmp_path: Path, image_db: np.ndarray) -> None:
+def test_measurement_file_round_trip(tmp_path, image_db):
     image_db[0, 0] = np.nan
     findings = (
         Finding("pixels", "note", "a.tif", {"pixels": 3}),
@@ -229,9 +212,7 @@ def test_measurement_file_round_trip(tmp_path: Path, image_db: np.ndarray) -> No
 
 
 @pytest.mark.parametrize("look_side", ["right", "left"])
-def test_an_image_on_the_map_is_seen_where_its_ground_lies(
-    tmp_path: Path, scene: Scene, radar: Radar, build_case: Build, look_side: str
-) -> None:
+def test_an_image_on_the_map_is_seen_where_its_ground_lies(tmp_path, scene, radar, build_case, look_side):
     on_map = replace(scene, crs="EPSG:32631", transform=(5.0, 0.0, 600_000.0, 0.0, 5.0, 5_780_000.0))
     seen = radar.model_copy(update={"look_side": look_side})
     geometry = make_geometry(on_map, seen)
@@ -273,9 +254,7 @@ def test_an_image_on_the_map_is_seen_where_its_ground_lies(
 
 @pytest.mark.parametrize("name", ["angle", "incidenceAngleFromEllipsoid", "localIncidenceAngle"])
 @pytest.mark.parametrize(("turned_deg", "expected"), [(0.9, None), (-9.7, "54.7"), (4.4, "40.6")])
-def test_a_band_of_incidence_angles_is_compared(
-    tmp_path: Path, build_scene: Callable[..., Scene], build_case: Build, name: str, turned_deg: float, expected: str
-) -> None:
+def test_a_band_of_incidence_angles_is_compared(tmp_path, build_scene, build_case, name, turned_deg, expected):
     """Ground that rises by 3 degrees towards the radar's far side, 900 to 1100 m from a track of 1000 m."""
     slope = build_scene(lambda east, _: np.tan(np.radians(3.0)) * east)
     on_map = replace(slope, crs="EPSG:32631", transform=(5.0, 0.0, 6e5, 0.0, 5.0, 5.78e6))
@@ -312,11 +291,8 @@ def test_a_band_of_incidence_angles_is_compared(
 
 
 @pytest.mark.parametrize(("scale", "copied"), [("db", True), ("power", True), ("db", False)])
-def test_a_copy_of_the_elevation_is_no_image(
-    tmp_path: Path, scene: Scene, radar: Radar, build_case: Build, scale: str, copied: bool
-) -> None:
+def test_a_copy_of_the_elevation_is_no_image(tmp_path, scene, radar, build_case, scale, copied):
     """Heights of -12 to -8 m, and an image with these levels in dB whose brightness follows the heights."""
-    assert scene.elevation_m is not None
     on_map = replace(scene, crs="EPSG:32631", transform=(5.0, 0.0, 6e5, 0.0, 5.0, 5.78e6))
     low = replace(on_map, elevation_m=scene.elevation_m - 10.0 if scale == "db" else scene.elevation_m + 30.0)
     geometry = make_geometry(low, radar)
@@ -340,7 +316,7 @@ def test_a_copy_of_the_elevation_is_no_image(
 
 
 @pytest.fixture(scope="module")
-def speckle() -> tuple[Geometry, np.ndarray]:
+def speckle():
     """Power of a large field of four looks."""
     shape = (240, 240)
     scene = Scene("x", ("dyke", "grass"), np.ones(shape, dtype=np.uint8), None, 1.0, np.linspace(30.0, 45.0, shape[0]))
@@ -361,9 +337,7 @@ def speckle() -> tuple[Geometry, np.ndarray]:
         ("power", "negative db", "negative, which power cannot be: .*set measurement.scale: db"),
     ],
 )
-def test_a_wrong_scale_is_told(
-    speckle: tuple[Geometry, np.ndarray], tmp_path: Path, build_case: Build, declared: str, held: str, words: str
-) -> None:
+def test_a_wrong_scale_is_told(speckle, tmp_path, build_case, declared, held, words):
     geometry, power = speckle
     values = {
         "power": power / 3.0,
@@ -379,9 +353,7 @@ def test_a_wrong_scale_is_told(
         make_measurement(case, geometry, NoSimulator())
 
 
-def test_the_right_scale_says_the_looks(
-    speckle: tuple[Geometry, np.ndarray], tmp_path: Path, build_case: Build
-) -> None:
+def test_the_right_scale_says_the_looks(speckle, tmp_path, build_case):
     geometry, power = speckle
     write_raster(tmp_path / "a.tif", power.astype(np.float32))
     file = {"source": "file", "path": str(tmp_path / "a.tif"), "scale": "power", "radiometry": "sigma0_local"}
@@ -392,9 +364,7 @@ def test_the_right_scale_says_the_looks(
     assert make_measurement(other, geometry, NoSimulator()).findings[1].code == "looks_fewer"
 
 
-def test_a_speckle_filtered_image_is_called_that(
-    speckle: tuple[Geometry, np.ndarray], tmp_path: Path, build_case: Build
-) -> None:
+def test_a_speckle_filtered_image_is_called_that(speckle, tmp_path, build_case):
     geometry, power = speckle
     write_raster(tmp_path / "a.tif", uniform_filter(power, 3).astype(np.float32))
     file = {"source": "file", "path": str(tmp_path / "a.tif"), "scale": "power", "radiometry": "sigma0_ref"}
@@ -411,7 +381,7 @@ def test_a_speckle_filtered_image_is_called_that(
     assert (numbers["range_declared_m"], numbers["azimuth_declared_m"]) == (1.8, 7.0)
 
 
-def test_an_image_below_the_noise_floor_is_told_before_any_run(read: Read, image_db: np.ndarray) -> None:
+def test_an_image_below_the_noise_floor_is_told_before_any_run(read, image_db):
     dark = image_db - 15.0  # at -27 dB
     with pytest.raises(
         MeasurementError,

@@ -1,33 +1,24 @@
 """Synthetic measurements made by other settings than the runs'."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
-from radcal.config import Case, Radar
 from radcal.errors import MeasurementError
-from radcal.image.model import Measurement
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.synthetic import check_synthetic, relabelled, roughened, textured, varied
-from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
-from radcal.scene.model import Scene
 from radcal.sections.measurement import Synthetic
 from radcal.simulators.builtin import BuiltinSimulator
 
 TRUTH = [6.1, 14.2, 21.5, 3.3]
 GRASS = [10.0, 14.0, 6.0, 4.0]
-Make = Callable[..., Measurement]
 
 
 @pytest.fixture(scope="module")
-def make(geometry: Geometry, scene: Scene, build_case: Callable[..., Case]) -> Make:
-    def made(**keys: Any) -> Measurement:
+def make(geometry, scene, build_case):
+    def made(**keys):
         hidden = {"parameters": {"dyke": TRUTH}} if "laws" not in keys else {"parameters": {}}
         case = build_case(measurement={"synthetic": {**hidden, "warp_px": 0, **keys}})
         return make_measurement(case, geometry, BuiltinSimulator(geometry, case.radar, case.laws), scene)
@@ -36,15 +27,15 @@ def make(geometry: Geometry, scene: Scene, build_case: Callable[..., Case]) -> M
 
 
 @pytest.fixture(scope="module")
-def plain(make: Make) -> Measurement:
+def plain(make):
     return make()
 
 
-def mean_db(measurement: Measurement, pixels: np.ndarray) -> float:
+def mean_db(measurement, pixels):
     return float(10 * np.log10(np.mean(10 ** (measurement.image_db.ravel()[pixels].astype(float) / 10))))
 
 
-def correlation(measurement: Measurement, axis: int, pixels: np.ndarray) -> float:
+def correlation(measurement, axis, pixels):
     """Correlation of the power of neighbours."""
     power = 10 ** (measurement.image_db.astype(float) / 10)
     here = np.zeros(power.shape, bool)
@@ -67,7 +58,7 @@ def correlation(measurement: Measurement, axis: int, pixels: np.ndarray) -> floa
     ],
     ids=lambda keys: next(iter(keys)),
 )
-def test_a_mismatch_changes_the_image_and_not_its_grid(make: Make, plain: Measurement, keys: dict[str, Any]) -> None:
+def test_a_mismatch_changes_the_image_and_not_its_grid(make, plain, keys):
     image = make(**keys)
     assert image.image_db.shape == plain.image_db.shape
     assert np.isfinite(image.image_db).all()
@@ -76,13 +67,11 @@ def test_a_mismatch_changes_the_image_and_not_its_grid(make: Make, plain: Measur
 
 
 @pytest.mark.parametrize("keys", [{"relief_length_m": 2.0}, {"texture_length_m": 3.0}, {"looks": None}])
-def test_a_length_without_a_height_changes_nothing(make: Make, plain: Measurement, keys: dict[str, Any]) -> None:
+def test_a_length_without_a_height_changes_nothing(make, plain, keys):
     np.testing.assert_array_equal(make(**keys).image_db, plain.image_db)
 
 
-def test_looks_noise_and_resolution_are_those_of_the_measurement(
-    make: Make, plain: Measurement, geometry: Geometry
-) -> None:
+def test_looks_noise_and_resolution_are_those_of_the_measurement(make, plain, geometry):
     pixels = geometry.pixels("grass", 3)
     # log-variance of speckle: K^2 trigamma(2) is 12.2 dB^2, trigamma(4) 5.35 dB^2
     gained = np.var(make(looks=2).image_db.ravel()[pixels]) - np.var(plain.image_db.ravel()[pixels])
@@ -94,7 +83,7 @@ def test_looks_noise_and_resolution_are_those_of_the_measurement(
     assert mean_db(make(nesz_db=20.0), pixels) == pytest.approx(10 * np.log10(level), abs=0.15)
 
 
-def test_a_hidden_law_of_another_kind(make: Make, plain: Measurement, geometry: Geometry) -> None:
+def test_a_hidden_law_of_another_kind(make, plain, geometry):
     flat = {"law": "tabulated", "angles_deg": [10.0, 70.0], "parameters": [30.0, 30.0]}
     image = make(laws={"dyke": flat})
     assert mean_db(image, geometry.pixels("dyke", 3)) == pytest.approx(30.0, abs=0.2)
@@ -105,14 +94,14 @@ def test_a_hidden_law_of_another_kind(make: Make, plain: Measurement, geometry: 
     assert (image.hidden, plain.hidden) == ({}, {"dyke": tuple(TRUTH)})
 
 
-def test_parameters_may_be_those_of_a_fixed_material(make: Make, plain: Measurement, geometry: Geometry) -> None:
+def test_parameters_may_be_those_of_a_fixed_material(make, plain, geometry):
     brighter = make(parameters={"dyke": TRUTH, "grass": [12.5, *GRASS[1:]]})
     change = (brighter.image_db - plain.image_db).ravel()
     assert np.median(change[geometry.pixels("grass", 3)]) == pytest.approx(2.5, abs=0.01)
     assert np.median(change[geometry.pixels("dyke", 3)]) == pytest.approx(0.0, abs=0.01)
 
 
-def test_a_resolution_below_the_pixel_spacing_is_refused(make: Make) -> None:
+def test_a_resolution_below_the_pixel_spacing_is_refused(make):
     with pytest.raises(
         MeasurementError, match=r"resolution_factor is 0\.85, which makes radar\.range_resolution_m 1\.7 m"
     ):
@@ -120,11 +109,10 @@ def test_a_resolution_below_the_pixel_spacing_is_refused(make: Make) -> None:
 
 
 @pytest.mark.parametrize("length_m", [4.0, 12.0])
-def test_relief_has_its_height_and_its_slope(build_scene: Callable[..., Scene], length_m: float) -> None:
+def test_relief_has_its_height_and_its_slope(build_scene, length_m):
     level = build_scene(lambda east, north: 0 * east + 7.0, cells=(80, 120))
     rough = roughened(level, 0.3, length_m, 5, np.random.default_rng(1))
     assert (rough.material.shape, rough.cell_m) == ((400, 600), 1.0)
-    assert rough.elevation_m is not None
     assert rough.elevation_m.mean() == pytest.approx(7.0, abs=1e-9)
     assert rough.elevation_m.std() == pytest.approx(0.3, rel=1e-9)
     for axis in (0, 1):
@@ -132,7 +120,7 @@ def test_relief_has_its_height_and_its_slope(build_scene: Callable[..., Scene], 
         assert slope == pytest.approx(np.sqrt(2) * 0.3 / length_m, rel=0.12)  # central differences of 1 m smooth
 
 
-def test_no_relief_on_divided_cells_is_the_same_ground(scene: Scene, radar: Radar, geometry: Geometry) -> None:
+def test_no_relief_on_divided_cells_is_the_same_ground(scene, radar, geometry):
     divided = roughened(scene, 0.0, 5.0, 3, np.random.default_rng(1))
     seen = make_geometry(divided, radar, onto=geometry)
     assert seen.shape == geometry.shape
@@ -141,7 +129,7 @@ def test_no_relief_on_divided_cells_is_the_same_ground(scene: Scene, radar: Rada
     np.testing.assert_array_equal(seen.material, geometry.material)
 
 
-def test_relief_spreads_the_incidence(build_scene: Callable[..., Scene], radar: Radar) -> None:
+def test_relief_spreads_the_incidence(build_scene, radar):
     """By its rms slope along ground range, of which a pixel averages a few percent where the relief is long."""
     level = build_scene(lambda east, north: 0 * east, cells=(60, 60))
     flat = make_geometry(level, radar)
@@ -154,7 +142,7 @@ def test_relief_spreads_the_incidence(build_scene: Callable[..., Scene], radar: 
 
 
 @pytest.mark.parametrize("share", [0.02, 0.1])
-def test_wrong_labels_are_as_many_as_configured(scene: Scene, share: float) -> None:
+def test_wrong_labels_are_as_many_as_configured(scene, share):
     empty = scene.material.copy()
     empty[:3] = 0
     part = replace(scene, material=empty)
@@ -169,12 +157,12 @@ def test_wrong_labels_are_as_many_as_configured(scene: Scene, share: float) -> N
     assert changed[:, ~away].any()
 
 
-def test_one_material_cannot_be_mislabelled(build_scene: Callable[..., Scene]) -> None:
+def test_one_material_cannot_be_mislabelled(build_scene):
     alone = build_scene(lambda east, north: 0 * east)
     assert relabelled(alone, 0.2, np.random.default_rng(2)) is alone
 
 
-def test_texture_has_its_spread_its_mean_and_its_length(build_scene: Callable[..., Scene], radar: Radar) -> None:
+def test_texture_has_its_spread_its_mean_and_its_length(build_scene, radar):
     flat = make_geometry(build_scene(lambda east, north: 0 * east, cells=(160, 160)), radar)
     weights = {
         length_m: textured(flat, radar, 1.7, length_m, np.random.default_rng(4)).facet_weight / flat.facet_weight
@@ -193,7 +181,7 @@ def test_texture_has_its_spread_its_mean_and_its_length(build_scene: Callable[..
             assert np.corrcoef(a.ravel(), b.ravel())[0, 1] == pytest.approx(expected, abs=0.13)
 
 
-def test_fields_have_levels_of_their_own(build_scene: Callable[..., Scene], radar: Radar) -> None:
+def test_fields_have_levels_of_their_own(build_scene, radar):
     material = np.ones((160, 160), dtype=np.uint8)
     for east in range(0, 160, 8):
         material[:, east : east + 6] = 2
@@ -214,7 +202,7 @@ def test_fields_have_levels_of_their_own(build_scene: Callable[..., Scene], rada
     assert varied(flat, scene, {}, 5) is flat
 
 
-def test_fields_keep_their_levels_on_ground_with_relief(make: Make, plain: Measurement, geometry: Geometry) -> None:
+def test_fields_keep_their_levels_on_ground_with_relief(make, plain, geometry):
     pixels, fields = geometry.pixels("dyke", 3), {"fields_db": {"dyke": 3.0}}
     change = mean_db(make(**fields), pixels) - mean_db(plain, pixels)
     assert abs(change) > 0.5
@@ -223,7 +211,7 @@ def test_fields_keep_their_levels_on_ground_with_relief(make: Make, plain: Measu
     assert rough == pytest.approx(change, abs=0.1)
 
 
-def test_settings_that_no_image_can_have_are_refused_without_a_run(radar: Radar) -> None:
+def test_settings_that_no_image_can_have_are_refused_without_a_run(radar):
     check_synthetic(radar, Synthetic(warp_px=2.0, resolution_factor=1.3), (300, 260))
     with pytest.raises(MeasurementError, match=r"resolution_factor is 0\.4, which makes radar\.range_reso"):
         check_synthetic(radar, Synthetic(resolution_factor=0.4), (300, 260))

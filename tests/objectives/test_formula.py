@@ -1,9 +1,5 @@
 """Calibration of a law written as a formula: the same as of the built-in law with the same curve."""
 
-from __future__ import annotations
-
-from typing import Any
-
 from calibration_samples import TRUTH
 
 from radcal.config import case_from
@@ -15,7 +11,7 @@ from radcal.storage.runs import RunStore
 def test_a_changed_formula_or_order_of_names_is_another_run(parts, tmp_path):
     _, simulator, geometry, scene, _ = parts
 
-    def key_data(formula: str, names: list[str]) -> Any:
+    def key_data(formula, names):
         field = {"law": "formula", "formula": formula, "names": names, "calibrate": True, "bounds": [[-9, 9]] * 2}
         case = case_from(
             {

@@ -1,7 +1,5 @@
 """Two passes compared together, against the sum of what each says alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -41,7 +39,7 @@ ANGLES = ((20.0, 40.0), (35.0, 60.0))
 X = [-8.0, 3.0, 10.0, 4.0]
 
 
-def two_passes(objective: str, looks: tuple[int, int] = (4, 4)):
+def two_passes(objective, looks=(4, 4)):
     """Case, targets and record of two passes; in the second one there is no lake."""
     case = case_from(
         {

@@ -1,24 +1,19 @@
 """Variants of another distribution in a case file, through the stages that use them."""
 
-from __future__ import annotations
-
 import shutil
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from registration_samples import displaced, ground, smooth_field, speckled
 
 from radcal import plugins
-from radcal.config import Case, case_from, input_files, load
+from radcal.config import case_from, input_files, load
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError, MeasurementError
 from radcal.image.model import Measurement
 from radcal.measurement.sources import make_measurement
-from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.registration.registered import register
 from radcal.scene.base import scene_size
@@ -44,7 +39,7 @@ target: {pixels: 200}
 
 
 @pytest.fixture
-def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def installed(tmp_path, monkeypatch):
     """Folder with the distribution, as an installer leaves it, and the case."""
     package = Path(__file__).parent / "foreign"
     project = tomllib.loads((package / "pyproject.toml").read_text())["project"]
@@ -63,7 +58,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]
     plugins._installed.cache_clear()
 
 
-def loaded(folder: Path, **changes: str) -> Case:
+def loaded(folder, **changes):
     text = CASE
     for old, new in changes.items():
         text = text.replace(old, new)
@@ -71,7 +66,7 @@ def loaded(folder: Path, **changes: str) -> Case:
     return load(["case.yaml"])
 
 
-def test_scene_law_and_reader_of_another_package_make_a_measurement(installed: Path) -> None:
+def test_scene_law_and_reader_of_another_package_make_a_measurement(installed):
     case = loaded(installed)
     assert scene_size(case.scene).cells == 1600
     # a job restores its stage from plain data
@@ -85,7 +80,7 @@ def test_scene_law_and_reader_of_another_package_make_a_measurement(installed: P
     power = np.nan_to_num(10.0 ** (image / 10.0))
     np.savetxt("image.sar", power, header=f"{case.radar.polarisation} sigma0_local", comments="")
     assert input_files(case)["measurement.path"] == Path("image.sar")
-    nothing: Any = None
+    nothing = None
     found = make_measurement(stage, geometry, nothing, scene)
     np.testing.assert_allclose(found.image_db, np.where(power > 0, image, np.nan), atol=1e-4)
     assert "image.sar: levels of a table." in map(sentence, found.findings)
@@ -94,13 +89,13 @@ def test_scene_law_and_reader_of_another_package_make_a_measurement(installed: P
         make_measurement(stage, geometry, nothing, scene)
 
 
-def of_version(folder: Path, version: str) -> None:
+def of_version(folder, version):
     metadata = folder / "elsewhere_sar-1.5.dist-info/METADATA"
     metadata.write_text(metadata.read_text().replace("1.5", version))
     plugins._installed.cache_clear()
 
 
-def test_another_version_gives_another_scene_and_law(installed: Path) -> None:
+def test_another_version_gives_another_scene_and_law(installed):
     case = loaded(installed)
     one = make_scene(case.scene, None).identity
     assert case.laws["dyke"].description == {"law": "elsewhere_line", "distribution": "elsewhere-sar", "version": "1.5"}
@@ -109,8 +104,8 @@ def test_another_version_gives_another_scene_and_law(installed: Path) -> None:
     assert make_scene(case.scene, None).identity != one
 
 
-def test_a_run_by_a_foreign_simulator_and_a_law_with_a_condition(installed: Path, geometry: Geometry) -> None:
-    def runner(permittivity: float) -> Runner:
+def test_a_run_by_a_foreign_simulator_and_a_law_with_a_condition(installed, geometry):
+    def runner(permittivity):
         law = {"law": "elsewhere_damp", "conditions": {"permittivity": permittivity}}
         case = case_from(
             {
@@ -127,7 +122,6 @@ def test_a_run_by_a_foreign_simulator_and_a_law_with_a_condition(installed: Path
 
     x = {"dyke": [-20.0], "grass": [-10.0]}
     image = runner(5.0).run(x, 1, image=True).image_db
-    assert image is not None
     np.testing.assert_allclose(image.ravel()[geometry.pixels("dyke")], -20.0 + 5.0 + 2.0, atol=1e-5)
     described = runner(5.0).description(x, 1)
     origin = {"distribution": "elsewhere-sar", "version": "1.5"}
@@ -141,7 +135,7 @@ def test_a_run_by_a_foreign_simulator_and_a_law_with_a_condition(installed: Path
         runner(5.0).require("complex")
 
 
-def test_a_name_of_radcal_or_of_a_second_package_is_refused(installed: Path) -> None:
+def test_a_name_of_radcal_or_of_a_second_package_is_refused(installed):
     other = installed / "other-2.0.dist-info"
     other.mkdir()
     (other / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 2.0\n")
@@ -150,7 +144,7 @@ def test_a_name_of_radcal_or_of_a_second_package_is_refused(installed: Path) -> 
         loaded(installed)
 
 
-def test_mistakes_in_the_keys_of_another_package_are_named(installed: Path) -> None:
+def test_mistakes_in_the_keys_of_another_package_are_named(installed):
     with pytest.raises(ConfigError, match=r"scene\.side is 5, expected greater than or equal to 20"):
         loaded(installed, **{"side: 40": "side: 5"})
     with pytest.raises(ConfigError, match=r"scene\.source is 'elsewhere_rmp', expected .*'raster', 'elsewhere_ramp'"):
@@ -161,7 +155,7 @@ def test_mistakes_in_the_keys_of_another_package_are_named(installed: Path) -> N
         loaded(installed, elsewhere_half="half")
 
 
-def test_a_method_of_another_package_registers(installed: Path) -> None:
+def test_a_method_of_another_package_registers(installed):
     case = loaded(installed)
     mean = ground((128, 128), 1)
     image = speckled(displaced(mean, smooth_field((128, 128), 2, 4.0, 30.0)), 3)

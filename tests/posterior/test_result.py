@@ -1,9 +1,6 @@
 """Posteriors and images in files, intervals in which sigma0 is determined, and curves of kept draws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -86,7 +83,7 @@ def test_quantiles_at_the_middle_of_each_pass():
     assert curve.half_widths_over(40.0, 55.0)[[0, -1]] == pytest.approx([0.5 + 40.0 / 85.0, half[1]])
 
 
-def test_files(tmp_path: Path):
+def test_files(tmp_path):
     whole = made_posterior(
         draws=kept(), constant=Constant(-9.0, 0.02, 0.6, 0.3), held=held_cells(), left_out=held_cells()
     )

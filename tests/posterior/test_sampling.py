@@ -1,7 +1,5 @@
 """Sampler against densities in closed form."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -22,7 +20,7 @@ def log_likelihood(points):
     return -0.5 * np.einsum("kd,de,ke->k", left, np.linalg.inv(COVARIANCE), left)
 
 
-def start(seed: int = 3) -> np.ndarray:
+def start(seed=3):
     return np.random.default_rng(seed).standard_normal((64, 3)) * PRIOR_SD
 
 

@@ -1,7 +1,5 @@
 """Wrong variants of means of cells, of predictions, and of the convergence of a sample."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import stats
 from scipy.special import digamma
@@ -16,7 +14,7 @@ from radcal.posterior.sampling import split_r_hat
 K = 10.0 / np.log(10.0)
 
 
-def test_mean_of_power_of_a_cell_without_the_bias_of_its_logarithm() -> None:
+def test_mean_of_power_of_a_cell_without_the_bias_of_its_logarithm():
     power = stats.gamma.ppf((np.arange(12) + 0.5) / 12, 2.0, scale=0.04)
     member, count = np.repeat([0, 1], [4, 8]), np.array([4, 8])
     means = np.array([power[:4].mean(), power[4:].mean()])
@@ -38,7 +36,7 @@ def test_mean_of_power_of_a_cell_without_the_bias_of_its_logarithm() -> None:
     agrees(found, looks, biased=12 / (away @ away), of_decibels=(K / (10.0 * np.log10(power)).std()) ** 2)
 
 
-def test_scale_of_an_effect_is_half_normal_in_its_logarithm() -> None:
+def test_scale_of_an_effect_is_half_normal_in_its_logarithm():
     log = np.log([0.05, 0.4, 1.9])
     right = stats.halfnorm(scale=0.7).logpdf(np.exp(log)) + log  # with the derivative of the exponential
     exponent = np.exp(log)
@@ -52,7 +50,7 @@ def test_scale_of_an_effect_is_half_normal_in_its_logarithm() -> None:
     )
 
 
-def test_bands_of_a_prediction_average_law_and_constant() -> None:
+def test_bands_of_a_prediction_average_law_and_constant():
     draws = stats.norm(-11.0, 0.8).ppf((np.arange(4001) + 0.5) / 4001)[:, None]
     found = predict(draws, np.array([-14.0]), np.array([1.7]))
     z = stats.norm.ppf(0.95)
@@ -70,16 +68,16 @@ def test_bands_of_a_prediction_average_law_and_constant() -> None:
     )
 
 
-def test_effects_of_fields_and_cells_are_integrated_out() -> None:
+def test_effects_of_fields_and_cells_are_integrated_out():
     """Normal equations by the dense covariance, at a point of the grid."""
     rng, cell, field = np.random.default_rng(4), 0.01, 8.0  # at a corner of the grid
     patch, variance = np.array([1, 1, 2, 2, 2, 5]), np.array([0.03, 0.2, 0.05, 0.1, 0.4, 0.06])
     columns = np.column_stack([np.ones(6), rng.normal(size=6), rng.normal(-9.0, 2.0, 6)])
 
-    def dense(own: float, shared: float) -> np.ndarray:
+    def dense(own, shared):
         return np.diag(variance + own) + shared * (patch[:, None] == patch)
 
-    def gram(covariance: np.ndarray) -> np.ndarray:
+    def gram(covariance):
         return columns.T @ np.linalg.solve(covariance, columns)
 
     found, log_det = Marginal(columns, variance, patch).at(np.log([cell]), np.log([field]))
@@ -116,12 +114,12 @@ def test_effects_of_fields_and_cells_are_integrated_out() -> None:
     )
 
 
-def test_convergence_by_the_variance_between_halves_of_chains() -> None:
+def test_convergence_by_the_variance_between_halves_of_chains():
     """Eight groups of one walker, which drift; the square root of the ratio of variances."""
     rng = np.random.default_rng(6)
     chains = rng.normal(size=(60, 8, 1)) + np.linspace(0.0, 1.5, 60)[:, None, None] + 0.4 * np.arange(8)[:, None]
 
-    def ratio(parts: np.ndarray) -> float:
+    def ratio(parts):
         n = parts.shape[1]
         within, between = parts.var(axis=1, ddof=1).mean(), parts.mean(axis=1).var(ddof=1)
         return float((n - 1) / n + between / within)

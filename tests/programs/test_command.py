@@ -1,7 +1,5 @@
 """An external program behind the protocol: handing over, reading back, and every way to fail."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -10,10 +8,8 @@ import subprocess
 import sys
 import time
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import h5py
 import numpy as np
@@ -22,12 +18,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from raster_files import write_raster
 
-from radcal.config import Case, Material, Radar, case_from
+from radcal.config import Material, case_from
 from radcal.errors import ConfigError, SimulatorError
 from radcal.programs import command as module
 from radcal.programs.command import CommandPlan, CommandSimulator, check_command, toml_text
 from radcal.programs.command_plan import changed_links
-from radcal.radar.geometry import Geometry
 
 MATERIALS = {
     "dyke": {"calibrate": True, "law": "external", "names": ["mv", "s"], "bounds": [[0, 1], [0, 9]]},
@@ -45,12 +40,11 @@ rows, columns = run["shape"]
 with open(run["output"], "wb") as file:
     array.array("f", [level + draw.gauss(0, 1) for _ in range(rows * columns)]).tofile(file)
 """
-Make = Callable[..., CommandSimulator]
 
 
 @pytest.fixture
-def make(tmp_path: Path, geometry: Geometry, radar: Radar) -> Make:
-    def make(script: str = WORKING, **changes: Any) -> CommandSimulator:
+def make(tmp_path, geometry, radar):
+    def make(script=WORKING, **changes):
         (tmp_path / "sim.py").write_text(script)
         simulator = {
             "kind": "command",
@@ -70,7 +64,7 @@ def make(tmp_path: Path, geometry: Geometry, radar: Radar) -> Make:
 SYNTHETIC = {"source": "synthetic", "synthetic": {"parameters": {}}}
 
 
-def folders(tmp_path: Path) -> list[str]:
+def folders(tmp_path):
     return sorted(path.name for path in (tmp_path / "work").iterdir())
 
 
@@ -83,7 +77,7 @@ def folders(tmp_path: Path) -> list[str]:
         ("pathlib.Path('data/table').write_text('1')", ""),
     ],
 )
-def test_a_program_that_changes_its_links_is_told(make: Make, tmp_path: Path, write: str, said: str) -> None:
+def test_a_program_that_changes_its_links_is_told(make, tmp_path, write, said):
     (tmp_path / "data").mkdir()
     (tmp_path / "data/table").write_text("1")
     simulator = make(WORKING + f"\nimport pathlib\n{write}\n", links=[str(tmp_path / "data")])
@@ -94,16 +88,16 @@ def test_a_program_that_changes_its_links_is_told(make: Make, tmp_path: Path, wr
     assert bool(sentence) == bool(said)
 
 
-def test_a_builtin_simulator_has_no_links(case: Case) -> None:
+def test_a_builtin_simulator_has_no_links(case):
     assert changed_links(case, {"kind": "builtin", "version": 7}) == ""
 
 
-def test_only_the_beginning_of_a_version_is_read(make: Make) -> None:
+def test_only_the_beginning_of_a_version_is_read(make):
     simulator = make(version_command=["{python}", "-c", "print('v 2', 4000 * 'x' + 4000 * ' y')"])
     assert simulator.identity["version"] == "v 2 " + 196 * "x"
 
 
-def test_parameters_go_in_and_the_image_comes_back(make: Make, geometry: Geometry, tmp_path: Path) -> None:
+def test_parameters_go_in_and_the_image_comes_back(make, geometry, tmp_path):
     import random
 
     draw = random.Random(7)
@@ -114,7 +108,7 @@ def test_parameters_go_in_and_the_image_comes_back(make: Make, geometry: Geometr
     assert folders(tmp_path) == []
 
 
-def test_input_files_templates_and_arguments_say_the_same(make: Make, tmp_path: Path, radar: Radar) -> None:
+def test_input_files_templates_and_arguments_say_the_same(make, tmp_path, radar):
     script = WORKING + "json.dump(sys.argv[2:], open('arguments.json', 'w'))\n"
     (tmp_path / "t.tpl").write_text("mv %dyke.mv%\ns %dyke.s:9.2e%\n%grass.X1% %grass.X2% %grass.X3% %grass.X4%")
     simulator = make(
@@ -136,7 +130,7 @@ def test_input_files_templates_and_arguments_say_the_same(make: Make, tmp_path: 
     assert (log["exit_code"], log["timed_out"]) == (0, False)
 
 
-def test_toml_input_is_the_json_input(make: Make, tmp_path: Path) -> None:
+def test_toml_input_is_the_json_input(make, tmp_path):
     script = WORKING.replace("import array, json", "import array, tomllib").replace("json.load", "tomllib.load")
     script = script.replace("open(sys.argv[1])", "open(sys.argv[1], 'rb')")
     np.testing.assert_array_equal(
@@ -156,11 +150,11 @@ plain = st.recursive(
 
 @given(st.dictionaries(st.text(characters), plain, max_size=3))
 @settings(max_examples=50, deadline=None)
-def test_toml_is_read_as_written(data: dict[str, Any]) -> None:
+def test_toml_is_read_as_written(data):
     assert tomllib.loads(toml_text(data)) == data
 
 
-def test_toml_leaves_out_what_is_none() -> None:
+def test_toml_leaves_out_what_is_none():
     data = {
         "radar": {"frequency_ghz": None, "band": "X", "nesz_db": [[30.0, -24.0]], "inner": {"a": None}},
         "seed": None,
@@ -168,17 +162,17 @@ def test_toml_leaves_out_what_is_none() -> None:
     assert tomllib.loads(toml_text(data)) == {"radar": {"band": "X", "nesz_db": [[30.0, -24.0]], "inner": {}}}
 
 
-def write_h5(path: Path, values: np.ndarray) -> None:
+def write_h5(path, values):
     with h5py.File(path, "w") as file:
         file["other"] = values[:2]
         file["a/image"] = values
 
 
-def write_tif(path: Path, values: np.ndarray) -> None:
+def write_tif(path, values):
     write_raster(path, np.stack([0 * values, values]))
 
 
-def header(dtype: str) -> Callable[[Path, np.ndarray], None]:
+def header(dtype):
     return lambda path, values: path.write_bytes(b"head" + values.astype(dtype).tobytes())
 
 
@@ -200,9 +194,7 @@ def header(dtype: str) -> Callable[[Path, np.ndarray], None]:
     ids=["npy", "npz", "hdf5", "hdf5 by declaration", "raster", "raw, complex, big", "raw, little"],
 )  # fmt: skip
 @pytest.mark.parametrize("turned", [False, True])
-def test_every_format_scale_and_orientation(
-    make: Make, geometry: Geometry, tmp_path: Path, output: dict[str, Any], write: Any, turned: bool
-) -> None:
+def test_every_format_scale_and_orientation(make, geometry, tmp_path, output, write, turned):
     rng = np.random.default_rng(1)
     expected = rng.normal(-10.0, 5.0, geometry.shape)
     power = 10 ** (expected / 10)
@@ -221,7 +213,7 @@ def test_every_format_scale_and_orientation(
     np.testing.assert_allclose(simulator.run(X, 1), expected, atol=1e-4)
 
 
-def failing(body: str) -> str:
+def failing(body):
     return WORKING + body
 
 
@@ -257,9 +249,7 @@ def failing(body: str) -> str:
          "binary stderr", "log barred", "long argument", "too short", "another dtype", "all NaN",
          "half NaN", "200 dB", "not npy", "wrong scale"],
 )  # fmt: skip
-def test_failures_end_in_one_sentence_and_keep_the_folder(
-    make: Make, tmp_path: Path, script: str, changes: dict[str, Any], words: list[str]
-) -> None:
+def test_failures_end_in_one_sentence_and_keep_the_folder(make, tmp_path, script, changes, words):
     with pytest.raises(SimulatorError) as caught:
         make(script, **changes).run(X, 1)
     message = str(caught.value)
@@ -278,7 +268,7 @@ def test_failures_end_in_one_sentence_and_keep_the_folder(
     assert wanted <= set(os.listdir(tmp_path / "work" / kept))
 
 
-def test_a_program_that_takes_its_folder_away(make: Make, tmp_path: Path) -> None:
+def test_a_program_that_takes_its_folder_away(make, tmp_path):
     with pytest.raises(
         SimulatorError, match=r"^simulator\.command: python.* ended with exit code 0 and leaves no place"
     ):
@@ -286,13 +276,13 @@ def test_a_program_that_takes_its_folder_away(make: Make, tmp_path: Path) -> Non
     assert folders(tmp_path) == []
 
 
-def test_a_program_that_reads_its_input_finds_none(make: Make) -> None:
+def test_a_program_that_reads_its_input_finds_none(make):
     np.testing.assert_array_equal(
         make("import sys\nassert not sys.stdin.read()\n" + WORKING).run(X, 1), make().run(X, 1)
     )
 
 
-def test_names_beyond_ascii(make: Make, tmp_path: Path) -> None:
+def test_names_beyond_ascii(make, tmp_path):
     (tmp_path / "Gelände ☃.dat").write_text("1")
     (tmp_path / "ü.tpl").write_text("Höhe ☃ @dyke.mv@\n", encoding="utf-8")
     simulator = make(
@@ -307,7 +297,7 @@ def test_names_beyond_ascii(make: Make, tmp_path: Path) -> None:
     np.testing.assert_array_equal(simulator.run(X, 1), make().run(X, 1))
 
 
-def test_a_raw_file_of_another_size_is_refused_before_any_run(make: Make, geometry: Geometry, tmp_path: Path) -> None:
+def test_a_raw_file_of_another_size_is_refused_before_any_run(make, geometry, tmp_path):
     rows, columns = geometry.shape
     raw = {"file": "image.raw", "format": "raw", "dtype": "float32", "scale": "db", "shape": [columns, rows]}
     with pytest.raises(
@@ -317,7 +307,7 @@ def test_a_raw_file_of_another_size_is_refused_before_any_run(make: Make, geomet
     assert not (tmp_path / "work").exists()
 
 
-def test_an_image_without_a_value_is_told_with_the_parameters_of_its_run(make: Make) -> None:
+def test_an_image_without_a_value_is_told_with_the_parameters_of_its_run(make):
     way_on = (
         ", in the run with dyke.mv = 0.123457, dyke.s = 4.5: mend the program (and its simulator.version, if none of "
         "its files changes), or set bounds in which it computes all pixels; its folder is kept as"
@@ -330,7 +320,7 @@ def test_an_image_without_a_value_is_told_with_the_parameters_of_its_run(make: M
         make(WORKING, output={"file": "image.raw", "format": "npy", "scale": "db"}).run(X, 1)
 
 
-def test_an_image_of_another_shape_is_told_how_to_turn(make: Make, geometry: Geometry, tmp_path: Path) -> None:
+def test_an_image_of_another_shape_is_told_how_to_turn(make, geometry, tmp_path):
     np.save(tmp_path / "a.npy", np.zeros(geometry.shape[::-1]))
     copy = "import shutil, sys; shutil.copy(*sys.argv[1:])"
     output = {"file": "i.npy", "scale": "db"}
@@ -339,17 +329,15 @@ def test_an_image_of_another_shape_is_told_how_to_turn(make: Make, geometry: Geo
         make(copy, command=["{python}", "sim.py", str(tmp_path / "a.npy"), "{output}"], output=output).run(X, 1)
 
 
-def test_a_program_that_cannot_be_started_says_so(make: Make, tmp_path: Path) -> None:
+def test_a_program_that_cannot_be_started_says_so(make, tmp_path):
     (tmp_path / "sim").write_bytes(b"\x00\x01no program")
     (tmp_path / "sim").chmod(0o755)
     with pytest.raises(SimulatorError, match=r"exit code 126.*cannot be started: Exec format error"):
         make(command=[str(tmp_path / "sim")]).run(X, 1)
 
 
-def test_failed_runs_are_tried_again_after_longer_and_longer(
-    make: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    waits: list[float] = []
+def test_failed_runs_are_tried_again_after_longer_and_longer(make, tmp_path, monkeypatch):
+    waits = []
     # not time.sleep itself, which waiting for processes calls too
     monkeypatch.setattr(module, "time", SimpleNamespace(sleep=waits.append))
     counter = f"import pathlib\ncount = pathlib.Path({str(tmp_path / 'count')!r})\n"
@@ -368,21 +356,21 @@ def test_failed_runs_are_tried_again_after_longer_and_longer(
     assert waits == []
 
 
-def test_programs_that_fail_after_their_output_can_be_accepted(make: Make) -> None:
+def test_programs_that_fail_after_their_output_can_be_accepted(make):
     expected = make().run(X, 5)
     np.testing.assert_array_equal(make(failing("sys.exit(4)"), accept_exit_codes=[0, 4]).run(X, 5), expected)
     crashing = failing("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
     np.testing.assert_array_equal(make(crashing, accept_exit_codes=[-11]).run(X, 5), expected)
 
 
-def alive(pid: int) -> bool:
+def alive(pid):
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
         return False
 
 
-def wait_until(condition: Callable[[], bool], seconds: float = 20.0) -> bool:
+def wait_until(condition, seconds=20.0):
     deadline = time.time() + seconds
     while not condition() and time.time() < deadline:
         time.sleep(0.02)
@@ -397,12 +385,12 @@ time.sleep(300)
 """
 
 
-def family(path: Path) -> list[int]:
+def family(path):
     return [int(pid) for pid in path.read_text().split()[:2]]
 
 
 @pytest.mark.slow
-def test_a_time_out_ends_the_programs_children_too(make: Make, tmp_path: Path) -> None:
+def test_a_time_out_ends_the_programs_children_too(make, tmp_path):
     path = tmp_path / "pids"
     with pytest.raises(SimulatorError, match="was not done"):
         make(FAMILY.format(path=str(path)), timeout_s=3).run(X, 1)
@@ -410,7 +398,7 @@ def test_a_time_out_ends_the_programs_children_too(make: Make, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
-def test_the_program_dies_with_radcal(tmp_path: Path, number: int) -> None:
+def test_the_program_dies_with_radcal(tmp_path, number):
     path = tmp_path / "pids"
     (tmp_path / "sim.py").write_text(FAMILY.format(path=str(path)))
     # a shell's background jobs, and what they start, ignore Ctrl-C
@@ -431,17 +419,17 @@ def test_the_program_dies_with_radcal(tmp_path: Path, number: int) -> None:
             process.kill()
 
 
-def test_identity_tells_all_that_may_change_the_image(make: Make, tmp_path: Path) -> None:
+def test_identity_tells_all_that_may_change_the_image(make, tmp_path):
     (tmp_path / "a.tpl").write_text("@dyke.mv@")
     (tmp_path / "b.tpl").write_text("@dyke.mv@ ")
     (tmp_path / "data").mkdir()
     (tmp_path / "data/table").write_text("1")
 
-    def template(name: str) -> dict[str, Any]:
+    def template(name):
         return {"templates": [{"template": str(tmp_path / name), "file": "x"}]}
 
     raw = {"file": "image.raw", "format": "raw", "dtype": "float32", "scale": "db"}
-    changes: list[dict[str, Any]] = [
+    changes = [
         {},
         {"script": WORKING + "#"},
         {"command": ["{python}", "sim.py", "{input}", "1"]},
@@ -470,14 +458,14 @@ def test_identity_tells_all_that_may_change_the_image(make: Make, tmp_path: Path
 
 
 @pytest.mark.parametrize("first_line", [b"#!/no/such/interpreter\n", b"#!/bin/sh\r\n"])
-def test_a_script_without_its_interpreter(make: Make, tmp_path: Path, first_line: bytes) -> None:
+def test_a_script_without_its_interpreter(make, tmp_path, first_line):
     (tmp_path / "sim").write_bytes(first_line)
     (tmp_path / "sim").chmod(0o755)
     with pytest.raises(SimulatorError, match=r"cannot be started: the interpreter of its first line is missing"):
         make(command=[str(tmp_path / "sim"), "{input}"]).run(X, 1)
 
 
-def test_a_version_command_that_hangs_is_told(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_version_command_that_hangs_is_told(make, monkeypatch):
     monkeypatch.setattr(module, "_VERSION_SECONDS", 0.3)
     with pytest.raises(
         SimulatorError,
@@ -486,7 +474,7 @@ def test_a_version_command_that_hangs_is_told(make: Make, monkeypatch: pytest.Mo
         _ = make(version_command=["{python}", "-c", "import time; time.sleep(100)"]).identity
 
 
-def test_a_version_command_that_fails_is_told(make: Make) -> None:
+def test_a_version_command_that_fails_is_told(make):
     with pytest.raises(SimulatorError, match=r"^simulator\.version_command: python.* ended with exit code 3"):
         _ = make(version_command=["{python}", "-c", "raise SystemExit(3)"]).identity
 
@@ -513,13 +501,13 @@ def test_a_version_command_that_fails_is_told(make: Make) -> None:
         ({"templates": [{"template": "no.tpl", "file": "a"}]}, r"^simulator\.templates\.0\.template: the file no\.tpl"),
     ],
 )  # fmt: skip
-def test_refused_before_any_run(make: Make, tmp_path: Path, changes: dict[str, Any], words: str) -> None:
+def test_refused_before_any_run(make, tmp_path, changes, words):
     with pytest.raises(ConfigError, match=words):
         make(**changes)
     assert not (tmp_path / "work").exists()
 
 
-def test_numbers_in_the_environment_are_text(make: Make) -> None:
+def test_numbers_in_the_environment_are_text(make):
     checks = "import os; assert (os.environ['THREADS'], os.environ['SCALE']) == ('4', '0.5')\n"
     make(checks + WORKING, environment={"THREADS": 4, "SCALE": 0.5}).run(X, 1)
 
@@ -550,9 +538,7 @@ def test_numbers_in_the_environment_are_text(make: Make) -> None:
         ({"command": ["sh", "sub/sim.py"], "templates": [{"template": "t.tpl", "file": "sub/sim.py"}]}, ""),
     ],
 )
-def test_a_script_that_the_run_will_not_find_is_told_before_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, changes: dict[str, Any], said: str
-) -> None:
+def test_a_script_that_the_run_will_not_find_is_told_before_it(tmp_path, monkeypatch, changes, said):
     monkeypatch.chdir(tmp_path)
     Path("tools").mkdir()
     for name in ("sim.py", "tools/sim.py", "version.sh", "run.log"):
@@ -567,18 +553,16 @@ def test_a_script_that_the_run_will_not_find_is_told_before_it(
         assert said in str(refused.value)
 
 
-def test_the_default_case_has_no_command_to_check() -> None:
+def test_the_default_case_has_no_command_to_check():
     check_command(case_from({}))
 
 
-def test_materials_without_parameters_need_none(radar: Radar, geometry: Geometry) -> None:
+def test_materials_without_parameters_need_none(radar, geometry):
     water = Material(law="external")
     assert (water.parameter_names, water.start_parameters) == ((), [])
 
 
-def test_whole_parameters_are_handed_over_without_a_decimal_point(
-    tmp_path: Path, radar: Radar, geometry: Geometry
-) -> None:
+def test_whole_parameters_are_handed_over_without_a_decimal_point(tmp_path, radar, geometry):
     (tmp_path / "t.tpl").write_text("@dyke.mv@ @dyke.s@|@dyke.s:4d@ @noise_seed:1..9@")
     (tmp_path / "sim.py").write_text(WORKING + "json.dump(sys.argv[2:], open('arguments.json', 'w'))\n")
     data = {

@@ -1,9 +1,6 @@
 """Ends of programs, and their last words, in a sentence."""
 
-from __future__ import annotations
-
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -22,15 +19,13 @@ from radcal.programs.process import STDERR, STDOUT, Ended, output_tail, run_prog
         (None, "was not done after 12.3 s and was killed"),
     ],
 )
-def test_how_a_program_ended(code: int | None, said: str) -> None:
+def test_how_a_program_ended(code, said):
     assert str(Ended(code, 12.3456)) == said
 
 
 @pytest.mark.parametrize("name", ["stdout", "stderr"])
 @pytest.mark.parametrize("then", ["time.sleep(60)", "pass"])
-def test_a_program_that_prints_without_end_is_killed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, then: str
-) -> None:
+def test_a_program_that_prints_without_end_is_killed(tmp_path, monkeypatch, name, then):
     monkeypatch.setattr(process, "_MOST_BYTES", 50_000)
     text = f"import sys, time; sys.{name}.write(7000 * 'mangia! '); sys.{name}.flush(); {then}"
     said = rf"^python.* was killed, because radcal\.{name} has 56000 bytes, expected at most 50000, its last output on"
@@ -39,26 +34,26 @@ def test_a_program_that_prints_without_end_is_killed(
     assert (tmp_path / f"radcal.{name}").stat().st_size == 50_000
 
 
-def test_a_program_may_print_up_to_the_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_program_may_print_up_to_the_limit(tmp_path, monkeypatch):
     monkeypatch.setattr(process, "_MOST_BYTES", 56_000)
     ended = run_program([sys.executable, "-c", "print(7000 * 'mangia! ', end='')"], tmp_path, {}, 30.0)
     assert ended.code == 0
     assert (tmp_path / STDOUT).stat().st_size == 56_000
 
 
-def test_a_time_limit_is_kept(tmp_path: Path) -> None:
+def test_a_time_limit_is_kept(tmp_path):
     ended = run_program([sys.executable, "-c", "import time; time.sleep(60)"], tmp_path, {}, 0.7)
     assert ended.code is None
     assert 0.7 <= ended.seconds < 5.0
 
 
-def test_the_last_three_lines_are_quoted(tmp_path: Path) -> None:
+def test_the_last_three_lines_are_quoted(tmp_path):
     (tmp_path / STDERR).write_text("first\n\nsecond\nthird \x07bell\n  fourth\n")
     (tmp_path / STDOUT).write_text("\n \n")
     assert output_tail(tmp_path) == 'its last output on stderr: "second / third  bell / fourth"'
 
 
-def test_a_long_line_is_quoted_from_its_end(tmp_path: Path) -> None:
+def test_a_long_line_is_quoted_from_its_end(tmp_path):
     text = "".join(f"{k:04d}" for k in range(2000))
     (tmp_path / STDOUT).write_text(text)
     assert output_tail(tmp_path) == f'its last output on stdout: "... {text[-300:]}"'

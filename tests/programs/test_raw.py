@@ -1,8 +1,5 @@
 """Raw numbers after a header, in either byte order."""
 
-from __future__ import annotations
-
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,20 +12,20 @@ from radcal.reading.images import ImageFile
 VALUES = np.array([[1.5, -2.25, 3e7], [4.0, 5.0, -6e-3]])
 
 
-def read(path: Path, **output: object) -> np.ndarray:
+def read(path, **output):
     config = SimpleNamespace(**{"dtype": "float32", "byte_order": None, "header_bytes": None} | output)
     return read_raw(ImageFile(path, config, "simulator.output", "file", SimulatorError), config, (2, 3))
 
 
 @pytest.mark.parametrize(("order", "sign"), [(None, "<"), ("little", "<"), ("big", ">")])
 @pytest.mark.parametrize("header", [None, 7])
-def test_numbers_after_a_header(tmp_path: Path, order: str | None, sign: str, header: int | None) -> None:
+def test_numbers_after_a_header(tmp_path, order, sign, header):
     path = tmp_path / "image.raw"
     path.write_bytes(b"\1" * (header or 0) + VALUES.astype(f"{sign}f4").tobytes())
     np.testing.assert_array_equal(read(path, byte_order=order, header_bytes=header), VALUES.astype("f4"))
 
 
-def test_another_size_names_the_type_that_would_fit(tmp_path: Path) -> None:
+def test_another_size_names_the_type_that_would_fit(tmp_path):
     path = tmp_path / "image.raw"
     path.write_bytes(bytes(5 + 6 * 8))
     said = r"53 bytes, expected 29 for 2 x 3 numbers of float32 after a header of 5: as many as of .*float64"

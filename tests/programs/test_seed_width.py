@@ -1,14 +1,8 @@
 """A case keeps the width of its seeds, and a program's seeds tell its runs apart."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
 import pytest
 
-from radcal.config import Case, case_from
+from radcal.config import case_from
 from radcal.errors import ConfigError, SimulatorError
 from radcal.programs.command import check_command
 from radcal.programs.seed_width import with_seed_bits
@@ -17,10 +11,9 @@ from radcal.storage.provenance import provenance
 from radcal.storage.records import write_json
 
 MATERIALS = {"dyke": {"calibrate": True, "law": "external", "names": ["a", "n"], "bounds": [[0, 9], [0, 9]]}}
-Build = Callable[..., Case]
 
 
-def case_of(words: list[str], sections: dict[str, Any] | None = None, **simulator: Any) -> Case:
+def case_of(words, sections=None, **simulator):
     return case_from(
         {
             "case": "mine",
@@ -37,7 +30,7 @@ def case_of(words: list[str], sections: dict[str, Any] | None = None, **simulato
     )
 
 
-def test_a_new_case_has_seeds_that_a_c_int_holds(tmp_path: Path) -> None:
+def test_a_new_case_has_seeds_that_a_c_int_holds(tmp_path):
     case = with_seed_bits(case_of(["{noise_seed}"]), tmp_path)
     assert case.simulator.seed_width == 31
     seeds = [noise_seed(case), noise_seed(case, fresh=True), measurement_seed(case.simulator, 2)]
@@ -45,14 +38,14 @@ def test_a_new_case_has_seeds_that_a_c_int_holds(tmp_path: Path) -> None:
     assert noise_seed(case_from({})) == derived_seed(1, "runs", "common")  # radcal's own has 63
 
 
-def record_bits(results: Path, case: str, bits: int) -> Path:
+def record_bits(results, case, bits):
     path = results / case / "passes/1/simulator.json"
     with provenance(case):
         write_json(path, {"kind": "command", "seed_bits": bits})
     return path
 
 
-def test_a_case_keeps_the_seeds_of_its_runs(tmp_path: Path) -> None:
+def test_a_case_keeps_the_seeds_of_its_runs(tmp_path):
     case = case_of(["{noise_seed}"], {"design": {"reuse": "earlier"}})
     record_bits(tmp_path, "earlier", 63)
     assert noise_seed(with_seed_bits(case, tmp_path)) == derived_seed(case.seed, "runs", "common")
@@ -71,7 +64,7 @@ def test_a_case_keeps_the_seeds_of_its_runs(tmp_path: Path) -> None:
     assert with_seed_bits(case, tmp_path).simulator.seed_width == 40
 
 
-def test_a_program_without_its_seed_is_refused_unless_it_takes_none() -> None:
+def test_a_program_without_its_seed_is_refused_unless_it_takes_none():
     with pytest.raises(ConfigError, match=r"^simulator: noise_seed never reaches the program, .*seedless: true\.$"):
         check_command(case_of([]))
     check_command(case_of([], seedless=True))
@@ -79,8 +72,8 @@ def test_a_program_without_its_seed_is_refused_unless_it_takes_none() -> None:
     check_command(case_of([], input={}))
 
 
-def test_seeds_that_a_range_makes_equal_are_refused(tmp_path: Path) -> None:
-    def found(seed: int, word: str) -> list[int]:
+def test_seeds_that_a_range_makes_equal_are_refused(tmp_path):
+    def found(seed, word):
         case = case_of([], {"seed": seed})
         low, high = map(int, word.split(".."))
         return [low + noise_seed(case, fresh) % (high - low + 1) for fresh in (False, True)]
@@ -102,7 +95,7 @@ def test_seeds_that_a_range_makes_equal_are_refused(tmp_path: Path) -> None:
         check_command(case_of(["{noise_seed:5..6}"], {"seed": apart, "measurement": synthetic}))
 
 
-def test_a_seed_wider_than_its_field_is_found_before_a_run() -> None:
+def test_a_seed_wider_than_its_field_is_found_before_a_run():
     with pytest.raises(SimulatorError, match=r"noise_seed = \d{7,10} written as 4d .* wider than its field"):
         check_command(case_of(["{noise_seed:4d}"]))
     check_command(case_of(["{noise_seed:1..9999:4d}"]))

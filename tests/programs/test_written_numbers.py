@@ -1,7 +1,5 @@
 """Number formats that cannot write a parameter between its bounds are found before any run."""
 
-from __future__ import annotations
-
 import pytest
 
 from radcal.config import Material, case_from
@@ -19,7 +17,7 @@ MATERIALS = {
 
 @pytest.mark.parametrize("text", ["soil.m", "soil.m:.2f", "soil.m:14.6e", "soil.a:5.1f", "soil.rows:4d", "wood.g:6.2f",
                                   "soil.m:.1%"])  # fmt: skip
-def test_formats_that_resolve_the_bounds_are_accepted(text: str) -> None:
+def test_formats_that_resolve_the_bounds_are_accepted(text):
     check_numbers(MATERIALS, [template(f"x=@{text}@", "@", "key"), argument(f"--x={{{text}}}", "key")])
 
 
@@ -40,7 +38,7 @@ def test_formats_that_resolve_the_bounds_are_accepted(text: str) -> None:
         ("wood.g:4.2f", "wood.g = -8.25 written as 4.2f is '-8.25', wider than its field of 4 characters"),
     ],
 )
-def test_formats_that_cannot_write_a_parameter_are_refused(text: str, said: str) -> None:
+def test_formats_that_cannot_write_a_parameter_are_refused(text, said):
     for marked in (template(f"x=@{text}@", "@", "sim.tpl"), argument(f"--x={{{text}}}", "sim.tpl")):
         with pytest.raises(ConfigError) as refused:
             check_numbers(MATERIALS, [marked])
@@ -48,7 +46,7 @@ def test_formats_that_cannot_write_a_parameter_are_refused(text: str, said: str)
         assert said in str(refused.value)
 
 
-def test_only_rounding_may_lead_out_of_the_bounds() -> None:
+def test_only_rounding_may_lead_out_of_the_bounds():
     narrow = {"soil": Material.model_validate(SOIL | {"bounds": [[-25.04, -5.04], [0.26, 0.31], [1, 18]]})}
     check_numbers(narrow, [argument("{soil.a:.1f}", "key")])
     # enough numbers between the bounds, but the upper one is written as 1100
@@ -57,7 +55,7 @@ def test_only_rounding_may_lead_out_of_the_bounds() -> None:
         check_numbers(far, [argument("{soil.m:.1e}", "key")])
 
 
-def test_the_check_of_a_case_asks_for_it() -> None:
+def test_the_check_of_a_case_asks_for_it():
     data = {"kind": "command", "command": ["sh", "{soil.a:.0f}", "{soil.m}", "{soil.rows}", "{wood.g}", "{noise_seed}"]}
     output = {"file": "image.npy", "scale": "db"}
     measurement = {"source": "file", "path": "m.npy", "scale": "db", "radiometry": "sigma0_ref"}

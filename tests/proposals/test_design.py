@@ -1,20 +1,15 @@
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from radcal.config import Case
 from radcal.proposals.design import design_points, sample_unit
 
 SAMPLERS = ["monte_carlo", "latin_hypercube", "sobol"]
 BOX = [[-50.0, -10.0], [0.0, 20.0], [1.0, 1.5], [0.0, 50.0]]
 
 
-def two_materials(build_case: Callable[..., Case], sampler: str, size: int, seed: int = 1) -> Case:
+def two_materials(build_case, sampler, size, seed=1):
     return build_case(
         seed=seed,
         materials={
@@ -28,7 +23,7 @@ def two_materials(build_case: Callable[..., Case], sampler: str, size: int, seed
 
 @settings(max_examples=30, deadline=None)
 @given(sampler=st.sampled_from(SAMPLERS), small=st.integers(1, 70), more=st.integers(0, 70), d=st.integers(1, 6))
-def test_a_larger_design_keeps_the_points_of_a_smaller(sampler: str, small: int, more: int, d: int) -> None:
+def test_a_larger_design_keeps_the_points_of_a_smaller(sampler, small, more, d):
     a = sample_unit(sampler, small, d, np.random.default_rng(3))
     b = sample_unit(sampler, small + more, d, np.random.default_rng(3))
     assert a.shape == (small, d)
@@ -41,7 +36,7 @@ def test_a_larger_design_keeps_the_points_of_a_smaller(sampler: str, small: int,
 
 @pytest.mark.parametrize("size", [16, 32, 64, 128])
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_latin_hypercube_has_one_point_in_every_stratum(size: int, seed: int) -> None:
+def test_latin_hypercube_has_one_point_in_every_stratum(size, seed):
     points = sample_unit("latin_hypercube", size, 4, np.random.default_rng(seed))
     for column in points.T:
         np.testing.assert_array_equal(np.sort((column * size).astype(int)), np.arange(size))
@@ -49,7 +44,7 @@ def test_latin_hypercube_has_one_point_in_every_stratum(size: int, seed: int) ->
 
 
 @pytest.mark.parametrize("sampler", SAMPLERS)
-def test_design_is_inside_the_bounds_and_fixed_materials_stay(build_case: Callable[..., Case], sampler: str) -> None:
+def test_design_is_inside_the_bounds_and_fixed_materials_stay(build_case, sampler):
     points = design_points(two_materials(build_case, sampler, 32), 32)
     low, high = np.array(BOX).T
     assert len(points) == 32
@@ -64,27 +59,27 @@ def test_design_is_inside_the_bounds_and_fixed_materials_stay(build_case: Callab
 
 
 @pytest.mark.parametrize("sampler", ["monte_carlo", "latin_hypercube", "sobol"])
-def test_materials_do_not_move_together(build_case: Callable[..., Case], sampler: str) -> None:
+def test_materials_do_not_move_together(build_case, sampler):
     points = design_points(two_materials(build_case, sampler, 64), 64)
     dyke, soil = (np.array([point[name] for point in points]) for name in ("dyke", "soil"))
     assert np.abs(np.corrcoef(dyke.T, soil.T)[:4, 4:]).max() < 4 / np.sqrt(64)
 
 
 @pytest.mark.parametrize("sampler", SAMPLERS)
-def test_same_seed_same_points(build_case: Callable[..., Case], sampler: str) -> None:
+def test_same_seed_same_points(build_case, sampler):
     points = design_points(two_materials(build_case, sampler, 8), 8)
     assert design_points(two_materials(build_case, sampler, 8), 8) == points
     assert design_points(two_materials(build_case, sampler, 24), 24)[:8] == points
     assert design_points(two_materials(build_case, sampler, 8, seed=2), 8) != points
 
 
-def test_points_do_not_share_memory(build_case: Callable[..., Case]) -> None:
+def test_points_do_not_share_memory(build_case):
     points = design_points(two_materials(build_case, "sobol", 2), 2)
     points[0]["grass"][0] = -99.0
     assert points[1]["grass"][0] == 10.0
 
 
-def whole(build_case: Callable[..., Case], size: int, bounds: list[list[float]], **keys: object) -> Case:
+def whole(build_case, size, bounds, **keys):
     names = ["n", "m", "x"][: len(bounds)]
     simulator = {"kind": "command", "command": ["sh"], "output": {"file": "i.npy", "scale": "db"}}
     dyke = {"calibrate": True, "law": "external", "names": names, "bounds": bounds, **keys}
@@ -97,8 +92,8 @@ def whole(build_case: Callable[..., Case], size: int, bounds: list[list[float]],
 
 
 @pytest.mark.parametrize("sampler", SAMPLERS)
-def test_whole_parameters_are_whole_and_come_once(build_case: Callable[..., Case], sampler: str) -> None:
-    def points(size: int) -> list[tuple[float, ...]]:
+def test_whole_parameters_are_whole_and_come_once(build_case, sampler):
+    def points(size):
         case = whole(build_case, size, [[2, 6], [-1, 2]], integer=True, start=[3, 0])
         case = case.model_copy(update={"design": case.design.model_copy(update={"sampler": sampler})})
         return [tuple(x["dyke"]) for x in design_points(case, size)]
@@ -110,7 +105,7 @@ def test_whole_parameters_are_whole_and_come_once(build_case: Callable[..., Case
     assert points(7) == every[:7]
 
 
-def test_whole_numbers_have_equal_shares_ends_included(build_case: Callable[..., Case]) -> None:
+def test_whole_numbers_have_equal_shares_ends_included(build_case):
     case = whole(build_case, 64, [[1, 4], [0, 1]], integer=["n"])
     n, x = np.array([run["dyke"] for run in design_points(case, 64)]).T
     # rounding would give the ends half of what the others have
@@ -118,7 +113,7 @@ def test_whole_numbers_have_equal_shares_ends_included(build_case: Callable[...,
     assert len(np.unique(x)) == 64
 
 
-def test_no_design_and_runs_of_an_earlier_case(build_case: Callable[..., Case]) -> None:
+def test_no_design_and_runs_of_an_earlier_case(build_case):
     """Reused runs stand for runs of the design, those that it would repeat before all others."""
     case = two_materials(build_case, "sobol", 4)
     every = design_points(case, 4)

@@ -8,8 +8,6 @@ from scipy.stats import multivariate_normal
 from radcal.errors import SurrogateError
 from radcal.proposals.kriging import JITTER, Kriging, _minus_log_posterior, train
 
-SCALES = np.array([0.45, 0.7])
-
 
 def example(n=15, d=2, seed=None):
     rng = np.random.default_rng(n if seed is None else seed)

@@ -1,7 +1,5 @@
 """Wrong variants of kriging, from its matrices without radcal's factorisation."""
 
-from __future__ import annotations
-
 import numpy as np
 from variants import agrees
 
@@ -15,17 +13,17 @@ SCALES, NUGGET = np.array([0.4, 0.9]), 0.03
 ONE = np.ones(9)
 
 
-def correlation(a: np.ndarray, b: np.ndarray, half: float = 0.5, scales: np.ndarray = SCALES) -> np.ndarray:
+def correlation(a, b, half=0.5, scales=SCALES):
     return np.exp(-half * (((a[:, None] - b) / scales) ** 2).sum(axis=-1))
 
 
-def predicted(k: np.ndarray, near: np.ndarray, known_mean: np.ndarray | None = None) -> np.ndarray:
+def predicted(k, near, known_mean=None):
     inverse = np.linalg.inv(k)
     constant = ONE @ inverse @ Y / inverse.sum() if known_mean is None else known_mean
     return constant + near @ inverse @ (Y - constant)
 
 
-def test_prediction_is_the_best_linear_unbiased_one() -> None:
+def test_prediction_is_the_best_linear_unbiased_one():
     found = Kriging(X, Y, SCALES, NUGGET)
     k = correlation(X, X) + NUGGET * np.eye(9)
     near, inverse = correlation(AT, X), np.linalg.inv(k)
@@ -70,7 +68,7 @@ def test_prediction_is_the_best_linear_unbiased_one() -> None:
     )
 
 
-def test_leave_one_out_by_leaving_one_out() -> None:
+def test_leave_one_out_by_leaving_one_out():
     """With unchanged length scales, and a constant fitted to the others; the sign is that of value less prediction."""
     k = correlation(X, X) + NUGGET * np.eye(9)
     right, kept_constant = np.empty_like(Y), np.empty_like(Y)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -30,11 +28,11 @@ SPACE = CRS.from_epsg(4978)  # earth-centred, earth-fixed
 TO_SPACE = Transformer.from_crs(CRS.from_epsg(4979), SPACE, always_xy=True)
 
 
-def in_space(longitude: Any, latitude: Any, height: Any) -> np.ndarray:
+def in_space(longitude, latitude, height):
     return np.stack(TO_SPACE.transform(longitude, latitude, height), axis=-1)
 
 
-def unit(vector: np.ndarray) -> np.ndarray:
+def unit(vector):
     return vector / np.linalg.norm(vector, axis=-1, keepdims=True)
 
 
@@ -49,7 +47,7 @@ class Truth:
     satellite: np.ndarray
 
 
-def seen_from_orbit(scene: Scene, radar: Radar) -> Truth:
+def seen_from_orbit(scene, radar):
     """Zero-Doppler geometry of all cells, on the ellipsoid, without any of radcal's geometry."""
     to_space = Transformer.from_crs(CRS.from_user_input(scene.crs).to_3d(), SPACE, always_xy=True)
     to_place = Transformer.from_crs(SPACE, CRS.from_epsg(4979), always_xy=True)
@@ -57,7 +55,7 @@ def seen_from_orbit(scene: Scene, radar: Radar) -> Truth:
     across, along = np.meshgrid(x, x)
     points = np.stack(to_space.transform(across, along, scene.elevation_m), axis=-1)
 
-    def at(*place: float) -> np.ndarray:
+    def at(*place):
         return np.array(to_space.transform(*place))
 
     mean_m = float(scene.elevation_m.mean())
@@ -68,7 +66,7 @@ def seen_from_orbit(scene: Scene, radar: Radar) -> Truth:
     angle = math.radians(float(radar.incidence_deg or 0.0))
     sight_line = math.cos(angle) * up - math.sin(angle) * side
 
-    def height(slant: float) -> float:
+    def height(slant):
         return float(to_place.transform(*(middle + slant * sight_line))[2])
 
     wanted = mean_m + radar.altitude_m
@@ -91,10 +89,7 @@ def seen_from_orbit(scene: Scene, radar: Radar) -> Truth:
     return Truth(points, np.linalg.norm(to_satellite, axis=-1), unit(to_satellite), when, satellite)
 
 
-def make_scene(
-    latitude: float, heading: float, relief: Callable[[np.ndarray, np.ndarray], np.ndarray], mean_m: float = MEAN_M,
-    grid: str | None = None,
-) -> Scene:  # fmt: skip
+def make_scene(latitude, heading, relief, mean_m=MEAN_M, grid=None):
     """Scene on a grid that is turned to the heading, or on another ``grid`` whose origin is the scene's centre."""
     utm = CRS.from_epsg(32633)
     place = Transformer.from_crs("OGC:CRS84", utm, always_xy=True).transform(15.3, latitude)
@@ -108,16 +103,16 @@ def make_scene(
     )  # fmt: skip
 
 
-def hills(across: np.ndarray, along: np.ndarray) -> np.ndarray:
+def hills(across, along):
     """Hills 300 m high, with slopes up to 13 degrees."""
     return 150.0 * np.sin(across * 2 * np.pi / 4000.0 + 1.0) * np.cos(along * 2 * np.pi / 5200.0 + 0.3)
 
 
-def flat(across: np.ndarray, along: np.ndarray) -> np.ndarray:
+def flat(across, along):
     return np.zeros_like(across)
 
 
-def orbit_pass(**keys: Any) -> Radar:
+def orbit_pass(**keys):
     return Radar(
         **{
             "altitude_m": 693e3, "incidence_deg": 38.0, "heading_deg": 192.0, "range_spacing_m": 70.0,
@@ -133,13 +128,12 @@ class Facets:
     seen: LineOfSight
 
 
-def facets_of(scene: Scene, radar: Radar, monkeypatch: pytest.MonkeyPatch) -> Facets:
+def facets_of(scene, radar, monkeypatch):
     """Facets of the scene, one for each cell, as the geometry of the image is made from."""
-    found: list[Facets] = []
+    found = []
     pixels = projection._pixels
 
-    def keep(scene: Any, radar: Any, seen: Any, material: Any, lines: Lines, k: int, step: float, near: float,
-             base: float, shape: Any, points: Any) -> Any:  # fmt: skip
+    def keep(scene, radar, seen, material, lines, k, step, near, base, shape, points):
         assert k == 1
         found.append(Facets(lines, 0.5 * (lines.near_m.astype(float) + lines.far_m) + base, seen))
         return pixels(scene, radar, seen, material, lines, k, step, near, base, shape, points)
@@ -150,7 +144,7 @@ def facets_of(scene: Scene, radar: Radar, monkeypatch: pytest.MonkeyPatch) -> Fa
     return found[0]
 
 
-def local_incidence_deg(truth: Truth) -> np.ndarray:
+def local_incidence_deg(truth):
     normal = np.cross(np.gradient(truth.points, axis=1), np.gradient(truth.points, axis=0))
     return np.degrees(np.arccos((unit(normal) * truth.to_satellite).sum(axis=-1)))
 
@@ -164,9 +158,7 @@ PASSES = [
 
 
 @pytest.mark.parametrize(("latitude", "keys"), PASSES)
-def test_incidence_and_slant_range_are_those_of_the_ellipsoid(
-    latitude: float, keys: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_incidence_and_slant_range_are_those_of_the_ellipsoid(latitude, keys, monkeypatch):
     radar = orbit_pass(**keys)
     scene = make_scene(latitude, radar.heading_deg, hills)
     truth, facets = seen_from_orbit(scene, radar), facets_of(scene, radar, monkeypatch)
@@ -191,7 +183,7 @@ def test_incidence_and_slant_range_are_those_of_the_ellipsoid(
     assert np.abs(columns - columns.mean()).max() < 0.4
 
 
-def steep(across: np.ndarray, along: np.ndarray) -> np.ndarray:
+def steep(across, along):
     """Hills with slopes up to 40 degrees, in all directions."""
     return 685.0 * np.sin(across * 2 * np.pi / 4900.0 + 1.0) * np.cos(along * 2 * np.pi / 5200.0 + 0.3)
 
@@ -209,9 +201,7 @@ SMALLER = "+proj=tmerc +lat_0=42 +lon_0=15.3 +k=0.995 +datum=WGS84 +units=m"
         (42.0, {"heading_deg": 192.0, "altitude_m": 20_000.0, "incidence_deg": 42.0}, 700.0, None),
     ],
 )
-def test_incidence_on_slopes_of_40_degrees_is_that_of_the_ellipsoid(
-    latitude: float, keys: dict[str, Any], mean_m: float, grid: str | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_incidence_on_slopes_of_40_degrees_is_that_of_the_ellipsoid(latitude, keys, mean_m, grid, monkeypatch):
     radar = orbit_pass(**keys)
     scene = make_scene(latitude, radar.heading_deg, steep, mean_m, grid)
     slopes = np.degrees(np.arctan(np.hypot(*np.gradient(scene.elevation_m, CELL_M))))
@@ -229,12 +219,12 @@ def test_incidence_on_slopes_of_40_degrees_is_that_of_the_ellipsoid(
     assert np.abs(found - expected)[whole].max() < 0.007
 
 
-def centre_in_space(scene: Scene) -> Any:
+def centre_in_space(scene):
     crs = CRS.from_user_input(scene.crs).to_3d()
     return Transformer.from_crs(crs, SPACE, always_xy=True).transform(0.0, 0.0, MEAN_M)
 
 
-def test_level_ground_of_an_image_has_the_ellipsoids_incidence() -> None:
+def test_level_ground_of_an_image_has_the_ellipsoids_incidence():
     radar = orbit_pass()
     scene = make_scene(42.0, 192.0, flat)
     truth, geometry = seen_from_orbit(scene, radar), make_geometry(scene, radar)
@@ -253,12 +243,10 @@ def test_level_ground_of_an_image_has_the_ellipsoids_incidence() -> None:
 
 
 @pytest.mark.parametrize(("incidence", "least_hidden", "least_laid"), [(62.0, 0.2, 0.0), (28.0, 0.0, 0.1)])
-def test_shadow_and_layover_are_those_of_rays_in_space(
-    incidence: float, least_hidden: float, least_laid: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_shadow_and_layover_are_those_of_rays_in_space(incidence, least_hidden, least_laid, monkeypatch):
     """Cliffs, which hide the ground behind them, or are nearer to the radar than the ground before them."""
 
-    def cliffs(across: np.ndarray, along: np.ndarray) -> np.ndarray:
+    def cliffs(across, along):
         return 260.0 * (np.floor(across / 700.0) % 2 == 1) + 90.0 * (np.floor(along / 2300.0) % 2)
 
     radar = orbit_pass(incidence_deg=incidence, altitude_m=514e3)
@@ -280,7 +268,7 @@ def test_shadow_and_layover_are_those_of_rays_in_space(
     assert np.mean((found != laid) & ~ends(laid) & ~ends(hidden)) < 0.005
 
 
-def ends(mask: np.ndarray) -> np.ndarray:
+def ends(mask):
     """Cells next to a change of a mask along ground range."""
     change = np.zeros(mask.shape, dtype=bool)
     change[:, 1:] |= mask[:, 1:] != mask[:, :-1]
@@ -288,7 +276,7 @@ def ends(mask: np.ndarray) -> np.ndarray:
     return change
 
 
-def test_a_huge_earth_is_flat() -> None:
+def test_a_huge_earth_is_flat():
     level = line_of_sight(Radar(altitude_m=4000.0, depression_deg=40.0))
     huge = line_of_sight(Radar(altitude_m=4000.0, depression_deg=40.0, earth="curved"), 1e13)
     assert (huge.height_m, huge.ground_m) == pytest.approx((level.height_m, level.ground_m), rel=1e-6)
@@ -296,7 +284,7 @@ def test_a_huge_earth_is_flat() -> None:
     np.testing.assert_allclose(huge.flat_incidence_deg(slant), level.flat_incidence_deg(slant), atol=1e-5)
 
 
-def test_scale_of_a_grid() -> None:
+def test_scale_of_a_grid():
     """0.9996 on the central meridian of UTM, 2 at 60 degrees in Mercator; plate carree has 2 along parallels alone."""
     utm = Transformer.from_crs("OGC:CRS84", "EPSG:32633", always_xy=True).transform(15.0, 42.0)
     assert ground_per_grid("EPSG:32633", utm, (0.0, 3.0)) == pytest.approx(1.0 / 0.9996, abs=1e-7)
@@ -313,18 +301,18 @@ def test_scale_of_a_grid() -> None:
 # the shared Sentinel-1 product --------------------------------------------------------------------------------------
 
 
-def annotation() -> ET.Element:
+def annotation():
     folder = Path(os.environ["RADCAL_DATA"]) / "sentinel1"
     (path,) = folder.glob("*.SAFE/annotation/*.xml")
     return ET.parse(path).getroot()
 
 
-def texts(root: ET.Element, name: str) -> np.ndarray:
+def texts(root, name):
     return np.array([float(str(item.findtext(name))) for item in root.iter("geolocationGridPoint")])
 
 
 @pytest.mark.skipif("RADCAL_DATA" not in os.environ, reason="RADCAL_DATA is not set: no Sentinel-1 annotation")
-def test_sentinel_1_annotates_the_same_incidence_and_heading() -> None:
+def test_sentinel_1_annotates_the_same_incidence_and_heading():
     """The whole swath of 250 km, over terrain of 0 to 1,800 m, from orbit positions and annotated slant ranges."""
     root = annotation()
     shape = (np.unique(texts(root, "line")).size, np.unique(texts(root, "pixel")).size)
@@ -368,6 +356,6 @@ def test_sentinel_1_annotates_the_same_incidence_and_heading() -> None:
     assert np.abs(np.diff(headings, axis=0)).max() < 0.4
 
 
-def seconds(root: ET.Element, kind: str, name: str) -> np.ndarray:
+def seconds(root, kind, name):
     times = np.array([str(item.findtext(name)) for item in root.iter(kind)], dtype="datetime64[us]")
     return (times - np.datetime64("2021-12-23T05:11:00")) / np.timedelta64(1, "us") * 1e-6

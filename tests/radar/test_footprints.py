@@ -1,7 +1,5 @@
 """Boxes and points on the ground against closed forms: slopes in both directions, both look sides, any heading."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -20,7 +18,7 @@ ROWS, COLUMNS, CELL_M = 24, 36, 3.0
 NORTH, EAST = (np.arange(ROWS)[:, None] + 0.5) * CELL_M, (np.arange(COLUMNS) + 0.5) * CELL_M
 
 
-def table(curves: dict[str, np.ndarray] | None = None, **columns: object) -> Objects:
+def table(curves=None, **columns):
     n = np.broadcast(*columns.values()).size
     names = ("x_m", "y_m", "length_m", "width_m", "heading_deg", "height_m", "rcs_dbsm")
     values = {name: np.array(np.broadcast_to(columns.get(name, 0.0), n), dtype=float) for name in names}
@@ -29,7 +27,7 @@ def table(curves: dict[str, np.ndarray] | None = None, **columns: object) -> Obj
 
 
 @given(row=st.floats(0.0, 4.0), column=st.floats(0.0, 6.0))
-def test_between_cells_the_ground_is_bilinear(row: float, column: float) -> None:
+def test_between_cells_the_ground_is_bilinear(row, column):
     r, c = np.mgrid[0:5, 0:7].astype(float)
     found = footprints._between.py_func(2.0 + 3.0 * r - 5.0 * c + 0.7 * r * c, row, column)
     assert found == pytest.approx(2.0 + 3.0 * row - 5.0 * column + 0.7 * row * column, abs=1e-9)
@@ -37,7 +35,7 @@ def test_between_cells_the_ground_is_bilinear(row: float, column: float) -> None
 
 @pytest.mark.parametrize("look_side", ["right", "left"])
 @pytest.mark.parametrize(("x", "y", "height"), [(40.3, 30.1, 0.0), (71.9, 47.2, 4.5)])
-def test_point_on_a_slope_has_the_slant_range_of_its_place(x: float, y: float, height: float, look_side: str) -> None:
+def test_point_on_a_slope_has_the_slant_range_of_its_place(x, y, height, look_side):
     elevation = 0.21 * EAST - 0.34 * NORTH
     radar = Radar(altitude_m=800.0, range_spacing_m=1.1, azimuth_spacing_m=2.1, look_side=look_side)
     point = table(x_m=x, y_m=y, height_m=height, rcs_dbsm=7.0)
@@ -56,7 +54,7 @@ def test_point_on_a_slope_has_the_slant_range_of_its_place(x: float, y: float, h
 
 @pytest.mark.parametrize("look_side", ["right", "left"])
 @pytest.mark.parametrize(("length", "width", "heading"), [(18.0, 6.0, 30.0), (9.0, 15.0, 115.0), (12.0, 7.0, 245.0)])
-def test_roof_stands_on_the_mean_of_its_ground(length: float, width: float, heading: float, look_side: str) -> None:
+def test_roof_stands_on_the_mean_of_its_ground(length, width, heading, look_side):
     """On a saddle z = c x y the mean over a rectangle has a closed form, in which length and width differ in sign."""
     c, x, y = 0.01, 61.0, 37.0
     elevation = c * EAST * NORTH
@@ -72,7 +70,7 @@ def test_roof_stands_on_the_mean_of_its_ground(length: float, width: float, head
 
 
 @pytest.mark.parametrize(("look_side", "aspect_deg"), [("right", 270.0 - 50.0), ("left", 90.0 - 50.0)])
-def test_aspect_is_the_bearing_of_the_radar_from_the_front(look_side: str, aspect_deg: float) -> None:
+def test_aspect_is_the_bearing_of_the_radar_from_the_front(look_side, aspect_deg):
     curve = np.array([[0.0, 3.0], [100.0, 21.0], [230.0, -4.0], [300.0, 9.0]])
     point = table({"car": curve}, x_m=20.0, y_m=30.0, heading_deg=50.0, rcs_dbsm=np.nan)
     _, spots = to_boxes_and_spots(point, np.zeros((ROWS, COLUMNS)), look_side, 1, CELL_M)
@@ -82,7 +80,7 @@ def test_aspect_is_the_bearing_of_the_radar_from_the_front(look_side: str, aspec
 
 @pytest.mark.parametrize("heading", [0.0, 25.0, 120.0])
 @pytest.mark.parametrize("look_side", ["right", "left"])
-def test_footprint_covers_its_rectangle(look_side: str, heading: float) -> None:
+def test_footprint_covers_its_rectangle(look_side, heading):
     box = table(x_m=50.2, y_m=33.7, length_m=30.0, width_m=8.0, heading_deg=heading, height_m=3.0)
     boxes, _ = to_boxes_and_spots(box, np.zeros((ROWS, COLUMNS)), look_side, 3, 1.0)
     found = raise_boxes(boxes, np.zeros((3 * ROWS, 3 * COLUMNS)), 0).owner == 0
@@ -96,7 +94,7 @@ def test_footprint_covers_its_rectangle(look_side: str, heading: float) -> None:
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_the_higher_of_two_overlapping_boxes_is_seen(order: tuple[int, int]) -> None:
+def test_the_higher_of_two_overlapping_boxes_is_seen(order):
     pick = list(order)
     boxes = Boxes(
         place=np.array([[6.0, 8.0], [6.0, 11.0]])[pick], axis=np.array([[1.0, 0.0]] * 2),
@@ -112,7 +110,7 @@ def test_the_higher_of_two_overlapping_boxes_is_seen(order: tuple[int, int]) -> 
     np.testing.assert_array_equal(raise_boxes(boxes, np.zeros((5, 20)), 5).roof_m, expected[5:10])
 
 
-def test_pixels_of_a_points_main_lobe_are_of_no_material() -> None:
+def test_pixels_of_a_points_main_lobe_are_of_no_material():
     radar = Radar(range_resolution_m=2.0, range_spacing_m=1.0, azimuth_resolution_m=6.0, azimuth_spacing_m=1.5)
     material = np.ones((20, 30), dtype=np.uint8)
     not_pure(

@@ -1,10 +1,6 @@
 """Geometry against analytic normals, rays and brute force."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,17 +9,16 @@ from sealed import changed
 from radcal.config import Radar
 from radcal.errors import ConfigError, SceneError
 from radcal.radar.facets import order_facets
-from radcal.radar.geometry import Geometry, read_geometry, write_geometry
+from radcal.radar.geometry import read_geometry, write_geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
 from radcal.storage.dataclass_groups import same
 
 ALTITUDE = 1000.0
 SIDE = 200.0  # of the tiny scenes [m]
-Build = Callable[..., Scene]
 
 
-def plane_incidence_deg(radar: Radar, shape: tuple[int, int], across: float, along: float) -> np.ndarray:
+def plane_incidence_deg(radar, shape, across, along):
     """Incidence of each pixel on z = across x + along y, x away from the track, from its analytic normal."""
     ground = ALTITUDE / np.tan(np.radians(radar.depression_deg))
     x = np.linspace(-SIDE / 2, SIDE / 2, 4001)
@@ -42,7 +37,7 @@ def plane_incidence_deg(radar: Radar, shape: tuple[int, int], across: float, alo
 @pytest.mark.parametrize(
     ("across", "along"), [(0.0, 0.0), (0.3, 0.0), (-0.3, 0.0), (0.0, 0.3), (0.0, -0.3), (0.2, 0.25)]
 )
-def test_incidence_on_planes(build_scene: Build, depression: float, across: float, along: float) -> None:
+def test_incidence_on_planes(build_scene, depression, across, along):
     radar = Radar(altitude_m=ALTITUDE, depression_deg=depression, range_spacing_m=1.0, azimuth_spacing_m=3.0)
     geometry = make_geometry(build_scene(lambda east, north: across * east + along * north), radar)
     expected = plane_incidence_deg(radar, geometry.shape, across, along)
@@ -52,14 +47,14 @@ def test_incidence_on_planes(build_scene: Build, depression: float, across: floa
     np.testing.assert_allclose(geometry.incidence_deg[inside], expected[inside], atol=0.1)
 
 
-def weights(geometry: Geometry) -> np.ndarray:
+def weights(geometry):
     """Sum of the facets' weights in every pixel."""
     total = np.concatenate([[0.0], np.cumsum(geometry.facet_weight, dtype=float)])
     first = geometry.facet_start[geometry.cell_start]
     return np.diff(total[first]).reshape(geometry.shape)
 
 
-def test_flat_ground_fills_every_pixel_and_its_facets_agree(build_scene: Build, radar: Radar) -> None:
+def test_flat_ground_fills_every_pixel_and_its_facets_agree(build_scene, radar):
     geometry = make_geometry(build_scene(lambda east, north: 0 * east), radar)
     assert geometry.visible.all()
     assert (geometry.material == 1).all()
@@ -75,7 +70,7 @@ def test_flat_ground_fills_every_pixel_and_its_facets_agree(build_scene: Build, 
 
 @pytest.mark.parametrize("radiometry", ["beta0", "sigma0_ref", "gamma0", "gamma0_rtc"])
 @pytest.mark.parametrize(("across", "along"), [(0.0, 0.0), (0.25, 0.0), (-0.3, 0.0), (0.0, 0.3), (0.2, -0.2)])
-def test_area_of_a_tilted_plane_is_ulanders(build_scene: Build, radiometry: str, across: float, along: float) -> None:
+def test_area_of_a_tilted_plane_is_ulanders(build_scene, radiometry, across, along):
     """Weights against delta_r delta_a / cos(psi), psi between the plane's normal and that of the slant plane."""
     altitude = 20_000.0
     # a column is no whole number of facets wide: those at its edges belong to it in part
@@ -109,7 +104,7 @@ STEEP = Radar(
 )  # as large as the cells of these scenes, so that facets are the cells and ground is straight between their middles
 
 
-def slant_m(radar: Radar, z: np.ndarray, east: float, up: float) -> float:
+def slant_m(radar, z, east, up):
     """Slant range of a place of a scene of 1 m cells with the profile z [m]."""
     ground = radar.altitude_m / np.tan(np.radians(radar.depression_deg)) + east
     return float(np.hypot(ground, radar.altitude_m + z.mean() - up))
@@ -118,14 +113,12 @@ def slant_m(radar: Radar, z: np.ndarray, east: float, up: float) -> float:
 @pytest.mark.parametrize("depression", [25.0, 45.0, 60.0, 72.0])
 @pytest.mark.parametrize("height", [4.0, 7.3, 11.9])
 @pytest.mark.parametrize("look_side", ["right", "left"])
-def test_shadow_of_a_wedge_is_right_to_a_fraction_of_a_facet(
-    build_scene: Build, depression: float, height: float, look_side: str
-) -> None:
+def test_shadow_of_a_wedge_is_right_to_a_fraction_of_a_facet(build_scene, depression, height, look_side):
     """Gently up, steeply down: dark from the crest to where the ray over it meets the ground."""
     radar = STEEP.model_copy(update={"depression_deg": depression, "look_side": look_side})
     crest = 0.5  # the middle of a cell; a metre on, the ground is level again
 
-    def surface(east: np.ndarray, north: np.ndarray) -> np.ndarray:
+    def surface(east, north):
         away = east if look_side == "right" else -east
         return np.interp(away, [crest - 80.0, crest, crest + 1.0], [0.0, height, 0.0])
 
@@ -149,7 +142,7 @@ def test_shadow_of_a_wedge_is_right_to_a_fraction_of_a_facet(
 
 
 @pytest.mark.parametrize("depression", [20.0, 45.0, 70.0])
-def test_every_pixel_of_broken_ground_is_that_of_many_rays(build_scene: Build, depression: float) -> None:
+def test_every_pixel_of_broken_ground_is_that_of_many_rays(build_scene, depression):
     """sigma0_local against 500 rays a cell: gently up and steeply down, hidden ground is missing from the pixels."""
     radar = STEEP.model_copy(update={"depression_deg": depression})
     rng = np.random.default_rng(4)
@@ -174,11 +167,11 @@ def test_every_pixel_of_broken_ground_is_that_of_many_rays(build_scene: Build, d
 
 
 @pytest.mark.parametrize("radiometry", ["sigma0_local", "beta0", "gamma0", "gamma0_rtc"])
-def test_powers_add_in_layover(build_scene: Build, radiometry: str) -> None:
+def test_powers_add_in_layover(build_scene, radiometry):
     """A ramp that rises twice as fast as it goes away: three places in each row of its fold, and their echoes' sum."""
     slope, length = 2.0, 24.0
 
-    def surface(east: np.ndarray, north: np.ndarray) -> np.ndarray:
+    def surface(east, north):
         return np.interp(east, [0.0, length, 120.0], [0.0, slope * length, 0.0])  # the back is in view
 
     radar = STEEP.model_copy(update={"radiometry": radiometry})
@@ -203,7 +196,7 @@ def test_powers_add_in_layover(build_scene: Build, radiometry: str) -> None:
     np.testing.assert_allclose(folded, expected, rtol=1e-4 if radiometry == "sigma0_local" else 0.02)
 
 
-def test_left_mirrors_right(scene: Scene, radar: Radar) -> None:
+def test_left_mirrors_right(scene, radar):
     mirrored = replace(scene, material=scene.material[:, ::-1], elevation_m=scene.elevation_m[:, ::-1])
     right = make_geometry(scene, radar)
     left = make_geometry(mirrored, radar.model_copy(update={"look_side": "left"}))
@@ -219,13 +212,13 @@ def test_left_mirrors_right(scene: Scene, radar: Radar) -> None:
 
 
 @pytest.mark.parametrize("look_side", ["right", "left"])
-def test_each_azimuth_line_has_the_shadow_of_its_own_wedge(build_scene: Build, look_side: str) -> None:
+def test_each_azimuth_line_has_the_shadow_of_its_own_wedge(build_scene, look_side):
     """Wedges of three heights beside one another, and level ground: no line is dark behind the wedge of another."""
     radar = STEEP.model_copy(update={"look_side": look_side})
     heights = np.repeat([7.3, 0.0, 11.9, 4.0], [3, 5, 4, 4])
     crest = 0.5
 
-    def surface(east: np.ndarray, north: np.ndarray) -> np.ndarray:
+    def surface(east, north):
         away = east if look_side == "right" else -east
         return heights[:, None] * np.interp(away, [crest - 80.0, crest, crest + 1.0], [0.0, 1.0, 0.0])
 
@@ -245,10 +238,10 @@ def test_each_azimuth_line_has_the_shadow_of_its_own_wedge(build_scene: Build, l
 
 
 @pytest.mark.parametrize("height", [7.3, 9.1])
-def test_area_of_a_facet_seen_in_part_is_that_of_its_visible_part(build_scene: Build, height: float) -> None:
+def test_area_of_a_facet_seen_in_part_is_that_of_its_visible_part(build_scene, height):
     """Level ground, on which the shadow of a wedge ends within a facet: beta0 is sigma0 over the sine, there too."""
 
-    def surface(east: np.ndarray, north: np.ndarray) -> np.ndarray:
+    def surface(east, north):
         return np.interp(east, [-80.0, 0.5, 1.5], [0.0, height, 0.0])
 
     scene = build_scene(surface, cells=(16, 240), cell_m=1.0)
@@ -263,11 +256,11 @@ def test_area_of_a_facet_seen_in_part_is_that_of_its_visible_part(build_scene: B
     np.testing.assert_allclose(weights(beta)[rows] * sine, share[rows], atol=0.01)
 
 
-def test_incidence_of_a_facet_seen_in_part_is_that_of_its_visible_half(build_scene: Build) -> None:
+def test_incidence_of_a_facet_seen_in_part_is_that_of_its_visible_half(build_scene):
     """The crest of a wedge: central differences would mix the slope that is seen with the one that is not."""
     rise, fall = 0.2, -5.0
 
-    def surface(east: np.ndarray, north: np.ndarray) -> np.ndarray:
+    def surface(east, north):
         return np.where(east <= 0.5, rise * (east - 0.5), np.maximum(fall * (east - 0.5), -10.0))
 
     scene = build_scene(surface, cells=(16, 100), cell_m=1.0)
@@ -282,7 +275,7 @@ def test_incidence_of_a_facet_seen_in_part_is_that_of_its_visible_half(build_sce
 
 
 @pytest.mark.parametrize("look_side", ["right", "left"])
-def test_places_of_pixels_are_those_of_flat_ground(build_scene: Build, radar: Radar, look_side: str) -> None:
+def test_places_of_pixels_are_those_of_flat_ground(build_scene, radar, look_side):
     geometry = make_geometry(
         build_scene(lambda east, north: 0 * east, cells=(30, 44)), radar.model_copy(update={"look_side": look_side})
     )
@@ -295,7 +288,7 @@ def test_places_of_pixels_are_those_of_flat_ground(build_scene: Build, radar: Ra
     np.testing.assert_allclose(geometry.ground[0], np.tile(row, (geometry.shape[0], 1)), atol=0.15)
 
 
-def test_cells_are_in_order_and_add_up(geometry: Geometry, scene: Scene) -> None:
+def test_cells_are_in_order_and_add_up(geometry, scene):
     assert geometry.cell_start[0] == geometry.facet_start[0] == 0
     assert geometry.cell_start[-1] == geometry.cell_material.size
     assert geometry.facet_start[-1] == geometry.facet_weight.size == geometry.facet_incidence.size
@@ -316,7 +309,7 @@ def test_cells_are_in_order_and_add_up(geometry: Geometry, scene: Scene) -> None
 
 @pytest.mark.parametrize("margin", [0, 1, 2, 4])
 @pytest.mark.parametrize("name", ["dyke", "grass"])
-def test_margin_leaves_out_pixels_near_another_material(geometry: Geometry, name: str, margin: int) -> None:
+def test_margin_leaves_out_pixels_near_another_material(geometry, name, margin):
     own = geometry.material == geometry.names.index(name) + 1
     expected = []
     for row, column in np.argwhere(own):
@@ -342,9 +335,7 @@ def test_hdf5_round_trip_is_exact_and_a_finished_calibration_keeps_its_geometry(
     assert same(read_geometry(path), geometry)
 
 
-def test_geometry_of_another_version_of_the_simulator_is_replaced(
-    geometry: Geometry, radar: Radar, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_geometry_of_another_version_of_the_simulator_is_replaced(geometry, radar, tmp_path, monkeypatch):
     """A finished calibration keeps the geometry of its pass from those of other passes, not from a better one."""
     path = tmp_path / "geometry.h5"
     (tmp_path / "calibration.h5").write_bytes(b"")
@@ -361,31 +352,31 @@ def test_geometry_of_another_version_of_the_simulator_is_replaced(
         write_geometry(path, geometry, radar)
 
 
-def test_track_below_the_terrain(build_scene: Build) -> None:
+def test_track_below_the_terrain(build_scene):
     peak = build_scene(lambda east, north: 300.0 * np.exp(-(east**2 + north**2) / 400.0))
     with pytest.raises(SceneError, match=r"radar.altitude_m is 150 m .* 2\d\d m: fly higher \(is 150 in km.*150000\)"):
         make_geometry(peak, Radar(altitude_m=150.0))
 
 
-def test_track_over_the_scene(build_scene: Build) -> None:
+def test_track_over_the_scene(build_scene):
     flat = build_scene(lambda east, north: 0 * east)
     with pytest.raises(SceneError, match=r"radar.depression_deg 80 at radar.altitude_m 500 .* lower the depression"):
         make_geometry(flat, Radar(altitude_m=500.0, depression_deg=80.0))
 
 
-def test_pixels_larger_than_the_scene(build_scene: Build) -> None:
+def test_pixels_larger_than_the_scene(build_scene):
     flat = build_scene(lambda east, north: 0 * east)
     with pytest.raises(SceneError, match=r"\d+ x 5 pixels: use a finer pixel spacing"):
         make_geometry(flat, Radar(altitude_m=ALTITUDE, azimuth_spacing_m=40.0, azimuth_resolution_m=50.0))
 
 
-def test_scene_without_materials_is_invisible(build_scene: Build) -> None:
+def test_scene_without_materials_is_invisible(build_scene):
     labels = Scene("x", ("a",), np.zeros((9, 9), dtype=np.uint8), None, 1.0, np.linspace(30, 40, 9))
     with pytest.raises(SceneError, match="no part of the scene is visible"):
         make_geometry(labels, Radar())
 
 
-def test_slant_range_scene_has_one_facet_per_labelled_pixel() -> None:
+def test_slant_range_scene_has_one_facet_per_labelled_pixel():
     labels = np.array([[1, 1, 0], [2, 2, 1]], dtype=np.uint8)
     geometry = make_geometry(Scene("x", ("a", "b"), labels, None, 1.0, np.array([20.0, 50.0])), Radar())
     assert geometry.shape == (2, 3)
@@ -395,7 +386,7 @@ def test_slant_range_scene_has_one_facet_per_labelled_pixel() -> None:
     assert geometry.pixels("a").tolist() == [0, 1, 5]
 
 
-def test_what_is_immaterial_of_a_pass_makes_no_other_file(tmp_path: Path, geometry: Geometry, radar: Radar) -> None:
+def test_what_is_immaterial_of_a_pass_makes_no_other_file(tmp_path, geometry, radar):
     path = tmp_path / "geometry.h5"
     write_geometry(path, geometry, radar)
     first = path.read_bytes()

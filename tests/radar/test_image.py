@@ -1,9 +1,5 @@
 """Image formation against the gamma distribution of multilook intensity."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 from scipy import signal, special, stats
@@ -14,11 +10,9 @@ from radcal.config import Radar
 from radcal.errors import ConfigError
 from radcal.laws import LAWS, Law
 from radcal.radar import image
-from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.projection import make_geometry
 from radcal.radar.reflectivity import law_tables, reflectivity, uniform
-from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.speckle.response import beta_share, impulse_response
 
@@ -29,13 +23,13 @@ DYKE, GRASS = [6.1, 14.2, 21.5, 3.3], [10.0, 14.0, 6.0, 4.0]
 QUIET = -200.0  # [dB] no noise at all
 
 
-def flat_image_db(looks: int = 4, sigma0_db: float = 0.0, nesz_db: float = QUIET, seed: int = 11) -> np.ndarray:
+def flat_image_db(looks=4, sigma0_db=0.0, nesz_db=QUIET, seed=11):
     formation = ImageFormation(Radar(looks=looks), SHAPE, nesz_db)
     return decibels(formation.intensity(uniform(np.full(SHAPE, 10 ** (sigma0_db / 10), dtype=np.float32)), seed))
 
 
 @pytest.mark.parametrize("looks", [1, 4])
-def test_one_material_follows_the_gamma_distribution(looks: int) -> None:
+def test_one_material_follows_the_gamma_distribution(looks):
     sigma0_db = -7.5
     db = flat_image_db(looks, sigma0_db)[APART].astype(float).ravel()
     assert db.size == N
@@ -48,7 +42,7 @@ def test_one_material_follows_the_gamma_distribution(looks: int) -> None:
     assert db.std() == pytest.approx(sd, rel=3 * np.sqrt((excess + 2) / (4 * N)))
 
 
-def log_gamma_moments(looks: float) -> tuple[float, float, float, np.ndarray]:
+def log_gamma_moments(looks):
     """Mean, variance and third central moment of the log of gamma speckle, and the central moments 0 to 6."""
     k2, k3, k4, k5, k6 = (float(special.polygamma(n, looks)) for n in range(1, 6))
     central = [1.0, 0.0, k2, k3, k4 + 3 * k2**2, k5 + 10 * k3 * k2, k6 + 15 * k4 * k2 + 10 * k3**2 + 15 * k2**3]
@@ -56,13 +50,12 @@ def log_gamma_moments(looks: float) -> tuple[float, float, float, np.ndarray]:
 
 
 @pytest.mark.parametrize("looks", [1.4, 4.4, 7.5])
-def test_looks_need_not_be_whole(looks: float) -> None:
+def test_looks_need_not_be_whole(looks):
     """Mean, variance, looks and log-moments of speckle against the gamma law, within 3 standard errors."""
     formation = ImageFormation(Radar(looks=looks), SHAPE, QUIET)
     images = []
     for seed in range(4):
         thinning = formation.thinning(seed)
-        assert thinning is not None
         images.append(formation.intensity(uniform(np.full(SHAPE, 0.2, dtype=np.float32)), seed) * thinning / 0.2)
     power = np.stack(images)[(slice(None), *APART)].astype(float).ravel()
     n = power.size
@@ -92,11 +85,11 @@ def test_looks_need_not_be_whole(looks: float) -> None:
     assert found == pytest.approx(coherence**2, rel=0.15 if looks < 2 else 0.07)  # of whole looks
 
 
-def test_whole_looks_are_not_thinned() -> None:
+def test_whole_looks_are_not_thinned():
     assert ImageFormation(Radar(looks=4.0), SHAPE, QUIET).thinning(1) is None
 
 
-def test_equal_seeds_give_equal_images_bit_for_bit() -> None:
+def test_equal_seeds_give_equal_images_bit_for_bit():
     sigma0 = np.random.default_rng(1).random((60, 50), dtype=np.float32)
     a, b = (ImageFormation(Radar(), sigma0.shape, -20.0) for _ in range(2))
     first = decibels(a.intensity(uniform(sigma0), 5))
@@ -108,23 +101,19 @@ def test_equal_seeds_give_equal_images_bit_for_bit() -> None:
     assert sigma0.min() >= 0  # the input is not changed
 
 
-def test_image_is_finite_where_nothing_is_visible_and_nothing_is_noise() -> None:
+def test_image_is_finite_where_nothing_is_visible_and_nothing_is_noise():
     formation = ImageFormation(Radar(), (40, 40), -500.0)
     assert np.isfinite(decibels(formation.intensity(uniform(np.zeros((40, 40), dtype=np.float32)), 1))).all()
 
 
 @pytest.mark.parametrize("axis", ["range", "azimuth"])
-def test_resolution_finer_than_the_sampling_is_refused(axis: str) -> None:
+def test_resolution_finer_than_the_sampling_is_refused(axis):
     radar = Radar(**{f"{axis}_resolution_m": 2.0, f"{axis}_spacing_m": 1.8})
     with pytest.raises(ConfigError, match=rf"radar\.{axis}_resolution_m is 2, expected at least 2\.1\d .* 1\.8 m"):
         ImageFormation(radar, (20, 20), QUIET)
 
 
-def law_db(x: list[float], phi: np.ndarray) -> np.ndarray:
-    return x[0] + x[1] * np.cos(phi) + x[2] * np.exp(-x[3] * phi**2)
-
-
-def test_a_law_beyond_single_precision_ends_in_a_sentence_about_its_material() -> None:
+def test_a_law_beyond_single_precision_ends_in_a_sentence_about_its_material():
     """Its infinite power would become NaN in the pixels of its neighbours."""
     laws = dict.fromkeys(("dyke", "grass"), LAWS["mangia"])
     with pytest.raises(ConfigError, match=r"^materials\.grass: X1 = 390, .* give a sigma0 of 391 dB, expected at most "
@@ -133,14 +122,14 @@ def test_a_law_beyond_single_precision_ends_in_a_sentence_about_its_material() -
     assert np.isfinite(law_tables(("grass",), laws, {"grass": [370.0, 0.0, 1.0, 5.0]})).all()
 
 
-def test_invisible_pixels_and_materials_without_a_law_are_dark(geometry: Geometry) -> None:
+def test_invisible_pixels_and_materials_without_a_law_are_dark(geometry):
     constant = Law(lambda phi, x: np.full(np.shape(phi), x[0]), ("c",), ("dB",), ((0.0, 1.0),))
     found = reflectivity(geometry, law_tables(geometry.names, {"grass": constant}, {"grass": [0.0]})).image.ravel()
     assert (found[geometry.pixels("dyke")] == 0).all()
     np.testing.assert_allclose(found[geometry.pixels("grass")], 1.0, rtol=1e-6)
 
 
-def test_the_band_limit_is_the_full_convolution() -> None:
+def test_the_band_limit_is_the_full_convolution():
     """Tiles and separable taps against one convolution of the whole amplitude by scipy."""
     shape = (300, 290)
     radar = Radar(looks=1)
@@ -159,7 +148,7 @@ def test_the_band_limit_is_the_full_convolution() -> None:
     np.testing.assert_allclose(found, expected, atol=2e-6 * np.abs(expected).max())
 
 
-def test_single_material_images_sum_to_the_full_one(geometry: Geometry, radar: Radar) -> None:
+def test_single_material_images_sum_to_the_full_one(geometry, radar):
     laws, x = dict.fromkeys(("dyke", "grass"), LAWS["mangia"]), {"dyke": DYKE, "grass": GRASS}
     formation = ImageFormation(radar, geometry.shape, -500.0)
     looks = [
@@ -171,7 +160,7 @@ def test_single_material_images_sum_to_the_full_one(geometry: Geometry, radar: R
 
 
 @pytest.mark.parametrize("place", [(0, 0), (64, 127), (77, 150), (50, 111), (140, 169)])
-def test_a_changed_pixel_is_formed_anew_in_all_tiles_within_reach(place: tuple[int, int]) -> None:
+def test_a_changed_pixel_is_formed_anew_in_all_tiles_within_reach(place):
     """One pixel of another material, near the borders of tiles of 64 pixels: the rest of the image stays."""
     shape, radar = (141, 170), Radar(looks=1, range_spacing_m=1.6, azimuth_spacing_m=1.0)
     reach = [len(impulse_response(r, s)) // 2 for r, s in ((2.0, 1.6), (3.5, 1.0))]
@@ -198,7 +187,7 @@ def test_a_changed_pixel_is_formed_anew_in_all_tiles_within_reach(place: tuple[i
     assert np.count_nonzero(again != before) > 300
 
 
-def test_looks_average_in_power() -> None:
+def test_looks_average_in_power():
     radar = Radar(looks=3)
     sigma0 = uniform(np.ones((60, 50), dtype=np.float32))
     formation = ImageFormation(radar, (60, 50), -20.0)
@@ -206,7 +195,7 @@ def test_looks_average_in_power() -> None:
     np.testing.assert_allclose(decibels(formation.intensity(sigma0, 5)), 10 * np.log10(power), atol=1e-4)
 
 
-def test_noise_follows_the_rows(geometry: Geometry, radar: Radar) -> None:
+def test_noise_follows_the_rows(geometry, radar):
     """Dark ground: the image's level in each third of the rows is the table's there."""
     table = [(float(geometry.flat_incidence_deg[0]), -25.0), (float(geometry.flat_incidence_deg[-1]), -15.0)]
     noisy = radar.model_copy(update={"nesz_db": table, "radiometry": "beta0", "looks": 16})
@@ -220,10 +209,10 @@ def test_noise_follows_the_rows(geometry: Geometry, radar: Radar) -> None:
         assert power.mean() == pytest.approx(expected, rel=3 / np.sqrt(16 * power.size / 4))
 
 
-def test_results_do_not_depend_on_the_number_of_threads(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_results_do_not_depend_on_the_number_of_threads(scene, monkeypatch):
     monkeypatch.setattr(image, "_TILE", 16)
     radar = Radar(altitude_m=1000.0, nesz_db=-20.0, radiometry="gamma0_rtc")
-    found: list[Any] = []
+    found = []
     for threads in (1, 3):
         monkeypatch.setattr(compiled._config, "NUMBA_NUM_THREADS", threads)
         geometry = make_geometry(scene, radar)

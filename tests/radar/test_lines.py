@@ -1,7 +1,5 @@
 """Facets of planes in both directions against the distances of their edges."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -10,7 +8,7 @@ from radcal.radar.lines import Lines, fill_lines
 
 @pytest.mark.parametrize("k", [1, 3])
 @pytest.mark.parametrize(("across", "along"), [(0.21, -0.4), (-0.33, 0.15)])
-def test_lines_of_a_plane_begin_and_end_at_its_edges(k: int, across: float, along: float) -> None:
+def test_lines_of_a_plane_begin_and_end_at_its_edges(k, across, along):
     ny, nx, cell, track, base = 6, 11, 4.0, 900.0, 1000.0
     north, east = (np.arange(ny)[:, None] + 0.5) * cell, (np.arange(nx) + 0.5) * cell
     step = cell / k

@@ -1,10 +1,6 @@
 """Objects in geometry and image against rays, closed forms and conserved energy."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,12 +12,11 @@ from radcal.bands import WIDTH_FACTOR
 from radcal.config import Radar
 from radcal.errors import SceneError
 from radcal.laws import LAWS
-from radcal.radar.geometry import Geometry, PointScatterers
+from radcal.radar.geometry import PointScatterers
 from radcal.radar.image import ImageFormation
 from radcal.radar.points import phased
 from radcal.radar.projection import make_geometry
-from radcal.radar.reflectivity import Reflectivity, law_tables, reflectivity, uniform
-from radcal.scene.model import Scene
+from radcal.radar.reflectivity import law_tables, reflectivity, uniform
 from radcal.scene.objects import Objects
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.speckle.response import impulse_response
@@ -34,10 +29,9 @@ FINE = Radar(
 )  # fmt: skip
 CENTRE = ALTITUDE / np.tan(np.radians(DEPRESSION))
 NX, NY = 160, 60  # cells of 1 m
-Build = Callable[..., Scene]
 
 
-def objects(**columns: Any) -> Objects:
+def objects(**columns):
     """Objects from some columns, the others as in the smallest table."""
     columns = {"x_m": NX / 2, "y_m": NY / 2, "height_m": 0.0, "rcs_dbsm": 20.0} | columns
     n = np.broadcast(*columns.values()).size
@@ -47,15 +41,15 @@ def objects(**columns: Any) -> Objects:
 
 
 @pytest.fixture(scope="module")
-def flat(build_scene: Build) -> Scene:
+def flat(build_scene):
     return build_scene(lambda east, north: 0 * east, cells=(NY, NX), cell_m=1.0)
 
 
-def with_objects(scene: Scene, **columns: Any) -> Scene:
+def with_objects(scene, **columns):
     return replace(scene, objects=objects(**columns))
 
 
-def slant(x: float, z: float) -> float:
+def slant(x, z):
     """Slant range of a place x metres east of the scene's western border [m]."""
     return float(np.hypot(CENTRE - NX / 2 + x, ALTITUDE - z))
 
@@ -63,7 +57,7 @@ def slant(x: float, z: float) -> float:
 NEAR = slant(0.0, 0.0)
 
 
-def of_objects(geometry: Geometry) -> np.ndarray:
+def of_objects(geometry):
     """What the pixels hold of objects [linear]."""
     tables = law_tables(geometry.names, {}, {})  # materials without a law are dark
     return reflectivity(geometry, tables).image.astype(float)
@@ -71,7 +65,7 @@ def of_objects(geometry: Geometry) -> np.ndarray:
 
 @pytest.mark.parametrize("height", [5.0, 12.0])
 @pytest.mark.parametrize("look_side", ["right", "left"])
-def test_tower_lies_over_what_is_before_it_and_hides_what_is_behind(flat: Scene, height: float, look_side: str) -> None:
+def test_tower_lies_over_what_is_before_it_and_hides_what_is_behind(flat, height, look_side):
     """Edges of layover and shadow against similar triangles, within a pixel."""
     geometry = make_geometry(
         with_objects(flat, length_m=12.0, width_m=8.0, height_m=height),
@@ -100,7 +94,7 @@ def test_tower_lies_over_what_is_before_it_and_hides_what_is_behind(flat: Scene,
 
 @pytest.mark.parametrize("radiometry", ["sigma0_local", "sigma0_ref", "beta0", "gamma0"])
 @pytest.mark.parametrize("heading", [0.0, 30.0, 90.0])
-def test_cross_section_of_a_box_arrives_whole(flat: Scene, radiometry: str, heading: float) -> None:
+def test_cross_section_of_a_box_arrives_whole(flat, radiometry, heading):
     radar = FINE.model_copy(update={"radiometry": radiometry})
     scene = with_objects(flat, length_m=12.0, width_m=8.0, height_m=6.0, heading_deg=heading, rcs_dbsm=23.0)
     found = of_objects(make_geometry(scene, radar))
@@ -110,7 +104,7 @@ def test_cross_section_of_a_box_arrives_whole(flat: Scene, radiometry: str, head
     assert np.sum(found * area) == pytest.approx(10**2.3, rel=2e-3)
 
 
-def test_hidden_part_of_a_box_scatters_not(flat: Scene) -> None:
+def test_hidden_part_of_a_box_scatters_not(flat):
     near_wall = {"x_m": 40.0, "length_m": NY, "width_m": 2.0, "height_m": 20.0, "rcs_dbsm": -100.0}
     behind = {"x_m": 44.0, "length_m": 4.0, "width_m": 4.0, "rcs_dbsm": 20.0}
     columns = {name: np.array([near_wall[name], behind.get(name, 0.0)]) for name in near_wall}
@@ -132,7 +126,7 @@ def test_hidden_part_of_a_box_scatters_not(flat: Scene) -> None:
     assert 0.0 < totals[1] < 100.0
 
 
-def test_ground_beside_a_box_keeps_its_level_where_areas_do_not_count(flat: Scene) -> None:
+def test_ground_beside_a_box_keeps_its_level_where_areas_do_not_count(flat):
     geometry = make_geometry(with_objects(flat, length_m=8.0, width_m=8.0, height_m=10.0, rcs_dbsm=-90.0), FINE)
     tables = law_tables(geometry.names, {"dyke": LAWS["mangia"]}, {"dyke": [0.0, 0.0, 0.0, 0.0]})
     ground = reflectivity(geometry, tables).image
@@ -148,7 +142,7 @@ def test_ground_beside_a_box_keeps_its_level_where_areas_do_not_count(flat: Scen
     assert ground[geometry.layover & geometry.visible].max() == pytest.approx(1.0, rel=1e-5)
 
 
-def test_objects_are_no_material(flat: Scene) -> None:
+def test_objects_are_no_material(flat):
     scene = with_objects(flat, x_m=[40.3, 110.0], length_m=[0.0, 9.0], width_m=[0.0, 9.0], height_m=[2.0, 4.0])
     geometry, bare = make_geometry(scene, FINE), make_geometry(flat, FINE)
     assert geometry.names == ("dyke",)
@@ -181,9 +175,7 @@ def test_objects_are_no_material(flat: Scene) -> None:
     radiometry=st.sampled_from(["sigma0_local", "sigma0_ref", "beta0", "gamma0"]),
     side=st.sampled_from(["right", "left"]),
 )  # fmt: skip
-def test_point_lies_at_its_place_with_its_energy(
-    flat: Scene, x: float, y: float, z: float, dbsm: float, radiometry: str, side: str
-) -> None:
+def test_point_lies_at_its_place_with_its_energy(flat, x, y, z, dbsm, radiometry, side):
     radar = FINE.model_copy(update={"radiometry": radiometry, "look_side": side, "looks": 2})
     geometry = make_geometry(with_objects(flat, x_m=x, y_m=y, height_m=z, rcs_dbsm=dbsm), radar)
     formation = ImageFormation(radar, geometry.shape, QUIET, geometry.points)
@@ -210,7 +202,7 @@ def test_point_lies_at_its_place_with_its_energy(
     assert peak * area == pytest.approx(10 ** (dbsm / 10) * taps.max() ** 4, rel=0.02)
 
 
-def test_point_behind_a_wall_is_dark_and_above_it_is_not(flat: Scene) -> None:
+def test_point_behind_a_wall_is_dark_and_above_it_is_not(flat):
     columns = {
         "x_m": [40.0, 48.0, 48.0],
         "length_m": [40.0, 0, 0],
@@ -222,7 +214,7 @@ def test_point_behind_a_wall_is_dark_and_above_it_is_not(flat: Scene) -> None:
     assert geometry.point_number.tolist() == [2]
 
 
-def test_points_do_not_fluctuate_and_their_phases_are_even() -> None:
+def test_points_do_not_fluctuate_and_their_phases_are_even():
     n = 4000
     some = PointScatterers(np.zeros(n), np.zeros(n), np.full(n, 2.0, np.float32), np.arange(n, dtype=np.uint32))
     a, b = phased(some, 1).astype(float), phased(some, 2).astype(float)
@@ -234,7 +226,7 @@ def test_points_do_not_fluctuate_and_their_phases_are_even() -> None:
     np.testing.assert_array_equal(phased(some, 1), phased(some, 1))
 
 
-def test_point_over_clutter_adds_in_amplitude(flat: Scene) -> None:
+def test_point_over_clutter_adds_in_amplitude(flat):
     geometry = make_geometry(with_objects(flat, x_m=[40.0, 90.5], height_m=[0.0, 3.0], rcs_dbsm=[15.0, 25.0]), FINE)
     clutter = uniform(np.ones(geometry.shape, dtype=np.float32))
     with_points = ImageFormation(FINE, geometry.shape, QUIET, geometry.points)
@@ -247,7 +239,7 @@ def test_point_over_clutter_adds_in_amplitude(flat: Scene) -> None:
 
 
 @pytest.mark.slow
-def test_points_do_not_depend_on_tiles() -> None:
+def test_points_do_not_depend_on_tiles():
     """Each point against the transform of its band, over the borders of tiles and of the image."""
     shape, n = (300, 290), 120
     rng = np.random.default_rng(2)
@@ -259,7 +251,7 @@ def test_points_do_not_depend_on_tiles() -> None:
     weights = signal.windows.taylor(1000, nbar=4, sll=35, norm=False)
     frequency = ((np.arange(1000) + 0.5) / 1000 - 0.5) * WIDTH_FACTOR / 2.0
 
-    def at(length: int, place: float) -> np.ndarray:
+    def at(length, place):
         offset = np.arange(-20.0, length + 20) - place
         taps = np.cos(2 * np.pi * np.multiply.outer(offset, frequency)) @ weights * (np.abs(offset) < 16)
         return (taps / np.linalg.norm(taps))[20:-20]  # cut at eight resolutions
@@ -270,7 +262,7 @@ def test_points_do_not_depend_on_tiles() -> None:
     assert np.abs(found - expected).max() < 3e-3 * np.abs(expected).max()
 
 
-def test_a_run_with_one_new_law_is_a_run_from_nothing(scene: Scene, radar: Radar) -> None:
+def test_a_run_with_one_new_law_is_a_run_from_nothing(scene, radar):
     made = objects(x_m=[50.0, 120.0, 111.0], y_m=[60.0, 100.0, 30.0], length_m=[0, 20.0, 0], width_m=[0, 15.0, 0],
                    height_m=[3.0, 8.0, 0.0], rcs_dbsm=30.0)  # fmt: skip
     geometry = make_geometry(replace(scene, objects=made), radar)
@@ -283,14 +275,12 @@ def test_a_run_with_one_new_law_is_a_run_from_nothing(scene: Scene, radar: Radar
     assert not np.array_equal(after, bare.run({"dyke": dyke, "grass": [1.0, 2.0, 3.0, 4.0]}, 5))
 
 
-def test_an_unchanged_law_makes_no_tile_anew_with_objects(
-    scene: Scene, radar: Radar, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_unchanged_law_makes_no_tile_anew_with_objects(scene, radar, monkeypatch):
     """Objects have an id after those of the materials, which the mask of changed laws contains, too."""
-    made: list[tuple[int, int]] = []
+    made = []
     touched = ImageFormation.touched
 
-    def seen(self: ImageFormation, cells: Reflectivity, changed: np.ndarray) -> np.ndarray:
+    def seen(self, cells, changed):
         made.append((changed.size - int(cells.material.max()), len(touched(self, cells, changed))))
         return touched(self, cells, changed)
 
@@ -304,7 +294,7 @@ def test_an_unchanged_law_makes_no_tile_anew_with_objects(
     assert made[1][1] > 0
 
 
-def test_objects_without_an_echo_leave_the_ground_as_it_is(scene: Scene, radar: Radar) -> None:
+def test_objects_without_an_echo_leave_the_ground_as_it_is(scene, radar):
     """A point far below the clutter: the way of scenes with objects is that of scenes without."""
     geometry = make_geometry(replace(scene, objects=objects(x_m=100.0, y_m=100.0, rcs_dbsm=-100.0)), radar)
     bare = make_geometry(scene, radar)
@@ -312,12 +302,12 @@ def test_objects_without_an_echo_leave_the_ground_as_it_is(scene: Scene, radar: 
         np.testing.assert_array_equal(getattr(geometry, name), getattr(bare, name))
 
 
-def test_box_smaller_than_a_facet_is_a_point(flat: Scene) -> None:
+def test_box_smaller_than_a_facet_is_a_point(flat):
     geometry = make_geometry(with_objects(flat, x_m=80.0, y_m=30.0, length_m=0.4, width_m=0.3, height_m=2.0), FINE)
     assert geometry.point_number.tolist() == [0]
     assert not of_objects(geometry).any()
 
 
-def test_track_below_an_object(flat: Scene) -> None:
+def test_track_below_an_object(flat):
     with pytest.raises(SceneError, match=r"radar.altitude_m is 500 m .* an object rises 600 m: fly higher"):
         make_geometry(with_objects(flat, length_m=5.0, width_m=5.0, height_m=600.0), FINE)

@@ -3,10 +3,6 @@
 Tolerances are those that a radar engineer asks for; the sample sizes make each a 3 sigma statement.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -14,17 +10,15 @@ from scipy import stats
 from radcal.config import Radar
 from radcal.radar.image import ImageFormation
 from radcal.radar.reflectivity import uniform
-from radcal.scene.model import Scene
 from radcal.speckle.response import impulse_response
 
-Build = Callable[..., Scene]
 DARK = -200.0  # [dB] no noise at all
 # four pixels are over two and a half resolutions: below the -35 dB sidelobes, so uncorrelated
 APART = np.s_[12:-12:4, 12:-12:4]
 SHAPE = (1070, 1070)  # (3 / (0.05 dB in linear))^2 = 67,000 independent values, and the border
 
 
-def test_zero_reflectivity_measures_the_noise() -> None:
+def test_zero_reflectivity_measures_the_noise():
     image = ImageFormation(Radar(looks=1), SHAPE, -23.0).intensity(uniform(np.zeros(SHAPE, np.float32)), 3)
     power = image[APART].astype(np.float64).ravel()
     assert power.size >= 67_000
@@ -33,7 +27,7 @@ def test_zero_reflectivity_measures_the_noise() -> None:
 
 
 @pytest.mark.parametrize(("sigma0_db", "nesz_db"), [(-8.0, DARK), (DARK, -13.0), (-8.0, -13.0)])
-def test_even_ground_is_even_up_to_the_border(sigma0_db: float, nesz_db: float) -> None:
+def test_even_ground_is_even_up_to_the_border(sigma0_db, nesz_db):
     """Mean level of every row and column, the outermost too, over ground and noise of one level."""
     shape, radar = (300, 340), Radar(looks=64)
     even = uniform(np.full(shape, 10 ** (sigma0_db / 10), np.float32))

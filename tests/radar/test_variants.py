@@ -1,9 +1,5 @@
 """Wrong variants of geometry and radiometry: side, angles, areas, powers."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from variants import agrees
@@ -17,15 +13,13 @@ from radcal.radar.points import FINENESS, fine_taps
 from radcal.radar.projection import make_geometry
 from radcal.radar.radiometry import noise_floor_db, of_sigma0, with_noise_db
 from radcal.radar.reflectivity import law_tables, reflectivity
-from radcal.scene.model import Scene
 
-Build = Callable[..., Scene]
 ANGLES = np.array([23.0, 37.0, 52.0])
 RAD = np.radians(ANGLES)
 EARTH_M = 6_371_008.8
 
 
-def test_area_factor_of_each_radiometry() -> None:
+def test_area_factor_of_each_radiometry():
     sine, secant, one = np.sin(RAD), 1.0 / np.cos(RAD), np.ones(3)
     agrees(of_sigma0("beta0", ANGLES), 1.0 / sine, inverse=sine, cosine=secant, unit=one, degrees=1.0 / np.sin(ANGLES))
     for name in ("gamma0", "gamma0_rtc"):
@@ -34,7 +28,7 @@ def test_area_factor_of_each_radiometry() -> None:
         agrees(of_sigma0(name, ANGLES), one, beta0=1.0 / sine, gamma0=secant)
 
 
-def test_noise_floor_is_a_power_in_the_radiometry_of_the_image() -> None:
+def test_noise_floor_is_a_power_in_the_radiometry_of_the_image():
     factor = 10.0 * np.log10(1.0 / np.sin(RAD))
     table = [(20.0, -29.0), (40.0, -21.0), (50.0, -24.0)]
     sigma0 = np.array([-29.0 + 8.0 * 3.0 / 20.0, -29.0 + 8.0 * 17.0 / 20.0, -24.0])
@@ -49,7 +43,7 @@ def test_noise_floor_is_a_power_in_the_radiometry_of_the_image() -> None:
     )
 
 
-def test_noise_adds_in_power() -> None:
+def test_noise_adds_in_power():
     law, noise = np.array([-12.0, -20.0, -31.0]), -22.0
     power = 10.0 ** (law / 10.0) + 10.0 ** (noise / 10.0)
     agrees(
@@ -64,11 +58,11 @@ def test_noise_adds_in_power() -> None:
     )
 
 
-def test_local_incidence_is_the_angle_of_normal_and_ray() -> None:
+def test_local_incidence_is_the_angle_of_normal_and_ray():
     along, across, look = 0.31, -0.17, np.radians(38.0)
     ray = np.array([0.0, -np.sin(look), np.cos(look)])  # azimuth, ground range away from the track, up
 
-    def cosine(first: float, second: float) -> float:
+    def cosine(first, second):
         normal = np.cross([1.0, 0.0, first], [0.0, 1.0, second])
         return float(normal @ ray / np.linalg.norm(normal))
 
@@ -86,7 +80,7 @@ def test_local_incidence_is_the_angle_of_normal_and_ray() -> None:
 
 @pytest.mark.parametrize(("side", "sign"), [("right", 1.0), ("left", -1.0)])
 @pytest.mark.parametrize("radiometry", ["sigma0_ref", "beta0", "gamma0", "gamma0_rtc", "sigma0_local"])
-def test_tilted_plane(build_scene: Build, side: str, sign: float, radiometry: str) -> None:
+def test_tilted_plane(build_scene, side, sign, radiometry):
     """A plane that rises eastwards: it faces a radar in the west, and turns away from one in the east."""
     slope = 0.15
     radar = Radar(altitude_m=4e4, depression_deg=51.0, look_side=side, radiometry=radiometry)
@@ -120,7 +114,7 @@ def test_tilted_plane(build_scene: Build, side: str, sign: float, radiometry: st
         agrees(found, 10.0 * np.log10(area), atol=0.03, amplitude=20.0 * np.log10(area), inverse=-10.0 * np.log10(area))
 
 
-def test_angles_over_a_spherical_earth() -> None:
+def test_angles_over_a_spherical_earth():
     """The radar stands at (0, R + h), and the ground at the angle of incidence is found by the law of sines."""
     height, angle = 693e3, np.radians(39.0)
     nadir = np.arcsin(np.sin(angle) * EARTH_M / (EARTH_M + height))
@@ -143,7 +137,7 @@ def test_angles_over_a_spherical_earth() -> None:
     agrees(sight.flat_incidence_deg(slant), 39.0, flat_earth=np.degrees(np.arccos(height / slant)), nadir=off)
 
 
-def test_earth_falls_off_along_ground_range_alone() -> None:
+def test_earth_falls_off_along_ground_range_alone():
     sight = line_of_sight(Radar(earth="curved", altitude_m=5e5, incidence_deg=35.0), EARTH_M)
     u, v = (np.arange(9) - 4.0) * 700.0, (np.arange(7) - 3.0)[:, None] * 700.0
     drop = -(u**2) / (2.0 * EARTH_M) + 0.0 * v
@@ -160,7 +154,7 @@ def test_earth_falls_off_along_ground_range_alone() -> None:
     )
 
 
-def test_flat_earth_by_the_tangent_of_the_depression() -> None:
+def test_flat_earth_by_the_tangent_of_the_depression():
     sight = line_of_sight(Radar(altitude_m=3000.0, depression_deg=53.0))
     right = 3000.0 / np.tan(np.radians(53.0))
     agrees(
@@ -174,7 +168,7 @@ def test_flat_earth_by_the_tangent_of_the_depression() -> None:
 
 
 @pytest.mark.parametrize(("side", "turn"), [("right", 90.0), ("left", -90.0)])
-def test_heading_is_at_right_angles_to_the_sight(side: str, turn: float) -> None:
+def test_heading_is_at_right_angles_to_the_sight(side, turn):
     longitude, latitude, bearing = 6.2, 51.7, 103.0  # bearing of the sight at the scene, away from the satellite
     lon, lat, az = np.radians([longitude, latitude, bearing])
     up = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
@@ -210,11 +204,11 @@ def test_heading_is_at_right_angles_to_the_sight(side: str, turn: float) -> None
     )
 
 
-def test_power_of_a_law_is_a_tenth_of_its_decibels() -> None:
+def test_power_of_a_law_is_a_tenth_of_its_decibels():
     class Table:
         names, formula = ("a",), "a - phi"
 
-        def __call__(self, phi_rad: np.ndarray, x: np.ndarray) -> np.ndarray:
+        def __call__(self, phi_rad, x):
             return x[0] - 8.0 * np.asarray(phi_rad)
 
     tables = law_tables(("grass", "crops"), {"crops": Table()}, {"crops": [-7.0]})
@@ -229,7 +223,7 @@ def test_power_of_a_law_is_a_tenth_of_its_decibels() -> None:
     )
 
 
-def test_power_of_a_pixel_is_the_sum_over_its_facets(scene: Scene, radar: Radar) -> None:
+def test_power_of_a_pixel_is_the_sum_over_its_facets(scene, radar):
     """Independent of which facets a pixel has: every facet by its own angle, not the pixel's mean angle."""
     geometry = make_geometry(scene, radar)
     phi = np.linspace(0.0, np.pi / 2.0, 65536)
@@ -245,7 +239,7 @@ def test_power_of_a_pixel_is_the_sum_over_its_facets(scene: Scene, radar: Radar)
 
 
 @pytest.mark.parametrize(("resolution", "spacing"), [(2.0, 1.4), (3.3, 1.1)])
-def test_echo_of_a_point_has_unit_energy_wherever_it_lies(resolution: float, spacing: float) -> None:
+def test_echo_of_a_point_has_unit_energy_wherever_it_lies(resolution, spacing):
     taps = fine_taps(resolution, spacing).astype(np.float64)
     energy = np.array([(taps[k::FINENESS] ** 2).sum() for k in range(FINENESS)])
     agrees(

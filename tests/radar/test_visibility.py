@@ -1,7 +1,5 @@
 """Rays over a line of facets, against the definition of the tangent of the look angle."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,9 +13,7 @@ METRES = st.floats(1.0, 9.0)
 
 @given(near=st.floats(50.0, 90.0), step=METRES, near_down=st.floats(60.0, 90.0), rise=st.floats(-20.0, 20.0),
        share=st.floats(0.05, 0.95))  # fmt: skip
-def test_the_ray_of_the_horizon_passes_where_the_facet_begins_to_be_seen(
-    near: float, step: float, near_down: float, rise: float, share: float
-) -> None:
+def test_the_ray_of_the_horizon_passes_where_the_facet_begins_to_be_seen(near, step, near_down, rise, share):
     far, far_down = near + step, near_down - rise
     horizon = (near + share * step) / (near_down - share * rise)
     first, last = near / near_down, far / far_down
@@ -39,9 +35,7 @@ def test_the_ray_of_the_horizon_passes_where_the_facet_begins_to_be_seen(
         (50.0, 51.0, 3.0, (1.0, 0.5)),
     ],
 )  # fmt: skip
-def test_halves_of_a_facet_hide_one_another(
-    monkeypatch: pytest.MonkeyPatch, middle_down: float, far_down: float, horizon: float, expected: tuple[float, float]
-) -> None:
+def test_halves_of_a_facet_hide_one_another(monkeypatch, middle_down, far_down, horizon, expected):
     monkeypatch.setattr(visibility, "seen_from", seen_from)  # nothing is compiled
     place = (100.0, 50.0, 102.5, middle_down, 105.0, far_down)
     found = visibility.part_seen.py_func(*place, horizon if horizon else -np.inf)
@@ -50,7 +44,7 @@ def test_halves_of_a_facet_hide_one_another(
 
 @pytest.mark.parametrize(("start", "end"), [(0.0, 1.0), (0.2, 0.9), (0.6, 0.9), (0.1, 0.4)])
 @pytest.mark.parametrize("middle_down", [40.0, 52.0, 64.0])
-def test_slant_extent_is_that_of_many_places(start: float, end: float, middle_down: float) -> None:
+def test_slant_extent_is_that_of_many_places(start, end, middle_down):
     place = ((100.0, 50.0), (101.0, middle_down), (102.0, 53.0))
     at = np.linspace(start, end, 2001)
     if start < 0.5 < end:
@@ -62,7 +56,7 @@ def test_slant_extent_is_that_of_many_places(start: float, end: float, middle_do
 
 
 @pytest.mark.parametrize(("fold_m", "laid"), [(2.1, True), (2.9, True), (1.9, False)])
-def test_layover_begins_a_pixel_of_slant_range_apart(fold_m: float, laid: bool) -> None:
+def test_layover_begins_a_pixel_of_slant_range_apart(fold_m, laid):
     slant = np.array([[10.0, 20.0, 20.0 - fold_m, 40.0, 50.0]])
     visible = np.ones(slant.shape, dtype=bool)
     assert visibility.laid_over(slant, visible, 2.0).tolist() == [[False, laid, laid, False, False]]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -22,13 +21,13 @@ class Asked:
     dataset: str | None = None
 
 
-def image_file(path: Path, **asked: object) -> ImageFile:
+def image_file(path, **asked):
     return ImageFile(path, Asked(**asked), "measurement", "path", MeasurementError)
 
 
 @pytest.mark.parametrize(("band", "scale", "offset"), [(1, 1.0, 5.0), (2, 3.0, 0.0), (3, 0.5, -2.0)])
 @pytest.mark.filterwarnings("ignore:Dataset has no geotransform")
-def test_scale_and_offset_are_those_of_the_band(tmp_path: Path, band: int, scale: float, offset: float) -> None:
+def test_scale_and_offset_are_those_of_the_band(tmp_path, band, scale, offset):
     stored = np.arange(24, dtype=np.float32).reshape(3, 2, 4) ** 2
     with rasterio.open(tmp_path / "b.tif", "w", driver="GTiff", width=4, height=2, count=3, dtype="float32") as raster:
         raster.write(stored)
@@ -39,7 +38,7 @@ def test_scale_and_offset_are_those_of_the_band(tmp_path: Path, band: int, scale
         read_array(image_file(tmp_path / "b.tif", band=4))
 
 
-def test_compound_numbers_have_their_imaginary_part(tmp_path: Path) -> None:
+def test_compound_numbers_have_their_imaginary_part(tmp_path):
     values = np.array([[(1.0, 2.0), (3.0, -4.0)]], dtype=[("real", "f4"), ("imag", "f4")])
     with h5py.File(tmp_path / "c.h5", "w") as written:
         written["slc"] = values

@@ -20,7 +20,7 @@ class Asked:
     dataset: str | None = None
 
 
-def file(scale: str = "power", **fields: object) -> ImageFile:
+def file(scale="power", **fields):
     image = ImageFile(Path("image.tif"), Asked(scale), "measurement", "path", MeasurementError)
     return replace(image, **fields)
 
@@ -29,12 +29,12 @@ def file(scale: str = "power", **fields: object) -> ImageFile:
     ("scale", "value", "expected_db"),
     [("power", 2.0, 3.0103), ("amplitude", 2.0, 6.0206), ("complex", 3 - 4j, 13.9794), ("db", -7.25, -7.25)],
 )
-def test_a_value_in_db(scale: str, value: complex, expected_db: float) -> None:
+def test_a_value_in_db(scale, value, expected_db):
     image, _ = to_db(np.full((2, 3), value), file(scale))
     np.testing.assert_allclose(image, expected_db, atol=1e-4)
 
 
-def test_each_kind_of_value_without_power_is_counted_once() -> None:
+def test_each_kind_of_value_without_power_is_counted_once():
     values = np.full((20, 30), 5.0)
     values[0, :4], values[1, :3], values[2, :2] = np.nan, 0.0, -1.0
     image, counts = to_db(values, file())
@@ -47,7 +47,7 @@ def test_each_kind_of_value_without_power_is_counted_once() -> None:
 
 
 @pytest.mark.parametrize(("negative", "refused"), [(3, False), (4, True)])
-def test_one_in_a_hundred_known_values_may_be_negative(negative: int, refused: bool) -> None:
+def test_one_in_a_hundred_known_values_may_be_negative(negative, refused):
     values = np.full((20, 30), 5.0)
     values[10:] = np.nan  # 300 are known
     values[0, :negative] = -1.0
@@ -58,7 +58,7 @@ def test_one_in_a_hundred_known_values_may_be_negative(negative: int, refused: b
         assert to_db(values, file())[1].negative == 3
 
 
-def test_the_largest_level_is_allowed_and_the_worst_beyond_it_named() -> None:
+def test_the_largest_level_is_allowed_and_the_worst_beyond_it_named():
     values = np.array([[200.0, -200.0, 1.0]])
     np.testing.assert_array_equal(to_db(values, file("db"))[0], values)
     values = np.array([[201.0, -350.0, 1.0, 250.0]])
@@ -73,7 +73,7 @@ def test_the_largest_level_is_allowed_and_the_worst_beyond_it_named() -> None:
 @pytest.mark.parametrize(
     ("shape", "ending"), [((4, 3), ": turn it."), ((3, 5), ": resize it."), ((4, 4), ": resize it.")]
 )
-def test_an_image_of_another_shape_is_told_what_to_do(shape: tuple[int, int], ending: str) -> None:
+def test_an_image_of_another_shape_is_told_what_to_do(shape, ending):
     known = file(shape=(3, 4), turned=": turn it", resized=": resize it")
     check_header(known, (3, 4), np.dtype("f4"))
     said = rf"image\.tif has {shape[0]} x {shape[1]} pixels, the scene's image 3 x 4{ending}"
@@ -81,7 +81,7 @@ def test_an_image_of_another_shape_is_told_what_to_do(shape: tuple[int, int], en
         check_header(known, shape, np.dtype("f4"))
 
 
-def test_the_largest_image_is_allowed() -> None:
+def test_the_largest_image_is_allowed():
     check_header(file(), (LARGEST_VALUES // 100, 100), np.dtype("f4"))
     with pytest.raises(MeasurementError, match="1000000 x 101 pixels, expected at most 1e"):
         check_header(file(), (LARGEST_VALUES // 100, 101), np.dtype("f4"))

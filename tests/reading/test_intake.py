@@ -1,11 +1,8 @@
 """Files of others: bounded, parsed without entities, and all that leads elsewhere found."""
 
-from __future__ import annotations
-
 import os
 import resource
 import sys
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -15,7 +12,7 @@ from radcal.reading.intake import bounded_memory, elsewhere, parse_xml, unchange
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the system has no /proc")
-def test_memory_is_bounded_in_the_block_and_only_there() -> None:
+def test_memory_is_bounded_in_the_block_and_only_there():
     before = resource.getrlimit(resource.RLIMIT_AS)
     with bounded_memory(1000):
         np.ones(1 << 20)
@@ -28,10 +25,8 @@ def test_memory_is_bounded_in_the_block_and_only_there() -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the system has no /proc")
 @pytest.mark.parametrize(("soft", "values", "tighter"), [(1 << 40, 1000, True), (1 << 40, 1 << 36, False)])
-def test_a_limit_that_is_set_already_is_never_widened(
-    monkeypatch: pytest.MonkeyPatch, soft: int, values: int, tighter: bool
-) -> None:
-    limits: list[tuple[int, int]] = []
+def test_a_limit_that_is_set_already_is_never_widened(monkeypatch, soft, values, tighter):
+    limits = []
     monkeypatch.setattr(resource, "getrlimit", lambda _: (soft, 2 * soft))
     monkeypatch.setattr(resource, "setrlimit", lambda _, pair: limits.append(pair))
     with bounded_memory(values):
@@ -41,7 +36,7 @@ def test_a_limit_that_is_set_already_is_never_widened(
     assert limits[1:] == [(soft, 2 * soft)]
 
 
-def test_entities_and_document_types_are_refused(tmp_path: Path) -> None:
+def test_entities_and_document_types_are_refused(tmp_path):
     (tmp_path / "secret").write_text("secret")
     assert parse_xml(b"<a><b>1</b></a>").findtext("b") == "1"
     for text in (
@@ -56,7 +51,7 @@ def test_entities_and_document_types_are_refused(tmp_path: Path) -> None:
         parse_xml(b"<a>")
 
 
-def test_a_file_that_changes_is_noticed(tmp_path: Path) -> None:
+def test_a_file_that_changes_is_noticed(tmp_path):
     path = tmp_path / "a"
     path.write_text("one")
     with unchanged(path):
@@ -66,7 +61,7 @@ def test_a_file_that_changes_is_noticed(tmp_path: Path) -> None:
             change()
 
 
-def test_what_of_an_hdf5_file_lies_elsewhere(tmp_path: Path) -> None:
+def test_what_of_an_hdf5_file_lies_elsewhere(tmp_path):
     (tmp_path / "raw").write_bytes(bytes(48))
     layout = h5py.VirtualLayout((2, 3), "f4")
     layout[...] = h5py.VirtualSource(str(tmp_path / "other.h5"), "x", (2, 3))

@@ -1,13 +1,8 @@
 """Rasters that would have GDAL read other files or the network: refused, with a listener that hears nothing."""
 
-from __future__ import annotations
-
 import threading
 import warnings
-from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -21,7 +16,7 @@ from radcal.reading.rasters import RasterRefused, check_blocks, open_raster, ras
 VALUES = np.arange(48, dtype=np.float32).reshape(6, 8) + 3.0
 
 
-def write(path: Path, **profile: Any) -> Path:
+def write(path, **profile):
     path.parent.mkdir(exist_ok=True)
     keys = {"driver": "GTiff", "height": 6, "width": 8, "count": 1, "dtype": "float32"} | profile
     with warnings.catch_warnings():
@@ -31,7 +26,7 @@ def write(path: Path, **profile: Any) -> Path:
     return path
 
 
-def vrt(source: object, relative: int = 1, band: str = "", before: str = "") -> str:
+def vrt(source, relative=1, band="", before=""):
     return (
         f'<VRTDataset rasterXSize="8" rasterYSize="6">{before}<VRTRasterBand dataType="Float32" band="1"{band}>'
         f'<SimpleSource><SourceFilename relativeToVRT="{relative}">{source}</SourceFilename><SourceBand>1</SourceBand>'
@@ -39,7 +34,7 @@ def vrt(source: object, relative: int = 1, band: str = "", before: str = "") -> 
     )
 
 
-def wms(url: str) -> str:
+def wms(url):
     return (
         f'<GDAL_WMS><Service name="TMS"><ServerUrl>{url}/${{z}}/${{x}}/${{y}}.png</ServerUrl></Service><DataWindow>'
         "<UpperLeftX>0</UpperLeftX><UpperLeftY>1</UpperLeftY><LowerRightX>1</LowerRightX><LowerRightY>0</LowerRightY>"
@@ -49,18 +44,18 @@ def wms(url: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def requests() -> Iterator[tuple[str, list[str]]]:
+def requests():
     """Address of a server of this machine, and what it was asked for."""
-    heard: list[str] = []
+    heard = []
 
     class Listener(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
+        def do_GET(self):
             heard.append(self.path)
             self.send_error(404)
 
         do_HEAD = do_POST = do_GET
 
-        def log_message(self, *_: object) -> None:
+        def log_message(self, *_):
             pass
 
     server = ThreadingHTTPServer(("127.0.0.1", 0), Listener)
@@ -72,19 +67,19 @@ def requests() -> Iterator[tuple[str, list[str]]]:
     server.server_close()
 
 
-def read(path: Path, **keys: Any) -> np.ndarray:
+def read(path, **keys):
     with open_raster(path, **keys) as raster:
         return np.asarray(raster.read(1, masked=True).filled(np.nan))
 
 
 @pytest.fixture
-def place(tmp_path: Path) -> Path:
+def place(tmp_path):
     write(tmp_path / "other" / "secret.tif")
     write(tmp_path / "own" / "tile.tif")
     return tmp_path / "own"
 
 
-def test_a_tif_that_holds_a_mosaic_of_another_file_is_refused(place: Path) -> None:
+def test_a_tif_that_holds_a_mosaic_of_another_file_is_refused(place):
     path = place / "image.tif"
     path.write_text(vrt(place.parent / "other/secret.tif", 0))
     with rasterio.open(path) as raster:  # what GDAL does by itself
@@ -98,7 +93,7 @@ def test_a_tif_that_holds_a_mosaic_of_another_file_is_refused(place: Path) -> No
 
 
 @pytest.mark.parametrize("name", ["vsicurl", "http", "streaming", "wms", "msk", "srs", "aux", "tag"])
-def test_no_request_is_sent(place: Path, requests: tuple[str, list[str]], name: str) -> None:
+def test_no_request_is_sent(place, requests, name):
     url, heard = requests
     if name in ("vsicurl", "http", "streaming"):
         path = place / "a.vrt"
@@ -127,7 +122,7 @@ def test_no_request_is_sent(place: Path, requests: tuple[str, list[str]], name: 
     assert heard == []
 
 
-def test_the_listener_hears_what_gdal_does_by_itself(place: Path, requests: tuple[str, list[str]]) -> None:
+def test_the_listener_hears_what_gdal_does_by_itself(place, requests):
     url, heard = requests
     path = place / "a.tif"
     path.write_text(vrt(f"/vsicurl/{url}/by_itself.tif", 0))
@@ -164,7 +159,7 @@ def test_the_listener_hears_what_gdal_does_by_itself(place: Path, requests: tupl
         ("<VRTDataset", "a.vrt: its XML cannot be parsed"),
     ],
 )
-def test_what_a_mosaic_may_not_name(place: Path, content: str, words: str) -> None:
+def test_what_a_mosaic_may_not_name(place, content, words):
     (place / "link.tif").symlink_to(place.parent / "other/secret.tif")
     (place / "inner.vrt").write_text(vrt("tile.tif"))
     (place / "service.tif").write_text(wms("http://127.0.0.1:9"))
@@ -175,7 +170,7 @@ def test_what_a_mosaic_may_not_name(place: Path, content: str, words: str) -> No
         raster_files(place / "a.vrt")
 
 
-def test_a_mosaic_of_its_own_folder_is_read_and_its_sources_are_inputs(place: Path) -> None:
+def test_a_mosaic_of_its_own_folder_is_read_and_its_sources_are_inputs(place):
     other = place.parent / "other"
     for name, source, relative, folders in (
         ("a.vrt", "tile.tif", 1, ()),
@@ -192,7 +187,7 @@ def test_a_mosaic_of_its_own_folder_is_read_and_its_sources_are_inputs(place: Pa
     np.testing.assert_array_equal(read(link), VALUES)
 
 
-def test_headers_and_world_files_are_inputs(tmp_path: Path) -> None:
+def test_headers_and_world_files_are_inputs(tmp_path):
     path = write(tmp_path / "image.img", driver="ENVI")
     np.testing.assert_array_equal(read(path), VALUES)
     assert tmp_path / "image.hdr" in raster_files(path)
@@ -201,14 +196,14 @@ def test_headers_and_world_files_are_inputs(tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
-def test_formats_with_numbers_in_other_files_are_refused(tmp_path: Path) -> None:
+def test_formats_with_numbers_in_other_files_are_refused(tmp_path):
     """An HFA raster (Erdas Imagine) names the file of its numbers, which may be any."""
     path = write(tmp_path / "image.img", driver="HFA", USE_SPILL="YES")
     with pytest.raises(RasterioError, match="not recognized as being in a supported file format"):
         read(path)
 
 
-def test_hdf5_that_leads_elsewhere_is_no_raster(tmp_path: Path) -> None:
+def test_hdf5_that_leads_elsewhere_is_no_raster(tmp_path):
     (tmp_path / "numbers").write_bytes(VALUES.tobytes())
     with h5py.File(tmp_path / "a.tif", "w") as file:
         file.create_dataset("x", (6, 8), "f4", external=[(str(tmp_path / "numbers"), 0, VALUES.nbytes)])
@@ -216,7 +211,7 @@ def test_hdf5_that_leads_elsewhere_is_no_raster(tmp_path: Path) -> None:
         read(tmp_path / "a.tif")
 
 
-def test_blocks_larger_than_any_image_are_refused(tmp_path: Path) -> None:
+def test_blocks_larger_than_any_image_are_refused(tmp_path):
     side = 10_016  # a multiple of 16, and the smallest that is too large
     assert (side - 16) ** 2 <= LARGEST_VALUES < side**2
     shape = {"tiled": True, "blockxsize": side, "blockysize": side, "dtype": "uint8"}
@@ -228,7 +223,7 @@ def test_blocks_larger_than_any_image_are_refused(tmp_path: Path) -> None:
         check_blocks(raster)
 
 
-def test_other_drivers_are_not_asked(tmp_path: Path) -> None:
+def test_other_drivers_are_not_asked(tmp_path):
     path = write(tmp_path / "a.bmp", driver="BMP", dtype="uint8")
     with rasterio.open(path) as raster:
         assert raster.driver == "BMP"

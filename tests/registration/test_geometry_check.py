@@ -1,14 +1,9 @@
 """Depression, relief and place against lines, slopes and shifts that are known."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from radcal.config import Radar
@@ -16,7 +11,6 @@ from radcal.errors import MeasurementError
 from radcal.findings import Finding
 from radcal.image.model import Measurement
 from radcal.measurement.synthetic import smooth_warp
-from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.registration.displacement import warp
 from radcal.registration.geometry_check import (
@@ -28,7 +22,6 @@ from radcal.registration.geometry_check import (
     relief,
 )
 from radcal.registration.registered import Registered
-from radcal.scene.model import Scene
 from radcal.words import sentence
 
 RADAR = Radar(
@@ -38,32 +31,32 @@ FEET = 3.28084
 
 
 @pytest.fixture(scope="module")
-def rough() -> NDArray[np.float64]:
+def rough():
     """Hills with slopes of 4 degrees (sd), which in feet are still free of layover."""
     heights = gaussian_filter(np.random.default_rng(5).standard_normal((220, 220)), 12, mode="wrap")
     return np.asarray(heights * np.tan(np.radians(4.0)) * 5.0 / np.gradient(heights)[1].std())
 
 
 @pytest.fixture(scope="module")
-def fields() -> NDArray[np.uint8]:
+def fields():
     """Fields of two materials, in no order."""
     blobs = gaussian_filter(np.random.default_rng(8).standard_normal((220, 220)), 14, mode="wrap")
     return np.where(blobs > 0.0, 1, 2).astype(np.uint8)
 
 
 @pytest.fixture(scope="module")
-def seen(build_scene: Callable[..., Scene], rough: Any, fields: Any) -> Geometry:
+def seen(build_scene, rough, fields):
     scene = build_scene(lambda *_: rough * FEET, cells=(220, 220), names=("dyke", "grass"), material=fields)
     return make_geometry(scene, RADAR)
 
 
-def image_of(geometry: Geometry, angle: NDArray[Any], db_per_deg: float, seed: int = 2, dyke: float = -6.0) -> Any:
+def image_of(geometry, angle, db_per_deg, seed=2, dyke=-6.0):
     """Sixteen looks, a level of each material and a slope over an angle."""
     speckle = 10.0 * np.log10(np.random.default_rng(seed).gamma(16.0, 1.0 / 16.0, geometry.shape))
     return (speckle + dyke * (geometry.material == 1) + db_per_deg * (angle - 45.0)).astype(np.float32)
 
 
-def by_line(geometry: Geometry, slope: float, noise_px: float = 0.0, applied: bool = True) -> Registered:
+def by_line(geometry, slope, noise_px=0.0, applied=True):
     field = np.zeros((2, *geometry.shape))
     if noise_px:
         field += smooth_warp(geometry.shape, noise_px, np.random.default_rng(4))
@@ -83,7 +76,7 @@ def by_line(geometry: Geometry, slope: float, noise_px: float = 0.0, applied: bo
     )
 
 
-def test_line_is_that_of_most_columns_with_its_share_of_the_variance() -> None:
+def test_line_is_that_of_most_columns_with_its_share_of_the_variance():
     row = np.arange(120.0) - 59.5
     wave = np.tile(np.where(np.arange(90) % 2, 1.5, -1.5), (120, 1))
     field = np.stack([0.031 * row[:, None] + 2.0 + wave, 9.0 * wave]).astype(np.float32)
@@ -100,7 +93,7 @@ def test_line_is_that_of_most_columns_with_its_share_of_the_variance() -> None:
 @pytest.mark.parametrize(
     ("flown", "severity"), [(40.0, "refusal"), (49.1, "refusal"), (43.0, "warning"), (46.3, "warning"), (44.0, None)]
 )
-def test_a_line_names_the_depression_flown(seen: Geometry, flown: float, severity: str | None, applied: bool) -> None:
+def test_a_line_names_the_depression_flown(seen, flown, severity, applied):
     slope = np.cos(np.radians(flown)) / np.cos(np.radians(45.0)) - 1.0
     found = depression(by_line(seen, slope, applied=applied), seen, RADAR)
     if severity is None:
@@ -115,7 +108,7 @@ def test_a_line_names_the_depression_flown(seen: Geometry, flown: float, severit
 
 
 @pytest.mark.parametrize("key", ["incidence_deg", "depression_deg"])
-def test_over_a_curved_earth_the_incidence_counts(seen: Geometry, key: str) -> None:
+def test_over_a_curved_earth_the_incidence_counts(seen, key):
     radar = Radar(**{"altitude_m": 700_000.0, "earth": "curved", key: 39.0})
     radius = 1.0 + 700_000.0 / 6_371_008.8
     declared, flown = np.radians([39.0, 45.0])
@@ -127,7 +120,7 @@ def test_over_a_curved_earth_the_incidence_counts(seen: Geometry, key: str) -> N
     assert one.do == f"radar.{key}: 45.0"
 
 
-def test_noise_and_short_lines_name_no_angle(seen: Geometry) -> None:
+def test_noise_and_short_lines_name_no_angle(seen):
     assert depression(by_line(seen, 0.0, noise_px=2.0), seen, RADAR) == []
     slope = np.cos(np.radians(43.0)) / np.cos(np.radians(45.0)) - 1.0
     assert depression(by_line(seen, slope, noise_px=2.0), seen, RADAR) == []  # explains less than 80 %
@@ -141,13 +134,13 @@ def test_noise_and_short_lines_name_no_angle(seen: Geometry) -> None:
     assert depression(by_line(seen, 2.0 * slope), labels, RADAR) == []
 
 
-def test_without_a_registration_geometry_is_unchecked(seen: Geometry) -> None:
+def test_without_a_registration_geometry_is_unchecked(seen):
     alone = replace(by_line(seen, 0.0), applied=False, method="none")
     numbers = {"key": "radar.depression_deg", "declared_deg": 45.0}
     assert depression(alone, seen, RADAR) == [Finding("geometry_unchecked", "note", "a.tif", numbers)]
 
 
-def test_heights_in_feet_are_refused(seen: Geometry) -> None:
+def test_heights_in_feet_are_refused(seen):
     """The true slope is the scene's over 3.28, along range; across it is neglected."""
     flat = seen.flat_incidence_deg[:, None]
     true = flat - np.degrees(np.arctan(np.tan(np.radians(flat - seen.incidence_deg)) / FEET))
@@ -173,22 +166,20 @@ def test_heights_in_feet_are_refused(seen: Geometry) -> None:
         (-0.25, -0.05, False),  # the starting law is too flat
     ],
 )
-def test_only_slopes_far_from_both_the_simulated_and_constant_gamma_are_refused(
-    seen: Geometry, measured: float, simulated: float, refused: bool
-) -> None:
+def test_only_slopes_far_from_both_the_simulated_and_constant_gamma_are_refused(seen, measured, simulated, refused):
     angle = seen.incidence_deg
     images = image_of(seen, angle, measured, 3), image_of(seen, angle, simulated)
     assert bool(relief(*images, seen, RADAR, "a.tif", 0.0)) == refused
 
 
-def test_flat_ground_says_nothing_of_relief(build_scene: Callable[..., Scene], fields: Any) -> None:
+def test_flat_ground_says_nothing_of_relief(build_scene, fields):
     scene = build_scene(lambda *_: np.zeros((220, 220)), cells=(220, 220), names=("dyke", "grass"), material=fields)
     flat = make_geometry(scene, RADAR)
     image = image_of(flat, flat.incidence_deg, 0.0)
     assert relief(image, image_of(flat, flat.incidence_deg, -0.3), flat, RADAR, "a.tif", 0.0) == []
 
 
-def test_an_image_of_another_place_is_refused(seen: Geometry) -> None:
+def test_an_image_of_another_place_is_refused(seen):
     angle = seen.incidence_deg
     simulated = image_of(seen, angle, -0.22)
     assert place(image_of(seen, angle, -0.3, 3), simulated, seen, "a.tif") == []
@@ -200,7 +191,7 @@ def test_an_image_of_another_place_is_refused(seen: Geometry) -> None:
     assert place(noise, simulated, seen, "a.tif") != []
 
 
-def test_what_a_start_gets_wrong_is_no_other_place(seen: Geometry) -> None:
+def test_what_a_start_gets_wrong_is_no_other_place(seen):
     """With a wrong order of brightness, the materials lie where the scene has them."""
     angle = seen.incidence_deg
     measured = image_of(seen, angle, -0.22, 3)
@@ -208,7 +199,7 @@ def test_what_a_start_gets_wrong_is_no_other_place(seen: Geometry) -> None:
     assert place(measured, image_of(seen, angle, -0.22, dyke=6.0), seen, "a.tif") == []
 
 
-def test_where_an_image_shows_no_place(seen: Geometry) -> None:
+def test_where_an_image_shows_no_place(seen):
     simulated, noise = image_of(seen, seen.incidence_deg, -0.22), image_of(seen, seen.incidence_deg, 0.0, dyke=0.0)
     shifted = np.roll(simulated, (70, 60), (0, 1))
     assert place(shifted, simulated, seen, "a.tif") != []
@@ -218,7 +209,7 @@ def test_where_an_image_shows_no_place(seen: Geometry) -> None:
     assert place(np.full_like(shifted, np.nan), simulated, seen, "a.tif") == []
 
 
-def test_relief_and_place_are_judged_where_the_image_was_found_to_lie(seen: Geometry) -> None:
+def test_relief_and_place_are_judged_where_the_image_was_found_to_lie(seen):
     """Moved by 70 rows, and the registration refused as too far."""
     simulated = image_of(seen, seen.incidence_deg, -0.22)
     found = by_line(seen, 0.0, applied=False)
@@ -231,7 +222,7 @@ def test_relief_and_place_are_judged_where_the_image_was_found_to_lie(seen: Geom
     assert codes == ["geometry_unchecked", "place"]
 
 
-def test_a_refusal_ends_the_case_except_without_registration(seen: Geometry) -> None:
+def test_a_refusal_ends_the_case_except_without_registration(seen):
     simulated = image_of(seen, seen.incidence_deg, -0.22)
     slope = np.cos(np.radians(40.0)) / np.cos(np.radians(45.0)) - 1.0
     flown = replace(by_line(seen, slope, applied=False), unregistered_db=simulated)
@@ -244,7 +235,7 @@ def test_a_refusal_ends_the_case_except_without_registration(seen: Geometry) -> 
     assert sentence(kept.findings[0]).startswith("a.tif was not registered")
 
 
-def test_a_warning_is_kept_and_said(seen: Geometry) -> None:
+def test_a_warning_is_kept_and_said(seen):
     simulated = image_of(seen, seen.incidence_deg, -0.22)
     slope = np.cos(np.radians(47.0)) / np.cos(np.radians(45.0)) - 1.0
     field = by_line(seen, slope).displacement_px

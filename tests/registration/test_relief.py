@@ -1,8 +1,5 @@
 """Slope of an image on relief, against the slope that it was made with, and from the wrong side."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,10 +8,8 @@ from scipy.ndimage import gaussian_filter
 
 from radcal.config import Radar
 from radcal.errors import MeasurementError
-from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.registration.relief import ReliefSlope, check_relief, relief_slope
-from radcal.scene.model import Scene
 
 RADAR = Radar(
     altitude_m=4000.0, range_resolution_m=7.0, azimuth_resolution_m=9.0, range_spacing_m=4.0, azimuth_spacing_m=5.0
@@ -22,7 +17,7 @@ RADAR = Radar(
 
 
 @pytest.fixture(scope="module")
-def hills(build_scene: Callable[..., Scene]) -> Scene:
+def hills(build_scene):
     """Two materials on hills of some hundred metres with slopes of 10 degrees (sd)."""
     rough = gaussian_filter(np.random.default_rng(5).standard_normal((220, 220)), 12, mode="wrap")
     rough *= np.tan(np.radians(10.0)) * 5.0 / np.gradient(rough)[1].std()
@@ -31,19 +26,18 @@ def hills(build_scene: Callable[..., Scene]) -> Scene:
 
 
 @pytest.fixture(scope="module")
-def seen(hills: Scene) -> dict[str, Geometry]:
+def seen(hills):
     return {side: make_geometry(hills, RADAR.model_copy(update={"look_side": side})) for side in ("right", "left")}
 
 
-def image_of(geometry: Geometry, angle: np.ndarray, db_per_deg: float) -> np.ndarray:
+def image_of(geometry, angle, db_per_deg):
     """Four looks, a level of each material and a slope over an angle."""
     speckle = 10.0 * np.log10(np.random.default_rng(2).gamma(4.0, 0.25, geometry.shape))
     return (speckle - 15.0 * (geometry.material == 1) + db_per_deg * angle).astype(np.float32)
 
 
-def test_slope_is_that_of_the_image(seen: dict[str, Geometry]) -> None:
+def test_slope_is_that_of_the_image(seen):
     found = relief_slope(image_of(seen["right"], seen["right"].incidence_deg, -0.23), seen["right"], RADAR)
-    assert found is not None
     assert found.db_per_deg == pytest.approx(-0.23, abs=4 * found.error)
     assert 0.0 < found.error < 0.02
     # independent speckle of sd 2.3 dB in as many pixels has about this standard error
@@ -52,13 +46,12 @@ def test_slope_is_that_of_the_image(seen: dict[str, Geometry]) -> None:
     # tan and tan + cot of angles about 45 degrees, 0.0758 dB per degree each
     local = RADAR.model_copy(update={"radiometry": "sigma0_local"})
     alone = relief_slope(image_of(seen["right"], seen["right"].incidence_deg, -0.23), seen["right"], local)
-    assert alone is not None
     assert found.least == pytest.approx(-0.16, rel=0.1)
     assert alone.least == pytest.approx(-0.08, rel=0.15)
     assert check_relief(found, RADAR, "a.tif", 0.0) == []
 
 
-def test_relief_that_says_nothing(seen: dict[str, Geometry]) -> None:
+def test_relief_that_says_nothing(seen):
     image = image_of(seen["right"], seen["right"].incidence_deg, 0.2)
     assert relief_slope(image, seen["right"], RADAR.model_copy(update={"radiometry": "gamma0_rtc"})) is None
     flat = replace(seen["right"], incidence_deg=45.0 + (seen["right"].incidence_deg - 45.0) / 20.0)
@@ -69,7 +62,7 @@ def test_relief_that_says_nothing(seen: dict[str, Geometry]) -> None:
     assert relief_slope(few, seen["right"], RADAR) is None
 
 
-def test_an_image_of_the_other_side_is_refused(seen: dict[str, Geometry]) -> None:
+def test_an_image_of_the_other_side_is_refused(seen):
     right, left = seen["right"], seen["left"]
     known = np.isfinite(right.ground[0])
     on_ground = np.full((220, 220), np.nan)
@@ -79,7 +72,6 @@ def test_an_image_of_the_other_side_is_refused(seen: dict[str, Geometry]) -> Non
     angle[there] = on_ground[tuple(np.rint(left.ground[:, there]).astype(int))]
     wrong = RADAR.model_copy(update={"look_side": "left"})
     found = relief_slope(image_of(left, angle, -0.2), left, wrong)
-    assert found is not None
     with pytest.raises(
         MeasurementError, match=r"^measurement\.path: a\.tif changes by \+0\.\d\d dB \(standard error 0\.0\d\) .* with "
     ):
@@ -94,7 +86,7 @@ def test_an_image_of_the_other_side_is_refused(seen: dict[str, Geometry]) -> Non
         (-0.01, 0.02, 3.0, ""), (-0.01, 0.02, 2.5, "told"), (-0.3, 0.001, 0.0, ""),
     ],
 )  # fmt: skip
-def test_only_what_is_certain_is_told(slope: float, error: float, slope_error: float, said: str) -> None:
+def test_only_what_is_certain_is_told(slope, error, slope_error, said):
     """Constant gamma has -0.16 dB per degree: half of it is 0.08, and five or three standard errors are asked for."""
     found = ReliefSlope(slope, error, -0.16, 4.0)
     if said == "refused":

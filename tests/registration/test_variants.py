@@ -1,7 +1,5 @@
 """Wrong variants of a displacement: sign, axis order, order of two displacements, direction of an inverse."""
 
-from __future__ import annotations
-
 import numpy as np
 from variants import agrees
 
@@ -12,7 +10,7 @@ R, C = np.mgrid[0:ROWS, 0:COLUMNS].astype(float)
 INSIDE = np.s_[:, 6:-6, 6:-6]
 
 
-def test_warp_takes_the_value_at_the_place_plus_the_displacement() -> None:
+def test_warp_takes_the_value_at_the_place_plus_the_displacement():
     image = (100.0 * R + C).astype(np.float32)
     move = np.stack([np.full_like(R, 2.0), np.full_like(R, -3.0)])
     right = (100.0 * (R + 2.0) + (C - 3.0))[5:-5, 5:-5]
@@ -32,7 +30,7 @@ def test_warp_takes_the_value_at_the_place_plus_the_displacement() -> None:
     )
 
 
-def test_inverse_of_linear_displacements() -> None:
+def test_inverse_of_linear_displacements():
     """Of displacements d(x) = a x, the inverse is 1 / (1 + a) - 1."""
     a, b = 0.10, -0.06
     move = np.stack([a * (R - 12.0), -b * (C - 15.0)])

@@ -1,13 +1,8 @@
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from radcal.config import Case, Radar
 from radcal.errors import SceneError
-from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene import builtin as module
 from radcal.scene.builtin import MATERIALS, ROUGHNESS, builtin_scene
@@ -16,23 +11,23 @@ from radcal.scene.sources import make_scene
 
 
 @pytest.fixture(scope="module")
-def builtin() -> Scene:
+def builtin():
     return builtin_scene(1)
 
 
 @pytest.fixture(scope="module")
-def default_geometry(builtin: Scene) -> Geometry:
+def default_geometry(builtin):
     return make_geometry(builtin, Radar(radiometry="sigma0_local"))
 
 
-def test_same_seed_same_scene(builtin: Scene) -> None:
+def test_same_seed_same_scene(builtin):
     again = builtin_scene(1)
     assert again.identity == builtin.identity
     np.testing.assert_array_equal(again.material, builtin.material)
     np.testing.assert_array_equal(again.elevation_m, builtin.elevation_m)
 
 
-def test_other_seed_other_scene(builtin: Scene) -> None:
+def test_other_seed_other_scene(builtin):
     other = builtin_scene(2)
     assert other.identity != builtin.identity
     assert (other.material != builtin.material).mean() > 0.05
@@ -42,7 +37,7 @@ def test_other_seed_other_scene(builtin: Scene) -> None:
     np.testing.assert_array_equal(other.material == 1, builtin.material == 1)
 
 
-def test_scene_is_two_kilometres_of_real_relief(builtin: Scene) -> None:
+def test_scene_is_two_kilometres_of_real_relief(builtin):
     assert builtin.elevation_m.shape == builtin.material.shape == (400, 400)
     assert builtin.cell_m == 5.0
     assert builtin.elevation_m.dtype == np.float64
@@ -52,7 +47,7 @@ def test_scene_is_two_kilometres_of_real_relief(builtin: Scene) -> None:
 
 
 @pytest.mark.parametrize("length_m", [15.0, 40.0])
-def test_roughness_has_its_correlation_length(length_m: float) -> None:
+def test_roughness_has_its_correlation_length(length_m):
     """Gaussian correlation exp(-d^2 / L^2): 1/e at the distance L, in both directions."""
     field = module._correlated(np.random.default_rng(3), (400, 400), length_m)
     assert field.std() == pytest.approx(1.0)
@@ -62,7 +57,7 @@ def test_roughness_has_its_correlation_length(length_m: float) -> None:
         assert np.mean(one * two) == pytest.approx(np.exp(-1.0), abs=0.06)
 
 
-def test_ground_is_level_beside_the_dyke_and_the_terrains_elsewhere(builtin: Scene) -> None:
+def test_ground_is_level_beside_the_dyke_and_the_terrains_elsewhere(builtin):
     centres = (np.arange(400) + 0.5) * 5.0
     north, east = np.meshgrid(centres, centres, indexing="ij")
     across = east - module._dyke_axis_m(north)
@@ -78,7 +73,7 @@ def test_ground_is_level_beside_the_dyke_and_the_terrains_elsewhere(builtin: Sce
         assert abs(left.mean()) < 0.05
 
 
-def test_seven_materials_cover_the_scene(builtin: Scene) -> None:
+def test_seven_materials_cover_the_scene(builtin):
     assert builtin.names == MATERIALS
     assert len(MATERIALS) == len(ROUGHNESS) == 7
     share = np.bincount(builtin.material.ravel(), minlength=8) / builtin.material.size
@@ -86,17 +81,17 @@ def test_seven_materials_cover_the_scene(builtin: Scene) -> None:
     assert (share[1:] > 0.005).all()
 
 
-def test_default_case_has_a_law_for_every_material(builtin: Scene) -> None:
+def test_default_case_has_a_law_for_every_material(builtin):
     made = make_scene(Case().scene, list(Case().materials))
     assert made.identity == builtin_scene(1, "enclosed").identity != builtin.identity
 
 
 @pytest.fixture(scope="module")
-def enclosed() -> Scene:
+def enclosed():
     return builtin_scene(1, "enclosed")
 
 
-def test_fields_of_the_enclosed_landscape_have_ridges_and_hedges(builtin: Scene, enclosed: Scene) -> None:
+def test_fields_of_the_enclosed_landscape_have_ridges_and_hedges(builtin, enclosed):
     hedge = (enclosed.material == 4) & (builtin.material != 4)
     assert 0.003 < hedge.mean() < 0.03
     added = enclosed.elevation_m - builtin.elevation_m
@@ -113,7 +108,7 @@ def test_fields_of_the_enclosed_landscape_have_ridges_and_hedges(builtin: Scene,
 
 
 @pytest.mark.slow
-def test_the_default_dyke_is_seen_over_25_degrees_beside_layover_and_shadow(enclosed: Scene) -> None:
+def test_the_default_dyke_is_seen_over_25_degrees_beside_layover_and_shadow(enclosed):
     geometry = make_geometry(enclosed, Case().radar)
     pixels = geometry.pixels("dyke", 1)
     assert pixels.size > 5000
@@ -123,7 +118,7 @@ def test_the_default_dyke_is_seen_over_25_degrees_beside_layover_and_shadow(encl
     assert geometry.shadow.mean() == pytest.approx(0.015, rel=0.3)
 
 
-def test_dyke_is_seen_between_10_and_25_degrees(default_geometry: Geometry) -> None:
+def test_dyke_is_seen_between_10_and_25_degrees(default_geometry):
     pixels = default_geometry.pixels("dyke", 1)
     assert pixels.size > 3000
     low, high = np.percentile(default_geometry.incidence_deg.ravel()[pixels], [5, 95])
@@ -131,12 +126,12 @@ def test_dyke_is_seen_between_10_and_25_degrees(default_geometry: Geometry) -> N
     assert high == pytest.approx(25.0, abs=0.5)
 
 
-def test_every_material_can_be_calibrated(default_geometry: Geometry) -> None:
+def test_every_material_can_be_calibrated(default_geometry):
     for name in MATERIALS:
         assert default_geometry.pixels(name, 1).size > 1000, name
 
 
-def test_hdf5_round_trip_is_exact(scene: Scene, tmp_path: Path) -> None:
+def test_hdf5_round_trip_is_exact(scene, tmp_path):
     flat = Scene("f", ("a", "b"), np.ones((3, 4), dtype=np.uint8), None, 1.0, np.array([20.0, 30.0, 40.0]))
     for one in (scene, flat):
         write_scene(tmp_path / "scene.h5", one)
@@ -156,7 +151,7 @@ def test_hdf5_round_trip_is_exact(scene: Scene, tmp_path: Path) -> None:
         (["dyke"], "the scene's 'grass' has no law; add materials.grass with parameters"),
     ],
 )
-def test_scene_and_configuration_must_name_the_same_materials(materials: list[str], words: str) -> None:
+def test_scene_and_configuration_must_name_the_same_materials(materials, words):
     labels = np.array([[0, 1, 2]], dtype=np.uint8)
     scene = Scene("x", ("dyke", "grass", "rock"), labels, np.zeros((1, 3)), 1.0)
     scene.require(["dyke", "grass"])

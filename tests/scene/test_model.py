@@ -1,7 +1,5 @@
 """File of a scene, also beside a finished calibration."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Names of material ids."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -11,7 +9,7 @@ from radcal.errors import SceneError
 from radcal.scene.names import by_id, landcover_names, read_names
 
 
-def test_ids_without_a_name_keep_their_place() -> None:
+def test_ids_without_a_name_keep_their_place():
     assert by_id({4: "dyke", 1: "grass"}) == ("grass", "id 2", "id 3", "dyke")
 
 
@@ -29,7 +27,7 @@ def test_ids_without_a_name_keep_their_place() -> None:
         ({"1": "grass" * 200_000}, "has 1000009 bytes, expected at most 1000000"),
     ],
 )
-def test_wrong_names(tmp_path: Path, names: object, said: str) -> None:
+def test_wrong_names(tmp_path, names, said):
     path = tmp_path / "names.json"
     path.write_text(json.dumps(names))
     with pytest.raises(SceneError, match=rf"^scene\.names: .*names\.json {said}"):
@@ -37,26 +35,26 @@ def test_wrong_names(tmp_path: Path, names: object, said: str) -> None:
 
 
 @pytest.mark.parametrize("text", ["not json", "3", '{"1": ' + "[" * 100_000 + "]" * 100_000 + "}"], ids=len)
-def test_a_file_of_no_names_is_refused(tmp_path: Path, text: str) -> None:
+def test_a_file_of_no_names_is_refused(tmp_path, text):
     path = tmp_path / "names.json"
     path.write_text(text)
     with pytest.raises(SceneError, match=r"^scene\.names: .*names\.json is not a JSON object of id and name"):
         read_names(path, [1], Path("ids.tif"))
 
 
-def test_the_largest_id_may_have_a_name(tmp_path: Path) -> None:
+def test_the_largest_id_may_have_a_name(tmp_path):
     path = tmp_path / "names.json"
     path.write_text('{"255": "dyke"}')
     assert read_names(path, [255], Path("ids.tif")) == {255: "dyke"}
 
 
-def test_names_of_more_ids_than_there_are(tmp_path: Path) -> None:
+def test_names_of_more_ids_than_there_are(tmp_path):
     path = tmp_path / "names.json"
     path.write_text(json.dumps({"0": "none", "1": "grass", "3": "dyke"}))
     assert read_names(path, [0, 3], Path("ids.tif")) == {1: "grass", 3: "dyke"}
 
 
-def test_names_of_a_land_cover_map(tmp_path: Path) -> None:
+def test_names_of_a_land_cover_map(tmp_path):
     raster = tmp_path / "cover.tif"
     assert landcover_names("esa_worldcover", None, [0, 80, 10], raster) == {
         10: "tree_cover",

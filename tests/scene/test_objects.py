@@ -1,12 +1,7 @@
 """Objects: aspect, tables and their refusals, the generator, and the way through a scene's file."""
 
-from __future__ import annotations
-
 import sqlite3
-from collections.abc import Callable
 from dataclasses import fields, replace
-from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -21,7 +16,7 @@ from radcal.config import case_from
 from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, SceneError
 from radcal.reading import vectors
-from radcal.scene.model import Scene, read_scene, write_scene
+from radcal.scene.model import read_scene, write_scene
 from radcal.scene.object_generator import BUILDING, CAR, TREE, generate_objects
 from radcal.scene.object_tables import Place, read_objects
 from radcal.scene.objects import Objects
@@ -44,7 +39,7 @@ ROWS = {
 CURVE = [[0.0, 20.0], [90.0, 30.0], [180.0, 10.0], [270.0, 30.0]]
 
 
-def assert_equal(a: Objects, b: Objects) -> None:
+def assert_equal(a, b):
     for item in fields(Objects):
         x, y = getattr(a, item.name), getattr(b, item.name)
         if isinstance(x, np.ndarray):
@@ -56,13 +51,13 @@ def assert_equal(a: Objects, b: Objects) -> None:
     }
 
 
-def csv(path: Path, **columns: Any) -> Path:
+def csv(path, **columns):
     table = {name: values for name, values in (ROWS | columns).items() if values is not None}
     pd.DataFrame(table).to_csv(path / "objects.csv", index=False)
     return path / "objects.csv"
 
 
-def hdf5(path: Path, curves: dict[str, Any] | None = None, crs: str | None = None, **columns: Any) -> Path:
+def hdf5(path, curves=None, crs=None, **columns):
     with h5py.File(path / "objects.h5", "w") as file:
         group = file.create_group("objects")
         for name, values in (ROWS | columns).items():
@@ -75,9 +70,7 @@ def hdf5(path: Path, curves: dict[str, Any] | None = None, crs: str | None = Non
     return path / "objects.h5"
 
 
-def layers(
-    path: Path, shapes: list[Any], columns: dict[str, Any], crs: str | None = UTM, count: int = 1, ending: str = "gpkg"
-) -> Path:
+def layers(path, shapes, columns, crs=UTM, count=1, ending="gpkg"):
     """Write the same layer some times into one file."""
     file = path / f"objects.{ending}"
     file.unlink(missing_ok=True)
@@ -95,7 +88,7 @@ def layers(
 # --- aspect
 
 
-def towards(curve: Any, heading: Any, bearing: float) -> np.ndarray:
+def towards(curve, heading, bearing):
     heading = np.atleast_1d(np.asarray(heading, dtype=float))
     zero = np.zeros(heading.size)
     first = np.zeros(heading.size, np.int16)
@@ -105,7 +98,7 @@ def towards(curve: Any, heading: Any, bearing: float) -> np.ndarray:
 
 
 @given(heading=st.floats(-360, 360), bearing=st.floats(0, 360), turns=st.integers(-2, 2))
-def test_aspect_has_a_period_of_a_turn(heading: float, bearing: float, turns: int) -> None:
+def test_aspect_has_a_period_of_a_turn(heading, bearing, turns):
     once, again = towards(CURVE, [heading, heading + 360.0 * turns], bearing)
     assert again == pytest.approx(once, abs=1e-9)
     same = [[180.0, 10.0], [-90.0, 30.0], [0.0, 20.0], [90.0, 30.0]]  # another order, and angles below zero
@@ -123,7 +116,7 @@ def test_aspect_has_a_period_of_a_turn(heading: float, bearing: float, turns: in
         ([[0.0, 1.0], [90.0, 5000.0]], "cross-section of 5000, expected -100 to 70 dBsm"),
     ],
 )
-def test_wrong_curves(curve: Any, says: str) -> None:
+def test_wrong_curves(curve, says):
     assert says in str(check_curve(curve))
     assert check_curve(CURVE) is None
 
@@ -131,7 +124,7 @@ def test_wrong_curves(curve: Any, says: str) -> None:
 # --- tables
 
 
-def test_tables_that_lead_elsewhere_or_tell_of_too_much(tmp_path: Path) -> None:
+def test_tables_that_lead_elsewhere_or_tell_of_too_much(tmp_path):
     path = hdf5(tmp_path, x_m=[1.0], y_m=[2.0], rcs_dbsm=[3.0])
     path.rename(tmp_path / "other.h5")
     with h5py.File(path, "w") as file:
@@ -149,7 +142,7 @@ def test_tables_that_lead_elsewhere_or_tell_of_too_much(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("write", [csv, hdf5])
-def test_a_table_is_read_as_it_is(write: Callable[..., Path], tmp_path: Path) -> None:
+def test_a_table_is_read_as_it_is(write, tmp_path):
     found = read_objects(write(tmp_path), LOCAL)
     assert len(found) == 3
     for name in ("x_m", "y_m", "length_m", "width_m", "heading_deg", "height_m", "rcs_dbsm"):
@@ -159,20 +152,20 @@ def test_a_table_is_read_as_it_is(write: Callable[..., Path], tmp_path: Path) ->
     np.testing.assert_allclose(found.cross_section_m2(270.0), [10.0, 10**2.55, 10**1.5])
 
 
-def test_coordinates_of_the_map_become_those_of_the_scene(tmp_path: Path) -> None:
+def test_coordinates_of_the_map_become_those_of_the_scene(tmp_path):
     east, north = np.array(ROWS["x_m"]) + 600_000.0, np.array(ROWS["y_m"]) + 5_780_000.0
     on_map = read_objects(hdf5(tmp_path, x_m=east, y_m=north, crs=UTM), MAP)
     assert_equal(on_map, read_objects(csv(tmp_path), LOCAL))
 
 
-def test_the_smallest_table_is_of_points(tmp_path: Path) -> None:
+def test_the_smallest_table_is_of_points(tmp_path):
     found = read_objects(csv(tmp_path, length_m=None, width_m=None, heading_deg=None, kind=None), LOCAL)
     assert not found.extended.any()
     assert found.kinds == ("",)
 
 
-def test_polygons_of_a_layer_are_rectangles(tmp_path: Path) -> None:
-    def box(x: float, y: float, length: float, width: float, heading: float) -> Any:
+def test_polygons_of_a_layer_are_rectangles(tmp_path):
+    def box(x, y, length, width, heading):
         b = np.radians(heading)
         along, across = np.array([np.sin(b), np.cos(b)]), np.array([np.cos(b), -np.sin(b)])
         corners = [(i * length / 2 * along + j * width / 2 * across) for i, j in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
@@ -197,7 +190,7 @@ def test_polygons_of_a_layer_are_rectangles(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.heading_deg, [90.0, 30.0, 200.0, 45.0], atol=0.01)
 
 
-def refused(path: Path, place: Place = LOCAL, **keys: Any) -> str:
+def refused(path, place=LOCAL, **keys):
     with pytest.raises(SceneError) as caught:
         read_objects(path, place, **keys)
     text = str(caught.value)
@@ -229,7 +222,7 @@ def refused(path: Path, place: Place = LOCAL, **keys: Any) -> str:
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("write", [csv, hdf5])
-def test_wrong_rows(write: Callable[..., Path], columns: dict[str, Any], says: str, tmp_path: Path) -> None:
+def test_wrong_rows(write, columns, says, tmp_path):
     if write is hdf5 and any(isinstance(v, list) and isinstance(v[0], str) and "high" in v for v in columns.values()):
         columns = {"height_m": np.array(columns["height_m"], dtype=h5py.string_dtype())}
     text = refused(write(tmp_path, **columns), curves={"car": CURVE})
@@ -237,7 +230,7 @@ def test_wrong_rows(write: Callable[..., Path], columns: dict[str, Any], says: s
     assert text.startswith("scene.objects.path")
 
 
-def test_wrong_files(tmp_path: Path) -> None:
+def test_wrong_files(tmp_path):
     for name, content, says in [
         ("a.csv", "", "cannot be read as CSV"),
         ("b.csv", "x_m,y_m,height_m,rcs_dbsm\n", "has no rows"),
@@ -278,18 +271,18 @@ def test_wrong_files(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_columns_twice_and_fields_too_many(tmp_path: Path, rows: list[str], says: str) -> None:
+def test_columns_twice_and_fields_too_many(tmp_path, rows, says):
     (tmp_path / "a.csv").write_text("\n".join(rows) + "\n")
     assert says in refused(tmp_path / "a.csv")
 
 
-def test_columns_without_a_name_are_left_out(tmp_path: Path) -> None:
+def test_columns_without_a_name_are_left_out(tmp_path):
     (tmp_path / "a.csv").write_text("\ufeffx_m,y_m,height_m,rcs_dbsm,,\n7,2,3,4,,x\n", encoding="utf-8")
     assert read_objects(tmp_path / "a.csv", LOCAL).x_m == [7.0]
 
 
 @pytest.mark.parametrize("ending", ["shp", "geojson"])
-def test_layers_of_other_formats(tmp_path: Path, ending: str) -> None:
+def test_layers_of_other_formats(tmp_path, ending):
     columns = {"height_m": [2.0, 9.5], "rcs_dbsm": [10.0, 25.5], "heading_deg": [30.0, 0.0], "kind": ["mast", "car"]}
     shapes = [shapely.Point(600_010.0, 5_780_020.0), shapely.Point(600_030.5, 5_780_021.0)]
     file = layers(tmp_path, shapes, columns, ending=ending)
@@ -303,9 +296,7 @@ def test_layers_of_other_formats(tmp_path: Path, ending: str) -> None:
     ("name", "columns"),
     [("layer 0", "moved.*"), ("gpkg_contents", "moved.*"), ("layer 0", "*, zeroblob(900000000) AS b")],
 )
-def test_a_geopackage_that_computes_without_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, columns: str
-) -> None:
+def test_a_geopackage_that_computes_without_end(tmp_path, monkeypatch, name, columns):
     """A few bytes of SQL may take any time and memory."""
     monkeypatch.setattr(vectors, "_LONGEST_S", 1)
     file = layers(tmp_path, [shapely.Point(600_010.0, 5_780_020.0)] * 2, {"height_m": [2.0] * 2})
@@ -319,11 +310,11 @@ def test_a_geopackage_that_computes_without_end(
     assert "cannot be read as a vector file" in refused(file, MAP)
 
 
-def test_wrong_crs_and_layers(tmp_path: Path) -> None:
+def test_wrong_crs_and_layers(tmp_path):
     attributes = {"height_m": [2.0], "rcs_dbsm": [10.0]}
     here = [shapely.Point(600_010.0, 5_780_020.0)]
 
-    def written(**keys: Any) -> Path:
+    def written(**keys):
         return layers(tmp_path, keys.pop("shapes", here), attributes, **keys)
 
     says = refused(written(crs="EPSG:32632"), MAP)
@@ -345,7 +336,7 @@ def test_wrong_crs_and_layers(tmp_path: Path) -> None:
 # --- scene and configuration
 
 
-def test_round_trip_through_the_scenes_file_is_exact(build_scene: Callable[..., Scene], tmp_path: Path) -> None:
+def test_round_trip_through_the_scenes_file_is_exact(build_scene, tmp_path):
     path = hdf5(tmp_path, curves={"zug": CURVE, "auto": CURVE[:3]}, aspect_="", rcs_dbsm=[1.0, np.nan, np.nan])
     with h5py.File(path, "a") as file:
         del file["objects/aspect_"]
@@ -355,7 +346,6 @@ def test_round_trip_through_the_scenes_file_is_exact(build_scene: Callable[..., 
     scene = replace(build_scene(lambda east, north: 0 * east), objects=made)
     write_scene(tmp_path / "scene.h5", scene)
     found = read_scene(tmp_path / "scene.h5").objects
-    assert found is not None
     assert_equal(found, made)
     assert found.identity == made.identity
     np.testing.assert_array_equal(found.cross_section_m2(270.0), made.cross_section_m2(270.0))
@@ -363,7 +353,7 @@ def test_round_trip_through_the_scenes_file_is_exact(build_scene: Callable[..., 
     assert read_scene(tmp_path / "scene.h5").objects is None
 
 
-def test_identity_knows_all_that_an_image_depends_on(tmp_path: Path) -> None:
+def test_identity_knows_all_that_an_image_depends_on(tmp_path):
     made = read_objects(csv(tmp_path), LOCAL)
     others = [
         replace(made, **{name: getattr(made, name) + 1}) for name in ("x_m", "height_m", "rcs_dbsm", "heading_deg")
@@ -373,21 +363,19 @@ def test_identity_knows_all_that_an_image_depends_on(tmp_path: Path) -> None:
     assert replace(made, kinds=("a", "b", "c")).identity == made.identity
 
 
-def configured(objects: Any) -> Any:
+def configured(objects):
     return case_from({"scene": {"source": "builtin", "objects": objects}}).scene
 
 
-def test_a_configured_scene_has_its_objects(tmp_path: Path) -> None:
+def test_a_configured_scene_has_its_objects(tmp_path):
     materials = ["dyke", "water", "grass", "forest", "crops", "bare_soil", "road"]
     bare = make_scene(case_from({}).scene, materials)
     scene = make_scene(configured({"path": str(csv(tmp_path))}), materials)
-    assert scene.objects is not None
     assert len(scene.objects) == 3
     assert scene.identity != bare.identity
     assert scene.findings[-1].numbers == {"objects": 3, "points": 1}
     np.testing.assert_array_equal(scene.material, bare.material)
     made = make_scene(configured({"generate": {"trees": 5, "cars": 2, "seed": 3}}), materials).objects
-    assert made is not None
     assert len(made) == 7
     with pytest.raises(ConfigError, match=r"scene\.objects\.path: the file .*no\.csv does not exist"):
         make_scene(configured({"path": str(tmp_path / "no.csv")}), materials)
@@ -405,7 +393,7 @@ def test_a_configured_scene_has_its_objects(tmp_path: Path) -> None:
         ({"pth": "a.csv"}, "unknown key scene.objects.pth (did you mean 'path'?)"),
     ],
 )
-def test_wrong_configurations(objects: Any, says: str) -> None:
+def test_wrong_configurations(objects, says):
     with pytest.raises(ConfigError) as caught:
         configured(objects)
     assert says in str(caught.value)
@@ -414,7 +402,7 @@ def test_wrong_configurations(objects: Any, says: str) -> None:
 # --- generator
 
 
-def test_the_generator_is_that_of_its_seed() -> None:
+def test_the_generator_is_that_of_its_seed():
     keys = {"trees": 300, "cars": 50, "buildings": 60}
     first, again, other = (generate_objects((900.0, 700.0), seed, **keys) for seed in (4, 4, 5))
     assert_equal(first, again)
@@ -423,7 +411,7 @@ def test_the_generator_is_that_of_its_seed() -> None:
     np.testing.assert_array_equal(more.x_m[:360], first.x_m[:360])  # kinds have streams of their own
 
 
-def corners(objects: Objects) -> np.ndarray:
+def corners(objects):
     bearing = np.radians(objects.heading_deg)[:, None]
     along = np.array([1, 1, -1, -1]) * objects.length_m[:, None] / 2
     across = np.array([1, -1, -1, 1]) * objects.width_m[:, None] / 2
@@ -433,7 +421,7 @@ def corners(objects: Objects) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_buildings_do_not_overlap_and_nothing_stands_in_them(seed: int) -> None:
+def test_buildings_do_not_overlap_and_nothing_stands_in_them(seed):
     made = generate_objects((600.0, 400.0), seed, trees=3000, cars=500, buildings=250)
     counts = np.bincount(made.kind)
     assert dict(zip(made.kinds, counts, strict=True)) == {"building": 250, "tree": 3000, "car": 500}
@@ -447,7 +435,7 @@ def test_buildings_do_not_overlap_and_nothing_stands_in_them(seed: int) -> None:
     assert made.height_m.min() > 1.0
 
 
-def test_cross_sections_are_of_the_footprints_area() -> None:
+def test_cross_sections_are_of_the_footprints_area():
     made = generate_objects((3000.0, 2000.0), 1, trees=4000, cars=4000, buildings=4000)
     per_area = made.rcs_dbsm - 10.0 * np.log10(made.length_m * made.width_m)
     for k, kind in enumerate((BUILDING, TREE, CAR)):
@@ -457,14 +445,14 @@ def test_cross_sections_are_of_the_footprints_area() -> None:
         assert own.std() == pytest.approx(kind.spread_db, rel=4 / np.sqrt(8000))
 
 
-def test_generated_objects_fill_a_scene_that_is_not_square(build_scene: Callable[..., Scene]) -> None:
+def test_generated_objects_fill_a_scene_that_is_not_square(build_scene):
     scene = build_scene(lambda east, north: 0 * east, cells=(12, 50), cell_m=3.0)
     made = _objects(configured({"generate": {"trees": 500, "seed": 3}}).objects, scene)
     assert 140.0 < made.x_m.max() < 150.0
     assert 30.0 < made.y_m.max() < 36.0
 
 
-def test_a_crowd_of_buildings_is_refused() -> None:
+def test_a_crowd_of_buildings_is_refused():
     with pytest.raises(SceneError, match=r"generate\.buildings is 99, expected at most 9: one for each 28 m x 28 m"):
         generate_objects((100.0, 100.0), 1, buildings=99)
     assert len(generate_objects((10.0, 10.0), 1, trees=3)) == 3

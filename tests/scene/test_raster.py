@@ -1,13 +1,9 @@
 """Scenes from rasters against planes and maps whose values at any place are known."""
 
-from __future__ import annotations
-
 import functools
 import json
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,7 +20,7 @@ from radcal.image.georeference import GeoreferencedImage, values_at_ground
 from radcal.products.geotiff import Layer, map_grid, write_geotiff
 from radcal.radar.projection import make_geometry
 from radcal.scene.crs import crs_from, named_datum, same_datum, transformation_findings, transformer, vertical_datum
-from radcal.scene.model import Scene, read_scene, write_scene
+from radcal.scene.model import read_scene, write_scene
 from radcal.scene.raster import raster_scene
 from radcal.scene.sources import make_scene
 
@@ -38,19 +34,19 @@ WEST, SOUTH = 600_000.0, 5_780_000.0  # in Flevoland
 NAMES = {"1": "grass", "2": "water", "3": "dyke"}
 
 
-def plane(x: Any, y: Any) -> Any:
+def plane(x, y):
     """Height [m] of a place in UTM."""
     return 100.0 + 0.2 * (np.asarray(x) - WEST) - 0.1 * (np.asarray(y) - SOUTH)
 
 
-def centres(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+def centres(scene):
     """Coordinates of all cell centres, by the documented meaning of the transform."""
     a, b, c, d, e, f = scene.transform
     row, column = np.indices(scene.material.shape) + 0.5
     return a * column + b * row + c, d * column + e * row + f
 
 
-def write(path: Path, values: np.ndarray, units: str | None = None, **profile: Any) -> str:
+def write(path, values, units=None, **profile):
     write_raster(path, values, **profile)
     if units is not None:
         with rasterio.open(path, "r+") as raster:
@@ -61,7 +57,7 @@ def write(path: Path, values: np.ndarray, units: str | None = None, **profile: A
 to_utm = functools.cache(functools.partial(Transformer.from_crs, crs_to=UTM, always_xy=True))
 
 
-def grid(transform: Affine, shape: tuple[int, int], crs: str) -> tuple[np.ndarray, np.ndarray]:
+def grid(transform, shape, crs):
     """UTM coordinates of a raster's pixel centres."""
     row, column = np.indices(shape) + 0.5
     x = transform.a * column + transform.b * row + transform.c
@@ -69,29 +65,27 @@ def grid(transform: Affine, shape: tuple[int, int], crs: str) -> tuple[np.ndarra
     return to_utm(crs).transform(x, y)
 
 
-Build = Callable[..., RasterScene]
-
 HEIGHTS = Affine(10.0, 0.0, WEST, 0.0, -10.0, SOUTH + 500.0)  # 50 x 60 pixels, north up
 SHAPE = (50, 60)
 
 
 @pytest.fixture
-def build(tmp_path: Path) -> Build:
+def build(tmp_path):
     """Write both rasters, by default in UTM with EGM96 heights, and return the configuration."""
 
     def build(
-        heights: np.ndarray | None = None,
-        ids: np.ndarray | None = None,
+        heights=None,
+        ids=None,
         *,
-        crs: str | None = EGM96,
-        transform: Affine = HEIGHTS,
-        ids_crs: str | None = UTM,
-        ids_transform: Affine = HEIGHTS,
-        profile: dict[str, Any] | None = None,
-        ids_profile: dict[str, Any] | None = None,
-        names: Any = NAMES,
-        **keys: Any,
-    ) -> RasterScene:
+        crs=EGM96,
+        transform=HEIGHTS,
+        ids_crs=UTM,
+        ids_transform=HEIGHTS,
+        profile=None,
+        ids_profile=None,
+        names=NAMES,
+        **keys,
+    ):
         if heights is None:
             heights = plane(*grid(transform, SHAPE, crs or UTM))
         if ids is None:
@@ -107,12 +101,12 @@ def build(tmp_path: Path) -> Build:
     return build
 
 
-def numbers_of(scene: Scene, code: str) -> Any:
+def numbers_of(scene, code):
     """Numbers of the scene's finding with a code; None without one."""
     return next((one.numbers for one in scene.findings if one.code == code), None)
 
 
-def test_a_raster_on_the_scenes_own_grid_is_taken_as_it_lies(build: Build) -> None:
+def test_a_raster_on_the_scenes_own_grid_is_taken_as_it_lies(build):
     heights = np.random.default_rng(1).normal(50.0, 5.0, SHAPE)
     ids = np.random.default_rng(2).integers(1, 4, SHAPE, dtype=np.uint8)
     scene = raster_scene(build(heights, ids))
@@ -130,7 +124,7 @@ def test_a_raster_on_the_scenes_own_grid_is_taken_as_it_lies(build: Build) -> No
 
 
 @pytest.mark.parametrize("up", ["north", "south", "west"])
-def test_the_order_of_rows_and_columns_does_not_matter(build: Build, up: str) -> None:
+def test_the_order_of_rows_and_columns_does_not_matter(build, up):
     values = np.random.default_rng(1).normal(50.0, 5.0, SHAPE)
     ids = np.random.default_rng(2).integers(1, 4, SHAPE, dtype=np.uint8)
     expected = raster_scene(build(values, ids, cell_m=7.0))
@@ -157,7 +151,7 @@ GEOGRAPHIC = Affine(SECOND, 0.0, 4.45, 0.0, -SECOND, 52.17)  # 31 m by 19 m
 @pytest.mark.parametrize(
     ("cell_m", "error_m"), [(None, 0.01), (5.0, 0.005), (19.0, 0.005), (30.0, 0.01), (50.0, 0.01), (95.0, 0.02)]
 )
-def test_a_plane_in_degrees_has_its_heights_in_utm(build: Build, cell_m: float | None, error_m: float) -> None:
+def test_a_plane_in_degrees_has_its_heights_in_utm(build, cell_m, error_m):
     shape = (60, 100)
     heights = plane(*grid(GEOGRAPHIC, shape, "EPSG:4326"))
     config = build(
@@ -185,12 +179,12 @@ def test_a_plane_in_degrees_has_its_heights_in_utm(build: Build, cell_m: float |
     np.testing.assert_allclose(np.median(north[inside]), -0.1, atol=1e-4)
 
 
-def test_materials_in_another_crs_land_where_they_are(build: Build) -> None:
+def test_materials_in_another_crs_land_where_they_are(build):
     degrees = Affine(0.2 * SECOND, 0.0, 4.4616, 0.0, -0.2 * SECOND, 52.1664)  # about 4 m by 6 m
     shape = (100, 180)
     x, y = grid(degrees, shape, "EPSG:4326")
 
-    def kind(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def kind(x, y):
         """Three fields with borders along and across the grid."""
         return np.where(x - WEST > 200.0, 1, np.where(y - SOUTH > 250.0, 2, 3))
 
@@ -203,7 +197,7 @@ def test_materials_in_another_crs_land_where_they_are(build: Build) -> None:
     assert set(np.unique(scene.material[certain])) == {1, 2, 3}
 
 
-def test_coarse_cells_take_the_mean_height_and_the_most_frequent_material(build: Build) -> None:
+def test_coarse_cells_take_the_mean_height_and_the_most_frequent_material(build):
     rng = np.random.default_rng(3)
     heights, ids = rng.normal(50.0, 5.0, SHAPE), rng.integers(1, 4, SHAPE, dtype=np.uint8)
     scene = raster_scene(build(heights, ids, cell_m=50.0))
@@ -218,7 +212,7 @@ def test_coarse_cells_take_the_mean_height_and_the_most_frequent_material(build:
     assert numbers_of(scene, "resampled") == {"elevation": "averaged", "materials": "of the majority of pixels"}
 
 
-def test_codes_of_a_land_cover_map_become_materials_in_their_order(build: Build) -> None:
+def test_codes_of_a_land_cover_map_become_materials_in_their_order(build):
     ids = np.full(SHAPE, 40, dtype=np.uint8)
     ids[:, 30:] = 10
     ids[:10] = 80
@@ -234,14 +228,14 @@ def test_codes_of_a_land_cover_map_become_materials_in_their_order(build: Build)
         make_scene(config, ["cropland"])
 
 
-def test_of_equally_frequent_materials_the_lowest_id_counts(build: Build) -> None:
+def test_of_equally_frequent_materials_the_lowest_id_counts(build):
     ids = np.full(SHAPE, 3, dtype=np.uint8)
     ids[::2] = 2
     ids[:, :20] = 1
     assert (raster_scene(build(ids=ids, cell_m=20.0)).material == np.where(np.arange(30) < 10, 1, 2)).all()
 
 
-def test_cells_of_which_half_is_known_take_the_mean_of_that_half(build: Build) -> None:
+def test_cells_of_which_half_is_known_take_the_mean_of_that_half(build):
     heights = np.random.default_rng(4).normal(50.0, 5.0, SHAPE)
     heights[10, 20:22] = heights[30:32, 40] = heights[31, 41] = np.nan  # two of four pixels, and three
     scene = raster_scene(build(heights, cell_m=20.0, profile={"nodata": np.nan}))
@@ -249,7 +243,7 @@ def test_cells_of_which_half_is_known_take_the_mean_of_that_half(build: Build) -
     assert np.argwhere(scene.material == 0).tolist() == [[9, 20]]
 
 
-def test_pixels_narrower_than_high_are_averaged_in_their_cells(build: Build) -> None:
+def test_pixels_narrower_than_high_are_averaged_in_their_cells(build):
     heights = np.random.default_rng(5).normal(50.0, 5.0, 120) * np.ones((25, 1))
     narrow = Affine(5.0, 0.0, WEST, 0.0, -20.0, SOUTH + 500.0)
     scene = raster_scene(build(heights, transform=narrow, cell_m=20.0))
@@ -257,7 +251,7 @@ def test_pixels_narrower_than_high_are_averaged_in_their_cells(build: Build) -> 
     assert numbers_of(scene, "resampled")["elevation"] == "averaged"
 
 
-def test_the_scene_ends_where_either_raster_ends(build: Build) -> None:
+def test_the_scene_ends_where_either_raster_ends(build):
     part = Affine(10.0, 0.0, WEST + 120.0, 0.0, -10.0, SOUTH + 430.0)
     ids = np.ones((30, 20), dtype=np.uint8)
     scene = raster_scene(build(ids=ids, ids_transform=part))
@@ -265,7 +259,7 @@ def test_the_scene_ends_where_either_raster_ends(build: Build) -> None:
     assert scene.material.shape == (30, 20)
 
 
-def test_bounds_cut_the_scene(build: Build) -> None:
+def test_bounds_cut_the_scene(build):
     bounds = [WEST + 103.0, SOUTH + 50.0, WEST + 309.0, SOUTH + 250.0]
     scene = raster_scene(build(bounds=bounds))
     assert scene.transform == (10.0, 0.0, WEST + 110.0, 0.0, 10.0, SOUTH + 50.0)
@@ -277,7 +271,7 @@ def test_bounds_cut_the_scene(build: Build) -> None:
         build(bounds=[10.0, 0.0, 0.0, 10.0])
 
 
-def test_a_small_scene_is_cut_from_rasters_of_the_world(build: Build) -> None:
+def test_a_small_scene_is_cut_from_rasters_of_the_world(build):
     """The extent of a global raster in UTM is nonsense; that of what they share is not."""
     world = Affine(1.0, 0.0, -180.0, 0.0, -1.0, 90.0)
     ids = np.full((180, 360), 2, dtype=np.uint8)
@@ -292,7 +286,7 @@ def test_a_small_scene_is_cut_from_rasters_of_the_world(build: Build) -> None:
     assert abs(scene.material.shape[1] - 30) <= 1
 
 
-def test_web_mercator_is_no_grid_in_metres(build: Build) -> None:
+def test_web_mercator_is_no_grid_in_metres(build):
     mercator = CRS.from_epsg(3857)
     x, y = Transformer.from_crs(UTM, mercator, always_xy=True).transform(WEST, SOUTH + 500.0)
     transform = Affine(16.0, 0.0, x, 0.0, -16.0, y)
@@ -318,7 +312,7 @@ def test_web_mercator_is_no_grid_in_metres(build: Build) -> None:
         ("EPSG:4087", r"whose metre is 1\.6\d+ times"),  # true along meridians, not along parallels
     ],
 )
-def test_crs_that_give_no_grid_in_metres(build: Build, crs: str, words: str) -> None:
+def test_crs_that_give_no_grid_in_metres(build, crs, words):
     with pytest.raises(SceneError, match=rf"^scene\.crs is '{crs.replace('+', '.')}'.*{words}"):
         raster_scene(build().model_copy(update={"crs": crs}))
 
@@ -327,7 +321,7 @@ GRID = "+proj=utm +zone=31 +ellps=bessel +nadgrids=/tmp/shift.gsb +type=crs"
 
 
 @pytest.mark.parametrize("crs", [GRID, "+proj=utm +zone=31 +ellps=GRS80 +nadgrids=@null,/tmp/shift.gsb +type=crs"])
-def test_crs_with_files_of_grids_are_refused(build: Build, tmp_path: Path, crs: str) -> None:
+def test_crs_with_files_of_grids_are_refused(build, tmp_path, crs):
     """PROJ would read the files."""
     with pytest.raises(SceneError, match=r"^scene\.crs is '.*', expected a projected CRS .* without files of grids"):
         raster_scene(build().model_copy(update={"crs": crs}))
@@ -346,19 +340,19 @@ def test_crs_with_files_of_grids_are_refused(build: Build, tmp_path: Path, crs: 
         raster_scene(config.model_copy(update={"elevation": str(mosaic)}))
 
 
-def test_a_projection_that_names_no_file_is_read() -> None:
+def test_a_projection_that_names_no_file_is_read():
     """Files of Web Mercator often have +nadgrids=@null."""
     mercator = "+proj=merc +a=6378137 +b=6378137 +nadgrids=@null +wktext +type=crs"
     assert crs_from(mercator) == CRS.from_user_input(mercator)
 
 
-def test_a_crs_of_another_planet_is_refused(build: Build) -> None:
+def test_a_crs_of_another_planet_is_refused(build):
     said = r"^scene: coordinates in Moon .* cannot be converted to WGS 84 .*, expected CRSs of the earth"
     with pytest.raises(SceneError, match=said):
         raster_scene(build(np.zeros(SHAPE), crs="IAU_2015:30100", vertical_datum="local"))
 
 
-def test_another_crs_may_be_asked_for(build: Build) -> None:
+def test_another_crs_may_be_asked_for(build):
     dutch = raster_scene(build().model_copy(update={"crs": "EPSG:28992"}))
     assert dutch.crs == "EPSG:28992"
     x, y = Transformer.from_crs("EPSG:28992", UTM, always_xy=True).transform(*centres(dutch))
@@ -367,7 +361,7 @@ def test_another_crs_may_be_asked_for(build: Build) -> None:
     np.testing.assert_allclose(dutch.elevation_m[inside], plane(x, y)[inside], atol=0.02)
 
 
-def test_gaps_are_filled_and_counted(build: Build) -> None:
+def test_gaps_are_filled_and_counted(build):
     heights = np.round(plane(*grid(HEIGHTS, SHAPE, UTM)), 3)
     gaps = np.zeros(SHAPE, dtype=bool)
     gaps[20:24, 30:35] = True
@@ -383,7 +377,7 @@ def test_gaps_are_filled_and_counted(build: Build) -> None:
     assert numbers_of(scene, "no_material") == {"cells": 32, "of": 3000}
 
 
-def test_nan_and_integer_nodata_are_gaps(build: Build) -> None:
+def test_nan_and_integer_nodata_are_gaps(build):
     for dtype, value in (("float32", np.nan), ("int16", -32768)):
         heights = np.full(SHAPE, 40, dtype=dtype)
         heights[5, 5] = value
@@ -392,14 +386,14 @@ def test_nan_and_integer_nodata_are_gaps(build: Build) -> None:
         np.testing.assert_allclose(scene.elevation_m, 40.0)
 
 
-def test_wide_gaps_take_the_nearest_height(build: Build) -> None:
+def test_wide_gaps_take_the_nearest_height(build):
     heights = np.full((20, 400), np.nan)
     heights[:, :220] = 30.0
     config = build(heights, np.ones((20, 400), dtype=np.uint8))
     np.testing.assert_array_equal(raster_scene(config).elevation_m, 30.0)  # 180 cells: further than is interpolated
 
 
-def test_materials_beyond_their_raster_are_none(build: Build) -> None:
+def test_materials_beyond_their_raster_are_none(build):
     ids = np.ones(SHAPE, dtype=np.uint8)
     ids[:, :10] = 255
     shifted = Affine(10.0, 0.0, WEST, 0.0, -10.0, SOUTH + 400.0)
@@ -425,7 +419,7 @@ def test_materials_beyond_their_raster_are_none(build: Build) -> None:
         (UTM, "local", "local"),
     ],
 )
-def test_the_vertical_datum_is_read_or_given(build: Build, crs: str, key: str | None, expected: str) -> None:
+def test_the_vertical_datum_is_read_or_given(build, crs, key, expected):
     scene = raster_scene(build(crs=crs, vertical_datum=key))
     assert scene.vertical_datum == expected
     origin = "from scene.vertical_datum" if crs == UTM else "from the CRS of the elevation"
@@ -433,7 +427,7 @@ def test_the_vertical_datum_is_read_or_given(build: Build, crs: str, key: str | 
     assert scene.crs == UTM
 
 
-def test_ellipsoidal_heights_are_read_from_a_three_dimensional_crs(build: Build) -> None:
+def test_ellipsoidal_heights_are_read_from_a_three_dimensional_crs(build):
     heights = np.full((60, 100), 45.0)
     keys = {"crs": "EPSG:4979", "transform": GEOGRAPHIC}
     assert raster_scene(build(heights, **keys)).vertical_datum == "WGS 84 ellipsoid"
@@ -442,12 +436,12 @@ def test_ellipsoidal_heights_are_read_from_a_three_dimensional_crs(build: Build)
         raster_scene(build(heights, **keys, vertical_datum="EGM96"))
 
 
-def test_a_missing_vertical_datum_is_asked_for(build: Build) -> None:
+def test_a_missing_vertical_datum_is_asked_for(build):
     with pytest.raises(SceneError, match=r"^scene\.vertical_datum is missing and .*heights\.tif, .*zone 31N\).*EGM96"):
         raster_scene(build(crs=UTM))
 
 
-def test_a_contradicted_vertical_datum_is_told(build: Build) -> None:
+def test_a_contradicted_vertical_datum_is_told(build):
     with pytest.raises(SceneError, match=r"scene\.vertical_datum is 'EGM2008 height' .*heights\.tif\) says 'EGM96"):
         raster_scene(build(vertical_datum="EGM2008"))
 
@@ -461,12 +455,12 @@ def test_a_contradicted_vertical_datum_is_told(build: Build) -> None:
         ("EPSG:1", "not a known CRS"),
     ],
 )
-def test_unknown_vertical_datums(text: str, words: str) -> None:
+def test_unknown_vertical_datums(text, words):
     with pytest.raises(SceneError, match=rf"^scene\.vertical_datum is '{text}'.*{words}"):
         named_datum(text)
 
 
-def test_names_of_datums_that_are_the_same() -> None:
+def test_names_of_datums_that_are_the_same():
     assert same_datum("EGM96 height", "EGM96_Geoid")
     assert same_datum("WGS84 ellipsoid", "WGS 84 ellipsoidal height")
     assert same_datum("ellipsoid", "WGS 84 ellipsoid")
@@ -482,14 +476,14 @@ def test_names_of_datums_that_are_the_same() -> None:
     assert vertical_datum(CRS.from_wkt(unknown)) is None
 
 
-def test_a_transformation_is_made_once_for_equal_crs() -> None:
+def test_a_transformation_is_made_once_for_equal_crs():
     once = transformer(CRS.from_user_input(UTM), CRS.from_epsg(28992))
     assert transformer(CRS.from_epsg(32631), CRS.from_user_input("EPSG:28992")) is once
     assert transformer(CRS.from_epsg(28992), CRS.from_epsg(32631)) is not once
 
 
 @pytest.mark.parametrize(("accuracy", "code"), [(2.5, "transformation"), (-1.0, "transformation_unknown")])
-def test_a_missing_grid_of_shifts_is_told(monkeypatch: pytest.MonkeyPatch, accuracy: float, code: str) -> None:
+def test_a_missing_grid_of_shifts_is_told(monkeypatch, accuracy, code):
     assert transformation_findings(CRS(4326), CRS(UTM), "it") == []
     # which grids are installed depends on the machine
     missing = SimpleNamespace(best_available=False, transformers=[SimpleNamespace(accuracy=accuracy)])
@@ -515,9 +509,7 @@ def test_a_missing_grid_of_shifts_is_told(monkeypatch: pytest.MonkeyPatch, accur
         ({"cut": True}, "cannot be read as a raster"),
     ],
 )
-def test_bad_rasters_end_in_a_sentence(
-    build: Build, tmp_path: Path, key: str, change: dict[str, Any], words: str
-) -> None:
+def test_bad_rasters_end_in_a_sentence(build, tmp_path, key, change, words):
     values = np.ones(SHAPE, dtype=change.get("kind", "uint8"))
     if "bands" in change:
         values = np.stack([values, values])
@@ -539,7 +531,7 @@ def test_bad_rasters_end_in_a_sentence(
         raster_scene(config)
 
 
-def test_heights_in_feet_are_refused(build: Build) -> None:
+def test_heights_in_feet_are_refused(build):
     with pytest.raises(
         SceneError, match=r"scene\.elevation: .*heights\.tif has heights in US survey foot, expected met"
     ):
@@ -559,10 +551,10 @@ def test_heights_in_feet_are_refused(build: Build) -> None:
         ("description", "", "elevation (ft)"),
     ],
 )
-def test_heights_in_feet_by_the_metadata_of_the_file_are_refused(build: Build, where: str, key: str, text: str) -> None:
+def test_heights_in_feet_by_the_metadata_of_the_file_are_refused(build, where, key, text):
     config = build(crs=UTM, vertical_datum="EGM96")
 
-    def say(unit: str) -> None:
+    def say(unit):
         with rasterio.open(config.elevation, "r+") as raster:
             if where == "description":
                 raster.set_band_description(1, f"elevation ({unit})")
@@ -578,7 +570,7 @@ def test_heights_in_feet_by_the_metadata_of_the_file_are_refused(build: Build, w
         assert raster_scene(config).cell_m == 10.0
 
 
-def test_feet_elsewhere_in_the_metadata_say_nothing_of_the_heights(build: Build) -> None:
+def test_feet_elsewhere_in_the_metadata_say_nothing_of_the_heights(build):
     config = build(crs=UTM, vertical_datum="EGM96")
     with rasterio.open(config.elevation, "r+") as raster:
         raster.update_tags(horizontal_units="feet", TITLE="heights of 6 feet above ground (draft)", units="feet")
@@ -586,7 +578,7 @@ def test_feet_elsewhere_in_the_metadata_say_nothing_of_the_heights(build: Build)
     assert raster_scene(config).cell_m == 10.0
 
 
-def test_heights_that_no_place_has_are_refused(build: Build) -> None:
+def test_heights_that_no_place_has_are_refused(build):
     heights = np.full(SHAPE, 30.0)
     heights[3, 3] = -9999.0
     with pytest.raises(
@@ -595,14 +587,14 @@ def test_heights_that_no_place_has_are_refused(build: Build) -> None:
         raster_scene(build(heights))
 
 
-def test_scaled_heights_are_unscaled(build: Build) -> None:
+def test_scaled_heights_are_unscaled(build):
     config = build(np.full(SHAPE, 400, dtype=np.int16), crs=UTM, vertical_datum="NAP")
     with rasterio.open(config.elevation, "r+") as raster:
         raster.scales, raster.offsets = (0.1,), (5.0,)
     np.testing.assert_allclose(raster_scene(config).elevation_m, 45.0)
 
 
-def test_more_gaps_than_elevation_are_refused(build: Build) -> None:
+def test_more_gaps_than_elevation_are_refused(build):
     heights = np.full(SHAPE, np.nan)
     heights[:, :20] = 30.0
     with pytest.raises(
@@ -624,12 +616,12 @@ def test_more_gaps_than_elevation_are_refused(build: Build) -> None:
         (np.zeros(SHAPE, dtype=np.uint8), "has no material where the elevation is"),
     ],
 )
-def test_rasters_that_are_no_materials(build: Build, ids: np.ndarray, words: str) -> None:
+def test_rasters_that_are_no_materials(build, ids, words):
     with pytest.raises(SceneError, match=rf"^scene\.materials: .*ids\.tif {words}"):
         raster_scene(build(ids=ids))
 
 
-def test_names_must_cover_the_ids_of_the_scene(build: Build) -> None:
+def test_names_must_cover_the_ids_of_the_scene(build):
     ids = np.ones(SHAPE, dtype=np.uint8)
     ids[10] = 7
     with pytest.raises(SceneError, match=r"names\.json has no name for material id 7 of .*ids\.tif"):
@@ -641,7 +633,7 @@ def test_names_must_cover_the_ids_of_the_scene(build: Build) -> None:
         raster_scene(build(names=[1, 2]))
 
 
-def test_rasters_of_different_places(build: Build) -> None:
+def test_rasters_of_different_places(build):
     elsewhere = Affine(10.0, 0.0, WEST + 50_000.0, 0.0, -10.0, SOUTH)
     with pytest.raises(
         SceneError, match=r"scene\.materials: .* \(longitude 5.*\) and scene\.elevation: .*do not overl"
@@ -651,7 +643,7 @@ def test_rasters_of_different_places(build: Build) -> None:
         raster_scene(build(ids_crs="EPSG:4326", ids_transform=Affine(0.1, 0, 100.0, 0, -0.1, -30.0)))
 
 
-def test_too_few_and_too_many_cells(build: Build) -> None:
+def test_too_few_and_too_many_cells(build):
     assert raster_scene(build(cell_m=62.0)).material.shape == (8, 9)
     with pytest.raises(SceneError, match=r"scene\.cell_m is 80, which makes 7 x 6 cells .*expected at least 8 x 8"):
         raster_scene(build(cell_m=80.0))
@@ -662,12 +654,12 @@ def test_too_few_and_too_many_cells(build: Build) -> None:
 
 
 @pytest.mark.parametrize("key", ["elevation", "materials", "names"])
-def test_missing_files(build: Build, key: str) -> None:
+def test_missing_files(build, key):
     with pytest.raises(ConfigError, match=rf"^scene\.{key}: the file /nowhere does not exist"):
         raster_scene(build().model_copy(update={key: "/nowhere"}))
 
 
-def test_identity_follows_what_the_simulator_sees(build: Build, tmp_path: Path) -> None:
+def test_identity_follows_what_the_simulator_sees(build, tmp_path):
     heights = plane(*grid(HEIGHTS, SHAPE, UTM))
     identity = raster_scene(build()).identity
     moved = build()
@@ -681,7 +673,7 @@ def test_identity_follows_what_the_simulator_sees(build: Build, tmp_path: Path) 
     assert raster_scene(build(names=NAMES | {"1": "reed"})).identity != identity
 
 
-def test_place_and_findings_survive_the_file(build: Build, tmp_path: Path) -> None:
+def test_place_and_findings_survive_the_file(build, tmp_path):
     scene = raster_scene(build())
     write_scene(tmp_path / "scene.h5", scene)
     back = read_scene(tmp_path / "scene.h5")
@@ -690,7 +682,7 @@ def test_place_and_findings_survive_the_file(build: Build, tmp_path: Path) -> No
     np.testing.assert_array_equal(back.elevation_m, scene.elevation_m)
 
 
-def test_files_without_a_place_are_read(scene: Scene, tmp_path: Path) -> None:
+def test_files_without_a_place_are_read(scene, tmp_path):
     write_scene(tmp_path / "scene.h5", scene)
     with changed(tmp_path / "scene.h5") as file:
         del file["findings"]  # as earlier versions wrote it
@@ -698,7 +690,7 @@ def test_files_without_a_place_are_read(scene: Scene, tmp_path: Path) -> None:
     assert (back.crs, back.transform, back.vertical_datum, back.findings) == (None, None, None, ())
 
 
-def test_an_error_of_the_heights_is_one_of_the_slopes(build: Build, tmp_path: Path) -> None:
+def test_an_error_of_the_heights_is_one_of_the_slopes(build, tmp_path):
     noise = np.random.default_rng(1).normal(0.0, 0.8, SHAPE)
     scene = raster_scene(build(50.0 + noise, elevation_error_m=0.8))
     slopes = np.degrees(np.arctan(np.diff(scene.elevation_m, axis=1) / scene.cell_m))
@@ -714,7 +706,7 @@ def test_an_error_of_the_heights_is_one_of_the_slopes(build: Build, tmp_path: Pa
     assert read_scene(tmp_path / "scene.h5").slope_error_deg == scene.slope_error_deg
 
 
-def test_whole_metres_are_an_error_of_the_slopes(build: Build) -> None:
+def test_whole_metres_are_an_error_of_the_slopes(build):
     smooth = gaussian_filter(np.random.default_rng(2).standard_normal(SHAPE), 4.0)
     heights = 50.0 + 8.0 * smooth / smooth.std()
     plain = raster_scene(build(heights))
@@ -738,7 +730,7 @@ def test_whole_metres_are_an_error_of_the_slopes(build: Build) -> None:
 
 
 @pytest.mark.parametrize("heading", [12.0, 90.0, 192.0, 270.0, 348.3])
-def test_the_grid_is_turned_to_the_track(build: Build, heading: float) -> None:
+def test_the_grid_is_turned_to_the_track(build, heading):
     """Rows follow each other along the track, columns lie to its right, and the ground keeps its place."""
     ids = np.where(np.add(*np.indices(SHAPE)) < 50, 1, 2).astype(np.uint8)
     scene = raster_scene(build(ids=ids), heading)
@@ -767,7 +759,7 @@ def test_the_grid_is_turned_to_the_track(build: Build, heading: float) -> None:
         assert distance == pytest.approx(50.0, rel=1e-4)
 
 
-def test_the_turned_grid_lies_inside_of_the_bounds(build: Build) -> None:
+def test_the_turned_grid_lies_inside_of_the_bounds(build):
     bounds = [WEST + 100.0, SOUTH + 150.0, WEST + 500.0, SOUTH + 380.0]
     scene = raster_scene(build(bounds=bounds), 30.0)
     x, y = centres(scene)
@@ -782,7 +774,7 @@ def test_the_turned_grid_lies_inside_of_the_bounds(build: Build) -> None:
 @pytest.mark.parametrize(
     ("heading", "side", "slope_deg"), [(192.0, "right", 1), (12.0, "right", -1), (12.0, "left", 1)]
 )
-def test_a_radar_sees_the_slope_that_faces_it(build: Build, heading: float, side: str, slope_deg: int) -> None:
+def test_a_radar_sees_the_slope_that_faces_it(build, heading, side, slope_deg):
     """Ground that falls to the east by 0.2 faces a radar in the east."""
     heights = 200.0 - 0.2 * (grid(HEIGHTS, SHAPE, UTM)[0] - WEST)
     scene = raster_scene(build(heights), heading)
@@ -797,7 +789,7 @@ def test_a_radar_sees_the_slope_that_faces_it(build: Build, heading: float, side
 
 
 @pytest.mark.parametrize("heading", [0.0, 192.0])
-def test_images_keep_their_place_on_the_map(build: Build, tmp_path: Path, heading: float) -> None:
+def test_images_keep_their_place_on_the_map(build, tmp_path, heading):
     """A measured image on the map, resampled to slant range and exported again, shows a corner where it was."""
     corner = (WEST + 330.0, SOUTH + 240.0)
     scene = raster_scene(build(np.full(SHAPE, 20.0)), heading)
@@ -809,8 +801,6 @@ def test_images_keep_their_place_on_the_map(build: Build, tmp_path: Path, headin
     x, y = fine.c + 4.0 * column, fine.f - 4.0 * row
     values = np.where((x < corner[0]) & (y < corner[1]), 3.0, 1.0)  # bright to the south-west of the corner
     image = GeoreferencedImage(tmp_path / "measured.tif", values, fine, CRS.from_user_input(UTM))
-    assert scene.crs is not None
-    assert scene.transform is not None
     found = values_at_ground(image, scene.crs, scene.transform, geometry.ground)
     layer = Layer(found.astype(np.float32), "1", "corner", {})
     write_geotiff(tmp_path / "export.tif", layer, map_grid(scene, geometry))

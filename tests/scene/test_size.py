@@ -1,9 +1,6 @@
 """Sizes of scenes before they are made."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,12 +12,12 @@ from radcal.scene.base import SceneSize, scene_size
 from radcal.sections.scene import BuiltinScene
 
 
-def write(path: Path, shape: tuple[int, int], pixel_m: float, crs: str | None) -> str:
+def write(path, shape, pixel_m, crs):
     transform = Affine(pixel_m, 0.0, 600_000.0, 0.0, -pixel_m, 5_780_000.0) if crs else Affine.identity()
     return str(write_raster(path, np.ones(shape, dtype=np.uint8), crs=crs, transform=transform))
 
 
-def test_size_of_rasters_is_that_of_the_finer_one_in_cells(tmp_path: Path) -> None:
+def test_size_of_rasters_is_that_of_the_finer_one_in_cells(tmp_path):
     (tmp_path / "names.json").write_text(json.dumps({"1": "grass"}))
     config = RasterScene(
         elevation=write(tmp_path / "heights.tif", (40, 30), 10.0, "EPSG:32631"),
@@ -32,7 +29,7 @@ def test_size_of_rasters_is_that_of_the_finer_one_in_cells(tmp_path: Path) -> No
 
 
 @pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
-def test_size_of_labels_and_of_the_built_in_scene(tmp_path: Path) -> None:
+def test_size_of_labels_and_of_the_built_in_scene(tmp_path):
     (tmp_path / "names.json").write_text(json.dumps({"1": "grass"}))
     labels = SlantRangeScene(
         labels=write(tmp_path / "labels.tif", (12, 7), 1.0, None), names=str(tmp_path / "names.json"),

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -18,10 +16,10 @@ Write = Callable[..., SlantRangeScene]
 
 
 @pytest.fixture
-def write(tmp_path: Path) -> Write:
+def write(tmp_path):
     """Write the two files and return the configuration that names them."""
 
-    def write(labels: np.ndarray = LABELS, names: object = None, **keys: object) -> SlantRangeScene:
+    def write(labels=LABELS, names=None, **keys):
         write_raster(tmp_path / "labels.tif", labels)
         text = names if isinstance(names, str) else json.dumps(names or {"0": "none", "1": "grass", "3": "bare soil"})
         (tmp_path / "names.json").write_text(text)
@@ -38,7 +36,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreference
 
 
 @pytest.mark.parametrize("dtype", ["uint8", "uint16", "int16", "int32"])
-def test_labels_are_read(write: Write, dtype: str) -> None:
+def test_labels_are_read(write, dtype):
     scene = slant_range_scene(write(LABELS.astype(dtype)))
     np.testing.assert_array_equal(scene.material, LABELS)
     assert scene.material.dtype == np.uint8
@@ -49,13 +47,13 @@ def test_labels_are_read(write: Write, dtype: str) -> None:
     np.testing.assert_allclose(scene.incidence_deg[[0, -1]], [20, 50])
 
 
-def test_make_scene_reads_labels_and_checks_materials(write: Write) -> None:
+def test_make_scene_reads_labels_and_checks_materials(write):
     assert make_scene(write(), ["grass", "bare soil"]).names[0] == "grass"
     with pytest.raises(SceneError, match="'bare soil' has no law"):
         make_scene(write(), ["grass"])
 
 
-def test_identity_changes_with_content_only(write: Write, tmp_path: Path) -> None:
+def test_identity_changes_with_content_only(write, tmp_path):
     identity = slant_range_scene(write()).identity
     other = LABELS.copy()
     other[0, 0] = 1
@@ -76,12 +74,12 @@ def test_identity_changes_with_content_only(write: Write, tmp_path: Path) -> Non
         (LABELS.astype("uint16") + 300, "holds uint16 from 300 to 303"),
     ],
 )
-def test_rasters_that_are_no_labels(write: Write, labels: np.ndarray, words: str) -> None:
+def test_rasters_that_are_no_labels(write, labels, words):
     with pytest.raises(SceneError, match=rf"scene.labels: .*labels\.tif {words}"):
         slant_range_scene(write(labels))
 
 
-def test_file_that_is_no_raster_or_cut_short(write: Write, tmp_path: Path) -> None:
+def test_file_that_is_no_raster_or_cut_short(write, tmp_path):
     config = write(np.ones((200, 200), dtype=np.uint8), {"1": "a"})
     path = tmp_path / "labels.tif"
     for content in (b"not a raster", path.read_bytes()[: path.stat().st_size // 2]):
@@ -90,7 +88,7 @@ def test_file_that_is_no_raster_or_cut_short(write: Write, tmp_path: Path) -> No
             slant_range_scene(config)
 
 
-def test_names_that_are_too_few(write: Write) -> None:
+def test_names_that_are_too_few(write):
     with pytest.raises(SceneError, match=r"names\.json has no name for material id 3 of .*labels\.tif"):
         slant_range_scene(write(names={"1": "grass"}))
     with pytest.raises(SceneError, match="names no material"):
@@ -98,10 +96,10 @@ def test_names_that_are_too_few(write: Write) -> None:
 
 
 @pytest.mark.parametrize("key", ["labels", "names"])
-def test_missing_files(write: Write, tmp_path: Path, key: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_files(write, tmp_path, key, monkeypatch):
     config = write()
 
-    def scene_at(path: str) -> None:
+    def scene_at(path):
         slant_range_scene(config.model_copy(update={key: path}))
 
     with pytest.raises(ConfigError, match=rf"scene\.{key}: the file .*nothing does not exist"):

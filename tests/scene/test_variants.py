@@ -1,7 +1,5 @@
 """Wrong variants of coordinates: order of axes, heading, radius of the earth, scale of a grid, aspect, slant range."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from pyproj import CRS, Geod, Transformer
@@ -18,7 +16,7 @@ LONGITUDE, LATITUDE = 7.3, 51.6
 GEOD = Geod(ellps="WGS84")
 
 
-def test_coordinates_are_longitude_and_latitude_whatever_the_order_of_the_authority() -> None:
+def test_coordinates_are_longitude_and_latitude_whatever_the_order_of_the_authority():
     """EPSG 4326 names the latitude first; the place is found by the length of its meridian and parallel."""
     x, y = transformer(CRS.from_epsg(4326), UTM).transform(LONGITUDE, LATITUDE)
     meridian = GEOD.inv(9.0, 0.0, 9.0, LATITUDE)[2] * 0.9996
@@ -34,7 +32,7 @@ def test_coordinates_are_longitude_and_latitude_whatever_the_order_of_the_author
 
 
 @pytest.mark.parametrize("heading", [12.0, 104.0, 349.0, 194.0])
-def test_second_axis_points_along_the_track_and_the_first_to_its_right(heading: float) -> None:
+def test_second_axis_points_along_the_track_and_the_first_to_its_right(heading):
     place = transformer(UTM.geodetic_crs, UTM).transform(LONGITUDE, LATITUDE)
     track = turned(UTM, place, heading)
     change = Transformer.from_crs(UTM.geodetic_crs, track, always_xy=True)
@@ -54,7 +52,7 @@ def test_second_axis_points_along_the_track_and_the_first_to_its_right(heading: 
     )
 
 
-def test_radius_of_curvature_along_a_direction() -> None:
+def test_radius_of_curvature_along_a_direction():
     place = transformer(UTM.geodetic_crs, UTM).transform(LONGITUDE, LATITUDE)
     sine, e2 = np.sin(np.radians(LATITUDE)), GEOD.es
     vertical = GEOD.a / np.sqrt(1.0 - e2 * sine**2)
@@ -71,7 +69,7 @@ def test_radius_of_curvature_along_a_direction() -> None:
         agrees(found, right, rtol=1e-7, exchanged=exchanged, semi_major=GEOD.a, **(wrong if azimuth == 30.0 else {}))
 
 
-def test_cross_section_by_the_bearing_from_the_front() -> None:
+def test_cross_section_by_the_bearing_from_the_front():
     curve = np.array([[0.0, 3.0], [100.0, 21.0], [230.0, -4.0], [300.0, 9.0]])
     zeros, first = np.zeros(1), np.zeros(1, np.int16)
     heading, unknown = np.array([50.0]), np.array([np.nan])
@@ -91,7 +89,7 @@ def test_cross_section_by_the_bearing_from_the_front() -> None:
     )
 
 
-def test_errors_of_heights_and_slopes() -> None:
+def test_errors_of_heights_and_slopes():
     agrees(
         rounding_error_m(2.0),
         np.std(np.linspace(-1.0, 1.0, 100_001)),
@@ -111,7 +109,7 @@ def test_errors_of_heights_and_slopes() -> None:
     )
 
 
-def test_rows_are_equal_steps_of_slant_range() -> None:
+def test_rows_are_equal_steps_of_slant_range():
     slant = np.linspace(1.0 / np.cos(np.radians(25.0)), 1.0 / np.cos(np.radians(48.0)), 7)
     ground = np.linspace(*np.tan(np.radians([25.0, 48.0])), 7)
     agrees(
@@ -124,7 +122,7 @@ def test_rows_are_equal_steps_of_slant_range() -> None:
     )
 
 
-def test_boxes_side_by_side_have_nothing_in_common_in_either_direction() -> None:
+def test_boxes_side_by_side_have_nothing_in_common_in_either_direction():
     """West, south, east and north [m]; northings are larger than eastings, as in UTM."""
     here = (600.0, 5000.0, 700.0, 5100.0)
     for other, empty in (

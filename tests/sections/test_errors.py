@@ -1,9 +1,5 @@
 """Sentences about keys."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 from config_samples import X, dyke, flat, mapped, measured, message, synthetic
 
@@ -36,18 +32,18 @@ from config_samples import X, dyke, flat, mapped, measured, message, synthetic
         (synthetic(parameters={"dkye": X}), "measurement.synthetic.parameters.dkye", "dyke"),
     ],
 )
-def test_misspelt_keys_are_refused_with_the_nearest(data: dict[str, Any], key: str, near: str) -> None:
+def test_misspelt_keys_are_refused_with_the_nearest(data, key, near):
     text = message(data)
     assert key in text
     assert f"did you mean {near!r}?" in text
 
 
-def test_key_like_no_other_is_refused_with_all_known() -> None:
+def test_key_like_no_other_is_refused_with_all_known():
     text = message({"stop": {"xyzzy": 1}})
     assert "unknown key stop.xyzzy" in text
     assert "known: at_sampling_error, law_db, max_runs, rms, stagnation_runs" in text
 
 
-def test_keys_of_another_source_are_not_known() -> None:
+def test_keys_of_another_source_are_not_known():
     assert "unknown key scene.labels" in message({"scene": {"source": "builtin", "labels": "a.tif"}})
     assert "unknown key measurement.synthetic" in message(measured(synthetic={}))

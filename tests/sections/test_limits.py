@@ -1,16 +1,13 @@
 """Every number of the configuration is bounded on both sides, and no number ends in anything but a sentence."""
 
-from __future__ import annotations
-
 import copy
 import json
 import math
 import re
 import types
 import typing
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import pytest
 from annotated_types import Ge, Gt, Le, Lt
@@ -27,11 +24,11 @@ PAGE = Path(__file__).parents[2] / "docs" / "configuration.md"
 WILD = [0, -1, 1e308, -1e308, 1e-308, math.inf, math.nan, 2**63 - 1, 2**63, 2**64, 10**400, True, "1e3", "x", None, []]
 
 
-def said(limit: Any) -> str:
+def said(limit):
     return f"{limit:,.0f}" if limit == round(limit) and abs(limit) < 1e13 else f"{limit:,}"
 
 
-def numbers(annotation: Any, metadata: list[Any], path: str) -> Iterator[tuple[str, str, str]]:
+def numbers(annotation, metadata, path):
     """Path and limits of every number that an annotation admits."""
     origin = typing.get_origin(annotation)
     if origin is Annotated:
@@ -69,7 +66,7 @@ SECOND = {
     "start": {"law": "tabulated", "angles_deg": [10, 60], "parameters": [-7.0, -6.0]},
 }
 CURVE = {"corner": [[0, 10.0], [90, 5.0]]}
-FIRST: dict[str, Any] = {
+FIRST = {
     "seed": 3,
     "scene": {
         "source": "builtin", "seed": 1,
@@ -123,7 +120,7 @@ PROGRAM = {
         "file": "a.raw", "scale": "db", "format": "raw", "dtype": "float32", "shape": [80, 90], "header_bytes": 8,
     },
 }  # fmt: skip
-CASES: list[dict[str, Any]] = [
+CASES = [
     FIRST,
     {"scene": RASTERS, "radar": {"nesz_db": [[20, -30], [50, -25]]}},
     {
@@ -140,7 +137,7 @@ CASES: list[dict[str, Any]] = [
 ]
 
 
-def places(data: Any, at: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
+def places(data, at=()):
     """Where the numbers of plain data are."""
     if isinstance(data, dict | list):
         for key, value in data.items() if isinstance(data, dict) else enumerate(data):
@@ -149,7 +146,7 @@ def places(data: Any, at: tuple[str | int, ...] = ()) -> Iterator[tuple[str | in
         yield at
 
 
-def general(place: tuple[str | int, ...]) -> str:
+def general(place):
     """The path of a number as its annotation has it."""
     parts = ["*" if isinstance(part, int) else part for part in place]
     for k, part in enumerate(parts[:-1]):
@@ -163,8 +160,8 @@ def general(place: tuple[str | int, ...]) -> str:
     return ".".join(parts)
 
 
-def replaced(data: dict[str, Any], place: tuple[str | int, ...], value: Any) -> dict[str, Any]:
-    copied: Any = copy.deepcopy(data)
+def replaced(data, place, value):
+    copied = copy.deepcopy(data)
     inner = copied
     for part in place[:-1]:
         inner = inner[part]
@@ -172,7 +169,7 @@ def replaced(data: dict[str, Any], place: tuple[str | int, ...], value: Any) -> 
     return dict(copied)
 
 
-def test_the_cases_hold_every_number_there_is() -> None:
+def test_the_cases_hold_every_number_there_is():
     assert {general(place) for case in CASES for place in places(case)} == {
         path
         for path, _, _ in FOUND
@@ -182,7 +179,7 @@ def test_the_cases_hold_every_number_there_is() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=["all", "rasters", "orbit", "program", "band"])
-def test_wild_numbers_are_taken_or_refused_in_a_sentence(case: dict[str, Any]) -> None:
+def test_wild_numbers_are_taken_or_refused_in_a_sentence(case):
     assert case_from(case)
     taken = refused = 0
     for place in places(case):
@@ -226,17 +223,17 @@ def test_wild_numbers_are_taken_or_refused_in_a_sentence(case: dict[str, Any]) -
         ),
     ],
 )
-def test_limits_are_said_as_they_are(data: dict[str, Any], said: str) -> None:
+def test_limits_are_said_as_they_are(data, said):
     with pytest.raises(ConfigError) as caught:
         case_from(data)
     assert str(caught.value).endswith(said)
 
 
-def test_seeds_reach_to_their_limit() -> None:
+def test_seeds_reach_to_their_limit():
     assert case_from({"seed": 2**63 - 1}).seed == 2**63 - 1
 
 
-def test_every_number_has_both_limits_and_the_page_says_which() -> None:
+def test_every_number_has_both_limits_and_the_page_says_which():
     assert [row for row in FOUND if "none" in row] == []
     rows = re.findall(r"^- `(\w+)` \((.*?)\): ", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)
     for path, low, high in FOUND:

@@ -1,9 +1,6 @@
 """Section materials: laws, bounds, starts and whole parameters."""
 
-from __future__ import annotations
-
 import math
-from typing import Any
 
 import pytest
 from config_samples import COMMAND, FIXED, NO_TRUTH, SOIL, TABLE, WHOLE, X, dyke, message, outside, synthetic
@@ -13,7 +10,7 @@ from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
 
 
-def test_start_is_the_middle_of_the_bounds_unless_given() -> None:
+def test_start_is_the_middle_of_the_bounds_unless_given():
     bounds = [[-50, 0], [0, 20], [0, 1], [2, 4]]
     assert case_from(dyke(bounds=bounds)).materials["dyke"].start_parameters == [-25, 10, 0.5, 3]
     given = case_from(dyke(bounds=bounds, start=[-1, 1, 1, 2])).materials["dyke"]
@@ -21,12 +18,12 @@ def test_start_is_the_middle_of_the_bounds_unless_given() -> None:
     assert case_from({"materials": FIXED}).materials["grass"].start_parameters == X
 
 
-def test_bounds_of_absurd_size_are_refused() -> None:
+def test_bounds_of_absurd_size_are_refused():
     with pytest.raises(ConfigError, match=r"bounds of X1 are \[0, 1e\+30\], expected within"):
         case_from({"materials": {"dyke": {"calibrate": True, "bounds": [[0, 1e30]] * 4}}})
 
 
-def test_looks_belong_to_materials_with_fixed_parameters() -> None:
+def test_looks_belong_to_materials_with_fixed_parameters():
     grass = {**FIXED["grass"], "looks": 2.5}
     assert case_from({"materials": {**FIXED, "grass": grass}}).materials["grass"].looks == 2.5
     assert "looks is 2.5 and calibrate is true, expected looks only with calibrate: false" in message(dyke(looks=2.5))
@@ -40,21 +37,21 @@ def test_looks_belong_to_materials_with_fixed_parameters() -> None:
         (dyke(start={"law": "constant_gamma", "parameters": [2000]}), "gamma of law 'constant_gamma' is 2000,"),
     ],
 )
-def test_parameters_of_absurd_size_are_refused(data: dict[str, Any], words: str) -> None:
+def test_parameters_of_absurd_size_are_refused(data, words):
     text = message(data)
     assert words in text
     assert "expected -1000 to 1000" in text
 
 
 @pytest.mark.parametrize("start", [X, {"law": "mangia", "parameters": X}])
-def test_a_start_of_the_same_law_is_a_start(start: object) -> None:
+def test_a_start_of_the_same_law_is_a_start(start):
     case = case_from(dyke(start=start))
     assert case.start_with_another_law == []
     assert case.materials["dyke"].start_parameters == X
     assert case.at_start == case
 
 
-def test_parameters_of_an_external_law() -> None:
+def test_parameters_of_an_external_law():
     case = case_from({"simulator": COMMAND, "materials": {"soil": SOIL, "lake": {"law": "external"}},
                       "measurement": NO_TRUTH})  # fmt: skip
     soil, lake = case.materials["soil"], case.materials["lake"]
@@ -67,7 +64,7 @@ def test_parameters_of_an_external_law() -> None:
         case.laws["soil"](0.5, [0.1, 1.0])
 
 
-def test_laws_of_several_kinds_beside_an_external_one() -> None:
+def test_laws_of_several_kinds_beside_an_external_one():
     materials = {
         "soil": SOIL | {"units": ["m3/m3", "cm"]},
         "field": {"calibrate": True, **TABLE},
@@ -79,7 +76,7 @@ def test_laws_of_several_kinds_beside_an_external_one() -> None:
     assert [name for name, law in case.laws.items() if law.has_curve] == ["field", "lake"]
 
 
-def test_whole_parameters() -> None:
+def test_whole_parameters():
     soil = case_from(outside(WHOLE)).materials["soil"]
     assert soil.integers == (False, True)
     # the middle of 1 to 12 is none: the next
@@ -118,7 +115,7 @@ def test_whole_parameters() -> None:
         ({"law": "mangia", "names": None, "bounds": [[0, 1]] * 4}, {}, "integer is for parameters of law: external"),
     ],
 )  # fmt: skip
-def test_what_is_not_whole_is_refused(materials: dict[str, Any], sections: dict[str, Any], words: str) -> None:
+def test_what_is_not_whole_is_refused(materials, sections, words):
     with pytest.raises(ConfigError) as caught:
         case_from(outside({**WHOLE, **materials}, **sections))
     assert words in str(caught.value)
@@ -127,7 +124,7 @@ def test_what_is_not_whole_is_refused(materials: dict[str, Any], sections: dict[
 FORMULA = {"law": "formula", "formula": "a + b*cos(phi)", "names": ["a", "b"]}
 
 
-def test_a_law_as_a_formula() -> None:
+def test_a_law_as_a_formula():
     units, box = ["dB", "dB"], [[-30, -10], [0, 20]]
     case = case_from({**dyke(**FORMULA, units=units, bounds=box), **synthetic(parameters={"dyke": [-20, 7]})})
     material = case.materials["dyke"]
@@ -139,7 +136,7 @@ def test_a_law_as_a_formula() -> None:
     assert again == material
 
 
-def test_a_start_and_a_hidden_law_may_be_formulas() -> None:
+def test_a_start_and_a_hidden_law_may_be_formulas():
     start = {**FORMULA, "parameters": [-25.0, 4.0]}
     case = case_from({**dyke(start=start), **synthetic(laws={"dyke": {**FORMULA, "parameters": [-3.0, 2.0]}})})
     assert case.start_with_another_law == ["dyke"]
@@ -171,14 +168,14 @@ def test_a_start_and_a_hidden_law_may_be_formulas() -> None:
         ({"law": "formulae"}, "mangia, oh1992, tabulated, ulaby_dobson, formula, external"),
     ],
 )
-def test_what_a_formula_must_not_be(keys: dict[str, Any], words: str) -> None:
+def test_what_a_formula_must_not_be(keys, words):
     own = {**FORMULA, "bounds": [[-30, -10], [0, 20]], **keys}
     text = message(dyke(**{key: value for key, value in own.items() if value is not None}))
     assert words in text
     assert "materials.dyke" in text
 
 
-def test_a_formula_of_the_frequency_asks_for_it() -> None:
+def test_a_formula_of_the_frequency_asks_for_it():
     own = {**FORMULA, "formula": "a + b*f_ghz", "bounds": [[-30, -10], [0, 20]]}
     case = {**dyke(**own), **synthetic(parameters={"dyke": [-20, 7]})}
     assert "radar.frequency_ghz is missing: law 'formula' of materials.dyke depends on it" in message(case)

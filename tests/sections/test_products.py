@@ -1,9 +1,5 @@
 """Cases with a product whose name says how its numbers are read."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 
 from radcal.config import FileMeasurement, case_from
@@ -12,7 +8,7 @@ from radcal.errors import ConfigError
 HYP3 = "S1A_IW_20180128T161201_DVP_RTC30_G_gdunem_FD6A_VV.tif"
 
 
-def case(radar: dict[str, Any] | None = None, path: str = HYP3, **measurement: Any) -> FileMeasurement:
+def case(radar=None, path=HYP3, **measurement):
     found = case_from(
         {
             "measurement": {"source": "file", "path": path, **measurement},
@@ -23,7 +19,7 @@ def case(radar: dict[str, Any] | None = None, path: str = HYP3, **measurement: A
     return found
 
 
-def test_the_name_replaces_three_keys() -> None:
+def test_the_name_replaces_three_keys():
     found = case()
     assert (found.scale, found.radiometry, found.polarisation) == ("db", "gamma0_rtc", "VV")
     assert case(scale="db", polarisation="VV") == case()
@@ -45,6 +41,6 @@ def test_the_name_replaces_three_keys() -> None:
         (None, {"path": "other.tif"}, "measurement.scale is missing"),
     ],
 )
-def test_contradictions_are_one_sentence(radar: dict[str, Any] | None, measurement: dict[str, Any], words: str) -> None:
+def test_contradictions_are_one_sentence(radar, measurement, words):
     with pytest.raises(ConfigError, match=words):
         case(radar, **measurement)

@@ -1,9 +1,6 @@
 """Section simulator: other people's programs."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Any
 
 import pytest
 from config_samples import COMMAND, NO_TRUTH, SOIL, TRUE_SOIL, WHOLE, X, outside
@@ -13,7 +10,7 @@ from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
 
 
-def test_unquoted_placeholders_are_what_was_meant(tmp_path: Path) -> None:
+def test_unquoted_placeholders_are_what_was_meant(tmp_path):
     text = "simulator: {kind: command, command: [sim, {input}, {soil.mv}, a], output: {file: i.npy, scale: db}}"
     (tmp_path / "a.yaml").write_text(text)
     case = load([tmp_path / "a.yaml"])
@@ -57,13 +54,13 @@ def test_unquoted_placeholders_are_what_was_meant(tmp_path: Path) -> None:
         ({"simulator": {"kind": "comand"}}, r"simulator\.kind is 'comand', expected 'builtin', 'command'"),
     ],
 )
-def test_wrong_external_simulators_end_in_a_sentence(changes: dict[str, Any], words: str) -> None:
+def test_wrong_external_simulators_end_in_a_sentence(changes, words):
     with pytest.raises(ConfigError, match=words) as caught:
         case_from({"simulator": COMMAND, "materials": {"soil": SOIL}, "measurement": NO_TRUTH} | changes)
     assert "\n" not in str(caught.value)
 
 
-def test_another_program_ends_at_the_sampling_error_unless_a_tolerance_is_asked_for() -> None:
+def test_another_program_ends_at_the_sampling_error_unless_a_tolerance_is_asked_for():
     assert case_from(outside(WHOLE)).stop.at_sampling_error
     assert case_from(outside(WHOLE, stop={"max_runs": 30})).stop.at_sampling_error
     assert not case_from(outside(WHOLE, stop={"rms": 1e-5})).stop.at_sampling_error
@@ -73,7 +70,7 @@ def test_another_program_ends_at_the_sampling_error_unless_a_tolerance_is_asked_
         assert not load([Path(__file__).parents[2] / f"config/{name}.yaml"]).stop.at_sampling_error
 
 
-def test_the_longest_run_is_that_of_all_attempts_waits_and_draws() -> None:
+def test_the_longest_run_is_that_of_all_attempts_waits_and_draws():
     """Four attempts of 100 s, waits of 2, 4 and 8 s, twice."""
     keys = {"timeout_s": 100, "retries": 3, "retry_wait_s": 2, "draws": 2}
     simulator = case_from(outside(WHOLE, simulator=COMMAND | keys)).simulator
@@ -86,7 +83,7 @@ def test_the_longest_run_is_that_of_all_attempts_waits_and_draws() -> None:
 
 
 @pytest.mark.parametrize(("given", "told"), [(None, False), ({"radar": False}, False), ({}, True)])
-def test_a_program_that_is_not_told_the_pass_runs_the_same_whatever_its_looks(given: Any, told: bool) -> None:
+def test_a_program_that_is_not_told_the_pass_runs_the_same_whatever_its_looks(given, told):
     simulator = case_from(outside(WHOLE, simulator=COMMAND | {"input": given})).simulator
     assert ("looks" in simulator.not_told) is not told
     assert "depression_deg" not in simulator.not_told

@@ -1,7 +1,5 @@
 """Positions in a ground-range image against places that were solved for, and against a real product's own grid."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -12,19 +10,19 @@ from lxml import etree
 from pyproj import Geod, Transformer
 from safe_product import LINES, NAME, PIXELS, STEM, place_of, radar_at, write_product
 
-from radcal.sentinel1.annotation import Annotation, annotation_of
+from radcal.sentinel1.annotation import annotation_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 
 
 @pytest.fixture(scope="module")
-def annotation(tmp_path_factory: pytest.TempPathFactory) -> Annotation:
+def annotation(tmp_path_factory):
     safe = write_product(tmp_path_factory.mktemp("product"))
     return annotation_of(etree.parse(safe / f"annotation/{STEM}.xml").getroot())
 
 
 @pytest.mark.parametrize("height", [0.0, 800.0, -150.0])
-def test_places_lead_back_to_their_pixels(annotation: Annotation, height: float) -> None:
+def test_places_lead_back_to_their_pixels(annotation, height):
     line = np.array([0.0, 13.4, 60.0, 119.2])
     pixel = np.array([70.0, 2.3, 50.6, 98.9])
     places = np.array([place_of(a, b, height) for a, b in zip(line, pixel, strict=True)]).T
@@ -33,7 +31,7 @@ def test_places_lead_back_to_their_pixels(annotation: Annotation, height: float)
     np.testing.assert_allclose(found[1], pixel, atol=0.01)
 
 
-def test_the_image_ends_half_a_pixel_beyond_its_outer_centres(annotation: Annotation) -> None:
+def test_the_image_ends_half_a_pixel_beyond_its_outer_centres(annotation):
     inside = [(-0.4, 50.0), (LINES - 0.6, 50.0), (60.0, -0.4), (60.0, PIXELS - 0.6)]
     outside = [(-0.6, 50.0), (LINES - 0.4, 50.0), (60.0, -0.6), (60.0, PIXELS - 0.4)]
     for ends, shown in ((inside, True), (outside, False)):
@@ -44,7 +42,7 @@ def test_the_image_ends_half_a_pixel_beyond_its_outer_centres(annotation: Annota
             np.testing.assert_allclose(found, ends, atol=0.01)
 
 
-def test_positions_do_not_depend_on_where_the_search_begins(annotation: Annotation) -> None:
+def test_positions_do_not_depend_on_where_the_search_begins(annotation):
     """It begins at the middle of the image, here 15 s later; polynomials may count from other slant ranges."""
     ground = annotation.ground
     line, pixel = np.array([5.0, 110.0]), np.array([20.0, 90.0])
@@ -58,7 +56,7 @@ def test_positions_do_not_depend_on_where_the_search_begins(annotation: Annotati
         np.testing.assert_allclose(found, [line, pixel], atol=0.01)
 
 
-def test_a_height_displaces_towards_near_range(annotation: Annotation) -> None:
+def test_a_height_displaces_towards_near_range(annotation):
     place = np.array(place_of(60.0, 50.0))[:, None]
     angle = annotation.ground.look(*place, np.zeros(1)).incidence_deg[0]
     _, pixel = annotation.ground.positions(*place, np.array([100.0]))
@@ -66,14 +64,14 @@ def test_a_height_displaces_towards_near_range(annotation: Annotation) -> None:
     assert slant_m == pytest.approx(100.0 * np.cos(np.radians(angle)), rel=1e-3)
 
 
-def test_places_outside_have_no_position(annotation: Annotation) -> None:
+def test_places_outside_have_no_position(annotation):
     inside = np.array(place_of(60.0, 50.0))
     far = inside[:, None] + np.array([[0.0, 1.0, 0.0, 90.0], [0.0, 0.0, 0.1, 0.0]])
     line, _ = annotation.ground.positions(*far, np.zeros(4))
     assert np.isfinite(line).tolist() == [True, False, False, False]
 
 
-def test_look_agrees_with_geodesics_and_triangles(annotation: Annotation) -> None:
+def test_look_agrees_with_geodesics_and_triangles(annotation):
     longitude, latitude = place_of(30.0, 80.0)
     look = annotation.ground.look(np.array([longitude]), np.array([latitude]), np.zeros(1))
     time = 30.0 * annotation.ground.line_s
@@ -91,7 +89,7 @@ def test_look_agrees_with_geodesics_and_triangles(annotation: Annotation) -> Non
 
 
 @pytest.mark.skipif("RADCAL_DATA" not in os.environ, reason="RADCAL_DATA is not set: real data are elsewhere")
-def test_a_real_product_agrees_with_its_own_grid() -> None:
+def test_a_real_product_agrees_with_its_own_grid():
     safe = Path(os.environ["RADCAL_DATA"]) / "sentinel1" / NAME
     root = etree.parse(safe / f"annotation/{STEM}.xml").getroot()
     annotation = annotation_of(root)

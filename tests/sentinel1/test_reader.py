@@ -1,12 +1,9 @@
 """Sentinel-1 products: radiometry, noise and acquisition against the functions that their tables were written from."""
 
-from __future__ import annotations
-
 import os
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -28,9 +25,7 @@ from safe_product import (
 from radcal.config import FileMeasurement, Radar, case_from
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError, MeasurementError
-from radcal.findings import Finding
 from radcal.image.acquisition import (
-    Acquisition,
     contradictions,
     differences,
     radar_section,
@@ -41,7 +36,7 @@ from radcal.radar.projection import make_geometry
 from radcal.reading.intake import parse_xml
 from radcal.scene.model import Scene
 from radcal.sentinel1.annotation import noise_of
-from radcal.sentinel1.overpass import Product, open_product, overpass_of, overpass_unchecked
+from radcal.sentinel1.overpass import open_product, overpass_of, overpass_unchecked
 from radcal.sentinel1.reader import Sentinel1Reader
 from radcal.words import sentence
 
@@ -49,7 +44,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreference
 
 UTM = "EPSG:32633"
 CELL_M, SIDE, HEIGHT_M = 20.0, 30, 120.0
-PASS: dict[str, Any] = {
+PASS = {
     "altitude_m": 693_000, "depression_deg": 53.4, "look_side": "left", "band": "C", "polarisation": "VV",
     "range_resolution_m": 11.0, "azimuth_resolution_m": 22.0, "range_spacing_m": 6.3, "azimuth_spacing_m": 10.0,
     "looks": 4, "nesz_db": -30.0,
@@ -57,15 +52,15 @@ PASS: dict[str, Any] = {
 
 
 @pytest.fixture(scope="module")
-def safe(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def safe(tmp_path_factory):
     return write_product(tmp_path_factory.mktemp("product"))
 
 
-def config(path: Path, **keys: Any) -> FileMeasurement:
+def config(path, **keys):
     return FileMeasurement.model_validate({"path": str(path), **keys})
 
 
-def scene(line: float = 60.0, pixel: float = 50.0) -> Scene:
+def scene(line=60.0, pixel=50.0):
     """Level ground around what a pixel shows, at a height on the ellipsoid."""
     x, y = Transformer.from_crs("EPSG:4326", UTM, always_xy=True).transform(*place_of(line, pixel, HEIGHT_M))
     corner = 0.5 * SIDE * CELL_M
@@ -81,12 +76,12 @@ def scene(line: float = 60.0, pixel: float = 50.0) -> Scene:
     )
 
 
-def opened(safe: Path, **keys: Any) -> tuple[Product, Radar]:
+def opened(safe, **keys):
     radar = Radar.model_validate({key: value for key, value in {**PASS, **keys}.items() if value is not None})
     return open_product(safe, config(safe), radar), radar
 
 
-def test_sigma0_follows_from_the_tables(safe: Path) -> None:
+def test_sigma0_follows_from_the_tables(safe):
     product, radar = opened(safe)
     ground = scene()
     geometry = make_geometry(ground, radar)
@@ -116,7 +111,7 @@ def test_sigma0_follows_from_the_tables(safe: Path) -> None:
     assert "noise_kept" in [one.code for one in findings]
 
 
-def solved(longitude: float, latitude: float) -> tuple[float, float]:
+def solved(longitude, latitude):
     """Position of a place at the scene's height, by steps with the differences of solved places."""
     at = np.array([60.0, 50.0])
     for _ in range(4):
@@ -126,14 +121,14 @@ def solved(longitude: float, latitude: float) -> tuple[float, float]:
     return float(at[0]), float(at[1])
 
 
-def test_noise_of_early_processors_has_one_table() -> None:
+def test_noise_of_early_processors_has_one_table():
     vector = "<noiseVector><line>{}</line><pixel>0 10</pixel><noiseLut>{}</noiseLut></noiseVector>"
     text = f"<noise><noiseVectorList>{vector.format(0, '4 8')}{vector.format(100, '6 20')}</noiseVectorList></noise>"
     found = noise_of(parse_xml(text.encode())).at(np.array([0.0, 25.0, 300.0]), np.array([5.0, 2.5, 40.0]))
     np.testing.assert_allclose(found, [6.0, 0.75 * 5.0 + 0.25 * 9.5, 20.0])
 
 
-def test_acquisition_is_read_from_the_annotation(safe: Path) -> None:
+def test_acquisition_is_read_from_the_annotation(safe):
     product, radar = opened(safe)
     ground = scene(70.0, 30.0)
     found = overpass_of(product, ground, make_geometry(ground, radar).ground).acquisition
@@ -156,7 +151,7 @@ def test_acquisition_is_read_from_the_annotation(safe: Path) -> None:
     assert second.incidence_deg > found.incidence_deg
 
 
-def test_noise_is_told_at_the_incidence_of_the_scenes_own_height(safe: Path) -> None:
+def test_noise_is_told_at_the_incidence_of_the_scenes_own_height(safe):
     """The geolocation grid has other heights, 10 m a pixel."""
     product, radar = opened(safe)
     ground = scene(70.0, 85.0)
@@ -170,7 +165,7 @@ def test_noise_is_told_at_the_incidence_of_the_scenes_own_height(safe: Path) -> 
     assert np.interp(found.incidence_deg, angles, levels) == pytest.approx(expected, abs=0.05)
 
 
-def test_looks_of_other_modes_are_multiplied(safe: Path) -> None:
+def test_looks_of_other_modes_are_multiplied(safe):
     product, radar = opened(safe)
     swaths = tuple(
         replace(one, range=replace(one.range, looks=6), azimuth=replace(one.azimuth, looks=3))
@@ -182,7 +177,7 @@ def test_looks_of_other_modes_are_multiplied(safe: Path) -> None:
     assert (found.looks, found.numbers_of_looks) == (18.0, (6, 3))
 
 
-def test_heights_above_the_geoid_are_raised_by_it(safe: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_heights_above_the_geoid_are_raised_by_it(safe, monkeypatch):
     product, radar = opened(safe)
     ground = scene()
     geometry = make_geometry(ground, radar)
@@ -194,7 +189,7 @@ def test_heights_above_the_geoid_are_raised_by_it(safe: Path, monkeypatch: pytes
     assert found.findings == ()
 
 
-def test_heights_between_the_centres_of_cells_are_interpolated(safe: Path) -> None:
+def test_heights_between_the_centres_of_cells_are_interpolated(safe):
     """A plane that rises by 6 m a row and falls by 2.5 m a column."""
     product, _ = opened(safe)
     level = scene()
@@ -208,13 +203,13 @@ def test_heights_between_the_centres_of_cells_are_interpolated(safe: Path) -> No
     np.testing.assert_allclose((found.line, found.pixel), expected, atol=0.01)
 
 
-def test_a_product_tells_its_pass_whatever_the_polarisation_of_the_case(safe: Path) -> None:
+def test_a_product_tells_its_pass_whatever_the_polarisation_of_the_case(safe):
     for polarisation in ("HH", "VV"):
         found = overpass_unchecked(safe, config(safe), Radar(polarisation=polarisation), scene())
         assert found.acquisition.polarisation == "VV"
 
 
-def measured_width(coefficient: float) -> float:
+def measured_width(coefficient):
     """-3 dB width of a window's response, from its spectrum."""
     spectrum = np.zeros(1 << 20)
     frequency = np.linspace(-0.5, 0.5, 1024, endpoint=False)
@@ -223,7 +218,7 @@ def measured_width(coefficient: float) -> float:
     return 2.0 * float(np.argmax(power < 0.5 * power[0])) * 1024 / (1 << 20)
 
 
-def test_the_printed_section_is_one_of_radar(safe: Path) -> None:
+def test_the_printed_section_is_one_of_radar(safe):
     product, radar = opened(safe)
     ground = scene()
     acquisition = overpass_of(product, ground, make_geometry(ground, radar).ground).acquisition
@@ -265,14 +260,12 @@ def test_the_printed_section_is_one_of_radar(safe: Path) -> None:
         ({"look_side": "right"}, "radar.look_side is right, a look to 90 deg from north, it looks to 2"),
     ],
 )
-def test_contradictions_are_refused(safe: Path, keys: dict[str, Any], words: str) -> None:
+def test_contradictions_are_refused(safe, keys, words):
     with pytest.raises(MeasurementError, match=re.escape(words)):
         taken(safe, **keys)
 
 
-def sigma0_image(
-    product: Product, image: FileMeasurement, radar: Radar, geometry: Any, ground: Scene
-) -> tuple[np.ndarray, Acquisition, tuple[Finding, ...]]:
+def sigma0_image(product, image, radar, geometry, ground):
     """Power, acquisition and findings of an opened product."""
     reader = Sentinel1Reader(product.path, image, radar)
     vars(reader)["_product"] = product
@@ -284,13 +277,13 @@ def sigma0_image(
     )
 
 
-def taken(safe: Path, **keys: Any) -> tuple[np.ndarray, Acquisition, tuple[Finding, ...]]:
+def taken(safe, **keys):
     product, radar = opened(safe, **keys)
     ground = scene()
     return sigma0_image(product, config(safe), radar, make_geometry(ground, radar), ground)
 
 
-def test_differences_are_said(safe: Path) -> None:
+def test_differences_are_said(safe):
     _, acquisition, findings = taken(safe, nesz_db=-22.0, range_resolution_m=5.0)
     found = {one.code: one.numbers for one in findings}
     radar = Radar.model_validate(PASS)
@@ -307,7 +300,7 @@ def test_differences_are_said(safe: Path) -> None:
     assert 11.0 <= width["own_m"] < 12.0
 
 
-def test_another_heading_contradicts_where_the_ground_is_steep(safe: Path) -> None:
+def test_another_heading_contradicts_where_the_ground_is_steep(safe):
     product, radar = opened(safe)
     level = scene()
     relief = np.random.default_rng(5).normal(0.0, 4.0, level.material.shape).cumsum(axis=0).cumsum(axis=1) * 0.2
@@ -318,7 +311,6 @@ def test_another_heading_contradicts_where_the_ground_is_steep(safe: Path) -> No
     with pytest.raises(MeasurementError, match=r"radar\.heading_deg is 0, a look to 270\.0 deg from north") as refused:
         sigma0_image(product, config(safe), radar, make_geometry(hills, radar), hills)
     said = re.search(r"on slopes of (\d+\.\d) deg, as the scene has them, by up to (\d+\.\d) deg", str(refused.value))
-    assert said is not None
     east, north = (np.diff(hills.elevation_m, axis=axis)[:29, :29] / CELL_M for axis in (1, 0))
     steep = np.degrees(np.arctan(np.quantile(np.hypot(east, north), 0.95)))
     assert float(said[1]) == pytest.approx(steep, abs=0.06)
@@ -350,7 +342,7 @@ PIXELS_FILE = f"measurement/{STEM}.tiff"
         ("manifest.safe", r"\./annotation", "../annotation", "expected a file of the folder"),
     ],
 )
-def test_damaged_products_are_refused(tmp_path: Path, file: str, old: str | None, new: str, words: str) -> None:
+def test_damaged_products_are_refused(tmp_path, file, old, new, words):
     safe = write_product(tmp_path)
     if old is None:
         (safe / file).unlink()
@@ -371,12 +363,12 @@ def test_damaged_products_are_refused(tmp_path: Path, file: str, old: str | None
         (np.ones((LINES, 50), np.uint16), f"it has {LINES} x 50 pixels, its annotation {LINES} x {PIXELS}"),
     ],
 )
-def test_blank_images_are_refused(tmp_path: Path, values: np.ndarray, words: str) -> None:
+def test_blank_images_are_refused(tmp_path, values, words):
     with pytest.raises(MeasurementError, match=re.escape(words)):
         taken(write_product(tmp_path, values))
 
 
-def test_pixels_without_data_are_nan(tmp_path: Path) -> None:
+def test_pixels_without_data_are_nan(tmp_path):
     values = digital_numbers()
     values[:, 55:60] = 0
     power, *_ = taken(write_product(tmp_path, values))
@@ -384,13 +376,13 @@ def test_pixels_without_data_are_nan(tmp_path: Path) -> None:
     assert 0.05 < np.isnan(power[np.isfinite(whole)]).mean() < 0.3
 
 
-def test_noise_that_the_processor_removed_is_said(tmp_path: Path) -> None:
+def test_noise_that_the_processor_removed_is_said(tmp_path):
     _, acquisition, findings = taken(write_product(tmp_path, noise_removed="true"))
     assert acquisition.noise_removed
     assert "noise_subtracted" in [one.code for one in findings]
 
 
-def test_heights_above_a_geoid_without_a_grid_are_said(safe: Path) -> None:
+def test_heights_above_a_geoid_without_a_grid_are_said(safe):
     product, radar = opened(safe)
     ground = replace(scene(), vertical_datum="EGM2008 height")
     (found,) = overpass_of(product, ground, make_geometry(ground, radar).ground).findings
@@ -398,7 +390,7 @@ def test_heights_above_a_geoid_without_a_grid_are_said(safe: Path) -> None:
     assert found.numbers["m_per_m"] == pytest.approx(1.35, abs=0.05)
 
 
-def test_a_scene_elsewhere_or_off_the_map_is_refused(safe: Path) -> None:
+def test_a_scene_elsewhere_or_off_the_map_is_refused(safe):
     product, radar = opened(safe)
     ground = scene()
     away = replace(ground, transform=(CELL_M, 0.0, ground.transform[2] + 50_000.0, 0.0, CELL_M, ground.transform[5]))
@@ -409,7 +401,7 @@ def test_a_scene_elsewhere_or_off_the_map_is_refused(safe: Path) -> None:
         overpass_of(product, replace(ground, crs=None), geometry.ground)
 
 
-def case_of(path: Path, **measurement: Any) -> dict[str, Any]:
+def case_of(path, **measurement):
     return {
         "scene": {"source": "raster", "elevation": "a.tif", "materials": "b.tif", "names": "c.json"},
         "measurement": {"source": "file", "path": str(path), **measurement},
@@ -419,13 +411,13 @@ def case_of(path: Path, **measurement: Any) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("name", ["", "manifest.safe"])
-def test_a_case_reads_a_product_without_scale_and_radiometry(safe: Path, name: str) -> None:
+def test_a_case_reads_a_product_without_scale_and_radiometry(safe, name):
     case = case_from(case_of(safe / name))
     measurement = case.measurement
     assert isinstance(measurement, FileMeasurement)
     assert (measurement.scale, measurement.radiometry) == ("amplitude", "sigma0_ref")
     ground = scene()
-    nothing: Any = None
+    nothing = None
     taken_db = make_measurement(STAGES["measurement"].of(case), make_geometry(ground, case.radar), nothing, ground)
     assert taken_db.source == NAME
     power, *_ = taken(safe)
@@ -433,7 +425,7 @@ def test_a_case_reads_a_product_without_scale_and_radiometry(safe: Path, name: s
     assert sentence(taken_db.findings[1]).startswith(f"{NAME}: S1B IW GRD VV of 2021-12-23")
 
 
-def test_keys_that_contradict_the_kind_of_product_are_refused(safe: Path) -> None:
+def test_keys_that_contradict_the_kind_of_product_are_refused(safe):
     with pytest.raises(ConfigError, match="scale is db, .* is a Sentinel-1 product, whose scale is amplitude: leave"):
         case_from(case_of(safe, scale="db"))
     with pytest.raises(ConfigError, match="radiometry is gamma0, .* whose radiometry is sigma0_ref"):
@@ -441,7 +433,7 @@ def test_keys_that_contradict_the_kind_of_product_are_refused(safe: Path) -> Non
 
 
 @pytest.mark.skipif("RADCAL_DATA" not in os.environ, reason="RADCAL_DATA is not set: real data are elsewhere")
-def test_a_real_product_is_read_and_its_blank_image_refused() -> None:
+def test_a_real_product_is_read_and_its_blank_image_refused():
     real = Path(os.environ["RADCAL_DATA"]) / "sentinel1" / NAME
     product, radar = opened(real, depression_deg=45.9)
     x, y = Transformer.from_crs("EPSG:4326", UTM, always_xy=True).transform(12.5, 42.0)

@@ -1,9 +1,6 @@
 """Files that the manifest of a SAFE folder lists."""
 
-from __future__ import annotations
-
 import os
-from pathlib import Path
 
 import pytest
 from safe_product import NAME, STEM, write_product
@@ -14,7 +11,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreference
 
 
 @pytest.mark.parametrize("inside", ["", "manifest.safe"])
-def test_images_are_those_of_the_manifest(tmp_path: Path, inside: str) -> None:
+def test_images_are_those_of_the_manifest(tmp_path, inside):
     safe = write_product(tmp_path)
     images = safe_images(safe / inside)
     assert [image.polarisation for image in images] == ["VV", "VH"]
@@ -28,7 +25,7 @@ def test_images_are_those_of_the_manifest(tmp_path: Path, inside: str) -> None:
     assert safe_folder(safe / inside) == safe
 
 
-def test_only_whole_images_are_offered(tmp_path: Path) -> None:
+def test_only_whole_images_are_offered(tmp_path):
     with pytest.raises(SafeRefused, match=r"^it has VV, radar\.polarisation is HV$"):
         chosen_image(safe_images(write_product(tmp_path)), "HV")
 
@@ -41,13 +38,13 @@ def test_only_whole_images_are_offered(tmp_path: Path) -> None:
         ('<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "declares a document type"),
     ],
 )
-def test_other_manifests_are_refused(tmp_path: Path, text: str, words: str) -> None:
+def test_other_manifests_are_refused(tmp_path, text, words):
     (tmp_path / "manifest.safe").write_text(text)
     with pytest.raises(SafeRefused, match=words):
         safe_images(tmp_path)
 
 
-def test_a_manifest_elsewhere_is_not_read(tmp_path: Path) -> None:
+def test_a_manifest_elsewhere_is_not_read(tmp_path):
     safe = write_product(tmp_path)
     (safe / "manifest.safe").rename(tmp_path / "other.xml")
     (safe / "manifest.safe").symlink_to("../other.xml")
@@ -61,14 +58,14 @@ def test_a_manifest_elsewhere_is_not_read(tmp_path: Path) -> None:
         safe_images(safe)
 
 
-def test_a_manifest_of_gigabytes_is_not_read(tmp_path: Path) -> None:
+def test_a_manifest_of_gigabytes_is_not_read(tmp_path):
     with (tmp_path / "manifest.safe").open("wb") as file:
         file.truncate(2**40)
     with pytest.raises(SafeRefused, match=r"^manifest\.safe: it has 1099511627776 bytes, expected at most 100000000$"):
         safe_images(tmp_path)
 
 
-def test_an_image_without_its_tables_is_refused(tmp_path: Path) -> None:
+def test_an_image_without_its_tables_is_refused(tmp_path):
     safe = write_product(tmp_path)
     manifest = safe / "manifest.safe"
     manifest.write_text(manifest.read_text().replace(f"/noise-{STEM}", "/noise-other"))
@@ -76,7 +73,7 @@ def test_an_image_without_its_tables_is_refused(tmp_path: Path) -> None:
         safe_images(safe)
 
 
-def test_names_of_products() -> None:
+def test_names_of_products():
     assert is_safe_name(f"${{DATA}}/{NAME}")
     assert is_safe_name(f"{NAME}/")
     assert is_safe_name(f"{NAME}/manifest.safe")

@@ -1,16 +1,13 @@
 """Finished results stay, and a command that would replace them is refused before any job."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from workflow_project import COLUMNS, ROWS, make_case, tiny_case, write_raster
 
-from radcal.config import Case, case_from, input_files
+from radcal.config import case_from, input_files
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
 from radcal.radar.geometry import write_geometry
@@ -25,7 +22,7 @@ OUT = Path("results/tiny")
 
 
 @pytest.fixture(autouse=True)
-def _made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def _made(tmp_path, monkeypatch):
     """Scene and geometry of the tiny case beside an archive, without the rest of a finished case."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv(REPLACE, raising=False)
@@ -40,11 +37,11 @@ def _made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (OUT / "calibration.h5").touch()
 
 
-def check(case: Case) -> None:
+def check(case):
     check_replacement(case, OUT, input_files(case))
 
 
-CHANGED: list[tuple[dict[str, Any], str]] = [
+CHANGED = [
     ({"radar": {"looks": 3}}, r"another geometry \(radar\.looks is 4 there, 3 here\), which stays as it is"),
     (
         {"scene": {**tiny_case()["scene"], "near_incidence_deg": 16.0}},
@@ -54,7 +51,7 @@ CHANGED: list[tuple[dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(("changes", "said"), CHANGED)
-def test_another_scene_or_pass_is_refused_until_allowed(changes: dict[str, Any], said: str) -> None:
+def test_another_scene_or_pass_is_refused_until_allowed(changes, said):
     with pytest.raises(ConfigError, match=f"results/tiny holds a finished calibration of {said}"):
         check(case_from(tiny_case(**changes)))
     check(case_from(tiny_case(**changes, replace=True)))
@@ -66,7 +63,7 @@ def test_another_scene_or_pass_is_refused_until_allowed(changes: dict[str, Any],
     check(case_from(tiny_case(**changes)))
 
 
-def test_a_second_pass_is_kept_like_the_first_and_one_may_be_added() -> None:
+def test_a_second_pass_is_kept_like_the_first_and_one_may_be_added():
     second = {**tiny_case()["radar"], "looks": 3}
     two = tiny_case()
     two |= {"radar": [two["radar"], second], "measurement": [two["measurement"]] * 2}
@@ -77,7 +74,7 @@ def test_a_second_pass_is_kept_like_the_first_and_one_may_be_added() -> None:
         check(case_from(two))
 
 
-def test_what_makes_the_same_scene_and_pass_is_not_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_makes_the_same_scene_and_pass_is_not_refused(monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr("radcal.scene.sources.make_scene", None)  # nothing is built for what has not changed
         check(case_from(tiny_case()))
@@ -92,7 +89,7 @@ def test_what_makes_the_same_scene_and_pass_is_not_refused(monkeypatch: pytest.M
     check(case)
 
 
-def test_a_newer_file_is_compared_by_what_it_holds() -> None:
+def test_a_newer_file_is_compared_by_what_it_holds():
     case = case_from(tiny_case())
     later = (OUT / "scene.h5").stat().st_mtime + 10
     os.utime("labels.tif", (later, later))
@@ -103,7 +100,7 @@ def test_a_newer_file_is_compared_by_what_it_holds() -> None:
         check(case)
 
 
-def test_a_damaged_file_is_nothing_to_keep() -> None:
+def test_a_damaged_file_is_nothing_to_keep():
     (OUT / "passes/1/geometry.h5").write_bytes((OUT / "passes/1/geometry.h5").read_bytes()[:-1])
     check(case_from(tiny_case(radar={"looks": 3})))
     assert (OUT / "passes/1/geometry.h5").is_file(), "a check sets nothing aside"

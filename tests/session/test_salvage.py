@@ -1,7 +1,5 @@
 """Files of a results folder that are not what was written, each small enough to be made here."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +21,7 @@ INDEXES = ("passes/1/reference.json", "design/0.json", "design/1.json")
 
 
 @pytest.fixture
-def out(tmp_path: Path) -> Path:
+def out(tmp_path):
     """A results folder of six runs, listed by three indexes."""
     folder = tmp_path / "tiny"
     store = RunStore(folder / "runs")
@@ -47,7 +45,7 @@ def out(tmp_path: Path) -> Path:
     return folder
 
 
-def names(folder: Path) -> set[str]:
+def names(folder):
     return {
         path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file() and path.name != ".claims"
     }

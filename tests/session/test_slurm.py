@@ -1,9 +1,6 @@
 """What is left in the queue, with squeue and scancel as programs that keep it in a file."""
 
-from __future__ import annotations
-
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -27,7 +24,7 @@ open("{queue}", "w").writelines(lines)
 
 
 @pytest.fixture
-def queue(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def queue(tmp_path, monkeypatch):
     path = tmp_path / "queue"
     path.write_text("11 mine\n12 mine\n13 another\n")
     for name, text in (("squeue", SQUEUE), ("scancel", SCANCEL)):

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -7,10 +5,7 @@ import pytest
 
 from radcal.config import Radar
 from radcal.laws import law_for
-from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
-from radcal.scene.model import Scene
-from radcal.simulators.base import Simulator
 from radcal.simulators.builtin import BuiltinSimulator
 
 LAWS = dict.fromkeys(("dyke", "grass"), law_for("mangia"))
@@ -18,11 +13,11 @@ X = {"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [10.0, 14.0, 6.0, 4.0]}
 
 
 @pytest.fixture
-def simulator(geometry: Geometry, radar: Radar) -> Simulator:
+def simulator(geometry, radar):
     return BuiltinSimulator(geometry, radar, LAWS)
 
 
-def test_looks_that_are_not_whole_keep_common_random_numbers(geometry: Geometry, radar: Radar) -> None:
+def test_looks_that_are_not_whole_keep_common_random_numbers(geometry, radar):
     """A changed law changes the image as if it were made anew, and only by the law where one material is alone."""
     broken = radar.model_copy(update={"looks": 2.6, "nesz_db": -200.0})
     simulator = BuiltinSimulator(geometry, broken, LAWS)
@@ -39,7 +34,7 @@ def test_looks_that_are_not_whole_keep_common_random_numbers(geometry: Geometry,
 
 
 @pytest.mark.parametrize("looks", [1, 3, 2.6])
-def test_the_mean_power_of_the_complex_looks_is_the_intensity(geometry: Geometry, radar: Radar, looks: float) -> None:
+def test_the_mean_power_of_the_complex_looks_is_the_intensity(geometry, radar, looks):
     simulator = BuiltinSimulator(geometry, radar.model_copy(update={"looks": looks}), LAWS)
     found = np.array(list(simulator.looks(X, 5)))
     assert (found.dtype, found.shape) == (np.complex64, (math.ceil(looks), *geometry.shape))
@@ -49,7 +44,7 @@ def test_the_mean_power_of_the_complex_looks_is_the_intensity(geometry: Geometry
     assert np.abs(phases.mean()) < 4.0 / np.sqrt(phases.size)
 
 
-def test_the_expected_image_is_the_mean_of_many_looks(scene: Scene) -> None:
+def test_the_expected_image_is_the_mean_of_many_looks(scene):
     """Slopes, two materials 9 dB apart and noise between them; also where they meet and at the image's border."""
     radar = Radar(altitude_m=1000.0, nesz_db=-14.0, radiometry="sigma0_ref", looks=64.0)
     geometry = make_geometry(scene, radar)

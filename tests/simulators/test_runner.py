@@ -1,23 +1,17 @@
 """Runs that another process makes meanwhile, and what a record keeps."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.special import polygamma
 
-from radcal.config import Case, Radar, SyntheticMeasurement, load
+from radcal.config import SyntheticMeasurement, load
 from radcal.errors import ConfigError
 from radcal.radar import SIMULATOR_VERSION
-from radcal.radar.geometry import Geometry
-from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.seeds import noise_seed
 from radcal.simulators import runner as module
@@ -33,14 +27,14 @@ X = {"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [10.0, 14.0, 6.0, 4.0]}
 class Counting:
     """Simulator of an image that depends on X and the seed; counts its runs."""
 
-    def __init__(self, shape: tuple[int, int]) -> None:
+    def __init__(self, shape):
         self.shape, self.calls = shape, 0
 
     @property
-    def identity(self) -> Mapping[str, Any]:
+    def identity(self):
         return {"kind": "counting"}
 
-    def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> np.ndarray:
+    def run(self, parameters, noise_seed):
         self.calls += 1
         noise = np.random.default_rng(noise_seed).standard_normal(self.shape)
         return (noise + parameters["dyke"][0]).astype(np.float32)
@@ -48,24 +42,24 @@ class Counting:
 
 class Builtin(Counting):
     @property
-    def identity(self) -> Mapping[str, Any]:
+    def identity(self):
         return {"kind": "builtin", "version": SIMULATOR_VERSION}
 
 
-def keys_of(case: Case, scene: Scene, geometry: Geometry, folder: Path) -> list[str]:
+def keys_of(case, scene, geometry, folder):
     """Keys of the reference run with the random numbers of the search and with others."""
     runner = Runner(RunStore(folder), Builtin(geometry.shape), geometry, scene.identity, case)
     return [digest(runner.description(case.start_parameters, noise_seed(case, fresh))) for fresh in (False, True)]
 
 
-def test_runs_of_the_default_case_keep_their_keys(tmp_path: Path, geometry: Geometry) -> None:
+def test_runs_of_the_default_case_keep_their_keys(tmp_path, geometry):
     case = load([Path(__file__).parents[2] / "config" / "config.yaml"])
     scene = make_scene(case.scene, list(case.materials))
     assert keys_of(case, scene, geometry, tmp_path) == ["e91b09b2e2d173ad7909", "9a165fef32249ff5418e"]
 
 
 @pytest.mark.parametrize("name", ["dyke_published", "paper", "paper_small"])
-def test_runs_of_the_published_dyke_keep_their_keys(tmp_path: Path, geometry: Geometry, name: str) -> None:
+def test_runs_of_the_published_dyke_keep_their_keys(tmp_path, geometry, name):
     """Scene, pass and laws written out in full: no default changes the keys of the runs that stand behind figures."""
     case = load([Path(__file__).parents[2] / "config" / f"{name}.yaml"])
     scene = make_scene(case.scene, list(case.materials))
@@ -79,9 +73,7 @@ def test_runs_of_the_published_dyke_keep_their_keys(tmp_path: Path, geometry: Ge
     assert (heights[:16], materials[:16]) == ("e5c93f15c98f3767", "56175130c6f384cd")
 
 
-def test_the_pass_of_an_orbit_has_the_earths_radius(
-    tmp_path: Path, geometry: Geometry, build_case: Callable[..., Case]
-) -> None:
+def test_the_pass_of_an_orbit_has_the_earths_radius(tmp_path, geometry, build_case):
     """The radius depends on the latitude of the scene, of which nothing else in a run's key knows."""
     orbit = {"altitude_m": 7e5, "incidence_deg": 33.0}
     keys = set()
@@ -95,15 +87,13 @@ def test_the_pass_of_an_orbit_has_the_earths_radius(
     assert len(keys) == 3
 
 
-def test_a_run_that_another_process_makes_meanwhile_is_taken(
-    tmp_path: Path, geometry: Geometry, case: Case, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_that_another_process_makes_meanwhile_is_taken(tmp_path, geometry, case, monkeypatch):
     """The claim is granted once the other process has written its record: nothing is left to simulate."""
     own, others = Counting(geometry.shape), Counting(geometry.shape)
     claimed = module.claimed
 
     @contextlib.contextmanager
-    def granted_later(folder: str | Path, key: str) -> Iterator[None]:
+    def granted_later(folder, key):
         with monkeypatch.context() as other_process:
             other_process.setattr(module, "claimed", claimed)
             Runner(RunStore(folder), others, geometry, "scene", case).run(X, 7)
@@ -116,7 +106,7 @@ def test_a_run_that_another_process_makes_meanwhile_is_taken(
     np.testing.assert_array_equal(found.pixels_db["dyke"], own.run(X, 7).ravel()[geometry.pixels("dyke")])
 
 
-def test_a_simulator_of_intensity_gives_no_complex_looks(tmp_path: Path, geometry: Geometry, case: Case) -> None:
+def test_a_simulator_of_intensity_gives_no_complex_looks(tmp_path, geometry, case):
     runner = Runner(RunStore(tmp_path), Counting(geometry.shape), geometry, "scene", case)
     runner.require("intensity")
     with pytest.raises(ConfigError, match=r"the product complex is not one of simulator\.kind: counting"):
@@ -124,9 +114,7 @@ def test_a_simulator_of_intensity_gives_no_complex_looks(tmp_path: Path, geometr
 
 
 @pytest.mark.parametrize(("asked", "keeps"), [(False, False), (True, False), (False, True), (True, True)])
-def test_whole_images_are_kept_where_asked_for_or_configured(
-    tmp_path: Path, geometry: Geometry, build_case: Callable[..., Case], asked: bool, keeps: bool
-) -> None:
+def test_whole_images_are_kept_where_asked_for_or_configured(tmp_path, geometry, build_case, asked, keeps):
     case = build_case(simulator={"keep_images": keeps})
     store = RunStore(tmp_path)
     key = Runner(store, Counting(geometry.shape), geometry, "scene", case).run(X, 7, image=asked).key
@@ -134,9 +122,7 @@ def test_whole_images_are_kept_where_asked_for_or_configured(
 
 
 @pytest.mark.parametrize("extra", [-1, 1])
-def test_records_of_more_or_fewer_pixels_are_made_again(
-    tmp_path: Path, geometry: Geometry, case: Case, extra: int
-) -> None:
+def test_records_of_more_or_fewer_pixels_are_made_again(tmp_path, geometry, case, extra):
     simulator, store = Counting(geometry.shape), RunStore(tmp_path)
     runner = Runner(store, simulator, geometry, "scene", case)
     first = runner.run(X, 7)
@@ -147,10 +133,8 @@ def test_records_of_more_or_fewer_pixels_are_made_again(
     assert simulator.calls == 2
 
 
-def test_texture_of_a_fixed_material_changes_its_pixels_and_the_key_alone(
-    tmp_path: Path, geometry: Geometry, case: Case
-) -> None:
-    def runner(name: str, looks: float | None, further: Radar | None = None) -> Runner:
+def test_texture_of_a_fixed_material_changes_its_pixels_and_the_key_alone(tmp_path, geometry, case):
+    def runner(name, looks, further=None):
         grass = case.materials["grass"].model_copy(update={"looks": looks})
         one = case.model_copy(update={"materials": {**case.materials, "grass": grass}})
         return Runner(RunStore(tmp_path / name), Counting(geometry.shape), geometry, "scene", one, first=further)

@@ -1,7 +1,5 @@
 """Wrong variants of texture on simulated pixels, against the moments of the gamma distribution."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import stats
 from variants import agrees
@@ -9,7 +7,7 @@ from variants import agrees
 from radcal.simulators.texturing import textured
 
 
-def test_texture_multiplies_the_power_and_keeps_its_mean() -> None:
+def test_texture_multiplies_the_power_and_keeps_its_mean():
     order, level = 3.4, np.full(400_000, -12.0, np.float32)
     power = 10.0 ** (textured(level, order, 5, "grass").astype(np.float64) / 10.0) / 10.0**-1.2
     logarithm = np.log(power)

@@ -1,7 +1,5 @@
 """Wrong variants of the skew-normal density, its parameters and its distances, against scipy.stats."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -15,7 +13,7 @@ X = np.linspace(-22.0, -2.0, 41)
 
 
 @pytest.mark.parametrize("dp", [(-11.0, 3.2, -2.4), (-9.0, 4.1, 1.3)])
-def test_density_and_moments(dp: tuple[float, float, float]) -> None:
+def test_density_and_moments(dp):
     xi, omega, alpha = dp
     right = stats.skewnorm(alpha, xi, omega)
     agrees(
@@ -65,7 +63,7 @@ def test_density_and_moments(dp: tuple[float, float, float]) -> None:
     )
 
 
-def test_distances_of_normal_densities() -> None:
+def test_distances_of_normal_densities():
     """Closed forms of two normal densities of different width."""
     (a, s), (b, t) = (-10.0, 2.0), (-8.5, 3.1)
     one, other = (a, s, 0.0), (b, t, 0.0)
@@ -102,7 +100,7 @@ def test_distances_of_normal_densities() -> None:
     )
 
 
-def test_objective_is_the_mean_negative_log_likelihood() -> None:
+def test_objective_is_the_mean_negative_log_likelihood():
     """Its parameters are mean, log sd and v; alpha is found by a search over scipy's moments, not by a formula."""
     x = np.array([-1.7, -0.4, 0.3, 0.5, 1.9])
     mean, log_sd, v = 0.2, 0.1, -0.6
@@ -122,7 +120,7 @@ def test_objective_is_the_mean_negative_log_likelihood() -> None:
     )
 
 
-def test_errors_of_a_fit_shrink_with_the_number_of_independent_values() -> None:
+def test_errors_of_a_fit_shrink_with_the_number_of_independent_values():
     x = stats.skewnorm(-1.8, -10.0, 3.0).ppf((np.arange(4000) + 0.5) / 4000)
     fit = skewnormal.fit(x)
     sd = x.std()

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -24,17 +22,17 @@ N = SHAPE[0] * SHAPE[1]
         ),
     ],
 )
-def test_philox_gives_the_published_words(counter: list[int], key: list[int], expected: list[int]) -> None:
+def test_philox_gives_the_published_words(counter, key, expected):
     assert [int(word) for word in philox(*map(np.uint32, [*counter, *key]))] == expected
 
 
-def test_circular_gaussian_is_white() -> None:
+def test_circular_gaussian_is_white():
     u = circular_gaussian(1, 0, 0, SHAPE).astype(complex)
     for a, b in [(u[1:], u[:-1]), (u[:, 1:], u[:, :-1])]:
         assert abs(np.mean(a * b.conj())) < 4 / np.sqrt(N)
 
 
-def test_circular_gaussian_streams_are_reproducible_and_independent() -> None:
+def test_circular_gaussian_streams_are_reproducible_and_independent():
     streams = [(1, 0, 0), (1, 1, 0), (1, 0, 1), (2, 0, 0), (2**63 - 1, 0, 0), (1, 63, 256)]
     drawn = [circular_gaussian(*stream, SHAPE).astype(complex) for stream in streams]
     for k, (stream, u) in enumerate(zip(streams, drawn, strict=True)):
@@ -43,7 +41,7 @@ def test_circular_gaussian_streams_are_reproducible_and_independent() -> None:
             assert abs(np.mean(u * v.conj())) < 4 / np.sqrt(N)
 
 
-def test_parts_are_normal_and_phases_uniform() -> None:
+def test_parts_are_normal_and_phases_uniform():
     u = circular_gaussian(7, 2, 3, SHAPE).astype(complex).ravel()
     assert stats.kstest(u.real * np.sqrt(2), "norm").pvalue > 1e-3
     assert stats.kstest(u.imag * np.sqrt(2), "norm").pvalue > 1e-3
@@ -52,7 +50,7 @@ def test_parts_are_normal_and_phases_uniform() -> None:
 
 
 @pytest.mark.parametrize("place", [30_473_775, 857_801_779, 12])
-def test_power_follows_the_whole_word(place: int) -> None:
+def test_power_follows_the_whole_word(place):
     """|z|^2 = -ln u of a word's 32 bits: the first place has the word 0, the second 2^32 - 2, both found by search."""
     seed, stream, look = 11, 3, 1
     word = int(philox(*map(np.uint32, [place, stream, look, 0, seed, 0]))[0])
@@ -65,7 +63,7 @@ def test_power_follows_the_whole_word(place: int) -> None:
     assert float(real[0]) ** 2 + float(imaginary[0]) ** 2 == pytest.approx(expected, rel=1e-5)
 
 
-def test_tail_is_exponential() -> None:
+def test_tail_is_exponential():
     """Exceedances of the power's quantiles in 8 million draws, out to one in 200,000."""
     power = np.concatenate([np.abs(circular_gaussian(seed, 0, 1, (2000, 2000))).ravel() ** 2 for seed in range(2)])
     for exceeded in (1e-2, 1e-3, 1e-4, 5e-6):
@@ -73,7 +71,7 @@ def test_tail_is_exponential() -> None:
         assert found == pytest.approx(exceeded * power.size, abs=4 * np.sqrt(exceeded * power.size))
 
 
-def test_a_place_has_its_number_whatever_the_image() -> None:
+def test_a_place_has_its_number_whatever_the_image():
     row = circular_gaussian(5, 1, 2, (1, 60))
     np.testing.assert_array_equal(circular_gaussian(5, 1, 2, (3, 20)).ravel(), row.ravel())
     np.testing.assert_array_equal(circular_gaussian(5, 1, 2, (1, 17)), row[:, :17])

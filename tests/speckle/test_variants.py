@@ -1,7 +1,5 @@
 """Wrong variants of speckle and texture, against scipy.stats and the definitions of the impulse response."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -16,7 +14,7 @@ K = 10.0 / np.log(10.0)
 
 
 @pytest.mark.parametrize("looks", [1.4, 2.7, 9.0])
-def test_cumulants_of_speckle_in_decibels(looks: float) -> None:
+def test_cumulants_of_speckle_in_decibels(looks):
     mean, variance, skewness = (float(x) for x in stats.loggamma.stats(looks, moments="mvs"))
     third = skewness * variance**1.5
     right = [K * (mean - np.log(looks)), K**2 * variance, K**3 * third]
@@ -34,7 +32,7 @@ def test_cumulants_of_speckle_in_decibels(looks: float) -> None:
     )
 
 
-def test_texture_adds_to_the_variance_in_decibels() -> None:
+def test_texture_adds_to_the_variance_in_decibels():
     looks, effective, others = 4.0, 2.5, 7.0
     order = texture_order(looks, effective)
     speckle, whole = stats.loggamma.var(looks), stats.loggamma.var(effective)
@@ -58,7 +56,7 @@ def test_texture_adds_to_the_variance_in_decibels() -> None:
     agrees(K * np.sqrt(polygamma(1, order)), 2.2, nepers=2.2 * K, variance=np.sqrt(2.2), amplitude=1.1)
 
 
-def test_texture_has_unit_mean_power() -> None:
+def test_texture_has_unit_mean_power():
     uniform, order = np.array([0.03, 0.4, 0.77, 0.99]), 3.2
     power = stats.gamma.ppf(uniform, order, scale=1.0 / order)
     agrees(
@@ -73,7 +71,7 @@ def test_texture_has_unit_mean_power() -> None:
 
 
 @pytest.mark.parametrize(("resolution", "spacing"), [(2.0, 1.1), (3.7, 0.9)])
-def test_response_has_its_width_in_power_and_unit_energy(resolution: float, spacing: float) -> None:
+def test_response_has_its_width_in_power_and_unit_energy(resolution, spacing):
     taps = impulse_response(resolution, spacing / 32.0)
     middle = taps.size // 2
     db = 10.0 * np.log10((taps[middle:] / taps[middle]) ** 2 + 1e-30)
@@ -92,7 +90,7 @@ def test_response_has_its_width_in_power_and_unit_energy(resolution: float, spac
     )
 
 
-def test_correlation_of_power_is_the_square_of_that_of_amplitude() -> None:
+def test_correlation_of_power_is_the_square_of_that_of_amplitude():
     steps = 16
     taps = impulse_response(1.0, 1.0 / steps)
     lags = np.correlate(taps, taps, mode="full")[taps.size - 1 :]
@@ -108,7 +106,7 @@ def test_correlation_of_power_is_the_square_of_that_of_amplitude() -> None:
     )
 
 
-def test_noise_is_circular_and_of_unit_power() -> None:
+def test_noise_is_circular_and_of_unit_power():
     z = circular_gaussian(5, 1, 2, (500, 600))
     power = np.abs(z.astype(np.complex128)) ** 2
     found = [power.mean(), z.real.var(), z.imag.var(), (z.real * z.imag).mean(), power.var()]
@@ -124,7 +122,7 @@ def test_noise_is_circular_and_of_unit_power() -> None:
     )
 
 
-def test_gain_at_the_border_restores_the_power() -> None:
+def test_gain_at_the_border_restores_the_power():
     taps, n = impulse_response(2.0, 1.3), 40
     kept = np.convolve(np.ones(n), taps**2, mode="full")[taps.size // 2 :][:n]
     agrees(

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -25,11 +23,11 @@ from radcal.storage.files import (
 )
 
 
-def left_in(folder: Path) -> list[str]:
+def left_in(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_what_is_dated_in_the_future_is_dated_now_in_its_order(tmp_path: Path) -> None:
+def test_what_is_dated_in_the_future_is_dated_now_in_its_order(tmp_path):
     now = time.time_ns()
     ages = {"old.h5": -50, "first.h5": 10, "second.json": 20, "iterations/third.h5": 30, "runs/a.h5": 40}
     for name, seconds in ages.items():
@@ -46,7 +44,7 @@ def test_what_is_dated_in_the_future_is_dated_now_in_its_order(tmp_path: Path) -
     assert stamps[-1] <= time.time_ns()
 
 
-def test_files_behind_links_keep_their_dates(tmp_path: Path) -> None:
+def test_files_behind_links_keep_their_dates(tmp_path):
     later = time.time_ns() + 60 * 10**9
     mine = tmp_path / "mine"
     results = tmp_path / "results" / "case"
@@ -65,13 +63,13 @@ def test_files_behind_links_keep_their_dates(tmp_path: Path) -> None:
     assert {path.stat().st_mtime_ns for path in mine.rglob("*.tif")} == {later}
 
 
-def test_the_first_difference_is_named_with_both_values() -> None:
+def test_the_first_difference_is_named_with_both_values():
     theirs = {"pass": {"looks": 4, "band": "X"}, "seed": 1}
     assert first_difference(theirs, {"pass": {"looks": 8, "band": "X"}, "seed": 2}) == "pass.looks is 4 there, 8 here"
     assert first_difference(theirs, {"pass": {"looks": 4}, "seed": 1}) == "pass.band is 'X' there, None here"
 
 
-def test_atomic_shows_the_file_only_when_complete(tmp_path: Path) -> None:
+def test_atomic_shows_the_file_only_when_complete(tmp_path):
     path = tmp_path / "deep" / "er" / "a.txt"
     with atomic(path) as partial:
         partial.write_text("whole")
@@ -81,7 +79,7 @@ def test_atomic_shows_the_file_only_when_complete(tmp_path: Path) -> None:
     assert left_in(path.parent) == ["a.txt"]
 
 
-def test_atomic_failure_keeps_the_old_file(tmp_path: Path) -> None:
+def test_atomic_failure_keeps_the_old_file(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text("old")
     with pytest.raises(KeyboardInterrupt), atomic(path) as partial:
@@ -91,14 +89,14 @@ def test_atomic_failure_keeps_the_old_file(tmp_path: Path) -> None:
     assert left_in(tmp_path) == ["a.txt"]
 
 
-def test_full_disk_is_a_store_error(tmp_path: Path) -> None:
+def test_full_disk_is_a_store_error(tmp_path):
     path = tmp_path / "a.txt"
     with pytest.raises(StoreError, match=r"a\.txt: cannot be written \(No space left on device\)"), atomic(path):
         raise OSError(28, "No space left on device")
     assert left_in(tmp_path) == []
 
 
-def test_folder_in_the_way_is_a_store_error(tmp_path: Path) -> None:
+def test_folder_in_the_way_is_a_store_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreError, match="cannot be written"), atomic(tmp_path / "file" / "a.txt"):
         pytest.fail("the block must not run")
@@ -108,7 +106,7 @@ def test_folder_in_the_way_is_a_store_error(tmp_path: Path) -> None:
     assert left_in(tmp_path) == ["a.txt", "file"]
 
 
-def test_digest_is_of_the_data_not_of_its_order() -> None:
+def test_digest_is_of_the_data_not_of_its_order():
     assert digest({"a": 1, "b": [1, 2]}) == digest({"b": [1, 2], "a": 1})
     assert digest([1, 2]) != digest([2, 1])
     assert digest({"a": 1.0}) != digest({"a": 1.0 + 2**-52})
@@ -117,12 +115,12 @@ def test_digest_is_of_the_data_not_of_its_order() -> None:
     assert digest({"a": 1}) == digest(json.loads('{"a": 1}')) == "015abd7f5cc57a2dd94b"
 
 
-def test_digest_refuses_nan() -> None:
+def test_digest_refuses_nan():
     with pytest.raises(ValueError, match="not JSON compliant"):
         digest({"x": float("nan")})
 
 
-def test_sweep_removes_partials_of_dead_processes_only(tmp_path: Path) -> None:
+def test_sweep_removes_partials_of_dead_processes_only(tmp_path):
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
     host = socket.gethostname()
@@ -143,12 +141,12 @@ def test_sweep_removes_partials_of_dead_processes_only(tmp_path: Path) -> None:
     assert sweep(tmp_path) == 0
 
 
-def test_the_partial_file_of_another_user_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_partial_file_of_another_user_is_kept(tmp_path, monkeypatch):
     """The system refuses to signal a process of another user, which lives."""
     partial = tmp_path / f".partial-{socket.gethostname()}-4242-a.h5"
     partial.write_text("")
 
-    def refuse(pid: int, signal: int) -> None:
+    def refuse(pid, signal):
         raise {4242: PermissionError, 4243: ProcessLookupError}[pid]
 
     monkeypatch.setattr(os, "kill", refuse)
@@ -158,7 +156,7 @@ def test_the_partial_file_of_another_user_is_kept(tmp_path: Path, monkeypatch: p
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="the system has no /proc")
-def test_a_process_that_nobody_has_waited_for_is_dead(tmp_path: Path) -> None:
+def test_a_process_that_nobody_has_waited_for_is_dead(tmp_path):
     """Until its parent asks for its status, an ended process has its number, and signals can be sent to it."""
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
         left = tmp_path / f".partial-{socket.gethostname()}-{process.pid}-run.h5"
@@ -173,7 +171,7 @@ def test_a_process_that_nobody_has_waited_for_is_dead(tmp_path: Path) -> None:
     assert not left.exists()
 
 
-def test_scripts_of_this_case_alone_are_swept(tmp_path: Path) -> None:
+def test_scripts_of_this_case_alone_are_swept(tmp_path):
     for name, log in (("tmp1.py", "results/dyke/logs/run.log"), ("tmp2.py", "results/dyke2/logs/run.log")):
         (tmp_path / name).write_text(f"log = '{log}'")
     (tmp_path / "own.py").write_text("results/dyke/logs/")
@@ -181,7 +179,7 @@ def test_scripts_of_this_case_alone_are_swept(tmp_path: Path) -> None:
     assert left_in(tmp_path) == ["own.py", "tmp2.py"]
 
 
-def test_a_folder_that_cannot_be_written_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_cannot_be_written_is_found(tmp_path, monkeypatch):
     """What stands in the case's own ``external`` is somebody else's, but not in a folder of that name further down."""
     for name in ("external/inner", "iterations/external"):
         (tmp_path / name).mkdir(parents=True)
@@ -192,7 +190,7 @@ def test_a_folder_that_cannot_be_written_is_found(tmp_path: Path, monkeypatch: p
     assert unwritable(tmp_path) == tmp_path / "iterations" / "external"
 
 
-def test_working_folders_of_dead_processes_are_swept(tmp_path: Path) -> None:
+def test_working_folders_of_dead_processes_are_swept(tmp_path):
     mine = working_folder(tmp_path / "work")
     (mine / "file").write_text("kept")
     name = mine.name.replace(f"-{os.getpid()}-", "-999999999-")

@@ -1,15 +1,11 @@
 """Claims of runs and of folders among processes."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import logging
 import os
 import signal
 import socket
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -18,10 +14,10 @@ from radcal.storage.lock import CaseLock, claimed, holder
 
 
 @pytest.fixture(autouse=True)
-def _no_endless_wait() -> Iterator[None]:
+def _no_endless_wait():
     """A test that waits for a lock fails."""
 
-    def late(*_: object) -> None:
+    def late(*_):
         raise AssertionError("waited for a lock")
 
     before = signal.signal(signal.SIGALRM, late)
@@ -35,7 +31,7 @@ KEY, OTHER = f"{5:020x}", f"{5 + 2**40:020x}"
 
 
 @contextlib.contextmanager
-def another_process(act: contextlib.AbstractContextManager[object]) -> Iterator[None]:
+def another_process(act):
     """A child that holds what ``act`` acquires for the length of the block."""
     (held, tell), (wait, release) = os.pipe(), os.pipe()
     child = os.fork()
@@ -59,7 +55,7 @@ def another_process(act: contextlib.AbstractContextManager[object]) -> Iterator[
 
 
 @pytest.mark.filterwarnings("ignore:.*use of fork:DeprecationWarning")
-def test_a_claim_is_of_one_run(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_claim_is_of_one_run(tmp_path, caplog):
     with another_process(claimed(tmp_path, KEY)), (tmp_path / ".claims").open("r+b") as file:
         with pytest.raises(BlockingIOError):
             fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, 5)
@@ -71,7 +67,7 @@ def test_a_claim_is_of_one_run(tmp_path: Path, caplog: pytest.LogCaptureFixture)
 
 
 @contextlib.contextmanager
-def working(folder: Path, said: str | None = None) -> Iterator[None]:
+def working(folder, said=None):
     mine = CaseLock(folder)
     mine.acquire()
     if said is not None:
@@ -81,11 +77,11 @@ def working(folder: Path, said: str | None = None) -> Iterator[None]:
 
 @pytest.mark.filterwarnings("ignore:.*use of fork:DeprecationWarning")
 @pytest.mark.parametrize("said", [None, "1 elsewhere", "unknown"])
-def test_a_folder_in_use_is_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: str | None) -> None:
+def test_a_folder_in_use_is_left_alone(tmp_path, monkeypatch, said):
     """Process number and host are told; a process of another host may be alive whatever its number says here."""
-    sentences: list[str] = []
+    sentences = []
 
-    def leave(sentence: str) -> None:
+    def leave(sentence):
         sentences.append(sentence)
         raise SystemExit(1)
 
@@ -99,7 +95,7 @@ def test_a_folder_in_use_is_left_alone(tmp_path: Path, monkeypatch: pytest.Monke
     assert place in sentences[0]
 
 
-def test_a_lock_says_whose_it_is(tmp_path: Path) -> None:
+def test_a_lock_says_whose_it_is(tmp_path):
     mine = CaseLock(tmp_path)
     mine.acquire()
     assert (tmp_path / ".lock").read_text() == f"{os.getpid()} {socket.gethostname()}"
@@ -110,12 +106,11 @@ def test_a_lock_says_whose_it_is(tmp_path: Path) -> None:
     again.release()
 
 
-def test_the_holder_of_a_folder_is_the_command_that_works_on_it(tmp_path: Path) -> None:
+def test_the_holder_of_a_folder_is_the_command_that_works_on_it(tmp_path):
     assert holder(tmp_path) is None
     mine = CaseLock(tmp_path)
     mine.acquire()
     found = holder(tmp_path)
-    assert found is not None
     assert (found.process, found.host) == (os.getpid(), socket.gethostname())
     assert found.since == (tmp_path / ".lock").stat().st_mtime
     mine.release()

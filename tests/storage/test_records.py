@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import hashlib
 import json
 import re
@@ -23,18 +21,18 @@ from radcal.storage.records import REPLACE, read_hdf5, read_json, write_hdf5, wr
 X = np.arange(3000, dtype=np.float32)
 
 
-def left_in(folder: Path) -> list[str]:
+def left_in(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-def write(path: Path, kind: str = "scene", values: np.ndarray = X) -> Path:
+def write(path, kind="scene", values=X):
     with write_hdf5(path, kind) as file:
         file.create_dataset("x", data=values, compression="gzip")
         file.attrs["name"] = "a"
     return path
 
 
-def test_hdf5_appears_whole_or_not_at_all(tmp_path: Path) -> None:
+def test_hdf5_appears_whole_or_not_at_all(tmp_path):
     with write_hdf5(tmp_path / "a.h5", "scene") as file:
         file["x"] = [1.0, 2.0]
         assert not (tmp_path / "a.h5").exists()
@@ -46,7 +44,7 @@ def test_hdf5_appears_whole_or_not_at_all(tmp_path: Path) -> None:
     assert left_in(tmp_path) == ["a.h5"]
 
 
-def test_three_lines_of_h5py_read_it_with_where_it_comes_from(tmp_path: Path) -> None:
+def test_three_lines_of_h5py_read_it_with_where_it_comes_from(tmp_path):
     config = {"seed": 3, "radar": {"looks": 4}}
     with provenance("dyke", config):
         write(tmp_path / "a.h5")
@@ -60,7 +58,7 @@ def test_three_lines_of_h5py_read_it_with_where_it_comes_from(tmp_path: Path) ->
     assert attributes["radcal"]
 
 
-def test_the_checksum_is_that_of_coreutils(tmp_path: Path) -> None:
+def test_the_checksum_is_that_of_coreutils(tmp_path):
     import subprocess
 
     path = write(tmp_path / "a.h5")
@@ -74,7 +72,7 @@ def test_the_checksum_is_that_of_coreutils(tmp_path: Path) -> None:
 @pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.data())
-def test_no_single_bit_passes(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+def test_no_single_bit_passes(tmp_path_factory, data):
     folder = tmp_path_factory.mktemp("bits")
     if data.draw(st.booleans()):
         path, kind = write(folder / "a.h5"), "scene"
@@ -92,7 +90,7 @@ def test_no_single_bit_passes(tmp_path_factory: pytest.TempPathFactory, data: st
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10**6), st.booleans())
-def test_no_cut_or_lengthened_file_passes(tmp_path_factory: pytest.TempPathFactory, at: int, longer: bool) -> None:
+def test_no_cut_or_lengthened_file_passes(tmp_path_factory, at, longer):
     path = write(tmp_path_factory.mktemp("cuts") / "a.h5")
     content = path.read_bytes()
     at %= len(content)
@@ -101,7 +99,7 @@ def test_no_cut_or_lengthened_file_passes(tmp_path_factory: pytest.TempPathFacto
         pytest.fail("it was opened")
 
 
-def test_of_a_large_file_header_and_size_are_compared_first(tmp_path: Path) -> None:
+def test_of_a_large_file_header_and_size_are_compared_first(tmp_path):
     path = write(tmp_path / "a.h5")
     content = bytearray(path.read_bytes())
     place = content.index(b"SNOD" if b"SNOD" in content else b"TREE") + 200
@@ -115,7 +113,7 @@ def test_of_a_large_file_header_and_size_are_compared_first(tmp_path: Path) -> N
             inspect(path, "scene", most_bytes=600)
 
 
-def test_a_file_of_the_largest_size_is_read_whole(tmp_path: Path) -> None:
+def test_a_file_of_the_largest_size_is_read_whole(tmp_path):
     path = write(tmp_path / "a.h5")
     content = bytearray(path.read_bytes())
     content[-1] ^= 1
@@ -125,7 +123,7 @@ def test_a_file_of_the_largest_size_is_read_whole(tmp_path: Path) -> None:
         inspect(path, "scene", most_bytes=len(content))
 
 
-def test_a_file_that_somebody_has_replaced_meanwhile_is_not_set_aside(tmp_path: Path) -> None:
+def test_a_file_that_somebody_has_replaced_meanwhile_is_not_set_aside(tmp_path):
     path = write(tmp_path / "a.h5")
     number = path.stat().st_ino
     write(tmp_path / "b.h5", values=X + 1).replace(path)  # while the first one was inspected
@@ -137,18 +135,16 @@ def test_a_file_that_somebody_has_replaced_meanwhile_is_not_set_aside(tmp_path: 
     assert left_in(tmp_path) == ["a.damaged"]
 
 
-def test_a_file_of_no_case_is_read_in_any(tmp_path: Path) -> None:
+def test_a_file_of_no_case_is_read_in_any(tmp_path):
     path = write(tmp_path / "a.h5")
     with provenance("dyke"), read_hdf5(path, "scene") as file:
         assert file["x"][1] == 1.0
 
 
-def test_beside_a_finished_calibration_only_the_same_is_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_beside_a_finished_calibration_only_the_same_is_written(tmp_path, monkeypatch):
     monkeypatch.delenv(REPLACE, raising=False)
 
-    def protected(values: np.ndarray, looks: int, alike: bool = False) -> None:
+    def protected(values, looks, alike=False):
         config = {"radar": {"looks": looks}}
         with provenance("dyke", config), write_hdf5(path, "scene", protected=True, alike=lambda _: alike) as file:
             file["x"] = values
@@ -172,7 +168,7 @@ def test_beside_a_finished_calibration_only_the_same_is_written(
         assert file["x"][0] == 3.0
 
 
-def test_another_kind_version_or_case_is_named_and_set_aside(tmp_path: Path) -> None:
+def test_another_kind_version_or_case_is_named_and_set_aside(tmp_path):
     with provenance("dyke"):
         path = write(tmp_path / "a.h5", "scene")
     with provenance("dyke"), read_hdf5(path, "scene"):
@@ -192,7 +188,7 @@ def test_another_kind_version_or_case_is_named_and_set_aside(tmp_path: Path) -> 
     assert left_in(tmp_path) == ["a.damaged", "b.damaged", "c.damaged"]
 
 
-def test_a_file_of_an_earlier_schema_is_not_called_damaged(tmp_path: Path) -> None:
+def test_a_file_of_an_earlier_schema_is_not_called_damaged(tmp_path):
     path = write(tmp_path / "a.h5", "scene")
     with changed(path) as file:
         file.attrs["schema"] = SCHEMAS["scene"] - 1
@@ -209,14 +205,14 @@ def test_a_file_of_an_earlier_schema_is_not_called_damaged(tmp_path: Path) -> No
     assert left_in(tmp_path) == ["a.earlier", "b.damaged"]
 
 
-def test_a_file_without_checksum_is_of_an_earlier_version(tmp_path: Path) -> None:
+def test_a_file_without_checksum_is_of_an_earlier_version(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file.attrs["schema"] = 2
     with pytest.raises(DamagedError, match="no checksum"), read_hdf5(tmp_path / "a.h5", "scene"):
         pass
 
 
-def test_what_is_made_again_without_a_difference_stays_byte_for_byte(tmp_path: Path) -> None:
+def test_what_is_made_again_without_a_difference_stays_byte_for_byte(tmp_path):
     with provenance("dyke", {"seed": 1}):
         path = write(tmp_path / "a.h5")
     before, stamp = path.read_bytes(), path.stat().st_mtime_ns
@@ -232,7 +228,7 @@ def test_what_is_made_again_without_a_difference_stays_byte_for_byte(tmp_path: P
         assert json.loads(file["config"].asstr()[()]) == {"seed": 2}
 
 
-def test_a_damaged_file_is_no_reason_to_keep_it(tmp_path: Path) -> None:
+def test_a_damaged_file_is_no_reason_to_keep_it(tmp_path):
     path = write(tmp_path / "a.h5")
     content = bytearray(path.read_bytes())
     content[-1] ^= 1
@@ -241,7 +237,7 @@ def test_a_damaged_file_is_no_reason_to_keep_it(tmp_path: Path) -> None:
     inspect(path, "scene")
 
 
-def test_a_sealed_file_that_leads_elsewhere_is_set_aside(tmp_path: Path) -> None:
+def test_a_sealed_file_that_leads_elsewhere_is_set_aside(tmp_path):
     for name, make in {
         "link": lambda file: file.__setitem__("y", h5py.ExternalLink("other.h5", "/x")),
         "storage": lambda file: file.create_dataset("y", (4,), "u1", external=[("/etc/hostname", 0, 4)]),
@@ -254,16 +250,16 @@ def test_a_sealed_file_that_leads_elsewhere_is_set_aside(tmp_path: Path) -> None
             inspect(path, "scene")
 
 
-def test_the_schemas_in_the_documents_are_those_of_the_code() -> None:
+def test_the_schemas_in_the_documents_are_those_of_the_code():
     page = (Path(__file__).parents[2] / "docs" / "records.md").read_text(encoding="utf-8")
     told = dict(re.findall(r"^\| `[^`]+` \| (\w+) (\d+) \|", page, flags=re.MULTILINE))
     assert {kind: int(number) for kind, number in told.items()} == dict(SCHEMAS)
 
 
-def test_a_file_that_cannot_be_reached_is_not_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_cannot_be_reached_is_not_damaged(tmp_path, monkeypatch):
     path = write(tmp_path / "a.h5")
 
-    def refuse(*_: object, **__: object) -> None:
+    def refuse(*_, **__):
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(Path, "open", refuse)
@@ -275,11 +271,11 @@ def test_a_file_that_cannot_be_reached_is_not_damaged(tmp_path: Path, monkeypatc
         inspect(tmp_path / "b.h5", "scene")
 
 
-def test_a_folder_that_refuses_the_renaming_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_refuses_the_renaming_says_what_to_do(tmp_path, monkeypatch):
     path = write(tmp_path / "a.h5")
     path.write_bytes(b"")
 
-    def refuse(*_: object) -> None:
+    def refuse(*_):
         raise OSError(30, "Read-only file system")
 
     monkeypatch.setattr(Path, "replace", refuse)
@@ -287,7 +283,7 @@ def test_a_folder_that_refuses_the_renaming_says_what_to_do(tmp_path: Path, monk
         inspect(path, "scene")
 
 
-def test_json_round_trip(tmp_path: Path) -> None:
+def test_json_round_trip(tmp_path):
     data = {"a": [1, 2.5, None, True], "é": "ü", "data": 1, "sha256": 2}
     write_json(tmp_path / "a.json", data)
     assert read_json(tmp_path / "a.json") == data
@@ -299,14 +295,14 @@ def test_json_round_trip(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "c.json").read_text())["runs"] == 3
 
 
-def test_json_made_again_is_the_same_file(tmp_path: Path) -> None:
+def test_json_made_again_is_the_same_file(tmp_path):
     for name in ("a.json", "b.json"):
         with provenance("dyke", {"seed": len(name)}):
             write_json(tmp_path / name, [{"key": "k"}])
     assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
 
 
-def test_json_of_another_case_is_set_aside(tmp_path: Path) -> None:
+def test_json_of_another_case_is_set_aside(tmp_path):
     with provenance("dyke"):
         write_json(tmp_path / "a.json", [1])
         assert read_json(tmp_path / "a.json") == [1]
@@ -315,14 +311,14 @@ def test_json_of_another_case_is_set_aside(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
-def test_json_refuses_what_is_not_a_number(tmp_path: Path, value: float) -> None:
+def test_json_refuses_what_is_not_a_number(tmp_path, value):
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_json(tmp_path / "a.json", {"a": value})
     assert left_in(tmp_path) == []
 
 
 @pytest.mark.parametrize("content", [b"", b'{"a": 1', b"\xff\xfe\x00", b'{"a": 1}'])
-def test_damaged_json_is_set_aside(tmp_path: Path, content: bytes) -> None:
+def test_damaged_json_is_set_aside(tmp_path, content):
     (tmp_path / "a.json").write_bytes(content)
     with pytest.raises(DamagedError, match=r"a\.json: is damaged, or an earlier version wrote it"):
         read_json(tmp_path / "a.json")

@@ -1,9 +1,5 @@
 """Indexes of runs."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -15,7 +11,7 @@ from radcal.storage.runs import Record, RunStore
 X = {"dyke": [0.1 + 0.2, 1e-300], "road": [3.0]}
 
 
-def test_an_index_holds_keys_and_parameters_and_what_repeats_differ(tmp_path: Path) -> None:
+def test_an_index_holds_keys_and_parameters_and_what_repeats_differ(tmp_path):
     runs = [IndexedRun("b" * 20, X), IndexedRun("a" * 20, X, 0.0), IndexedRun("c" * 20, {"dyke": [1.5]}, 0.25)]
     write_index(tmp_path / "index.json", runs)
     assert read_index(tmp_path / "index.json") == runs
@@ -30,7 +26,7 @@ def test_an_index_holds_keys_and_parameters_and_what_repeats_differ(tmp_path: Pa
     assert (tmp_path / "index.json").read_bytes() == (tmp_path / "plain.json").read_bytes()
 
 
-def test_listed_runs_come_in_order_and_one_that_is_gone_is_named(tmp_path: Path) -> None:
+def test_listed_runs_come_in_order_and_one_that_is_gone_is_named(tmp_path):
     store, file = RunStore(tmp_path / "runs"), tmp_path / "index.json"
     write_index(file, [IndexedRun("def", X), IndexedRun("abc", {"dyke": [2.0, 5.0]})])
     with pytest.raises(StoreError, match=r"def\.h5: missing or damaged, though .*index\.json lists it"):
@@ -51,7 +47,7 @@ def test_listed_runs_come_in_order_and_one_that_is_gone_is_named(tmp_path: Path)
         *([{"key": "../scores", "parameters": X}], [{"key": "a", "parameters": X, "draws": ["/tmp/a"]}]),
     ],
 )
-def test_other_contents_under_a_right_checksum_are_one_sentence(tmp_path: Path, held: object) -> None:
+def test_other_contents_under_a_right_checksum_are_one_sentence(tmp_path, held):
     write_json(tmp_path / "index.json", held)
     with pytest.raises(StoreError, match=r"index\.json: holds other contents than radcal writes"):
         read_index(tmp_path / "index.json")

@@ -1,23 +1,16 @@
-from __future__ import annotations
-
 import errno
 import fcntl
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
 import pytest
 from sealed import changed
 
-from radcal.config import Case
 from radcal.errors import SimulatorError, StoreError
 from radcal.laws import LAWS
-from radcal.radar.geometry import Geometry
 from radcal.simulators.runner import Runner
 from radcal.storage.files import digest
 from radcal.storage.runs import Record, RunStore
@@ -28,39 +21,39 @@ X = {"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [10.0, 14.0, 6.0, 4.0]}
 class Counting:
     """A simulator that counts its calls; the image depends on X and the seed."""
 
-    def __init__(self, shape: tuple[int, int], version: int = 1) -> None:
+    def __init__(self, shape, version=1):
         self.shape, self.version, self.calls = shape, version, 0
 
     @property
-    def identity(self) -> Mapping[str, Any]:
+    def identity(self):
         return {"kind": "counting", "version": self.version}
 
-    def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> np.ndarray:
+    def run(self, parameters, noise_seed):
         self.calls += 1
         noise = np.random.default_rng(noise_seed).standard_normal(self.shape)
         return (noise + parameters["dyke"][0]).astype(np.float32)
 
 
 @pytest.fixture
-def simulator(geometry: Geometry) -> Counting:
+def simulator(geometry):
     return Counting(geometry.shape)
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> RunStore:
+def store(tmp_path):
     return RunStore(tmp_path / "runs")
 
 
 @pytest.fixture
-def runner(store: RunStore, simulator: Counting, geometry: Geometry, case: Case) -> Runner:
+def runner(store, simulator, geometry, case):
     return Runner(store, simulator, geometry, "scene", case)
 
 
-def files(store: RunStore) -> list[str]:
+def files(store):
     return sorted(path.name for path in store.folder.glob("[!.]*")) if store.folder.exists() else []
 
 
-def test_a_run_is_simulated_once(runner: Runner, store: RunStore, simulator: Counting, geometry: Geometry) -> None:
+def test_a_run_is_simulated_once(runner, store, simulator, geometry):
     first = runner.run(X, 7)
     again = runner.run(X, 7)
     assert simulator.calls == 1
@@ -75,9 +68,7 @@ def test_a_run_is_simulated_once(runner: Runner, store: RunStore, simulator: Cou
         assert record.image_db is None
 
 
-def test_a_run_with_the_pixels_of_another_geometry_is_made_again(
-    runner: Runner, store: RunStore, simulator: Counting, geometry: Geometry, case: Case
-) -> None:
+def test_a_run_with_the_pixels_of_another_geometry_is_made_again(runner, store, simulator, geometry, case):
     """A later version may see a little more or less of the ground: pixels in an order of their own."""
     material = geometry.material.copy()
     material[tuple(np.argwhere(material == 1)[3])] = 0
@@ -92,19 +83,15 @@ def test_a_run_with_the_pixels_of_another_geometry_is_made_again(
     assert simulator.calls == calls + 1
 
 
-def test_another_session_finds_the_run(
-    runner: Runner, store: RunStore, simulator: Counting, geometry: Geometry, case: Case
-) -> None:
+def test_another_session_finds_the_run(runner, store, simulator, geometry, case):
     key = runner.run(X, 7).key
     tuples = {name: tuple(np.float64(v) for v in x) for name, x in reversed(X.items())}
     assert Runner(RunStore(store.folder), simulator, geometry, "scene", case).run(tuples, 7).key == key
     assert simulator.calls == 1
 
 
-def test_key_changes_with_all_that_changes_the_numbers(
-    store: RunStore, geometry: Geometry, build_case: Callable[..., Case], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(LAWS.builtin, "other", LAWS["mangia"])  # type: ignore[index]
+def test_key_changes_with_all_that_changes_the_numbers(store, geometry, build_case, monkeypatch):
+    monkeypatch.setitem(LAWS.builtin, "other", LAWS["mangia"])
     simulator, case = Counting(geometry.shape), build_case()
     radar = {"altitude_m": 1000.0}
     grass = {"parameters": X["grass"]}
@@ -126,19 +113,17 @@ def test_key_changes_with_all_that_changes_the_numbers(
     assert len(set(keys)) == len(keys) == 13
 
 
-def test_key_of_a_run_is_that_of_earlier_versions(store: RunStore, geometry: Geometry, case: Case) -> None:
+def test_key_of_a_run_is_that_of_earlier_versions(store, geometry, case):
     # finished runs are found under this name in every results folder there is
     description = Runner(store, Counting(geometry.shape), geometry, "scene", case).description(X, 7)
     assert digest(description) == "785489fb591a27106056"
     assert "frequency_ghz" not in description["pass"]
 
 
-def test_values_of_the_environment_are_in_the_key_and_not_in_the_record(
-    store: RunStore, geometry: Geometry, case: Case
-) -> None:
+def test_values_of_the_environment_are_in_the_key_and_not_in_the_record(store, geometry, case):
     class Secretive(Counting):
         @property
-        def identity(self) -> Mapping[str, Any]:
+        def identity(self):
             return {"kind": "command", "environment": {"KEY": "s3cr3t", "EMPTY": ""}}
 
     runner = Runner(store, Secretive(geometry.shape), geometry, "scene", case)
@@ -156,8 +141,8 @@ def test_values_of_the_environment_are_in_the_key_and_not_in_the_record(
     assert "s3cr3t" not in json.dumps(store.description(record.key))
 
 
-def test_key_knows_frequency_and_knots(store: RunStore, geometry: Geometry, build_case: Callable[..., Case]) -> None:
-    def key(angles: list[float], **radar: float) -> str:
+def test_key_knows_frequency_and_knots(store, geometry, build_case):
+    def key(angles, **radar):
         table = {"calibrate": True, "law": "tabulated", "angles_deg": angles, "bounds": [[-30, 0]] * 2}
         case = build_case(
             materials={"dyke": table, "grass": {"parameters": X["grass"]}},
@@ -171,9 +156,7 @@ def test_key_knows_frequency_and_knots(store: RunStore, geometry: Geometry, buil
     assert len(set(keys)) == 4
 
 
-def test_a_reference_run_of_another_law_is_another_run(
-    store: RunStore, geometry: Geometry, build_case: Callable[..., Case]
-) -> None:
+def test_a_reference_run_of_another_law_is_another_run(store, geometry, build_case):
     grass = {"parameters": X["grass"]}
     start = {"law": "constant_gamma", "parameters": [-9.0]}
     listed = build_case(materials={"dyke": {"calibrate": True, "start": X["dyke"]}, "grass": grass})
@@ -189,12 +172,10 @@ def test_a_reference_run_of_another_law_is_another_run(
     assert description["materials"]["dyke"] == {"law": "constant_gamma", "parameters": [-9.0]}
 
 
-def test_key_does_not_change_with_how_runs_are_used(
-    store: RunStore, geometry: Geometry, build_case: Callable[..., Case]
-) -> None:
+def test_key_does_not_change_with_how_runs_are_used(store, geometry, build_case):
     simulator = Counting(geometry.shape)
     grass = {"parameters": X["grass"]}
-    changes: list[dict[str, Any]] = [
+    changes = [
         {},
         {"case": "other", "seed": 99},
         {"target": {"pixels": 60, "margin_px": 3}},
@@ -211,29 +192,29 @@ def test_key_does_not_change_with_how_runs_are_used(
     assert simulator.calls == 1
 
 
-def truncate(path: Path) -> None:
+def truncate(path):
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
-def empty(path: Path) -> None:
+def empty(path):
     path.write_bytes(b"")
 
 
-def garbage(path: Path) -> None:
+def garbage(path):
     path.write_bytes(np.random.default_rng(0).bytes(5000))
 
 
-def other_hash(path: Path) -> None:
+def other_hash(path):
     with changed(path) as file:
         file.attrs["hash"] = "0" * 20
 
 
-def no_pixels(path: Path) -> None:
+def no_pixels(path):
     with changed(path) as file:
         del file["pixels_db"]
 
 
-def no_attributes(path: Path) -> None:
+def no_attributes(path):
     with changed(path) as file:
         del file.attrs["seconds"]
 
@@ -241,10 +222,7 @@ def no_attributes(path: Path) -> None:
 @pytest.mark.parametrize(
     "damage", [truncate, empty, garbage, other_hash, no_pixels, no_attributes], ids=lambda f: f.__name__
 )
-def test_damaged_record_is_set_aside_and_made_again(
-    runner: Runner, store: RunStore, simulator: Counting, damage: Callable[[Path], None],
-    caplog: pytest.LogCaptureFixture,
-) -> None:  # fmt: skip
+def test_damaged_record_is_set_aside_and_made_again(runner, store, simulator, damage, caplog):
     first = runner.run(X, 7)
     path = store.path(first.key)
     damage(path)
@@ -258,7 +236,7 @@ def test_damaged_record_is_set_aside_and_made_again(
     assert simulator.calls == 2
 
 
-def test_asking_for_the_image_upgrades_the_record(runner: Runner, store: RunStore, simulator: Counting) -> None:
+def test_asking_for_the_image_upgrades_the_record(runner, store, simulator):
     assert runner.run(X, 7).image_db is None
     whole = runner.run(X, 7, image=True)
     assert simulator.calls == 2
@@ -270,9 +248,7 @@ def test_asking_for_the_image_upgrades_the_record(runner: Runner, store: RunStor
     assert len(files(store)) == 1
 
 
-def test_calibrating_one_more_material_upgrades_the_record(
-    runner: Runner, store: RunStore, simulator: Counting, geometry: Geometry, build_case: Callable[..., Case]
-) -> None:
+def test_calibrating_one_more_material_upgrades_the_record(runner, store, simulator, geometry, build_case):
     runner.run(X, 7)
     both = build_case(materials={"dyke": {"calibrate": True}, "grass": {"calibrate": True}})
     record = Runner(store, simulator, geometry, "scene", both).run(X, 7)
@@ -282,18 +258,16 @@ def test_calibrating_one_more_material_upgrades_the_record(
 
 
 class Broken(Counting):
-    def __init__(self, shape: tuple[int, int], image: np.ndarray) -> None:
+    def __init__(self, shape, image):
         super().__init__(shape)
         self.image = image
 
-    def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> np.ndarray:
+    def run(self, parameters, noise_seed):
         return self.image
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_pixels_that_are_not_finite_leave_no_record(
-    store: RunStore, geometry: Geometry, case: Case, bad: float
-) -> None:
+def test_pixels_that_are_not_finite_leave_no_record(store, geometry, case, bad):
     image = np.zeros(geometry.shape, dtype=np.float32)
     image.ravel()[geometry.pixels("dyke")[:3]] = bad
     n = geometry.pixels("dyke").size
@@ -304,7 +278,7 @@ def test_pixels_that_are_not_finite_leave_no_record(
     assert files(store) == []
 
 
-def test_nan_where_no_calibrated_material_is_seen_is_kept(store: RunStore, geometry: Geometry, case: Case) -> None:
+def test_nan_where_no_calibrated_material_is_seen_is_kept(store, geometry, case):
     image = np.full(geometry.shape, np.nan, dtype=np.float32)
     image.ravel()[geometry.pixels("dyke")] = 1.0
     record = Runner(store, Broken(geometry.shape, image), geometry, "scene", case).run(X, 7)
@@ -312,16 +286,14 @@ def test_nan_where_no_calibrated_material_is_seen_is_kept(store: RunStore, geome
 
 
 @pytest.mark.parametrize("shape", [(10, 10), (5,), ()])
-def test_image_of_another_size_leaves_no_record(
-    store: RunStore, geometry: Geometry, case: Case, shape: tuple[int, ...]
-) -> None:
+def test_image_of_another_size_leaves_no_record(store, geometry, case, shape):
     rows, columns = geometry.shape
     with pytest.raises(SimulatorError, match=rf"the simulator's image has .* expected \({rows}, {columns}\)"):
         Runner(store, Broken(geometry.shape, np.zeros(shape)), geometry, "scene", case).run(X, 7)
     assert files(store) == []
 
 
-def test_record_says_where_it_comes_from(runner: Runner, store: RunStore) -> None:
+def test_record_says_where_it_comes_from(runner, store):
     key = runner.run(X, 7).key
     with h5py.File(store.path(key)) as file:
         assert file.attrs["unit"] == "dB"
@@ -336,7 +308,7 @@ def test_record_says_where_it_comes_from(runner: Runner, store: RunStore) -> Non
     assert description["pass"]["altitude_m"] == 1000.0
 
 
-def test_record_that_cannot_be_written_leaves_nothing(store: RunStore) -> None:
+def test_record_that_cannot_be_written_leaves_nothing(store):
     record = Record("a" * 20, {"dyke": np.zeros(5, dtype=np.float32)}, None, 0.1)
     with pytest.raises(TypeError):
         store.put(record, {"not": {"json", "data"}})
@@ -347,7 +319,7 @@ def test_record_that_cannot_be_written_leaves_nothing(store: RunStore) -> None:
     assert store.get(record.key, ["dyke", "grass"]) is None
 
 
-def test_record_of_another_schema_is_refused_and_kept(runner: Runner, store: RunStore, simulator: Counting) -> None:
+def test_record_of_another_schema_is_refused_and_kept(runner, store, simulator):
     key = runner.run(X, 7).key
     with changed(store.path(key)) as file:
         file.attrs["schema"] = 99
@@ -357,12 +329,10 @@ def test_record_of_another_schema_is_refused_and_kept(runner: Runner, store: Run
     assert simulator.calls == 1
 
 
-def test_record_that_cannot_be_reached_is_no_damaged_record(
-    runner: Runner, store: RunStore, simulator: Counting, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_record_that_cannot_be_reached_is_no_damaged_record(runner, store, simulator, monkeypatch):
     key = runner.run(X, 7).key
 
-    def refuse(*_: Any, **__: Any) -> None:
+    def refuse(*_, **__):
         raise OSError(errno.EMFILE, "too many open files")
 
     monkeypatch.setattr(h5py, "File", refuse)
@@ -374,7 +344,7 @@ def test_record_that_cannot_be_reached_is_no_damaged_record(
     assert files(store) == [f"{key}.h5"]
 
 
-def test_a_locked_record_can_be_read(runner: Runner, store: RunStore, simulator: Counting) -> None:
+def test_a_locked_record_can_be_read(runner, store, simulator):
     key = runner.run(X, 7).key
     with store.path(key).open("rb") as handle:
         fcntl.flock(handle, fcntl.LOCK_EX)
@@ -382,24 +352,22 @@ def test_a_locked_record_can_be_read(runner: Runner, store: RunStore, simulator:
     assert simulator.calls == 1
 
 
-def test_a_record_keeps_what_an_earlier_one_held(store: RunStore) -> None:
+def test_a_record_keeps_what_an_earlier_one_held(store):
     store.put(Record("k", {"a": np.zeros(2, np.float32)}, np.ones((2, 2), np.float32), 0.1), {})
     store.put(Record("k", {"b": np.ones(2, np.float32)}, None, 0.1), {})
     record = store.get("k", ["a", "b"], image=True)
-    assert record is not None
     np.testing.assert_array_equal(record.pixels_db["a"], [0, 0])
     np.testing.assert_array_equal(record.image_db, np.ones((2, 2)))
     # what is put last counts
     store.put(Record("k", {"a": np.array([3, 4], np.float32)}, np.full((2, 2), 5, np.float32), 0.1), {})
     latest = store.get("k", ["a", "b"], image=True)
-    assert latest is not None
     np.testing.assert_array_equal(latest.pixels_db["a"], [3, 4])
     np.testing.assert_array_equal(latest.image_db, np.full((2, 2), 5))
     assert store.get("k", ["a", "c"]) is None
 
 
-def test_the_largest_difference_counts_in_either_direction() -> None:
-    def record(**pixels: list[float]) -> Record:
+def test_the_largest_difference_counts_in_either_direction():
+    def record(**pixels):
         return Record("k", {name: np.array(values, np.float32) for name, values in pixels.items()}, None, 0.1)
 
     one = record(a=[1.0, 2.0], b=[5.0], c=[])
@@ -408,7 +376,7 @@ def test_the_largest_difference_counts_in_either_direction() -> None:
     assert record().largest_difference_db(record()) == 0.0
 
 
-def outside(build_case: Callable[..., Case], radar: dict[str, Any], **simulator: Any) -> Case:
+def outside(build_case, radar, **simulator):
     """A case of an external program."""
     law = {"calibrate": True, "law": "external", "names": ["a", "n"], "bounds": [[0, 50], [0, 50]]}
     return build_case(
@@ -422,10 +390,8 @@ def outside(build_case: Callable[..., Case], radar: dict[str, Any], **simulator:
 OUTSIDE = {"dyke": [6.1, 14.0], "grass": []}
 
 
-def test_what_a_program_is_not_told_is_no_part_of_its_runs(
-    store: RunStore, simulator: Counting, geometry: Geometry, build_case: Callable[..., Case]
-) -> None:
-    def run(radar: dict[str, Any], **options: Any) -> Record:
+def test_what_a_program_is_not_told_is_no_part_of_its_runs(store, simulator, geometry, build_case):
+    def run(radar, **options):
         return Runner(store, simulator, geometry, "scene", outside(build_case, radar, **options)).run(OUTSIDE, 7)
 
     first = run({"nesz_db": -20.0})
@@ -433,7 +399,7 @@ def test_what_a_program_is_not_told_is_no_part_of_its_runs(
         assert run(radar).key == first.key
     assert simulator.calls == 1
     # what the image's grid, its masks of materials or the program's input file may depend on
-    told: dict[str, Any] = {"input": {}}
+    told = {"input": {}}
     others = [run({"altitude_m": 1001.0}), run({"radiometry": "beta0"}), run({}, **told), run({"looks": 1}, **told)]
     assert len({first.key, *(record.key for record in others)}) == 5
     assert simulator.calls == 5
@@ -441,9 +407,7 @@ def test_what_a_program_is_not_told_is_no_part_of_its_runs(
     assert run({"looks": 1}, input={"radar": False}).key == run({}, input={"radar": False}).key
 
 
-def test_key_knows_which_parameters_are_whole(
-    store: RunStore, geometry: Geometry, build_case: Callable[..., Case]
-) -> None:
+def test_key_knows_which_parameters_are_whole(store, geometry, build_case):
     case = outside(build_case, {})
     whole = case.materials["dyke"].model_copy(update={"integer": ["n"]})
     other = case.model_copy(update={"materials": {**case.materials, "dyke": whole}})

@@ -1,20 +1,17 @@
 """Starting laws and names of land-cover maps."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from radcal.config import Case, case_from
+from radcal.config import case_from
 from radcal.errors import ConfigError
 from radcal.laws import law_for
 from radcal.tables.landcover import landcover_table, landcovers, starting_keys, starting_levels
 
 
-def case(materials: dict[str, Any], landcover: str | None = "esa_worldcover", **keys: Any) -> Case:
+def case(materials, landcover="esa_worldcover", **keys):
     scene = {"landcover": landcover, **keys}
     return case_from(
         {
@@ -31,7 +28,7 @@ def case(materials: dict[str, Any], landcover: str | None = "esa_worldcover", **
     )
 
 
-def test_names_give_laws() -> None:
+def test_names_give_laws():
     found = case({"tree_cover": {}, "cropland": {"calibrate": True}}).materials
     assert (found["tree_cover"].law, found["tree_cover"].parameters) == ("constant_gamma", [-15.0])
     crops = found["cropland"]
@@ -43,7 +40,7 @@ def test_names_give_laws() -> None:
     np.testing.assert_allclose(start(angles, crops.start_parameters), expected, atol=0.2)
 
 
-def test_every_value_can_be_overridden() -> None:
+def test_every_value_can_be_overridden():
     found = case(
         {
             "tree_cover": {"parameters": [-20.0, 6.0, 3.0, 2.0]},
@@ -61,7 +58,7 @@ def test_every_value_can_be_overridden() -> None:
     assert found["bare_sparse_vegetation"].box == [(-30.0, 0.0)]
 
 
-def test_other_names_and_maps_give_nothing() -> None:
+def test_other_names_and_maps_give_nothing():
     assert starting_keys("esa_worldcover", "dyke", {}) == {}
     assert starting_keys("nlcd", "tree_cover", {}) == {}
     with pytest.raises(ConfigError, match=r"materials\.dyke: a material that is not calibrated needs parameters"):
@@ -75,7 +72,7 @@ def test_other_names_and_maps_give_nothing() -> None:
 
 
 @pytest.mark.parametrize("landcover", landcovers())
-def test_all_classes_start_inside_of_their_bounds(landcover: str) -> None:
+def test_all_classes_start_inside_of_their_bounds(landcover):
     names = [cover.name for cover in landcovers()[landcover].values()]
     assert len(set(names)) == len(names)
     fixed = case({**{name: {} for name in names}, names[0]: {"calibrate": True}}, landcover=landcover)
@@ -84,7 +81,7 @@ def test_all_classes_start_inside_of_their_bounds(landcover: str) -> None:
     assert landcover_table(landcover).count("\n") == len(names) + 2
 
 
-def test_colours_are_no_part_of_what_determines_runs() -> None:
+def test_colours_are_no_part_of_what_determines_runs():
     plain = case({"cropland": {"calibrate": True}})
     coloured = case({"cropland": {"calibrate": True, "colour": "#12aB9f"}})
     assert coloured.colours == {"cropland": "#12aB9f"}
@@ -98,12 +95,12 @@ def test_colours_are_no_part_of_what_determines_runs() -> None:
 
 
 @pytest.mark.parametrize("landcover", landcovers())
-def test_the_page_has_the_generated_table(landcover: str) -> None:
+def test_the_page_has_the_generated_table(landcover):
     page = (Path(__file__).resolve().parents[2] / "docs/landcover.md").read_text(encoding="utf-8")
     assert landcover_table(landcover) in page
 
 
-def test_no_two_materials_of_a_new_case_start_at_one_level() -> None:
+def test_no_two_materials_of_a_new_case_start_at_one_level():
     found = starting_levels(
         ["tree_cover", "cropland", "code_7", "open water", "industrial_or_commercial_units"], [-18.0]
     )

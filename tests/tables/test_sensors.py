@@ -1,11 +1,9 @@
 """Values of known sensors: complete, overridden by the case, and the same as on their page."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import pytest
 
@@ -16,14 +14,14 @@ from radcal.tables.sensors import SensorName, sensors, sensors_table
 
 PAGE = Path(__file__).parents[2] / "docs" / "sensors.md"
 GRD = {"sensor": "sentinel1_iw_grdh", "incidence_deg": 37.0, "polarisation": "VV", "nesz_db": -23.5}
-EXAMPLES: dict[str, Any] = {
+EXAMPLES = {
     "altitude_m": 525e3, "incidence_deg": 33.0, "look_side": "left", "polarisation": "HV", "nesz_db": -21.0,
     "range_resolution_m": 2.1, "azimuth_resolution_m": 3.3, "range_spacing_m": 0.9, "azimuth_spacing_m": 1.6,
     "looks": 1.7,
 }  # fmt: skip
 
 
-def test_lengths_in_ground_range_become_lengths_in_slant_range() -> None:
+def test_lengths_in_ground_range_become_lengths_in_slant_range():
     radar = Radar(**GRD)
     sine = math.sin(math.radians(37.0))
     assert (radar.range_resolution_m, radar.range_spacing_m) == pytest.approx((20.0 * sine, 10.0 * sine))
@@ -33,12 +31,12 @@ def test_lengths_in_ground_range_become_lengths_in_slant_range() -> None:
     )  # fmt: skip
 
 
-def test_every_name_that_a_case_may_give_is_in_the_table() -> None:
+def test_every_name_that_a_case_may_give_is_in_the_table():
     assert tuple(sensors()) == get_args(SensorName)
     assert tuple(landcovers()) == get_args(LandCover)
 
 
-def test_the_case_overrides_every_value() -> None:
+def test_the_case_overrides_every_value():
     given = {"altitude_m": 700e3, "look_side": "left", "range_spacing_m": 5.0, "looks": 4, "azimuth_resolution_m": 25.0}
     radar = Radar(**GRD, **given)
     assert {key: getattr(radar, key) for key in given} == given
@@ -46,7 +44,7 @@ def test_the_case_overrides_every_value() -> None:
 
 
 @pytest.mark.parametrize("name", sensors())
-def test_what_is_asked_for_and_what_is_given_are_a_whole_pass(name: str) -> None:
+def test_what_is_asked_for_and_what_is_given_are_a_whole_pass(name):
     sensor = sensors()[name]
     radar = Radar(sensor=name, **{key: EXAMPLES[key] for key in sensor.asks})
     assert Radar.model_validate(radar.model_dump(mode="json")) == radar
@@ -61,7 +59,7 @@ def test_what_is_asked_for_and_what_is_given_are_a_whole_pass(name: str) -> None
             case_from({"radar": {"sensor": name, **rest}})
 
 
-def test_a_depression_angle_replaces_the_incidence() -> None:
+def test_a_depression_angle_replaces_the_incidence():
     keys = {key: value for key, value in GRD.items() if key != "incidence_deg"}
     radar = Radar(**keys, depression_deg=50.0)
     assert (radar.earth, radar.range_spacing_m) == ("flat", pytest.approx(10.0 * math.cos(math.radians(50.0))))
@@ -72,14 +70,14 @@ def test_a_depression_angle_replaces_the_incidence() -> None:
 
 @pytest.mark.parametrize("value", [math.inf, math.nan, -1e9, 10**400, "x", None, [], True, 1e-300])
 @pytest.mark.parametrize("key", ["incidence_deg", "depression_deg", "altitude_m", "earth"])
-def test_wild_values_beside_a_sensor_end_in_a_sentence(key: str, value: object) -> None:
+def test_wild_values_beside_a_sensor_end_in_a_sentence(key, value):
     for name, more in (("sentinel1_iw_grdh", GRD), ("capella_strip_slc", {**EXAMPLES, "earth": "curved"})):
         angle = {} if key == "incidence_deg" else {"incidence_deg": None, "depression_deg": 50.0, "earth": "curved"}
         with contextlib.suppress(ConfigError):
             case_from({"radar": {**more, **angle, "sensor": name, key: value}})
 
 
-def test_a_satellite_over_a_map_needs_its_heading() -> None:
+def test_a_satellite_over_a_map_needs_its_heading():
     scene = {"source": "raster", "elevation": "a.tif", "materials": "b.tif", "names": "c.json"}
     with pytest.raises(ConfigError, match="radar.heading_deg is missing: the track of sensor sentinel1_iw_grdh does"):
         case_from({"scene": scene, "radar": GRD})
@@ -94,7 +92,7 @@ def test_a_satellite_over_a_map_needs_its_heading() -> None:
         case_from({"scene": scene, "radar": both, "measurement": [image, image]})
 
 
-def test_a_pass_without_the_later_keys_is_described_as_before() -> None:
+def test_a_pass_without_the_later_keys_is_described_as_before():
     later = {"sensor", "incidence_deg", "earth", "heading_deg"}
     for radar in (Radar(), Radar(heading_deg=0.0, earth="flat", looks=4.0)):
         assert not later & radar.model_dump(mode="json").keys()
@@ -105,5 +103,5 @@ def test_a_pass_without_the_later_keys_is_described_as_before() -> None:
     assert "depression_deg" not in orbit.described()
 
 
-def test_the_page_has_every_value_with_its_source() -> None:
+def test_the_page_has_every_value_with_its_source():
     assert sensors_table() in PAGE.read_text(encoding="utf-8")

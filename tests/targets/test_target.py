@@ -1,7 +1,4 @@
-from __future__ import annotations
-
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,7 +12,6 @@ from radcal.ground.levels import Levels, offset_levels
 from radcal.ground.one_incidence import incidence_span_deg
 from radcal.ground.pixels import eligible_pixels
 from radcal.image.model import Measurement
-from radcal.radar.geometry import Geometry
 from radcal.storage.dataclass_groups import same
 from radcal.targets.target import Targets, read_targets, write_targets
 from radcal.targets.target_fit import make_target, sampling_rms
@@ -25,12 +21,12 @@ CONFIG = TargetConfig(pixels=500)
 
 
 @pytest.fixture(scope="module")
-def measurement(geometry: Geometry) -> Measurement:
+def measurement(geometry):
     values = stats.skewnorm.rvs(2.0, -12.0, 4.0, size=geometry.shape, random_state=1)
     return Measurement(values.astype(np.float32), "test")
 
 
-def test_pixels_are_drawn_without_replacement_from_the_eligible(geometry: Geometry, measurement: Measurement) -> None:
+def test_pixels_are_drawn_without_replacement_from_the_eligible(geometry, measurement):
     target = make_target("dyke", geometry, measurement, CONFIG, 1)
     assert target.pixels.size == len(set(target.pixels.tolist())) == 500
     allowed = eligible_pixels("dyke", geometry, measurement, CONFIG).pixels
@@ -41,7 +37,7 @@ def test_pixels_are_drawn_without_replacement_from_the_eligible(geometry: Geomet
     assert np.median(target.pixels) == pytest.approx(np.median(allowed), rel=0.15)
 
 
-def test_order_finds_the_pixels_in_a_record(geometry: Geometry, measurement: Measurement) -> None:
+def test_order_finds_the_pixels_in_a_record(geometry, measurement):
     target = make_target("dyke", geometry, measurement, CONFIG, 1)
     np.testing.assert_array_equal(geometry.pixels("dyke")[target.order], target.pixels)
     record = measurement.image_db.ravel()[geometry.pixels("dyke")]  # what the store keeps
@@ -49,7 +45,7 @@ def test_order_finds_the_pixels_in_a_record(geometry: Geometry, measurement: Mea
     np.testing.assert_array_equal(target.incidence_deg, geometry.incidence_deg.ravel()[target.pixels])
 
 
-def test_score_of_the_measured_values_is_zero(geometry: Geometry, measurement: Measurement) -> None:
+def test_score_of_the_measured_values_is_zero(geometry, measurement):
     target = make_target("dyke", geometry, measurement, CONFIG, 1)
     record = measurement.image_db.ravel()[geometry.pixels("dyke")]
     dp, rms = target.score(record)
@@ -62,7 +58,7 @@ def test_score_of_the_measured_values_is_zero(geometry: Geometry, measurement: M
     assert rms == pytest.approx(np.sqrt(np.mean((pdf(grid - 1.0) - pdf(grid)) ** 2)), rel=1e-2)
 
 
-def test_target_is_the_fit_of_its_values(geometry: Geometry, measurement: Measurement) -> None:
+def test_target_is_the_fit_of_its_values(geometry, measurement):
     target = make_target("dyke", geometry, measurement, CONFIG, 1)
     np.testing.assert_allclose(target.cp, skewnormal.fit(target.values_db).cp, atol=3e-5)
     np.testing.assert_allclose(target.cp, skewnormal.centred(target.dp))
@@ -71,7 +67,7 @@ def test_target_is_the_fit_of_its_values(geometry: Geometry, measurement: Measur
     assert target.cp[0] == pytest.approx(mean, abs=4 * np.sqrt(variance / 500))
 
 
-def test_target_and_runs_are_fitted_alike(geometry: Geometry, measurement: Measurement) -> None:
+def test_target_and_runs_are_fitted_alike(geometry, measurement):
     target = make_target("dyke", geometry, measurement, CONFIG.model_copy(update={"fit": "penalised"}), 1)
     likelihood = make_target("dyke", geometry, measurement, CONFIG, 1)
     assert target.penalised
@@ -83,7 +79,7 @@ def test_target_and_runs_are_fitted_alike(geometry: Geometry, measurement: Measu
     assert target.rms_sampling == pytest.approx(likelihood.rms_sampling, rel=0.15)
 
 
-def test_intervals_hold_the_estimate_and_widen_with_correlation(geometry: Geometry) -> None:
+def test_intervals_hold_the_estimate_and_widen_with_correlation(geometry):
     noise = np.random.default_rng(3).normal(size=geometry.shape)
     smooth = uniform_filter(noise, 3) * 3.0
     white, correlated = (
@@ -98,7 +94,7 @@ def test_intervals_hold_the_estimate_and_widen_with_correlation(geometry: Geomet
     assert relative[1] > 1.2 * relative[0]
 
 
-def test_draw_depends_on_seed_and_material_only(geometry: Geometry, measurement: Measurement) -> None:
+def test_draw_depends_on_seed_and_material_only(geometry, measurement):
     target = make_target("dyke", geometry, measurement, CONFIG, 1)
     again = make_target("dyke", geometry, Measurement(measurement.image_db + 3, "other"), CONFIG, 1)
     np.testing.assert_array_equal(again.pixels, target.pixels)
@@ -107,7 +103,7 @@ def test_draw_depends_on_seed_and_material_only(geometry: Geometry, measurement:
     assert make_target("dyke", geometry, measurement, CONFIG, 1).rms_sampling == target.rms_sampling
 
 
-def test_nan_pixels_are_not_drawn(geometry: Geometry, measurement: Measurement) -> None:
+def test_nan_pixels_are_not_drawn(geometry, measurement):
     image = measurement.image_db.copy()
     out = geometry.pixels("dyke", 1)[::2]
     image.ravel()[out] = np.nan
@@ -118,13 +114,13 @@ def test_nan_pixels_are_not_drawn(geometry: Geometry, measurement: Measurement) 
     assert target.eligible == geometry.pixels("dyke", 1).size - out.size - 1
 
 
-def test_fewer_pixels_than_wanted_are_all_taken(geometry: Geometry, measurement: Measurement) -> None:
+def test_fewer_pixels_than_wanted_are_all_taken(geometry, measurement):
     target = make_target("dyke", geometry, measurement, TargetConfig(pixels="all", margin_px=3), 1)
     np.testing.assert_array_equal(target.pixels, geometry.pixels("dyke", 3))
     assert target.eligible == target.pixels.size
 
 
-def test_a_material_seen_at_one_incidence_is_level_only(geometry: Geometry, measurement: Measurement) -> None:
+def test_a_material_seen_at_one_incidence_is_level_only(geometry, measurement):
     targets = Targets({name: make_target(name, geometry, measurement, CONFIG, 1) for name in ("dyke", "grass")})
     assert not any("level only" in line for line in targets.warnings())
     narrow = replace(targets["grass"], incidence_deg=np.linspace(38.92, 39.07, 500, dtype=np.float32))
@@ -141,7 +137,7 @@ def test_a_material_seen_at_one_incidence_is_level_only(geometry: Geometry, meas
     assert not targets["dyke"].level_only
 
 
-def test_round_trip_is_exact(geometry: Geometry, measurement: Measurement, tmp_path: Path) -> None:
+def test_round_trip_is_exact(geometry, measurement, tmp_path):
     penalised = CONFIG.model_copy(update={"fit": "penalised"})
     levels = Levels(
         "offset",
@@ -169,7 +165,7 @@ def test_round_trip_is_exact(geometry: Geometry, measurement: Measurement, tmp_p
     assert back.looks == 3.5
 
 
-def test_sampling_rms_falls_with_the_root_of_the_size_and_with_the_width() -> None:
+def test_sampling_rms_falls_with_the_root_of_the_size_and_with_the_width():
     dp = skewnormal.direct([-12.0, 3.0, -0.4])
     few, many = (sampling_rms(dp, n, np.random.default_rng(1), draws=60) for n in (500, 8000))
     assert few / many == pytest.approx(4.0, rel=0.3)
@@ -177,7 +173,7 @@ def test_sampling_rms_falls_with_the_root_of_the_size_and_with_the_width() -> No
     assert wide == pytest.approx(few / 2, rel=1e-3)
 
 
-def test_sampling_rms_is_what_fresh_scipy_samples_give() -> None:
+def test_sampling_rms_is_what_fresh_scipy_samples_give():
     xi, omega, alpha = dp = skewnormal.direct([0.0, 3.0, 0.5])
     found = []
     for k in range(150):
@@ -187,7 +183,7 @@ def test_sampling_rms_is_what_fresh_scipy_samples_give() -> None:
     assert own == pytest.approx(np.median(found), rel=0.15)
 
 
-def test_the_level_is_told_where_a_fixed_law_or_a_mapping_shows_it() -> None:
+def test_the_level_is_told_where_a_fixed_law_or_a_mapping_shows_it():
     for normalisation, differences, told in (
         ("none", {"grass": (0.3, 0.2)}, True),
         ("none", {}, False),

@@ -1,7 +1,5 @@
 """Every bad input ends in one sentence, before any simulator run, and touches no earlier result."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from workflow_project import COLUMNS, ROWS, sentences, write_raster
@@ -23,7 +21,7 @@ def refused(project, *words):
     assert not project.out().exists() or not project.records()
 
 
-def sentence(project, monkeypatch) -> str:
+def sentence(project, monkeypatch):
     """What the functions that the Snakefile begins with say to the case."""
     monkeypatch.chdir(project.folder)
     with pytest.raises(ConfigError) as raised:

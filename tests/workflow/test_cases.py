@@ -1,7 +1,5 @@
 """The cases that radcal ships: valid, in step with the defaults, and plannable."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path
@@ -42,7 +40,7 @@ def test_the_default_file_is_written_from_the_defaults():
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
-def test_every_case_is_valid(path: Path):
+def test_every_case_is_valid(path):
     case = load([path])
     assert case.case == path.stem or path.stem == "config"
     assert case.calibrated

@@ -1,31 +1,28 @@
 """External simulators through the whole workflow: the worked examples, and programs that fail on the way."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 import yaml
-from workflow_project import COLUMNS, ROOT, ROWS, Project, sentences, write_raster
+from workflow_project import COLUMNS, ROOT, ROWS, sentences, write_raster
 
 from radcal.config import load
 from radcal.proposals.design import design_points
 from radcal.storage.records import read_json
 
 
-def example(project: Project, name: str) -> str:
+def example(project, name):
     shutil.copytree(ROOT / "examples" / name, project.folder / "examples" / name, ignore=shutil.ignore_patterns("data"))
     subprocess.run([sys.executable, f"examples/{name}/scene.py"], cwd=project.folder, check=True)
     return f"examples/{name}/case.yaml"
 
 
-def compile_sim(folder: Path) -> None:
+def compile_sim(folder):
     compiler = shutil.which("cc")
     if compiler is None:
         pytest.skip("no C compiler: there is no cc on the PATH")
@@ -34,7 +31,7 @@ def compile_sim(folder: Path) -> None:
     )
 
 
-def run_example(project: Project, name: str) -> tuple[dict, str]:
+def run_example(project, name):
     case = example(project, name)
     if name == "command_c":
         compile_sim(project.folder / "examples" / name)
@@ -139,7 +136,7 @@ with open(os.environ["FAULT"] + ".done", "a") as log:
 """
 
 
-def flawed(project: Project, mode: str, **changes) -> None:
+def flawed(project, mode, **changes):
     (project.folder / "sim.py").write_text(FLAWED.format(mode=mode))
     simulator = {
         "kind": "command",
@@ -182,7 +179,7 @@ def test_every_failure_in_the_middle_ends_in_its_sentence_and_keeps_all_finished
     case = load([project.folder / "tiny.yaml"])
     # the second run of the second chunk
     bad = design_points(case, case.design_size)[4]["field"][0]
-    kept: dict[str, bytes] = {}
+    kept = {}
     for fault, words in FAULTS.items():
         (project.folder / "fault").write_text(f"{fault} {bad!r}")
         failed = set(folders(project))
@@ -234,7 +231,7 @@ def test_power_declared_as_db_costs_the_reference_run_and_no_other(project):
     assert len(project.contents()) == 1
 
 
-def folders(project: Project) -> list[str]:
+def folders(project):
     work = project.out() / "external"
     return [path.name for path in work.iterdir()] if work.exists() else []
 

@@ -34,7 +34,7 @@ class Parts(NamedTuple):
     measurement: Measurement
 
 
-def table() -> dict[str, tuple[int, float, float, float]]:
+def table():
     """Pixels, mean, standard deviation and skewness by class, from the data's own description."""
     rows = {}
     for line in (Path(os.environ["RADCAL_DATA"]) / "README.md").read_text().splitlines():
@@ -45,7 +45,7 @@ def table() -> dict[str, tuple[int, float, float, float]]:
 
 
 @pytest.fixture(scope="module")
-def parts() -> Parts:
+def parts():
     case = load([ROOT / "config" / "flevoland.yaml"])
     geometry = make_geometry(make_scene(case.scene, list(case.materials)), case.radar)
     assert isinstance(case.measurement, FileMeasurement)
@@ -53,7 +53,7 @@ def parts() -> Parts:
     return Parts(case, geometry, Measurement(read_image(path, case.measurement, geometry.shape).image_db, path.name))
 
 
-def test_classes_have_the_moments_of_the_table(parts: Parts) -> None:
+def test_classes_have_the_moments_of_the_table(parts):
     expected = table()
     assert len(expected) == 15
     assert list(expected) == list(parts.geometry.names)
@@ -64,17 +64,15 @@ def test_classes_have_the_moments_of_the_table(parts: Parts) -> None:
         np.testing.assert_allclose(found, moments, atol=0.0051, err_msg=name)
 
 
-def test_looks_are_those_of_the_literature_less_what_processing_takes(parts: Parts) -> None:
+def test_looks_are_those_of_the_literature_less_what_processing_takes(parts):
     looks = estimate_looks(parts.measurement.image_db, parts.geometry.material, parts.case.radar)
-    assert looks is not None
     assert 2.5 < looks.low < looks.looks < looks.high < 3.5
 
 
-def test_buildings_are_flagged_and_surfaces_are_not(parts: Parts) -> None:
+def test_buildings_are_flagged_and_surfaces_are_not(parts):
     case, geometry, measurement = parts
     flags = {"point targets": point_targets(measurement.image_db, geometry.material, case.radar)}
     found = estimate_looks(measurement.image_db, geometry.material, case.radar)
-    assert found is not None
     targets = Targets(
         {
             name: make_target(name, geometry, measurement, case.target, 1, flags=flags, radar=case.radar)
@@ -88,7 +86,7 @@ def test_buildings_are_flagged_and_surfaces_are_not(parts: Parts) -> None:
     assert sum(target.goodness.ad_p > 0.05 for target in targets.values()) >= 10
 
 
-def test_pixels_are_counted(parts: Parts) -> None:
+def test_pixels_are_counted(parts):
     case, geometry, measurement = parts
     registered = register(measurement.image_db, measurement, case.registration)
     targets = make_targets(case, geometry, registered, measurement.image_db, None)

@@ -1,29 +1,22 @@
 """The loop with laws of one, three and six parameters, and a start of another law."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
 from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import noise_seed
-from radcal.calibration.stopping import Decision
-from radcal.config import Case, case_from
+from radcal.config import case_from
 from radcal.image.model import Measurement
-from radcal.objectives.history import History
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
 from radcal.scene.slant_range import flat_incidence_deg
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
-from radcal.targets.target import Target, Targets
+from radcal.targets.target import Targets
 from radcal.targets.target_fit import make_target
 
-LAWS: dict[str, tuple[dict[str, Any], list[float]]] = {
+LAWS = {
     "constant_gamma": ({"bounds": [[-30, 0]]}, [-11.3]),
     "tabulated": ({"angles_deg": [15, 25, 40], "bounds": [[-20, 0]] * 3}, [-4.0, -9.5, -12.0]),
     "ulaby_dobson": (
@@ -33,7 +26,7 @@ LAWS: dict[str, tuple[dict[str, Any], list[float]]] = {
 }
 
 
-def case_of(law: str, rms: float = 5e-3, max_runs: int = 40, **keys: Any) -> Case:
+def case_of(law, rms=0.005, max_runs=40, **keys):
     settings, hidden = LAWS[law]
     ends = {"near_incidence_deg": 15, "far_incidence_deg": 40}
     return case_from(
@@ -51,12 +44,12 @@ def case_of(law: str, rms: float = 5e-3, max_runs: int = 40, **keys: Any) -> Cas
     )
 
 
-def run(case: Case, folder: Path) -> tuple[History, Decision, Target]:
+def run(case, folder):
     scene = Scene("tiny", ("field",), np.ones((70, 60), np.uint8), None, 1.0, flat_incidence_deg(15.0, 40.0, 70))
     geometry = make_geometry(scene, case.radar)
     store = RunStore(folder)
 
-    def runner(of: Case) -> Runner:
+    def runner(of):
         return Runner(store, BuiltinSimulator(geometry, of.radar, of.laws), geometry, scene.identity, of)
 
     # the hidden truth with the noise of the runs: it can be reached exactly
@@ -68,7 +61,7 @@ def run(case: Case, folder: Path) -> tuple[History, Decision, Target]:
     return history, decision, target
 
 
-def test_a_law_of_three_parameters_from_a_start_of_another_law(tmp_path: Path) -> None:
+def test_a_law_of_three_parameters_from_a_start_of_another_law(tmp_path):
     case = case_of("tabulated", start={"law": "mangia", "parameters": [-10.0, 2.0, 4.0, 3.0]})
     history, decision, _ = run(case, tmp_path)
     assert decision.converged, decision
@@ -77,13 +70,13 @@ def test_a_law_of_three_parameters_from_a_start_of_another_law(tmp_path: Path) -
     assert history.training("field")[0].shape == (len({run.keys[0] for run in history.runs}) - 1, 3)
 
 
-def test_more_parameters_than_moments_do_not_stop_the_loop(tmp_path: Path) -> None:
+def test_more_parameters_than_moments_do_not_stop_the_loop(tmp_path):
     history, decision, _ = run(case_of("ulaby_dobson", rms=1e-9, max_runs=4), tmp_path)
     assert decision.reason == "max_runs"
     assert len(history.best("field").parameters) == 6
 
 
-def test_a_start_of_another_law_asks_for_its_runner() -> None:
+def test_a_start_of_another_law_asks_for_its_runner():
     case = case_of("tabulated", start={"law": "mangia", "parameters": [-10.0, 2.0, 4.0, 3.0]})
     with pytest.raises(ValueError, match=r"\['field'\] start with another law"):
-        calibrate(case, None, Targets({}))  # type: ignore[arg-type]
+        calibrate(case, None, Targets({}))

@@ -1,16 +1,13 @@
 """A program that radcal was not written for: a seed that is a C int, a parameter that it rounds, no noise."""
 
-from __future__ import annotations
-
 import json
 import struct
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import yaml
-from workflow_project import COLUMNS, ROWS, Project, tiny_case, write_raster
+from workflow_project import COLUMNS, ROWS, tiny_case, write_raster
 
 OUTSIDER = """
 import array, math, os, random, sys
@@ -30,7 +27,7 @@ TRUTH = (-26.3, 4)
 SPREAD_DB = 2.4  # of speckle of four looks
 
 
-def outsider(project: Project, **simulator: object) -> Path:
+def outsider(project, **simulator):
     """A case of the program, its measured image in a file."""
     calls = project.folder / "calls"
     (project.folder / "sim.py").write_text(OUTSIDER)
@@ -67,7 +64,7 @@ def outsider(project: Project, **simulator: object) -> Path:
     return calls
 
 
-def test_a_program_that_radcal_was_not_written_for(project: Project) -> None:
+def test_a_program_that_radcal_was_not_written_for(project):
     calls = outsider(project)
     done = project.run("--configfile", "tiny.yaml")
     assert done.returncode == 0, done.stdout

@@ -1,7 +1,5 @@
 """What people rely on when they type a command again: which jobs and which runs it makes (docs/reruns.md)."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -56,7 +54,7 @@ CHANGES = {
 }
 
 
-def ended(project: Project, *arguments: str, cores: int = 2) -> str:
+def ended(project, *arguments, cores=2):
     """Output of a command that must succeed."""
     done = project.run(*arguments, cores=cores)
     assert done.returncode == 0, done.stdout
@@ -145,7 +143,7 @@ def test_commands_of_snakemake_behave(finished):
     assert finished.summary()["materials"] == summary["materials"]
 
 
-def content(path: Path) -> object:
+def content(path):
     """What a file holds, when it was made and how long that took aside."""
     if path.name == "report.html":
         return re.sub('(?s)<section id="provenance">.*?</section>', "", path.read_text(encoding="utf-8"))

@@ -1,30 +1,23 @@
 """Two laws with the same density: classes of incidence tell them apart on rough ground, a second pass on flat."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.optimize import least_squares
 
 from radcal import skewnormal
 from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import noise_seed
-from radcal.config import Case, case_from
+from radcal.config import case_from
 from radcal.image.model import Measurement
 from radcal.laws import LAWS
 from radcal.objectives import make_objectives, objective_class
-from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.registration.registered import register
 from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
-from radcal.targets.target import Targets
 from radcal.targets.target_fit import make_targets, sampling_rms
 
 LAW = LAWS["mangia"]
@@ -36,9 +29,9 @@ CELLS = 120
 class Ground:
     """A square of 600 m of one material, flat or with relief, seen by one pass."""
 
-    def __init__(self, relief_m: float, depression_deg: float = 45.0, **keys: Any) -> None:
+    def __init__(self, relief_m, depression_deg=45.0, **keys):
         heights = gaussian_filter(np.random.default_rng(3).standard_normal((CELLS, CELLS)), 6, mode="wrap")
-        self.case: Case = case_from(
+        self.case = case_from(
             {
                 "materials": {"field": {"calibrate": True, "bounds": BOUNDS}},
                 "measurement": {"synthetic": {"parameters": {"field": FIRST}, "warp_px": 0}},
@@ -52,17 +45,17 @@ class Ground:
         )
         elevation = heights * (relief_m / heights.std())
         self.scene = Scene("square", ("field",), np.ones((CELLS, CELLS), np.uint8), elevation, 5.0)
-        self.geometry: Geometry = make_geometry(self.scene, self.case.radar)
+        self.geometry = make_geometry(self.scene, self.case.radar)
         self.simulator = BuiltinSimulator(self.geometry, self.case.radar, self.case.laws)
         self.pixels = self.geometry.pixels("field")
 
-    def image_db(self, x: list[float], seed: int) -> NDArray[np.float32]:
+    def image_db(self, x, seed):
         return self.simulator.run({"field": list(x)}, seed)
 
-    def density(self, x: list[float], seed: int = 1) -> NDArray[np.float64]:
+    def density(self, x, seed=1):
         return skewnormal.fit(self.image_db(x, seed).ravel()[self.pixels]).dp
 
-    def twin(self, x4: float, start: list[float]) -> list[float]:
+    def twin(self, x4, start):
         """Another law with the same density as the first."""
         wanted = skewnormal.centred(self.density(FIRST))
         low, high = np.array(BOUNDS[:3]).T
@@ -77,16 +70,16 @@ class Ground:
 
 
 @pytest.fixture(scope="module")
-def rough() -> Ground:
+def rough():
     return Ground(8.0, objective="classes")
 
 
 @pytest.fixture(scope="module")
-def twin(rough: Ground) -> list[float]:
+def twin(rough):
     return rough.twin(12.0, [1.5, 25.0, 85.0])
 
 
-def measured(ground: Ground, truth: list[float]) -> tuple[Case, Targets]:
+def measured(ground, truth):
     """Targets of an image of that truth, with speckle of its own."""
     case = ground.case
     image = ground.image_db(truth, 20)
@@ -95,14 +88,14 @@ def measured(ground: Ground, truth: list[float]) -> tuple[Case, Targets]:
     return case, make_targets(case, ground.geometry, registered, image, objective_class(case.objective).misfit)
 
 
-def test_one_density_does_not_tell_them_apart(rough: Ground, twin: list[float]) -> None:
+def test_one_density_does_not_tell_them_apart(rough, twin):
     incidence = rough.geometry.incidence_deg.ravel()[rough.pixels]
     assert skewnormal.density_rms(rough.density(FIRST), rough.density(twin)) < 1e-6
     assert LAW.largest_difference_db(FIRST, twin, incidence) > 1.2
 
 
 @pytest.mark.parametrize("which", ["first", "second"])
-def test_classes_of_incidence_do_on_rough_ground(rough: Ground, twin: list[float], which: str, tmp_path: Any) -> None:
+def test_classes_of_incidence_do_on_rough_ground(rough, twin, which, tmp_path):
     truth, other = (FIRST, twin) if which == "first" else (twin, FIRST)
     case, targets = measured(rough, truth)
     target, objective = targets["field"], make_objectives(case, targets)["field"]
@@ -119,7 +112,7 @@ def test_classes_of_incidence_do_on_rough_ground(rough: Ground, twin: list[float
     assert LAW.largest_difference_db(found, truth, incidence) < 0.5 < LAW.largest_difference_db(found, other, incidence)
 
 
-def test_a_second_pass_does_on_flat_ground() -> None:
+def test_a_second_pass_does_on_flat_ground():
     first, second = Ground(0.0), Ground(0.0, depression_deg=62.0)
     twin = first.twin(18.0, [-6.0, 35.0, 50.0])
     enough = sampling_rms(first.density(FIRST), 4000, np.random.default_rng(1))
