@@ -51,7 +51,8 @@ def _of_looks(case: Archive, material: MaterialResult, runs: NDArray[np.intp]) -
     if not (case.bins and np.isfinite(looks).any()):
         return ""
     low, high = short(float(np.nanmin(looks))), short(float(np.nanmax(looks)))
-    return f"{_TEXTURED} Effective looks of these runs: {low if low == high else f'{low} to {high}'}."
+    found = low if low == high else f"{low} to {high}"
+    return f"{_TEXTURED} The effective looks that the search found for these runs are {found}."
 
 
 class _Densities:

@@ -69,7 +69,7 @@ def front(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
         "squares from its best point, the best run and further starts then minimise the total, so that runs may lie "
         "below the line. Markers: the runs"
         f"{f', of which {outside} lie outside of the axes' if outside else ''}. "
-        f"The chosen run has the sums {each}."
+        f"The sums of squared residuals of the chosen run are {each}; smaller is better."
     )
     return canvas, caption, f"Front of the search for {name} with the runs and the chosen run, on logarithmic axes."
 

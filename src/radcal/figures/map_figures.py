@@ -357,9 +357,10 @@ def residual(case: Archive) -> tuple[Canvas, str, str] | None:
     speckle = 10.0 / np.log(10.0) * np.sqrt(2.0 * float(polygamma(1, looks))) / _BOXCAR
     caption = (
         f"Left: calibrated minus measured image, mean of the dB values over {_BOXCAR} x {_BOXCAR} pixels; red: "
-        f"too bright, blue: too dark. With {looks:g} looks speckle alone leaves a standard deviation of at least "
-        f"{speckle:.2g} dB there. White: no ground of the scene, or no measured value. Right: the materials of the "
-        "scene; those marked * were calibrated, the others kept their laws."
+        f"too bright, blue: too dark. Speckle alone, of {looks:g} looks in both images, gives this mean a standard "
+        f"deviation of {speckle:.2g} dB, and more where neighbouring pixels are correlated. White: no ground of the "
+        "scene, or no measured value. Right: the materials of the scene; those marked * were calibrated, the others "
+        "kept their laws."
     )
     if stacked:
         caption = caption.replace("Left:", "Above:").replace("Right:", "Below:")

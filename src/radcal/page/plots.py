@@ -172,7 +172,10 @@ def _one_to_one(case: Archive, name: str) -> Drawn | None:
         each = [_points(label, found.measured[:, k], values[:, k], *look, **more) for label, values, *look in runs]
         traces.append([_line("equal", ends, ends, {"color": MUTED}, hoverinfo="skip"), *each])
         axes.append((_axis(f"measured {_UNITS[k]}", range=ends), _axis(f"simulated {_UNITS[k]}", range=ends)))
-    caption = "The statistics of the bins; on the line they are equal. Bars: one standard deviation of the difference."
+    caption = (
+        "Statistics of the bins; on the line, simulated and measured are equal. Bars: one standard deviation of the "
+        "difference."
+    )
     return caption, *_panels(traces, axes)
 
 
