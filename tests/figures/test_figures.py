@@ -98,10 +98,10 @@ def test_captions_give_the_looks_of_the_densities(made):
     bins = configured(made.archive, objective="classes")
     archive = changed_material(bins, "dyke", looks=looks)
     assert "the texture that gives the run" in overview(archive)[1]
-    assert densities(archive, "dyke")[1].count("Effective looks of these runs: 0.5 to 2.2.") == 1
+    assert densities(archive, "dyke")[1].count("found for these runs are 0.5 to 2.2.") == 1
     looks[0] = np.nan
     archive = changed_material(bins, "dyke", looks=looks)
-    assert "Effective looks of these runs: 2.2." in densities(archive, "dyke")[1]
+    assert "found for these runs are 2.2." in densities(archive, "dyke")[1]
     archive = changed_material(bins, "dyke", looks=np.full_like(looks, np.nan))
     assert "texture" not in densities(archive, "dyke")[1]
 
@@ -501,7 +501,7 @@ def test_the_front_is_drawn_with_the_runs_and_the_chosen_one(made):
         assert axes.get_ylabel() == f"squared residuals: {names[other]}"
         for ticks, (low, high) in ((axes.get_xticks(), axes.get_xlim()), (axes.get_yticks(), axes.get_ylim())):
             assert np.count_nonzero((ticks >= low) & (ticks <= high)) >= 2
-    assert f"the sums {verified[-1, 0]:.2g} (pass 1), {verified[-1, 1]:.2g} (pass 2)" in caption
+    assert f"run are {verified[-1, 0]:.2g} (pass 1), {verified[-1, 1]:.2g} (pass 2)" in caption
 
 
 def test_the_truth_is_subtracted_from_the_law_found(made):
@@ -519,7 +519,7 @@ def test_speckle_of_the_mean_over_a_window_is_said(made):
     """Of two images of 4 looks: the root of twice trigamma(4), 0.284, in dB, over 9."""
     with mpl.rc_context(drawing.STYLE):
         _, caption, _ = module.residual(made.archive)
-    assert "leaves a standard deviation of at least 0.36 dB there" in caption
+    assert "deviation of 0.36 dB, and more where" in caption
 
 
 def test_residuals_are_means_where_a_quarter_of_the_window_has_values():

@@ -103,7 +103,7 @@ def test_the_verdict_comes_first_and_claims_no_more_than_the_density(page):
         "sigma0 of 2 materials: 2 are determined at some angles",
         "What has not been shown: that the law is right",
         "different laws can give the same histogram",
-        "Half-widths are those of 90 % bands",
+        "Half-widths of the 90 % bands",
         "Agreement of the measured density",
         "Stopped after 6 runs: the tolerance of 1.0",
     ]
@@ -112,7 +112,7 @@ def test_the_verdict_comes_first_and_claims_no_more_than_the_density(page):
     assert re.search(
         r"for dyke: the law of the search differs from it by up to [\d.]+ dB over the incidence seen", text
     )
-    assert "the law nearest to the median (parameters_model) by up to" in text
+    assert "the law nearest to the median of the band (parameters_model) by up to" in text
     assert "For stem beans whether the law is right beyond that cannot be checked from this image alone" in text
 
 
