@@ -36,7 +36,7 @@ _UNKNOWN = "(index without a name)"
 
 def composites(
     files: Sequence[CdbFile], to: Lattice, log: Log
-) -> tuple[NDArray[np.int32], list[str], NDArray[np.bool_], NDArray[np.int64]]:
+) -> tuple[NDArray[np.int32], list[str], NDArray[np.bool_], NDArray[np.int8]]:
     """Composite materials of the elements of a lattice.
 
     Returns
@@ -47,13 +47,13 @@ def composites(
         Names; the first stands for indices that are not in their table.
     ndarray of bool
         Whether the largest share is below 0.8.
-    ndarray of int64
+    ndarray of int8
         Level of each element.
     """
     names = [_UNKNOWN]
     found = np.full((to.rows, to.columns), -1, dtype=np.int32)
     mixed = np.zeros(found.shape, dtype=np.bool_)
-    levels = np.full(found.shape, -99)
+    levels = np.full(found.shape, -99, dtype=np.int8)
     tables = {(one.level, one.box): one.path for one in files if one.path.suffix == ".xml" and one.dataset == 6}
     base = _base_materials(log)
     layers: dict[tuple[int, tuple[float, ...]], dict[tuple[int, int], CdbFile]] = {}
@@ -170,14 +170,14 @@ def _table(path: Path, base: set[str], log: Log) -> dict[int, str] | None:
 
 def material_ids(
     files: Sequence[CdbFile], to: Lattice, mapping: CdbMapping, log: Log
-) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+) -> tuple[NDArray[np.uint8], NDArray[np.int8]]:
     """Material ids of the elements of a lattice, and their levels.
 
     Returns
     -------
     ndarray of uint8
         Material id; 0 if the composite material has no material in the mapping, ``NO_TILE`` without a tile.
-    ndarray of int64
+    ndarray of int8
         Level of each element.
 
     Raises

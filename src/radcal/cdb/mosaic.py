@@ -151,14 +151,14 @@ def by_level(tiles: Iterable[CdbFile]) -> Iterator[tuple[tuple[int, int], list[C
     yield from sorted(groups.items())
 
 
-def heights(tiles: Sequence[CdbFile], to: Lattice, log: Log) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def heights(tiles: Sequence[CdbFile], to: Lattice, log: Log) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
     """Heights [m] at the posts of a lattice, and the level of each; NaN without a height.
 
     Posts of coarser levels are interpolated bilinearly. The finding ``cdb_tags`` says how far the tags of files are
     from the posts of the standard.
     """
     found = np.full((to.rows, to.columns), np.nan)
-    levels = np.full(found.shape, -99)
+    levels = np.full(found.shape, -99, dtype=np.int8)
     off: list[tuple[int, float, float]] = []
     for (level, width), group in by_level(tiles):
         own = Lattice.around(to.box, step_deg(level, width), POST)

@@ -24,30 +24,10 @@ from radcal.scene.model import Scene
 from radcal.scene.raster import resampled
 from radcal.sections.scene import CdbScene
 
-__all__ = ["CdbSource"]
+__all__ = ["CdbSource", "cdb_scene"]
 
 _DATUM = "WGS 84 ellipsoid", "by the standard; the heights are used as they are"
 _COARSE_POSTS = 3.0  # distance of posts [cells] from which it is a warning
-
-
-class CdbSource(SceneSource):
-    """Source ``cdb``."""
-
-    section = CdbScene
-
-    @staticmethod
-    def size(config: CdbScene) -> SceneSize:
-        """Size of the grid, from the names of the files."""
-        root = expand_path(config.root, "scene.root", folder=True)
-        lattices = _lattices(cdb_files(root, config.bounds), config, root)
-        grid = grid_of_degrees(config.bounds, config.crs, config.cell_m, lattices[1].step, 0.0)
-        cells = grid.rows * grid.columns
-        return SceneSize(cells, grid.cell_m, max(cells, *(one.rows * one.columns for one in lattices)))
-
-    @staticmethod
-    def make(config: CdbScene, heading_deg: float) -> Scene:
-        """Scene of the finest levels that are there, with objects, lines and areas."""
-        return _scene(config, heading_deg)
 
 
 def _tiles(files: Sequence[CdbFile], dataset: int) -> list[CdbFile]:
@@ -64,7 +44,24 @@ def _lattices(files: Sequence[CdbFile], config: CdbScene, root: Path) -> tuple[L
     return Lattice.around(config.bounds, of_posts, POST), Lattice.around(config.bounds, of_elements, AREA)
 
 
-def _scene(config: CdbScene, heading_deg: float) -> Scene:
+def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
+    """Scene of the finest levels that are there, with objects, lines and areas.
+
+    Parameters
+    ----------
+    config : CdbScene
+        Section ``scene``.
+    heading_deg : float
+        Heading of the track to which the grid is turned, clockwise from north [deg].
+
+    Raises
+    ------
+    ConfigError
+        The folder or the mapping does not exist.
+    SceneError
+        The database has no elevation in the bounds, or too many cells of unmapped materials; or the grid or the mapping
+        is wrong.
+    """
     root = expand_path(config.root, "scene.root", folder=True)
     mapping = read_mapping(expand_path(config.materials, "scene.materials"))
     log = Log(root)
@@ -103,8 +100,25 @@ def _scene(config: CdbScene, heading_deg: float) -> Scene:
     return replace(scene, findings=(*scene.findings, *log), objects=objects)
 
 
-def _shares(levels: NDArray[np.int64]) -> str:
+def _shares(levels: NDArray[np.int8]) -> str:
     """Levels with their shares, the finest first."""
     level, count = np.unique(levels[levels > -99], return_counts=True)
     parts = zip(level[::-1], count[::-1] / max(count.sum(), 1), strict=True)
     return ", ".join(f"{level_name(int(one))} ({share:.1%})" for one, share in parts)
+
+
+class CdbSource(SceneSource):
+    """Source ``cdb``."""
+
+    section = CdbScene
+
+    @staticmethod
+    def size(config: CdbScene) -> SceneSize:
+        """Size of the grid, from the names of the files."""
+        root = expand_path(config.root, "scene.root", folder=True)
+        lattices = _lattices(cdb_files(root, config.bounds), config, root)
+        grid = grid_of_degrees(config.bounds, config.crs, config.cell_m, lattices[1].step, 0.0)
+        cells = grid.rows * grid.columns
+        return SceneSize(cells, grid.cell_m, max(cells, *(one.rows * one.columns for one in lattices)))
+
+    make = staticmethod(cdb_scene)

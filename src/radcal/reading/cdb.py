@@ -22,7 +22,6 @@ DATASETS = (1, 5, 6, 100, 101, 201, 204)
 BASE_MATERIALS = "Metadata/Materials.xml"
 
 _ZONES = ((89, 12), (80, 6), (75, 4), (70, 3), (50, 2), (0, 1))  # latitude from which a geocell has a width [deg]
-_CELL = re.compile(r"([NS])(\d{2})|([EW])(\d{3})")
 _NAME = re.compile(r"([NS]\d{2})([EW]\d{3})_D(\d{3})_S(\d{3})_T(\d{3})_(LC|L)(\d{2})_U(\d{1,7})_R(\d{1,7})\.(\w+)")
 
 Box = tuple[float, float, float, float]  # west, south, east, north [deg]
@@ -91,59 +90,38 @@ def cdb_files(root: Path, bounds: Box, datasets: Sequence[int] = DATASETS) -> li
     list of CdbFile
         Files, among them misplaced ones, whose ``fault`` says why.
     """
-    found = [one for cell in _cells(root, bounds) for one in (_of_cell(*cell, bounds, datasets))]
+    found = []
+    for folder, south, west in _cells(root, bounds):
+        width = cell_width_deg(south)
+        if west % width:
+            fault = f"a geocell of this latitude is {width} degrees wide, its west a multiple of that"
+            found.append(CdbFile(folder, fault=fault))
+            continue
+        for dataset in datasets:
+            for path in folder.glob(f"{dataset:03d}_*/*/*/[!.]*"):
+                one = _parsed(path, south, west, width)
+                if one.fault or _overlap(one.box, bounds):
+                    found.append(one)
     return sorted(found, key=lambda one: one.path)
 
 
 def _cells(root: Path, bounds: Box) -> Iterator[tuple[Path, int, int]]:
     """Folders of the geocells that may overlap an area, with latitude and longitude of their south-west corners."""
-    for latitude in _folders(root / "Tiles"):
-        south = _degrees(latitude.name, "NS")
-        if south is None or not south < bounds[3] or not south + 1 > bounds[1]:
-            continue
-        for longitude in _folders(latitude):
-            west = _degrees(longitude.name, "EW")
-            if west is not None and west < bounds[2] and west + cell_width_deg(south) > bounds[0]:
-                yield longitude, south, west
-
-
-def _folders(path: Path) -> list[Path]:
-    return sorted(one for one in path.iterdir() if one.is_dir()) if path.is_dir() else []
-
-
-def _degrees(name: str, letters: str) -> int | None:
-    """Latitude or longitude that the name of a folder gives [deg]; None for another name."""
-    match = _CELL.fullmatch(name)
-    if match is None or name[0] not in letters:
-        return None
-    return int(name[1:]) * (-1 if name[0] in "SW" else 1)
-
-
-def _of_cell(folder: Path, south: int, west: int, bounds: Box, datasets: Sequence[int]) -> Iterator[CdbFile]:
-    width = cell_width_deg(south)
-    if west % width:
-        yield CdbFile(folder, fault=f"a geocell of this latitude is {width} degrees wide, its west a multiple of that")
-        return
-    for dataset in _folders(folder):
-        if not dataset.name[:3].isdecimal() or int(dataset.name[:3]) not in datasets:
-            continue
-        for row in (row for level in _folders(dataset) for row in _folders(level)):
-            for path in row.iterdir():
-                if path.is_file() and not path.name.startswith("."):
-                    one = _parsed(path, south, west, width)
-                    if one.fault or _overlap(one.box, bounds):
-                        yield one
+    for folder in sorted((root / "Tiles").glob("[NS][0-9][0-9]/[EW][0-9][0-9][0-9]")):
+        south, west = (int(name[1:]) * (-1 if name[0] in "SW" else 1) for name in (folder.parent.name, folder.name))
+        if _overlap((west, south, west + cell_width_deg(south), south + 1), bounds):
+            yield folder, south, west
 
 
 def _parsed(path: Path, south: int, west: int, width: int) -> CdbFile:
     """File of a tile by its name, compared with the folders in which it lies."""
     match = _NAME.fullmatch(path.name)
-    row, level, dataset, longitude, latitude = (folder.name for folder in list(path.parents)[:5])
     if match is None:
         return CdbFile(path, fault="its name is not one of a tile")
     ns, ew, code, first, second, coarse, digits, up, right, _ = match.groups()
-    own = "LC" if coarse == "LC" else f"L{digits}"
-    if (ns, ew, code, own, f"U{up}") != (latitude, longitude, dataset[:3], level, row):
+    own = (f"U{up}", "LC" if coarse == "LC" else f"L{digits}", ew, ns)
+    row, level, dataset, longitude, latitude = (folder.name for folder in path.parents[:5])
+    if (*own, code) != (row, level, longitude, latitude, dataset[:3]):
         return CdbFile(path, fault="its name contradicts its folders")
     number = -int(digits) if coarse == "LC" else int(digits)
     tiles = 2 ** max(number, 0)

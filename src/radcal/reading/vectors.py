@@ -167,7 +167,10 @@ def _opened(path: Path, layer: str | None, refused: Callable[[str], RadcalError]
         if layer is not None and layer not in layers:
             raise refused(f"has the layers {', '.join(layers) or 'none'}, scene.objects.layer is {layer!r}.")
         layer = layer or layers[0]
-        about, _, geometries, columns = pyogrio.raw.read(name, layer=layer, max_features=_LARGEST_LAYER + 1)
+        limit = _LARGEST_LAYER + 1
+        if driver == "ESRI Shapefile":  # whose number of features is that of its bytes; pyogrio allocates the limit
+            limit = min(limit, max(1, pyogrio.read_info(name, layer=layer)["features"]))
+        about, _, geometries, columns = pyogrio.raw.read(name, layer=layer, max_features=limit)
         if geometries is None:  # a table
             geometries = np.full(len(columns[0]) if columns else 0, None)
         if len(geometries) > _LARGEST_LAYER:
