@@ -155,6 +155,15 @@ def test_a_scene_has_the_heights_and_materials_of_its_cells(root: Path, build: A
     assert found(scene, "cdb_posts")[0].numbers["post_m"] == pytest.approx(12.4, abs=0.1)
 
 
+def test_a_level_with_too_many_elements_is_sampled(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("radcal.cdb.mosaic.LARGEST_CELLS", 9_000)
+    to = Lattice.sampled(BOUNDS, step_deg(3, 1), POST)
+    assert to.step == step_deg(2, 1)
+    values, levels = heights(cdb_files(root, to.box, (1,)), to, Log(root))
+    assert (levels == 3).all()
+    assert np.abs(values - plane(*np.meshgrid(to.longitude, to.latitude))).max() < 1e-3
+
+
 def test_the_size_is_that_of_the_scene(root: Path, build: Any) -> None:
     scene, size = make_scene(build(cell_m=None), None), CdbSource.size(build(cell_m=None))
     geod = Geod(ellps="WGS84")

@@ -86,12 +86,14 @@ class Lattice:
         """Lattice of the elements inside of bounds [deg], and a margin."""
         west, south = (int(np.floor(low / one)) - _MARGIN for low, one in zip(bounds[:2], step, strict=True))
         east, north = (int(np.ceil(high / one)) + _MARGIN for high, one in zip(bounds[2:], step, strict=True))
-        if (east - west) * (north - south) > LARGEST_CELLS:
-            raise SceneError(
-                f"scene.bounds contain {east - west} x {north - south} elements of the finest level of the database, "
-                f"expected at most {LARGEST_CELLS:.0e}: give smaller scene.bounds."
-            )
         return cls(step, west, south, east - west, north - south, at)
+
+    @classmethod
+    def sampled(cls, bounds: Sequence[float], step: tuple[float, float], at: float) -> Lattice:
+        """Lattice of every element or, where there are more than 1e8, of every second, fourth, and so on."""
+        found = cls.around(bounds, step, at)
+        too_many = found.rows * found.columns > LARGEST_CELLS
+        return cls.sampled(bounds, (2.0 * step[0], 2.0 * step[1]), at) if too_many else found
 
     @property
     def box(self) -> tuple[float, float, float, float]:
@@ -161,7 +163,9 @@ def heights(tiles: Sequence[CdbFile], to: Lattice, log: Log) -> tuple[NDArray[np
     levels = np.full(found.shape, -99, dtype=np.int8)
     off: list[tuple[int, float, float]] = []
     for (level, width), group in by_level(tiles):
-        own = Lattice.around(to.box, step_deg(level, width), POST)
+        step = step_deg(level, width)
+        every = max(1, round(to.step[1] / step[1]))
+        own = Lattice.around(to.box, (every * step[0], every * step[1]), POST)
         posts = np.full((own.rows, own.columns), np.nan)
         for tile in group:
             if (read := band(tile, log)) is None:
@@ -170,8 +174,8 @@ def heights(tiles: Sequence[CdbFile], to: Lattice, log: Log) -> tuple[NDArray[np
             if read[0].dtype.kind == "i" and level > 0:
                 values *= 2.0**-level  # requirement 89: integer heights are finer in finer levels
             west, south = round(tile.box[0] / own.step[0]) - own.west, round(tile.box[1] / own.step[1]) - own.south
-            _paste(posts, values, south, west)
-            off.append((level, *_off(tile, own.step, transform)))
+            _paste(posts, values[::every, ::every], south, west)
+            off.append((level, *_off(tile, step, transform)))
         value = _bilinear(posts, to.latitude / own.step[1] - own.south, to.longitude / own.step[0] - own.west)
         known = np.isfinite(value)
         found[known], levels[known] = value[known], level

@@ -41,7 +41,7 @@ def _lattices(files: Sequence[CdbFile], config: CdbScene, root: Path) -> tuple[L
     if posts is None:
         raise SceneError(f"scene.root: {root} has no elevation (dataset 001) in scene.bounds.")
     of_posts, of_elements = (step_deg(one.level, one.width) for one in (posts, elements or posts))
-    return Lattice.around(config.bounds, of_posts, POST), Lattice.around(config.bounds, of_elements, AREA)
+    return Lattice.sampled(config.bounds, of_posts, POST), Lattice.sampled(config.bounds, of_elements, AREA)
 
 
 def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
@@ -91,7 +91,8 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
     ):
         scene = resampled(config.source, elevation, materials, grid, datum, named, heading_deg)
         post_m = float(np.sqrt(np.prod(pixel_m(elevation, grid.crs, grid.box))))
-    post_m *= step_deg(int(of_heights.max()), 1)[1] / to_posts.step[1]  # the finest level may be damaged
+    # the finest level may be damaged
+    post_m *= max(1.0, step_deg(int(of_heights.max()), 1)[1] / to_posts.step[1])
     cells = post_m / grid.cell_m
     severity: Severity = "warning" if cells > _COARSE_POSTS else "note"
     log.append(Finding("cdb_posts", severity, "scene.root", {"post_m": post_m, "cells": cells}))
