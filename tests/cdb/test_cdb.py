@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,12 @@ from pyproj import Geod, Transformer
 
 from radcal.cdb.mosaic import POST, Lattice, Log, heights
 from radcal.cdb.source import CdbSource
+from radcal.config import Radar
 from radcal.errors import SceneError
 from radcal.findings import Finding
+from radcal.radar.projection import make_geometry
 from radcal.reading.cdb import cdb_files, step_deg
+from radcal.scene.builtin import builtin_scene
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.sections.scene import CdbScene
@@ -193,8 +197,29 @@ def test_indices_are_joined_by_name_and_the_largest_share_counts(tmp_path: Path,
     names = np.array(["", *scene.names])[scene.material]
     assert (names == expected).mean() > 0.98  # cells on the borders
     assert {*np.unique(names)} == {"soil", "grass", "water"}
+    assert scene.mixed is not None
+    assert (scene.mixed == (fine & (longitude < border))).mean() > 0.98
     (mixed,) = found(scene, "cdb_mixed")
     assert mixed.numbers["percent"] == pytest.approx(100 * (fine & (longitude < border)).mean(), rel=0.05)
+
+
+def test_pixels_of_mixtures_belong_to_no_material():
+    whole = builtin_scene(1)
+    mixed = np.zeros(whole.material.shape, dtype=bool)
+    mixed[120:260, 90:200] = True
+    radar = Radar()
+    plain, masked = make_geometry(whole, radar), make_geometry(replace(whole, mixed=mixed), radar)
+    row, column = np.nan_to_num(plain.ground, nan=-1e3)
+    wide = 2.0 + max(radar.azimuth_spacing_m, 2 * radar.range_spacing_m) / whole.cell_m
+
+    def within(reach):
+        rows, columns = (row >= 120 - reach) & (row < 260 + reach), (column >= 90 - reach) & (column < 200 + reach)
+        return rows & columns
+
+    assert (plain.material[within(-0.5)] > 0).mean() > 0.3
+    assert (masked.material[within(-0.5)] == 0).all()
+    assert (masked.material[~within(wide)] == plain.material[~within(wide)]).all()
+    assert np.array_equal(masked.facet_incidence, plain.facet_incidence)
 
 
 def test_equal_shares_without_a_layer_of_shares(tmp_path: Path, build: Any) -> None:

@@ -15,7 +15,7 @@ from radcal.sections.limits import Decibels
 
 __all__ = ["CdbMapping", "FeatureClass", "read_mapping"]
 
-_MOST_MATERIALS = 250  # ids are stored in one byte; objects have an id, too
+_MOST_MATERIALS = 126  # ids are stored in one byte, with a bit for mixtures
 
 
 class FeatureClass(Section):

@@ -25,9 +25,10 @@ from radcal.findings import Finding
 from radcal.reading.cdb import BASE_MATERIALS, CdbFile, step_deg
 from radcal.reading.intake import guarded, read_xml
 
-__all__ = ["NO_TILE", "composites", "material_ids"]
+__all__ = ["MIXED", "NO_TILE", "composites", "material_ids"]
 
 NO_TILE = 255  # id of cells without a raster of materials
+MIXED = 128  # added to the id of cells where no composite material has a clear share
 _CLEAR = 0.8  # share of a composite material above which a cell is not mixed
 _MOST_UNMAPPED = 0.01  # largest share of cells whose composite material has no material
 _DEFAULT = "BM_LAND-MOOR"
@@ -176,7 +177,8 @@ def material_ids(
     Returns
     -------
     ndarray of uint8
-        Material id; 0 if the composite material has no material in the mapping, ``NO_TILE`` without a tile.
+        Material id, and ``MIXED`` for a mixture; 0 if the composite material has no material in the mapping,
+        ``NO_TILE`` without a tile.
     ndarray of int8
         Level of each element.
 
@@ -206,7 +208,9 @@ def material_ids(
         numbers = {"percent": 100.0 * np.count_nonzero(mixed) / total, "share": _CLEAR}
         log.append(Finding("cdb_mixed", "warning", "scene.root", numbers))
     of_number = np.array([ids.get(mapping.composites.get(name, ""), 0) for name in names] + [NO_TILE], dtype=np.uint8)
-    return of_number[number], levels
+    found = of_number[number]
+    found[mixed & (found > 0)] += MIXED
+    return found, levels
 
 
 def _listed(shares: Iterable[tuple[str, float]]) -> str:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from radcal.cdb.features import burnt, objects_of, read_features
 from radcal.cdb.mapping import read_mapping
-from radcal.cdb.materials import NO_TILE, material_ids
+from radcal.cdb.materials import MIXED, NO_TILE, material_ids
 from radcal.cdb.mosaic import AREA, POST, Lattice, Log, heights, level_name
 from radcal.config import expand_path
 from radcal.errors import SceneError
@@ -82,8 +82,12 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
     if config.vertical_datum is not None:
         datum = named_datum(config.vertical_datum), "from scene.vertical_datum"
 
+    mixed = np.zeros((grid.rows, grid.columns), dtype=np.bool_)
+
     def named(cells: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], dict[int, str]]:
-        return burnt(cells, others, grid, mapping, log), mapping.names
+        ids = burnt(cells % MIXED, others, grid, mapping, log)
+        mixed[:] = (cells >= MIXED) & (ids == cells % MIXED)
+        return ids, mapping.names
 
     with (
         to_posts.source(root, heights_m, np.nan) as elevation,
@@ -98,7 +102,7 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
     log.append(Finding("cdb_posts", severity, "scene.root", {"post_m": post_m, "cells": cells}))
     assert scene.elevation_m is not None  # noqa: S101 - a scene on the map has heights
     objects = objects_of(points, grid, scene.elevation_m, mapping, log)
-    return replace(scene, findings=(*scene.findings, *log), objects=objects)
+    return replace(scene, findings=(*scene.findings, *log), objects=objects, mixed=mixed if mixed.any() else None)
 
 
 def _shares(levels: NDArray[np.int8]) -> str:

@@ -242,6 +242,9 @@ def _pixels(
     if radar.look_side == "left":
         ground[1] = scene.material.shape[1] - 1 - ground[1]
     not_pure(points, radar, pure.reshape(shape))
+    if scene.mixed is not None:
+        spacing_m = max(radar.azimuth_spacing_m, radar.range_spacing_m / float(np.sin(np.radians(flat.min()))))
+        pure[_near(scene.mixed, ground, int(np.ceil(spacing_m / scene.cell_m)) | 1)] = 0
     return Geometry(
         shape=shape,
         names=scene.names,
@@ -305,6 +308,17 @@ def _points(spots: Spots, radar: Radar, seen: LineOfSight, near: float, step: fl
         amplitude.astype(np.float32)[order],
         spots.number[shown][order],
     )
+
+
+def _near(cells: NDArray[np.bool_], ground: NDArray[np.float32], size: int) -> NDArray[np.bool_]:
+    """Whether the ground of pixels, in rows and columns of the scene, has one of the cells within a square of cells."""
+    from scipy.ndimage import maximum_filter
+
+    found = np.zeros(ground.shape[1], dtype=np.bool_)
+    seen = np.isfinite(ground).all(axis=0)
+    row, column = np.rint(ground[:, seen]).astype(np.int64)
+    found[seen] = maximum_filter(cells, size)[row, column]
+    return found
 
 
 def _per_area(radar: Radar, flat_incidence_deg: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -53,6 +53,8 @@ class Scene:
         and axis 1 to its right. None for axes that point to the north and to the east of the CRS.
     slope_error_deg : float
         Standard error of the ground's slope in any one direction [deg]; 0 if it is unknown.
+    mixed : ndarray of bool, shape (ny, nx), or None
+        Cells of a mixture of materials, whose pixels belong to no material's target; None without such cells.
     """
 
     identity: str
@@ -68,6 +70,7 @@ class Scene:
     objects: Objects | None = None
     heading_deg: float | None = None
     slope_error_deg: float = 0.0
+    mixed: NDArray[np.bool_] | None = None
 
     def require(self, materials: list[str]) -> None:
         """Check that the scene contains every configured material, and no material without a configured law.
