@@ -14,12 +14,10 @@ HEAD = """# Keys of a case
 A case is one YAML file with the keys that differ from the defaults. Defaults are in bold; a key without one takes no
 value, or one that depends on other keys, as its description says. In a path, `*` stands for a name.
 
-Most limits of numbers lie beyond real passes, scenes and computers: a number outside of them probably has a wrong unit
-or digit, and is refused before any run.
+A number outside of its limits probably has a wrong unit or digit, and is refused before any run.
 
-Editors with the YAML language server complete keys and show descriptions and limits, if the first line gives the path
-of the schema from the folder of the case. They mark objectives, scenes, simulators and registration methods of other
-distributions, which radcal accepts.
+Editors with the YAML language server complete keys, if the first line gives the path of the schema from the folder of
+the case. They mark variants of other distributions, which radcal accepts.
 
     # yaml-language-server: $schema=schema.json
 """
