@@ -276,6 +276,18 @@ def test_measured_start_and_calibrated_image_stand_at_one_place(page):
     assert 'aria-label="Image shown: measured, start, calibrated"' in text
 
 
+def test_sections_without_content_are_not_printed(made, page, tmp_path):
+    assert '<section id="sigma0">' in page[0]
+    without = replace(made.archive, image=image(laws_db={}))
+    for name in without.materials:
+        without = changed_material(without, name, posterior=None)
+    text = render(tmp_path / "report.html", changed_findings(without))[0]
+    for part in ("sigma0", "diagnostics"):
+        assert f'id="{part}"' not in text
+        assert f'href="#{part}"' not in text
+    assert '<section id="densities">' in text
+
+
 def test_foreign_text_is_escaped(page):
     text, parsed = page
     assert "<b>seed</b>" not in text
