@@ -148,7 +148,7 @@ def content(path):
     if path.name == "report.html":
         return re.sub('(?s)<section id="provenance">.*?</section>', "", path.read_text(encoding="utf-8"))
     if path.name == "report.json":
-        return set(json.loads(path.read_text())["checksums"])
+        return {**json.loads(path.read_text())["data"]["checksums"], "report.html": None}
     if path.suffix == ".h5":
         with h5py.File(path) as file:
             return file.attrs["content"]
