@@ -81,6 +81,7 @@ def pictures(tmp_path_factory):
 def render(path, archive, figures=()):
     write_report(path, archive, figures)
     text = path.read_text(encoding="utf-8")
+    assert "=&#34;" not in text  # an attribute whose quotes were escaped
     return text, Page(text)
 
 
@@ -114,6 +115,21 @@ def test_the_verdict_comes_first_and_claims_no_more_than_the_density(page):
     )
     assert "the law nearest to the median of the band (parameters_model) by up to" in text
     assert "For stem beans whether the law is right beyond that cannot be checked from this image alone" in text
+
+
+def test_the_table_of_runs_has_every_run_and_the_chosen_one_is_marked(page, made):
+    runs, material = made.archive.runs, made.archive.materials["dyke"]
+    first = page[0].index("<summary>All runs</summary>")
+    rows = re.findall(
+        r"<tr( class=\"chosen\")?><th scope=\"row\">(\d+)</th>(.*?)</tr>", page[0][first:].split("</table>")[0]
+    )
+    cells = [re.findall(r"<td[^>]*>(.*?)</td>", each) for _, _, each in rows]
+    assert [each[0] for each in cells] == runs.kind.tolist()
+    assert [int(number) for chosen, number, _ in rows if chosen] == [material.best]
+    shown = np.array(
+        [[float(x.replace("\N{MINUS SIGN}", "-").replace("\N{EN DASH}", "nan")) for x in each[1:5]] for each in cells]
+    )
+    np.testing.assert_allclose(shown, material.parameters, rtol=1e-3)
 
 
 FORM = {"rms_db": 1.1, "p05_db": 0.6, "p95_db": 1.9}

@@ -7,7 +7,6 @@
   const [dark, print] = ["(prefers-color-scheme: dark)", "print"].map((query) => matchMedia(query));
   const LIGHTER = { "#000000": "#e4e9ef", "#0072B2": "#6cb8ea", "#7B3F9E": "#c59be0", "#F5F5F5": "#2a3440" };
   const STACKED = 560; // a figure that is narrower than this [px] has its panels below each other
-  const COLUMN = 60; // least width of a column of a table [px]
   const BUTTONS = [["zoom2d", "pan2d", "resetScale2d", "toImage"]]; // plotly's own list has one that sends the data away
   const CONFIG = { displaylogo: false, modeBarButtons: BUTTONS, plotlyServerURL: "" };
   const drawn = new Set();
@@ -49,14 +48,12 @@
     let canvas = place.querySelector(":scope > .drawn");
     if (!canvas) {
       place.replaceChildren(Object.assign(document.createElement("div"), { className: "drawn" }));
-      place.style.overflowX = "auto";
       canvas = place.firstChild;
       drawn.add(place);
     }
     const { data, layout } = coloured(specs[place.dataset.plot], light);
-    const columns = data[0].type === "table" ? data[0].cells.values.length : 0; // wider than a narrow page: it scrolls
-    const width = Math.max(place.clientWidth, print.matches ? 0 : COLUMN * columns);
-    const bare = print.matches || columns || width < STACKED;
+    const width = place.clientWidth;
+    const bare = print.matches || width < STACKED;
     if (width < STACKED) for (const trace of data) if (trace.type === "heatmap") trace.showscale = false;
     plotly.react(canvas, data, laidOut(layout, width, light), { ...CONFIG, displayModeBar: bare ? false : "hover" });
   };
@@ -80,6 +77,10 @@
     { rootMargin: "300px" },
   );
   if ("DecompressionStream" in window) {
-    for (const place of places()) seen.observe(place);
+    for (const place of places()) {
+      const { layout } = coloured(specs[place.dataset.plot], true);
+      place.style.minHeight = `${laidOut(layout, place.clientWidth, true).height}px`; // the page does not move later
+      seen.observe(place);
+    }
   }
 })();

@@ -304,20 +304,6 @@ def _parallel(case: Archive, name: str) -> Drawn:
     return caption, traces, {"height": 380, "xaxis": axis, "yaxis": hidden}
 
 
-def _runs(case: Archive, name: str) -> Drawn:
-    """Table of all runs."""
-    material, names = case.materials[name], case.configured.materials[name].parameter_names
-    (cost, label), kinds = _cost_of(case, material), case.runs.kind.tolist()
-    columns = np.column_stack([material.parameters, material.looks, material.dp, material.rms, cost])
-    text = [[f"{value:.4g}" if np.isfinite(value) else "" for value in column] for column in columns.T]
-    head = ["run", "kind", *names, "looks", "xi", "omega", "alpha", "rms", "cost"]
-    fill = {"fill": {"color": "rgba(0,0,0,0)"}, "line": {"color": MUTED}}
-    cells = {"values": [list(range(len(kinds))), kinds, *text], **fill}
-    caption = f"Parameters, effective looks, density and cost of each run. Cost: {label}."
-    layout = {"height": min(420, 70 + 21 * len(kinds)), "margin": {"l": 0, "r": 0, "t": 8, "b": 8}}
-    return caption, [{"type": "table", "header": {"values": head, **fill}, "cells": cells}], layout
-
-
 def _predictive(case: Archive, name: str) -> Drawn | None:
     """Measured levels against those that the posterior predicts for other images of the ground."""
     posterior = case.materials[name].posterior
@@ -387,6 +373,5 @@ PLOTS: Sequence[tuple[str, str, str, Callable[[Archive, str], Drawn | None]]] = 
     ("sensitivity", "Sensitivity of the statistics to X", "Sensitivity of the statistics of {} to X.", _sensitivity),
     ("cost", "Cost of each run", "Misfit of each run of {} on logarithmic axes, and its prediction.", _cost),
     ("parallel", "Parameters of all runs", "Parallel coordinates of the runs of {}.", _parallel),
-    ("runs", "All runs", "Table of all runs of {}.", _runs),
 )
 """Kind, title, description for readers who cannot see the figure, and function of each figure of a material."""
