@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -43,3 +44,9 @@ def test_every_page_of_the_site_is_in_its_contents() -> None:
 def test_pictures_are_shown_in_a_page() -> None:
     shown = {(page.parent / link).resolve() for page in PAGES for link in LINK.findall(prose(page))}
     assert set((ROOT / "docs").glob("*.png")) - shown == set()
+
+
+def test_cases_in_the_pages_are_yaml() -> None:
+    blocks = [block for page in PAGES for block in re.findall(r"(?ms)^```yaml$(.*?)^```$", page.read_text("utf-8"))]
+    assert len(blocks) > 2
+    assert all(isinstance(yaml.safe_load(block), dict) for block in blocks)
