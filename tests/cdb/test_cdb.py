@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,7 +17,7 @@ from pyproj import Geod, Transformer
 
 from radcal.cdb.mosaic import POST, Lattice, Log, heights
 from radcal.cdb.source import CdbSource
-from radcal.config import Radar
+from radcal.config import Radar, load_forward
 from radcal.errors import SceneError
 from radcal.findings import Finding
 from radcal.radar.projection import make_geometry
@@ -466,6 +467,20 @@ def test_the_tiles_are_inputs_of_the_case(root: Path, build: Any) -> None:
     assert [path.suffix for path in files] == [".tif", ".tif", ".xml"]
     with pytest.raises(ValueError, match=r"no tile within scene.bounds"):
         build(bounds=(10.0, 10.0, 10.1, 10.1)).files_in(root)
+
+
+def test_the_mapping_may_hold_the_starting_laws(root, build, tmp_path):
+    mapping = MAPPING + "materials:\n  soil: {law: constant_gamma, parameters: [-12.5]}\n"
+    names = make_scene(build(mapping), None).names
+    scene = build(mapping).model_dump(mode="json")
+    case = tmp_path / "case.yaml"
+    case.write_text(json.dumps({"scene": scene, "materials_from": scene["materials"], "materials": LAWS}))
+    found = load_forward([case]).materials
+    assert set(found) == set(names)
+    assert found["soil"].parameters == [-12.5]
+
+
+LAWS = {name: {"law": "constant_gamma", "parameters": [-8.0]} for name in ("grass", "water", "road")}
 
 
 def test_without_raster_material_all_cells_are_the_default(tmp_path: Path, build: Any) -> None:

@@ -48,6 +48,7 @@ def read_features(files: Sequence[CdbFile], log: Log) -> tuple[pd.DataFrame, pd.
         Lines and areas, in the same columns.
     """
     import pandas as pd
+    import shapely
 
     classes = {
         one: one.path.with_name(one.path.name.replace(f"_T{one.second:03d}_", f"_T{one.second + 1:03d}_"))
@@ -69,12 +70,15 @@ def read_features(files: Sequence[CdbFile], log: Log) -> tuple[pd.DataFrame, pd.
         if isinstance(layer, RadcalError):
             continue
         found = _joined(layer, None if isinstance(table, RadcalError) else table)
-        kept = found[(found["FACC"] != "") & found["shape"].notna()]
+        single = shapely.get_type_id(found["shape"]) == shapely.GeometryType.POINT
+        placed = single if one.second == _POINTS else shapely.get_dimensions(found["shape"]) > 0
+        kept = found[(found["FACC"] != "").to_numpy() & placed]
         if lost := len(found) - len(kept):
-            log.left_out(one.path, f"{lost} of its features, which have no class or no geometry")
+            log.left_out(one.path, f"{lost} of its features, which have no class or no geometry of their kind")
         if len(kept):
             (points if one.second == _POINTS else others).append(kept)
-    return pd.concat(points[1:] or points), pd.concat(others[1:] or others)
+    found_points, found_others = (pd.concat(parts[1:] or parts, ignore_index=True) for parts in (points, others))
+    return found_points, found_others
 
 
 def _joined(layer: VectorLayer, table: VectorLayer | None) -> pd.DataFrame:
