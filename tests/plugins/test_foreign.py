@@ -147,7 +147,7 @@ def test_a_name_of_radcal_or_of_a_second_package_is_refused(installed):
 def test_mistakes_in_the_keys_of_another_package_are_named(installed):
     with pytest.raises(ConfigError, match=r"scene\.side is 5, expected greater than or equal to 20"):
         loaded(installed, **{"side: 40": "side: 5"})
-    with pytest.raises(ConfigError, match=r"scene\.source is 'elsewhere_rmp', expected .*'raster', 'elsewhere_ramp'"):
+    with pytest.raises(ConfigError, match=r"scene\.source is 'elsewhere_rmp', expected .*'cdb', 'elsewhere_ramp'"):
         loaded(installed, elsewhere_ramp="elsewhere_rmp")
     with pytest.raises(ConfigError, match=r"simulator\.gain_db is 'x', expected a number"):
         case_from({"simulator": {"kind": "elsewhere_level", "gain_db": "x"}})
