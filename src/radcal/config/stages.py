@@ -182,7 +182,7 @@ STAGES: Mapping[str, Stage] = {
         {"image": "image.h5", "posterior": "posterior/{material}.h5"}, {"image": 3, "posterior": 4}),
     "archive": Stage(
         "archive of all runs", _ARCHIVE, _REGISTRATION,
-        {"archive": "calibration.h5", "table": "runs.csv", "checksum": "table.json"}, {"calibration": 12}),
+        {"archive": "calibration.h5", "table": "runs.csv", "checksum": "table.json"}, {"calibration": 13}),
     "export": Stage("exports", _RUNS, _IMAGE, {"folder": "export", "checksums": "export.json"}),
     "report": Stage(
         "figures and report", (), _PAGE,
