@@ -97,7 +97,7 @@ def test_a_run_is_told_by_its_x_or_has_another_law(build_archive, tmp_path):
 
 def test_band_and_laws_are_those_of_the_archive(made, figures):
     curve = made.archive.materials["dyke"].posterior.curve
-    bands = [one for one in figures["law-dyke"].spec["data"] if one["name"] == "90 % band"]
+    bands = [one for one in figures["law-dyke"].spec["data"] if one["name"] == "90 % band of the material"]
     for one, edge in zip(bands, (curve.p05_db, curve.p95_db), strict=True):
         assert one["y"] == pytest.approx(np.interp(one["x"], curve.incidence_deg, edge), rel=6e-4)
     law, material = made.archive.configured.laws["dyke"], made.archive.materials["dyke"]

@@ -343,7 +343,7 @@ def limits(laws: Styled, seen: Array, lowest: float) -> tuple[float, float] | No
 def _bands(axes: Axes, curve: Curve, angles: Array, less: Array | float = 0.0) -> None:
     """Draw the 90 % bands of the material and of its fields, and the median, minus ``less`` [dB] at each angle."""
     for low, high, alpha, label in (
-        (curve.p05_db, curve.p95_db, 0.15, "90 % band"),
+        (curve.p05_db, curve.p95_db, 0.15, "90 % band of the material"),
         (curve.field_p05_db, curve.field_p95_db, 0.3, "its fields in this image"),
     ):
         lower, upper = (np.interp(angles, curve.incidence_deg, edge) - less for edge in (low, high))

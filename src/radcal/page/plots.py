@@ -83,16 +83,19 @@ def _law(case: Archive, name: str) -> Drawn | None:
     posterior, angles = material.posterior, np.linspace(edges[0], edges[-1], 121)
     # the gap of a NaN keeps the passes apart
     inside = np.concatenate([[*np.linspace(low, high, 41), np.nan] for low, high in seen.tolist()])
+    of_angle = np.isfinite(inside)
     traces = [] if posterior is None or posterior.curve is None else _band(posterior.curve, angles)
     for label, curve, x, style in laws:
         thin, thick, group = style | {"linewidth": 0.8}, style | {"linewidth": 2.6}, {"legendgroup": label}
         traces.append(_line(label, angles, curve(np.radians(angles), x), thin, showlegend=False, **group))
-        traces.append(_line(label, inside, curve(np.radians(inside), x), thick, hoverinfo="skip", **group))
+        inside_db = np.full(inside.shape, np.nan)
+        inside_db[of_angle] = curve(np.radians(inside[of_angle]), x)  # a formula refuses NaN
+        traces.append(_line(label, inside, inside_db, thick, hoverinfo="skip", **group))
     if posterior is not None and (points := posterior.points) is not None:
         levels = _points("measured levels, 95 %", points.incidence_deg, points.level_db, _INK)
         traces.append({**levels, "error_y": _bars(1.96 * points.error_db)})
     lowest = min(value for one in traces for value in one["y"] if value is not None)
-    limits = law_figures.limits(laws, inside[np.isfinite(inside)], lowest)
+    limits = law_figures.limits(laws, inside[of_angle], lowest)
     level = _axis(law_figures.SIGMA0, domain=[0.24, 1.0], **({"range": list(limits)} if limits else {}))
     pixels = _histogram("pixels", material.target.incidence_deg, edges, MUTED, density=False, yaxis="y2")
     shade = {"type": "rect", "y0": 0, "y1": 1, "yref": "paper", "fillcolor": MUTED, "opacity": 0.12, "layer": "below"}
@@ -114,7 +117,7 @@ def _band(curve: Curve, angles: Array) -> list[Trace]:
     """The 90 % bands of the material and of its fields, and the median."""
     found = []
     for edges, alpha, label in (
-        ((curve.p05_db, curve.p95_db), 0.15, "90 % band"),
+        ((curve.p05_db, curve.p95_db), 0.15, "90 % band of the material"),
         ((curve.field_p05_db, curve.field_p95_db), 0.3, "its fields in this image"),
     ):
         low, high = (np.interp(angles, curve.incidence_deg, edge) for edge in edges)
