@@ -219,7 +219,7 @@ _OF_MODEL: Mapping[str, str] = {
     "level_unchecked": "{about}: the level of the image (an offset in dB) is unchecked, because no material has a "
     "fixed law; the bands contain its standard error of {level_db:.2g} dB (uncertainty.level_db)",
     "determined": "sigma0 is determined to +-{half_width_db:.1f} dB (90 %) {between}, " + IF,
-    "undetermined": "sigma0 is determined at no angle: the half-width of its 90 % band is nowhere below "
+    "undetermined": "sigma0 is determined at no angle: the smallest half-width of its 90 % band is "
     "{narrowest_db:.1f} dB, and uncertainty.known_db asks for {known_db:.1f} dB",
     "withheld": "sigma0 is determined at no angle, because the image is refused",
     "level_only": "seen at one incidence, {incidence_deg:.1f} degrees, from which no law can be determined; "

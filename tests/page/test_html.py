@@ -102,7 +102,7 @@ def test_the_verdict_comes_first_and_claims_no_more_than_the_density(page):
     text = page[1].text
     order = [
         "sigma0 of 2 materials: 2 are determined at some angles",
-        "What has not been shown: that the law is right",
+        "Not shown: that the law is right",
         "different laws can give the same histogram",
         "Half-widths of the 90 % bands",
         "Agreement of the measured density",
