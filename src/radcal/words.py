@@ -49,6 +49,7 @@ STANDINGS = {
     "unfinished": "search not finished",
     "nowhere": "determined nowhere",
     "level": "level only",
+    "parameters": "parameters only",
     "determined": "determined",
 }
 """Words for the standing of a material, those that need action first."""
@@ -199,7 +200,8 @@ def standing(name: str, findings: Iterable[Finding], finished: bool) -> str:
         return "refuted"
     if not finished:
         return "unfinished"
-    return "level" if "level_only" in codes else "determined" if "determined" in codes else "nowhere"
+    known = {"level_only": "level", "parameters_only": "parameters", "determined": "determined"}
+    return next((word for code, word in known.items() if code in codes), "nowhere")
 
 
 def step(name: str, findings: Sequence[Finding], reason: str, **numbers: float | str) -> Step:

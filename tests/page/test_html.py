@@ -176,6 +176,7 @@ def only_dyke(archive, *findings, **changes):
          "determined nowhere", "<code>radcal advise small</code>"),
         ([Finding("without_cells", "warning", "dyke")], "settled", "nowhere", "determined nowhere", "larger connected"),
         ([LEVEL_ONLY], "settled", "level", "level only", "add a pass at another incidence"),
+        ([Finding("parameters_only", "note", "dyke")], "settled", "parameters", "parameters only", "use the parameters"),
         ([RADIOMETRY, Finding("withheld", "refusal", "dyke", {"half_width_db": 1.0})], "settled", "refused", None,
          "<b>Next:</b> set <code>radar.radiometry: sigma0_ref</code></p>"),
     ],
