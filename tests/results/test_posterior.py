@@ -113,7 +113,8 @@ def test_the_figure_shows_both_bands_and_where_sigma0_is_determined(made):
     for axes, of_law in ((upper, 0.0), (middle, 1.0)):
         bands = {one.get_label(): one.get_paths()[0].vertices for one in axes.collections}
         truth = archive.configured.laws["dyke"](np.radians([30.0]), [6.1, 14.2, 21.5, 3.3])[0]
-        for label, edges in {"90 % band of the material": (-11.3, -8.6), "its fields in this image": (-10.75, -9.4)}.items():
+        drawn = {"90 % band of the material": (-11.3, -8.6), "its fields in this image": (-10.75, -9.4)}
+        for label, edges in drawn.items():
             there = bands[label][np.isclose(bands[label][:, 0], 30.0, atol=0.1), 1]
             assert (there.min(), there.max()) == pytest.approx(np.array(edges) - of_law * truth, abs=0.1)
     lines = {line.get_label(): line for line in upper.lines}
