@@ -337,7 +337,7 @@ def test_the_table_of_parameters_has_their_intervals(page, made, tmp_path):
     without = changed_material(changed_material(made.archive, "dyke", posterior=None), "stem beans", posterior=None)
     assert "5 to 95 %</th>" not in render(tmp_path / "report.html", without)[0].replace("incidence, 5 to 95 %", "")
     text = page[0]
-    assert "<th>nearest to<br>the median</th><th>5 to 95 %</th><th>search</th><th>start</th>" in text
+    assert "<th>near<br>median</th><th>5 to 95 %</th><th>search</th><th>start</th>" in text
     x = summarise(made.archive)["materials"]["dyke"]["parameters"]["X4"]
     assert f"<td>4.800</td><td>4.00 to 5.90</td><td>{x:.4g}</td><td>" in text
 
