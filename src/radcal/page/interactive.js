@@ -79,7 +79,8 @@
   if ("DecompressionStream" in window) {
     for (const place of places()) {
       const { layout } = coloured(specs[place.dataset.plot], true);
-      place.style.minHeight = `${laidOut(layout, place.clientWidth, true).height}px`; // the page does not move later
+      // the page does not move later
+      if (place.clientWidth) place.style.minHeight = `${laidOut(layout, place.clientWidth, true).height}px`;
       seen.observe(place);
     }
   }
