@@ -6,17 +6,14 @@ from dataclasses import replace
 
 import pytest
 from archives import changed_findings, ended
-from browser import CHROMIUM, Browser
+from browser import NEEDS_BROWSER, Browser
 from PIL import Image
 
 from radcal.figures.figures import Figure
 from radcal.findings import Finding
 from radcal.page.html import write_report
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium: install it"),
-]
+pytestmark = NEEDS_BROWSER
 # least ratio of contrast of each text, by WCAG 2.2 (1.4.3); svg is plotly's
 CONTRAST = """
 (() => {

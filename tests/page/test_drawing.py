@@ -5,14 +5,11 @@ from __future__ import annotations
 import json
 
 import pytest
-from browser import CHROMIUM, Browser
+from browser import NEEDS_BROWSER, Browser
 
 from radcal.page.interactive import embedded_library, script
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="no chromium: install it"),
-]
+pytestmark = NEEDS_BROWSER
 PANELS = {
     "data": [
         {"x": [1, 2], "y": [3, 5], "line": {"color": "#000000"}, "xaxis": f"x{k}", "yaxis": f"y{k}"} for k in (1, 2, 3)
