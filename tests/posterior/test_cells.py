@@ -104,7 +104,7 @@ def test_cells_are_fields_in_blocks_of_24_pixels_and_3_degrees():
 
 
 def test_correlated_pixels_count_as_fewer():
-    """Neighbours in a row with a correlation of 0.4: 1 + 2 * 0.4 pixels are one independent pixel."""
+    """Neighbours in a row have a correlation of 0.4, so that 1 + 2 * 0.4 pixels of a long row count as one."""
     rng, shape = np.random.default_rng(3), (48, 48)
     image = speckled(np.full(shape, -7.0), 4.0, rng)
     lags = np.zeros((13, 13))
@@ -113,12 +113,35 @@ def test_correlated_pixels_count_as_fewer():
     alone, alike = (
         found(image, [image], geometry, correlation=Correlation(one, 48)) for one in (uncorrelated(48).lags, lags)
     )
-    share = 1.0 / (1.0 + 2.0 * 0.4 * 47.0 / 48.0)
+    share = 1.0 / (1.0 + 2.0 * 0.4 * 23.0 / 24.0)  # a cell has rows of 24 pixels
     np.testing.assert_allclose(alike.variance, alone.variance / share, rtol=0.01)
     # the bias of the logarithm of the mean is half its variance
     np.testing.assert_allclose(
         alike.measured_db - alone.measured_db, (1.0 / share - 1.0) * alone.variance / 4.0 / DB, rtol=0.02
     )
+
+
+@pytest.mark.parametrize("apart", [1, 2])
+def test_cells_have_the_variance_and_the_bias_of_their_own_pairs(apart):
+    """Speckle of four looks, smoothed over 2 x 2 pixels; cells of 2 x 4 pixels, all adjacent or every other one.
+
+    The neighbours of a pixel that lie in other cells do not count.
+    """
+    shape, looks = (96, 96), 4
+    row, column = np.indices(shape)
+    lags = np.zeros((13, 13))
+    lags[5:8, 5:8] = np.multiply.outer([0.25, 1.0, 0.25], [0.25, 1.0, 0.25])  # squared correlation of the amplitudes
+    patch = 1000 * (row // (2 * apart)) + column // (4 * apart) + 100_000 * (row % apart) + 200_000 * (column % apart)
+    geometry, images = seen(np.full(shape, 40.0)), []
+    for seed in range(40):
+        amplitude = np.random.default_rng(seed).normal(size=(2 * looks, 97, 97))
+        smooth = sum(amplitude[:, i : i + 96, j : j + 96] for i in (0, 1) for j in (0, 1))
+        images.append((DB * np.log(np.mean(smooth**2, axis=0) / 4.0)).astype(np.float32))
+    flat, correlation = np.zeros(shape, dtype=np.float32), Correlation(lags, 96)
+    cells = [found(image, [flat], geometry, patch, correlation=correlation, noisy=False) for image in images]
+    levels = np.array([one.measured_db for one in cells])
+    assert levels.var(axis=0, ddof=1).mean() == pytest.approx(np.mean([one.variance.mean() for one in cells]), rel=0.12)
+    assert levels.mean() == pytest.approx(0.0, abs=0.03)
 
 
 def test_the_simulated_mean_is_relative_to_law_and_noise():

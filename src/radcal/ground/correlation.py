@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,17 +64,9 @@ class Correlation:
         powers = np.arange(1, _POWERS + 1)
         count = np.bincount(group, minlength=size)
         sums = np.zeros((_POWERS, size, size))
-        row, column = np.divmod(pixels, self.width)
-        for down, across in zip(*np.nonzero(self.lags), strict=True):
-            lag = int(down) - REACH_PX, int(across) - REACH_PX
-            if lag <= (0, 0):  # the opposite lag has the same correlation
-                continue
-            inside = (column + lag[1] >= 0) & (column + lag[1] < self.width)
-            wanted = (row[inside] + lag[0]) * self.width + column[inside] + lag[1]
-            place = np.minimum(np.searchsorted(pixels, wanted), pixels.size - 1)
-            found = pixels[place] == wanted
-            joint = np.bincount(group[inside][found] * size + group[place[found]], minlength=size * size)
-            sums += self.lags[down, across] ** powers[:, None, None] * joint.reshape(size, size)
+        for value, first, second in self._neighbours(pixels):
+            joint = np.bincount(group[first] * size + group[second], minlength=size * size)
+            sums += value ** powers[:, None, None] * joint.reshape(size, size)
         sums += np.swapaxes(sums, 1, 2)
         sums[:, np.arange(size), np.arange(size)] += count
         matrices = sums / np.multiply.outer(count, count)
@@ -84,14 +77,35 @@ class Correlation:
             return np.asarray(matrices)
         return np.asarray((vectors * np.maximum(values, least)[:, None]) @ np.swapaxes(vectors, 1, 2))
 
+    def _neighbours(self, pixels: NDArray[np.int64]) -> Iterator[tuple[float, NDArray[np.int64], NDArray[np.int64]]]:
+        """Correlation at each lag of one half of the plane, and the numbers of the pixels that are this lag apart."""
+        row, column = np.divmod(pixels, self.width)
+        for down, across in zip(*np.nonzero(self.lags), strict=True):
+            lag = int(down) - REACH_PX, int(across) - REACH_PX
+            if lag <= (0, 0):  # the opposite lag has the same correlation
+                continue
+            inside = np.flatnonzero((column + lag[1] >= 0) & (column + lag[1] < self.width))
+            wanted = (row[inside] + lag[0]) * self.width + column[inside] + lag[1]
+            place = np.minimum(np.searchsorted(pixels, wanted), pixels.size - 1)
+            found = pixels[place] == wanted
+            yield float(self.lags[down, across]), inside[found], place[found]
+
     def effective(self, pixels: NDArray[np.int64]) -> float:
-        """Effective sample size of given pixels, from 1 to their number.
+        """Effective sample size of given pixels, from 1 to their number; see :meth:`effective_of`."""
+        return float(self.effective_of(pixels, np.zeros(pixels.size, dtype=np.int64))[0])
+
+    def effective_of(self, pixels: NDArray[np.int64], group: NDArray[np.int64]) -> Doubles:
+        """Effective sample size of each group of pixels, from 1 to the number of its pixels, shape (groups,).
 
         The effective sample size is the number of independent pixels whose mean has the same variance as the mean of
-        the given pixels.
+        the group's pixels. Arguments are those of :meth:`pairs`.
         """
-        together = self.pairs(pixels, np.zeros(pixels.size, dtype=np.int64), 1)[0, 0, 0]
-        return float(np.clip(1.0 / together, 1.0, pixels.size))
+        count = np.bincount(group)
+        sums = np.zeros(count.size)
+        for value, first, second in self._neighbours(pixels):
+            same = group[first] == group[second]
+            sums += value * np.bincount(group[first[same]], minlength=count.size)
+        return np.clip(1.0 / ((2.0 * sums + count) / count**2), 1.0, count)
 
 
 def independent_pairs(group: NDArray[np.int64], size: int) -> Doubles:

@@ -225,8 +225,7 @@ def cell_means(
     def mean(values: Doubles) -> Doubles:
         return np.asarray(np.bincount(member, values, n) / count)
 
-    ratio = correlation.effective(pixels) / pixels.size if pixels.size else 1.0
-    independent = np.maximum(count * ratio, 1.0)
+    independent = correlation.effective_of(pixels, member)
 
     def level(image: NDArray[np.float32]) -> tuple[Doubles, Doubles, float]:
         return _level(10.0 ** (image.ravel()[pixels].astype(np.float64) / 10.0), member, count, independent)
@@ -277,6 +276,8 @@ def _level(
     """Mean power of each cell without bias [dB], its variance [dB^2], and effective looks of the pixels."""
     middle = np.bincount(member, power, count.size) / count
     away = power / middle[member] - 1.0
-    looks = 1.0 / max(float(away @ away) / max(power.size - count.size, 1), 1e-6)
+    # correlated pixels scatter less about their own mean than independent ones
+    freedom = float(np.sum(count - count / independent))
+    looks = 1.0 / max(float(away @ away) / max(freedom, 1.0), 1e-6)
     total = independent * looks
     return DB * (np.log(middle) - digamma(total) + np.log(total)), DB**2 * polygamma(1, total), looks
