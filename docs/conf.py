@@ -7,9 +7,12 @@ author = "The radcal developers"
 copyright = author  # noqa: A001 - Sphinx's name
 version = release = radcal.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc"]
 exclude_patterns = ["_build"]
 myst_heading_anchors = 3
+nb_execution_mode = "force"  # the notebook holds no results
+nb_execution_timeout = 300
+nb_execution_raise_on_error = True
 html_theme = "furo"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
