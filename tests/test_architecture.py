@@ -21,7 +21,7 @@ SOURCE = Path(__file__).resolve().parents[1] / "src/radcal"
 # Steps of the flow, first to last, by the packages and modules that take them; the longest name that fits counts.
 # A module may import its own step and earlier ones. Rooms that are not named here serve several steps.
 FLOW = [
-    ("scene", ["scene", "cdb"]),
+    ("scene", ["scene", "vectors", "cdb"]),
     ("geometry and image formation", ["compiled", "speckle", "radar"]),
     ("simulator", ["programs", "simulators"]),
     ("measurement", ["image", "sentinel1", "ground", "registration", "measurement"]),

@@ -268,8 +268,8 @@ def test_points_are_boxes_at_their_places(root: Path, build: Any) -> None:
     turn = np.degrees(np.arctan2(ahead[0] - east, ahead[1] - north))
     assert np.abs(turn).min() > 0.1
     assert objects.heading_deg == pytest.approx((columns["AO1"][:38] + turn) % 360, abs=1e-3)
-    assert found(scene, "cdb_codes")[0].numbers == {"features": 1, "codes": "GB030 (1)"}
-    assert found(scene, "cdb_large")[0].numbers == {"features": 1, "codes": "AL015 (1)"}
+    assert found(scene, "features_unmapped")[0].numbers == {"features": 1, "codes": "GB030 (1)"}
+    assert found(scene, "features_large")[0].numbers == {"features": 1, "codes": "AL015 (1)"}
 
 
 def test_lines_and_areas_are_drawn(root: Path, build: Any) -> None:
@@ -295,7 +295,8 @@ def test_lines_and_areas_are_drawn(root: Path, build: Any) -> None:
     assert (road[along] == ((np.abs(x) < 45.0) | (np.abs(x - 300.0) <= 10.0))[along]).mean() > 0.999
     lake = (y < 0) & (y > -200) & (x < 500) & (y > -200) & ((x + 200) / 700 > (y + 200) / 200)
     assert (scene.material[lake & ~road] == 1 + scene.names.index("water")).mean() > 0.97
-    assert found(scene, "cdb_burnt")[0].numbers == {"features": 3, "narrow": 1}
+    assert found(scene, "features_burnt")[0].numbers == {"features": 3}
+    assert found(scene, "features_narrow")[0].numbers == {"features": 1, "codes": "AP030 (1)"}
 
 
 def test_unmapped_names_are_refused_above_one_percent(root: Path, build: Any) -> None:
@@ -418,7 +419,7 @@ def no_name_of_a_tile(root: Path) -> None:
         (half_a_shape, "cdb_left_out", "D100_S001_T001"),
         (no_class, "cdb_left_out", "1 of its features"),
         (other_class, "cdb_left_out", "1 of its features"),
-        (without_size, "cdb_without_size", "AL015 (1)"),
+        (without_size, "features_without_size", "AL015 (1)"),
         (contradiction, "cdb_left_out", "contradicts its folders"),
         (no_such_column, "cdb_left_out", "no row"),
         (no_name_of_a_tile, "cdb_left_out", "not one of a tile"),
@@ -511,8 +512,8 @@ def test_the_piece_of_san_diego(build: Any) -> None:
     )
     assert np.abs(scene.objects.x_m + scene.transform[2] - x).max() < 0.01
     assert np.abs(scene.objects.y_m + scene.transform[5] - y).max() < 0.01
-    assert found(scene, "cdb_large")[0].numbers["codes"] == "AL015 (1)"  # the bridge
-    assert found(scene, "cdb_burnt")[0].numbers["features"] == 8
+    assert found(scene, "features_large")[0].numbers["codes"] == "AL015 (1)"  # the bridge
+    assert found(scene, "features_burnt")[0].numbers["features"] == 8
     # heights at nodes, by row and column of the file
     to = Lattice.around(config.bounds, step_deg(-1, 1), POST)
     values, _ = heights(cdb_files(Path(keys["root"]), to.box, (1,)), to, Log(Path(keys["root"])))

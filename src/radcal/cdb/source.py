@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.cdb.features import burnt, objects_of, read_features
-from radcal.cdb.mapping import read_mapping
+from radcal.cdb.features import read_features
+from radcal.cdb.mapping import CdbMapping
 from radcal.cdb.materials import MIXED, NO_TILE, material_ids
 from radcal.cdb.mosaic import AREA, POST, Lattice, Log, heights, level_name
 from radcal.config import expand_path
@@ -21,8 +21,10 @@ from radcal.scene.base import SceneSize, SceneSource
 from radcal.scene.crs import named_datum
 from radcal.scene.grid import grid_of_degrees, pixel_m
 from radcal.scene.model import Scene
-from radcal.scene.raster import resampled
+from radcal.scene.raster import nearest_materials, resampled
 from radcal.sections.scene import CdbScene
+from radcal.vectors.features import burnt, list_unmapped, objects_of, placed
+from radcal.vectors.mapping import read_mapping
 
 __all__ = ["CdbSource", "cdb_scene"]
 
@@ -63,7 +65,7 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
         is wrong.
     """
     root = expand_path(config.root, "scene.root", folder=True)
-    mapping = read_mapping(expand_path(config.materials, "scene.materials"))
+    mapping = read_mapping(expand_path(config.materials, "scene.materials"), "scene.materials", CdbMapping)
     log = Log(root)
     to_posts, to_elements = _lattices(cdb_files(root, config.bounds), config, root)
     boxes = np.array([to_posts.box, to_elements.box])
@@ -77,23 +79,21 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
     for about, levels in (("elevation", of_heights), ("material", of_ids)):
         if shares := _shares(levels):
             log.append(Finding("cdb_levels", "note", "scene.root", {"dataset": about, "levels": shares}))
-    points, others = read_features(files, log)
+    features = placed(read_features(files, mapping.attributes, log), "EPSG:4326", grid)
+    list_unmapped(features, mapping, log)
     datum = _DATUM
     if config.vertical_datum is not None:
         datum = named_datum(config.vertical_datum), "from scene.vertical_datum"
-
-    mixed = np.zeros((grid.rows, grid.columns), dtype=np.bool_)
-
-    def named(cells: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], dict[int, str]]:
-        ids = burnt(cells % MIXED, others, grid, mapping, log)
-        mixed[:] = (cells >= MIXED) & (ids == cells % MIXED)
-        return ids, mapping.names
 
     with (
         to_posts.source(root, heights_m, np.nan) as elevation,
         to_elements.source(root, ids, NO_TILE) as materials,
     ):
-        scene = resampled(config.source, elevation, materials, grid, datum, named, heading_deg)
+        cover = nearest_materials(materials, grid)
+        drawn = burnt(cover.ids % MIXED, features, grid, mapping, log)
+        mixed = (cover.ids >= MIXED) & (drawn == cover.ids % MIXED)
+        cover = replace(cover, ids=drawn, names=mapping.names)
+        scene = resampled(config.source, elevation, cover, grid, datum, heading_deg)
         post_m = float(np.sqrt(np.prod(pixel_m(elevation, grid.crs, grid.box))))
     # the finest level may be damaged
     post_m *= max(1.0, step_deg(int(of_heights.max()), 1)[1] / to_posts.step[1])
@@ -101,7 +101,7 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
     severity: Severity = "warning" if cells > _COARSE_POSTS else "note"
     log.append(Finding("cdb_posts", severity, "scene.root", {"post_m": post_m, "cells": cells}))
     assert scene.elevation_m is not None  # noqa: S101 - a scene on the map has heights
-    objects = objects_of(points, grid, scene.elevation_m, mapping, log)
+    objects = objects_of(features, grid, scene.elevation_m, mapping, log)
     return replace(scene, findings=(*scene.findings, *log), objects=objects, mixed=mixed if mixed.any() else None)
 
 

@@ -143,7 +143,7 @@ def _sources(case: Case) -> Iterator[tuple[str, Callable[[], dict[str, Path]]]]:
         if name in scene.rasters:
             yield key, partial(_found, path, key, scene, "a raster", _with_raster)
         elif path is not None:
-            yield key, partial(_found, path, key, scene)
+            yield key, partial(_found, path, key, scene, "a file", _with_vectors)
     for name in scene.folders:
         key = f"scene.{name}"
         yield key, partial(_found, getattr(scene, name), key, scene, "a database", _with_files(scene), True)

@@ -64,7 +64,7 @@ def vector_files(path: Path) -> list[Path]:
     return [other for ending in endings if (other := path.with_suffix(ending)).exists()]
 
 
-def read_vectors(path: Path, layer: str | None, refused: Callable[[str], RadcalError]) -> VectorLayer:
+def read_vectors(path: Path, layer: str | None, refused: Callable[[str], RadcalError], key: str = "") -> VectorLayer:
     """Features of a layer in a GeoPackage, shapefile or GeoJSON file.
 
     Parameters
@@ -75,6 +75,8 @@ def read_vectors(path: Path, layer: str | None, refused: Callable[[str], RadcalE
         Name of the layer; None for the only layer with geometries.
     refused : callable
         Function from the end of a sentence to the exception, as for :func:`radcal.reading.intake.guarded`.
+    key : str
+        Configuration key that names the layer, for messages.
 
     Raises
     ------
@@ -85,7 +87,7 @@ def read_vectors(path: Path, layer: str | None, refused: Callable[[str], RadcalE
     ----------
     GDAL, "Vector drivers", https://gdal.org/drivers/vector/
     """
-    found = _apart([path], lambda one: _read(one, layer, refused), lambda _, text: refused(text))[0]
+    found = _apart([path], lambda one: _read(one, layer, refused, key), lambda _, text: refused(text))[0]
     if isinstance(found, RadcalError):
         raise found
     return found
@@ -137,16 +139,16 @@ def _apart(
         return [refused(paths[0], f"cannot be read as a vector file ({reason}).")]
 
 
-def _read(path: Path, layer: str | None, refused: Callable[[str], RadcalError]) -> VectorLayer:
+def _read(path: Path, layer: str | None, refused: Callable[[str], RadcalError], key: str = "") -> VectorLayer:
     if path.suffix.lower() == ".dbf":  # a table alone: GDAL would open the shapefile beside it, which may be empty
         with tempfile.TemporaryDirectory() as folder:
             for file in (path, *(one for one in map(path.with_suffix, (".cpg", ".dbt")) if one.exists())):
                 (Path(folder) / f"table{file.suffix.lower()}").symlink_to(file.absolute())
-            return _opened(Path(folder) / "table.dbf", None, refused)
-    return _opened(path, layer, refused)
+            return _opened(Path(folder) / "table.dbf", None, refused, key)
+    return _opened(path, layer, refused, key)
 
 
-def _opened(path: Path, layer: str | None, refused: Callable[[str], RadcalError]) -> VectorLayer:
+def _opened(path: Path, layer: str | None, refused: Callable[[str], RadcalError], key: str) -> VectorLayer:
     first, driver, prefix = (ENDINGS | _TABLES)[path.suffix.lower()]
     with guarded(path, refused, "a vector file"):
         if (size := path.stat().st_size) > _LARGEST_FILE:
@@ -162,10 +164,10 @@ def _opened(path: Path, layer: str | None, refused: Callable[[str], RadcalError]
             raise refused(f"cannot be read as a vector file (it is one of {found}, expected {driver}).")
         layers = [str(one) for one, kind in pyogrio.list_layers(name) if kind is not None or first == b""]
         if layer is None and len(layers) != 1:
-            which = f"the layers {', '.join(layers)}: name one as scene.objects.layer" if layers else "no layer"
+            which = f"the layers {', '.join(layers)}: name one as {key}" if layers else "no layer"
             raise refused(f"has {which}.")
         if layer is not None and layer not in layers:
-            raise refused(f"has the layers {', '.join(layers) or 'none'}, scene.objects.layer is {layer!r}.")
+            raise refused(f"has the layers {', '.join(layers) or 'none'}, {key} is {layer!r}.")
         layer = layer or layers[0]
         limit = _LARGEST_LAYER + 1
         if driver == "ESRI Shapefile":  # whose number of features is that of its bytes; pyogrio allocates the limit

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from radcal.config import RasterScene, expand_path
+from radcal.config import expand_path
 from radcal.config.inputs import vrt_folders
 from radcal.errors import SceneError
 from radcal.reading.intake import LARGEST_VALUES, guarded
 from radcal.reading.rasters import open_raster
 from radcal.scene.crs import METRES, crs_from, crs_of, horizontal, same_place, transformer, turned, utm
+from radcal.sections.scene import GridScene
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -115,14 +116,14 @@ class Grid:
 
 
 @contextmanager
-def opened(key: str, config: RasterScene) -> Iterator[Source]:
+def opened(key: str, config: GridScene) -> Iterator[Source]:
     """Open the raster whose path a configuration key contains, and check the raster.
 
     Parameters
     ----------
     key : str
         Configuration key of the raster's path.
-    config : RasterScene
+    config : GridScene
         Section ``scene``, which contains the path.
 
     Raises
@@ -233,7 +234,7 @@ def _middle(box: Box) -> tuple[float, float]:
     return 0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])
 
 
-def scene_grid(elevation: Source, materials: Source, config: RasterScene, heading_deg: float = 0.0) -> Grid:
+def scene_grid(elevation: Source, materials: Source, config: GridScene, heading_deg: float = 0.0) -> Grid:
     """Grid of the scene's cells, on the configured bounds or, without bounds, on the area that both rasters cover.
 
     If the scene has the CRS of the elevation raster, the distance of the grid's south-west corner from the raster's
@@ -243,7 +244,7 @@ def scene_grid(elevation: Source, materials: Source, config: RasterScene, headin
     ----------
     elevation, materials : Source
         Rasters of elevation and of material ids.
-    config : RasterScene
+    config : GridScene
         Section ``scene``, with optional CRS, cell size and bounds.
     heading_deg : float
         Heading of the track [deg]. If the heading is not 0, the grid is turned so that axis 0 points along the track.
@@ -373,7 +374,7 @@ def _inscribed(width: float, height: float, angle: float) -> tuple[float, float]
     return (width * cosine - height * sine) / double, (height * cosine - width * sine) / double
 
 
-def _target(elevation: Source, box: Box, config: RasterScene) -> CRS:
+def _target(elevation: Source, box: Box, config: GridScene) -> CRS:
     """CRS of the scene: a projected CRS in metres, with a scale of about 1."""
     longitude, latitude = _middle(_in_degrees(box, elevation.plane))
     if config.crs is None and _unfit(elevation.plane, longitude, latitude) is None:

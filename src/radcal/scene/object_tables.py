@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from radcal.errors import SceneError
 from radcal.reading.intake import elsewhere, guarded
 from radcal.reading.vectors import ENDINGS, read_vectors
-from radcal.scene.objects import Objects
+from radcal.scene.objects import Objects, rectangles
 from radcal.sections.scene import DBSM_LIMITS, check_curve
 
 if TYPE_CHECKING:
@@ -189,7 +189,7 @@ def _vectors(path: Path, layer: str | None, place: Place) -> pd.DataFrame:
     """Table of objects from a layer of points or polygons; the smallest rectangle around a polygon replaces it."""
     import pandas as pd
 
-    found = read_vectors(path, layer, partial(_error, path))
+    found = read_vectors(path, layer, partial(_error, path), "scene.objects.layer")
     if found.crs is not None:
         _check_crs(path, found.crs, _short(found.crs), place)
     elif place.crs is not None:
@@ -225,15 +225,9 @@ def _rectangles(path: Path, geometries: NDArray[Any], table: pd.DataFrame) -> di
     for name in ("length_m", "width_m", "heading_deg"):
         given = pd.to_numeric(table[name].fillna(0.0), errors="coerce") if name in table else 0.0
         columns[name] = np.where(polygon & (name != "heading_deg"), 0.0, given)
-    corners = shapely.get_coordinates(shapely.oriented_envelope(shapes[polygon])).reshape(-1, 5, 2)
-    columns["x_m"][polygon], columns["y_m"][polygon] = corners[:, :4].mean(axis=1).T
-    sides = np.diff(corners[:, :3], axis=1)
-    size = np.linalg.norm(sides, axis=2)
-    longer = np.argmax(size, axis=1)
-    every = np.arange(len(longer))
-    along = sides[every, longer]
-    columns["length_m"][polygon], columns["width_m"][polygon] = size[every, longer], size[every, 1 - longer]
-    axis = np.degrees(np.arctan2(along[:, 0], along[:, 1]))
+    x, y, length, width, axis = rectangles(shapes[polygon])
+    for name, values in (("x_m", x), ("y_m", y), ("length_m", length), ("width_m", width)):
+        columns[name][polygon] = values
     # of the two directions along a rectangle, the heading is the one that is closer to the given heading
     turned = np.abs((columns["heading_deg"][polygon] - axis + 180.0) % 360.0 - 180.0) > 90.0
     columns["heading_deg"][polygon] = (axis + 180.0 * turned) % 360.0

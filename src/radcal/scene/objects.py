@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.storage.files import digest
 
-__all__ = ["Objects"]
+__all__ = ["Objects", "rectangles"]
 
 
 @dataclass(frozen=True)
@@ -95,3 +96,29 @@ class Objects:
 
 
 _ARRAYS = tuple(item.name for item in fields(Objects) if item.name not in ("kinds", "curves"))
+
+
+def rectangles(polygons: NDArray[Any]) -> NDArray[np.float64]:
+    """Smallest rectangles around polygons.
+
+    Parameters
+    ----------
+    polygons : ndarray of shapely.Geometry, shape (n,)
+        Polygons with an area.
+
+    Returns
+    -------
+    ndarray, shape (5, n)
+        East and north coordinate of the centres, longer and shorter side, all in the unit of the coordinates, and
+        bearing of one end of the longer axis, clockwise from north [deg].
+    """
+    import shapely
+
+    corners = shapely.get_coordinates(shapely.oriented_envelope(polygons)).reshape(-1, 5, 2)
+    centres = corners[:, :4].mean(axis=1)
+    sides = np.diff(corners[:, :3], axis=1)
+    size = np.linalg.norm(sides, axis=2)
+    longer, every = np.argmax(size, axis=1), np.arange(len(sides))
+    along = sides[every, longer]
+    bearing = np.degrees(np.arctan2(along[:, 0], along[:, 1]))
+    return np.stack([*centres.T, size[every, longer], size[every, 1 - longer], bearing])

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +30,21 @@ from radcal.scene.crs import (
 from radcal.scene.grid import LARGEST_CELLS, Grid, Source, box_in, on_pixels, opened, pixel_m, scene_grid, subdivision
 from radcal.scene.model import Scene
 from radcal.scene.names import by_id, landcover_names, read_names
+from radcal.sections.scene import GridScene
 from radcal.storage.files import digest
 
-__all__ = ["height_step_m", "raster_scene", "resampled", "rounding_error_m"]
+if TYPE_CHECKING:
+    from pyproj import CRS
+
+__all__ = [
+    "Cover",
+    "datum_of",
+    "height_step_m",
+    "nearest_materials",
+    "raster_scene",
+    "resampled",
+    "rounding_error_m",
+]
 
 _LOWEST_M, _HIGHEST_M = -1000.0, 9000.0  # lowest and highest land, with a margin for mines and ellipsoidal heights
 _MISSING_SHARE = 0.5
@@ -82,34 +95,60 @@ def raster_scene(config: RasterScene, heading_deg: float = 0.0) -> Scene:
         opened("scene.elevation", config) as elevation,
         opened("scene.materials", config) as materials,
     ):
-        _check_heights(elevation)
-        datum = _datum(elevation, config)
+        datum = datum_of(elevation, config)
         grid = scene_grid(elevation, materials, config, heading_deg)
-        return resampled(
-            config.source, elevation, materials, grid, datum, lambda ids: _named(ids, materials, config),
-            heading_deg, config.elevation_error_m,
-        )  # fmt: skip
+        cover = nearest_materials(materials, grid)
+        ids, names = _named(cover.ids, materials, config)
+        cover = replace(cover, ids=ids, names=names)
+        return resampled(config.source, elevation, cover, grid, datum, heading_deg, config.elevation_error_m)
+
+
+@dataclass(frozen=True)
+class Cover:
+    """Materials of the cells of a grid.
+
+    Attributes
+    ----------
+    ids : ndarray of uint8, shape (rows, columns)
+        Material id of each cell; 0 without a material.
+    names : dict of int to str
+        Name of each id.
+    how : str
+        Phrase for the method by which cells get their material.
+    key : str
+        Configuration key of the file of materials.
+    path : path
+        This file.
+    crs : pyproj.CRS
+        Horizontal CRS of the file.
+    """
+
+    ids: NDArray[np.uint8]
+    names: dict[int, str]
+    how: str
+    key: str
+    path: Path
+    crs: CRS
 
 
 def resampled(
-    source: str, elevation: Source, materials: Source, grid: Grid, datum: tuple[str, str],
-    named: Callable[[NDArray[np.uint8]], tuple[NDArray[np.uint8], dict[int, str]]],
-    heading_deg: float = 0.0, elevation_error_m: float = 0.0,
+    source: str, elevation: Source, cover: Cover, grid: Grid, datum: tuple[str, str], heading_deg: float = 0.0,
+    elevation_error_m: float = 0.0,
 ) -> Scene:  # fmt: skip
-    """Scene of a raster of elevation and a raster of material ids, resampled as :func:`raster_scene` describes.
+    """Scene of a raster of elevation, resampled as :func:`raster_scene` describes, and of the materials of its cells.
 
     Parameters
     ----------
     source : str
         Name of the source of the scene, for its identity.
-    elevation, materials : Source
-        The open rasters.
+    elevation : Source
+        The open raster.
+    cover : Cover
+        Materials of the cells.
     grid : Grid
         Grid of the cells.
     datum : (str, str)
         Vertical datum of the heights, and a phrase that says where it is given.
-    named : callable
-        Function from the ids of the cells to ids and the names of ids.
     heading_deg : float
         Heading of the track to which the grid is turned [deg].
     elevation_error_m : float
@@ -118,26 +157,24 @@ def resampled(
     Raises
     ------
     SceneError
-        A raster covers too little of the grid, or holds impossible values.
+        The raster covers too little of the grid, or holds impossible values; or no material is where it has heights.
     """
     heights, filled, how_heights, step = _heights(elevation, grid)
-    ids, how_ids = _ids(materials, grid)
     # slopes of interpolated heights are no steeper than slopes between the raster's own pixels
     posting = max(grid.cell_m, *pixel_m(elevation, grid.crs, grid.box))
     slope_error, steps = _slope_error_deg(elevation_error_m, step, posting)
-    ids, names = named(ids)
     findings = [
         _found("cells", cell_m=grid.cell_m, crs=grid.crs.name),
-        _found("resampled", elevation=how_heights, materials=how_ids),
+        _found("resampled", elevation=how_heights, materials=cover.how),
         _found("vertical_datum", datum=datum[0], origin=datum[1]),
         *steps,
     ]
-    for raster in (elevation, materials):
-        if not same_place(raster.plane, grid.crs):
-            findings += transformation_findings(raster.plane, grid.crs, raster.key)
-    ids[filled] = 0
+    for crs, key in ((elevation.plane, elevation.key), (cover.crs, cover.key)):
+        if not same_place(crs, grid.crs):
+            findings += transformation_findings(crs, grid.crs, key)
+    ids = np.where(filled, np.uint8(0), cover.ids)
     if not ids.any():
-        raise materials.error("has no material where the elevation is.")
+        raise SceneError(f"{cover.key}: {cover.path} has no material where the elevation is.")
     if filled.any():
         findings.append(_found("no_elevation", cells=int(np.count_nonzero(filled)), of=filled.size))
     if bare := np.count_nonzero(ids == 0):
@@ -150,11 +187,11 @@ def resampled(
                 "cell_m": grid.cell_m,
                 "elevation": hashlib.sha256(heights.tobytes()).hexdigest(),
                 "material": hashlib.sha256(ids.tobytes()).hexdigest(),
-                "names": {str(k): v for k, v in names.items()},
+                "names": {str(k): v for k, v in cover.names.items()},
                 "version": 1,
             }
         ),
-        names=by_id(names),
+        names=by_id(cover.names),
         material=ids,
         elevation_m=heights,
         cell_m=grid.cell_m,
@@ -209,8 +246,15 @@ def _check_heights(elevation: Source) -> None:
         raise elevation.error(f"has heights in {other[0]}, expected metres: convert it, for example with gdal_calc.")
 
 
-def _datum(elevation: Source, config: RasterScene) -> tuple[str, str]:
-    """Vertical datum of the elevation, and a phrase that says whether the file or the configuration gives the datum."""
+def datum_of(elevation: Source, config: GridScene) -> tuple[str, str]:
+    """Vertical datum of heights in metres, and a phrase that says whether the file or the configuration gives it.
+
+    Raises
+    ------
+    SceneError
+        The raster does not hold heights in metres, or its datum is missing or contradictory.
+    """
+    _check_heights(elevation)
     of_file = vertical_datum(elevation.crs)
     given = named_datum(config.vertical_datum) if config.vertical_datum is not None else None
     if of_file is not None and given is not None and not same_datum(of_file, given):
@@ -344,8 +388,14 @@ def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArra
     return np.ascontiguousarray(heights), gaps, how, height_step_m(scaled)
 
 
-def _ids(materials: Source, grid: Grid) -> tuple[NDArray[np.uint8], str]:
-    """Material ids of the cells, and a phrase for the resampling method."""
+def nearest_materials(materials: Source, grid: Grid) -> Cover:
+    """Materials of cells from a raster of material ids, without names.
+
+    Raises
+    ------
+    SceneError
+        The raster covers too little of the grid, or holds no material ids.
+    """
     values, transform = _window(materials, grid)
     held = values.compressed()
     if held.size == 0:
@@ -368,7 +418,8 @@ def _ids(materials: Source, grid: Grid) -> tuple[NDArray[np.uint8], str]:
     without = np.count_nonzero(found == missing)
     if without > _MISSING_SHARE * found.size:
         raise materials.error(f"covers {found.size - without} of {found.size} cells, expected at least half.")
-    return np.maximum(found, 0).astype(np.uint8), "of the nearest pixel" if parts == 1 else "of the majority of pixels"
+    how = "of the nearest pixel" if parts == 1 else "of the majority of pixels"
+    return Cover(np.maximum(found, 0).astype(np.uint8), {}, how, materials.key, materials.path, materials.plane)
 
 
 def height_step_m(heights_m: NDArray[np.float64]) -> float:

@@ -11,6 +11,7 @@ from pydantic import Field, SerializeAsAny, model_validator
 
 from radcal.plugins import HasSection, Plugins, with_foreign
 from radcal.reading.cdb import BASE_MATERIALS, cdb_files
+from radcal.reading.vectors import ENDINGS
 from radcal.sections.base import Section, with_tag
 from radcal.sections.errors import Wrong
 from radcal.sections.limits import Coordinate, Decibels, Integer, Length, Real, Seed
@@ -22,16 +23,18 @@ __all__ = [
     "BuiltinScene",
     "CdbScene",
     "GeneratedObjects",
+    "GridScene",
     "RasterScene",
     "SceneConfig",
     "SceneObjects",
     "SceneSection",
     "SlantRangeScene",
+    "VectorScene",
     "check_curve",
 ]
 Longitude = Annotated[Real, Field(ge=-180, le=180)]
 Latitude = Annotated[Real, Field(ge=-90, le=90)]
-_SOURCE = "source of the scene: builtin, slant_range, raster or cdb; each source has its own keys"
+_SOURCE = "source of the scene: builtin, slant_range, raster, vectors or cdb; each source has its own keys"
 DBSM_LIMITS = (-100.0, 70.0)  # 70 dBsm (10 km2) is more than any object has; larger numbers must be square metres
 
 
@@ -160,25 +163,11 @@ class SlantRangeScene(SceneSection):
         return self
 
 
-class RasterScene(SceneSection):
-    """Georeferenced rasters of elevation and materials, which radcal resamples to one grid."""
+class GridScene(SceneSection):
+    """Georeferenced raster of elevation, and a file of materials, on one grid."""
 
-    rasters = ("elevation", "materials")
-    tables = ("names",)
     on_map = True
-    source: Literal["raster"] = Field("raster", description=_SOURCE)
     elevation: str = Field(description="GeoTIFF or other raster of heights [m]")
-    materials: str = Field(description="raster of material ids in any CRS; 0 means no material")
-    names: str | None = Field(
-        None,
-        description="JSON file that maps each material id to a material name; overrides the names of landcover, and is "
-        "required without landcover",
-    )
-    landcover: LandCover | None = Field(
-        None,
-        description="land-cover map whose codes the raster of materials contains; gives the materials' names and "
-        "starting laws (docs/landcover.md)",
-    )
     crs: str | None = Field(
         None,
         description="projected CRS of the scene, such as EPSG:32631; by default the CRS of the elevation if "
@@ -189,7 +178,7 @@ class RasterScene(SceneSection):
     )
     bounds: tuple[Coordinate, Coordinate, Coordinate, Coordinate] | None = Field(
         None,
-        description="[west, south, east, north] in the CRS of the scene [m]; by default the overlap of both rasters",
+        description="[west, south, east, north] in the CRS of the scene [m]; by default the overlap of the rasters",
     )
     vertical_datum: str | None = Field(
         None,
@@ -208,18 +197,57 @@ class RasterScene(SceneSection):
     )
 
     @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        _check_bounds(self.bounds)
+        return self
+
+
+class RasterScene(GridScene):
+    """Georeferenced rasters of elevation and materials, which radcal resamples to one grid."""
+
+    rasters = ("elevation", "materials")
+    tables = ("names",)
+    source: Literal["raster"] = Field("raster", description=_SOURCE)
+    materials: str = Field(description="raster of material ids in any CRS; 0 means no material")
+    names: str | None = Field(
+        None,
+        description="JSON file that maps each material id to a material name; overrides the names of landcover, and is "
+        "required without landcover",
+    )
+    landcover: LandCover | None = Field(
+        None,
+        description="land-cover map whose codes the raster of materials contains; gives the materials' names and "
+        "starting laws (docs/landcover.md)",
+    )
+
+    @model_validator(mode="after")
     def _named(self) -> Self:
         if self.elevation == self.materials:
             raise Wrong(
                 "elevation", f" and materials are the same file {self.elevation}, expected heights and material ids"
             )
+        if Path(self.materials).suffix.lower() in ENDINGS:
+            raise Wrong("materials", f" is {self.materials}, a vector file, which needs scene.source: vectors")
         if self.names is None and self.landcover is None:
             raise Wrong("names", " is missing, expected a file of names, or landcover")
         return self
 
+
+class VectorScene(GridScene):
+    """Raster of elevation, and lines, areas and points that are drawn as materials and objects by a mapping."""
+
+    rasters = ("elevation",)
+    tables = ("materials", "names")
+    source: Literal["vectors"] = Field("vectors", description=_SOURCE)
+    materials: str = Field(description="GeoPackage, shapefile or GeoJSON in any CRS")
+    names: str = Field(
+        description="YAML file that maps attributes of features to materials and objects (docs/vectors.md)"
+    )
+
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        _check_bounds(self.bounds)
+    def _vectors(self) -> Self:
+        if Path(self.materials).suffix.lower() not in ENDINGS:
+            raise Wrong("materials", f" is {self.materials}, expected a file ending with {', '.join(ENDINGS)}")
         return self
 
 
@@ -281,15 +309,16 @@ SCENES: Plugins[HasSection] = Plugins(
         "builtin": "radcal.scene.builtin:BuiltinSource",
         "slant_range": "radcal.scene.slant_range:SlantRangeSource",
         "raster": "radcal.scene.raster:RasterSource",
+        "vectors": "radcal.vectors.source:VectorSource",
         "cdb": "radcal.cdb.source:CdbSource",
     },
 )
 """Sources of scenes (:class:`radcal.scene.base.SceneSource`) by ``scene.source``."""
 
 SceneConfig = Annotated[
-    SerializeAsAny[BuiltinScene | SlantRangeScene | RasterScene | CdbScene],
+    SerializeAsAny[BuiltinScene | SlantRangeScene | RasterScene | VectorScene | CdbScene],
     Field(discriminator="source"),
-    with_foreign("source", SCENES, BuiltinScene, SlantRangeScene, RasterScene, CdbScene),
+    with_foreign("source", SCENES, BuiltinScene, SlantRangeScene, RasterScene, VectorScene, CdbScene),
     with_tag("scene", "builtin"),
 ]
 

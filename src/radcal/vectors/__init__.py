@@ -1,0 +1,1 @@
+"""Materials and objects from vector features, by a mapping that users edit."""
