@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from radcal.radar.earth import LineOfSight
 from radcal.radar.lines import Lines, fill_lines
 
 
@@ -13,8 +14,10 @@ def test_lines_of_a_plane_begin_and_end_at_its_edges(k, across, along):
     north, east = (np.arange(ny)[:, None] + 0.5) * cell, (np.arange(nx) + 0.5) * cell
     step = cell / k
     edges = 700.0 + np.arange(nx * k + 1) * step
-    lines = Lines.empty(ny * k, nx * k)
-    near, far = fill_lines(across * east + along * north, 0, ny, k, step, edges, track, base, 1.0, lines, None)
+    lines, sight = Lines.empty(ny * k, nx * k), LineOfSight(track, 700.0, track, np.inf)
+    near, far = fill_lines(
+        across * east + along * north, 0, ny * k, k, step, edges, track, base, 1.0, lines, None, sight
+    )
     y = (np.arange(ny * k) + 0.5)[:, None] * step
     slant = np.hypot(track - across * (edges - 700.0) - along * y, edges)
     # every line has ground between the furthest of the first edges and the nearest of the last ones

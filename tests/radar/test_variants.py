@@ -67,7 +67,7 @@ def test_local_incidence_is_the_angle_of_normal_and_ray():
         return float(normal @ ray / np.linalg.norm(normal))
 
     steep = cosine(along, across) * np.sqrt(1.0 + along**2 + across**2)
-    found = local_incidence_cosine(np.array([[along]]), np.array([[across]]), (ray[1], ray[2]))
+    found = np.array(local_incidence_cosine(along, across, ray[1], ray[2]))
     agrees(
         found,
         cosine(along, across),

@@ -57,8 +57,9 @@ def test_slant_extent_is_that_of_many_places(start, end, middle_down):
 
 @pytest.mark.parametrize(("fold_m", "laid"), [(2.1, True), (2.9, True), (1.9, False)])
 def test_layover_begins_a_pixel_of_slant_range_apart(fold_m, laid):
-    slant = np.array([[10.0, 20.0, 20.0 - fold_m, 40.0, 50.0]])
-    visible = np.ones(slant.shape, dtype=bool)
-    assert visibility.laid_over(slant, visible, 2.0).tolist() == [[False, laid, laid, False, False]]
-    visible[0, 1] = False  # what is hidden lies over nothing
-    assert not visibility.laid_over(slant, visible, 2.0).any()
+    slant, share, found = np.array([10.0, 20.0, 20.0 - fold_m, 40.0, 50.0]), np.ones(5), np.empty(5, dtype=bool)
+    visibility.laid_over(slant, share, 2.0, found)
+    assert found.tolist() == [False, laid, laid, False, False]
+    share[1] = 0.0  # what is hidden lies over nothing
+    visibility.laid_over(slant, share, 2.0, found)
+    assert not found.any()

@@ -5,21 +5,23 @@ is computed in the plane that touches the sphere at the scene's centre. Elevatio
 sphere below this plane, which depends on ground range alone. At the scene's centre, slant range and incidence angle are
 the same as on the sphere. Elevations are not lowered along azimuth, because an orbit follows the curvature of the
 earth. For the local incidence, slopes and the direction to the radar are given relative to the local vertical
-(:meth:`LineOfSight.upright`). ``docs/simulator.md`` gives the errors of this approximation.
+(:func:`upright`). ``docs/simulator.md`` gives the errors of this approximation.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.angles import MEAN_RADIUS_M, depression_deg, incidence_deg
+from radcal.compiled import njit
 from radcal.config import Radar
 
-__all__ = ["LineOfSight", "Upright", "heading_at_scene", "heading_of_sight", "line_of_sight"]
+__all__ = ["LineOfSight", "heading_at_scene", "heading_of_sight", "line_of_sight", "upright"]
 
 Doubles = NDArray[np.float64]
 
@@ -160,67 +162,77 @@ class LineOfSight:
         along = (np.arange(columns) + 0.5 - 0.5 * columns) * cell_m
         return np.asarray(elevation_m - along**2 / (2.0 * self.radius_m))
 
-    def upright(self, along: Doubles, across: Doubles, ground_m: Doubles, down_m: Doubles, line_m: Doubles) -> Upright:
-        """Slopes and direction to the radar relative to the local vertical, on a curved earth.
+    def verticals(self, ground_m: Doubles) -> Doubles:
+        """What :func:`upright` needs of the local vertical at each facet of a line.
 
         At the distance u from the scene's centre along ground range, the vertical is tilted by u / R away from the
-        track. The slopes of the lowered elevations contain the tilt as a difference of slopes, which equals a rotation
-        by this angle for level ground only. The tilt is therefore taken from the slopes, and the direction to the radar
-        is rotated instead. The scale of the grid and the elevation change distances on the ground, and hence slopes.
-        Lines of equal azimuth converge away from the track, as meridians converge towards a pole. The horizontal axes
-        are rotated by the angle of convergence, so that the direction to the radar has no azimuth component.
+        track.
 
         Parameters
         ----------
-        along, across : ndarray, shape (lines, facets)
-            Slopes of the lowered elevations along azimuth, and along ground range away from the track [m/m].
         ground_m : ndarray, shape (facets,)
             Distance of the facets from the track in the tangent plane [m].
-        down_m : ndarray, shape (lines, facets)
-            Depth of the facets below the track, with lowered elevations [m].
-        line_m : ndarray, shape (lines,)
-            Position of the lines along azimuth, relative to the scene's centre [m].
 
         Returns
         -------
-        Upright
-            Slopes and direction to the radar, of shape (lines, facets).
-
-        References
-        ----------
-        Snyder, "Map projections: a working manual", USGS Professional Paper 1395 (1987), chapters 3 (scale factor) and
-        5 (convergence of the meridians on a sphere, longitude difference times sine of latitude; here for a graticule
-        whose equator is the track).
+        ndarray, shape (5, facets)
+            Depth of the sphere below its tangent plane [m]; tilt of the vertical [rad], its cosine and its sine;
+            tangent of the latitude relative to the track. All but the cosine are 0 for a flat earth.
         """
         from_centre = ground_m - self.ground_m
         tilt = from_centre / self.radius_m
-        # elevation above the scene's mean, without the lowering
-        above = self.height_m - down_m + from_centre**2 / (2.0 * self.radius_m)
-        scale = 1.0 + above / self.radius_m
-        along, across = along / (self.stretch[0] * scale), (across + tilt) / (self.stretch[1] * scale)
         latitude = math.atan2(self.ground_m, self.radius_m + self.height_m) + tilt
-        turn = np.multiply.outer(line_m / self.radius_m, np.tan(latitude))
-        cosine, sine, slant = np.cos(tilt), np.sin(tilt), np.hypot(ground_m, down_m)
-        to_radar = ((-ground_m * cosine - down_m * sine) / slant, (down_m * cosine - ground_m * sine) / slant)
-        # to first order, because the angle of convergence is below 0.5 degrees
-        return Upright(along + across * turn, across - along * turn, to_radar)
+        below = from_centre**2 / (2.0 * self.radius_m)
+        return np.stack([below, tilt, np.cos(tilt), np.sin(tilt), np.tan(latitude)])
 
 
-@dataclass(frozen=True)
-class Upright:
-    """Slopes of facets, and the direction to the radar, relative to the local vertical and to the line of sight.
+@njit()
+def upright(
+    along: Any, across: Any, ground: Any, down: Any, line_m: Any, height: Any, radius: Any, stretch: Any, vertical: Any
+) -> tuple[Any, Any, Any, Any]:
+    """Slopes of a facet and direction to the radar relative to the local vertical.
 
-    Attributes
+    The slopes of the lowered elevations contain the tilt of the vertical as a difference of slopes, which equals a
+    rotation by this angle for level ground only. The tilt is therefore taken from the slopes, and the direction to the
+    radar is rotated instead. The scale of the grid and the elevation change distances on the ground, and hence slopes.
+    Lines of equal azimuth converge away from the track, as meridians converge towards a pole. The horizontal axes are
+    rotated by the angle of convergence, so that the direction to the radar has no azimuth component. On a flat earth
+    nothing changes.
+
+    Parameters
     ----------
-    along, across : ndarray, shape (lines, facets)
-        Slopes perpendicular to the line of sight, and along it, away from the track [m/m].
-    to_radar : (ndarray, ndarray), each of shape (lines, facets)
-        Horizontal component (negative, towards the track) and vertical component of the unit vector to the radar.
-    """
+    along, across : float
+        Slopes of the lowered elevations along azimuth, and along ground range away from the track [m/m].
+    ground, down : float
+        Distance of the facet from the track in the tangent plane, and depth below the track with lowered elevations
+        [m].
+    line_m : float
+        Position of the facet's line along azimuth, relative to the scene's centre [m].
+    height, radius, stretch : float, float, (float, float)
+        Attributes of :class:`LineOfSight`.
+    vertical : ndarray, shape (5,)
+        Column of :meth:`LineOfSight.verticals`.
 
-    along: Doubles
-    across: Doubles
-    to_radar: tuple[Doubles, Doubles]
+    Returns
+    -------
+    (float, float, float, float)
+        Slopes perpendicular to the line of sight, and along it, away from the track [m/m]; horizontal component
+        (negative, towards the track) and vertical component of the unit vector to the radar.
+
+    References
+    ----------
+    Snyder, "Map projections: a working manual", USGS Professional Paper 1395 (1987), chapters 3 (scale factor) and 5
+    (convergence of the meridians on a sphere, longitude difference times sine of latitude; here for a graticule whose
+    equator is the track).
+    """
+    below, tilt, cosine, sine, tangent = vertical
+    # elevation above the scene's mean, without the lowering
+    scale = 1.0 + (height - down + below) / radius
+    along, across = along / (stretch[0] * scale), (across + tilt) / (stretch[1] * scale)
+    turn, slant = line_m / radius * tangent, np.hypot(ground, down)
+    # to first order, because the angle of convergence is below 0.5 degrees
+    toward, up = (-ground * cosine - down * sine) / slant, (down * cosine - ground * sine) / slant
+    return along + across * turn, across - along * turn, toward, up
 
 
 def _slant_range_m(cosine: float, altitude_m: float, radius_m: float) -> float:

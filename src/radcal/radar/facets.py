@@ -16,6 +16,7 @@ __all__ = [
     "ANGLES_PER_RADIAN",
     "LAID_OVER",
     "OBJECT",
+    "PARTLY",
     "VISIBLE",
     "cells_of",
     "count_facets",
@@ -26,7 +27,7 @@ __all__ = [
 ]
 
 ANGLES_PER_RADIAN = 65535.0 / (np.pi / 2.0)
-VISIBLE, LAID_OVER, OBJECT = 1, 2, 4  # bit flags of a facet's state
+VISIBLE, LAID_OVER, OBJECT, PARTLY = 1, 2, 4, 8  # bit flags of a facet's state; partly: with a hidden part
 # smallest cosine of the incidence angle (of 89.4 degrees) in an illuminated area; ground at larger angles is in shadow
 _LEAST_COSINE = 0.01
 

@@ -23,7 +23,6 @@ __all__ = [
     "Boxes",
     "Raised",
     "Spots",
-    "VisibleParts",
     "add_up",
     "locate",
     "raise_boxes",
@@ -209,45 +208,6 @@ class Raised:
         return cls(np.full(ground_m.shape, -1, dtype=np.int32), ground_m)
 
 
-@dataclass(frozen=True)
-class VisibleParts:
-    """Visible parts of the facets of a block of lines: arrays of shape (lines, facets) that :func:`stand` fills.
-
-    Attributes
-    ----------
-    near_m, far_m : ndarray of float64
-        Nearest and furthest slant range of each facet's visible part, or of the whole facet if it is hidden [m].
-    share : ndarray of float32
-        Visible share of a facet of the ground, 0 to 1. The share of a facet of a box is 1 if any part of the facet is
-        visible, else 0.
-    half : ndarray of uint8
-        ``NEAR_HALF`` or ``FAR_HALF`` if the visible part of a facet lies in this half alone; else 0.
-    hidden_m : ndarray of float64, shape (2, lines, facets)
-        Nearest and furthest slant range of the hidden part of a partly visible facet [m]; 0 for other facets.
-    horizon : ndarray of float64
-        Largest tangent of the angle from nadir among all places on the facet's line that are nearer to the radar.
-    extent_m : ndarray of float64
-        Extent in slant range of a whole facet of a box, including its hidden part [m].
-    """
-
-    near_m: NDArray[np.float64]
-    far_m: NDArray[np.float64]
-    share: NDArray[np.float32]
-    half: NDArray[np.uint8]
-    hidden_m: NDArray[np.float64]
-    horizon: NDArray[np.float64]
-    extent_m: NDArray[np.float64]
-
-    @classmethod
-    def room(cls, near_m: NDArray[np.float64], far_m: NDArray[np.float64]) -> VisibleParts:
-        """Arrays for :func:`stand` to fill, with the slant ranges of the ground without boxes as initial values."""
-        shape = near_m.shape
-        return cls(
-            near_m, far_m, np.zeros(shape, np.float32), np.zeros(shape, np.uint8), np.zeros((2, *shape)),
-            np.empty(shape), np.empty(shape),
-        )  # fmt: skip
-
-
 @njit()
 def _raise(chosen: Any, place: Any, axis: Any, half: Any, reach: Any, top: Any, first: Any, owner: Any) -> None:
     """Index of the highest box on each facet, written to ``owner``; of several equally high boxes, the lowest index."""
@@ -275,59 +235,68 @@ def raise_boxes(boxes: Boxes, ground_m: NDArray[np.float64], first: int) -> Rais
     return Raised(owner, roof)
 
 
-@threaded
+@njit()
 def stand(
-    part: Any, owner: Any, roof: Any, at_edges: Any, edges: Any, middles: Any, track: Any, near: Any, far: Any,
-    share: Any, half: Any, hidden: Any, horizon: Any, extent: Any,
+    owner: Any, roof: Any, at_edges: Any, edges: Any, middles: Any, track: Any, near: Any, far: Any, share: Any,
+    half: Any, hidden: Any, horizon: Any, extent: Any,
 ) -> None:  # fmt: skip
-    """Compute the visible part of each facet of a block of lines, and write it to the arrays of :class:`VisibleParts`.
+    """Compute the visible part of each facet of a line; all arrays have the shape (facets,), unless another is given.
 
     Parameters
     ----------
-    part : (int, int)
-        Range of lines to compute: the first line, and the line after the last.
-    owner, roof : ndarray, shape (lines, facets)
-        Arrays of :class:`Raised`.
-    at_edges : ndarray, shape (lines, facets + 1)
+    owner, roof : ndarray
+        Line of the arrays of :class:`Raised`.
+    at_edges : ndarray, shape (facets + 1,)
         Elevation of the ground at the facets' edges [m].
     edges, middles : ndarray, shape (facets + 1,), (facets,)
         Ground range of the facets' edges and middles [m].
     track : float
         Elevation of the radar [m].
-    near, far, share, half, hidden, horizon, extent : ndarray
-        Arrays of :class:`VisibleParts`.
+    near, far : ndarray of float64
+        On entry, nearest and furthest slant range of each facet of the ground without boxes; as a result, of each
+        facet's visible part, or of the whole facet if it is hidden [m].
+    share : ndarray of float32
+        Result: visible share of a facet of the ground, 0 to 1. The share of a facet of a box is 1 if any part of the
+        facet is visible, else 0.
+    half : ndarray of uint8
+        Result: ``NEAR_HALF`` or ``FAR_HALF`` if the visible part of a facet lies in this half alone; else 0.
+    hidden : ndarray of float64, shape (2, facets)
+        Result: nearest and furthest slant range of the hidden part of a partly visible facet [m]; 0 for other facets.
+    horizon : ndarray of float64
+        Result: largest tangent of the angle from nadir among all places on the line that are nearer to the radar.
+    extent : ndarray of float64
+        Result: extent in slant range of a whole facet of a box, including its hidden part [m].
     """
-    facets = owner.shape[1]
-    for line in range(part[0], part[1]):
-        before = -np.inf
-        for f in range(facets):
-            horizon[line, f] = before
-            down = track - roof[line, f]
-            if owner[line, f] < 0:
-                first, last = track - at_edges[line, f], track - at_edges[line, f + 1]
-                place = edges[f], first, middles[f], down, edges[f + 1], last
-                start, end = part_seen(*place, before)
-                if start < end:
-                    share[line, f] = end - start
-                    if start > 0.0 or end < 1.0:
-                        half[line, f] = NEAR_HALF if end <= 0.5 else FAR_HALF if start >= 0.5 else 0
-                        near[line, f], far[line, f] = slant_extent(start, end, *place)
-                        low, high = slant_extent(0.0 if start > 0.0 else end, 1.0 if end < 1.0 else start, *place)
-                        hidden[0, line, f], hidden[1, line, f] = low, high
-                before = max(before, middles[f] / down, edges[f + 1] / last)
-                continue
-            foot = at_edges[line, f]
-            if f > 0 and owner[line, f - 1] >= 0:
-                foot = roof[line, f - 1]
-            wall = foot < roof[line, f] and (f == 0 or owner[line, f - 1] != owner[line, f])
-            start = seen_from(edges[f], down, edges[f + 1], down, before)
-            share[line, f] = 1.0 if start < 1.0 else 0.0
-            near[line, f], far[line, f], extent[line, f] = _of_box(
-                edges[f], edges[f + 1], start, down, track - foot if wall else down, before
-            )
-            if 0.0 < start < 1.0:
-                hidden[0, line, f], hidden[1, line, f] = np.hypot(edges[f], down), near[line, f]
-            before = max(before, edges[f + 1] / down)  # a level roof is visible up to its far edge
+    before = -np.inf
+    for f in range(owner.size):
+        horizon[f] = before
+        share[f], half[f] = 0.0, 0
+        hidden[0, f], hidden[1, f] = 0.0, 0.0
+        down = track - roof[f]
+        if owner[f] < 0:
+            first, last = track - at_edges[f], track - at_edges[f + 1]
+            place = edges[f], first, middles[f], down, edges[f + 1], last
+            start, end = part_seen(*place, before)
+            if start < end:
+                share[f] = end - start
+                if start > 0.0 or end < 1.0:
+                    half[f] = NEAR_HALF if end <= 0.5 else FAR_HALF if start >= 0.5 else 0
+                    near[f], far[f] = slant_extent(start, end, *place)
+                    low, high = slant_extent(0.0 if start > 0.0 else end, 1.0 if end < 1.0 else start, *place)
+                    hidden[0, f], hidden[1, f] = low, high
+            before = max(before, middles[f] / down, edges[f + 1] / last)
+            continue
+        foot = at_edges[f]
+        if f > 0 and owner[f - 1] >= 0:
+            foot = roof[f - 1]
+        wall = foot < roof[f] and (f == 0 or owner[f - 1] != owner[f])
+        start = seen_from(edges[f], down, edges[f + 1], down, before)
+        share[f] = 1.0 if start < 1.0 else 0.0
+        foot_down = track - foot if wall else down
+        near[f], far[f], extent[f] = _of_box(edges[f], edges[f + 1], start, down, foot_down, before)
+        if 0.0 < start < 1.0:
+            hidden[0, f], hidden[1, f] = np.hypot(edges[f], down), near[f]
+        before = max(before, edges[f + 1] / down)  # a level roof is visible up to its far edge
 
 
 @njit()

@@ -3,36 +3,40 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, maximum_filter, minimum_filter
 
-from radcal.radar.earth import LineOfSight
-from radcal.radar.facets import ANGLES_PER_RADIAN, LAID_OVER, OBJECT, VISIBLE
-from radcal.radar.footprints import Boxes, Raised, Spots, VisibleParts, add_up, locate, raise_boxes, stand
+from radcal.compiled import njit, threaded
+from radcal.radar.earth import LineOfSight, upright
+from radcal.radar.facets import ANGLES_PER_RADIAN, LAID_OVER, OBJECT, PARTLY, VISIBLE
+from radcal.radar.footprints import Boxes, Raised, Spots, add_up, locate, raise_boxes, stand
 from radcal.radar.visibility import FAR_HALF, NEAR_HALF, laid_over
 
-__all__ = ["Lines", "fill_lines", "local_incidence_cosine", "refined_elevation"]
+__all__ = ["BLOCK", "Lines", "ends", "fill_lines", "local_incidence_cosine", "refined_elevation"]
+
+BLOCK = 256
+"""Number of the scene's rows in a block, whose cubic spline is computed at once; smaller blocks need less memory."""
 
 _HALO = 12  # cells beyond a block that enter its cubic spline; those further away have no effect in single precision
 
 
-def local_incidence_cosine(
-    along: NDArray[np.float64], across: NDArray[np.float64], to_radar: tuple[NDArray[np.float64], NDArray[np.float64]]
-) -> NDArray[np.float64]:
+@njit()
+def local_incidence_cosine(along: Any, across: Any, toward: Any, up: Any) -> Any:
     """Cosine of the local incidence angle, computed from the surface's slopes.
 
     Parameters
     ----------
-    along, across : ndarray, shape (ny, nx)
+    along, across : float
         Slope of the surface along azimuth, and along ground range away from the track [m/m].
-    to_radar : (ndarray, ndarray), each broadcastable to (ny, nx)
+    toward, up : float
         Ground-range and vertical components of the unit vector to the radar; its azimuth component is 0 (zero Doppler).
 
     Returns
     -------
-    ndarray, shape (ny, nx)
+    float
         Product n . r of the unit normal n and the direction r to the radar; negative for surfaces that face away.
 
     References
@@ -40,8 +44,7 @@ def local_incidence_cosine(
     Ulander, "Radiometric slope correction of synthetic-aperture radar images", IEEE
     TGRS 34 (1996), eq. 10.
     """
-    toward, up = to_radar
-    return np.asarray((up - across * toward) / np.sqrt(1.0 + along**2 + across**2))
+    return (up - across * toward) / np.sqrt(1.0 + along**2 + across**2)
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,7 @@ class Lines:
     area : ndarray of float32
         Area of the visible part of the facet [m2]; for an object's facet, its part of the object's cross-section [m2].
     state : ndarray of uint8
-        Bit flags of each facet: visible, in layover, part of an object.
+        Bit flags of each facet: visible, in layover, part of an object, partly hidden.
     hidden : list of (ndarray, ndarray, ndarray)
         Hidden parts of partly visible facets, with one entry of the list for each block of lines. An entry holds the
         line of each facet, and the nearest and furthest slant range of the facet's hidden part, relative to the base
@@ -123,19 +126,39 @@ def refined_elevation(elevation: NDArray[np.float64], k: int, cell_m: float) -> 
     return _refined(block, rows, columns, cell_m)
 
 
+def _ground(elevation: NDArray[np.float64], first: int, last: int, k: int, cell_m: float) -> NDArray[np.float64]:
+    """Elevation of the facets on the lines ``first`` to ``last - 1`` of a block, and on one more line on each side.
+
+    Beyond the scene's border, the elevation is extrapolated by odd reflection.
+    """
+    ny, nx = elevation.shape
+    top = first // k // BLOCK * BLOCK
+    bottom = min(ny, top + BLOCK)
+    if k == 1:
+        top, bottom, halo = first, last, (1, 0)
+    else:
+        halo = (_HALO, _HALO)
+    low, high = max(0, top - halo[0]), min(ny, bottom + halo[0])
+    beyond = ((halo[0] - top + low, halo[0] - high + bottom), (halo[1], halo[1]))
+    block = np.pad(elevation[low:high], beyond, mode="reflect", reflect_type="odd")
+    if k == 1:
+        return block
+    rows = (np.arange(first - 1 - top * k, last + 1 - top * k) + 0.5) / k - 0.5 + _HALO
+    return _refined(block, rows, (np.arange(nx * k) + 0.5) / k - 0.5 + _HALO, cell_m)
+
+
 def fill_lines(
     elevation: NDArray[np.float64], first: int, last: int, k: int, step: float, edges: NDArray[np.float64],
-    track: float, base: float, spacing_m: float, lines: Lines, standing: tuple[Boxes, Spots] | None,
-    earth: LineOfSight | None = None,
+    track: float, base: float, spacing_m: float, lines: Lines, standing: tuple[Boxes, Spots] | None, sight: LineOfSight,
 ) -> tuple[float, float]:  # fmt: skip
-    """Compute the facets of a block of the scene's rows, and store them in ``lines``.
+    """Compute the facets of consecutive lines in a block of the scene's rows, and store them in ``lines``.
 
     Parameters
     ----------
     elevation : ndarray, shape (ny, nx)
-        Elevation of the scene [m]; ground range grows with the column.
+        Elevation of the scene [m], lowered for a curved earth; ground range grows with the column.
     first, last : int
-        First row of the block, and the row after the block's last row.
+        First line, and the line after the last; both lie in one block of ``BLOCK`` rows.
     k : int
         Number of lines, and of facets along a line, per cell of the scene.
     step : float
@@ -149,88 +172,102 @@ def fill_lines(
     spacing_m : float
         Slant-range pixel spacing of the image [m].
     lines : Lines
-        Facets of all lines; the facets of the block are overwritten.
+        Facets of all lines; the facets of these lines are overwritten.
     standing : (Boxes, Spots) or None
         Boxes and point scatterers of the scene; the extents of the boxes and the slant ranges of the points are
         updated.
-    earth : LineOfSight, optional
-        Position of the track over a curved earth, for which the elevation is lowered; by default the earth is flat.
+    sight : LineOfSight
+        Position of the track.
 
     Returns
     -------
     (float, float)
-        Nearest and furthest slant range [m] of the interval in which every line of the block has ground.
+        Nearest and furthest slant range [m] of the interval in which every one of these lines has ground.
     """
-    ny, nx = elevation.shape
-    # beyond the scene's border the elevation is extrapolated by odd reflection; slopes need one more line on each side
-    low, high = max(0, first - _HALO), min(ny, last + _HALO)
-    beyond = ((_HALO - first + low, _HALO - high + last), (_HALO, _HALO))
-    block = np.pad(elevation[low:high], beyond, mode="reflect", reflect_type="odd")
-    if k == 1:
-        # contiguous, as refined ground is, so that functions are compiled for one type of array only
-        fine = np.ascontiguousarray(block[_HALO - 1 : _HALO + last - first + 1, _HALO:-_HALO])
-    else:
-        rows = (np.arange(-1, (last - first) * k + 1) + 0.5) / k - 0.5 + _HALO
-        columns = (np.arange(nx * k) + 0.5) / k - 0.5 + _HALO
-        fine = _refined(block, rows, columns, step * k)
+    fine = _ground(elevation, first, last, k, step * k)
     ground = 0.5 * (edges[1:] + edges[:-1])
-    beyond_ground, fine = fine, fine[1:-1]
-    # neighbouring facets share the height at their common edge, so that they cover slant range without gaps
-    at_edges = np.empty((fine.shape[0], fine.shape[1] + 1))
-    at_edges[:, 1:-1] = 0.5 * (fine[:, 1:] + fine[:, :-1])
-    at_edges[:, 0], at_edges[:, -1] = 1.5 * fine[:, 0] - 0.5 * fine[:, 1], 1.5 * fine[:, -1] - 0.5 * fine[:, -2]
-    reach = np.hypot(track - at_edges, edges)
-    raised = Raised.none(fine) if standing is None else raise_boxes(standing[0], fine, first * k)
-    seen = VisibleParts.room(np.minimum(reach[:, 1:], reach[:, :-1]), np.maximum(reach[:, 1:], reach[:, :-1]))
-    stand(
-        len(fine), raised.owner, raised.roof_m, at_edges, edges, ground, track, seen.near_m, seen.far_m, seen.share,
-        seen.half, seen.hidden_m, seen.horizon, seen.extent_m,
+    raised = Raised.none(fine[1:-1]) if standing is None else raise_boxes(standing[0], fine[1:-1], first)
+    horizon, extent = np.empty((2, last - first, ground.size))
+    hidden = np.empty((2, last - first, ground.size), dtype=np.float32)
+    part, line_m = slice(first, last), (np.arange(first, last) + 0.5 - 0.5 * len(elevation) * k) * step
+    _fill(
+        last - first, fine, raised.owner, raised.roof_m, edges, ground, track, base, spacing_m, step, step**2, line_m,
+        (sight.height_m, sight.radius_m, *sight.stretch), sight.verticals(ground), lines.near_m[part],
+        lines.far_m[part], lines.incidence[part], lines.area[part], lines.area[part].view(np.int32),
+        lines.state[part], horizon, extent, hidden,
     )  # fmt: skip
     if standing is not None:
         boxes, spots = standing
-        add_up(raised.owner, seen.extent_m, boxes.extent)
-        locate(
-            spots.place, spots.height_m, beyond_ground, first * k, last * k, seen.horizon, edges, track, step,
-            spots.slant_m,
-        )  # fmt: skip
-    visible = seen.share > 0.0
-    laid = laid_over(np.hypot(track - raised.roof_m, ground), visible, spacing_m)
-    part = slice(first * k, last * k)
-    lines.near_m[part], lines.far_m[part] = seen.near_m - base, seen.far_m - base
-    line_m = (np.arange(first * k, last * k) + 0.5 - 0.5 * ny * k) * step
-    faces = _faces(beyond_ground, at_edges, seen, ground, track, step, earth, line_m)
-    lines.incidence[part], lines.area[part] = faces
-    lines.state[part] = visible * VISIBLE + laid * LAID_OVER
-    standing_here = raised.owner >= 0
-    # The cross-section of an object's facet is known only after the last line. Until then the array of areas holds the
-    # number of the facet's box.
-    lines.area[part].view(np.int32)[standing_here] = raised.owner[standing_here]
-    lines.state[part] |= standing_here * np.uint8(OBJECT)
-    line, facet = np.nonzero(seen.hidden_m[1] > seen.hidden_m[0])
-    hidden = [(extreme[line, facet] - base).astype(np.float32) for extreme in seen.hidden_m]
-    lines.hidden.append((line + first * k, hidden[0], hidden[1]))
-    return float(reach[:, 0].max()), float(reach[:, -1].min())
+        add_up(raised.owner, extent, boxes.extent)
+        locate(spots.place, spots.height_m, fine, first, last, horizon, edges, track, step, spots.slant_m)
+    line, facet = np.nonzero(lines.state[part] & PARTLY)
+    lines.hidden.append((line + first, hidden[0, line, facet], hidden[1, line, facet]))
+    return ends(fine[1:-1], edges, track)
 
 
-def _faces(
-    fine: NDArray[np.float64], at_edges: NDArray[np.float64], seen: VisibleParts, ground: NDArray[np.float64],
-    track: float, step: float, earth: LineOfSight | None, line_m: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
-    """Incidence (in units of 90 degrees / 65535) and visible area [m2] of the facets of a block of lines.
+def ends(fine: NDArray[np.float64], edges: NDArray[np.float64], track: float) -> tuple[float, float]:
+    """Slant ranges [m] between which every line has ground, from the first and last two elevations of the lines [m]."""
+    near = np.hypot(track - (1.5 * fine[:, 0] - 0.5 * fine[:, 1]), edges[0])
+    far = np.hypot(track - (1.5 * fine[:, -1] - 0.5 * fine[:, -2]), edges[-1])
+    return float(near.max()), float(far.min())
 
-    If only one half of a facet is visible, the slope along ground range is the slope of the visible half. ``line_m`` is
-    the position of the lines along azimuth, relative to the scene's centre [m]; it is used on a curved earth only.
+
+@threaded
+def _fill(
+    part: Any, fine: Any, owner: Any, roof: Any, edges: Any, middles: Any, track: Any, base: Any, apart: Any,
+    step: Any, face_m2: Any, line_m: Any, sight: Any, verticals: Any, out_near: Any, out_far: Any, out_incidence: Any,
+    out_area: Any, out_owner: Any, out_state: Any, out_horizon: Any, out_extent: Any, out_hidden: Any,
+) -> None:  # fmt: skip
+    """Facets of lines, one line after the other; ``part`` is the first line, and the line after the last.
+
+    Neighbouring facets share the height at their common edge, so that they cover slant range without gaps. The
+    cross-section of an object's facet is known only after the last line. Until then the array of areas holds the
+    number of the facet's box (``out_owner`` is the same memory as ``out_area``).
     """
-    slopes: list[NDArray[np.float64]] = list(np.gradient(fine, step))
-    along, across = slopes[0][1:-1], slopes[1][1:-1]
-    for half, rise in ((NEAR_HALF, fine[1:-1] - at_edges[:, :-1]), (FAR_HALF, at_edges[:, 1:] - fine[1:-1])):
-        across = np.where(seen.half == half, rise / (0.5 * step), across)
-    height = track - fine[1:-1]
-    slant = np.hypot(height, ground)
-    to_radar = (-ground / slant, height / slant)
-    if earth is not None:
-        upright = earth.upright(along, across, ground, height, line_m)
-        along, across, to_radar = upright.along, upright.across, upright.to_radar
-    cosine = local_incidence_cosine(along, across, to_radar)
-    area = step**2 * np.sqrt(1.0 + along**2 + across**2) * seen.share
-    return np.round(np.arccos(np.clip(cosine, 0.0, 1.0)) * ANGLES_PER_RADIAN), area
+    n = middles.size
+    at_edges, near, far, slant = np.empty(n + 1), np.empty(n), np.empty(n), np.empty(n)
+    share, half, laid = np.empty(n, np.float32), np.empty(n, np.uint8), np.empty(n, np.bool_)
+    hidden = np.empty((2, n))
+    height, radius, stretch = sight[0], sight[1], (sight[2], sight[3])
+    for line in range(part[0], part[1]):
+        ground, above, below = fine[line + 1], fine[line + 2], fine[line]
+        at_edges[0], at_edges[n] = 1.5 * ground[0] - 0.5 * ground[1], 1.5 * ground[n - 1] - 0.5 * ground[n - 2]
+        for f in range(1, n):
+            at_edges[f] = 0.5 * (ground[f] + ground[f - 1])
+        reach = np.hypot(track - at_edges[0], edges[0])
+        for f in range(n):
+            beyond = np.hypot(track - at_edges[f + 1], edges[f + 1])
+            near[f], far[f], reach = min(reach, beyond), max(reach, beyond), beyond
+            slant[f] = np.hypot(track - roof[line, f], middles[f])
+        stand(
+            owner[line], roof[line], at_edges, edges, middles, track, near, far, share, half, hidden,
+            out_horizon[line], out_extent[line],
+        )  # fmt: skip
+        laid_over(slant, share, apart, laid)
+        for f in range(n):
+            along = (above[f] - below[f]) / (2.0 * step)
+            # if only one half of a facet is visible, the slope along ground range is that of the visible half
+            if half[f] == NEAR_HALF:
+                across = (ground[f] - at_edges[f]) / (0.5 * step)
+            elif half[f] == FAR_HALF:
+                across = (at_edges[f + 1] - ground[f]) / (0.5 * step)
+            else:
+                left, right = max(f - 1, 0), min(f + 1, n - 1)
+                across = (ground[right] - ground[left]) / ((right - left) * step)
+            vertical = (verticals[0, f], verticals[1, f], verticals[2, f], verticals[3, f], verticals[4, f])
+            along, across, toward, up = upright(
+                along, across, middles[f], track - ground[f], line_m[line], height, radius, stretch, vertical
+            )
+            cosine = min(max(local_incidence_cosine(along, across, toward, up), 0.0), 1.0)
+            out_incidence[line, f] = np.uint16(np.rint(np.arccos(cosine) * ANGLES_PER_RADIAN))
+            out_near[line, f], out_far[line, f] = near[f] - base, far[f] - base
+            state = (VISIBLE if share[f] > 0.0 else 0) | (LAID_OVER if laid[f] else 0)
+            if hidden[1, f] > hidden[0, f]:
+                state |= PARTLY
+                out_hidden[0, line, f], out_hidden[1, line, f] = hidden[0, f] - base, hidden[1, f] - base
+            if owner[line, f] >= 0:
+                out_state[line, f] = state | OBJECT
+                out_owner[line, f] = owner[line, f]
+            else:
+                out_state[line, f] = state
+                out_area[line, f] = face_m2 * np.sqrt(1.0 + along**2 + across**2) * share[f]

@@ -22,7 +22,7 @@ from radcal.radar.facets import (
 )
 from radcal.radar.footprints import Boxes, Spots, share_out, to_boxes_and_spots
 from radcal.radar.geometry import Geometry, PointScatterers
-from radcal.radar.lines import Lines, fill_lines
+from radcal.radar.lines import BLOCK, Lines, fill_lines
 from radcal.radar.points import not_pure
 from radcal.radar.radiometry import of_sigma0
 from radcal.radar.size import check_size, refinement
@@ -34,7 +34,6 @@ __all__ = ["make_geometry"]
 
 _LARGEST_KM = 1000.0  # a smaller altitude may be one in km: low orbits lie below 1000 km
 _MOST_NAMES = 254  # largest number of materials, not counting objects
-_CELLS_AT_ONCE = 256  # number of the scene's rows in a block; smaller blocks need less memory
 
 
 def make_geometry(scene: Scene, radar: Radar, onto: Geometry | None = None) -> Geometry:
@@ -127,11 +126,10 @@ def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None) -> Geom
     elevation = seen.lowered(elevation, scene.cell_m)
     standing = _standing(scene, radar, elevation, track, k, step)
     near, far = 0.0, np.inf
-    curved = None if radar.earth == "flat" else seen
-    for first in range(0, ny, _CELLS_AT_ONCE):
-        last = min(ny, first + _CELLS_AT_ONCE)
+    for first in range(0, ny * k, BLOCK * k):
+        last = min(ny * k, first + BLOCK * k)
         near_line, far_line = fill_lines(
-            elevation, first, last, k, step, edges, track, base, radar.range_spacing_m, lines, standing, curved
+            elevation, first, last, k, step, edges, track, base, radar.range_spacing_m, lines, standing, seen
         )
         near, far = max(near, near_line), min(far, far_line)
     if onto is not None:

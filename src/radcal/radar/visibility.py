@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radcal.compiled import njit
 
@@ -75,27 +74,29 @@ def slant_extent(
     return low, high
 
 
-def laid_over(slant_m: NDArray[np.float64], visible: NDArray[np.bool_], apart_m: float) -> NDArray[np.bool_]:
-    """Mask of the facets in layover, which share their slant range with facets at a separate ground range.
+@njit()
+def laid_over(slant: Any, share: Any, apart: Any, laid: Any) -> None:
+    """Mask of the facets of a line in layover, which share their slant range with facets at a separate ground range.
 
     Parameters
     ----------
-    slant_m : ndarray, shape (ny, nx)
-        Slant range of each facet [m]; axis 1 is ground range, nearest first.
-    visible : ndarray of bool, shape (ny, nx)
-        Mask of the facets that return an echo; other facets are ignored.
-    apart_m : float
+    slant : ndarray, shape (facets,)
+        Slant range of each facet [m], in the order of ground range, nearest first.
+    share : ndarray, shape (facets,)
+        Visible share of each facet; facets without a visible part are ignored.
+    apart : float
         Decrease of slant range along ground range above which two facets are in layover [m].
-
-    Returns
-    -------
-    ndarray of bool, shape (ny, nx)
-        True for a visible facet if another visible facet has a larger ground range but a smaller slant range, or a
-        smaller ground range but a larger slant range. Facets of the two kinds are the active and the passive part of a
-        layover (Schreier, "SAR Geocoding: Data and Systems" (1993), chapter 6).
+    laid : ndarray of bool, shape (facets,)
+        Result: True for a visible facet if another visible facet has a larger ground range but a smaller slant range,
+        or a smaller ground range but a larger slant range. Facets of the two kinds are the active and the passive part
+        of a layover (Schreier, "SAR Geocoding: Data and Systems" (1993), chapter 6).
     """
-    nearer = np.where(visible, slant_m, -np.inf)
-    further = np.where(visible, slant_m, np.inf)
-    before = np.maximum.accumulate(nearer, axis=1)
-    beyond = np.minimum.accumulate(further[:, ::-1], axis=1)[:, ::-1]
-    return np.asarray(visible & ((before > slant_m + apart_m) | (beyond < slant_m - apart_m)))
+    before, beyond = -np.inf, np.inf
+    for f in range(slant.size):
+        laid[f] = share[f] > 0.0 and before > slant[f] + apart
+        if share[f] > 0.0:
+            before = max(before, slant[f])
+    for f in range(slant.size - 1, -1, -1):
+        if share[f] > 0.0:
+            laid[f] = laid[f] or beyond < slant[f] - apart
+            beyond = min(beyond, slant[f])
