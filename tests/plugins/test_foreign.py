@@ -132,7 +132,7 @@ def test_a_run_by_a_foreign_simulator_and_a_law_with_a_condition(installed, geom
     of_version(installed, "1.6")  # a new version does not take the runs of an earlier one
     assert len(keys | {digest(runner(5.0).description(x, 1))}) == 3
     with pytest.raises(ConfigError, match=r"complex is not one of simulator\.kind: elsewhere_level"):
-        runner(5.0).require("complex")
+        runner(5.0).require_looks("complex")
 
 
 def test_a_name_of_radcal_or_of_a_second_package_is_refused(installed):

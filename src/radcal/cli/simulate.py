@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from radcal.cli.arguments import Results, Settings, overrides, sentences
+from radcal.products import PRODUCTS
 
 __all__ = ["HELP", "main"]
 
@@ -41,8 +42,10 @@ def main(
         typer.Option(metavar="FOLDER", file_okay=False, help="Of the images; by default results/<case>/simulated."),
     ] = None,
     product: Annotated[
-        Literal["intensity", "complex"],
-        typer.Option(help="complex: also the complex looks of the image, as HDF5; their phases are random."),
+        Literal[tuple(PRODUCTS)],  # type: ignore[valid-type]  # evaluated when the command starts
+        typer.Option(
+            help="Also written: " + "; ".join(f"{name}: {one.adds}" for name, one in PRODUCTS.items() if one) + ".",
+        ),
     ] = "intensity",
     replace: Annotated[bool, typer.Option("--replace", help="Replace images of other runs in the folder.")] = False,
     results: Results = Path("results"),

@@ -1,1 +1,38 @@
-"""What is made from a finished calibration: exports, forward runs, predictions, advice, comparisons."""
+"""What is made from a finished calibration or from laws: exports, forward runs, predictions, advice, comparisons."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+__all__ = ["PRODUCTS", "Product"]
+
+
+@dataclass(frozen=True)
+class Product:
+    """What a forward run writes beside its image, made by radcal's own simulator.
+
+    Attributes
+    ----------
+    adds : str
+        What is written, for the help of the command.
+    write : str
+        Place "package.module:name" of the function that writes it: from a path without suffix and the
+        :class:`~radcal.simulators.forward.Forward` of a pass to the paths of the files.
+    check : str, optional
+        Place of a function that raises an error, from the configuration of a pass and the scene, before anything is
+        simulated.
+    """
+
+    adds: str
+    write: str
+    check: str | None = None
+
+
+PRODUCTS: Mapping[str, Product | None] = {
+    "intensity": None,
+    "complex": Product(
+        "the complex looks of the image, as HDF5; their phases are random", "radcal.products.simulated:write_looks"
+    ),
+}
+"""Products of ``radcal simulate`` by name; None is the image alone, which every simulator gives."""

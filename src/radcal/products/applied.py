@@ -21,11 +21,12 @@ from radcal.posterior.result import Posterior, Predicted
 from radcal.products.applied_bins import PredictionBins, by_constant_db, predictive_db
 from radcal.products.export import gray_scale, ground_layers
 from radcal.products.geotiff import Layer, write_layers
-from radcal.products.simulated import Forward, forward
+from radcal.products.simulated import forward
 from radcal.products.tables import aligned, calibrated_materials, write_csv
 from radcal.registration.registered import registered_as
 from radcal.results.archive import Archive, read_finished
 from radcal.seeds import derived_rng
+from radcal.simulators.forward import Forward
 from radcal.simulators.sources import make_simulator
 from radcal.storage.records import understood
 from radcal.words import doubts, sentence

@@ -5,60 +5,34 @@ from __future__ import annotations
 import contextlib
 import io
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+import pkgutil
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
-from radcal.config import Radar
 from radcal.config.part import Part
 from radcal.errors import ConfigError, RadcalError, SceneError
+from radcal.products import PRODUCTS
 from radcal.products.export import gray_scale, ground_layers
 from radcal.products.geotiff import Layer, of_pass, write_layers
-from radcal.radar.geometry import Geometry, write_geometry
+from radcal.radar.geometry import write_geometry
 from radcal.radar.projection import make_geometry
 from radcal.reading.rasters import open_raster
 from radcal.scene.model import Scene, write_scene
 from radcal.scene.sources import make_scene
 from radcal.sections.errors import nearest
 from radcal.seeds import noise_seed
-from radcal.simulators.base import Product
+from radcal.simulators.forward import Forward
 from radcal.simulators.sources import runner_of
 from radcal.storage.files import atomic, digest
 from radcal.storage.provenance import provenance
 from radcal.storage.runs import RunStore
 from radcal.words import sentence
 
-__all__ = ["Forward", "forward", "simulate"]
-
-
-@dataclass(frozen=True)
-class Forward:
-    """Geometry and simulated image of one pass of a forward run.
-
-    Attributes
-    ----------
-    geometry : Geometry
-        Geometry of the pass.
-    image_db : ndarray of float32, shape (rows, columns)
-        Simulated image [dB].
-    key : str
-        Hash of the run, which names its record.
-    kept : bool
-        Whether the run store had the record already, so that nothing was simulated.
-    looks : callable
-        Function that simulates the complex looks of the image, shape (rows, columns) each.
-    """
-
-    geometry: Geometry
-    image_db: NDArray[np.float32]
-    key: str
-    kept: bool
-    looks: Callable[[], Iterator[NDArray[np.complex64]]]
+__all__ = ["forward", "simulate", "write_looks"]
 
 
 def forward(
@@ -66,7 +40,7 @@ def forward(
     folder: str | Path,
     runs: str | Path,
     check: Callable[[Sequence[str]], None] = lambda _: None,
-    product: Product = "intensity",
+    product: str = "intensity",
 ) -> tuple[Scene, list[Forward]]:
     """Simulate all passes of a case at the parameters of its materials, with the noise seed of the final check run.
 
@@ -80,8 +54,8 @@ def forward(
         Folder of the run store; a run that has a record there is not simulated.
     check : callable
         Function that receives the hash of the run of each pass before any file is written, and may raise an error.
-    product : {'intensity', 'complex'}
-        Product that the simulator must give.
+    product : str
+        Product that is made afterwards (:data:`~radcal.products.PRODUCTS`), whose needs are checked first.
 
     Returns
     -------
@@ -102,24 +76,29 @@ def forward(
             texts = (f"materials.{name}: not in the scene{nearest(name, scene.names)}." for name in wrong)
             raise SceneError("\nradcal: ".join(texts))
         scene.require(list(case.materials))
+        asked = PRODUCTS[product]
+        if asked is not None and asked.check is not None:
+            for one in started.passes:
+                pkgutil.resolve_name(asked.check)(one, scene)
         geometries = [make_geometry(scene, one.radar) for one in case.passes]
         paths = [folder / f"passes/{number}/geometry.h5" for number in range(1, len(geometries) + 1)]
         runner = runner_of(started, scene.identity, geometries, paths, runs)
         runners, seed, store = runner.passes, noise_seed(case, fresh=True), RunStore(runs)
         keys = [digest(each.description(case.start_parameters, seed)) for each in runners]
-        runner.require(product)
+        if asked is not None:
+            runner.require_looks(product)
         check(keys)
         write_scene(folder / "scene.h5", scene)
         (folder / "geometry.h5").unlink(missing_ok=True)  # of an earlier version of radcal
         for path, geometry, one in zip(paths, geometries, case.passes, strict=True):
             write_geometry(path, geometry, one.radar)
         found = []
-        for each, geometry, key in zip(runners, geometries, keys, strict=True):
+        for each, one, geometry, key in zip(runners, started.passes, geometries, keys, strict=True):
             kept = store.get(key, case.calibrated, image=True) is not None
             record = each.run(case.start_parameters, seed, image=True)
             assert record.image_db is not None  # noqa: S101 - asked for
             looks = partial(each.looks, case.start_parameters, seed)
-            found.append(Forward(geometry, record.image_db, record.key, kept, looks))
+            found.append(Forward(one, scene, geometry, record.image_db, record.key, seed, kept, looks))
     return scene, found
 
 
@@ -128,7 +107,7 @@ def simulate(
     folder: str | Path,
     runs: str | Path,
     replace: bool = False,
-    product: Product = "intensity",
+    product: str = "intensity",
 ) -> list[str]:
     """Simulate all passes of a case, and write the images as GeoTIFF.
 
@@ -136,12 +115,12 @@ def simulate(
     ----------
     case, folder, runs
         As for :func:`forward`. ``folder`` receives ``simulated.tif``, ``incidence.tif``, ``material.tif`` and
-        ``mask.tif``, and ``complex.h5`` for the product ``complex``; from pass 2 on, the file names of pass p end in
-        ``_pass<p>``.
+        ``mask.tif``, and the files of the product, which have its name; from pass 2 on, the file names of pass p end
+        in ``_pass<p>``.
     replace : bool
         Whether images of other runs in the folder are replaced.
-    product : {'intensity', 'complex'}
-        Whether the complex looks of the images are written, too.
+    product : str
+        What is written beside the images, by its name in :data:`~radcal.products.PRODUCTS`.
 
     Returns
     -------
@@ -185,15 +164,28 @@ def simulate(
         how = "was in the run store" if made.kept else "simulated"
         lines.append(f"pass {number}: {made.image_db.shape[0]} x {made.image_db.shape[1]} pixels, run {made.key} {how}")
         paths = write_layers(folder, number, layers, scene, made.geometry)
-        if product == "complex":
-            paths.append(folder / f"complex{of_pass(number)}.h5")
-            _write_looks(paths[-1], case.case, one.radar, made)
+        if (asked := PRODUCTS[product]) is not None:
+            paths += pkgutil.resolve_name(asked.write)(folder / f"{product}{of_pass(number)}", made)
         lines += [f"  {path}" for path in paths]
     return lines
 
 
-def _write_looks(path: Path, case: str, radar: Radar, made: Forward) -> None:
-    """Write the complex looks of a pass to an HDF5 file, whose attributes ``docs/predictions.md`` describes."""
+def write_looks(stem: Path, made: Forward) -> list[Path]:
+    """Write the complex looks of a pass to an HDF5 file, whose attributes ``docs/predictions.md`` describes.
+
+    Parameters
+    ----------
+    stem : path
+        Path of the file without its suffix.
+    made : Forward
+        Forward run of the pass.
+
+    Returns
+    -------
+    list of path
+        The file.
+    """
+    radar, path = made.case.radar, stem.with_suffix(".h5")
     count, whole = math.ceil(radar.looks), io.BytesIO()  # in memory: HDF5 cannot recover from a full disk
     with h5py.File(whole, "w") as file:
         looks = file.create_dataset("looks", (count, *made.image_db.shape), np.complex64)
@@ -206,6 +198,7 @@ def _write_looks(path: Path, case: str, radar: Radar, made: Forward) -> None:
             "range to the ground nor an interferometric phase"
         )
         known = {key: value for key, value in radar.described().items() if value is not None}
-        file.attrs.update({"case": case, "run": made.key, "product": "complex", **known})
+        file.attrs.update({"case": made.case.case, "run": made.key, "product": "complex", **known})
     with atomic(path) as partial_path:
         partial_path.write_bytes(whole.getbuffer())
+    return [path]

@@ -1,10 +1,10 @@
-"""Interface that every simulator implements, as a Python protocol, and the products of a simulator."""
+"""Interfaces of simulators, as Python protocols: an intensity image, which all give, and complex looks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,7 @@ if TYPE_CHECKING:
     from radcal.config.part import Part
     from radcal.radar.geometry import Geometry
 
-__all__ = ["Looks", "Product", "Simulator", "SimulatorKind"]
-
-Product = Literal["intensity", "complex"]
-"""Image of a pass: its multilooked intensity, which every simulator gives, or its complex looks (:class:`Looks`)."""
+__all__ = ["Looks", "Simulator", "SimulatorKind"]
 
 
 class Simulator(Protocol):

@@ -15,7 +15,7 @@ from radcal.config.part import Part
 from radcal.errors import ConfigError, SimulatorError
 from radcal.sections.simulator import SIMULATORS
 from radcal.seeds import noise_seed as seed_of_noise
-from radcal.simulators.base import Looks, Product, Simulator
+from radcal.simulators.base import Looks, Simulator
 from radcal.simulators.texturing import orders_of, with_textures
 from radcal.storage.files import digest
 from radcal.storage.lock import claimed
@@ -168,11 +168,11 @@ class Runner:
             found = self._found(key, image)
             return found if found is not None else self._simulate(key, description, parameters, noise_seed, image)
 
-    def require(self, product: Product) -> None:
-        """Raise a ConfigError if the simulator does not give a product."""
-        if product == "complex" and not isinstance(self._simulator, Looks):
+    def require_looks(self, product: str) -> None:
+        """Raise a ConfigError on a product if the simulator does not give complex looks."""
+        if not isinstance(self._simulator, Looks):
             raise ConfigError(
-                f"the product complex is not one of simulator.kind: {self.identity['kind']}, which gives intensity, "
+                f"the product {product} is not one of simulator.kind: {self.identity['kind']}, which gives intensity, "
                 "expected a simulator of complex looks, such as builtin."
             )
 
