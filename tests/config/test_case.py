@@ -64,6 +64,10 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
     (dyke(**{**TABLE, "bounds": [[-30, 0]] * 2}), ["materials.dyke: bounds has 2 intervals, law 'tabulated' takes 3"]),
     (dyke(angles_deg=[20, 40]), ["materials.dyke: angles_deg is given, law is 'mangia', which does not take it"]),
     (truth([8, 1, 1], OH), ["radar.frequency_ghz is missing: law 'oh1992' of materials.dyke depends on it"]),
+    (
+        truth([2], {"law": "nrl_sea"}, frequency_ghz=9.6, polarisation="HV"),
+        ["radar.polarisation is HV, expected HH or VV for law 'nrl_sea' of materials.dyke"],
+    ),
     (truth([8, 1, 0], OH, frequency_ghz=9.6), ["rms_height of law 'oh1992' is 0, expected 0.01 to 100"]),
     (truth([8, 1, 1], {**OH, "bounds": [[5, 9], [-1, 1], [1, 2]]}, frequency_ghz=9.6), ["bounds", "permittivity_imag"]),
     ({"radar": {"frequency_ghz": 5.4}}, ["radar: frequency_ghz is 5.4, which is not in band 'X'"]),

@@ -26,6 +26,7 @@ ORDINARY = {
     "oh1992": [6.28, 1.53, 0.302],
     "constant_gamma": [-12.0],
     "tabulated": [-3.0, -9.0, -11.0],
+    "nrl_sea": [2.7],
 }
 
 
@@ -130,7 +131,7 @@ def box_of(name):
 @given(data=st.data(), degrees=st.floats(0.0, 90.0))
 def test_every_law_is_finite_within_its_limits(name, data, degrees):
     x = [data.draw(st.one_of(st.sampled_from(interval), st.floats(*interval))) for interval in box_of(name)]
-    polarisation = data.draw(st.sampled_from(["HH", "HV", "VH", "VV"]))
+    polarisation = data.draw(st.sampled_from(LAWS[name].polarisations))
     law = ready(name, polarisation, data.draw(st.floats(0.03, 110.0)))
     phi = np.array([math.radians(degrees), 0.0, np.pi / 2, np.float32(np.pi / 2)])
     with np.errstate(all="raise", under="ignore"):
@@ -158,7 +159,7 @@ def test_a_law_without_a_condition_is_a_sentence(missing):
 
 
 def test_an_unknown_law_is_a_sentence():
-    with pytest.raises(ValueError, match="law is 'oh1993', expected one of constant_gamma, mangia, oh1992"):
+    with pytest.raises(ValueError, match="law is 'oh1993', expected one of constant_gamma, mangia, nrl_sea, oh1992"):
         law_for("oh1993")
 
 

@@ -165,7 +165,7 @@ def test_a_start_and_a_hidden_law_may_be_formulas():
             "'a + sqrt(b - 1)' is nan at an incidence of 0 degrees and a = -30, b = 0,",
         ),
         ({"law": "mangia", "names": None, "bounds": None}, "formula is given, law is 'mangia'"),
-        ({"law": "formulae"}, "mangia, oh1992, tabulated, ulaby_dobson, formula, external"),
+        ({"law": "formulae"}, "mangia, nrl_sea, oh1992, tabulated, ulaby_dobson, formula, external"),
     ],
 )
 def test_what_a_formula_must_not_be(keys, words):

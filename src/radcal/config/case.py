@@ -23,7 +23,7 @@ from radcal.laws import DEFAULT_LAW, EXTERNAL, laws_known
 from radcal.sections.base import PASSES, CaseName
 from radcal.sections.errors import Mistake, Wrong, key_in_list, nearest
 from radcal.sections.limits import Seed
-from radcal.sections.materials import Material, check_parameters, default_materials
+from radcal.sections.materials import Material, OtherLaw, check_parameters, default_materials
 from radcal.sections.measurement import FileMeasurement, RegistrationConfig, Synthetic, SyntheticMeasurement
 from radcal.sections.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
 from radcal.sections.radar import Radar
@@ -304,10 +304,7 @@ class Case(Part):
                 continue
             if synthetic.is_written and name in synthetic.parameters:
                 yield Wrong(f"{key}.laws.{name}", f" and {key}.parameters.{name} are both given, expected one of them")
-            if "frequency_ghz" in hidden.unbound_law.needs and self.radar.frequency_ghz is None:
-                yield Wrong(
-                    "radar.frequency_ghz", f" is missing: law {hidden.law!r} of {key}.laws.{name} depends on it"
-                )
+            yield from self._without_pass(f"{key}.laws.{name}", hidden)
         for name in synthetic.fields_db:
             if name not in self.materials:
                 yield Wrong(f"{key}.fields_db.{name}", f": no such material{nearest(name, self.materials)}")
@@ -346,7 +343,7 @@ class Case(Part):
             )
 
     def laws_without_pass(self) -> Iterator[Wrong]:
-        """Sentences on laws that the simulator cannot evaluate, or that need a missing ``radar.frequency_ghz``."""
+        """Sentences on laws that the simulator cannot evaluate, or that are not for the pass."""
         for name, material in self.materials.items():
             if material.law == EXTERNAL and self.simulator.own:
                 yield Wrong(
@@ -362,10 +359,18 @@ class Case(Part):
                     f"{material.law!r}",
                 )
             for key, seen in ((name, material), (f"{name}.start", material.at_start)):
-                if "frequency_ghz" in seen.unbound_law.needs and self.radar.frequency_ghz is None:
-                    yield Wrong(
-                        "radar.frequency_ghz", f" is missing: law {seen.law!r} of materials.{key} depends on it"
-                    )
+                yield from self._without_pass(f"materials.{key}", seen)
+
+    def _without_pass(self, key: str, material: Material | OtherLaw) -> Iterator[Wrong]:
+        """Sentences on a law, at its key, that has no numbers for the frequency or the polarisation of the pass."""
+        law, radar = material.unbound_law, self.radar
+        if "frequency_ghz" in law.needs and radar.frequency_ghz is None:
+            yield Wrong("radar.frequency_ghz", f" is missing: law {material.law!r} of {key} depends on it")
+        if radar.polarisation not in law.polarisations:
+            known = " or ".join(law.polarisations)
+            yield Wrong(
+                "radar.polarisation", f" is {radar.polarisation}, expected {known} for law {material.law!r} of {key}"
+            )
 
     def _in_image(self, measurement: FileMeasurement) -> Iterator[Wrong]:
         """Sentences on a file that is no image, or on an image whose keys contradict those of section ``radar``."""

@@ -12,7 +12,7 @@ file (:mod:`radcal.laws.formula`).
 
 Every law of radcal's own is finite from 0 to 90 degrees. In laws whose power vanishes at grazing incidence, the cosine
 is limited to at least 1e-6 (an incidence of 89.99994 degrees). Outside of its valid angles a law is extrapolated by its
-own formula.
+own formula; ``tabulated`` and ``nrl_sea`` keep the value at the end of theirs.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from typing import Any
 from radcal.laws.base import EXTERNAL, OF_PASS, Law, seen_rad
 from radcal.laws.curves import CURVES
 from radcal.laws.formula import FORMULA, formula_law, refuse_infinite
+from radcal.laws.grazing import GRAZING
 from radcal.laws.soil import SOIL
 from radcal.plugins import Plugins
 
@@ -45,7 +46,7 @@ __all__ = [
     "seen_rad",
 ]
 
-LAWS: Plugins[Law] = Plugins("radcal.laws", {**CURVES, **SOIL})
+LAWS: Plugins[Law] = Plugins("radcal.laws", {**CURVES, **SOIL, **GRAZING})
 DEFAULT_LAW = "mangia"
 
 
@@ -157,7 +158,7 @@ def _check_names(names: Sequence[str], units: Sequence[str] | None) -> None:
 
 def laws_table() -> str:
     """Table of radcal's own laws, with remarks, in Markdown for ``docs/laws.md``."""
-    own = {**CURVES, **SOIL}
+    own = {**CURVES, **SOIL, **GRAZING}
     lines = [
         "| law | sigma0 [dB] | parameters | default bounds | made for | also needs | source |",
         "|---|---|---|---|---|---|---|",

@@ -46,6 +46,8 @@ class Law:
     needs : tuple of str
         Conditions that must still be bound: ``frequency_ghz`` and ``polarisation`` of the pass, ``angles_deg`` of the
         material, and any others, whose values the material gives as ``conditions``.
+    polarisations : tuple of str
+        Polarisations for which the law has numbers.
     doubt : callable or None
         Function ``(parameters) -> str | None``, whose keyword arguments are the conditions in ``needs``. The function
         returns a clause for a warning if the parameters lie outside the range of the law's data, else None.
@@ -66,6 +68,7 @@ class Law:
     valid_deg: tuple[float, float] = (0.0, 90.0)
     limits: Intervals | None = None
     needs: tuple[str, ...] = ()
+    polarisations: tuple[str, ...] = ("HH", "HV", "VH", "VV")
     doubt: Callable[..., str | None] | None = None
     log_normal: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     formula: str = ""
