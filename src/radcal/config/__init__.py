@@ -14,8 +14,7 @@ from radcal.sections.radar import Radar
 from radcal.sections.scene import RasterScene, SlantRangeScene
 from radcal.sections.search import Optimiser, Stop, SurrogateConfig
 from radcal.sections.simulator import CommandSimulation
-from radcal.sections.target import TargetConfig
-from radcal.sections.uncertainty import Uncertainty, Validation
+from radcal.sections.target import TargetConfig, Uncertainty, Validation
 
 __all__ = [
     "Case",

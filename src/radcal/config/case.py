@@ -26,12 +26,12 @@ from radcal.sections.limits import Seed
 from radcal.sections.materials import Material, OtherLaw, check_parameters, default_materials
 from radcal.sections.measurement import FileMeasurement, RegistrationConfig, Synthetic, SyntheticMeasurement
 from radcal.sections.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
+from radcal.sections.ppi import Ppi
 from radcal.sections.radar import Radar
 from radcal.sections.scene import BuiltinScene, SceneConfig
 from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
 from radcal.sections.simulator import BuiltinSimulation, SimulatorConfig
-from radcal.sections.target import TargetConfig
-from radcal.sections.uncertainty import Uncertainty, Validation
+from radcal.sections.target import TargetConfig, Uncertainty, Validation
 from radcal.tables.sensors import sensors
 
 __all__ = ["Case"]
@@ -60,6 +60,8 @@ class Case(Part):
         min_length=1,
         description="surface materials by name, each with its backscatter law",
     )
+    # a default_factory, so that jobs of a calibration do not build its validator
+    ppi: Ppi = Field(default_factory=Ppi)
     measurements: Measurements = Field(
         [SyntheticMeasurement()], description="the measured image in a file, or a synthetic one"
     )

@@ -11,12 +11,12 @@ from radcal.laws import EXTERNAL, OF_PASS, Law
 from radcal.sections.base import Section
 from radcal.sections.materials import Material
 from radcal.sections.measurement import MeasurementConfig, RegistrationConfig
+from radcal.sections.ppi import Ppi
 from radcal.sections.radar import Radar
 from radcal.sections.scene import SceneConfig
 from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
 from radcal.sections.simulator import SimulatorConfig
-from radcal.sections.target import TargetConfig
-from radcal.sections.uncertainty import Uncertainty, Validation
+from radcal.sections.target import TargetConfig, Uncertainty, Validation
 
 __all__ = ["Measurements", "Part", "Radars"]
 
@@ -59,6 +59,7 @@ class Part(Section):
         radars: list[Radar]
         simulator: SimulatorConfig
         materials: dict[str, Material]
+        ppi: Ppi
         measurements: list[MeasurementConfig]
         colours: dict[str, str] | None
         registration: RegistrationConfig

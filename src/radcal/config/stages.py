@@ -64,8 +64,10 @@ _LAWS = ("seed", *_PASS)
 _RUNS = (*_LAWS, "simulator")  # what determines the pixel values of runs
 _TARGET = (*_RUNS, "objective", "target", "validation")
 _TRAIN = (*_RUNS, "objective", "surrogate")
-_ARCHIVE = tuple(name for name in Case.model_fields if name not in ("replace", "stop"))  # stop.json holds the latter
-FORWARD = ("case", "scene", *_RUNS)
+_ARCHIVE = tuple(
+    name for name in Case.model_fields if name not in ("replace", "ppi", "stop")
+)  # stop.json holds the last
+FORWARD = ("case", "scene", *_RUNS, "ppi")
 """Sections that a forward run reads."""
 
 

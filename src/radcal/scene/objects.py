@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from radcal.storage.files import digest
 
@@ -69,14 +69,14 @@ class Objects:
         curves = [[name, np.asarray(curve).tolist()] for name, curve in self.curves.items()]
         return digest({"version": 1, "arrays": arrays, "curves": curves})
 
-    def cross_section_m2(self, bearing_deg: float) -> NDArray[np.float64]:
+    def cross_section_m2(self, bearing_deg: ArrayLike) -> NDArray[np.float64]:
         """Radar cross-section of each object towards a radar.
 
         Parameters
         ----------
-        bearing_deg : float
-            Direction from the objects to the radar, clockwise from the grid's north [deg]. The direction is the same
-            for all objects, because the plane of zero Doppler is across the track.
+        bearing_deg : array_like
+            Direction from each object to the radar, clockwise from the grid's north [deg]: one for all objects where
+            the plane of zero Doppler is across a straight track.
 
         Returns
         -------
@@ -88,10 +88,10 @@ class Objects:
         ----------
         IEEE Std 686-2017, "Radar Definitions": aspect angle, radar cross section.
         """
-        dbsm = self.rcs_dbsm.copy()
+        dbsm, bearing = self.rcs_dbsm.copy(), np.broadcast_to(bearing_deg, len(self))
         for k, curve in enumerate(self.curves.values()):
             own = self.aspect == k
-            dbsm[own] = np.interp(bearing_deg - self.heading_deg[own], curve[:, 0], curve[:, 1], period=360.0)
+            dbsm[own] = np.interp(bearing[own] - self.heading_deg[own], curve[:, 0], curve[:, 1], period=360.0)
         return np.asarray(10.0 ** (dbsm / 10.0))
 
 

@@ -1,15 +1,19 @@
-"""Section ``target``: pixels, level and incidence-angle bins of the measured image that runs are compared with."""
+"""Sections ``target``, ``validation`` and ``uncertainty``: what runs are compared with, and how well that is known."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 
 from radcal.sections.base import Section
-from radcal.sections.limits import ALL_PIXELS, Decibels, Integer, Real
+from radcal.sections.errors import Wrong
+from radcal.sections.limits import ALL_PIXELS, Count, Decibels, Integer, Real
 
-__all__ = ["TargetConfig"]
+__all__ = ["TargetConfig", "Uncertainty", "Validation"]
+
+Share = Annotated[Real, Field(ge=0, le=1)]
+Error = Annotated[Real, Field(ge=0, le=20)]
 
 
 class TargetConfig(Section):
@@ -64,3 +68,90 @@ class TargetConfig(Section):
         description="standard error of the local incidence angle [deg]; by default estimated from the errors of "
         "elevation and registration",
     )
+
+
+class Uncertainty(Section):
+    """Uncertainty budget of a law, half-width of the 90 % band up to which it counts as known, and sampler settings."""
+
+    known_db: Annotated[Real, Field(gt=0, le=20)] = Field(
+        1.5, description="half-width of the 90 % band of sigma0 up to which a law is called known [dB]"
+    )
+    level_db: Error = Field(
+        0.33,
+        description="standard error of the absolute calibration of the measured image [dB]; the default is a third of "
+        "the 1 dB (three sigma) that is specified for Sentinel-1",
+    )
+    noise_db: Error = Field(
+        2.0,
+        description="standard error of radar.nesz_db [dB], which matters for ground near the noise floor; data sheets "
+        "state worst cases, often some dB above the noise floor of an image",
+    )
+    field_db: Annotated[Real, Field(gt=0, le=20)] = Field(
+        0.5,
+        description="median of the prior on the standard deviation between the fields of a material [dB], which is "
+        "log-normal with log sd 1; fields of all materials narrow it",
+    )
+    fixed_law_db: Error = Field(
+        1.0,
+        description="scale of the half-normal prior on the standard deviation of the errors of fixed laws [dB]; their "
+        "agreement is the evidence for a level of the image",
+    )
+    fixed_slope: Annotated[Real, Field(ge=0, le=10)] = Field(
+        0.2, description="slope of the error of a fixed law, per 10 degrees, as a share of the error"
+    )
+    form_db: Annotated[Real, Field(gt=0, le=20)] = Field(
+        0.5,
+        description="scale of the half-normal prior on the standard deviation of the error of a law's form [dB], which "
+        "is smooth over 8 degrees of incidence",
+    )
+    area: Share = Field(
+        0.1,
+        description="standard error of the exponent with which the area of the ground in a pixel enters the image, "
+        "once its radiometry is known",
+    )
+    point_spread: Share = Field(
+        0.1, description="relative standard error of the resolutions in radar; a wrong resolution changes a law's slope"
+    )
+    incidence_error: Annotated[Real, Field(ge=0, le=3)] = Field(
+        0.3, description="standard error of the logarithm of the standard error of the local incidence"
+    )
+    incidence_floor_deg: Annotated[Real, Field(ge=0, le=30)] = Field(
+        0.2,
+        description="standard error of the local incidence [deg] that is added in quadrature to "
+        "target.incidence_error_deg",
+    )
+    walkers: Annotated[Integer, Field(ge=32, le=1000)] = Field(128, description="number of walkers of the sampler")
+    steps: Annotated[Integer, Field(ge=100, le=100_000)] = Field(
+        4000, description="largest number of steps of each walker; a warning names a sampler that has not converged"
+    )
+
+
+class Validation(Section):
+    """Blocks of the image that are held out of the target; the calibrated laws then predict the blocks' levels."""
+
+    rows: Count = Field(
+        20, description="number of image rows in a block; a block is used for the calibration or held out as a whole"
+    )
+    columns: Count | None = Field(
+        None, description="number of image columns in a block; by default all columns of the image"
+    )
+    means: Count = Field(
+        10, description="number of image rows in a part of a block; the mean level of each part is predicted"
+    )
+    keep: Literal["even", "odd", "both", "fields"] = Field(
+        "even",
+        description="blocks used for the calibration: even, odd, or all blocks (both, fields); with both, each half of "
+        "the blocks is then predicted from the other half; with fields, each fifth of the fields (connected areas) is "
+        "predicted from the other fields",
+    )
+
+    @property
+    def holds_out(self) -> bool:
+        """Whether a part of the ground is held out of the calibration."""
+        return self.keep in ("even", "odd")
+
+    @model_validator(mode="after")
+    def _whole_parts(self) -> Self:
+        if self.rows % self.means:
+            raise Wrong("means", f" is {self.means}, expected a divisor of rows ({self.rows})")
+        return self

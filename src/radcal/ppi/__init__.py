@@ -1,0 +1,1 @@
+"""Plan-position indicator: picture of a surveillance radar on a mast, from the scene and the laws of a case."""

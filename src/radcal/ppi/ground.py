@@ -1,0 +1,247 @@
+"""What the mast sees of a scene: the power of each patch of ground and of each object, as a ratio to the noise.
+
+The ground is sampled along rays from the mast. Refraction is that of an earth of 4/3 of its radius (Skolnik, "Radar
+Handbook", 3rd edition, 2008, section 26.4), by which heights are lowered at a distance. A sample is in shadow if a
+nearer one on its ray stands higher above the antenna's horizon.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
+
+from radcal.angles import MEAN_RADIUS_M
+from radcal.bands import LETTER_BANDS_GHZ, same_label
+from radcal.config import Radar
+from radcal.laws import Law
+from radcal.laws.grazing import RURAL, land_clutter
+from radcal.scene.model import Scene
+from radcal.sections.ppi import Ppi
+
+__all__ = ["BINS_DEG", "Ground", "Points", "carrier_ghz", "echo_per_m2", "ground_of", "points_of", "site_of"]
+
+Array = NDArray[np.floating[Any]]
+
+EARTH_M = 4.0 / 3.0 * MEAN_RADIUS_M
+BINS_DEG = np.linspace(0.0, 90.0, 1801)
+"""Edges of the classes of local incidence [deg] in which the visible ground is counted."""
+
+_LIGHT_M_S = 299_792_458.0
+_BOLTZMANN_J_K, _REFERENCE_K = 1.380649e-23, 290.0  # IEEE Std 686-2017: noise figure
+_SAMPLES = 2_000_000  # largest number of samples at a time
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Mean power of the ground in each pulse's azimuth and gate, without the pattern of the antenna in azimuth.
+
+    Attributes
+    ----------
+    speckled, land : ndarray of float64, shape (pulses of a turn, gates)
+        Signal-to-noise ratio of a pulse from ground of laws, and from ground of land clutter.
+    spread : ndarray of float64, shape (pulses of a turn, gates)
+        Weibull spread of the land clutter times ``land``.
+    seen : mapping of str to ndarray, shape (classes of BINS_DEG,)
+        For each material, area of its visible ground by local incidence [m2].
+    """
+
+    speckled: Array
+    land: Array
+    spread: Array
+    seen: Mapping[str, Array] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Points:
+    """Visible objects within the range, as points.
+
+    Attributes
+    ----------
+    azimuth_deg : ndarray, shape (n,)
+        Bearing from the mast, clockwise from the grid's north [deg].
+    gate : ndarray of int, shape (n,)
+        Range gate.
+    snr : ndarray, shape (n,)
+        Signal-to-noise ratio of a pulse that points at the object.
+    """
+
+    azimuth_deg: Array
+    gate: NDArray[np.intp]
+    snr: Array
+
+
+def carrier_ghz(radar: Radar) -> float | None:
+    """Carrier frequency of a pass [GHz], else the middle of its band; None if the band has no known limits."""
+    limits = [ends for name, ends in LETTER_BANDS_GHZ.items() if same_label(name, radar.band)]
+    return radar.frequency_ghz or (sum(limits[0]) / 2.0 if limits else None)
+
+
+def site_of(scene: Scene, config: Ppi) -> tuple[float, float]:
+    """Place of the mast, to the east and to the north of the corner of the scene's grid [m]."""
+    ny, nx = scene.material.shape
+    if config.site_m is None:
+        return 0.5 * nx * scene.cell_m, 0.5 * ny * scene.cell_m
+    if scene.transform is None:
+        return config.site_m
+    a, b, c, d, e, f = scene.transform
+    column, row = np.linalg.solve([[a, b], [d, e]], np.subtract(config.site_m, (c, f)))
+    return float(column) * scene.cell_m, float(row) * scene.cell_m
+
+
+def echo_per_m2(config: Ppi, frequency_ghz: float, range_m: Array, elevation_deg: Array) -> Array:
+    """Signal-to-noise ratio of one pulse for each m2 of cross-section in the azimuth of the beam's axis.
+
+    The receiver is matched to the pulse, so that its energy counts. The one-way pattern is Gaussian.
+
+    Parameters
+    ----------
+    config : Ppi
+        Section ``ppi``.
+    frequency_ghz : float
+        Carrier frequency [GHz].
+    range_m, elevation_deg : ndarray
+        Slant range [m], and elevation of the line of sight [deg], negative below the horizontal.
+
+    References
+    ----------
+    Richards, "Fundamentals of Radar Signal Processing", 2nd edition, McGraw-Hill (2014), section 2.2.
+    """
+    db = 2.0 * config.gain_db - config.losses_db - config.noise_figure_db
+    energy_j = config.power_w * config.pulse_us * 1e-6
+    wavelength_m = _LIGHT_M_S / (frequency_ghz * 1e9)
+    noise_j = (4.0 * math.pi) ** 3 * _BOLTZMANN_J_K * _REFERENCE_K
+    off = (elevation_deg - config.tilt_deg) / config.elevation_beam_deg
+    control = np.minimum(1.0, range_m / config.stc_m) ** 4 if config.stc_m else 1.0
+    constant = 10.0 ** (db / 10.0) * energy_j * wavelength_m**2 / noise_j
+    return np.asarray(constant * np.exp(-8.0 * math.log(2.0) * off**2) * control / range_m**4)
+
+
+@dataclass(frozen=True)
+class _Relief:
+    """Heights, slopes and materials of a scene at places given in metres from the grid's corner."""
+
+    scene: Scene
+    height_m: Array
+    slope_east: Array
+    slope_north: Array
+
+    @classmethod
+    def of(cls, scene: Scene) -> _Relief:
+        assert scene.elevation_m is not None  # noqa: S101 - checked before
+        north, east = (np.gradient(scene.elevation_m, scene.cell_m, axis=k) for k in (0, 1))
+        return cls(scene, scene.elevation_m, east, north)
+
+    def height(self, x: Array, y: Array) -> Array:
+        places = np.stack([y, x]) / self.scene.cell_m - 0.5
+        return np.asarray(map_coordinates(self.height_m, places, order=1, mode="nearest"))
+
+    def cells(self, x: Array, y: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
+        """Row and column of each place, and whether it lies in the scene."""
+        ny, nx = self.scene.material.shape
+        row, column = (np.floor(each / self.scene.cell_m).astype(np.intp) for each in (y, x))
+        inside = (row >= 0) & (row < ny) & (column >= 0) & (column < nx)
+        return np.clip(row, 0, ny - 1), np.clip(column, 0, nx - 1), inside
+
+
+def ground_of(
+    scene: Scene, config: Ppi, laws: Mapping[str, Law], parameters: Mapping[str, Sequence[float]], frequency_ghz: float
+) -> Ground:
+    """Power of all ground that the mast sees.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene with elevations.
+    config : Ppi
+        Section ``ppi``.
+    laws, parameters : mapping
+        Law of each material, and its parameters.
+    frequency_ghz : float
+        Carrier frequency [GHz].
+    """
+    relief = _Relief.of(scene)
+    x0, y0 = site_of(scene, config)
+    antenna_m = float(relief.height(np.array([x0]), np.array([y0]))[0]) + config.mast_m
+    step_m = min(scene.cell_m, 0.5 * config.gate_m)
+    distance = (np.arange(math.ceil(config.range_m / step_m)) + 0.5) * step_m
+    # rays as close as the cells at the largest distance, a whole number of them for each pulse
+    rays = math.ceil(2.0 * math.pi * config.range_m / scene.cell_m / config.turn)
+    at_once = max(1, _SAMPLES // (rays * distance.size))
+    sums = np.zeros((3, config.turn * config.gates))
+    seen = {name: np.zeros(BINS_DEG.size - 1) for name in laws}
+    tables = {name: RURAL if rows == "rural" else rows for name, rows in config.land.items()}
+    for first in range(0, config.turn, at_once):
+        pulse = np.arange(first, min(first + at_once, config.turn))
+        # a pulse's own azimuths lie about its pointing
+        bearing = 2.0 * np.pi * ((pulse[:, None] + (np.arange(rays) + 0.5) / rays - 0.5) / config.turn).reshape(-1, 1)
+        east, north = np.sin(bearing), np.cos(bearing)
+        x, y = x0 + distance * east, y0 + distance * north
+        row, column, inside = relief.cells(x, y)
+        tangent = (relief.height(x, y) - distance**2 / (2.0 * EARTH_M) - antenna_m) / distance
+        horizon = np.maximum.accumulate(np.where(inside, tangent, -np.inf), axis=1)
+        lit = inside & (tangent >= horizon)
+        slope_x, slope_y = relief.slope_east[row, column], relief.slope_north[row, column]
+        away = slope_x * east + slope_y * north - distance / EARTH_M  # slope along the ray, over the sunken earth
+        tilt = 1.0 + away**2 + (slope_x * north - slope_y * east) ** 2
+        towards = (away - tangent) / np.sqrt(tilt * (1.0 + tangent**2))  # cosine of the local incidence
+        slant = distance * np.sqrt(1.0 + tangent**2)
+        lit &= (towards > 0.0) & (slant < config.gates * config.gate_m)
+        which = np.nonzero(lit)
+        area = distance[which[1]] * step_m * (2.0 * np.pi / (config.turn * rays)) * np.sqrt(tilt[lit])
+        elevation = np.degrees(np.arctan(tangent[lit]))
+        power = area * echo_per_m2(config, frequency_ghz, slant[lit], elevation)
+        place = pulse[which[0] // rays] * config.gates + (slant[lit] / config.gate_m).astype(np.intp)
+        phi = np.arccos(towards[lit])
+        material = scene.material[row[lit], column[lit]]
+        sunken = np.degrees(distance[which[1]] / EARTH_M)
+        for name, law in laws.items():
+            own = material == scene.names.index(name) + 1
+            seen[name] += np.histogram(np.degrees(phi[own]), BINS_DEG, weights=area[own])[0]
+            if name in tables:
+                level, spread = land_clutter(-elevation[own] - sunken[own], tables[name])
+                clutter = power[own] * 10.0 ** (level / 10.0)
+                sums[1] += np.bincount(place[own], clutter, minlength=sums.shape[1])
+                sums[2] += np.bincount(place[own], clutter * spread, minlength=sums.shape[1])
+            else:
+                clutter = power[own] * 10.0 ** (law(phi[own], parameters[name]) / 10.0)
+                sums[0] += np.bincount(place[own], clutter, minlength=sums.shape[1])
+    speckled, land, spread = sums.reshape(3, config.turn, config.gates)
+    return Ground(speckled, land, spread, seen)
+
+
+def points_of(scene: Scene, config: Ppi, frequency_ghz: float) -> Points:
+    """Objects that the mast sees; an object's cross-section is at its height above the middle of its footprint."""
+    none = np.zeros(0)
+    if scene.objects is None:
+        return Points(none, none.astype(np.intp), none)
+    relief, objects = _Relief.of(scene), scene.objects
+    x0, y0 = site_of(scene, config)
+    antenna_m = float(relief.height(np.array([x0]), np.array([y0]))[0]) + config.mast_m
+    x, y = objects.x_m - x0, objects.y_m - y0
+    distance = np.maximum(np.hypot(x, y), 1e-3)
+
+    def tangent(share: Array, height_m: Array) -> Array:
+        """Tangent of the elevation of the ground, at shares of the distances, or of points above it."""
+        far = share * distance[:, None]
+        ground = relief.height(x0 + share * x[:, None], y0 + share * y[:, None])
+        return np.asarray((ground + height_m - far**2 / (2.0 * EARTH_M) - antenna_m) / far)
+
+    own = tangent(np.ones((1, 1)), objects.height_m[:, None])[:, 0]
+    before = np.arange(1, math.ceil(2.0 * float(distance.max()) / scene.cell_m)) * 0.5 * scene.cell_m
+    hidden = np.zeros(len(objects), dtype=np.bool_)
+    for far in before:  # one distance of all rays at a time: few distances, many objects
+        nearer = far < distance - scene.cell_m
+        share = np.minimum(far / distance, 1.0)[:, None]
+        hidden |= nearer & (tangent(share, np.zeros((1, 1)))[:, 0] > own)
+    slant = distance * np.sqrt(1.0 + own**2)
+    shown = ~hidden & (slant < config.gates * config.gate_m)
+    bearing = np.degrees(np.arctan2(x, y)) % 360.0
+    sigma = objects.cross_section_m2((bearing + 180.0) % 360.0)
+    snr = sigma * echo_per_m2(config, frequency_ghz, slant, np.degrees(np.arctan(own)))
+    return Points(bearing[shown], (slant[shown] / config.gate_m).astype(np.intp), snr[shown])

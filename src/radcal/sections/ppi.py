@@ -1,0 +1,103 @@
+"""Section ``ppi``: surveillance radar on a mast, for the product of that name."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from radcal.sections.base import Section
+from radcal.sections.errors import Wrong
+from radcal.sections.limits import Altitude, Coordinate, Integer, Length, Real
+
+__all__ = ["Ppi"]
+
+_HALF_LIGHT_M_S = 0.5 * 299_792_458.0  # distance of a target by the time of its echo
+_LEAST_PULSES = 4  # in a beam width: fewer do not sample the two-way pattern
+
+_Positive = Annotated[Real, Field(gt=0, le=1e9)]
+_Angle = Annotated[Real, Field(ge=0.05, le=90)]
+_LandRow = tuple[Annotated[Real, Field(ge=0, le=90)], Annotated[Real, Field(ge=-100, le=30)], _Positive]
+_Land = dict[str, Literal["rural"] | Annotated[list[_LandRow], Field(min_length=1)]]
+
+
+class Ppi(Section):
+    """Surveillance radar with a rotating antenna on a mast; its band and polarisation are those of ``radar``."""
+
+    site_m: tuple[Coordinate, Coordinate] | None = Field(
+        None,
+        description="place of the mast, east and north in the scene's CRS or from its south-west corner [m]; by "
+        "default the middle of the scene",
+    )
+    mast_m: Altitude = Field(30.0, description="height of the antenna above the ground [m]")
+    power_w: _Positive = Field(25_000.0, description="transmitted peak power [W]")
+    pulse_us: _Positive = Field(0.1, description="length of the transmitted pulse, before compression [us]")
+    gain_db: Annotated[Real, Field(ge=0, le=80)] = Field(31.0, description="gain of the antenna [dB]")
+    azimuth_beam_deg: _Angle = Field(1.2, description="one-way -3 dB width of the antenna's beam in azimuth [deg]")
+    elevation_beam_deg: _Angle = Field(20.0, description="one-way -3 dB width of the beam in elevation [deg]")
+    tilt_deg: Annotated[Real, Field(ge=-45, le=45)] = Field(
+        -2.0, description="elevation of the beam's axis; negative below the horizontal [deg]"
+    )
+    losses_db: Annotated[Real, Field(ge=0, le=50)] = Field(3.0, description="losses, both ways together [dB]")
+    noise_figure_db: Annotated[Real, Field(ge=0, le=50)] = Field(5.0, description="noise figure of the receiver [dB]")
+    prf_hz: _Positive = Field(2000.0, description="pulse repetition frequency [Hz]")
+    rotation_rpm: Annotated[Real, Field(gt=0, le=1000)] = Field(24.0, description="turns of the antenna in a minute")
+    pulses: Annotated[Integer, Field(ge=1, le=1000)] = Field(
+        10, description="number of pulses whose powers are averaged, which is a ray of the image"
+    )
+    gate_m: Length = Field(15.0, description="length of a range gate, and range resolution [m]")
+    range_m: Length = Field(1500.0, description="largest slant range [m]")
+    stc_m: Annotated[Real, Field(ge=0, le=1e6)] = Field(
+        0.0,
+        description="range within which sensitivity time control attenuates echoes by its ratio to the range to the "
+        "power of 4 [m]; 0 for none",
+    )
+    land: _Land = Field(
+        {},
+        description="materials whose law and speckle are replaced by land clutter: rural, or rows of least depression "
+        "[deg], mean sigma0 [dB] and Weibull spread, by falling depression",
+    )
+    false_alarms: Annotated[Real, Field(ge=1e-9, le=0.1)] = Field(
+        1e-3, description="probability of a false alarm of the detector in uniform clutter"
+    )
+    training_gates: Annotated[Integer, Field(ge=2, le=1000)] = Field(
+        24, description="number of gates, half on either side, whose mean power the detector compares a gate with"
+    )
+    guard_gates: Annotated[Integer, Field(ge=0, le=100)] = Field(
+        2, description="number of gates on either side, between a gate and those it is compared with"
+    )
+
+    @property
+    def turn(self) -> int:
+        """Number of pulses in a turn of the antenna."""
+        return round(60.0 * self.prf_hz / self.rotation_rpm)
+
+    @property
+    def gates(self) -> int:
+        """Number of range gates."""
+        return int(self.range_m / self.gate_m)
+
+    @model_validator(mode="after")
+    def _sampled(self) -> Self:
+        if self.range_m > (farthest := _HALF_LIGHT_M_S / self.prf_hz):
+            raise Wrong("range_m", f" is {self.range_m:g}, expected at most {farthest:.0f}, unambiguous at prf_hz")
+        if self.turn * self.azimuth_beam_deg < _LEAST_PULSES * 360.0:
+            least = _LEAST_PULSES * 6.0 * self.rotation_rpm / self.azimuth_beam_deg
+            raise Wrong(
+                "prf_hz", f" is {self.prf_hz:g}, expected at least {least:.0f}: {_LEAST_PULSES} pulses in a beam"
+            )
+        if self.pulses > self.turn:
+            raise Wrong("pulses", f" is {self.pulses}, expected at most {self.turn}, the pulses of a turn")
+        if self.gates < self.training_gates + 2 * self.guard_gates + 1:
+            needed = (self.training_gates + 2 * self.guard_gates + 1) * self.gate_m
+            raise Wrong("range_m", f" is {self.range_m:g}, expected at least {needed:g}: the detector's training gates")
+        return self
+
+    @field_validator("land")
+    @classmethod
+    def _falling(cls, land: _Land) -> _Land:
+        for name, rows in land.items():
+            if not isinstance(rows, str) and any(second[0] >= first[0] for first, second in itertools.pairwise(rows)):
+                raise Wrong(name, f" has the depressions {[row[0] for row in rows]}, expected falling ones")
+        return land
