@@ -248,6 +248,13 @@ _OF_MODEL: Mapping[str, str] = {
     "pixels (rms; stated standard error {stated_px:.1f}), and sigma0 changes by {moved_db:.1f} dB",
 }
 
+_OF_PRODUCTS: Mapping[str, str] = {
+    "ppi_extrapolated": "{about}: the mast sees it at a median incidence of {median_deg:.1f} deg, {percent:.0f} % "
+    "outside of the {low_deg:.1f} to {high_deg:.1f} deg at which its law {law!r} is known; there it is extrapolated",
+    "ppi_detections": "{about}: without objects the detector reports {alarms:.1e} of the cells (asked are {asked:.1e} "
+    "in uniform clutter), and with them {detected:.0f} of {objects:.0f} visible objects",
+}
+
 _CRITERION_MET = "{about}: stop criterion met after {counted_runs}: "
 _EXHAUSTED = "every combination of whole parameters inside the bounds has been simulated"
 _OF_SEARCH: Mapping[str, str] = {
@@ -299,7 +306,16 @@ _OF_ADVICE: Mapping[str, str] = {
     "that of this satellite",
 }
 
-TEXTS: Mapping[str, str] = {**_OF_SCENE, **_OF_IMAGE, **_OF_CASE, **_OF_RUNS, **_OF_SEARCH, **_OF_MODEL, **_OF_ADVICE}
+TEXTS: Mapping[str, str] = {
+    **_OF_SCENE,
+    **_OF_IMAGE,
+    **_OF_CASE,
+    **_OF_RUNS,
+    **_OF_SEARCH,
+    **_OF_MODEL,
+    **_OF_ADVICE,
+    **_OF_PRODUCTS,
+}
 """Text of each code, to be formatted with ``about``, ``do`` and the numbers of the finding."""
 
 _FURTHER = "ask which further pass would narrow its band most"

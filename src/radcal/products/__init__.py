@@ -18,7 +18,7 @@ class Product:
         What is written, for the help of the command.
     write : str
         Place "package.module:name" of the function that writes it: from a path without suffix and the
-        :class:`~radcal.simulators.forward.Forward` of a pass to the paths of the files.
+        :class:`~radcal.simulators.forward.Forward` of a pass to the paths of the files, and findings.
     check : str, optional
         Place of a function that raises an error, from the configuration of a pass and the scene, before anything is
         simulated.
@@ -33,6 +33,11 @@ PRODUCTS: Mapping[str, Product | None] = {
     "intensity": None,
     "complex": Product(
         "the complex looks of the image, as HDF5; their phases are random", "radcal.products.simulated:write_looks"
+    ),
+    "ppi": Product(
+        "one turn of a surveillance radar on a mast (section ppi), as HDF5 and PNG",
+        "radcal.ppi.product:write",
+        "radcal.ppi.product:check",
     ),
 }
 """Products of ``radcal simulate`` by name; None is the image alone, which every simulator gives."""

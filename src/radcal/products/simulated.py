@@ -15,6 +15,7 @@ import numpy as np
 
 from radcal.config.part import Part
 from radcal.errors import ConfigError, RadcalError, SceneError
+from radcal.findings import Finding
 from radcal.products import PRODUCTS
 from radcal.products.export import gray_scale, ground_layers
 from radcal.products.geotiff import Layer, of_pass, write_layers
@@ -163,10 +164,10 @@ def simulate(
         }
         how = "was in the run store" if made.kept else "simulated"
         lines.append(f"pass {number}: {made.image_db.shape[0]} x {made.image_db.shape[1]} pixels, run {made.key} {how}")
-        paths = write_layers(folder, number, layers, scene, made.geometry)
+        made_files: list[Path | Finding] = [*write_layers(folder, number, layers, scene, made.geometry)]
         if (asked := PRODUCTS[product]) is not None:
-            paths += pkgutil.resolve_name(asked.write)(folder / f"{product}{of_pass(number)}", made)
-        lines += [f"  {path}" for path in paths]
+            made_files += pkgutil.resolve_name(asked.write)(folder / f"{product}{of_pass(number)}", made)
+        lines += [sentence(one) if isinstance(one, Finding) else f"  {one}" for one in made_files]
     return lines
 
 
