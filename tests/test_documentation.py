@@ -38,7 +38,8 @@ def test_links_lead_to_files_and_headings(page: Path) -> None:
 
 def test_every_page_of_the_site_is_in_its_contents() -> None:
     listed = set(re.findall(r"^(\w+)$", (ROOT / "docs/index.md").read_text(encoding="utf-8"), flags=re.MULTILINE))
-    assert {page.stem for page in (ROOT / "docs").glob("*.md")} - {"index"} == listed
+    pages = [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs").glob("*.ipynb")]
+    assert {page.stem for page in pages} - {"index"} == listed
 
 
 def test_pictures_are_shown_in_a_page() -> None:
