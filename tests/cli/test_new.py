@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 import yaml
 from pyproj import Transformer
 from raster_files import write_raster
@@ -281,6 +282,34 @@ def test_known_land_cover_names_the_codes(files: list[str]) -> None:
 
 
 @pytest.mark.slow
+def test_a_land_cover_of_vectors_is_read(files: list[str]) -> None:
+    shapes = [shapely.box(6e5 + 260 * k, 5.79e6, 6e5 + 260 * k + 240, 5.81e6) for k in range(3)]
+    kinds = ["Open water", "field", "field"]
+    features = [
+        {"type": "Feature", "geometry": json.loads(shapely.to_geojson(shape)), "properties": {"id": k, "class": kind}}
+        for k, (shape, kind) in enumerate(zip(shapes, kinds, strict=True))
+    ]
+    crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::32631"}}
+    Path("lc.geojson").write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": features}))
+    case = ["--elevation", "dem.tif", "--landcover", "lc.geojson", "--image", "none"]
+    data = written(*case)
+    assert data["scene"] == {
+        "source": "vectors", "elevation": "dem.tif", "materials": "lc.geojson", "names": "mine_names.yaml",
+        "vertical_datum": "local",
+    }  # fmt: skip
+    surfaces = {"class=Open water": "open_water", "class=field": "field"}
+    assert yaml.safe_load(Path("mine_names.yaml").read_text()) == {"surfaces": surfaces}
+    assert "field:  # field: 2 of 3 features" in Path("mine.yaml").read_text()
+    done = CliRunner().invoke(app, ["simulate", "mine.yaml", "--out", "out"])
+    assert done.exit_code == 0, done.output
+    assert "simulated.tif" in done.stdout
+    Path("own.yaml").write_text("attribute: class\nbackground: soil\nsurfaces: {field: crops}\n")
+    assert list(written(*case, "--names", "own.yaml")["materials"]) == ["soil", "crops"]
+    features[1]["properties"] = features[0]["properties"] = features[2]["properties"] = {"height": 2.5}
+    Path("lc.geojson").write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": features}))
+    assert "has no attribute of 1 to 126 values (attributes: height)" in new("other", *case).output
+
+
 def test_a_product_fills_the_section_of_the_radar(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     safe = write_product(tmp_path)

@@ -16,16 +16,19 @@ from radcal.errors import ConfigError
 from radcal.reading.arrays import is_raster
 from radcal.reading.intake import guarded
 from radcal.reading.rasters import check_blocks, open_raster
+from radcal.reading.vectors import read_vectors
 from radcal.scene.crs import crs_of, horizontal, label, pixel_size_m, vertical_datum
+from radcal.vectors.mapping import MOST_MATERIALS
 
 if TYPE_CHECKING:
     from radcal.image.acquisition import Acquisition
 
-__all__ = ["POLARISATIONS", "RasterFacts", "code_counts", "product_acquisition", "raster_facts"]
+__all__ = ["POLARISATIONS", "RasterFacts", "code_counts", "product_acquisition", "raster_facts", "value_counts"]
 
 POLARISATIONS = ("HH", "HV", "VH", "VV")
 _SAMPLE_PX = 1024  # side of the sample from which the range of an image's numbers is read
 _HEIGHTS_PX = 100  # side of the sample of heights for which the acquisition of a product is computed
+_CLASSES = ("material", "landcover", "fclass", "class", "landuse", "code", "type")  # usual names of attributes
 _STRIP_VALUES = 20_000_000
 _SHARES = (0.05, 0.5, 0.95)  # quantiles that count as the levels of an image
 _PER_DECADE = {"power": 10.0, "amplitude": 20.0, "complex": 20.0}
@@ -182,6 +185,37 @@ def code_counts(path: Path) -> dict[int, int]:
             codes, times = np.unique(raster.read(1, window=strip, masked=True).compressed(), return_counts=True)
             counts.update(dict(zip(codes.tolist(), times.tolist(), strict=True)))
     return dict(sorted(counts.items()))
+
+
+def value_counts(path: Path) -> tuple[str, dict[str, int]]:
+    """Attribute of a vector layer that tells its classes, and number of features of each of its values.
+
+    The attribute has at most 126 values; it is the first of a few usual names, else the one that fewest features lack.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, has several layers, or has no such attribute.
+    """
+    import pandas as pd
+
+    def refused(text: str) -> ConfigError:
+        return ConfigError(f"scene.materials: {path} {text}")
+
+    layer = read_vectors(path, None, refused, "layers in a mapping, and give it with --names")
+    found = {}
+    for name, values in layer.columns.items():
+        column = pd.Series(values)
+        texts = column.dropna().astype(str).str.strip()
+        counts = texts[texts != ""].value_counts().sort_index()
+        if column.dtype.kind != "f" and 1 <= len(counts) <= MOST_MATERIALS:
+            found[name] = {str(value): int(count) for value, count in counts.items()}
+    if not found:
+        known = ", ".join(layer.columns) or "none"
+        raise refused(f"has no attribute of 1 to {MOST_MATERIALS} values (attributes: {known}), expected --names.")
+    usual = [name for word in _CLASSES for name in found if name.lower() == word]
+    best = usual[0] if usual else max(found, key=lambda name: sum(found[name].values()))
+    return best, found[best]
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,15 +16,24 @@ from radcal.config import Uncertainty
 from radcal.config.loading import Loaded
 from radcal.errors import ConfigError
 from radcal.image.acquisition import radar_keys
-from radcal.newcase.file_facts import POLARISATIONS, RasterFacts, code_counts, product_acquisition, raster_facts
+from radcal.newcase.file_facts import (
+    POLARISATIONS,
+    RasterFacts,
+    code_counts,
+    product_acquisition,
+    raster_facts,
+    value_counts,
+)
 from radcal.newcase.new_materials import fixed_laws, new_materials
 from radcal.newcase.template import TEMPLATE
 from radcal.reading.base import reader_of
+from radcal.reading.vectors import ENDINGS
 from radcal.scene.names import read_names
 from radcal.sections.base import EXAMPLES, FILL_IN, check_case_name, with_undecided
 from radcal.storage.files import atomic
 from radcal.tables.landcover import landcovers
 from radcal.tables.sensors import Sensor, sensors
+from radcal.vectors.mapping import VectorMapping, read_mapping
 
 __all__ = ["NewCase", "case_path"]
 
@@ -81,9 +91,9 @@ class NewCase:
         chosen, fixed = (self._values.pop(f"materials.{key}", []) for key in ("calibrated", "fixed"))
         image = self._values.get("measurement.path", "")
         self.forward = image == _NONE
-        self._made_up: dict[Path, dict[int, str]] = {}  # names of the codes, if no file of names was given
+        self._made_up: dict[Path, str] = {}  # content of the file of names, if none was given
         heights = self._facts("scene.elevation")
-        names, counts = self._read_scene(heights)
+        of_cover = self._read_scene(heights)
         levels_db = None
         if image in (_NONE, _SYNTHETIC):
             self._invent_image(heights)
@@ -95,7 +105,7 @@ class NewCase:
             raise ConfigError(f"{unused[0]} is given, and --image none makes a case without a measured image.")
         preset = self._values.get("scene.landcover")
         materials, about, hidden = new_materials(
-            names, counts, chosen, fixed_laws(fixed), preset, not self.forward, levels_db
+            of_cover, chosen, fixed_laws(fixed), preset, not self.forward, levels_db
         )
         if image == _SYNTHETIC:
             self._values["measurement.synthetic"] = {"parameters": hidden}
@@ -129,14 +139,10 @@ class NewCase:
             raise ConfigError(
                 f"{self.path}: cannot be written ({error.strerror}), expected a path in a folder."
             ) from None
-        files = {path: json.dumps(names, indent=1) + "\n" for path, names in self._made_up.items()}
-        for path, text in {**files, self.path: self.text}.items():
+        for path, text in {**self._made_up, self.path: self.text}.items():
             with atomic(path) as partial:
                 partial.write_text(text, "utf-8")
-        made_up = [
-            f"{path}: names of {len(names)} codes, made up: change them there and in the case."
-            for path, names in self._made_up.items()
-        ]
+        made_up = [f"{path}: names of materials, made up: change them there and in the case." for path in self._made_up]
         return [*made_up, f"{self.path}: written."]
 
     def _path(self, key: str) -> Path:
@@ -155,13 +161,15 @@ class NewCase:
     def _sensor(self) -> Sensor | None:
         return sensors().get(self._values.get("radar.sensor", ""))
 
-    def _read_scene(self, heights: RasterFacts | None) -> tuple[dict[int, str], dict[int, int]]:
-        """Section ``scene``; returns name and number of pixels of each code of the land cover."""
+    def _read_scene(self, heights: RasterFacts | None) -> dict[str, str]:
+        """Section ``scene``; returns a comment on each material of the land cover."""
         if heights is not None and heights.datum is not None:
             self._comments["scene.elevation"] += f", heights above {heights.datum}"
             self._unneeded.add("scene.vertical_datum")
         elif self.forward:  # what the heights refer to matters only to a measured image
             self._values["scene.vertical_datum"] = "local"
+        if Path(self._values.get("scene.materials", "")).suffix.lower() in ENDINGS:
+            return self._read_features()
         cover = self._facts("scene.materials")
         path = None if cover is None else self._path("scene.materials")
         slant = cover is not None and cover.crs is None and heights is None
@@ -172,22 +180,44 @@ class NewCase:
             self._comments["scene.labels"] = str(cover)
         counts = {} if path is None else {code: count for code, count in code_counts(path).items() if code != 0}
         if path is None or not counts:
-            return {}, {}
+            return {}
         preset = landcovers().get(self._values.get("scene.landcover", ""))
         if "scene.names" in self._values:
-            return read_names(self._path("scene.names"), counts, path), counts
-        if preset is not None:
+            names = read_names(self._path("scene.names"), counts, path)
+        elif preset is not None:
             if unknown := ", ".join(str(code) for code in counts if code not in preset):
                 raise ConfigError(f"scene.landcover: the map has no code {unknown} of {path}, expected --names.")
             self._unneeded.add("scene.names")
-            return {code: preset[code].name for code in counts}, counts
-        if fits := ", ".join(name for name, codes in landcovers().items() if codes.keys() >= counts.keys()):
-            self._comments["scene.names"] = f"maps with these codes (--landcover-preset): {fits}"
-        beside = self.path.with_name(f"{self.path.stem}_names.json")
+            names = {code: preset[code].name for code in counts}
+        else:
+            if fits := ", ".join(name for name, codes in landcovers().items() if codes.keys() >= counts.keys()):
+                self._comments["scene.names"] = f"maps with these codes (--landcover-preset): {fits}"
+            names = {code: f"code_{code}" for code in counts}
+            self._make_up("json", json.dumps(names, indent=1) + "\n")
+        total = sum(counts.values())
+        present = {code: name for code, name in names.items() if code in counts}
+        return {name: f"code {code}: {counts[code]:,} of {total:,} pixels" for code, name in present.items()}
+
+    def _read_features(self) -> dict[str, str]:
+        """Section ``scene`` with a land cover of vectors; returns a comment on each material."""
+        self._values["scene.source"] = "vectors"
+        self._unneeded |= _NOT_ON_THE_MAP
+        if "scene.names" in self._values:
+            mapping = read_mapping(self._path("scene.names"), "scene.names", VectorMapping)
+            return dict.fromkeys(mapping.names.values(), "of the mapping")
+        attribute, counts = value_counts(self._path("scene.materials"))
+        surfaces = {f"{attribute}={value}": _material(value) for value in counts}
+        self._comments["scene.names"] = f"a material for each value of the attribute {attribute} (docs/vectors.md)"
+        self._make_up("yaml", yaml.safe_dump({"surfaces": surfaces}, sort_keys=False, allow_unicode=True))
+        total = sum(counts.values())
+        return {_material(value): f"{value}: {count:,} of {total:,} features" for value, count in counts.items()}
+
+    def _make_up(self, ending: str, text: str) -> None:
+        """Have a file of names written beside the case."""
+        beside = self.path.with_name(f"{self.path.stem}_names.{ending}")
         _refuse_existing(beside, "give it with --names")
         self._values["scene.names"] = str(beside)
-        self._made_up[beside] = {code: f"code_{code}" for code in counts}
-        return self._made_up[beside], counts
+        self._made_up[beside] = text
 
     def _invent_image(self, heights: RasterFacts | None) -> None:
         """Sections of a case without a measured image, of which the defaults are as good as any."""
@@ -305,6 +335,12 @@ class NewCase:
                 parts += [f"for example {name}: {EXAMPLES[key]}"] * (key in EXAMPLES)
             self._comments[key] = "; ".join(part for part in parts if part)
         return filled
+
+
+def _material(value: str) -> str:
+    """Name of a material from the value of an attribute."""
+    name = re.sub(r"\W+", "_", value.lower()).strip("_")
+    return name if name[:1].isalpha() else f"class_{name}"
 
 
 def _refuse_existing(path: Path, remedy: str) -> None:

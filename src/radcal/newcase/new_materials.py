@@ -52,8 +52,7 @@ def fixed_laws(words: Iterable[str]) -> dict[str, dict[str, Any]]:
 
 
 def new_materials(
-    names: Mapping[int, str],
-    counts: Mapping[int, int],
+    of_cover: Mapping[str, str],
     calibrated: Sequence[str],
     fixed: Mapping[str, Mapping[str, Any]],
     landcover: str | None,
@@ -64,8 +63,8 @@ def new_materials(
 
     Parameters
     ----------
-    names, counts : mapping
-        Name and number of pixels of each code of the land cover.
+    of_cover : mapping
+        Comment on each material of the land cover.
     calibrated : sequence of str
         Materials to calibrate; if empty, all materials without a law in ``fixed``.
     fixed : mapping
@@ -94,10 +93,10 @@ def new_materials(
     for name in (*calibrated, *fixed):
         if name in calibrated and name in fixed:
             raise ConfigError(f"{name} has --material (it is calibrated) and --fixed (it is not), expected one.")
-        if names and name not in names.values():
-            raise ConfigError(f"there is no material {name!r} in the land cover (known: {', '.join(names.values())}).")
-    listed = list(names.values()) or [*calibrated, *fixed]
-    chosen = calibrated or [name for name in names.values() if name not in fixed and calibrates]
+        if of_cover and name not in of_cover:
+            raise ConfigError(f"there is no material {name!r} in the land cover (known: {', '.join(of_cover)}).")
+    listed = list(of_cover) or [*calibrated, *fixed]
+    chosen = calibrated or [name for name in of_cover if name not in fixed and calibrates]
     others = [name for name in listed if name not in chosen and name not in fixed]
     presets = [starting_keys(landcover, name, {}) for name in others] if landcover else []
     taken = [keys["parameters"][0] for keys in (*fixed.values(), *presets) if keys.get("law") == _CONSTANT]
@@ -105,10 +104,7 @@ def new_materials(
     unknown = {} if levels_db is None else {"unknown_db": float(round(levels_db[1]))}
     levels = starting_levels([name for name in listed if name in chosen], taken, **unknown)
     materials, hidden = dict[str, dict[str, Any]](), dict[str, list[float]]()
-    pixels = sum(counts.values())
-    comments = {
-        f"materials.{name}": f"code {code}: {counts[code]:,} of {pixels:,} pixels" for code, name in names.items()
-    }
+    comments = {f"materials.{name}": text for name, text in of_cover.items()}
     for name in listed:
         about = dict[str, str]()
         if name in chosen:
@@ -134,7 +130,7 @@ def new_materials(
             materials[name] = {"law": _CONSTANT, "parameters": [level.gamma_db]}
             about = {"law": f"{level} (docs/landcover.md)", "parameters": "gamma [dB]"}
         comments |= {f"materials.{name}.{key}": text for key, text in about.items()}
-    if not (names or chosen):
+    if not (of_cover or chosen):
         materials[FILL_IN] = {"calibrate": True} if calibrates else {"law": _CONSTANT, "parameters": [-15]}
         comments[f"materials.{FILL_IN}"] = "name of a material, and its law (docs/laws.md)"
     return materials, comments, hidden

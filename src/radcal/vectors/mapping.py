@@ -19,11 +19,11 @@ from radcal.sections.limits import Decibels, Length
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ANY", "FeatureClass", "FeatureMapping", "Surface", "VectorMapping", "read_mapping"]
+__all__ = ["ANY", "MOST_MATERIALS", "FeatureClass", "FeatureMapping", "Surface", "VectorMapping", "read_mapping"]
 
 ANY = "*"  # in place of a value: every value that is not empty
 _NONE = ("", "no")  # values of an attribute that stand for its absence
-_MOST_MATERIALS = 126  # ids are stored in one byte, with a bit for mixtures
+MOST_MATERIALS = 126  # ids are stored in one byte, with a bit for mixtures
 M = TypeVar("M", bound="FeatureMapping")
 
 
@@ -143,8 +143,8 @@ def read_mapping(path: Path, key: str, kind: type[M]) -> M:
     except ValidationError as error:
         texts = [one.text for one in mistakes(error, kind)]
         raise SceneError(f"{key}: {path}: {first_of(texts)}") from None
-    if not 1 <= len(mapping.names) <= _MOST_MATERIALS:
-        raise SceneError(f"{key}: {path} names {len(mapping.names)} materials, expected 1 to {_MOST_MATERIALS}.")
+    if not 1 <= len(mapping.names) <= MOST_MATERIALS:
+        raise SceneError(f"{key}: {path} names {len(mapping.names)} materials, expected 1 to {MOST_MATERIALS}.")
     if "" in mapping.attributes:
         raise SceneError(f"{key}: {path} has keys without an attribute, expected the key attribute, or water=yes.")
     return mapping
