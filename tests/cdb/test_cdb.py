@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+import yaml
 from cdb_database import elements, file_of, tile_of, write_features, write_heights, write_materials
 from pyproj import Geod, Transformer
 
@@ -25,6 +28,7 @@ from radcal.reading.cdb import cdb_files, step_deg
 from radcal.scene.builtin import builtin_scene
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
+from radcal.sections.materials import Material
 from radcal.sections.scene import CdbScene
 from radcal.words import sentence
 
@@ -204,6 +208,49 @@ def test_indices_are_joined_by_name_and_the_largest_share_counts(tmp_path: Path,
     assert mixed.numbers["percent"] == pytest.approx(100 * (fine & (longitude < border)).mean(), rel=0.05)
 
 
+def test_a_large_cell_has_the_most_frequent_material_whether_mixed_or_not(tmp_path: Path, build: Any) -> None:
+    write_heights(tmp_path, PLACE, 3, plane)
+    # of four columns one is grass and three soil, of which one is a mixture; and one of two columns of soil is mixed
+    column = np.broadcast_to(np.arange(1024) % 4, (1024, 1024))
+    index = np.where(column < 2, 1, np.where(column == 2, 2, 1))
+    share = np.where(column == 1, 130, 250).astype(np.uint8)
+    write_materials(tmp_path, PLACE, 4, [index, np.full((1024, 1024), 4)], {1: "SOIL", 2: "GRASS", 4: "WATER"}, [share])
+    scene = make_scene(build(cell_m=24.0), None)  # some 4 x 4 elements
+    assert (np.array(["", *scene.names])[scene.material] == "soil").mean() > 0.99
+    assert scene.mixed is not None
+    assert scene.mixed.mean() < 0.01
+
+
+def test_a_mixture_is_the_mean_of_fixed_laws_in_power(tmp_path: Path) -> None:
+    bases = "BM_SOIL: {law: constant_gamma, parameters: [-10]}, BM_WATER: {law: constant_gamma, parameters: [-20]}"
+    path = tmp_path / "mapping.yaml"
+    path.write_text(MAPPING + f"bases: {{{bases}}}\n")
+    tables(tmp_path)
+    table = file_of(tmp_path, PLACE, 6, 2, "xml")
+    parts = "".join(
+        f"<Material><Name>BM_{name}</Name><Weight>{weight}</Weight></Material>"
+        for name, weight in (("SOIL", 30), ("WATER", 50), ("MOISTURE", 20))
+    )
+    old = "<Material><Name>BM_SOIL</Name><Weight>100</Weight></Material>"
+    table.write_text(table.read_text().replace(old, parts))
+    words = [sys.executable, "-m", "radcal.cdb", path, tmp_path, *BOUNDS]
+    done = subprocess.run([*map(str, words)], capture_output=True, text=True, check=True)
+    assert "# SOIL: 0.375 BM_SOIL + 0.625 BM_WATER; BM_MOISTURE is left out" in done.stdout
+    assert "# GRASS: 1 BM_GRASS: no mixture, without a law of BM_GRASS in bases" in done.stdout
+    found = yaml.safe_load(done.stdout)["materials"]
+    assert set(found) == {"soil", "water"}
+    law = Material.model_validate(found["soil"])
+    assert not law.calibrate
+    at = np.radians([7.0, 33.3, 61.0])
+    expected = 10 * np.log10((0.375 * 0.1 + 0.625 * 0.01) * np.cos(at))
+    assert law.unbound_law(at, law.parameters) == pytest.approx(expected, abs=0.005)
+    write_materials(tmp_path, PLACE, 2, [np.full((1024, 1024), 7)], {7: "SOIL", 8: "OTHER"})
+    path.write_text(path.read_text().replace("{SOIL: soil,", "{SOIL: soil, OTHER: soil,"))
+    done = subprocess.run([*map(str, words)], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "mixes OTHER of 'soil' in two ways" in done.stderr
+
+
 def test_pixels_of_mixtures_belong_to_no_material():
     whole = builtin_scene(1)
     mixed = np.zeros(whole.material.shape, dtype=bool)
@@ -352,6 +399,27 @@ def missing_share(root: Path) -> None:
     write_materials(root, PLACE, 2, layers, {7: "SOIL"}, [np.full((1024, 1024), 99, dtype=np.uint8)])
 
 
+def missing_index(root: Path) -> None:
+    tables(root, lod=-1)
+    layers = [np.full((1024, 1024), k) for k in (7, 3, 200)]
+    shares = [np.full((1024, 1024), 85, dtype=np.uint8)] * 2
+    write_materials(root, PLACE, 2, layers, {7: "SOIL", 3: "GRASS", 200: "WATER"}, shares)
+    file_of(root, PLACE, 5, 2, "tif", t=2).unlink()
+
+
+def missing_first(root: Path) -> None:
+    missing_index(root)
+    file_of(root, PLACE, 5, 2, "tif").unlink()
+
+
+def broken_area(root: Path) -> None:
+    square = shapely.Polygon([(*PLACE, 0), (PLACE[0] + 1e-3, PLACE[1], 0), (PLACE[0], PLACE[1] + 1e-3, 0)])
+    path = write_features(root, PLACE, 2, [square], {"CNAM": ["a"]}, {"CNAM": ["a"], "FACC": ["BH140"]}, 100, 5)
+    data = bytearray(path.read_bytes())
+    data[100 + 8 + 40 : 100 + 8 + 44] = (1).to_bytes(4, "little")  # its ring has one point
+    path.write_bytes(data)
+
+
 def unknown_base(root: Path) -> None:
     (root / "Metadata").mkdir()
     known = "<Base_Material><Name>BM_SOIL</Name></Base_Material>"
@@ -414,6 +482,9 @@ def no_name_of_a_tile(root: Path) -> None:
         (large_index, "cdb_left_out", "'WATER' of index 300"),
         (unknown_index, "cdb_unmapped", "index without a name"),
         (missing_share, "cdb_left_out", "equal shares"),
+        (missing_index, "cdb_left_out", "layers of indices are [1, 3], expected 1, 2"),
+        (missing_first, "cdb_left_out", "layers of indices are [3], expected 1, 2"),
+        (broken_area, "cdb_left_out", "D100_S001_T005"),
         (unknown_base, "cdb_base_materials", "BM_GRASS, BM_WATER"),
         (text_for_shapes, "cdb_left_out", "D100_S001_T001"),
         (half_a_shape, "cdb_left_out", "D100_S001_T001"),

@@ -307,7 +307,7 @@ def test_a_land_cover_of_vectors_is_read(files: list[str]) -> None:
     assert list(written(*case, "--names", "own.yaml")["materials"]) == ["soil", "crops"]
     features[1]["properties"] = features[0]["properties"] = features[2]["properties"] = {"height": 2.5}
     Path("lc.geojson").write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": features}))
-    assert "has no attribute of 1 to 126 values (attributes: height)" in new("other", *case).output
+    assert "has no attribute of 1 to 254 values (attributes: height)" in new("other", *case).output
 
 
 def test_a_product_fills_the_section_of_the_radar(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -201,7 +201,7 @@ def test_the_size_and_the_files_of_a_case(tmp_path: Path, build: Any) -> None:
     [
         ({"surfaces": {"clas=field": "crops"}}, r"scene.names names the attribute 'clas', .* has class"),
         ({"surfaces": {"field": "crops"}, "attribute": ""}, r"keys without an attribute"),
-        ({"surfaces": {}, "background": ""}, r"names 0 materials, expected 1 to 126"),
+        ({"surfaces": {}, "background": ""}, r"names 0 materials, expected 1 to 254"),
         ({"surfaces": {"field": {"width_m": 3}}}, r"surfaces.field.material"),
         ({"features": {"field": {"rcs": 3}}}, r"features.field"),
         ({"layers": ["two"]}, r"has the layers one, layers in scene.names is 'two'"),

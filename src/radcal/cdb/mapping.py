@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from radcal.sections.materials import OtherLaw
 from radcal.vectors.mapping import FeatureMapping
 
 __all__ = ["CdbMapping"]
@@ -18,10 +19,13 @@ class CdbMapping(FeatureMapping):
     ----------
     composites : dict of str to str
         Material of each composite material, by their names.
+    bases : dict of str to OtherLaw
+        Law and parameters of base materials, for mixtures (``python -m radcal.cdb``).
     """
 
     attribute: str = "FACC"
     composites: Annotated[dict[str, str], Field(min_length=1)]
+    bases: dict[str, OtherLaw] = Field(default_factory=dict)
 
     @property
     def grounds(self) -> list[str]:

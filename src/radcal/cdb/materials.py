@@ -11,7 +11,7 @@ OGC 15-113r6, sections 2.5.2.2 (tables of composite materials) and 5.6.3 (raster
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +25,12 @@ from radcal.findings import Finding
 from radcal.reading.cdb import BASE_MATERIALS, CdbFile, step_deg
 from radcal.reading.intake import guarded, read_xml
 
-__all__ = ["MIXED", "NO_TILE", "composites", "material_ids"]
+__all__ = ["NO_TILE", "composites", "material_ids", "weights"]
 
 NO_TILE = 255  # id of cells without a raster of materials
-MIXED = 128  # added to the id of cells where no composite material has a clear share
 _CLEAR = 0.8  # share of a composite material above which a cell is not mixed
 _MOST_UNMAPPED = 0.01  # largest share of cells whose composite material has no material
+_COMPOSITES = "//*[local-name()='Composite_Material']"
 _DEFAULT = "BM_LAND-MOOR"
 _UNKNOWN = "(index without a name)"
 
@@ -55,21 +55,19 @@ def composites(
     found = np.full((to.rows, to.columns), -1, dtype=np.int32)
     mixed = np.zeros(found.shape, dtype=np.bool_)
     levels = np.full(found.shape, -99, dtype=np.int8)
-    tables = {(one.level, one.box): one.path for one in files if one.path.suffix == ".xml" and one.dataset == 6}
+    tables = {(one.level, one.box): one.path for one in files if _is_table(one)}
     base = _base_materials(log)
     layers: dict[tuple[int, tuple[float, ...]], dict[tuple[int, int], CdbFile]] = {}
     for one in files:
         if one.dataset == 5 and one.path.suffix == ".tif" and one.first in (1, 2):
             layers.setdefault((one.level, one.box), {})[one.first, one.second] = one
-    firsts = [of[1, 1] for of in layers.values() if (1, 1) in of]
-    for (level, width), group in by_level(firsts):
+    for (level, width), group in by_level(next(iter(of.values())) for of in layers.values()):
         step = step_deg(level, width)
         for tile in group:
-            path = tables.get((level, tile.box))
-            table = None if path is None else _table(path, base, log)
-            if table is None:
-                if path is None:
-                    log.left_out(tile.path, "it has no table of composite materials (dataset 006)")
+            if (path := tables.get((level, tile.box))) is None:
+                log.left_out(tile.path, "it has no table of composite materials (dataset 006)")
+                continue
+            if (table := _table(path, base, log)) is None:
                 continue
             numbers = np.zeros(256, dtype=np.int32)
             for key, name in table.items():
@@ -103,7 +101,11 @@ def _largest(
 
     ``numbers`` has the number of the composite material of each index.
     """
-    indices = [band(layers[1, k], log) for k in sorted(second for first, second in layers if first == 1)]
+    seconds, shares = (sorted(second for first, second in layers if first == kind) for kind in (1, 2))
+    if seconds != list(range(1, len(seconds) + 1)) or not seconds:
+        log.left_out(next(iter(layers.values())).path, f"its layers of indices are {seconds}, expected 1, 2, and so on")
+        return None
+    indices = [band(layers[1, k], log) for k in seconds]
     if any(one is None for one in indices):
         return None
     index = np.stack([one[0] for one in indices if one is not None])
@@ -114,8 +116,8 @@ def _largest(
     if count == 1:
         return number[0], np.ones(number[0].shape)
     share = np.full(number.shape, 1.0 / count)
-    given = [band(layers[2, k], log) for k in range(1, count) if (2, k) in layers]
-    if len(given) == count - 1 and all(one is not None for one in given):
+    given = [band(layers[2, k], log) for k in shares]
+    if shares == seconds[:-1] and all(one is not None for one in given):
         share[:-1] = [_fraction(one[0]) for one in given if one is not None]
         share[-1] = np.clip(1.0 - share[:-1].sum(axis=0), 0.0, 1.0)
     elif given:
@@ -156,8 +158,8 @@ def _table(path: Path, base: set[str], log: Log) -> dict[int, str] | None:
     if (root := _xml(path, log)) is None:
         return None
     table = {}
-    for one in root.xpath("//*[local-name()='Composite_Material']"):
-        index, name = str(one.get("index")), one.xpath("string(*[local-name()='Name'])").strip()
+    for one in root.xpath(_COMPOSITES):
+        index, name = str(one.get("index")), _name(one)
         if not index.isdecimal() or int(index) > 255 or not name:
             log.left_out(path, f"it has a composite material {name!r} of index {index}, expected a name and 0 to 255")
             return None
@@ -169,16 +171,37 @@ def _table(path: Path, base: set[str], log: Log) -> dict[int, str] | None:
     return table
 
 
+def weights(files: Sequence[CdbFile], log: Log) -> Iterator[tuple[str, dict[str, float]]]:
+    """Name of each composite material of each table, and the weights of the base materials of its primary substrate."""
+    for file in filter(_is_table, files):
+        root = _xml(file.path, log)
+        for one in [] if root is None else root.xpath(_COMPOSITES):
+            found: dict[str, float] = {}
+            for part in one.xpath("*[local-name()='Primary_Substrate']/*[local-name()='Material']"):
+                weight = part.xpath("number(*[local-name()='Weight'])")
+                found[_name(part)] = found.get(_name(part), 0.0) + (weight if 0 < weight < np.inf else 0.0)
+            yield _name(one), found
+
+
+def _is_table(file: CdbFile) -> bool:
+    return (file.dataset, file.first, file.second, file.path.suffix) == (6, 1, 1, ".xml")
+
+
+def _name(element: Any) -> str:
+    return str(element.xpath("string(*[local-name()='Name'])")).strip()
+
+
 def material_ids(
     files: Sequence[CdbFile], to: Lattice, mapping: CdbMapping, log: Log
-) -> tuple[NDArray[np.uint8], NDArray[np.int8]]:
-    """Material ids of the elements of a lattice, and their levels.
+) -> tuple[NDArray[np.uint8], NDArray[np.bool_], NDArray[np.int8]]:
+    """Material ids of the elements of a lattice, whether they are mixtures, and their levels.
 
     Returns
     -------
     ndarray of uint8
-        Material id, and ``MIXED`` for a mixture; 0 if the composite material has no material in the mapping,
-        ``NO_TILE`` without a tile.
+        Material id; 0 if the composite material has no material in the mapping, ``NO_TILE`` without a tile.
+    ndarray of bool
+        Whether no composite material has a clear share.
     ndarray of int8
         Level of each element.
 
@@ -208,9 +231,7 @@ def material_ids(
         numbers = {"percent": 100.0 * np.count_nonzero(mixed) / total, "share": _CLEAR}
         log.append(Finding("cdb_mixed", "warning", "scene.root", numbers))
     of_number = np.array([ids.get(mapping.composites.get(name, ""), 0) for name in names] + [NO_TILE], dtype=np.uint8)
-    found = of_number[number]
-    found[mixed & (found > 0)] += MIXED
-    return found, levels
+    return of_number[number], mixed, levels
 
 
 def _listed(shares: Iterable[tuple[str, float]]) -> str:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from radcal.cdb.features import read_features
 from radcal.cdb.mapping import CdbMapping
-from radcal.cdb.materials import MIXED, NO_TILE, material_ids
+from radcal.cdb.materials import NO_TILE, material_ids
 from radcal.cdb.mosaic import AREA, POST, Lattice, Log, heights, level_name
 from radcal.config import expand_path
 from radcal.errors import SceneError
@@ -75,7 +75,7 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
             log.left_out(one.path, one.fault)
     grid = grid_of_degrees(config.bounds, config.crs, config.cell_m, to_elements.step, heading_deg)
     heights_m, of_heights = heights(_tiles(files, 1), to_posts, log)
-    ids, of_ids = material_ids(files, to_elements, mapping, log)
+    ids, mixtures, of_ids = material_ids(files, to_elements, mapping, log)
     for about, levels in (("elevation", of_heights), ("material", of_ids)):
         if shares := _shares(levels):
             log.append(Finding("cdb_levels", "note", "scene.root", {"dataset": about, "levels": shares}))
@@ -88,10 +88,13 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
     with (
         to_posts.source(root, heights_m, np.nan) as elevation,
         to_elements.source(root, ids, NO_TILE) as materials,
+        to_elements.source(root, mixtures.astype(np.uint8), NO_TILE) as mixture,
     ):
         cover = nearest_materials(materials, grid)
-        drawn = burnt(cover.ids % MIXED, features, grid, mapping, log)
-        mixed = (cover.ids >= MIXED) & (drawn == cover.ids % MIXED)
+        drawn = burnt(cover.ids, features, grid, mapping, log)
+        mixed = None
+        if mixtures.any():
+            mixed = (nearest_materials(mixture, grid).ids > 0) & (drawn == cover.ids) & (drawn > 0)
         cover = replace(cover, ids=drawn, names=mapping.names)
         scene = resampled(config.source, elevation, cover, grid, datum, heading_deg)
         post_m = float(np.sqrt(np.prod(pixel_m(elevation, grid.crs, grid.box))))
@@ -102,7 +105,7 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
     log.append(Finding("cdb_posts", severity, "scene.root", {"post_m": post_m, "cells": cells}))
     assert scene.elevation_m is not None  # noqa: S101 - a scene on the map has heights
     objects = objects_of(features, grid, scene.elevation_m, mapping, log)
-    return replace(scene, findings=(*scene.findings, *log), objects=objects, mixed=mixed if mixed.any() else None)
+    return replace(scene, findings=(*scene.findings, *log), objects=objects, mixed=mixed)
 
 
 def _shares(levels: NDArray[np.int8]) -> str:

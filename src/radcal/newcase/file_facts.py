@@ -190,7 +190,7 @@ def code_counts(path: Path) -> dict[int, int]:
 def value_counts(path: Path) -> tuple[str, dict[str, int]]:
     """Attribute of a vector layer that tells its classes, and number of features of each of its values.
 
-    The attribute has at most 126 values; it is the first of a few usual names, else the one that fewest features lack.
+    The attribute has at most 254 values; it is the first of a few usual names, else the one that fewest features lack.
 
     Raises
     ------

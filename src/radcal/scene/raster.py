@@ -408,10 +408,9 @@ def nearest_materials(materials: Source, grid: Grid) -> Cover:
     parts = subdivision(materials, grid)
     codes = np.where(np.ma.getmaskarray(values), missing, values.data.astype(np.int16))
     blocks = _blocks(_warped(materials, codes, transform, grid.cut(parts), "nearest", missing), parts)
-    present = np.unique(blocks)
-    most = np.zeros(blocks.shape[:2], dtype=np.int64)
-    found = np.full(blocks.shape[:2], missing, dtype=np.int16)
-    for code in present:
+    found = blocks[..., 0].copy()
+    most = np.zeros(found.shape, dtype=np.int64)
+    for code in np.unique(blocks) if parts > 1 else ():
         count = np.count_nonzero(blocks == code, axis=-1)
         found[count > most] = code
         most = np.maximum(most, count)

@@ -23,7 +23,7 @@ __all__ = ["ANY", "MOST_MATERIALS", "FeatureClass", "FeatureMapping", "Surface",
 
 ANY = "*"  # in place of a value: every value that is not empty
 _NONE = ("", "no")  # values of an attribute that stand for its absence
-MOST_MATERIALS = 126  # ids are stored in one byte, with a bit for mixtures
+MOST_MATERIALS = 254  # ids are stored in one byte; 255 stands for no data
 M = TypeVar("M", bound="FeatureMapping")
 
 
