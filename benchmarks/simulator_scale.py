@@ -81,7 +81,7 @@ def measure(side: int, repeats: int) -> dict[str, float]:
         path = Path(folder) / "geometry.h5"
         made_s = cpu_s(lambda: write_geometry(path, make_geometry(ground, RADAR), RADAR))
         found = {"geometry_s": made_s, "file_mb": path.stat().st_size / 1e6}
-        read_s = [cpu_s(read_geometry, path) for _ in range(repeats)]
+        read_s = [cpu_s(read_for_a_run, path) for _ in range(repeats)]
         geometry = read_geometry(path)
     laws = dict.fromkeys(geometry.names, LAWS["mangia"])
     x = {name: [-20.0 + k, 5.0, 10.0, 3.0] for k, name in enumerate(geometry.names)}
@@ -98,6 +98,13 @@ def measure(side: int, repeats: int) -> dict[str, float]:
     pair_s = [cpu_s(lambda: fft.ifft2(fft.fft2(field, workers=1), workers=1)) for _ in range(repeats)]
     seconds = {"read_s": read_s, "look_s": look_s, "image_s": image_s, "rerun_s": rerun_s, "fft_pair_s": pair_s}
     return {**found, "pixels": float(np.prod(geometry.shape)), **{key: min(each) for key, each in seconds.items()}}
+
+
+def read_for_a_run(path: Path) -> None:
+    """Read the arrays of a geometry's file that a run uses."""
+    geometry = read_geometry(path)
+    for name in ("cell_start", "cell_material", "facet_start", "facet_incidence", "facet_weight", "material"):
+        np.array(getattr(geometry, name))
 
 
 def cpu_s(work: Callable[..., object], *arguments: object) -> float:

@@ -128,11 +128,19 @@ def test_the_file_is_what_the_table_says(tmp_path):
         assert file["curves/a/names"].asstr()[()].tolist() == ["u"]
 
 
-@pytest.mark.parametrize(("size", "compression"), [(255, None), (256, "gzip")])
-def test_arrays_of_a_kilobyte_are_compressed(tmp_path, size, compression):
+@pytest.mark.parametrize(("size", "compression"), [(255, None), (256, "gzip"), (249_999, "gzip"), (250_000, None)])
+def test_arrays_of_a_kilobyte_to_a_megabyte_are_compressed(tmp_path, size, compression):
     kept(example(image_db=np.zeros((1, size), dtype=np.float32)), tmp_path / "a.h5")
     with h5py.File(tmp_path / "a.h5", "r") as file:
         assert file["image_db"].compression == compression
+
+
+def test_changes_of_a_large_array_stay_in_memory(tmp_path):
+    image = np.random.default_rng(1).standard_normal((500, 501)).astype(np.float32)
+    first = kept(example(image_db=image.copy()), tmp_path / "a.h5")
+    first.image_db[3, 4] = 7.0
+    with h5py.File(tmp_path / "a.h5", "r") as file:
+        np.testing.assert_array_equal(take(file, Outer).image_db, image)
 
 
 @pytest.mark.parametrize(

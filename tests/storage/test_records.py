@@ -1,6 +1,7 @@
 import hashlib
 import json
 import re
+import resource
 import shutil
 import time
 from pathlib import Path
@@ -56,6 +57,19 @@ def test_three_lines_of_h5py_read_it_with_where_it_comes_from(tmp_path):
     assert attributes["created"].endswith("+00:00")
     assert json.loads(attributes["versions"])["numpy"] == np.__version__
     assert attributes["radcal"]
+
+
+@pytest.mark.parametrize("most", [600, 100_000])
+def test_a_file_that_does_not_fit_is_one_sentence(tmp_path, most):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, limits[1]))
+    try:
+        with pytest.raises(StoreError, match=r"a\.h5: cannot be written \(File too large\)"):
+            write(tmp_path / "a.h5", values=np.random.default_rng(1).random(10**6))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert left_in(tmp_path) == []
+    write(tmp_path / "a.h5")
 
 
 def test_the_checksum_is_that_of_coreutils(tmp_path):

@@ -271,7 +271,7 @@ def _counted(
     """First and last row of each facet, masks of layover and shadow, and number of facets that reach each pixel."""
     rows, columns = shape
     to_rows = (near_m, radar.range_spacing_m)
-    near_row, far_row = (_rows(slant, *to_rows) for slant in (lines.near_m, lines.far_m))
+    near_row, far_row = _rows(lines.near_m, *to_rows), _rows(lines.far_m, *to_rows)
     counts = np.zeros(rows * columns, dtype=np.uint16)
     layover, shadow = np.zeros((2, rows, columns), dtype=np.bool_)
     count_facets(columns, near_row, far_row, lines.state, per_column, rows, columns, counts, layover, shadow)

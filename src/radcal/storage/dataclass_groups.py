@@ -6,13 +6,16 @@ type of a field                                        in the file
 ``bool``, ``int``, ``float``, ``str``, ``Literal``     attribute of the group
 ``Finding``                                            attribute of the group, as JSON
 ``tuple`` of numbers                                   attribute of the group
-numpy array                                            dataset, compressed from 1 KiB on
+numpy array                                            dataset, compressed from 1 KiB to 1 MB
 ``tuple[str, ...]``                                    dataset of strings, because HDF5 limits the size of attributes
 ``tuple[Finding, ...]``                                dataset of strings, each of them a finding as JSON
 dataclass                                              group
 ``Mapping[str, ...]`` of any type above                group with one entry for each key, in the order of the keys
 any type above ``| None``                              absent if the value is None
 =====================================================  =====================================================
+
+An array of 1 MB or more is mapped into memory when it is read, so that the operating system reads only the parts of the
+file that are used. Changes of such an array stay in memory.
 
 If a file lacks a field, the field gets its default value. Files written before the field was added can therefore
 still be read. ``Annotated[type, About("description", unit="dB")]`` adds the attributes ``description`` and ``unit`` to
@@ -28,6 +31,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import os
 import re
 import types
 import typing
@@ -45,7 +49,8 @@ from radcal.findings import Finding
 
 __all__ = ["About", "put", "same", "table", "take"]
 
-_COMPRESSED = 1024  # smallest size of a compressed dataset [bytes]; compression of smaller ones saves no space
+# sizes of compressed datasets [bytes]: compression of smaller ones saves no space, and of larger ones takes too long
+_COMPRESSED = range(1024, 1_000_000)
 _TEXT = h5py.string_dtype()
 _TEXTS, _FINDINGS = tuple[str, ...], tuple[Finding, ...]
 
@@ -281,7 +286,7 @@ def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | Non
 def _put_array(group: h5py.Group, name: str, values: NDArray[Any]) -> h5py.Dataset:
     if values.dtype.kind in "OU":
         return group.create_dataset(name, data=values.astype(object), dtype=_TEXT)
-    packed = {"compression": "gzip", "compression_opts": 1} if values.nbytes >= _COMPRESSED else {}
+    packed = {"compression": "gzip", "compression_opts": 1} if values.nbytes in _COMPRESSED else {}
     return group.create_dataset(name, data=values, **packed)
 
 
@@ -294,7 +299,7 @@ def _take(held: Any, kind: Any) -> Any:
     if _is_attribute(kind):
         return _scalar(held, kind)
     if _is_array(kind):
-        return held.asstr()[()] if h5py.check_string_dtype(held.dtype) else held[()]
+        return held.asstr()[()] if h5py.check_string_dtype(held.dtype) else _array(held)
     if kind == _TEXTS:
         return tuple(map(str, held.asstr()[()]))
     if kind == _FINDINGS:
@@ -304,6 +309,16 @@ def _take(held: Any, kind: Any) -> Any:
         names = held.attrs if _is_attribute(item) else held
         return {name: _take(names[name], item) for name in names}
     return take(held, kind)
+
+
+def _array(held: h5py.Dataset) -> NDArray[Any]:
+    """Array of a dataset, mapped into memory if it is large and stored in one piece."""
+    offset = held.id.get_offset() if held.chunks is None and held.nbytes >= _COMPRESSED.stop else None
+    if offset is None:
+        return np.asarray(held[()])
+    # the file that HDF5 has opened, because another one may have replaced it at its path
+    with open(os.dup(held.file.id.get_vfd_handle()), "rb") as file:
+        return np.asarray(np.memmap(file, held.dtype, "c", offset, held.shape))
 
 
 def _scalar(held: Any, kind: Any) -> Any:

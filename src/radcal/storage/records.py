@@ -52,6 +52,37 @@ REPLACE = "RADCAL_REPLACE"
 _PACKAGES = ("numpy", "scipy", "h5py")
 
 
+class _Partial(io.FileIO):
+    """Temporary file of HDF5, whose failed writes are raised by :meth:`check`, after HDF5 has closed the file.
+
+    On a full disk, HDF5 would repeat the failed write of its buffers, and each attempt would raise an exception that
+    cannot be caught.
+    """
+
+    failure: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        """Write all bytes; the system's call writes at most 2 GiB."""
+        rest = memoryview(data).cast("B")
+        total = len(rest)
+        try:
+            while rest:
+                rest = rest[super().write(rest) :]
+        except OSError as error:
+            self.failure = self.failure or error
+        return total
+
+    def check(self) -> None:
+        """Raise the error of the first failed write."""
+        if self.failure is not None:
+            raise self.failure
+
+    def sha256(self) -> str:
+        """SHA-256 of all bytes after the user block."""
+        self.seek(BLOCK)
+        return hashlib.file_digest(self, "sha256").hexdigest()
+
+
 @contextlib.contextmanager
 def write_hdf5(
     path: str | Path,
@@ -86,20 +117,21 @@ def write_hdf5(
         The file cannot be written.
     """
     path = Path(path)
-    # The file is first made in memory: on a full disk, HDF5 would repeat the failed write of its buffers, and each
-    # attempt would raise an exception that cannot be caught.
-    made = io.BytesIO()
-    with atomic(path) as partial:
-        with h5py.File(made, "w", userblock_size=BLOCK) as file:
-            file.attrs["kind"] = kind
-            file.attrs["schema"] = SCHEMAS[kind]
-            if (case := origin().case) is not None:
-                file.attrs["case"] = case
-            yield file
-        content = hashlib.sha256(made.getbuffer()[BLOCK:]).hexdigest()
+    with atomic(path) as partial, _Partial(partial, "w+") as made:
+        try:
+            with h5py.File(made, "w", userblock_size=BLOCK, alignment_threshold=4096, alignment_interval=64) as file:
+                file.attrs["kind"] = kind
+                file.attrs["schema"] = SCHEMAS[kind]
+                if (case := origin().case) is not None:
+                    file.attrs["case"] = case
+                yield file
+        finally:
+            made.check()
+        content = made.sha256()
         if protected and REPLACE not in os.environ:
             keep_finished(path, kind, origin().config, lambda old: old.attrs["content"] == content or alike(old))
         if _holds(path, kind, content):
+            made.close()
             shutil.copyfile(path, partial)
             return
         with h5py.File(made, "r+") as file:
@@ -113,9 +145,10 @@ def write_hdf5(
             if config is not None and "config" not in file.attrs:
                 # a dataset, because HDF5 limits the size of attributes
                 file["config"] = json.dumps(config, sort_keys=True, default=str)
-        with made.getbuffer() as whole:
-            whole[:BLOCK] = header(hashlib.sha256(whole[BLOCK:]).hexdigest(), len(whole))
-            partial.write_bytes(whole)
+        total, size = made.sha256(), made.tell()
+        made.seek(0)
+        made.write(header(total, size))
+        made.check()
 
 
 def keep_finished(path: Path, kind: str, config: Mapping[str, Any] | None, alike: Callable[[h5py.File], bool]) -> None:
