@@ -131,14 +131,22 @@ class Facets:
 def facets_of(scene, radar, monkeypatch):
     """Facets of the scene, one for each cell, as the geometry of the image is made from."""
     found = []
-    pixels = projection._pixels
+    collected, pixels = projection._collected, projection._pixels
 
-    def keep(scene, radar, seen, material, lines, k, step, near, base, shape, points):
+    def keep_lines(scene, radar, material, lines, k, *others):
         assert k == 1
-        found.append(Facets(lines, 0.5 * (lines.near_m.astype(float) + lines.far_m) + base, seen))
-        return pixels(scene, radar, seen, material, lines, k, step, near, base, shape, points)
+        found.append(lines)
+        return collected(scene, radar, material, lines, k, *others)
 
-    monkeypatch.setattr(projection, "_pixels", keep)
+    def keep_sight(scene, radar, seen, parts, k, step, near, *others):
+        lines = found.pop()
+        # in rows, each as high as the spacing, from the nearest on
+        slant_m = near + 0.5 * (lines.near_m.astype(float) + lines.far_m) * radar.range_spacing_m
+        found.append(Facets(lines, slant_m, seen))
+        return pixels(scene, radar, seen, parts, k, step, near, *others)
+
+    monkeypatch.setattr(projection, "_collected", keep_lines)
+    monkeypatch.setattr(projection, "_pixels", keep_sight)
     # pixels at least as large as cells, so that cells are not divided
     make_geometry(scene, radar.model_copy(update={"range_spacing_m": 120.0, "range_resolution_m": 240.0}))
     return found[0]

@@ -34,18 +34,19 @@ _LEAST_COSINE = 0.01
 
 @threaded
 def count_facets(
-    part: Any, near: Any, far: Any, state: Any, per_column: Any, rows: Any, columns: Any, counts: Any, layover: Any,
-    shadow: Any,
+    part: Any, near: Any, far: Any, state: Any, per_column: Any, left: Any, rows: Any, columns: Any, counts: Any,
+    layover: Any, shadow: Any,
 ) -> None:  # fmt: skip
     """Number of visible facets that reach each pixel, and masks of the pixels in layover and in shadow.
 
     ``near`` and ``far`` are the nearest and furthest image row of each facet, as fractional numbers, shape (lines,
-    facets). ``per_column`` is the number of azimuth lines per image column. ``part`` is the range of image columns to
-    compute: the first column, and the column after the last.
+    facets). ``per_column`` is the number of azimuth lines per image column, and ``left`` is the column of the whole
+    image that is the first of the arrays. ``part`` is the range of columns of the arrays to compute: the first column,
+    and the column after the last.
     """
     lines, facets = near.shape
     for column in range(part[0], part[1]):
-        low, high = column * per_column, (column + 1) * per_column
+        low, high = (left + column) * per_column, (left + column + 1) * per_column
         for line in range(int(np.floor(low)), min(lines, int(np.ceil(high)))):
             if min(line + 1.0, high) - max(float(line), low) < 1e-6:
                 continue
@@ -66,7 +67,7 @@ def count_facets(
 
 
 @njit()
-def shade(line: Any, near: Any, far: Any, per_column: Any, shadow: Any) -> None:
+def shade(line: Any, near: Any, far: Any, per_column: Any, left: Any, shadow: Any) -> None:
     """Mark in the mask ``shadow`` the pixels that are covered by hidden parts of partly visible facets.
 
     For each partly visible facet, ``line`` is its azimuth line, and ``near`` and ``far`` are the nearest and furthest
@@ -75,17 +76,17 @@ def shade(line: Any, near: Any, far: Any, per_column: Any, shadow: Any) -> None:
     rows, columns = shadow.shape
     for i in range(line.size):
         first, last = int(line[i] / per_column), int(np.ceil((line[i] + 1) / per_column))
-        for column in range(first, min(columns, last)):
+        for column in range(max(left, first), min(left + columns, last)):
             # a line that only touches a column does not belong to this column, as in count_facets
             if min(line[i] + 1.0, (column + 1) * per_column) - max(float(line[i]), column * per_column) >= 1e-6:
                 for row in range(max(0, int(np.floor(near[i]))), min(rows - 1, int(np.floor(far[i]))) + 1):
-                    shadow[row, column] = True
+                    shadow[row, column - left] = True
 
 
 @threaded
 def fill_facets(
     part: Any, near: Any, far: Any, state: Any, angle: Any, area: Any, material: Any, k: Any, per_column: Any,
-    rows: Any, columns: Any, start: Any, by_area: Any, objects: Any, out_material: Any, out_angle: Any,
+    left: Any, rows: Any, columns: Any, start: Any, by_area: Any, objects: Any, out_material: Any, out_angle: Any,
     out_weight: Any, place: Any,
 ) -> None:  # fmt: skip
     """Material, incidence angle and weight of the part of each visible facet that lies in a pixel, sorted by pixel.
@@ -93,14 +94,14 @@ def fill_facets(
     The weight of a part of the ground is its area [m2]. For the radiometry ``sigma0_local``, the weight is instead the
     part's extent in slant range [image rows] times its width in azimuth [lines]. The weight of a part of an object,
     whose material id is ``objects``, is its share of the object's radar cross-section [m2], for every radiometry.
-    ``place`` receives, for each part, the azimuth line of its facet and the facet's index along the line. The argument
-    ``part`` is the range of image columns to compute: the first column, and the column after the last.
+    ``place`` receives, for each part, the azimuth line of its facet and the facet's index along the line. The arguments
+    ``left`` and ``part`` are those of :func:`count_facets`.
     """
     lines, facets = near.shape
     filled = np.zeros(rows, np.int32)
     for column in range(part[0], part[1]):
         filled[:] = 0
-        low, high = column * per_column, (column + 1) * per_column
+        low, high = (left + column) * per_column, (left + column + 1) * per_column
         for line in range(int(np.floor(low)), min(lines, int(np.ceil(high)))):
             beside = min(line + 1.0, high) - max(float(line), low)
             if beside < 1e-6:

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Container, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Container, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from radcal.radar import simulator_version
 from radcal.storage.dataclass_groups import put, same, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
-__all__ = ["Geometry", "PointScatterers", "is_of_pass", "read_geometry", "write_geometry"]
+__all__ = ["Frame", "Geometry", "PointScatterers", "Strip", "is_of_pass", "joined", "read_geometry", "write_geometry"]
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,59 @@ class PointScatterers:
     def none(cls) -> PointScatterers:
         """Empty set of point scatterers."""
         return cls(np.empty(0), np.empty(0), np.empty(0, np.float32), np.empty(0, np.uint32))
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What all strips of an image share; it depends on the whole scene.
+
+    Attributes
+    ----------
+    mean_m, highest_m : float
+        Mean and largest elevation [m].
+    near_m, far_m : float
+        Slant ranges [m] between which every azimuth line has ground.
+    """
+
+    mean_m: float
+    highest_m: float
+    near_m: float
+    far_m: float
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Strip of azimuth columns of an image; its arrays have a halo of columns that belong to neighbouring strips.
+
+    Attributes
+    ----------
+    first, last : int
+        First column of the image in the strip, and the column after the last.
+    left, right : int
+        First column of the image in the arrays, and the column after the last.
+    columns : int
+        Number of columns of the whole image.
+    """
+
+    first: int
+    last: int
+    left: int
+    right: int
+    columns: int
+
+    @classmethod
+    def whole(cls, columns: int) -> Strip:
+        """Whole image as a single strip."""
+        return cls(0, columns, 0, columns, columns)
+
+    def cut(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Columns of an array without the halo; azimuth is the last axis."""
+        return image[..., self.first - self.left : self.last - self.left]
+
+    def own(self, column: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Mask of the columns of the arrays [pixels] in the strip; the outer strips have those beyond the image."""
+        at = np.floor(column + 0.5) + self.left
+        return ((at >= self.first) | (self.first == 0)) & ((at < self.last) | (self.last == self.columns))
 
 
 @dataclass(frozen=True)
@@ -102,6 +155,8 @@ class Geometry:
         Square root of the ratio of cross-section to the pixel's reference area.
     point_number : ndarray of uint32, shape (points,)
         Index of the point in the scene's list of objects.
+    strip : Strip or None
+        Position in the whole image, for the geometry of a strip with its halo.
     """
 
     shape: tuple[int, int]
@@ -122,6 +177,7 @@ class Geometry:
     point_column: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     point_amplitude: NDArray[np.float32] = field(default_factory=lambda: np.empty(0, dtype=np.float32))
     point_number: NDArray[np.uint32] = field(default_factory=lambda: np.empty(0, dtype=np.uint32))
+    strip: Strip | None = None
 
     @property
     def points(self) -> PointScatterers:
@@ -157,6 +213,50 @@ class Geometry:
             distance = distance_transform_cdt(padded, metric="chessboard")[1:-1, 1:-1]
             inside = distance > margin_px
         return np.flatnonzero(inside)
+
+
+def joined(strips: Sequence[Geometry]) -> Geometry:
+    """Geometry of a whole image from the geometries of all its strips, in their order.
+
+    Raises
+    ------
+    StoreError
+        The strips do not follow each other, or are of different images.
+    """
+    pairs = [(one, one.strip) for one in strips if one.strip is not None]
+    borders = [0, *(strip.last for _, strip in pairs)]
+    if [strip.first for _, strip in pairs] != borders[:-1] or {strip.columns for _, strip in pairs} != {borders[-1]}:
+        raise StoreError("the strips of the image do not belong together; delete them to have them made again.")
+    rows = strips[0].shape[0]
+    counts = [strip.cut(np.diff(one.cell_start).reshape(one.shape)) for one, strip in pairs]
+    # the cells and facets of each strip in each row, in the order of the image
+    cells = [
+        (one, *one.cell_start[row * one.shape[1] + np.array([strip.first, strip.last]) - strip.left])
+        for row in range(rows)
+        for one, strip in pairs
+    ]
+    facets = [(one, *one.facet_start[[first, last]]) for one, first, last in cells]
+    sizes = np.concatenate([np.diff(one.facet_start[first : last + 1]) for one, first, last in cells])
+    fields: dict[str, Any] = {}
+    for name in ("material", "incidence_deg", "layover", "shadow", "ground"):
+        fields[name] = np.concatenate([strip.cut(getattr(one, name)) for one, strip in pairs], axis=-1)
+    for name, parts in (("cell_material", cells), ("facet_incidence", facets), ("facet_weight", facets)):
+        fields[name] = np.concatenate([getattr(one, name)[first:last] for one, first, last in parts])
+    own = np.concatenate([strip.own(one.point_column) for one, strip in pairs])
+    for name in ("point_row", "point_column", "point_amplitude", "point_number"):
+        fields[name] = np.concatenate([getattr(one, name) for one, _ in pairs])[own]
+    lefts, sizes_of = [strip.left for _, strip in pairs], [one.point_row.size for one, _ in pairs]
+    fields["point_column"] += np.repeat(lefts, sizes_of)[own]
+    order = np.lexsort((fields["point_number"], fields["point_row"]))
+    fields |= {name: values[order] for name, values in fields.items() if name.startswith("point_")}
+    return replace(
+        strips[0],
+        shape=(rows, borders[-1]),
+        cell_start=np.concatenate([[0], np.cumsum(np.hstack(counts))]).astype(np.int32),
+        facet_start=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32),
+        strip=None,
+        **fields,
+    )
 
 
 def write_geometry(

@@ -13,7 +13,7 @@ from radcal.bands import WIDTH_FACTOR
 from radcal.compiled import njit, threaded
 from radcal.config import Radar
 from radcal.errors import ConfigError
-from radcal.radar.geometry import PointScatterers
+from radcal.radar.geometry import PointScatterers, Strip
 from radcal.radar.points import add_points, fine_taps, phased
 from radcal.radar.reflectivity import Reflectivity, uniform
 from radcal.speckle.gaussian import gaussian_row, seed_words
@@ -46,9 +46,12 @@ def _touched(
 @njit()
 def _amplitude_row(
     row: Any, left: Any, right: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, look: Any,
-    seed: Any, work: Any, words: Any, parts: Any, out: Any,
+    seed: Any, work: Any, words: Any, parts: Any, first_of_all: Any, out: Any,
 ) -> None:  # fmt: skip
-    """Complex amplitudes of a section of an image row before the filters; real and imaginary parts alternate."""
+    """Complex amplitudes of a section of an image row before the filters; real and imaginary parts alternate.
+
+    ``first_of_all`` is the flat index in the whole image of the row's first pixel, which counts the random numbers.
+    """
     place, stream = work[0], work[1]
     base = row * columns
     n = right - left
@@ -56,19 +59,19 @@ def _amplitude_row(
     first = start[base + left]
     for column in range(left, right):
         for i in range(start[base + column], start[base + column + 1]):
-            place[i - first] = np.uint32(base + column)
+            place[i - first] = np.uint32(first_of_all + column)
             stream[i - first] = np.uint32(material[i])
     gaussian_row(n_cells, place, stream, look, seed, words, parts[0], parts[1])
     for i in range(2 * n):
         out[i] = np.float32(0.0)
     for i in range(n_cells):
         size = np.sqrt(power[first + i])
-        column = 2 * (np.int64(place[i]) - base - left)
+        column = 2 * (np.int64(place[i]) - first_of_all - left)
         out[column] += size * parts[0, i]
         out[column + 1] += size * parts[1, i]
     if noise > np.float32(0.0):
         for column in range(n):
-            place[column] = np.uint32(base + left + column)
+            place[column] = np.uint32(first_of_all + left + column)
             stream[column] = np.uint32(THERMAL)
         gaussian_row(n, place, stream, look, seed, words, parts[0], parts[1])
         for column in range(n):
@@ -152,15 +155,15 @@ def _detect(field: Any, first: Any, power: Any) -> None:
 def _form(
     part: Any, tiles: Any, rows: Any, columns: Any, start: Any, material: Any, power: Any, noise: Any, seed: Any,
     first_look: Any, looks: Any, down: Any, across: Any, gain_down: Any, gain_across: Any, most: Any,
-    point_rows: Any, point_columns: Any, point_values: Any, fine_down: Any, fine_across: Any, intensity: Any,
-    field: Any,
+    point_rows: Any, point_columns: Any, point_values: Any, fine_down: Any, fine_across: Any, strip: Any,
+    intensity: Any, field: Any,
 ) -> None:  # fmt: skip
     """Image of the given tiles: one complex look in ``field``, or the mean power of the looks in ``intensity``.
 
     For each tile, random amplitudes are computed and then filtered in slant range and in azimuth (the band limit).
     Amplitudes outside of a tile that are needed by the tile's filters are computed again for this tile, and every sum
     has a fixed order. The value of a pixel therefore depends neither on the choice of tiles nor on the number of
-    threads.
+    threads. ``strip`` is the image's first column in the whole image, and the number of columns of the whole image.
     """
     reach_down, reach_across = down.size // 2, across.size // 2
     for t in range(part[0], part[1]):
@@ -182,7 +185,7 @@ def _form(
             for row in range(max(0, top - reach_down), min(rows, bottom + reach_down)):
                 _amplitude_row(
                     row, outer_left, outer_right, columns, start, material, power, noise[row], np.uint32(look), seed,
-                    work, words, parts,
+                    work, words, parts, row * strip[1] + strip[0],
                     amplitude[row - top + reach_down, pad : pad + 2 * (outer_right - outer_left)],
                 )  # fmt: skip
             for row in range(top, bottom):
@@ -243,6 +246,9 @@ class ImageFormation:
         Noise floor of each row [dB].
     points : PointScatterers, optional
         Point scatterers of the scene.
+    strip : Strip, optional
+        Position in the whole image, if the image is a strip of it with its halo. The columns of the strip are bit for
+        bit those of the whole image; those of the halo are not.
 
     Attributes
     ----------
@@ -256,7 +262,12 @@ class ImageFormation:
     """
 
     def __init__(
-        self, radar: Radar, shape: tuple[int, int], noise_db: ArrayLike, points: PointScatterers | None = None
+        self,
+        radar: Radar,
+        shape: tuple[int, int],
+        noise_db: ArrayLike,
+        points: PointScatterers | None = None,
+        strip: Strip | None = None,
     ) -> None:
         for axis in ("range", "azimuth"):
             resolution = getattr(radar, f"{axis}_resolution_m")
@@ -271,7 +282,9 @@ class ImageFormation:
         self._shape = shape
         self._down = impulse_response(radar.range_resolution_m, radar.range_spacing_m).astype(np.float32)
         self._across = impulse_response(radar.azimuth_resolution_m, radar.azimuth_spacing_m).astype(np.float32)
-        self._gain_down, self._gain_across = border_gain(self._down, shape[0]), border_gain(self._across, shape[1])
+        self._strip = strip or Strip.whole(shape[1])
+        across = border_gain(self._across, self._strip.columns)[self._strip.left : self._strip.right]
+        self._gain_down, self._gain_across = border_gain(self._down, shape[0]), across
         self._points = PointScatterers.none() if points is None else points
         self._fine_down = fine_taps(radar.range_resolution_m, radar.range_spacing_m)
         self._fine_across = fine_taps(radar.azimuth_resolution_m, radar.azimuth_spacing_m)
@@ -352,7 +365,7 @@ class ImageFormation:
         whole, looks = self.looks, float(self._radar.looks)
         if looks == whole:
             return None
-        even = ImageFormation(self._radar, self._shape, -np.inf)
+        even = ImageFormation(self._radar, self._shape, -np.inf, strip=self._strip)
         field = even.look(uniform(np.ones(self._shape, dtype=np.float32)), noise_seed, whole)
         return beta_share(np.abs(field) ** 2, looks, whole)
 
@@ -380,7 +393,7 @@ class ImageFormation:
             len(tiles), tiles, rows, columns, reflectivity.start, reflectivity.material, reflectivity.power,
             self._noise, seed_words(noise_seed), first, looks, self._down, across, self._gain_down, self._gain_across,
             stretch * max(1, most), self._points.row, self._points.column, points,
-            self._fine_down, self._fine_across, intensity, field,
+            self._fine_down, self._fine_across, (self._strip.left, self._strip.columns), intensity, field,
         )  # fmt: skip
 
 

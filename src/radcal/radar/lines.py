@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,12 +16,27 @@ from radcal.radar.facets import ANGLES_PER_RADIAN, LAID_OVER, OBJECT, PARTLY, VI
 from radcal.radar.footprints import Boxes, Raised, Spots, add_up, locate, raise_boxes, stand
 from radcal.radar.visibility import FAR_HALF, NEAR_HALF, laid_over
 
-__all__ = ["BLOCK", "Lines", "ends", "fill_lines", "local_incidence_cosine", "refined_elevation"]
+__all__ = [
+    "BLOCK",
+    "ENDS",
+    "HALO",
+    "Lines",
+    "blocks",
+    "ends",
+    "fill_lines",
+    "ground_of",
+    "local_incidence_cosine",
+    "refined_elevation",
+]
 
 BLOCK = 256
 """Number of the scene's rows in a block, whose cubic spline is computed at once; smaller blocks need less memory."""
 
-_HALO = 12  # cells beyond a block that enter its cubic spline; those further away have no effect in single precision
+HALO = 12
+"""Cells beyond a block that enter its cubic spline; those further away have no effect in single precision."""
+
+ENDS = (0, 1, -2, -1)
+"""Facets of a line of which :func:`ends` uses the elevation."""
 
 
 @njit()
@@ -121,15 +137,26 @@ def refined_elevation(elevation: NDArray[np.float64], k: int, cell_m: float) -> 
     """
     if k == 1:
         return elevation
-    block = np.pad(elevation, _HALO, mode="reflect", reflect_type="odd")
-    rows, columns = ((np.arange(n * k) + 0.5) / k - 0.5 + _HALO for n in elevation.shape)
+    block = np.pad(elevation, HALO, mode="reflect", reflect_type="odd")
+    rows, columns = ((np.arange(n * k) + 0.5) / k - 0.5 + HALO for n in elevation.shape)
     return _refined(block, rows, columns, cell_m)
 
 
-def _ground(elevation: NDArray[np.float64], first: int, last: int, k: int, cell_m: float) -> NDArray[np.float64]:
+def blocks(low: int, high: int, k: int) -> Iterator[tuple[int, int]]:
+    """First line, and line after the last, of each block of the scene's rows from line ``low`` to ``high - 1``."""
+    while low < high:
+        last = min(high, (low // (BLOCK * k) + 1) * BLOCK * k)
+        yield low, last
+        low = last
+
+
+def ground_of(
+    elevation: NDArray[np.float64], first: int, last: int, k: int, cell_m: float, facets: tuple[int, ...] | None = None
+) -> NDArray[np.float64]:
     """Elevation of the facets on the lines ``first`` to ``last - 1`` of a block, and on one more line on each side.
 
-    Beyond the scene's border, the elevation is extrapolated by odd reflection.
+    ``facets`` are the indices of the facets of each line that are wanted; by default all. Beyond the scene's border,
+    the elevation is extrapolated by odd reflection.
     """
     ny, nx = elevation.shape
     top = first // k // BLOCK * BLOCK
@@ -137,14 +164,15 @@ def _ground(elevation: NDArray[np.float64], first: int, last: int, k: int, cell_
     if k == 1:
         top, bottom, halo = first, last, (1, 0)
     else:
-        halo = (_HALO, _HALO)
+        halo = (HALO, HALO)
     low, high = max(0, top - halo[0]), min(ny, bottom + halo[0])
     beyond = ((halo[0] - top + low, halo[0] - high + bottom), (halo[1], halo[1]))
     block = np.pad(elevation[low:high], beyond, mode="reflect", reflect_type="odd")
     if k == 1:
-        return block
-    rows = (np.arange(first - 1 - top * k, last + 1 - top * k) + 0.5) / k - 0.5 + _HALO
-    return _refined(block, rows, (np.arange(nx * k) + 0.5) / k - 0.5 + _HALO, cell_m)
+        return block if facets is None else block[:, facets]
+    rows = (np.arange(first - 1 - top * k, last + 1 - top * k) + 0.5) / k - 0.5 + HALO
+    columns = (np.arange(nx * k) + 0.5) / k - 0.5 + HALO
+    return _refined(block, rows, columns if facets is None else columns[list(facets)], cell_m)
 
 
 def fill_lines(
@@ -184,7 +212,7 @@ def fill_lines(
     (float, float)
         Nearest and furthest slant range [m] of the interval in which every one of these lines has ground.
     """
-    fine = _ground(elevation, first, last, k, step * k)
+    fine = ground_of(elevation, first, last, k, step * k)
     ground = 0.5 * (edges[1:] + edges[:-1])
     raised = Raised.none(fine[1:-1]) if standing is None else raise_boxes(standing[0], fine[1:-1], first)
     horizon, extent = np.empty((2, last - first, ground.size))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +12,7 @@ from numpy.typing import NDArray
 
 from radcal.angles import MEAN_RADIUS_M
 from radcal.config import Radar
-from radcal.errors import SceneError
+from radcal.errors import ConfigError, SceneError
 from radcal.radar.earth import LineOfSight, line_of_sight
 from radcal.radar.facets import (
     ANGLES_PER_RADIAN,
@@ -21,22 +24,29 @@ from radcal.radar.facets import (
     shade,
 )
 from radcal.radar.footprints import Boxes, Spots, share_out, to_boxes_and_spots
-from radcal.radar.geometry import Geometry, PointScatterers
-from radcal.radar.lines import BLOCK, Lines, fill_lines
+from radcal.radar.geometry import Frame, Geometry, PointScatterers, Strip
+from radcal.radar.lines import BLOCK, ENDS, HALO, Lines, blocks, ends, fill_lines, ground_of
 from radcal.radar.points import not_pure
 from radcal.radar.radiometry import of_sigma0
 from radcal.radar.size import check_size, refinement
 from radcal.scene.base import SceneSize
 from radcal.scene.crs import earth_radius_m, ground_per_grid
 from radcal.scene.model import Scene
+from radcal.speckle.response import impulse_response
 
-__all__ = ["make_geometry"]
+__all__ = ["make_frame", "make_geometry", "strips_of"]
 
 _LARGEST_KM = 1000.0  # a smaller altitude may be one in km: low orbits lie below 1000 km
 _MOST_NAMES = 254  # largest number of materials, not counting objects
 
 
-def make_geometry(scene: Scene, radar: Radar, onto: Geometry | None = None) -> Geometry:
+def make_geometry(
+    scene: Scene,
+    radar: Radar,
+    onto: Geometry | None = None,
+    strip: Strip | None = None,
+    frame: Frame | None = None,
+) -> Geometry:
     """Geometry of the image of a scene in one pass.
 
     Parameters
@@ -48,6 +58,9 @@ def make_geometry(scene: Scene, radar: Radar, onto: Geometry | None = None) -> G
     onto : Geometry, optional
         Geometry whose image grid is used: a geometry of the same pass over other relief with the same mean elevation
         and extent. By default the image covers all slant ranges at which every azimuth line has ground.
+    strip, frame : Strip, Frame, optional
+        Strip of the image to compute, of :func:`strips_of`, with the frame of :func:`make_frame`. All values are bit
+        for bit those of the whole image. By default the whole image.
 
     Raises
     ------
@@ -60,13 +73,18 @@ def make_geometry(scene: Scene, radar: Radar, onto: Geometry | None = None) -> G
     """
     if scene.elevation_m is None:
         return _slant_range_geometry(scene, radar)
+    _check(scene, radar)
+    return _terrain_geometry(scene, radar, onto, strip, frame)
+
+
+def _check(scene: Scene, radar: Radar) -> None:
+    """Raise an error if a scene with terrain has another heading than the pass, or an image that is too large."""
     if (scene.heading_deg or 0.0) != radar.heading_deg:
         raise SceneError(
             f"radar.heading_deg is {radar.heading_deg:g}, the scene's grid is made for {scene.heading_deg or 0:g}: "
             "expected the same heading in all passes."
         )
     check_size(SceneSize(scene.material.size, scene.cell_m, scene.material.size), radar)
-    return _terrain_geometry(scene, radar, onto)
 
 
 def _slant_range_geometry(scene: Scene, radar: Radar) -> Geometry:
@@ -96,23 +114,27 @@ def _slant_range_geometry(scene: Scene, radar: Radar) -> Geometry:
     )
 
 
-def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None) -> Geometry:
-    """Geometry of a scene with terrain: facets of the refined elevation model, seen from a straight track."""
-    elevation = scene.elevation_m
-    assert elevation is not None  # noqa: S101 - checked by the caller
-    material = scene.material
-    if radar.look_side == "left":  # ground range grows westward
-        elevation, material = elevation[:, ::-1], material[:, ::-1]
-    k = refinement(scene.cell_m, radar)
+@dataclass(frozen=True)
+class _View:
+    """Position of a pass relative to a scene with terrain, and the division of the scene into lines and facets."""
+
+    seen: LineOfSight
+    track_m: float
+    edges_m: NDArray[np.float64]  # ground range of the facets' edges
+    base_m: float  # slant range near the scene, to which slant ranges are relative, so that single precision is enough
+    k: int
+    step_m: float
+
+
+def _view(scene: Scene, radar: Radar, mean_m: float, highest_m: float) -> _View:
+    nx, k = scene.material.shape[1], refinement(scene.cell_m, radar)
     step = scene.cell_m / k
-    ny, nx = elevation.shape
-    mean = float(elevation.mean())
-    seen = _sight(scene, radar, mean)
-    track = mean + seen.height_m
-    if track <= elevation.max():
+    seen = _sight(scene, radar, mean_m)
+    track = mean_m + seen.height_m
+    if track <= highest_m:
         raise SceneError(
             f"radar.altitude_m is {radar.altitude_m:g} m above the scene's mean, the terrain rises "
-            f"{elevation.max() - mean:.0f} m: fly higher{_in_km(radar)}."
+            f"{highest_m - mean_m:.0f} m: fly higher{_in_km(radar)}."
         )
     edges = np.arange(nx * k + 1) * step - nx * scene.cell_m / 2 + seen.ground_m
     if edges[0] <= 0.0:
@@ -120,36 +142,132 @@ def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None) -> Geom
             f"radar.depression_deg {radar.depression_deg:g} at radar.altitude_m {radar.altitude_m:g} puts the track "
             f"over the scene: lower the depression angle or fly higher{_in_km(radar)}."
         )
-    # slant ranges are stored relative to a base slant range near the scene, so that single precision is enough
-    base = float(np.hypot(seen.height_m, edges[0]))
-    lines = Lines.empty(ny * k, nx * k)
-    elevation = seen.lowered(elevation, scene.cell_m)
-    standing = _standing(scene, radar, elevation, track, k, step)
-    near, far = 0.0, np.inf
-    for first in range(0, ny * k, BLOCK * k):
-        last = min(ny * k, first + BLOCK * k)
-        near_line, far_line = fill_lines(
-            elevation, first, last, k, step, edges, track, base, radar.range_spacing_m, lines, standing, seen
+    return _View(seen, track, edges, float(np.hypot(seen.height_m, edges[0])), k, step)
+
+
+def make_frame(scene: Scene, radar: Radar) -> Frame:
+    """Frame of the strips of a scene's image in one pass; raises the errors of :func:`make_geometry`."""
+    _check(scene, radar)
+    elevation = _facing(scene.elevation_m, radar)
+    mean, highest = float(elevation.mean()), float(elevation.max())
+    view, near, far = _view(scene, radar, mean, highest), 0.0, np.inf
+    for first, last in blocks(0, len(elevation) * view.k, view.k):
+        rows = slice(max(0, first // view.k - HALO), last // view.k + HALO)
+        surface = _lowered(view.seen, elevation, scene.cell_m, rows)
+        near_line, far_line = ends(
+            ground_of(surface, first, last, view.k, scene.cell_m, ENDS)[1:-1], view.edges_m, view.track_m
         )
         near, far = max(near, near_line), min(far, far_line)
+    return Frame(mean, highest, near, far)
+
+
+def strips_of(lines: int, cell_m: float, radar: Radar, number: int) -> list[Strip]:
+    """Division of an image into strips of a multiple of 256 rows of the scene, and a halo for the impulse response.
+
+    Parameters
+    ----------
+    lines : int
+        Number of the scene's rows, which are along azimuth.
+    cell_m : float
+        Cell size [m].
+    radar : Radar
+        Pass.
+    number : int
+        Number of strips.
+
+    Raises
+    ------
+    ConfigError
+        The scene has fewer blocks of 256 rows than strips.
+    """
+    most = math.ceil(lines / BLOCK)
+    if number > most:
+        raise ConfigError(
+            f"simulator.strips is {number}: the scene has {lines} rows in azimuth, expected at most {most} strips, "
+            f"of {BLOCK} rows or more each."
+        )
+    columns = int(lines * cell_m / radar.azimuth_spacing_m)
+    starts = [round(part * most // number * BLOCK * cell_m / radar.azimuth_spacing_m) for part in range(number)]
+    # points beyond the filter's reach, but in the same or the next pixel, may still contribute
+    halo = len(impulse_response(radar.azimuth_resolution_m, radar.azimuth_spacing_m)) // 2 + 2
+    return [
+        Strip(first, last, max(0, first - halo), min(columns, last + halo), columns)
+        for first, last in itertools.pairwise([*starts, columns])
+    ]
+
+
+def _facing(array: NDArray[Any] | None, radar: Radar) -> NDArray[Any]:
+    """Cells of a scene in the order of ground range along axis 1."""
+    assert array is not None  # noqa: S101 - a scene with terrain
+    return array if radar.look_side == "right" else array[:, ::-1]
+
+
+def _lowered(seen: LineOfSight, elevation: NDArray[np.float64], cell_m: float, rows: slice) -> NDArray[np.float64]:
+    """Elevation, on a curved earth lowered; then only ``rows`` are filled, which alone need memory."""
+    if math.isinf(seen.radius_m):
+        return elevation
+    surface = np.zeros(elevation.shape)
+    surface[rows] = seen.lowered(elevation[rows], cell_m)
+    return surface
+
+
+def _terrain_geometry(
+    scene: Scene, radar: Radar, onto: Geometry | None, strip: Strip | None, frame: Frame | None
+) -> Geometry:
+    """Geometry of a scene with terrain: facets of the refined elevation model, seen from a straight track."""
+    elevation, material = _facing(scene.elevation_m, radar), _facing(scene.material, radar)
+    ny, nx = elevation.shape
+    heights = (float(elevation.mean()), float(elevation.max())) if frame is None else (frame.mean_m, frame.highest_m)
+    view = _view(scene, radar, *heights)
+    seen, track, k, step = view.seen, view.track_m, view.k, view.step_m
+    columns = int(ny * scene.cell_m / radar.azimuth_spacing_m)
+    low, high = (0, ny * k) if strip is None else _lines_of(strip, scene, radar, k, step)
+    rows = slice(max(0, low // k // BLOCK * BLOCK - HALO), (-(-high // k) // BLOCK + 1) * BLOCK + HALO)
+    surface = _lowered(seen, elevation, scene.cell_m, rows)
+    lines, part = Lines.empty(ny * k, nx * k), slice(low, high)
+    standing = _standing(scene, radar, surface, view, heights[0], part)
+    near, far = 0.0, np.inf
+    for first, last in blocks(low, high, k):
+        near_line, far_line = fill_lines(
+            surface, first, last, k, step, view.edges_m, track, view.base_m, radar.range_spacing_m, lines, standing,
+            seen,
+        )  # fmt: skip
+        near, far = max(near, near_line), min(far, far_line)
+    if frame is not None:
+        near, far = frame.near_m, frame.far_m
     if onto is not None:
         near = seen.slant_range_m(onto.flat_incidence_deg[0]) - 0.5 * radar.range_spacing_m
-    points = PointScatterers.none()
+    # the rows cover the slant ranges at which every azimuth line has ground, so that the image lies within the scene
+    count = int((far - near) / radar.range_spacing_m) if onto is None else onto.shape[0]
+    if count < 8 or columns < 8:
+        raise SceneError(f"the image of the scene would have {count} x {columns} pixels: use a finer pixel spacing.")
+    place, points = strip or Strip.whole(columns), PointScatterers.none()
     if standing is not None:
         boxes, spots = standing
         share_out(
-            len(lines.near_m), lines.near_m, lines.far_m, lines.state, lines.area, lines.area.view(np.int32),
-            boxes.rcs_m2, boxes.extent,
+            high - low, lines.near_m[part], lines.far_m[part], lines.state[part], lines.area[part],
+            lines.area[part].view(np.int32), boxes.rcs_m2, boxes.extent,
         )  # fmt: skip
-        points = _points(spots, radar, seen, near, step)
+        points = _points(spots, radar, seen, near, step, place.left)
+    for slant in (lines.near_m[part], lines.far_m[part], *(one for _, *both in lines.hidden for one in both)):
+        _to_rows(slant, near - view.base_m, radar.range_spacing_m)
+    if not material.flags.c_contiguous:
+        material = np.zeros(material.shape, dtype=np.uint8)
+        material[rows] = _facing(scene.material, radar)[rows]
+    parts = _collected(scene, radar, material, lines, k, step, count, place)
+    del lines  # about half of the memory
+    made = _pixels(scene, radar, seen, parts, k, step, near, points)
+    return made if strip is None else replace(made, strip=strip)
 
-    # the rows cover the slant ranges at which every azimuth line has ground, so that the image lies within the scene
-    rows = int((far - near) / radar.range_spacing_m) if onto is None else onto.shape[0]
-    columns = int(ny * scene.cell_m / radar.azimuth_spacing_m)
-    if rows < 8 or columns < 8:
-        raise SceneError(f"the image of the scene would have {rows} x {columns} pixels: use a finer pixel spacing.")
-    material = np.ascontiguousarray(material)
-    return _pixels(scene, radar, seen, material, lines, k, step, near, base, (rows, columns), points)
+
+def _lines_of(strip: Strip, scene: Scene, radar: Radar, k: int, step: float) -> tuple[int, int]:
+    """First line that a strip needs, and the line after the last: those of its columns and of objects across them."""
+    lines, per_column = scene.material.shape[0] * k, radar.azimuth_spacing_m / step
+    beyond = 1
+    if scene.objects is not None and len(scene.objects):
+        beyond += math.ceil(float(np.hypot(scene.objects.length_m, scene.objects.width_m).max()) / step)
+    high = lines if strip.right == strip.columns else math.ceil(strip.right * per_column) + beyond
+    return max(0, math.floor(strip.left * per_column) - beyond), min(lines, high)
 
 
 def _sight(scene: Scene, radar: Radar, mean_m: float) -> LineOfSight:
@@ -168,9 +286,12 @@ def _sight(scene: Scene, radar: Radar, mean_m: float) -> LineOfSight:
 
 
 def _standing(
-    scene: Scene, radar: Radar, elevation: NDArray[np.float64], track: float, k: int, step: float
+    scene: Scene, radar: Radar, elevation: NDArray[np.float64], view: _View, mean_m: float, part: slice
 ) -> tuple[Boxes, Spots] | None:
-    """Boxes and point scatterers of the scene's objects on the refined elevation model; None without objects."""
+    """Boxes and point scatterers of the scene's objects on the refined elevation model; None without objects.
+
+    Only the boxes on the lines ``part`` have the heights of their roofs.
+    """
     if scene.objects is None or not len(scene.objects):
         return None
     if len(scene.names) > _MOST_NAMES:
@@ -178,13 +299,15 @@ def _standing(
             f"scene.objects: the scene has {len(scene.names)} material ids, expected at most {_MOST_NAMES} beside "
             "objects."
         )
-    standing = to_boxes_and_spots(scene.objects, elevation, radar.look_side, k, step)
-    if standing[0].top_m.size and track <= standing[0].top_m.max():
+    boxes, spots = to_boxes_and_spots(scene.objects, elevation, radar.look_side, view.k, view.step_m)
+    on_lines = (boxes.place[:, 0] >= part.start) & (boxes.place[:, 0] < part.stop)
+    highest = float(boxes.top_m[on_lines].max(initial=-np.inf))
+    if view.track_m <= highest:
         raise SceneError(
             f"radar.altitude_m is {radar.altitude_m:g} m above the scene's mean, an object rises "
-            f"{standing[0].top_m.max() - elevation.mean():.0f} m: fly higher{_in_km(radar)}."
+            f"{highest - mean_m:.0f} m: fly higher{_in_km(radar)}."
         )
-    return standing
+    return boxes, spots
 
 
 def _in_km(radar: Radar) -> str:
@@ -194,27 +317,67 @@ def _in_km(radar: Radar) -> str:
     return f" (is {radar.altitude_m:g} in km? radar.altitude_m: {1000.0 * radar.altitude_m:g})"
 
 
-def _pixels(
-    scene: Scene, radar: Radar, seen: LineOfSight, material: NDArray[np.uint8], lines: Lines, k: int, step: float,
-    near: float, base: float, shape: tuple[int, int], points: PointScatterers,
-) -> Geometry:  # fmt: skip
-    """Geometry of the image, computed from the facets of all lines; a facet belongs to every pixel that it reaches."""
-    rows, columns = shape
+@dataclass(frozen=True)
+class _Parts:
+    """Parts of visible facets, sorted by pixel; a facet has a part in every pixel that it reaches."""
+
+    layover: NDArray[np.bool_]
+    shadow: NDArray[np.bool_]
+    start: NDArray[np.int32]  # first part of each pixel
+    material: NDArray[np.uint8]
+    incidence: NDArray[np.uint16]
+    weight: NDArray[np.float32]
+    place: NDArray[np.float32]  # line and index along the line of the facet
+
+
+def _objects_id(scene: Scene) -> int:
+    """Material id of objects; in a scene without objects, a number above all ids."""
+    return len(scene.names) + 1 if scene.objects is not None else 256
+
+
+def _collected(
+    scene: Scene, radar: Radar, material: NDArray[np.uint8], lines: Lines, k: int, step: float, rows: int, strip: Strip
+) -> _Parts:
+    """Parts of the facets in the pixels of a strip; the extents of the facets in ``lines`` are in image rows."""
+    left, columns = strip.left, strip.right - strip.left
     per_column = radar.azimuth_spacing_m / step  # number of lines per image column
-    near_row, far_row, layover, shadow, counts = _counted(lines, radar, near - base, per_column, shape)
+    counts = np.zeros(rows * columns, dtype=np.uint16)
+    layover, shadow = np.zeros((2, rows, columns), dtype=np.bool_)
+    extents = lines.near_m, lines.far_m, lines.state
+    count_facets(columns, *extents, per_column, left, rows, columns, counts, layover, shadow)
+    for line, nearest, furthest in lines.hidden:
+        shade(line, nearest, furthest, per_column, left, shadow)
     total = int(counts.sum(dtype=np.int64))
+    if total == 0:
+        raise SceneError("no part of the scene is visible to the radar.")
+    if total >= 2**31:
+        raise SceneError(
+            f"the image would hold {total:,} parts of facets, more than {2**31:,}: use a coarser pixel spacing or a "
+            "smaller scene."
+        )
     start = np.zeros(rows * columns + 1, dtype=np.int32)
     np.cumsum(counts, out=start[1:])
-    facet_material, incidence = np.empty(total, dtype=np.uint8), np.empty(total, dtype=np.uint16)
-    weight = np.empty(total, dtype=np.float32)
-    place = np.empty((2, total), dtype=np.float32)
-    local = radar.radiometry == "sigma0_local"
-    # material id of objects; in a scene without objects, a number above all ids
-    objects = len(scene.names) + 1 if scene.objects is not None else 256
-    fill_facets(
-        columns, near_row, far_row, lines.state, lines.incidence, lines.area, material, k, per_column, rows, columns,
-        start, not local, objects, facet_material, incidence, weight, place,
+    del counts
+    parts = _Parts(
+        layover, shadow, start, np.empty(total, np.uint8), np.empty(total, np.uint16), np.empty(total, np.float32),
+        np.empty((2, total), np.float32),
     )  # fmt: skip
+    fill_facets(
+        columns, *extents, lines.incidence, lines.area, material, k, per_column, left, rows, columns, start,
+        radar.radiometry != "sigma0_local", _objects_id(scene), parts.material, parts.incidence, parts.weight,
+        parts.place,
+    )  # fmt: skip
+    return parts
+
+
+def _pixels(
+    scene: Scene, radar: Radar, seen: LineOfSight, parts: _Parts, k: int, step: float, near: float,
+    points: PointScatterers,
+) -> Geometry:  # fmt: skip
+    """Geometry of a strip of the image, computed from the parts of the facets in its pixels."""
+    rows, columns = shape = parts.shadow.shape
+    start, facet_material, incidence, weight = parts.start, parts.material, parts.incidence, parts.weight
+    local, objects = radar.radiometry == "sigma0_local", _objects_id(scene)
     flat = seen.flat_incidence_deg(near + np.arange(0.5, rows) * radar.range_spacing_m)
     per_area = _per_area(radar, flat).astype(np.float32)
     cells = np.empty(rows * columns, dtype=np.uint16)
@@ -222,9 +385,10 @@ def _pixels(
     mean_incidence = np.full(rows * columns, np.nan, dtype=np.float32)
     ground = np.full((2, rows * columns), np.nan, dtype=np.float32)
     # weights of sigma0_local are divided by the width of a pixel in lines
-    of_ground = np.full(rows, 1.0 / per_column, dtype=np.float32) if local else per_area
+    width = radar.azimuth_spacing_m / step
+    of_ground = np.full(rows, 1.0 / width, dtype=np.float32) if local else per_area
     order_facets(
-        rows, start, columns, facet_material, incidence, weight, place, of_ground, per_area, objects, cells, pure,
+        rows, start, columns, facet_material, incidence, weight, parts.place, of_ground, per_area, objects, cells, pure,
         mean_incidence, ground,
     )  # fmt: skip
     if radar.radiometry == "gamma0_rtc":
@@ -236,7 +400,9 @@ def _pixels(
     facet_start[-1] = facet_material.size
     cells_of(cells.size, start, cell_start, facet_material, cell_material, facet_start)
     # lines and facets are converted to the scene's rows and columns; columns grow eastward for either look side
-    ground = (ground + np.float32(0.5)) / np.float32(k) - np.float32(0.5)
+    ground += np.float32(0.5)
+    ground /= np.float32(k)
+    ground -= np.float32(0.5)
     if radar.look_side == "left":
         ground[1] = scene.material.shape[1] - 1 - ground[1]
     not_pure(points, radar, pure.reshape(shape))
@@ -253,8 +419,8 @@ def _pixels(
         facet_weight=weight,
         material=pure.reshape(shape),
         incidence_deg=mean_incidence.reshape(shape),
-        layover=layover,
-        shadow=shadow | (cells == 0).reshape(shape),
+        layover=parts.layover,
+        shadow=parts.shadow | (cells == 0).reshape(shape),
         flat_incidence_deg=flat,
         ground=ground.reshape(2, *shape),
         earth_radius_m=None if radar.earth == "flat" else seen.radius_m,
@@ -265,35 +431,14 @@ def _pixels(
     )
 
 
-def _counted(
-    lines: Lines, radar: Radar, near_m: float, per_column: float, shape: tuple[int, int]
-) -> tuple[NDArray[Any], ...]:
-    """First and last row of each facet, masks of layover and shadow, and number of facets that reach each pixel."""
-    rows, columns = shape
-    to_rows = (near_m, radar.range_spacing_m)
-    near_row, far_row = _rows(lines.near_m, *to_rows), _rows(lines.far_m, *to_rows)
-    counts = np.zeros(rows * columns, dtype=np.uint16)
-    layover, shadow = np.zeros((2, rows, columns), dtype=np.bool_)
-    count_facets(columns, near_row, far_row, lines.state, per_column, rows, columns, counts, layover, shadow)
-    for line, nearest, furthest in lines.hidden:
-        shade(line, _rows(nearest, *to_rows), _rows(furthest, *to_rows), per_column, shadow)
-    total = int(counts.sum(dtype=np.int64))
-    if total == 0:
-        raise SceneError("no part of the scene is visible to the radar.")
-    if total >= 2**31:
-        raise SceneError(
-            f"the image would hold {total:,} parts of facets, more than {2**31:,}: use a coarser pixel spacing or a "
-            "smaller scene."
-        )
-    return near_row, far_row, layover, shadow, counts
+def _to_rows(slant_m: NDArray[np.float32], near_m: float, spacing_m: float) -> NDArray[np.float32]:
+    """Convert slant ranges [m] to fractional rows of the image, counted from the near edge of the first, in place."""
+    slant_m -= np.float32(near_m)
+    slant_m /= np.float32(spacing_m)
+    return slant_m
 
 
-def _rows(slant_m: NDArray[np.float32], near_m: float, spacing_m: float) -> NDArray[np.float32]:
-    """Slant ranges [m] converted to fractional rows of the image, counted from the near edge of the first row."""
-    return ((slant_m - near_m) / spacing_m).astype(np.float32)
-
-
-def _points(spots: Spots, radar: Radar, seen: LineOfSight, near: float, step: float) -> PointScatterers:
+def _points(spots: Spots, radar: Radar, seen: LineOfSight, near: float, step: float, left: int) -> PointScatterers:
     """Visible point scatterers with their position and amplitude in the image, sorted by row."""
     shown = np.isfinite(spots.slant_m)
     slant = np.asarray(spots.slant_m[shown], dtype=np.float64)
@@ -302,7 +447,7 @@ def _points(spots: Spots, radar: Radar, seen: LineOfSight, near: float, step: fl
     amplitude = np.sqrt(spots.rcs_m2[shown] * _per_area(radar, seen.flat_incidence_deg(slant)))
     return PointScatterers(
         row[order],
-        (spots.place[shown, 0] * step / radar.azimuth_spacing_m - 0.5)[order],
+        (spots.place[shown, 0] * step / radar.azimuth_spacing_m - 0.5)[order] - left,
         amplitude.astype(np.float32)[order],
         spots.number[shown][order],
     )
@@ -315,7 +460,8 @@ def _near(cells: NDArray[np.bool_], ground: NDArray[np.float32], size: int) -> N
     found = np.zeros(ground.shape[1], dtype=np.bool_)
     seen = np.isfinite(ground).all(axis=0)
     row, column = np.rint(ground[:, seen]).astype(np.int64)
-    found[seen] = maximum_filter(cells, size)[row, column]
+    first = max(0, int(row.min(initial=0)) - size)
+    found[seen] = maximum_filter(cells[first : int(row.max(initial=0)) + size + 1], size)[row - first, column]
     return found
 
 

@@ -54,7 +54,7 @@ class BuiltinSimulator:
         self._geometry, self._version = geometry, simulator_version(radar.earth)
         self._laws = laws
         noise_db = noise_floor_db(radar, geometry.flat_incidence_deg)
-        self._formation = ImageFormation(radar, geometry.shape, noise_db, geometry.points)
+        self._formation = ImageFormation(radar, geometry.shape, noise_db, geometry.points, geometry.strip)
         self._last: _Last | None = None
 
     @classmethod
