@@ -9,7 +9,7 @@ import pytest
 
 SCRIPTS = sorted((Path(__file__).resolve().parents[1] / "workflow/scripts").glob("*.py"))
 LATE = ("matplotlib", "pandas", "platypus", "pyogrio", "rasterio", "scipy.stats", "skimage", "sklearn", "smt")
-LATE += ("snakemake",)
+LATE += ("scipy.linalg", "scipy.ndimage", "scipy.optimize", "snakemake")
 # numba takes half a second: for those that compute geometry or simulate
 SIMULATE = {"geometry", "reference", "design_chunk", "verify", "final_runs", "measurement", "reuse", "simulator"}
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 from threadpoolctl import threadpool_limits
 
 from radcal.calibration.steps import train_all
@@ -210,7 +210,7 @@ def _with_curve(
 
     box = np.asarray(objective.material.box)
     parameters = Parameters(box, objective.material.integer, levels, log_prior)
-    return parameters, np.asarray(block_diag(*blocks)), np.concatenate(knots)
+    return parameters, np.asarray(scipy.linalg.block_diag(*blocks)), np.concatenate(knots)
 
 
 def _without_curve(
@@ -239,7 +239,7 @@ def _without_curve(
         log_prior=lambda x: np.zeros(len(x)),
         error=lambda x: np.asarray(surrogate.error(at(x))[:, 0]),
     )
-    return parameters, np.asarray(block_diag(*blocks)), np.concatenate(middles)
+    return parameters, np.asarray(scipy.linalg.block_diag(*blocks)), np.concatenate(middles)
 
 
 def _attenuation(targets: Targets, name: str) -> list[tuple[float, float]]:

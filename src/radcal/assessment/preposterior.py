@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
-from scipy.special import ndtri, polygamma
 
 from radcal.config import Radar, Uncertainty
 from radcal.laws import Law
@@ -26,7 +25,7 @@ Doubles = NDArray[np.float64]
 
 _FEWEST = 50  # least number of pixels, as for a target
 _QUANTILES = (0.05, 0.95)
-_SCORES = ndtri(np.arange(0.5, 400.0) / 400.0)  # of a standard normal distribution
+_SCORES = scipy.special.ndtri(np.arange(0.5, 400.0) / 400.0)  # of a standard normal distribution
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ class View:
 
     def speckle_db2(self, looks: float) -> Doubles:
         """Variance of each cell's mean by speckle of ``looks`` looks [dB^2], shape (n,)."""
-        return np.asarray(DB**2 * polygamma(1, looks * self.independent))
+        return np.asarray(DB**2 * scipy.special.polygamma(1, looks * self.independent))
 
 
 def view_of(name: str, geometry: Geometry, radar: Radar, margin_px: int, scene: Scene | None = None) -> View | None:
@@ -211,7 +210,7 @@ def half_widths_after(
     precision = np.eye(common.shape[1]) + weighted @ common[:first]
     given = np.linalg.solve(precision, weighted @ seen[:first])
     columns = np.hstack([seen[first:] - common[first:] @ given, common[first:]])
-    information = block_diag(np.eye(m), precision) + (columns.T * weight[first:]) @ columns
+    information = scipy.linalg.block_diag(np.eye(m), precision) + (columns.T * weight[first:]) @ columns
     padded = np.pad(left, ((0, 0), (0, len(precision))))
     before, after = (left**2).sum(axis=1), (padded * np.linalg.solve(information, padded.T).T).sum(axis=1)
     return np.asarray(now * np.sqrt(np.clip(after, 0.0, None) / np.maximum(before, 1e-12)))
@@ -224,7 +223,7 @@ def _normal_scores(values: Doubles) -> Doubles:
     that of the standard normal distribution.
     """
     ranks = values.argsort(axis=0, kind="stable").argsort(axis=0, kind="stable")
-    scores = ndtri((ranks + 0.5) / len(values))
+    scores = scipy.special.ndtri((ranks + 0.5) / len(values))
     return np.asarray(scores / np.sqrt((scores**2).mean(axis=0)) * half_widths_now(values) / NORMAL_90)
 
 

@@ -24,7 +24,13 @@ from radcal.sections.base import PASSES, CaseName
 from radcal.sections.errors import Mistake, Wrong, key_in_list, nearest
 from radcal.sections.limits import Seed
 from radcal.sections.materials import Material, OtherLaw, check_parameters, default_materials
-from radcal.sections.measurement import FileMeasurement, RegistrationConfig, Synthetic, SyntheticMeasurement
+from radcal.sections.measurement import (
+    FileMeasurement,
+    MeasurementConfig,
+    RegistrationConfig,
+    Synthetic,
+    SyntheticMeasurement,
+)
 from radcal.sections.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
 from radcal.sections.ppi import Ppi
 from radcal.sections.radar import Radar
@@ -35,6 +41,10 @@ from radcal.sections.target import TargetConfig, Uncertainty, Validation
 from radcal.tables.sensors import sensors
 
 __all__ = ["Case"]
+
+
+def _synthetic_measurement() -> list[MeasurementConfig]:
+    return [SyntheticMeasurement()]
 
 
 class Case(Part):
@@ -50,11 +60,13 @@ class Case(Part):
     )
     seed: Seed = Field(1, description="seed of all random draws for which no other key gives a seed")
     # a default_factory, because a section that is created here would make every job build its validator
-    scene: SceneConfig = Field(BuiltinScene(), description="source of elevation, materials and objects")
+    scene: SceneConfig = Field(default_factory=BuiltinScene, description="source of elevation, materials and objects")
     radars: Radars = Field(
         default_factory=lambda: [Radar()], description="the acquisition: track, sensor and image grid"
     )
-    simulator: SimulatorConfig = Field(BuiltinSimulation(), description="radcal's own simulator or any other program")
+    simulator: SimulatorConfig = Field(
+        default_factory=BuiltinSimulation, description="radcal's own simulator or any other program"
+    )
     materials: dict[str, Material] = Field(
         default_factory=default_materials,
         min_length=1,
@@ -63,7 +75,7 @@ class Case(Part):
     # a default_factory, so that jobs of a calibration do not build its validator
     ppi: Ppi = Field(default_factory=Ppi)
     measurements: Measurements = Field(
-        [SyntheticMeasurement()], description="the measured image in a file, or a synthetic one"
+        default_factory=_synthetic_measurement, description="the measured image in a file, or a synthetic one"
     )
     colours: dict[str, str] | None = Field(None, description="colours of the materials in figures")
     registration: RegistrationConfig = Field(default_factory=RegistrationConfig)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from radcal import skewnormal
@@ -210,8 +211,6 @@ def overview(case: Archive) -> tuple[Canvas, str, str]:
 def quality(case: Archive, name: str) -> tuple[Canvas, str, str]:
     """Quantile-quantile figure of the measured pixels and the skew-normal density fitted to them."""
     material = case.materials[name]
-    from scipy.special import betaincinv
-
     canvas = new_canvas(6.2, 4.4)
     axes = canvas.subplots()
     values = np.sort(material.target.values_db.astype(np.float64))
@@ -230,7 +229,7 @@ def quality(case: Archive, name: str) -> tuple[Canvas, str, str]:
     # Statistics", section 2.1)
     m = max(8, round(material.target.effective))
     rank = np.arange(1, m + 1)
-    shares = np.stack([betaincinv(rank, m + 1 - rank, tail) for tail in (0.025, 0.975)])
+    shares = np.stack([scipy.special.betaincinv(rank, m + 1 - rank, tail) for tail in (0.025, 0.975)])
     axes.fill_between(
         quantile((rank - 0.5) / m), *quantile(shares), color=DESIGN, alpha=0.35, linewidth=0, label="95 % of samples"
     )

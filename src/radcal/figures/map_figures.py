@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from radcal.figures.colours import colours_of, of_ids
@@ -295,19 +296,15 @@ def registration(case: Archive) -> tuple[Canvas, str, str] | None:
 
 def _levelled(image_db: NDArray[Any]) -> Array:
     """Image averaged over 5 x 5 pixels, shifted to zero median, and divided by half the width of the middle 68 %."""
-    from scipy.ndimage import uniform_filter
-
     power, valid = _power(image_db)
-    count = uniform_filter(valid.astype(np.float64), 5)
-    smooth = _db(uniform_filter(power, 5) / np.maximum(count, 1e-9), count > 0.02)
+    count = scipy.ndimage.uniform_filter(valid.astype(np.float64), 5)
+    smooth = _db(scipy.ndimage.uniform_filter(power, 5) / np.maximum(count, 1e-9), count > 0.02)
     low, middle, high = np.nanpercentile(smooth, [16.0, 50.0, 84.0])
     return np.asarray((smooth - middle) / max(0.5 * float(high - low), 1e-6))
 
 
 def residual(case: Archive) -> tuple[Canvas, str, str] | None:
     """Figure of the residual (calibrated minus measured image) beside the materials."""
-    from scipy.special import polygamma
-
     images = case.images
     if images.calibrated_db is None or images.material is None:
         return None
@@ -354,7 +351,7 @@ def residual(case: Archive) -> tuple[Canvas, str, str] | None:
     # Oliver and Quegan 2004: variance of log intensity is trigamma(looks); neighbours are correlated, so that this is a
     # lower bound
     looks = case.configured.radar.looks
-    speckle = 10.0 / np.log(10.0) * np.sqrt(2.0 * float(polygamma(1, looks))) / _BOXCAR
+    speckle = 10.0 / np.log(10.0) * np.sqrt(2.0 * float(scipy.special.polygamma(1, looks))) / _BOXCAR
     caption = (
         f"Left: calibrated minus measured image, mean of the dB values over {_BOXCAR} x {_BOXCAR} pixels; red: "
         f"too bright, blue: too dark. Speckle alone, of {looks:g} looks in both images, gives this mean a standard "
@@ -369,25 +366,21 @@ def residual(case: Archive) -> tuple[Canvas, str, str] | None:
 
 def _smoothed(pixels: NDArray[Any], incidence_deg: NDArray[Any] | None) -> NDArray[Any]:
     """Moving average of a difference [dB]; NaN where too few pixels of the window have a value."""
-    from scipy.ndimage import uniform_filter
-
     # where no material is visible the simulation holds only noise and was not compared
     valid = np.isfinite(pixels) & np.isfinite(pixels if incidence_deg is None else incidence_deg)
-    share = uniform_filter(valid.astype(np.float32), _BOXCAR, mode="constant")
-    total = uniform_filter(np.where(valid, pixels, 0.0), _BOXCAR, mode="constant")
+    share = scipy.ndimage.uniform_filter(valid.astype(np.float32), _BOXCAR, mode="constant")
+    total = scipy.ndimage.uniform_filter(np.where(valid, pixels, 0.0), _BOXCAR, mode="constant")
     enough = valid & (share > 0.25)
     return np.where(enough, total / np.where(enough, share, 1.0), np.nan)
 
 
 def _middle(inside: NDArray[np.bool_], taken: Sequence[tuple[int, int]] = ()) -> tuple[int, int]:
     """Row and column of a point far inside a region and far from the points in ``taken``."""
-    from scipy.ndimage import distance_transform_cdt
-
     k = max(1, max(inside.shape) // 400)
     coarse = inside[k // 2 :: k, k // 2 :: k]
     if not coarse.any():
         k, coarse = 1, inside
-    depth = distance_transform_cdt(np.pad(coarse, 1), metric="taxicab")[1:-1, 1:-1]
+    depth = scipy.ndimage.distance_transform_cdt(np.pad(coarse, 1), metric="taxicab")[1:-1, 1:-1]
     rows, columns = np.nonzero(depth >= 0.6 * depth.max())
     merit = depth[rows, columns] / depth.max()
     merit = merit - 0.2 * np.hypot((rows - rows.mean()) / coarse.shape[0], (columns - columns.mean()) / coarse.shape[1])

@@ -6,6 +6,7 @@ import re
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from radcal.figures.colours import colours_of, of_ids
@@ -181,8 +182,6 @@ def incidence(case: Archive) -> tuple[Canvas, str, str] | None:
 
 def _hatch_determined(panel: Axes, case: Archive, angle: NDArray[Any], material: NDArray[Any]) -> bool:
     """Hatch the ground whose incidence lies where its law is determined; whether there is any."""
-    from scipy.ndimage import uniform_filter
-
     inside = np.zeros(angle.shape, dtype=np.float32)
     for name, result in case.materials.items():
         if result.posterior is not None and (known := result.posterior.known_between_deg) is not None:
@@ -190,7 +189,7 @@ def _hatch_determined(panel: Axes, case: Archive, angle: NDArray[Any], material:
     if not inside.any():
         return False
     k = max(1, max(angle.shape) // _HATCHED)
-    share = uniform_filter(inside, 2 * k + 1)[k // 2 :: k, k // 2 :: k]
+    share = scipy.ndimage.uniform_filter(inside, 2 * k + 1)[k // 2 :: k, k // 2 :: k]
     rows, columns = (np.arange(n)[k // 2 :: k] for n in angle.shape)
     areas = panel.contourf(columns, rows, share, levels=[0.5, 2.0], colors="none", hatches=["////"])
     areas.set(edgecolor="white", linewidth=0.8)

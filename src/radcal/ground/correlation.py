@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 __all__ = ["Correlation", "estimate_correlation", "independent_pairs", "without_trend"]
@@ -139,20 +140,17 @@ def estimate_correlation(
     Bartlett, "On the theoretical specification and sampling properties of autocorrelated time series", J. R. Statist.
     Soc. Suppl. 8 (1946): standard error of a correlation.
     """
-    from scipy import fft  # every process of the workflow imports this module, and few call it
-    from scipy.ndimage import label
-
     shape = image_db.shape
     alone = np.zeros((2 * REACH_PX + 1, 2 * REACH_PX + 1))
     alone[REACH_PX, REACH_PX] = 1.0
     if not inside.size:
         return Correlation(alone, shape[1])
-    size = tuple(fft.next_fast_len(n + REACH_PX + 1, real=True) for n in shape)
+    size = tuple(scipy.fft.next_fast_len(n + REACH_PX + 1, real=True) for n in shape)
 
     def pairs(values: Doubles) -> Doubles:
         """Sums of the products of all pairs of pixels at each lag, from -6 to 6 rows and columns."""
-        spectrum = fft.rfft2(values, s=size)
-        lags = fft.irfft2(np.abs(spectrum) ** 2, s=size)
+        spectrum = scipy.fft.rfft2(values, s=size)
+        lags = scipy.fft.irfft2(np.abs(spectrum) ** 2, s=size)
         window = np.arange(-REACH_PX, REACH_PX + 1)
         return np.asarray(lags[np.ix_(window, window)])
 
@@ -177,7 +175,7 @@ def estimate_correlation(
     correlation = np.clip((correlation - floor) / max(1.0 - floor, 1e-6), 0.0, 1.0)
     noise = 1.0 / np.maximum(count, 1.0)
     wide = np.maximum(correlation**2 - noise, 0.0).sum()  # sum of squared correlations, as in Bartlett's formula
-    significant, _ = label(correlation > _SIGNIFICANT * np.sqrt(wide * noise))
+    significant, _ = scipy.ndimage.label(correlation > _SIGNIFICANT * np.sqrt(wide * noise))
     return Correlation(np.where(significant == significant[REACH_PX, REACH_PX], correlation, 0.0), shape[1])
 
 

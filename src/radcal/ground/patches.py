@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
@@ -121,9 +122,7 @@ class Effects:
 
 def label_patches(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Number the connected areas (four neighbours) of a mask of any shape from 1; pixels outside the mask get 0."""
-    from scipy.ndimage import label
-
-    labels, _ = label(mask)
+    labels, _ = scipy.ndimage.label(mask)
     return np.asarray(labels, dtype=np.int64)
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, uniform_filter
 
 from radcal.config import Radar, TargetConfig
 from radcal.errors import MeasurementError
@@ -57,8 +57,8 @@ class Eligible:
 def _local_power(power: NDArray[np.float64], size: tuple[int, int]) -> NDArray[np.float64]:
     """Mean power of the finite pixels in a window around each pixel; NaN where the window holds no finite pixel."""
     there = np.isfinite(power)
-    share = uniform_filter(there.astype(np.float64), size, mode="constant")
-    total = uniform_filter(np.where(there, power, 0.0), size, mode="constant")
+    share = scipy.ndimage.uniform_filter(there.astype(np.float64), size, mode="constant")
+    total = scipy.ndimage.uniform_filter(np.where(there, power, 0.0), size, mode="constant")
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.where(share > 1e-9, total / share, np.nan))
 
@@ -126,8 +126,6 @@ def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], ra
     CFAR", IEEE TAES 16 (1980). The false alarm rate is 1e-8 per pixel in gamma clutter, because texture has longer
     tails.
     """
-    from scipy.special import gammainccinv
-
     power = 10.0 ** (image_db.astype(np.float64) / 10.0)
     wide, depth = 2 * _REACH_PX + 1, _REACH_PX - _GUARD_PX
     away = _GUARD_PX + 1 + depth // 2
@@ -148,7 +146,9 @@ def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], ra
         spread_db = max(float(high - low), 1e-3) / _IQR_OF_NORMAL
         looks = min(float(radar.looks), looks_of_log_variance(spread_db**2))
         # the observed median replaces the median of speckle, because the greatest of four means exceeds the mean
-        threshold_db = 10.0 * np.log10(gammainccinv(looks, _FALSE_ALARMS) / gammainccinv(looks, 0.5))
+        threshold_db = 10.0 * np.log10(
+            scipy.special.gammainccinv(looks, _FALSE_ALARMS) / scipy.special.gammainccinv(looks, 0.5)
+        )
         bright |= inside & (ratio_db > middle + threshold_db)
     spill = [
         int(np.ceil(resolution / spacing))
@@ -157,7 +157,7 @@ def point_targets(image_db: NDArray[np.float32], material: NDArray[np.uint8], ra
             (radar.azimuth_resolution_m, radar.azimuth_spacing_m),
         )
     ]
-    return np.asarray(binary_dilation(bright, np.ones([2 * n + 1 for n in spill], dtype=bool)))
+    return np.asarray(scipy.ndimage.binary_dilation(bright, np.ones([2 * n + 1 for n in spill], dtype=bool)))
 
 
 def eligible_pixels(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from radcal.config import Radar
@@ -88,12 +89,13 @@ def looks_of_log_variance(variance_db2: float) -> float:
         Number L for which (10 / ln 10)^2 trigamma(L) is the variance (Oliver and Quegan, "Understanding
         Synthetic Aperture Radar Images", section 4.3).
     """
-    from scipy.optimize import brentq
-    from scipy.special import polygamma
-
     wanted = variance_db2 / _DB**2
     # trigamma(L) lies between 1/L and 1/L + 1/L^2
-    return float(brentq(lambda x: polygamma(1, x) - wanted, 0.3 / (1.0 + wanted), 2.0 + 2.0 / wanted))
+    return float(
+        scipy.optimize.brentq(
+            lambda x: scipy.special.polygamma(1, x) - wanted, 0.3 / (1.0 + wanted), 2.0 + 2.0 / wanted
+        )
+    )
 
 
 def estimate_looks(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> Looks | None:
@@ -313,6 +315,4 @@ def check_looks(found: Looks, looks: float, scale: str | None, source: str, filt
 
 def _log_variance(looks: float) -> float:
     """Variance of the dB values of gamma speckle [dB^2]."""
-    from scipy.special import polygamma
-
-    return float(_DB**2 * polygamma(1, looks))
+    return float(_DB**2 * scipy.special.polygamma(1, looks))

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from radcal.config.inputs import vrt_folders
@@ -174,13 +175,11 @@ class RasterReader(ArrayReader):
 
     def _check_no_heights(self, values: NDArray[Any], grid: Grid) -> None:
         """Refuse values that are the scene's own heights: a copy of the elevation in place of the measured image."""
-        from scipy.ndimage import map_coordinates
-
         heights, ground = None if grid.scene is None else grid.scene.elevation_m, grid.geometry.ground
         if heights is None or values.dtype.kind == "c":
             return
         known = np.isfinite(values) & np.isfinite(ground).all(axis=0)
-        height = map_coordinates(heights, ground[:, known].astype(np.float64), order=0, mode="nearest")
+        height = scipy.ndimage.map_coordinates(heights, ground[:, known].astype(np.float64), order=0, mode="nearest")
         if height.size and np.sqrt(np.mean((values[known] - height) ** 2)) < _SAME_RELIEF * height.std():
             raise MeasurementError(
                 f"measurement.path: the values of {self.path}, {values[known].min():.4g} to {values[known].max():.4g}, "

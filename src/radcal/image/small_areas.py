@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from radcal.image.looks import looks_of_log_variance
@@ -71,11 +72,9 @@ class Pairs:
 
 def _correlations(looks: float) -> tuple[Doubles, Doubles]:
     """Correlations of the power of speckle from 0 to 1, and those of its logarithm."""
-    from scipy.special import gammaln, polygamma
-
     k, power, powers = _powers()
-    terms = np.exp(gammaln(k) + gammaln(looks) - gammaln(looks + k)) / k
-    return power, np.asarray(powers @ terms / float(polygamma(1, looks)))
+    terms = np.exp(scipy.special.gammaln(k) + scipy.special.gammaln(looks) - scipy.special.gammaln(looks + k)) / k
+    return power, np.asarray(powers @ terms / float(scipy.special.polygamma(1, looks)))
 
 
 @cache
@@ -113,10 +112,12 @@ def pairs_of_areas(image_db: NDArray[np.float32], material: NDArray[np.uint8]) -
 
 def _without_edges(material: NDArray[np.uint8], edge: int) -> NDArray[np.uint8]:
     """Material ids, 0 where another id is at most ``edge`` rows and columns away."""
-    from scipy.ndimage import maximum_filter, minimum_filter
-
     side = 2 * edge + 1
-    return np.where(maximum_filter(material, side) == minimum_filter(material, side), material, np.uint8(0))
+    return np.where(
+        scipy.ndimage.maximum_filter(material, side) == scipy.ndimage.minimum_filter(material, side),
+        material,
+        np.uint8(0),
+    )
 
 
 def _pairs(image_db: NDArray[np.float32], material: NDArray[np.uint8], least: int) -> Pairs:

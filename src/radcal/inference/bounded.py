@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 __all__ = ["Batched", "distant", "least_squares", "sobol"]
@@ -50,7 +51,6 @@ def least_squares(
     Branch, Coleman and Li, "A subspace, interior, and conjugate gradient method for large-scale bound-constrained
     minimization problems", SIAM J. Sci. Comput. 21 (1999).
     """
-    from scipy.optimize import least_squares as solve
 
     def limited(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.clip(residuals(points), -_LIMIT, _LIMIT)
@@ -64,14 +64,14 @@ def least_squares(
 
     inside = np.clip(start, low + _INSIDE * (high - low), high - _INSIDE * (high - low))
     ends = {"xtol": tolerance, "ftol": tolerance, "gtol": tolerance, "max_nfev": calls}
-    return solve(lambda point: limited(point[None])[0], inside, jac=jacobian, bounds=(low, high), x_scale=1.0, **ends)
+    return scipy.optimize.least_squares(
+        lambda point: limited(point[None])[0], inside, jac=jacobian, bounds=(low, high), x_scale=1.0, **ends
+    )
 
 
 def sobol(dimension: int, size: int, seed: int) -> NDArray[np.float64]:
     """Scrambled Sobol sample of the unit box, shape (size, dimension); ``size`` is a power of two."""
-    from scipy.stats import qmc  # a second to import, which most jobs need not spend
-
-    return np.asarray(qmc.Sobol(dimension, scramble=True, rng=np.random.default_rng(seed)).random(size))
+    return np.asarray(scipy.stats.qmc.Sobol(dimension, scramble=True, rng=np.random.default_rng(seed)).random(size))
 
 
 def distant(points: NDArray[np.float64], count: int) -> Iterator[NDArray[np.float64]]:

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import ClassVar, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.ground.bins import Classes, class_of
@@ -289,12 +290,12 @@ class LikelihoodMisfit(Misfit):
         -------
         ndarray, shape (n * intervals,)
         """
-        from scipy.special import gammainc
-
         levels = np.sort(level_db, axis=1)
         if levels.shape[1] % _LEVELS == 0:
             levels = levels.reshape(len(levels), _LEVELS, -1).mean(axis=2)
-        below = gammainc(looks, looks * 10.0 ** ((self._bins[1:-1] - levels[..., None]) / 10.0)).mean(axis=1)
+        below = scipy.special.gammainc(looks, looks * 10.0 ** ((self._bins[1:-1] - levels[..., None]) / 10.0)).mean(
+            axis=1
+        )
         ends = np.zeros((self.classes.size, 1))
         share = np.diff(np.concatenate([ends, below, ends + 1.0], axis=1), axis=1)
         observed = self._counts

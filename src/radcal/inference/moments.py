@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from radcal import skewnormal
@@ -71,12 +72,10 @@ def sampling_covariance(variance_db2: float, effective: float, levels_db2: float
     Stuart and Ord, "Kendall's Advanced Theory of Statistics", vol. 1, 6th edition (1994), section 12.16:
     covariances of k-statistics in terms of cumulants, with which the result agrees for equal levels.
     """
-    from scipy.special import polygamma
-
     looks = looks_of_log_variance(variance_db2)
-    sd = float(np.sqrt(polygamma(1, looks)))
+    sd = float(np.sqrt(scipy.special.polygamma(1, looks)))
     # standardised cumulants of orders 3 to 6
-    c3, c4, c5, c6 = (float(polygamma(r - 1, looks)) / sd**r for r in range(3, 7))
+    c3, c4, c5, c6 = (float(scipy.special.polygamma(r - 1, looks)) / sd**r for r in range(3, 7))
     v = levels_db2 / variance_db2
     # influence functions, with levels l and deviations e: e of the mean, (l + e)^2 - E_e (l + e)^2 of the variance, and
     # (l + e)^3 - E_e (l + e)^3 - 3 (v + 1) e of the third moment; k has the means of their products over l and e

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from radcal.ground.bins import Classes
 from radcal.inference.misfit import BinMisfit
@@ -52,13 +52,13 @@ def together(misfits: Sequence[BinMisfit]) -> BinMisfit:
             edges_deg=np.concatenate([one.edges_deg for one in every]),
             member=np.concatenate([one.member + start for one, start in zip(every, ends[:-1], strict=True)]),
             count=np.concatenate([one.count for one in every]),
-            pairs=np.stack([block_diag(*(one.pairs[k] for one in every)) for k in range(3)]),
+            pairs=np.stack([scipy.linalg.block_diag(*(one.pairs[k] for one in every)) for k in range(3)]),
             cumulants=np.concatenate([one.cumulants for one in every]),
             nodes_deg=nodes,
             speckle_db2=np.concatenate([one.speckle_db2 for one in every]),
         ),
         patch_share=shares,
-        cell_share=block_diag(*(one.cell_share for one in misfits)),
+        cell_share=scipy.linalg.block_diag(*(one.cell_share for one in misfits)),
         patch_of_cell=np.concatenate([own[one.patch_of_cell] for one, own in zip(misfits, columns, strict=True)]),
         true_deg=nodes,
         patches=patches,

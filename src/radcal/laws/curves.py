@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.laws.base import Law, cosine
@@ -115,11 +116,9 @@ def tabulated(phi_rad: ArrayLike, parameters: ArrayLike, *, angles_deg: Sequence
     Fritsch and Butland, "A method for constructing local monotone piecewise cubic interpolants",
     SIAM J. Sci. Stat. Comput. 5 (1984), as ``scipy.interpolate.PchipInterpolator`` implements it.
     """
-    from scipy.interpolate import PchipInterpolator
-
     knots = np.asarray(angles_deg, dtype=np.float64)
     with np.errstate(over="ignore"):  # the interpolator's harmonic mean of slopes close to 0 overflows
-        curve = PchipInterpolator(knots, np.asarray(parameters, dtype=np.float64))
+        curve = scipy.interpolate.PchipInterpolator(knots, np.asarray(parameters, dtype=np.float64))
     angle = np.degrees(np.asarray(phi_rad, dtype=np.float64))
     return np.asarray(curve(np.clip(angle, knots[0], knots[-1])))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.laws.base import Law
@@ -106,10 +107,8 @@ def land_clutter(depression_deg: ArrayLike, table: LandClutter) -> tuple[NDArray
 
 def weibull_power(exponential: ArrayLike, spread: ArrayLike) -> NDArray[np.float64]:
     """Weibull power of mean 1 from an exponential number of mean 1, for a spread of :func:`land_clutter`."""
-    from scipy.special import gamma
-
     shape = np.asarray(spread, dtype=np.float64)
-    return np.asarray(np.asarray(exponential) ** shape / gamma(1.0 + shape))
+    return np.asarray(np.asarray(exponential) ** shape / scipy.special.gamma(1.0 + shape))
 
 
 GRAZING: dict[str, Law] = {

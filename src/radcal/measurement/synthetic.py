@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, label, maximum_filter, minimum_filter
 
 from radcal.bands import WIDTH_FACTOR
 from radcal.config import Radar
@@ -185,16 +185,16 @@ def relabelled(scene: Scene, share: float, rng: np.random.Generator) -> Scene:
         return scene
     material = before.copy()
     # the id 0 (no material) is never taken over
-    low = minimum_filter(np.where(before == 0, 255, before), 3)
-    other = np.where(low < before, low, maximum_filter(before, 3))
+    low = scipy.ndimage.minimum_filter(np.where(before == 0, 255, before), 3)
+    other = np.where(low < before, low, scipy.ndimage.maximum_filter(before, 3))
     border = np.flatnonzero((before > 0) & (other != before))
     chosen = rng.permutation(border)[: wanted // 2]
     material.ravel()[chosen] = other.ravel()[chosen]
-    height = gaussian_filter(rng.standard_normal(before.shape), _PATCH_CELLS / 2.0)
+    height = scipy.ndimage.gaussian_filter(rng.standard_normal(before.shape), _PATCH_CELLS / 2.0)
     height[(before == 0) | (material != before)] = -np.inf
     patches = np.zeros(before.size, dtype=np.bool_)
     patches[np.argsort(height, axis=None, kind="stable")[before.size - (wanted - chosen.size) :]] = True
-    numbers, count = label(patches.reshape(before.shape))
+    numbers, count = scipy.ndimage.label(patches.reshape(before.shape))
     drawn = np.concatenate([[0], rng.choice(before[before > 0], count)]).astype(before.dtype)[numbers]
     # a cell that already has the drawn material takes the scene's next one
     present = np.unique(before[before > 0])
@@ -258,11 +258,9 @@ def textured(geometry: Geometry, radar: Radar, sd_db: float, length_m: float, rn
     Oliver and Quegan, "Understanding Synthetic Aperture Radar Images", sections 5.3 (K distribution) and 5.7
     (correlated texture).
     """
-    from scipy.special import ndtr
-
     ground_m = radar.range_spacing_m / np.sin(np.radians(float(np.median(geometry.flat_incidence_deg))))
     lengths = (length_m / ground_m, length_m / radar.azimuth_spacing_m)
-    texture = texture_db(ndtr(_correlated(geometry.shape, lengths, rng)), order_of_texture(sd_db))
+    texture = texture_db(scipy.special.ndtr(_correlated(geometry.shape, lengths, rng)), order_of_texture(sd_db))
     return _brightened(geometry, texture)
 
 
@@ -315,7 +313,9 @@ def smooth_warp(shape: tuple[int, int], rms_px: float, rng: np.random.Generator)
     ndarray, shape (2, rows, columns)
         Displacement along rows and columns [pixels].
     """
-    field = np.stack([gaussian_filter(rng.standard_normal(shape), _WARP_SIGMA_PX, mode="reflect") for _ in range(2)])
+    field = np.stack(
+        [scipy.ndimage.gaussian_filter(rng.standard_normal(shape), _WARP_SIGMA_PX, mode="reflect") for _ in range(2)]
+    )
     return np.asarray(field * rms_px / np.sqrt(np.mean((field**2).sum(axis=0))))
 
 
@@ -323,5 +323,5 @@ def _correlated(shape: tuple[int, ...], lengths: tuple[float, float], rng: np.ra
     """Gaussian field of mean 0 and variance 1, whose autocorrelation exp(-(d/l)^2) has a length l for each axis."""
     # white noise smoothed by exp(-x^2 / 2s^2) has the correlation length 2s
     sigma = [length / 2.0 for length in lengths]
-    field = gaussian_filter(rng.standard_normal(shape), sigma, mode="wrap", truncate=6.0)
+    field = scipy.ndimage.gaussian_filter(rng.standard_normal(shape), sigma, mode="wrap", truncate=6.0)
     return np.asarray((field - field.mean()) / field.std())

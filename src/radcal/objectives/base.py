@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.config import Stop
@@ -249,8 +250,6 @@ class Comparison(ABC):
 
     def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
         """Number of looks that minimises the cost of a run, and this cost; None if the cost is the density rms."""
-        from scipy.optimize import minimize_scalar
-
         x = np.asarray(parameters, dtype=np.float64)[None]
 
         def at(looks: float) -> float:
@@ -260,7 +259,7 @@ class Comparison(ABC):
         if not self.free_looks:
             return sensor, at(sensor)
         bounds = np.log([LOOKS[0], LOOKS[1] * sensor])
-        found = minimize_scalar(
+        found = scipy.optimize.minimize_scalar(
             lambda log: at(float(np.exp(log))), bounds=bounds, method="bounded", options={"xatol": 1e-6}
         )
         return float(np.exp(found.x)), float(found.fun)

@@ -7,8 +7,8 @@ from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 from radcal.config import Uncertainty
 from radcal.posterior.effects import Observed, Shared, common_columns
@@ -52,13 +52,13 @@ class Parameters:
 
     def scaled(self, deviates: Doubles) -> Doubles:
         """X at standard normal deviates, whose prior is uniform inside the bounds, shape (m, d)."""
-        x = self.box[:, 0] + ndtr(deviates) * (self.box[:, 1] - self.box[:, 0])
+        x = self.box[:, 0] + scipy.special.ndtr(deviates) * (self.box[:, 1] - self.box[:, 0])
         return np.asarray(np.where(self.integer, np.round(x), x))
 
     def deviates(self, x: Doubles) -> Doubles:
         """Deviates of X, shape (d,)."""
         width = np.maximum(self.box[:, 1] - self.box[:, 0], 1e-12)
-        return np.asarray(ndtri(np.clip((x - self.box[:, 0]) / width, 1e-6, 1.0 - 1e-6)))
+        return np.asarray(scipy.special.ndtri(np.clip((x - self.box[:, 0]) / width, 1e-6, 1.0 - 1e-6)))
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import digamma, polygamma
 
 from radcal.config import Radar
 from radcal.laws import Law
@@ -280,4 +280,8 @@ def _level(
     freedom = float(np.sum(count - count / independent))
     looks = 1.0 / max(float(away @ away) / max(freedom, 1.0), 1e-6)
     total = independent * looks
-    return DB * (np.log(middle) - digamma(total) + np.log(total)), DB**2 * polygamma(1, total), looks
+    return (
+        DB * (np.log(middle) - scipy.special.digamma(total) + np.log(total)),
+        DB**2 * scipy.special.polygamma(1, total),
+        looks,
+    )

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from radcal.config import Uncertainty
 from radcal.posterior.cells import CellMeans
@@ -29,7 +29,7 @@ _UNKNOWN_DB = 20.0  # standard deviation of a level that is removed
 _FIELD_LOG_SD = 0.42
 FIELD_SPREAD = 1.0
 """Standard deviation of the logarithm of a material's field effects about that of all materials."""
-_SCORES = ndtri(np.arange(0.5, 4000.0) / 4000.0)  # of a standard normal distribution
+_SCORES = scipy.special.ndtri(np.arange(0.5, 4000.0) / 4000.0)  # of a standard normal distribution
 _LEAST_DB = 1e-3  # of the scale of the errors of fixed laws, which may be 0
 
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
-from scipy.special import ndtr
 
 from radcal.posterior.curves import NORMAL_90
 from radcal.posterior.result import FormError
@@ -84,7 +83,7 @@ def noticed_db(
         found = shapes @ covariance @ (full.T @ gram[0][:, p + 1 :] @ bump) * size
         sd = np.sqrt(np.einsum("ij,jk,ik->i", shapes, covariance, shapes))
         noise = np.sqrt(np.einsum("ij,jk,ik->i", shapes, covariance @ information @ covariance, shapes))
-        return float(ndtr((np.abs(found) - NORMAL_90 * sd) / np.maximum(noise, 1e-12)).max())
+        return float(scipy.special.ndtr((np.abs(found) - NORMAL_90 * sd) / np.maximum(noise, 1e-12)).max())
 
     worst = 0.0
     for share in _WIDTHS:
@@ -95,6 +94,8 @@ def noticed_db(
                 return float("inf")
             worst = max(
                 worst,
-                _SIZES_DB[0] if low > 0.0 else brentq(lambda x, b=bump: power(x, b) - _POWER, *_SIZES_DB, xtol=0.01),
+                _SIZES_DB[0]
+                if low > 0.0
+                else scipy.optimize.brentq(lambda x, b=bump: power(x, b) - _POWER, *_SIZES_DB, xtol=0.01),
             )
     return worst

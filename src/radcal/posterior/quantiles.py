@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import gammaincc, ndtri
 
 from radcal.laws import Law
 from radcal.posterior.calibrated import FORMS, Draws, LawModel, Parameters
@@ -149,9 +149,11 @@ def points_of(model: LawModel, signal_db: Doubles, draws: Draws, own: Draws | No
     away = (model.measured_db - model.levels(own)) @ weights.T
     squares = (away * np.linalg.solve(covariance, away[..., None])[..., 0]).sum(axis=1)
     sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    replicates = level - away + sd * ndtri((np.arange(_NORMALS) + 0.5) / _NORMALS)[:, None, None]
+    replicates = level - away + sd * scipy.special.ndtri((np.arange(_NORMALS) + 0.5) / _NORMALS)[:, None, None]
     predicted = np.quantile(replicates.reshape(-1, level.size), _QUANTILES, axis=0).T
-    return replace(points, predicted_db=predicted, p=float(gammaincc(0.5 * level.size, 0.5 * squares).mean()))
+    return replace(
+        points, predicted_db=predicted, p=float(scipy.special.gammaincc(0.5 * level.size, 0.5 * squares).mean())
+    )
 
 
 def _explained(curves: Doubles, common: Doubles) -> Doubles:
@@ -165,8 +167,6 @@ def _nearest(
     law: Law, parameters: Parameters, x: Doubles, curves: Doubles, median: Doubles, seen: Sequence[Sequence[float]]
 ) -> Doubles:
     """X in the bounds whose law is nearest to the median of sigma0 over the incidence seen (least squares)."""
-    from scipy.optimize import least_squares
-
     inside = np.any([(low <= GRID_DEG) & (high >= GRID_DEG) for low, high in seen], axis=0)
     inside[np.abs(GRID_DEG - np.mean(seen)).argmin()] = True
     rad, wanted = np.radians(GRID_DEG[inside]), median[inside]
@@ -180,5 +180,5 @@ def _nearest(
     if parameters.integer.any():
         return np.asarray(starts[0])
     units = [np.clip((start - low) / scale, 1e-6, 1.0 - 1e-6) for start in starts]
-    found = [least_squares(away, unit, bounds=(0.0, 1.0)) for unit in units]
+    found = [scipy.optimize.least_squares(away, unit, bounds=(0.0, 1.0)) for unit in units]
     return np.asarray(low + min(found, key=lambda one: float(one.cost)).x * scale)

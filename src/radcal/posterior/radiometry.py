@@ -8,9 +8,8 @@ from itertools import product
 from typing import Annotated
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
-from scipy.special import expit, logit
 
 from radcal.config import Uncertainty
 from radcal.posterior.cells import WITHOUT_AREA, CellMeans
@@ -80,7 +79,7 @@ def area_exponent(cells: Mapping[str, tuple[CellMeans, Doubles]], config: Uncert
     above = np.concatenate([one.above_db(law) for one, law in cells.values()])
     signal = np.concatenate([1.0 - one.share for one in parts])
     area = signal * np.concatenate([one.area_db for one in parts])
-    own = block_diag(*(law_columns(one.incidence_deg)[:, 1:] for one in parts)) * signal[:, None]
+    own = scipy.linalg.block_diag(*(law_columns(one.incidence_deg)[:, 1:] for one in parts)) * signal[:, None]
     of = np.repeat(np.arange(len(parts)), [one.size for one in parts])
     fields, member = np.unique([of, np.concatenate([one.patch for one in parts])], axis=1, return_inverse=True)
     columns = np.column_stack([area, own, np.equal(member.ravel()[:, None], np.arange(fields.shape[1]))])
@@ -120,6 +119,6 @@ def radiometry_of(cells: Mapping[str, tuple[CellMeans, Doubles]], declared: str,
     if not counted:
         return Radiometry(float("nan"), float("inf"), term, 0.0, ())
     exponent, error = area_exponent(counted, config)
-    log_odds = logit(_WRONG) + (term * exponent - 0.5) / (error**2 + config.area**2)
-    chance = float(expit(log_odds)) if len(counted) >= _MATERIALS else 0.0
+    log_odds = scipy.special.logit(_WRONG) + (term * exponent - 0.5) / (error**2 + config.area**2)
+    chance = float(scipy.special.expit(log_odds)) if len(counted) >= _MATERIALS else 0.0
     return Radiometry(exponent, error, term, chance, tuple(counted))

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from radcal.angles import MEAN_RADIUS_M
 from radcal.bands import LETTER_BANDS_GHZ, same_label
@@ -139,7 +139,7 @@ class _Relief:
 
     def height(self, x: Array, y: Array) -> Array:
         places = np.stack([y, x]) / self.scene.cell_m - 0.5
-        return np.asarray(map_coordinates(self.height_m, places, order=1, mode="nearest"))
+        return np.asarray(scipy.ndimage.map_coordinates(self.height_m, places, order=1, mode="nearest"))
 
     def cells(self, x: Array, y: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
         """Row and column of each place, and whether it lies in the scene."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from radcal.laws.grazing import weibull_power
@@ -140,11 +141,9 @@ def threshold(cells: NDArray[np.intp] | int, false_alarms: float, pulses: int) -
     Finn and Johnson, "Adaptive detection mode with threshold control as a function of spatially sampled clutter-level
     estimates", RCA Review 29 (1968) 414-464; Richards (2014), sections 6.5.3 and 6.5.4.
     """
-    from scipy.special import betaincinv
-
     # 1 - x of a beta distribution, whose small quantile keeps its digits at a small probability
     n, m = float(pulses), np.asarray(cells, dtype=np.float64)
-    rest = betaincinv(n * m, n, false_alarms)
+    rest = scipy.special.betaincinv(n * m, n, false_alarms)
     return np.asarray(m * (1.0 - rest) / rest)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from radcal.products.styles import Classes, category_names, class_style, gray_style
@@ -109,14 +110,12 @@ def pixel_at_cell(ground: NDArray[np.float32], layover: NDArray[np.bool_], shape
         Flat index of the pixel; -1 if the nearest pixel is farther away than three quarters of its diagonal on the
         ground. This is so in shadow, in layover and outside of the image.
     """
-    from scipy.spatial import KDTree
-
     places = ground.astype(np.float64)
     usable = np.flatnonzero(np.isfinite(places).all(axis=0) & ~layover)
     if usable.size == 0:
         return np.full(shape, -1, dtype=np.int64)
     farthest = _REACH * np.hypot(_spacing(places, 1), _spacing(places, 2)).ravel()[usable]
-    tree = KDTree(places.reshape(2, -1).T[usable])
+    tree = scipy.spatial.KDTree(places.reshape(2, -1).T[usable])
     cells = np.stack(np.meshgrid(np.arange(shape[0]), np.arange(shape[1]), indexing="ij"), axis=-1)
     distance, nearest = tree.query(cells.reshape(-1, 2).astype(np.float64))
     found = np.where(distance <= np.maximum(farthest[nearest], _REACH), usable[nearest], -1)

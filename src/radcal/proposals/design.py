@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from radcal.config.part import Part
@@ -40,14 +41,12 @@ def sample_unit(sampler: str, size: int, dimension: int, rng: np.random.Generato
     """
     if sampler == "monte_carlo":
         return rng.random((size, dimension))
-    from scipy.stats import qmc  # a second to import, which most jobs need not spend
-
     if sampler == "sobol":
         with warnings.catch_warnings():
             # scipy warns if the number of points is not a power of 2, which a design need not be
             warnings.simplefilter("ignore", UserWarning)
-            return np.asarray(qmc.Sobol(dimension, scramble=True, rng=rng).random(size))
-    points = np.asarray(qmc.LatinHypercube(dimension, rng=rng).random(_LATIN_BLOCK))
+            return np.asarray(scipy.stats.qmc.Sobol(dimension, scramble=True, rng=rng).random(size))
+    points = np.asarray(scipy.stats.qmc.LatinHypercube(dimension, rng=rng).random(_LATIN_BLOCK))
     while len(points) < size:
         n = len(points)  # the added points fill the empty strata of twice as many
         added = np.empty_like(points)

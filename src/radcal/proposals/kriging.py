@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import cho_factor, cho_solve
 
 from radcal.errors import SurrogateError
 
@@ -59,13 +59,13 @@ class Kriging:
         self._scales = np.asarray(scales, dtype=np.float64)
         matrix = self._correlation(self._x) + nugget * np.eye(len(self._x))
         try:
-            self._factor = cho_factor(matrix, lower=True)
+            self._factor = scipy.linalg.cho_factor(matrix, lower=True)
         except (np.linalg.LinAlgError, ValueError) as error:
             raise SurrogateError(f"kriging of {len(self._x)} points is impossible ({error}).") from None
-        self._ones = cho_solve(self._factor, np.ones(len(self._x)))
+        self._ones = scipy.linalg.cho_solve(self._factor, np.ones(len(self._x)))
         self._constant = self._ones @ self._y / self._ones.sum()
         left = self._y - self._constant
-        self._weights = cho_solve(self._factor, left)
+        self._weights = scipy.linalg.cho_solve(self._factor, left)
         freedom = self._y.shape[1] * (len(self._x) - 1)
         self.process = float((left * self._weights).sum() / freedom) if freedom else 0.0
 
@@ -80,14 +80,14 @@ class Kriging:
     def variance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Variance of the prediction error at points, shape (m, d) to (m,); it is the same for all outputs."""
         near = self._correlation(points)
-        known = (near * cho_solve(self._factor, near.T).T).sum(axis=1)
+        known = (near * scipy.linalg.cho_solve(self._factor, near.T).T).sum(axis=1)
         trend = (1.0 - near @ self._ones) ** 2 / self._ones.sum()
         return np.asarray(self.process * np.maximum(1.0 - known + trend, 0.0))
 
     @cached_property
     def _projected(self) -> NDArray[np.float64]:
         """Inverse of the correlation matrix, projected so that the constant of the outputs is left out."""
-        inverse = cho_solve(self._factor, np.eye(len(self._x)))
+        inverse = scipy.linalg.cho_solve(self._factor, np.eye(len(self._x)))
         return np.asarray(inverse - np.outer(self._ones, self._ones) / self._ones.sum())
 
     @cached_property
@@ -167,8 +167,6 @@ def train(
     nugget : float
         Ratio of the variance of the noise to the variance of the process.
     """
-    from scipy.optimize import minimize
-
     d = x.shape[1]
     if len(x) < 2:
         return np.ones(d), JITTER
@@ -188,7 +186,9 @@ def train(
             highest = int(np.argmin([_minus_log_posterior(at, squares, y, nugget)[0] for at in places]))
             starts += [places[k] for k in sorted({0, highest})]
         found = [
-            minimize(_minus_log_posterior, start, args=(squares, y, nugget), jac=True, method="L-BFGS-B", bounds=limits)
+            scipy.optimize.minimize(
+                _minus_log_posterior, start, args=(squares, y, nugget), jac=True, method="L-BFGS-B", bounds=limits
+            )
             for start in starts
         ]
         best = min(found, key=lambda result: float(result.fun)).x
@@ -209,10 +209,10 @@ def _minus_log_posterior(
     correlation = np.exp(-0.5 * squares @ inverse_squares)
     nugget = float(np.exp(log[d])) if len(log) > d else nugget
     try:
-        factor = cho_factor(correlation + nugget * np.eye(k), lower=True)
+        factor = scipy.linalg.cho_factor(correlation + nugget * np.eye(k), lower=True)
     except np.linalg.LinAlgError:
         return 1e10, np.zeros_like(log)
-    inverse = cho_solve(factor, np.eye(k))
+    inverse = scipy.linalg.cho_solve(factor, np.eye(k))
     ones = inverse.sum(axis=0)
     weights = (inverse - np.outer(ones, ones) / ones.sum()) @ y
     rest = max(float((y * weights).sum()), 1e-300)

@@ -14,8 +14,8 @@ from typing import Any
 
 import h5py
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_cdt
 
 from radcal.config import Radar
 from radcal.errors import StoreError
@@ -210,7 +210,7 @@ class Geometry:
             # the scene is not simulated beyond the image's border, so that resolution cells at the border are
             # incomplete
             padded = np.pad(inside, 1)
-            distance = distance_transform_cdt(padded, metric="chessboard")[1:-1, 1:-1]
+            distance = scipy.ndimage.distance_transform_cdt(padded, metric="chessboard")[1:-1, 1:-1]
             inside = distance > margin_px
         return np.flatnonzero(inside)
 

@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import convolve1d
 
 from radcal.bands import WIDTH_FACTOR
 from radcal.compiled import njit, threaded
@@ -330,8 +330,8 @@ class ImageFormation:
             Expected intensity with noise [linear power].
         """
         power = reflectivity.image + np.square(self._noise, dtype=np.float64)[:, None]
-        power = convolve1d(power, np.square(self._down, dtype=np.float64), axis=0, mode="constant")
-        power = convolve1d(power, np.square(self._across, dtype=np.float64), axis=1, mode="constant")
+        power = scipy.ndimage.convolve1d(power, np.square(self._down, dtype=np.float64), axis=0, mode="constant")
+        power = scipy.ndimage.convolve1d(power, np.square(self._across, dtype=np.float64), axis=1, mode="constant")
         return np.asarray(power * np.square(self._gain_down)[:, None] * np.square(self._gain_across))
 
     def look(self, reflectivity: Reflectivity, noise_seed: int, look: int = 0) -> NDArray[np.complex64]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates, maximum_filter, minimum_filter
 
 from radcal.compiled import njit, threaded
 from radcal.radar.earth import LineOfSight, upright
@@ -109,12 +109,12 @@ def _refined(
 ) -> NDArray[np.float64]:
     """Elevation interpolated between cell centres: by cubic splines, but bilinear at walls, where splines oscillate."""
     at = np.meshgrid(rows, columns, indexing="ij")
-    fine = map_coordinates(block, at, order=3, mode="nearest")
+    fine = scipy.ndimage.map_coordinates(block, at, order=3, mode="nearest")
     # a wall has a slope above 3 between the neighbours of a cell, which are two cells apart
-    wall = maximum_filter(block, 3) - minimum_filter(block, 3) > 6.0 * cell_m
+    wall = scipy.ndimage.maximum_filter(block, 3) - scipy.ndimage.minimum_filter(block, 3) > 6.0 * cell_m
     if wall.any():
-        steep = map_coordinates(wall.astype(np.uint8), at, order=0, mode="nearest") > 0
-        fine = np.where(steep, map_coordinates(block, at, order=1, mode="nearest"), fine)
+        steep = scipy.ndimage.map_coordinates(wall.astype(np.uint8), at, order=0, mode="nearest") > 0
+        fine = np.where(steep, scipy.ndimage.map_coordinates(block, at, order=1, mode="nearest"), fine)
     return np.asarray(fine)
 
 

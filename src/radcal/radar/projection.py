@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from radcal.angles import MEAN_RADIUS_M
@@ -455,13 +456,13 @@ def _points(spots: Spots, radar: Radar, seen: LineOfSight, near: float, step: fl
 
 def _near(cells: NDArray[np.bool_], ground: NDArray[np.float32], size: int) -> NDArray[np.bool_]:
     """Whether the ground of pixels, in rows and columns of the scene, has one of the cells within a square of cells."""
-    from scipy.ndimage import maximum_filter
-
     found = np.zeros(ground.shape[1], dtype=np.bool_)
     seen = np.isfinite(ground).all(axis=0)
     row, column = np.rint(ground[:, seen]).astype(np.int64)
     first = max(0, int(row.min(initial=0)) - size)
-    found[seen] = maximum_filter(cells[first : int(row.max(initial=0)) + size + 1], size)[row - first, column]
+    found[seen] = scipy.ndimage.maximum_filter(cells[first : int(row.max(initial=0)) + size + 1], size)[
+        row - first, column
+    ]
     return found
 
 

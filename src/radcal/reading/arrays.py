@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
+import scipy
 
 from radcal.processes import apart
 from radcal.reading.images import ImageFile, Values, check_header, reading
@@ -187,8 +188,6 @@ def _check_storage(data: Any, file: ImageFile) -> None:
 
 
 def _mat(file: ImageFile) -> Values:
-    from scipy.io import loadmat, whosmat
-
     def survived(call: Callable[[], Any]) -> Any:
         try:
             return apart(call, _LONGEST_S)
@@ -196,13 +195,17 @@ def _mat(file: ImageFile) -> Values:
             raise ValueError("it is damaged: reading it crashes") from None
 
     try:
-        found = {name: shape for name, shape, kind in survived(partial(whosmat, file.path)) if kind in _MATLAB_NUMBERS}
+        found = {
+            name: shape
+            for name, shape, kind in survived(partial(scipy.io.whosmat, file.path))
+            if kind in _MATLAB_NUMBERS
+        }
     except NotImplementedError:  # version 7.3 is HDF5, with reversed axes
         return _hdf5(file, transposed=True)
     name = _chosen(list(found), file)
     # the header does not state whether the numbers are complex
     check_header(file, found[name], np.dtype(np.complex128 if file.options.scale == "complex" else np.float64))
-    return np.asarray(survived(partial(loadmat, file.path, variable_names=[name]))[name])
+    return np.asarray(survived(partial(scipy.io.loadmat, file.path, variable_names=[name]))[name])
 
 
 _MATLAB_NUMBERS = ("double", "single", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))

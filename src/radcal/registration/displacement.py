@@ -7,8 +7,8 @@ A displacement field ``d`` has shape (2, rows, columns): ``d[0]`` is the displac
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 __all__ = ["invert", "warp"]
 
@@ -35,13 +35,14 @@ def warp(image: NDArray[np.float32], displacement: NDArray[np.float64]) -> NDArr
     """
     at = np.indices(displacement.shape[1:], dtype=np.float64) + displacement
     return np.asarray(
-        map_coordinates(image.astype(np.float64), at, order=0, mode="constant", cval=np.nan), dtype=np.float32
+        scipy.ndimage.map_coordinates(image.astype(np.float64), at, order=0, mode="constant", cval=np.nan),
+        dtype=np.float32,
     )
 
 
 def _at(field: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Values of a field at points, shape (2, rows, columns); a point outside the image takes the border value."""
-    return np.stack([map_coordinates(part, points, order=1, mode="nearest") for part in field])
+    return np.stack([scipy.ndimage.map_coordinates(part, points, order=1, mode="nearest") for part in field])
 
 
 def invert(displacement: NDArray[np.float64]) -> NDArray[np.float64]:

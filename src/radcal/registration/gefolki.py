@@ -22,9 +22,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import fft, sparse
-from scipy.ndimage import gaussian_filter, map_coordinates, uniform_filter
 from threadpoolctl import threadpool_limits
 
 from radcal.registration.spline_field import CELL_PX, Data, Lattice, Prior, SplinePosterior
@@ -105,7 +104,7 @@ def local_correlation(
     ndarray of float32, shape (rows, columns)
         Correlation between -1 and 1, 0 where a window holds no value.
     """
-    both = [uniform_filter(product, window_px) for product in (first * second, first**2, second**2)]
+    both = [scipy.ndimage.uniform_filter(product, window_px) for product in (first * second, first**2, second**2)]
     norm = np.sqrt(np.maximum(both[1] * both[2], 0.0))
     return np.where(norm > 1e-6, both[0] / np.maximum(norm, 1e-6), 0.0).astype(np.float32)
 
@@ -185,8 +184,8 @@ def _step(level: Level, field: NDArray[np.float64]) -> list[NDArray[np.float64]]
     """Gauss-Newton normal equations of each cell: three entries of the matrix and two of the right-hand side."""
     fixed = level.fixed
     at = np.indices(fixed.shape, dtype=np.float64) + field
-    moved = map_coordinates(level.moving, at, order=1, mode="nearest")
-    seen = map_coordinates(level.there, at, order=1, mode="constant", cval=0.0)
+    moved = scipy.ndimage.map_coordinates(level.moving, at, order=1, mode="nearest")
+    seen = scipy.ndimage.map_coordinates(level.there, at, order=1, mode="constant", cval=0.0)
     weight = np.where(seen > 0.99, level.weight, 0.0)
     # likelihood of two images with local correlation r: noise in both has no weight, and a negative r (inverse
     # contrast) reverses the sign
@@ -220,7 +219,7 @@ def _data(lattice: Lattice, level: Level, coefficients: NDArray[np.float64], sta
     noise = max(_NOISE * float(pulls) / max(float(curves), 1e-12), 1e-12)
     a00, a01, a11, b0, b1 = (part.ravel() / noise for part in parts)
     h00, h01, h11 = (cells.T @ (cells * a[:, None]) for a in (a00, a01, a11))
-    matrix = sparse.csr_array(sparse.block_array([[h00, h01], [h01, h11]]))
+    matrix = scipy.sparse.csr_array(scipy.sparse.block_array([[h00, h01], [h01, h11]]))
     pull = np.concatenate([cells.T @ b0, cells.T @ b1]) + matrix @ (coefficients - start).ravel()
     return Data(lattice, lattice.bands(matrix), pull[lattice.order])
 
@@ -234,13 +233,13 @@ def _matched(level: Level, field: NDArray[np.float64]) -> Level:
     """
     fixed, moving = level.fixed, level.moving
     at = np.indices(fixed.shape, dtype=np.float64) + field
-    moved = map_coordinates(moving, at, order=1, mode="nearest")
+    moved = scipy.ndimage.map_coordinates(moving, at, order=1, mode="nearest")
     moved = np.where(local_correlation(fixed, moved) < 0.0, -moved, moved)
     taper = np.outer(np.hanning(fixed.shape[0]), np.hanning(fixed.shape[1])).astype(np.float32)
-    one, two = (fft.fft2(image * taper) for image in (fixed, moved))
+    one, two = (scipy.fft.fft2(image * taper) for image in (fixed, moved))
     sigma = [_SPECTRUM_SMOOTHING * n for n in fixed.shape]
     spectra = ((one * two.conj()).real, np.abs(one) ** 2, np.abs(two) ** 2)
-    cross, power_one, power_two = (gaussian_filter(spectrum, sigma, mode="wrap") for spectrum in spectra)
+    cross, power_one, power_two = (scipy.ndimage.gaussian_filter(spectrum, sigma, mode="wrap") for spectrum in spectra)
     power = np.sqrt(power_one * power_two) + 1e-12
     coherence = np.clip(cross / power, 0.0, _COHERENCE)
     response = np.sqrt(coherence / (1.0 - coherence**2) / power)
@@ -248,7 +247,7 @@ def _matched(level: Level, field: NDArray[np.float64]) -> Level:
         return level
     # the scale is arbitrary; this one keeps the fixed image's power
     response *= np.sqrt(power.mean() / (response**2 * power).mean())
-    one, two = (fft.ifft2(fft.fft2(image) * response).real.astype(np.float32) for image in (fixed, moving))
+    one, two = (scipy.fft.ifft2(scipy.fft.fft2(image) * response).real.astype(np.float32) for image in (fixed, moving))
     return replace(level, fixed=one, moving=two)
 
 
@@ -289,7 +288,7 @@ def find_flow(
     with threadpool_limits(1):  # one thread, for a fixed order of sums; from coarse to fine scales
         coarse = levels[1:] or levels
         for level in reversed(coarse):
-            fixed, moving = (gaussian_filter(image, _BLUR_PX) for image in (level.fixed, level.moving))
+            fixed, moving = (scipy.ndimage.gaussian_filter(image, _BLUR_PX) for image in (level.fixed, level.moving))
             blurred = replace(level, fixed=fixed, moving=moving)
             steps = _STEPS_COARSEST if level is coarse[-1] else _STEPS
             for n in range(steps):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from radcal.config import Radar
 from radcal.findings import Finding
@@ -80,7 +80,9 @@ def height_shift(registered: Registered, geometry: Geometry, scene: Scene, radar
         return None
     used = np.isfinite(geometry.ground).all(axis=0) & ~(geometry.layover | geometry.shadow)
     height = np.full(geometry.shape, np.nan)
-    height[used] = map_coordinates(scene.elevation_m, geometry.ground[:, used].astype(np.float64), order=1)
+    height[used] = scipy.ndimage.map_coordinates(
+        scene.elevation_m, geometry.ground[:, used].astype(np.float64), order=1
+    )
     moved_m = np.where(used, registered.displacement_px[0].astype(np.float64), np.nan) * radar.range_spacing_m
     heights, moves = _squares(height), _squares(moved_m)
     known = np.isfinite(heights) & np.isfinite(moves)

@@ -13,10 +13,8 @@ from dataclasses import dataclass
 from functools import cached_property, reduce
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
-from scipy.linalg.lapack import dtbtrs
 
 __all__ = ["CELL_PX", "Data", "Lattice", "Prior", "SplinePosterior"]
 
@@ -54,11 +52,11 @@ class Prior:
     length_px: float
 
 
-def _laplacian(n: int) -> sparse.csr_array:
+def _laplacian(n: int) -> scipy.sparse.csr_array:
     """Matrix of the quadratic form that sums the squared differences between neighbours along a line."""
-    one = sparse.eye_array(n, format="csr")
+    one = scipy.sparse.eye_array(n, format="csr")
     difference = one[1:] - one[:-1]
-    return sparse.csr_array(difference.T @ difference)
+    return scipy.sparse.csr_array(difference.T @ difference)
 
 
 @dataclass(frozen=True)
@@ -75,7 +73,7 @@ class Lattice:
         """Distance of neighbouring control points [pixels]."""
         return max(_SPACING_PX, max(self.shape) / _MOST_CONTROLS)
 
-    def _axes(self, step: float, scale: int) -> tuple[sparse.csr_array, sparse.csr_array]:
+    def _axes(self, step: float, scale: int) -> tuple[scipy.sparse.csr_array, scipy.sparse.csr_array]:
         """B-spline bases of both axes at the centres of every ``step`` pixels of an image reduced by ``scale``."""
         bases = []
         for length in self.shape:
@@ -87,7 +85,7 @@ class Lattice:
             cubic = (1 - t) ** 3, 3 * t**3 - 6 * t**2 + 4, -3 * t**3 + 3 * t**2 + 3 * t + 1, t**3
             place = np.repeat(np.arange(points.size), 4), (first[:, None] + np.arange(4)).ravel()
             shape = (points.size, int(np.floor(length / self.spacing_px)) + 4)
-            bases.append(sparse.csr_array(((np.stack(cubic, axis=1) / 6).ravel(), place), shape=shape))
+            bases.append(scipy.sparse.csr_array(((np.stack(cubic, axis=1) / 6).ravel(), place), shape=shape))
         return bases[0], bases[1]
 
     def field(self, coefficients: NDArray[np.float64], scale: int = 1) -> NDArray[np.float64]:
@@ -105,9 +103,9 @@ class Lattice:
         wide = np.sqrt(squares).repeat(CELL_PX, axis=0).repeat(CELL_PX, axis=1)
         return np.asarray(wide[: self.shape[0], : self.shape[1]])
 
-    def cells(self, scale: int) -> sparse.csr_array:
+    def cells(self, scale: int) -> scipy.sparse.csr_array:
         """B-spline basis at the centres of cells, shape (cells, control points)."""
-        return sparse.csr_array(sparse.kron(*self._axes(CELL_PX, scale), format="csr"))
+        return scipy.sparse.csr_array(scipy.sparse.kron(*self._axes(CELL_PX, scale), format="csr"))
 
     @cached_property
     def size(self) -> tuple[int, int]:
@@ -121,7 +119,7 @@ class Lattice:
         axes = (1, 2, 0) if self.size[0] >= self.size[1] else (2, 1, 0)
         return np.arange(2 * self.size[0] * self.size[1]).reshape(2, *self.size).transpose(axes).ravel()
 
-    def bands(self, matrix: sparse.csr_array) -> Bands:
+    def bands(self, matrix: scipy.sparse.csr_array) -> Bands:
         """Upper diagonals of a symmetric matrix of all coefficients, as LAPACK stores them."""
         width = 2 * (_ORDER * min(self.size) + _ORDER) + 1
         place = np.empty_like(self.order)
@@ -137,15 +135,15 @@ class Lattice:
     def _roughness(self) -> tuple[NDArray[np.float64], list[Bands]]:
         """Eigenvalues of the lattice's Laplacian matrix, and the bands of the powers of this matrix."""
         rows, columns = self.size
-        laplacian = sparse.csr_array(
-            sparse.kron(_laplacian(rows), sparse.eye_array(columns))
-            + sparse.kron(sparse.eye_array(rows), _laplacian(columns))
+        laplacian = scipy.sparse.csr_array(
+            scipy.sparse.kron(_laplacian(rows), scipy.sparse.eye_array(columns))
+            + scipy.sparse.kron(scipy.sparse.eye_array(rows), _laplacian(columns))
         )
-        powers = [sparse.eye_array(rows * columns, format="csr")]
+        powers = [scipy.sparse.eye_array(rows * columns, format="csr")]
         for _ in range(_ORDER):
             powers.append(powers[-1] @ laplacian)
         along, across = (2.0 - 2.0 * np.cos(np.pi * np.arange(n) / n) for n in self.size)
-        return np.add.outer(along, across).ravel(), [self.bands(sparse.block_diag([p, p])) for p in powers]
+        return np.add.outer(along, across).ravel(), [self.bands(scipy.sparse.block_diag([p, p])) for p in powers]
 
     def precision(self, prior: Prior) -> tuple[Bands, float]:
         """Bands of the prior's precision matrix, and the log-determinant of this matrix.
@@ -189,11 +187,11 @@ class Data:
             The prior is so wide or so narrow that the precision matrix is numerically singular.
         """
         precision, log_determinant = self.lattice.precision(prior)
-        factor = cholesky_banded(self.curvature + precision, overwrite_ab=True, check_finite=False)
+        factor = scipy.linalg.cholesky_banded(self.curvature + precision, overwrite_ab=True, check_finite=False)
         pivots = factor[-1] ** 2
         if pivots.min() < pivots.size * np.finfo(np.float64).eps * pivots.max():  # rounding errors alone
-            raise LinAlgError("the precision matrix is numerically singular")
-        mean = cho_solve_banded((factor, False), self.pull, check_finite=False)
+            raise scipy.linalg.LinAlgError("the precision matrix is numerically singular")
+        mean = scipy.linalg.cho_solve_banded((factor, False), self.pull, check_finite=False)
         evidence = 0.5 * log_determinant - float(np.log(factor[-1]).sum()) + 0.5 * float(self.pull @ mean)
         return SplinePosterior(self.lattice, prior, mean, factor, evidence)
 
@@ -210,7 +208,7 @@ class Data:
                 known[place] = -np.inf
                 values = [_RATIO**n for n in place]
                 if all(low <= v <= high for low, v, high in zip(lows, values, highs, strict=True)):
-                    with suppress(LinAlgError):
+                    with suppress(scipy.linalg.LinAlgError):
                         posterior = self.given(Prior(*values))
                         known[place] = posterior.evidence
                         best = posterior if best is None or posterior.evidence > best.evidence else best
@@ -259,7 +257,7 @@ class SplinePosterior:
     def standard_error_px(self) -> NDArray[np.float64]:
         """Standard error of the displacement's length [pixels], shape (rows, columns), from 64 posterior draws."""
         normal = np.random.default_rng(0).standard_normal((self.mean.size, _DRAWS))
-        draws, _ = dtbtrs(self.factor, normal, uplo="U")
+        draws, _ = scipy.linalg.lapack.dtbtrs(self.factor, normal, uplo="U")
         return self.lattice.length(self._unordered(np.asarray(draws).T))
 
     def _unordered(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:

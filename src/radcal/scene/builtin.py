@@ -16,8 +16,8 @@ from __future__ import annotations
 from typing import Any, Literal, cast
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, map_coordinates
 
 from radcal.scene.base import SceneSize, SceneSource
 from radcal.scene.model import Scene
@@ -66,8 +66,8 @@ def _terrain(east_m: NDArray[np.float64], north_m: NDArray[np.float64]) -> NDArr
     rows = _SOUTH_ROW - north_m / _SRTM_NORTH_M
     columns = _WEST_COLUMN + east_m / _SRTM_EAST_M
     # without smoothing, the one-metre steps of the integer elevations would become terraces
-    smooth = gaussian_filter(srtm, 0.8)
-    return np.asarray(map_coordinates(smooth, [rows, columns], order=3, mode="nearest"))
+    smooth = scipy.ndimage.gaussian_filter(srtm, 0.8)
+    return np.asarray(scipy.ndimage.map_coordinates(smooth, [rows, columns], order=3, mode="nearest"))
 
 
 def _dyke_axis_m(north_m: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -84,7 +84,7 @@ def _dyke_profile_m(across_m: NDArray[np.float64]) -> NDArray[np.float64]:
 def _correlated(rng: np.random.Generator, shape: tuple[int, int], length_m: float) -> NDArray[np.float64]:
     """Random Gaussian surface of unit variance, with the autocorrelation exp(-(d/length)^2) at the distance d."""
     sigma = length_m / 2.0 / CELL_M  # white noise smoothed by exp(-x^2 / 2s^2) has correlation length 2s
-    field = gaussian_filter(rng.standard_normal(shape), sigma, mode="wrap", truncate=6.0)
+    field = scipy.ndimage.gaussian_filter(rng.standard_normal(shape), sigma, mode="wrap", truncate=6.0)
     # the field is divided by its own standard deviation, because the sampled filter has another gain than the
     # continuous one
     return np.asarray(field / field.std())
@@ -94,13 +94,11 @@ def _parcels(
     rng: np.random.Generator, east_m: NDArray[np.float64], north_m: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Land cover (0 grass, 1 crops, 2 bare soil) and number of each cell's field; fields are random Voronoi cells."""
-    from scipy.spatial import cKDTree
-
     grid = np.arange(_STEP_M / 2 - 2 * _STEP_M, _SIDE_M + 2 * _STEP_M, _STEP_M)
     seeds = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
     seeds = seeds + rng.uniform(-0.35 * _STEP_M, 0.35 * _STEP_M, seeds.shape)
     kind = rng.choice(3, size=len(seeds), p=[0.35, 0.4, 0.25])
-    nearest = cKDTree(seeds).query(np.stack([east_m, north_m], axis=-1).reshape(-1, 2))[1]
+    nearest = scipy.spatial.cKDTree(seeds).query(np.stack([east_m, north_m], axis=-1).reshape(-1, 2))[1]
     return np.asarray(kind[nearest].reshape(east_m.shape)), np.asarray(nearest.reshape(east_m.shape))
 
 
@@ -189,7 +187,7 @@ def _materials(
     slope_north, slope_east = np.gradient(ground_m, CELL_M)
     slope_deg = np.degrees(np.arctan(np.hypot(slope_north, slope_east)))
     material = np.array([3, 5, 6], dtype=np.uint8)[kind]
-    material[gaussian_filter(slope_deg, 4.0) > 7.0] = 4
+    material[scipy.ndimage.gaussian_filter(slope_deg, 4.0) > 7.0] = 4
     material[(across_m > -_CHANNEL_M[1] - 15.0) & (across_m < crest + _LEE_M + 20.0)] = 3
     material[(across_m > -_CHANNEL_M[1]) & (across_m < -_CHANNEL_M[0])] = 2
     material[(across_m >= 0.0) & (across_m < _FACE_M)] = 1

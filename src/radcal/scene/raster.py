@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from radcal.config import RasterScene, expand_path
@@ -354,7 +355,6 @@ def _blocks(fine: NDArray[Any], parts: int) -> NDArray[Any]:
 def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.bool_], str, float]:
     """Elevation with gaps filled, mask of the gaps, name of the resampling method, and step of rounded heights [m]."""
     from rasterio.fill import fillnodata
-    from scipy.ndimage import distance_transform_edt
 
     values, transform = _window(elevation, grid)
     scaled = (values.astype(np.float64) * elevation.raster.scales[0] + elevation.raster.offsets[0]).filled(np.nan)
@@ -382,7 +382,7 @@ def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArra
     if gaps.any():
         # fillnodata() computes in single precision, so that only the values of gaps are taken from its result
         heights = np.where(gaps, fillnodata(heights.copy(), mask=~gaps, max_search_distance=_NEAR_CELLS), heights)
-        nearest = distance_transform_edt(np.isnan(heights), return_distances=False, return_indices=True)
+        nearest = scipy.ndimage.distance_transform_edt(np.isnan(heights), return_distances=False, return_indices=True)
         heights = heights[tuple(nearest)]
     how = "averaged" if parts > 1 else "as in the file" if on_pixels(elevation, grid) else "interpolated"
     return np.ascontiguousarray(heights), gaps, how, height_step_m(scaled)

@@ -122,7 +122,9 @@ class SyntheticMeasurement(Section):
     """Measured image that the simulator makes from hidden parameters."""
 
     source: Literal["synthetic"] = Field("synthetic", description=_SOURCE)
-    synthetic: Synthetic = Field(Synthetic(), description="hidden parameters, speckle, level and misregistration")
+    synthetic: Synthetic = Field(
+        default_factory=Synthetic, description="hidden parameters, speckle, level and misregistration"
+    )
 
 
 def starts_as_truth(

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
@@ -136,10 +137,8 @@ class GroundRange:
 
     @cached_property
     def _orbit(self) -> Any:
-        from scipy.interpolate import CubicHermiteSpline
-
         # between state vectors 10 s apart, the interpolation error is below a millimetre
-        return CubicHermiteSpline(self.orbit_s, self.position_m, self.velocity_m_s)
+        return scipy.interpolate.CubicHermiteSpline(self.orbit_s, self.position_m, self.velocity_m_s)
 
     def _zero_doppler(self, place: Array) -> Array:
         """Time at which the line of sight to a place is perpendicular to the velocity [s], by Newton's method."""

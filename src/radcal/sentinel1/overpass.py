@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement, Radar
@@ -232,9 +233,7 @@ def _heights(
     scene: Scene, ground: NDArray[np.float32], longitude: float, latitude: float, product: Product
 ) -> tuple[Array, tuple[Finding, ...]]:
     """Heights of places in the scene above the ellipsoid [m], and a finding if the height of the geoid is unknown."""
-    from scipy.ndimage import map_coordinates
-
-    height = map_coordinates(scene.elevation_m, ground.astype(np.float64), order=1, mode="nearest")
+    height = scipy.ndimage.map_coordinates(scene.elevation_m, ground.astype(np.float64), order=1, mode="nearest")
     geoid = geoid_m(scene.vertical_datum or "", longitude, latitude)
     if geoid is not None:
         return np.asarray(height + geoid), ()
@@ -301,9 +300,8 @@ def _width(a: float) -> float:
     A look of bandwidth B with the spectral window a + (1 - a) cos(2 pi f / B) has, with x in units of 1 / B, the
     impulse response a sinc(x) + (1 - a) / 2 (sinc(x - 1) + sinc(x + 1)).
     """
-    from scipy.optimize import brentq
 
     def response(x: float) -> float:
         return float(a * np.sinc(x) + 0.5 * (1.0 - a) * (np.sinc(x - 1.0) + np.sinc(x + 1.0)))
 
-    return 2.0 * float(brentq(lambda x: response(x) - response(0.0) / np.sqrt(2.0), 1e-6, 1.0))
+    return 2.0 * float(scipy.optimize.brentq(lambda x: response(x) - response(0.0) / np.sqrt(2.0), 1e-6, 1.0))

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import log_ndtr, ndtr, owens_t
 
 __all__ = ["MAX_R", "MAX_SKEWNESS", "B", "cdf", "centred", "density", "direct", "log_likelihood", "sample"]
 
@@ -71,7 +71,7 @@ def centred(dp: ArrayLike) -> NDArray[np.float64]:
 def _log_density(x: NDArray[np.float64], dp: NDArray[np.float64]) -> NDArray[np.float64]:
     xi, omega, alpha = dp
     z = (x - xi) / omega
-    return np.asarray(0.5 * np.log(2.0 / np.pi) - np.log(omega) - 0.5 * z**2 + log_ndtr(alpha * z))
+    return np.asarray(0.5 * np.log(2.0 / np.pi) - np.log(omega) - 0.5 * z**2 + scipy.special.log_ndtr(alpha * z))
 
 
 def density(x: ArrayLike, dp: ArrayLike) -> NDArray[np.float64]:
@@ -96,7 +96,7 @@ def cdf(x: ArrayLike, dp: ArrayLike) -> NDArray[np.float64]:
     """Distribution function Phi(z) - 2 T(z, alpha), where T is Owen's function; shapes as in :func:`density`."""
     xi, omega, alpha = np.asarray(dp, dtype=np.float64)
     z = (np.asarray(x, dtype=np.float64) - xi) / omega
-    return np.asarray(np.clip(ndtr(z) - 2.0 * owens_t(z, alpha), 0.0, 1.0))
+    return np.asarray(np.clip(scipy.special.ndtr(z) - 2.0 * scipy.special.owens_t(z, alpha), 0.0, 1.0))
 
 
 def log_likelihood(x: ArrayLike, dp: ArrayLike) -> float:

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import log_ndtr
 
 from radcal.errors import FitError
 from radcal.skewnormal.distribution import MAX_R, MAX_SKEWNESS, B, centred, log_likelihood
@@ -116,7 +116,7 @@ def objective(
     xi, omega, alpha = dp.tolist()
     z = (x - xi) / omega
     w = alpha * z
-    log_phi = log_ndtr(w)
+    log_phi = scipy.special.log_ndtr(w)
     n = x.size
     ratio = np.exp(-0.5 * w * w - 0.5 * math.log(2.0 * math.pi) - log_phi)  # N(w) / Phi(w)
     curved = -ratio * (w + ratio)  # derivative of the ratio

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from radcal.skewnormal.distribution import MAX_R, MAX_SKEWNESS
@@ -39,14 +40,14 @@ _HOPELESS = 2.5  # root of a likelihood ratio minus root of its critical value, 
 
 def _critical(effective: float, v: float, level: float) -> float:
     """Critical value that the likelihood ratio at the true skewness exceeds with the probability 1 - level."""
-    from scipy.special import gammaincinv
-
     skewness = MAX_SKEWNESS * abs(math.tanh(v))
     column = int(np.clip(np.searchsorted(_SKEWNESSES, skewness) - 1, 0, _SKEWNESSES.size - 2))
     share = (skewness - _SKEWNESSES[column]) / (_SKEWNESSES[column + 1] - _SKEWNESSES[column])
     ratios = (1.0 - share) * _RATIOS[:, column] + share * _RATIOS[:, column + 1]
     return float(
-        2.0 * gammaincinv(0.5, level) * max(np.interp(math.log(effective), np.log(_SIZES), ratios), _LEAST_RATIO)
+        2.0
+        * scipy.special.gammaincinv(0.5, level)
+        * max(np.interp(math.log(effective), np.log(_SIZES), ratios), _LEAST_RATIO)
     )
 
 
@@ -105,8 +106,6 @@ def intervals(
     Cox and Hinkley, "Theoretical Statistics" (1974), sections 7.2 and 9.3 (intervals as the
     values that tests accept, likelihood ratio). Azzalini and Capitanio 2014, section 3.1.
     """
-    from scipy.special import ndtri, stdtrit
-
     if not 0.0 < level < 1.0:
         raise ValueError(f"expected a level between 0 and 1, found {level:g}")
     y, centre, scale = standardised(sample)
@@ -114,11 +113,11 @@ def intervals(
         found = fit(sample)
     size = max(float(effective or y.size), 8.0)
     if size >= _WALD_SIZE and abs(found.cp[2]) <= _WALD_SKEWNESS:
-        half = ndtri(0.5 + 0.5 * level) * np.sqrt(np.diagonal(covariance(sample, found, size)))
+        half = scipy.special.ndtri(0.5 + 0.5 * level) * np.sqrt(np.diagonal(covariance(sample, found, size)))
         if np.isfinite(half).all():
             return found.cp[:, None] + np.outer(half, [-1.0, 1.0])
     profile = _Profile(y, size, (found.cp - [centre, 0.0, 0.0]) / [scale, scale, 1.0])
-    student = float(stdtrit(size - 3.0, 0.5 + 0.5 * level) ** 2)
+    student = float(scipy.special.stdtrit(size - 3.0, 0.5 + 0.5 * level) ** 2)
     mean = [centre + scale * profile.bound(0, side, lambda _: student) for side in (-1.0, 1.0)]
     sd = [scale * math.exp(profile.bound(1, side, lambda _: student)) for side in (-1.0, 1.0)]
     v = [profile.bound(2, side, lambda v: _critical(size, v, level)) for side in (-1.0, 1.0)]
@@ -182,8 +181,6 @@ class _Profile:
 
     def bound(self, k: int, side: float, critical: Callable[[float], float]) -> float:
         """Upper (side 1) or lower (side -1) bound of the k-th parameter, where the likelihood ratio is ``critical``."""
-        from scipy.optimize import brentq
-
         near = self._top
 
         @cache  # cached, because a search starts from the previous result, and might end elsewhere if repeated
@@ -208,4 +205,4 @@ class _Profile:
         if last == len(tried) - 1:
             return tried[last] if excess(tried[last]) <= 0.0 else tried[0]
         inside, outside = tried[last : last + 2]
-        return float(brentq(excess, inside, outside, xtol=3e-4 / math.sqrt(self._size), rtol=1e-12))
+        return float(scipy.optimize.brentq(excess, inside, outside, xtol=3e-4 / math.sqrt(self._size), rtol=1e-12))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from radcal.bands import WIDTH_FACTOR
@@ -149,10 +150,8 @@ def beta_share(power: NDArray[np.float32], looks: float, whole: int) -> NDArray[
         taken at the probability that the power of speckle is smaller than the given power, so that the random numbers
         grow with the power.
     """
-    from scipy.special import betainccinv
-
     # exp(-power) is the probability of a larger power. As a function of the fourth root of this probability, the
     # quantile is smooth at 0 and steep at 1, and the rows of the table are close to each other at 1.
     root = 1.0 - np.linspace(1.0, 0.0, _SHARES) ** 3
-    shares = betainccinv(looks, whole - looks, root**4) * (whole / looks)
+    shares = scipy.special.betainccinv(looks, whole - looks, root**4) * (whole / looks)
     return np.asarray(np.interp(np.exp(-0.25 * power), root, shares), dtype=np.float32)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["equal_texture", "log_speckle_cumulants", "order_of_texture", "texture_db", "texture_order"]
@@ -38,9 +39,14 @@ def log_speckle_cumulants(looks: ArrayLike) -> NDArray[np.float64]:
     n = np.asarray(looks, dtype=np.float64)
     if n.ndim == 0:  # cached, because a search asks for the same number of looks many times
         return np.array(_of_looks(float(n)))
-    from scipy.special import digamma, polygamma
-
-    return np.stack([_DB * (digamma(n) - np.log(n)), _DB**2 * polygamma(1, n), _DB**3 * polygamma(2, n)], axis=-1)
+    return np.stack(
+        [
+            _DB * (scipy.special.digamma(n) - np.log(n)),
+            _DB**2 * scipy.special.polygamma(1, n),
+            _DB**3 * scipy.special.polygamma(2, n),
+        ],
+        axis=-1,
+    )
 
 
 @lru_cache(maxsize=4096)
@@ -73,9 +79,9 @@ def texture_order(looks: float, effective: float) -> float:
     Nicolas (2002), as for :func:`log_speckle_cumulants`; Jakeman and Pusey, "A model for non-Rayleigh sea echo", IEEE
     Trans. Antennas Propag. 24 (1976): the K distribution.
     """
-    from scipy.special import polygamma
-
-    return _order(float(polygamma(1, effective) - polygamma(1, looks)) if effective < looks else 0.0)
+    return _order(
+        float(scipy.special.polygamma(1, effective) - scipy.special.polygamma(1, looks)) if effective < looks else 0.0
+    )
 
 
 def order_of_texture(sd_db: float) -> float:
@@ -96,14 +102,11 @@ def order_of_texture(sd_db: float) -> float:
 
 def _order(log_variance: float) -> float:
     """Order of a gamma distribution with a given variance of its natural logarithm; infinite for 0 and below."""
-    from scipy.optimize import brentq
-    from scipy.special import polygamma
-
     if log_variance <= 0.0:
         return float("inf")
     # trigamma(x) lies between 1/x and 1/x + 1/x^2
     bracket = 0.3 / (1.0 + log_variance), 2.0 + 2.0 / log_variance
-    return float(brentq(lambda x: polygamma(1, x) - log_variance, *bracket, rtol=1e-12))
+    return float(scipy.optimize.brentq(lambda x: scipy.special.polygamma(1, x) - log_variance, *bracket, rtol=1e-12))
 
 
 def equal_texture(looks: float, effective: float, others: float) -> float:
@@ -129,12 +132,15 @@ def equal_texture(looks: float, effective: float, others: float) -> float:
         return effective
     if effective >= looks:
         return effective * others / looks
-    from scipy.optimize import brentq
-    from scipy.special import polygamma
-
-    wanted = float(polygamma(1, others) + polygamma(1, effective) - polygamma(1, looks))
+    wanted = float(
+        scipy.special.polygamma(1, others) + scipy.special.polygamma(1, effective) - scipy.special.polygamma(1, looks)
+    )
     low = 0.01
-    return float(brentq(lambda x: polygamma(1, x) - wanted, low, others)) if polygamma(1, low) > wanted else low
+    return (
+        float(scipy.optimize.brentq(lambda x: scipy.special.polygamma(1, x) - wanted, low, others))
+        if scipy.special.polygamma(1, low) > wanted
+        else low
+    )
 
 
 def texture_db(uniform: ArrayLike, order: float) -> NDArray[np.float64]:
@@ -156,6 +162,6 @@ def texture_db(uniform: ArrayLike, order: float) -> NDArray[np.float64]:
     u = np.asarray(uniform, dtype=np.float64)
     if not np.isfinite(order):
         return np.zeros_like(u)
-    from scipy.special import gammaincinv
-
-    return np.asarray(10.0 * np.log10(np.maximum(gammaincinv(order, u), np.finfo(np.float64).tiny) / order))
+    return np.asarray(
+        10.0 * np.log10(np.maximum(scipy.special.gammaincinv(order, u), np.finfo(np.float64).tiny) / order)
+    )
