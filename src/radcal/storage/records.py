@@ -15,7 +15,7 @@ import platform
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime
-from importlib.metadata import version
+from importlib import metadata
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -50,6 +50,7 @@ REPLACE = "RADCAL_REPLACE"
 """Environment variable that allows the replacement of a finished calibration; the session sets it for ``replace``."""
 
 _PACKAGES = ("numpy", "scipy", "h5py")
+version = functools.cache(metadata.version)  # each call parses a file, and a record makes four
 
 
 class _Partial(io.FileIO):
