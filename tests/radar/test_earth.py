@@ -15,11 +15,10 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.optimize import brentq
 
 from radcal.config import Radar
-from radcal.radar import projection
 from radcal.radar.earth import LineOfSight, heading_at_scene, heading_of_sight, line_of_sight
 from radcal.radar.facets import LAID_OVER, VISIBLE
 from radcal.radar.lines import Lines
-from radcal.radar.projection import make_geometry
+from radcal.radar.projection import lit_facets, make_geometry
 from radcal.scene.crs import earth_radius_m, ground_per_grid, label, turned
 from radcal.scene.model import Scene
 
@@ -128,28 +127,12 @@ class Facets:
     seen: LineOfSight
 
 
-def facets_of(scene, radar, monkeypatch):
+def facets_of(scene, radar):
     """Facets of the scene, one for each cell, as the geometry of the image is made from."""
-    found = []
-    collected, pixels = projection._collected, projection._pixels
-
-    def keep_lines(scene, radar, material, lines, k, *others):
-        assert k == 1
-        found.append(lines)
-        return collected(scene, radar, material, lines, k, *others)
-
-    def keep_sight(scene, radar, seen, parts, k, step, near, *others):
-        lines = found.pop()
-        # in rows, each as high as the spacing, from the nearest on
-        slant_m = near + 0.5 * (lines.near_m.astype(float) + lines.far_m) * radar.range_spacing_m
-        found.append(Facets(lines, slant_m, seen))
-        return pixels(scene, radar, seen, parts, k, step, near, *others)
-
-    monkeypatch.setattr(projection, "_collected", keep_lines)
-    monkeypatch.setattr(projection, "_pixels", keep_sight)
     # pixels at least as large as cells, so that cells are not divided
-    make_geometry(scene, radar.model_copy(update={"range_spacing_m": 120.0, "range_resolution_m": 240.0}))
-    return found[0]
+    lit = lit_facets(scene, radar.model_copy(update={"range_spacing_m": 120.0, "range_resolution_m": 240.0}))
+    assert lit.view.k == 1
+    return Facets(lit.lines, 0.5 * (lit.lines.near_m.astype(float) + lit.lines.far_m) + lit.view.base_m, lit.view.seen)
 
 
 def local_incidence_deg(truth):
@@ -166,10 +149,10 @@ PASSES = [
 
 
 @pytest.mark.parametrize(("latitude", "keys"), PASSES)
-def test_incidence_and_slant_range_are_those_of_the_ellipsoid(latitude, keys, monkeypatch):
+def test_incidence_and_slant_range_are_those_of_the_ellipsoid(latitude, keys):
     radar = orbit_pass(**keys)
     scene = make_scene(latitude, radar.heading_deg, hills)
-    truth, facets = seen_from_orbit(scene, radar), facets_of(scene, radar, monkeypatch)
+    truth, facets = seen_from_orbit(scene, radar), facets_of(scene, radar)
     inside = (slice(1, -1), slice(1, -1))
     found = facets.lines.incidence.astype(float) * 90.0 / 65535.0
     slant = facets.slant_m
@@ -209,12 +192,12 @@ SMALLER = "+proj=tmerc +lat_0=42 +lon_0=15.3 +k=0.995 +datum=WGS84 +units=m"
         (42.0, {"heading_deg": 192.0, "altitude_m": 20_000.0, "incidence_deg": 42.0}, 700.0, None),
     ],
 )
-def test_incidence_on_slopes_of_40_degrees_is_that_of_the_ellipsoid(latitude, keys, mean_m, grid, monkeypatch):
+def test_incidence_on_slopes_of_40_degrees_is_that_of_the_ellipsoid(latitude, keys, mean_m, grid):
     radar = orbit_pass(**keys)
     scene = make_scene(latitude, radar.heading_deg, steep, mean_m, grid)
     slopes = np.degrees(np.arctan(np.hypot(*np.gradient(scene.elevation_m, CELL_M))))
     assert 39.5 < slopes.max() < 41.5
-    truth, facets = seen_from_orbit(scene, radar), facets_of(scene, radar, monkeypatch)
+    truth, facets = seen_from_orbit(scene, radar), facets_of(scene, radar)
     found, whole = facets.lines.incidence.astype(float) * 90.0 / 65535.0, (facets.lines.state & VISIBLE) != 0
     if radar.look_side == "left":
         found, whole = found[:, ::-1], whole[:, ::-1]
@@ -251,7 +234,7 @@ def test_level_ground_of_an_image_has_the_ellipsoids_incidence():
 
 
 @pytest.mark.parametrize(("incidence", "least_hidden", "least_laid"), [(62.0, 0.2, 0.0), (28.0, 0.0, 0.1)])
-def test_shadow_and_layover_are_those_of_rays_in_space(incidence, least_hidden, least_laid, monkeypatch):
+def test_shadow_and_layover_are_those_of_rays_in_space(incidence, least_hidden, least_laid):
     """Cliffs, which hide the ground behind them, or are nearer to the radar than the ground before them."""
 
     def cliffs(across, along):
@@ -259,7 +242,7 @@ def test_shadow_and_layover_are_those_of_rays_in_space(incidence, least_hidden, 
 
     radar = orbit_pass(incidence_deg=incidence, altitude_m=514e3)
     scene = make_scene(42.0, 192.0, cliffs)
-    truth, facets = seen_from_orbit(scene, radar), facets_of(scene, radar, monkeypatch)
+    truth, facets = seen_from_orbit(scene, radar), facets_of(scene, radar)
     # angle at the satellite from the vertical; every row of cells is seen across the track
     angle = np.arccos(truth.to_satellite @ unit(truth.satellite))
     hidden = angle < np.maximum.accumulate(angle, axis=1) - 1e-9

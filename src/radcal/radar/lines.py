@@ -77,6 +77,8 @@ class Lines:
         Area of the visible part of the facet [m2]; for an object's facet, its part of the object's cross-section [m2].
     state : ndarray of uint8
         Bit flags of each facet: visible, in layover, part of an object, partly hidden.
+    height_m : ndarray of float32
+        Elevation of the ground, or of the roof of a box [m]; empty unless it was asked for.
     hidden : list of (ndarray, ndarray, ndarray)
         Hidden parts of partly visible facets, with one entry of the list for each block of lines. An entry holds the
         line of each facet, and the nearest and furthest slant range of the facet's hidden part, relative to the base
@@ -88,11 +90,12 @@ class Lines:
     incidence: NDArray[np.uint16]
     area: NDArray[np.float32]
     state: NDArray[np.uint8]
+    height_m: NDArray[np.float32]
     hidden: list[tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]]
 
     @classmethod
-    def empty(cls, lines: int, facets: int) -> Lines:
-        """Uninitialised arrays for a number of lines and of facets per line."""
+    def empty(cls, lines: int, facets: int, heights: bool = False) -> Lines:
+        """Uninitialised arrays for a number of lines and of facets per line, with or without heights."""
         shape = (lines, facets)
         return cls(
             np.empty(shape, np.float32),
@@ -100,6 +103,7 @@ class Lines:
             np.empty(shape, np.uint16),
             np.empty(shape, np.float32),
             np.empty(shape, np.uint8),
+            np.empty(shape if heights else (0, 0), np.float32),
             [],
         )
 
@@ -224,6 +228,8 @@ def fill_lines(
         lines.far_m[part], lines.incidence[part], lines.area[part], lines.area[part].view(np.int32),
         lines.state[part], horizon, extent, hidden,
     )  # fmt: skip
+    if lines.height_m.size:
+        lines.height_m[part] = raised.roof_m
     if standing is not None:
         boxes, spots = standing
         add_up(raised.owner, extent, boxes.extent)

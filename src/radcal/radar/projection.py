@@ -35,7 +35,7 @@ from radcal.scene.crs import earth_radius_m, ground_per_grid
 from radcal.scene.model import Scene
 from radcal.speckle.response import impulse_response
 
-__all__ = ["make_frame", "make_geometry", "strips_of"]
+__all__ = ["LitFacets", "View", "lit_facets", "make_frame", "make_geometry", "strips_of"]
 
 _LARGEST_KM = 1000.0  # a smaller altitude may be one in km: low orbits lie below 1000 km
 _MOST_NAMES = 254  # largest number of materials, not counting objects
@@ -116,19 +116,85 @@ def _slant_range_geometry(scene: Scene, radar: Radar) -> Geometry:
 
 
 @dataclass(frozen=True)
-class _View:
-    """Position of a pass relative to a scene with terrain, and the division of the scene into lines and facets."""
+class View:
+    """Position of a pass relative to a scene with terrain, and the division of the scene into lines and facets.
+
+    Attributes
+    ----------
+    seen : LineOfSight
+        Position of the track.
+    track_m : float
+        Elevation of the track [m].
+    edges_m : ndarray
+        Ground range of the facets' edges [m].
+    base_m : float
+        Slant range near the scene, to which slant ranges are relative, so that single precision is enough [m].
+    k, step_m : int, float
+        Number of facets along each side of a cell, and width of a facet [m].
+    """
 
     seen: LineOfSight
     track_m: float
-    edges_m: NDArray[np.float64]  # ground range of the facets' edges
-    base_m: float  # slant range near the scene, to which slant ranges are relative, so that single precision is enough
+    edges_m: NDArray[np.float64]
+    base_m: float
     k: int
     step_m: float
 
 
-def _view(scene: Scene, radar: Radar, mean_m: float, highest_m: float) -> _View:
-    nx, k = scene.material.shape[1], refinement(scene.cell_m, radar)
+@dataclass(frozen=True)
+class LitFacets:
+    """Facets of a scene with terrain as the radar sees them, before they are divided among the pixels of an image.
+
+    Attributes
+    ----------
+    view : View
+        Position of the pass.
+    lines : Lines
+        Facets of all azimuth lines.
+    material : ndarray of uint8, shape (ny, nx)
+        Material id of each cell of the scene; ground range grows with the column.
+    spots : Spots or None
+        Point scatterers; None in a scene without objects.
+    """
+
+    view: View
+    lines: Lines
+    material: NDArray[np.uint8]
+    spots: Spots | None
+
+
+def lit_facets(scene: Scene, radar: Radar, k: int | None = None) -> LitFacets:
+    """Facets of the refined elevation model of a scene, seen from a straight track.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene with elevation.
+    radar : Radar
+        Pass.
+    k : int, optional
+        Number of facets along each side of a cell; the facets then also have their heights. By default the fewest for
+        which no facet is larger than a pixel, without heights.
+
+    Returns
+    -------
+    LitFacets
+        Facets with slant range, incidence, area and visibility at zero Doppler.
+
+    Raises
+    ------
+    SceneError
+        The terrain or an object reaches the height of the track, or the track passes over the scene.
+    """
+    elevation = _facing(scene.elevation_m, radar)
+    mean = float(elevation.mean())
+    view = _view(scene, radar, mean, float(elevation.max()), k)
+    lines, spots, _, _ = _seen_lines(scene, radar, view, mean, slice(0, len(elevation) * view.k), k is not None)
+    return LitFacets(view, lines, np.ascontiguousarray(_facing(scene.material, radar)), spots)
+
+
+def _view(scene: Scene, radar: Radar, mean_m: float, highest_m: float, k: int | None = None) -> View:
+    nx, k = scene.material.shape[1], k or refinement(scene.cell_m, radar)
     step = scene.cell_m / k
     seen = _sight(scene, radar, mean_m)
     track = mean_m + seen.height_m
@@ -143,7 +209,7 @@ def _view(scene: Scene, radar: Radar, mean_m: float, highest_m: float) -> _View:
             f"radar.depression_deg {radar.depression_deg:g} at radar.altitude_m {radar.altitude_m:g} puts the track "
             f"over the scene: lower the depression angle or fly higher{_in_km(radar)}."
         )
-    return _View(seen, track, edges, float(np.hypot(seen.height_m, edges[0])), k, step)
+    return View(seen, track, edges, float(np.hypot(seen.height_m, edges[0])), k, step)
 
 
 def make_frame(scene: Scene, radar: Radar) -> Frame:
@@ -217,23 +283,13 @@ def _terrain_geometry(
 ) -> Geometry:
     """Geometry of a scene with terrain: facets of the refined elevation model, seen from a straight track."""
     elevation, material = _facing(scene.elevation_m, radar), _facing(scene.material, radar)
-    ny, nx = elevation.shape
     heights = (float(elevation.mean()), float(elevation.max())) if frame is None else (frame.mean_m, frame.highest_m)
     view = _view(scene, radar, *heights)
-    seen, track, k, step = view.seen, view.track_m, view.k, view.step_m
-    columns = int(ny * scene.cell_m / radar.azimuth_spacing_m)
-    low, high = (0, ny * k) if strip is None else _lines_of(strip, scene, radar, k, step)
-    rows = slice(max(0, low // k // BLOCK * BLOCK - HALO), (-(-high // k) // BLOCK + 1) * BLOCK + HALO)
-    surface = _lowered(seen, elevation, scene.cell_m, rows)
-    lines, part = Lines.empty(ny * k, nx * k), slice(low, high)
-    standing = _standing(scene, radar, surface, view, heights[0], part)
-    near, far = 0.0, np.inf
-    for first, last in blocks(low, high, k):
-        near_line, far_line = fill_lines(
-            surface, first, last, k, step, view.edges_m, track, view.base_m, radar.range_spacing_m, lines, standing,
-            seen,
-        )  # fmt: skip
-        near, far = max(near, near_line), min(far, far_line)
+    seen, k, step = view.seen, view.k, view.step_m
+    columns = int(len(elevation) * scene.cell_m / radar.azimuth_spacing_m)
+    low, high = (0, len(elevation) * k) if strip is None else _lines_of(strip, scene, radar, k, step)
+    part, rows = slice(low, high), _rows_of(slice(low, high), k)
+    lines, spots, near, far = _seen_lines(scene, radar, view, heights[0], part)
     if frame is not None:
         near, far = frame.near_m, frame.far_m
     if onto is not None:
@@ -243,12 +299,7 @@ def _terrain_geometry(
     if count < 8 or columns < 8:
         raise SceneError(f"the image of the scene would have {count} x {columns} pixels: use a finer pixel spacing.")
     place, points = strip or Strip.whole(columns), PointScatterers.none()
-    if standing is not None:
-        boxes, spots = standing
-        share_out(
-            high - low, lines.near_m[part], lines.far_m[part], lines.state[part], lines.area[part],
-            lines.area[part].view(np.int32), boxes.rcs_m2, boxes.extent,
-        )  # fmt: skip
+    if spots is not None:
         points = _points(spots, radar, seen, near, step, place.left)
     for slant in (lines.near_m[part], lines.far_m[part], *(one for _, *both in lines.hidden for one in both)):
         _to_rows(slant, near - view.base_m, radar.range_spacing_m)
@@ -259,6 +310,39 @@ def _terrain_geometry(
     del lines  # about half of the memory
     made = _pixels(scene, radar, seen, parts, k, step, near, points)
     return made if strip is None else replace(made, strip=strip)
+
+
+def _rows_of(part: slice, k: int) -> slice:
+    """Rows of the scene that the facets on some lines depend on."""
+    return slice(max(0, part.start // k // BLOCK * BLOCK - HALO), (-(-part.stop // k) // BLOCK + 1) * BLOCK + HALO)
+
+
+def _seen_lines(
+    scene: Scene, radar: Radar, view: View, mean_m: float, part: slice, heights: bool = False
+) -> tuple[Lines, Spots | None, float, float]:
+    """Facets on the lines ``part``, points, and the interval of slant ranges in which each of these lines has ground.
+
+    All lines have memory, which the operating system gives only to those that are written.
+    """
+    (ny, nx), k = scene.material.shape, view.k
+    surface = _lowered(view.seen, _facing(scene.elevation_m, radar), scene.cell_m, _rows_of(part, k))
+    lines = Lines.empty(ny * k, nx * k, heights)
+    standing = _standing(scene, radar, surface, view, mean_m, part)
+    near, far = 0.0, np.inf
+    for first, last in blocks(part.start, part.stop, k):
+        near_line, far_line = fill_lines(
+            surface, first, last, k, view.step_m, view.edges_m, view.track_m, view.base_m, radar.range_spacing_m,
+            lines, standing, view.seen,
+        )  # fmt: skip
+        near, far = max(near, near_line), min(far, far_line)
+    if standing is None:
+        return lines, None, near, far
+    boxes, spots = standing
+    share_out(
+        part.stop - part.start, lines.near_m[part], lines.far_m[part], lines.state[part], lines.area[part],
+        lines.area[part].view(np.int32), boxes.rcs_m2, boxes.extent,
+    )  # fmt: skip
+    return lines, spots, near, far
 
 
 def _lines_of(strip: Strip, scene: Scene, radar: Radar, k: int, step: float) -> tuple[int, int]:
@@ -287,7 +371,7 @@ def _sight(scene: Scene, radar: Radar, mean_m: float) -> LineOfSight:
 
 
 def _standing(
-    scene: Scene, radar: Radar, elevation: NDArray[np.float64], view: _View, mean_m: float, part: slice
+    scene: Scene, radar: Radar, elevation: NDArray[np.float64], view: View, mean_m: float, part: slice
 ) -> tuple[Boxes, Spots] | None:
     """Boxes and point scatterers of the scene's objects on the refined elevation model; None without objects.
 
