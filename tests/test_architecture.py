@@ -24,6 +24,7 @@ FLOW = [
     ("scene", ["scene", "vectors", "cdb"]),
     ("geometry and image formation", ["compiled", "speckle", "radar"]),
     ("simulator", ["programs", "simulators"]),
+    ("raw signals", ["signals"]),
     ("measurement", ["image", "sentinel1", "ground", "registration", "measurement"]),
     ("inference", ["inference"]),
     ("target", ["targets"]),

@@ -29,7 +29,7 @@ from llvmlite import binding
 
 __all__ = ["ROOMS", "cache_folder", "njit", "threaded"]
 
-ROOMS = ("radar", "speckle")
+ROOMS = ("radar", "signals", "speckle")
 """Rooms with compiled functions, which use no constants and compiled functions of other rooms."""
 
 _config: Any = numba.config  # the names of numba.config are defined only at import, so that mypy does not know them

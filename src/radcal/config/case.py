@@ -33,7 +33,7 @@ from radcal.sections.measurement import (
 )
 from radcal.sections.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
 from radcal.sections.ppi import Ppi
-from radcal.sections.radar import Radar
+from radcal.sections.radar import Radar, Signals
 from radcal.sections.scene import BuiltinScene, SceneConfig
 from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
 from radcal.sections.simulator import BuiltinSimulation, SimulatorConfig
@@ -64,6 +64,7 @@ class Case(Part):
     radars: Radars = Field(
         default_factory=lambda: [Radar()], description="the acquisition: track, sensor and image grid"
     )
+    signals: Signals = Field(default_factory=Signals)
     simulator: SimulatorConfig = Field(
         default_factory=BuiltinSimulation, description="radcal's own simulator or any other program"
     )

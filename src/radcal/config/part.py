@@ -12,7 +12,7 @@ from radcal.sections.base import Section
 from radcal.sections.materials import Material
 from radcal.sections.measurement import MeasurementConfig, RegistrationConfig
 from radcal.sections.ppi import Ppi
-from radcal.sections.radar import Radar
+from radcal.sections.radar import Radar, Signals
 from radcal.sections.scene import SceneConfig
 from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
 from radcal.sections.simulator import SimulatorConfig
@@ -57,6 +57,7 @@ class Part(Section):
         seed: int
         scene: SceneConfig
         radars: list[Radar]
+        signals: Signals
         simulator: SimulatorConfig
         materials: dict[str, Material]
         ppi: Ppi

@@ -64,10 +64,9 @@ _LAWS = ("seed", *_PASS)
 _RUNS = (*_LAWS, "simulator")  # what determines the pixel values of runs
 _TARGET = (*_RUNS, "objective", "target", "validation")
 _TRAIN = (*_RUNS, "objective", "surrogate")
-_ARCHIVE = tuple(
-    name for name in Case.model_fields if name not in ("replace", "ppi", "stop")
-)  # stop.json holds the last
-FORWARD = ("case", "scene", *_RUNS, "ppi")
+# stop.json holds stop, and no calibration reads the sections of other products
+_ARCHIVE = tuple(name for name in Case.model_fields if name not in ("replace", "ppi", "signals", "stop"))
+FORWARD = ("case", "scene", *_RUNS, "signals", "ppi")
 """Sections that a forward run reads."""
 
 

@@ -34,6 +34,12 @@ PRODUCTS: Mapping[str, Product | None] = {
     "complex": Product(
         "the complex looks of the image, as HDF5; their phases are random", "radcal.products.simulated:write_looks"
     ),
+    "iq": Product("raw signals, as CPHD", "radcal.signals.cphd:write_iq", "radcal.signals.cphd:check_iq"),
+    "focused": Product(
+        "the complex looks of an image focused from raw signals, as HDF5, and its picture",
+        "radcal.signals.focus:write_focused",
+        "radcal.signals.platform:check",
+    ),
     "ppi": Product(
         "one turn of a surveillance radar on a mast (section ppi), as HDF5 and PNG",
         "radcal.ppi.product:write",

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import io
 import math
 import pkgutil
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-
-import h5py
-import numpy as np
 
 from radcal.config.part import Part
 from radcal.errors import ConfigError, RadcalError, SceneError
@@ -26,9 +22,9 @@ from radcal.scene.model import Scene, write_scene
 from radcal.scene.sources import make_scene
 from radcal.sections.errors import nearest
 from radcal.seeds import noise_seed
-from radcal.simulators.forward import Forward
+from radcal.simulators.forward import Forward, write_complex
 from radcal.simulators.sources import runner_of
-from radcal.storage.files import atomic, digest
+from radcal.storage.files import digest
 from radcal.storage.provenance import provenance
 from radcal.storage.runs import RunStore
 from radcal.words import sentence
@@ -172,7 +168,7 @@ def simulate(
 
 
 def write_looks(stem: Path, made: Forward) -> list[Path]:
-    """Write the complex looks of a pass to an HDF5 file, whose attributes ``docs/predictions.md`` describes.
+    """Write the complex looks of a pass to an HDF5 file.
 
     Parameters
     ----------
@@ -186,20 +182,10 @@ def write_looks(stem: Path, made: Forward) -> list[Path]:
     list of path
         The file.
     """
-    radar, path = made.case.radar, stem.with_suffix(".h5")
-    count, whole = math.ceil(radar.looks), io.BytesIO()  # in memory: HDF5 cannot recover from a full disk
-    with h5py.File(whole, "w") as file:
-        looks = file.create_dataset("looks", (count, *made.image_db.shape), np.complex64)
-        for k, look in enumerate(made.looks()):
-            looks[k] = look
-        looks.attrs["axes"] = "look, slant range, azimuth"
-        looks.attrs["unit"] = "square root of linear power"
-        looks.attrs["phases"] = (
-            "random, independent in each look and in each pixel before the impulse response: they hold neither the "
-            "range to the ground nor an interferometric phase"
-        )
-        known = {key: value for key, value in radar.described().items() if value is not None}
-        file.attrs.update({"case": made.case.case, "run": made.key, "product": "complex", **known})
-    with atomic(path) as partial_path:
-        partial_path.write_bytes(whole.getbuffer())
+    phases = (
+        "random, independent in each look and in each pixel before the impulse response: they hold neither the "
+        "range to the ground nor an interferometric phase"
+    )
+    path = stem.with_suffix(".h5")
+    write_complex(path, made, "complex", made.looks(), math.ceil(made.case.radar.looks), phases)
     return [path]

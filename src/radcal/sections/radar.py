@@ -1,4 +1,4 @@
-"""Section ``radar``: acquisition (pass) and image grid."""
+"""Sections ``radar`` and ``signals``: acquisition (pass) and image grid, and what raw signals need beside them."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from radcal.angles import depression_deg, incidence_deg
 from radcal.bands import WIDTH_FACTOR, within_band
 from radcal.sections.base import Section
 from radcal.sections.errors import Wrong
-from radcal.sections.limits import Altitude, Decibels, Frequency, Length, Looks, Real
+from radcal.sections.limits import Altitude, Decibels, Frequency, Integer, Length, Looks, Real
 from radcal.tables.sensors import SensorName, sensors
 
-__all__ = ["Radar", "Radiometry"]
+__all__ = ["Radar", "Radiometry", "Signals"]
 
 Radiometry = Literal["sigma0_ref", "sigma0_local", "beta0", "gamma0", "gamma0_rtc"]
 
@@ -262,3 +262,46 @@ class Radar(Section):
                 + f" (in MHz? {self.frequency_ghz / 1000.0:g} GHz)" * bool(in_mhz),
             )
         return self
+
+
+_Positive = Annotated[Real, Field(gt=0, le=1e9)]
+
+
+class Signals(Section):
+    """Radar of the raw signals of ``radcal simulate --product iq`` and of the image focused from them."""
+
+    speed_mps: Annotated[Real, Field(ge=1, le=1e4)] = Field(100.0, description="speed of the platform [m/s]")
+    prf_hz: _Positive | None = Field(
+        None, description="pulse rate [Hz]; by default 1.1 times the least for which no echo folds into the image"
+    )
+    antenna_m: Length | None = Field(
+        None,
+        description="length of the antenna along the track [m]; by default its beam is 8 dB down at the edges of the "
+        "band that radar.azimuth_resolution_m and radar.looks need",
+    )
+    gain_db: Annotated[Real, Field(ge=0, le=100)] = Field(30.0, description="gain of the antenna, one way [dB]")
+    pulse_us: _Positive = Field(10.0, description="length of the transmitted chirp [us]")
+    power_w: _Positive | None = Field(
+        None, description="transmitted peak power [W]; by default the noise in the scene's middle is radar.nesz_db"
+    )
+    noise_figure_db: Annotated[Real, Field(ge=0, le=30)] = Field(
+        4.0, description="noise figure of the receiver with its losses [dB]; without effect unless power_w is set"
+    )
+    bits: Annotated[Integer, Field(ge=2, le=16)] | None = Field(
+        None, description="bits of the converter for each of I and Q; by default the signal is not quantised"
+    )
+    motion_m: Annotated[Real, Field(ge=0, le=100)] = Field(
+        0.0, description="rms deviation of the track from a straight line, in ground range and in height [m]"
+    )
+    motion_length_m: _Positive = Field(200.0, description="length of the track over which its deviation changes [m]")
+    origin: tuple[Annotated[Real, Field(ge=-89, le=89)], Annotated[Real, Field(ge=-180, le=180)]] | None = Field(
+        None,
+        description="latitude and longitude of the scene's middle [deg], for the file of product iq; by default those "
+        "of the map or of the built-in scene",
+    )
+    start_utc: str | None = Field(
+        None,
+        pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,6})?Z$",
+        description="date and time of the first pulse, as 2026-01-01T12:00:00Z, for the file of product iq; the "
+        "built-in scene has an invented one",
+    )

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import io
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config.part import Part
 from radcal.radar.geometry import Geometry
 from radcal.scene.model import Scene
+from radcal.storage.files import atomic
 
-__all__ = ["Forward"]
+__all__ = ["Forward", "write_complex"]
 
 
 @dataclass(frozen=True)
@@ -47,3 +51,37 @@ class Forward:
     seed: int
     kept: bool
     looks: Callable[[], Iterator[NDArray[np.complex64]]]
+
+
+def write_complex(
+    path: Path, made: Forward, product: str, looks: Iterable[NDArray[np.complex64]], count: int, phases: str
+) -> None:
+    """Write complex looks of a pass to an HDF5 file, whose attributes ``docs/predictions.md`` describes.
+
+    Parameters
+    ----------
+    path : path
+        Path of the file.
+    made : Forward
+        Forward run of the pass.
+    product : str
+        Name of the product.
+    looks : iterable of ndarray of complex64, shape (rows, columns)
+        Looks [square root of linear power].
+    count : int
+        Number of looks.
+    phases : str
+        What the phases mean.
+    """
+    whole = io.BytesIO()  # in memory: HDF5 cannot recover from a full disk
+    with h5py.File(whole, "w") as file:
+        written = file.create_dataset("looks", (count, *made.image_db.shape), np.complex64)
+        for k, look in enumerate(looks):
+            written[k] = look
+        written.attrs["axes"] = "look, slant range, azimuth"
+        written.attrs["unit"] = "square root of linear power"
+        written.attrs["phases"] = phases
+        known = {key: value for key, value in made.case.radar.described().items() if value is not None}
+        file.attrs.update({"case": made.case.case, "run": made.key, "product": product, **known})
+    with atomic(path) as partial_path:
+        partial_path.write_bytes(whole.getbuffer())

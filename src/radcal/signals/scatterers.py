@@ -1,0 +1,122 @@
+"""Scatterers of a scene: facets of ground and boxes, and point scatterers, with places and complex amplitudes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.config.part import Part
+from radcal.radar.facets import OBJECT, VISIBLE
+from radcal.radar.geometry import PointScatterers
+from radcal.radar.points import phased
+from radcal.radar.projection import LitFacets, lit_facets
+from radcal.radar.reflectivity import law_tables
+from radcal.scene.model import Scene
+from radcal.seeds import derived_seed
+from radcal.speckle.gaussian import gaussian_row, seed_words
+
+__all__ = ["Scatterers", "scatterers"]
+
+_AT_ONCE = 1 << 18  # scatterers whose random numbers are drawn at once, which bounds the work space
+
+
+@dataclass(frozen=True)
+class Scatterers:
+    """Point scatterers, sorted along the track.
+
+    Attributes
+    ----------
+    place_m : ndarray of float64, shape (n, 3)
+        Azimuth, ground range and elevation [m].
+    amplitude : ndarray of complex64, shape (n,)
+        Amplitude, whose squared magnitude is the cross-section [m]. It is the same at all pulses.
+    """
+
+    place_m: NDArray[np.float64]
+    amplitude: NDArray[np.complex64]
+
+    @classmethod
+    def sorted(cls, place_m: NDArray[np.float64], amplitude: NDArray[np.complex64]) -> Scatterers:
+        """Scatterers in any order."""
+        order = np.argsort(place_m[:, 0], kind="stable")
+        return cls(place_m[order], amplitude[order])
+
+
+def scatterers(case: Part, scene: Scene, seed: int, facet_m: float) -> Scatterers:
+    """Scatterers of a scene with the laws of a case.
+
+    Parameters
+    ----------
+    case : Part
+        Configuration of the pass, with the laws and parameters of its materials.
+    scene : Scene
+        Scene with elevation.
+    seed : int
+        Noise seed, on which the amplitudes depend.
+    facet_m : float
+        Largest length of a facet along the track [m]. In slant range no scatterer stands for more than half a
+        resolution cell.
+
+    Returns
+    -------
+    Scatterers
+        Visible facets, with circular Gaussian amplitudes, and visible point scatterers, with random phases. Visibility
+        and incidence are those at zero Doppler on the straight track.
+    """
+    radar = case.radar
+    lit = lit_facets(scene, radar, math.ceil(scene.cell_m / facet_m - 1e-9))
+    lines = lit.lines
+    line, facet = np.nonzero(lines.state & VISIBLE)
+    near, far = lines.near_m[line, facet], lines.far_m[line, facet]
+    cell = lit.material[line // lit.view.k, facet // lit.view.k]
+    cell[(lines.state[line, facet] & OBJECT) > 0] = len(scene.names) + 1
+    tables = law_tables(scene.names, case.laws, case.start_parameters)
+    power = lines.area[line, facet] * tables[cell, lines.incidence[line, facet]]
+    parts = np.maximum(1, np.ceil((far - near) / (0.5 * radar.range_resolution_m))).astype(np.int64)
+    whole = np.repeat(np.arange(parts.size), parts)
+    part = np.arange(whole.size) - np.repeat(np.cumsum(parts) - parts, parts)
+    share = ((part + 0.5) / parts[whole]).astype(np.float32)
+    slant = lit.view.base_m + (near[whole] + share * (far - near)[whole]).astype(np.float64)
+    number = (line * lines.state.shape[1] + facet).astype(np.uint32)[whole]
+    drawn = _drawn(number, part.astype(np.uint32), seed)
+    drawn *= np.sqrt(power[whole] / parts[whole].astype(np.float32))
+    place = _places(
+        lit, (line[whole] + 0.5) * lit.view.step_m, slant, lines.height_m[line, facet][whole].astype(np.float64)
+    )
+    points, phases = _points(lit, seed)
+    return Scatterers.sorted(np.concatenate([place, points]), np.concatenate([drawn, phases]))
+
+
+def _places(
+    lit: LitFacets, azimuth_m: NDArray[np.float64], slant_m: NDArray[np.float64], height_m: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Places whose slant range at zero Doppler is the given one, at the given elevation."""
+    ground = np.sqrt(np.maximum(slant_m**2 - (lit.view.track_m - height_m) ** 2, 0.0))
+    return np.stack([azimuth_m, ground, height_m], axis=1)
+
+
+def _drawn(number: NDArray[np.uint32], part: NDArray[np.uint32], seed: int) -> NDArray[np.complex64]:
+    """Circular Gaussian amplitudes of unit mean power of the parts of facets, by the facet's number."""
+    key, out = seed_words(derived_seed(seed, "facets")), np.empty(number.size, np.complex64)
+    words, halves = np.empty((2, _AT_ONCE), np.uint32), np.empty((2, _AT_ONCE), np.float32)
+    for first in range(0, number.size, _AT_ONCE):
+        n = min(_AT_ONCE, number.size - first)
+        some = slice(first, first + n)
+        gaussian_row(n, number[some], part[some], np.uint32(0), key, words, halves[0], halves[1])
+        out[some].real, out[some].imag = halves[0, :n], halves[1, :n]
+    return out
+
+
+def _points(lit: LitFacets, seed: int) -> tuple[NDArray[np.float64], NDArray[np.complex64]]:
+    """Places and amplitudes of the visible point scatterers; their phases are those of the fast image."""
+    if lit.spots is None:
+        return np.empty((0, 3)), np.empty(0, np.complex64)
+    seen = np.isfinite(lit.spots.slant_m)
+    slant, (along, across) = lit.spots.slant_m[seen], lit.spots.place[seen].T * lit.view.step_m
+    height = lit.view.track_m - np.sqrt(slant**2 - (lit.view.edges_m[0] + across) ** 2)
+    amplitude = np.sqrt(lit.spots.rcs_m2[seen]).astype(np.float32)
+    points = PointScatterers(slant, along, amplitude, lit.spots.number[seen])
+    return _places(lit, along, slant, height), phased(points, seed).view(np.complex64)[:, 0]

@@ -1,0 +1,89 @@
+"""CPHD files: checker of their standard, and what another reader can make of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sarkit import cphd
+from sarkit.verification import CphdConsistency
+
+from radcal.errors import ConfigError
+from radcal.signals.cphd import check_iq, write_cphd, write_iq
+from radcal.signals.history import converted, echoes
+from radcal.signals.platform import LIGHT_MPS, collection
+from radcal.signals.scatterers import Scatterers
+
+
+def read(path):
+    with path.open("rb") as file, cphd.Reader(file) as reader:
+        return reader.metadata.xmltree, *reader.read_channel("HH")
+
+
+@pytest.mark.parametrize(
+    ("signals", "side"), [({}, "right"), ({"bits": 8}, "left"), ({"bits": 12, "motion_m": 0.3}, "right")]
+)
+def test_the_checker_finds_no_error_and_the_file_has_the_signal(forward_of, tmp_path, signals, side):
+    made = forward_of(signals=signals, radar={"look_side": side, "heading_deg": 0.0, "looks": 1})
+    (path,) = write_iq(tmp_path / "iq", made)
+    with path.open("rb") as file:
+        checker = CphdConsistency.from_file(file, thorough=True)
+        checker.check()
+    wrong = {
+        name: [one["details"] for one in found["details"] if one["severity"] == "Error" and not one["passed"]]
+        for name, found in checker.failures().items()
+    }
+    assert {name: texts for name, texts in wrong.items() if texts} == {}
+    _, signal, vectors = read(path)
+    if signal.dtype.names:
+        signal = signal["real"].astype(float) + 1j * signal["imag"]
+    one = collection(made.case, made.scene)
+    assert signal.shape == (len(one.track_m), one.samples)
+    assert np.unique(vectors["AmpSF"]).size == (1 if one.bits is None else len(vectors))
+
+
+@pytest.mark.parametrize(("side", "heading"), [("right", 0.0), ("left", 0.0)])
+def test_a_point_is_focused_at_its_place_on_the_earth_from_the_file_alone(forward_of, tmp_path, side, heading):
+    """Matched filter in earth-centred coordinates, at the place by the directions of north, east and up there."""
+    from sarkit import wgs84
+
+    origin = (48.2, 11.4)
+    made = forward_of(
+        radar={"look_side": side, "heading_deg": heading, "looks": 1},
+        signals={"motion_m": 0.4, "origin": list(origin), "start_utc": "2026-05-01T10:00:00Z"},
+    )
+    one = replace(collection(made.case, made.scene), bits=12)
+    place = one.reference_m[0] + [0.0, 30.0, 7.0]
+    place[0] = 80.0
+    point = Scatterers(place[None], np.array([2.0 - 1.0j], np.complex64))
+    signal = echoes(one, point, 0, len(one.track_m))
+    write_cphd(tmp_path / "point.cphd", made, one, signal)
+    tree, numbers, vectors = read(tmp_path / "point.cphd")
+    assert tree.findtext("{*}Global/{*}Timeline/{*}CollectionStart") == "2026-05-01T10:00:00Z"
+    stored = (numbers["real"].astype(float) + 1j * numbers["imag"]) * vectors["AmpSF"][:, None]
+    np.testing.assert_allclose(stored, converted(signal, 12), atol=1e-5)
+    llh = np.array([*origin, made.scene.elevation_m.mean()])
+    to_the_right = wgs84.east(llh) if side == "right" else -wgs84.east(llh)
+    away = place - [0.5 * 200.0, one.reference_m[0, 1], llh[2]]
+    ecf = wgs84.geodetic_to_cartesian(llh) + away @ np.stack([wgs84.north(llh), to_the_right, wgs84.up(llh)])
+    frequency = vectors["SC0"][:, None] + np.arange(one.samples) * vectors["SCSS"][:, None]
+    delay = 2.0 * (
+        np.linalg.norm(vectors["TxPos"] - ecf, axis=1) - np.linalg.norm(vectors["TxPos"] - vectors["SRPPos"], axis=1)
+    )
+    matched = (stored * np.exp(2j * np.pi * frequency * delay[:, None] / LIGHT_MPS)).sum(axis=1)
+    seen = np.abs(signal).mean(axis=1) > 0.3
+    assert seen.sum() > 12
+    np.testing.assert_allclose(np.degrees(np.angle(matched[seen] / (2.0 - 1.0j))), 0.0, atol=0.5)
+    azimuth = 2.0 * np.sum((vectors["TxPos"] - ecf) * vectors["TxVel"], axis=1)
+    assert np.argmin(np.abs(azimuth)) == pytest.approx(np.argmin(np.abs(one.track_m[:, 0] - 80.0)), abs=1)
+
+
+def test_a_scene_without_a_map_needs_place_and_date(forward_of):
+    made = forward_of()
+    elsewhere = made.case.model_copy(update={"scene": made.case.scene.model_copy(update={"source": "raster"})})
+    with pytest.raises(ConfigError, match=r"signals\.origin is missing, expected latitude and longitude"):
+        check_iq(elsewhere, made.scene)
+    placed = elsewhere.model_copy(update={"signals": made.case.signals.model_copy(update={"origin": (45.0, 7.0)})})
+    with pytest.raises(ConfigError, match=r"signals\.start_utc is missing, expected the date and time"):
+        check_iq(placed, made.scene)
+    mapped = replace(made.scene, crs="EPSG:32632", transform=(5.0, 0.0, 500_000.0, 0.0, 5.0, 5_000_000.0))
+    check_iq(elsewhere.model_copy(update={"signals": made.case.signals.model_copy(update={"start_utc": "x"})}), mapped)

@@ -1,0 +1,130 @@
+"""Point targets and noise of focused signals against closed forms."""
+
+import numpy as np
+import pytest
+from signals_samples import at, collection, ground
+
+from radcal.bands import WIDTH_FACTOR
+from radcal.signals.focus import backprojected, cell_area_m2, range_profiles
+from radcal.signals.history import raw_signal
+from radcal.signals.platform import nesz
+from radcal.signals.scatterers import Scatterers
+from radcal.speckle.response import taylor_weights
+
+FINE = 40  # samples of a cut per resolution cell
+
+CASES = {
+    "X band, 0.5 m": {"range_m": 0.5, "azimuth_m": 0.5, "swath_m": 120.0},
+    # 50 cells of range migration, and a bent track
+    "L band, 0.75 m": {
+        "carrier_hz": 1.3e9, "slant_m": 9000.0, "range_m": 0.75, "azimuth_m": 0.75, "swath_m": 60.0, "bend_m": 2.0,
+    },
+    # a product of 10, with the beam and the pulses of four looks
+    "default, 3.5 m": {"range_m": 2.0, "azimuth_m": 3.5, "swath_m": 200.0, "antenna_m": 1.48},
+}  # fmt: skip
+
+
+def lobes(cut):
+    """Offset of the peak and -3 dB width [samples], highest sidelobe and energy of the sidelobes [dB] of a cut."""
+    power = np.abs(cut) ** 2
+    m = int(power.argmax())
+    a, b, c = power[m - 1 : m + 2]
+    top = b + (a - c) ** 2 / (8.0 * (2.0 * b - a - c))
+    offset = m + 0.5 * (a - c) / (a - 2.0 * b + c) - (len(cut) - 1) / 2
+    beside = []
+    for line in (power[m::-1], power[m:]):
+        k = int(np.argmax(line < 0.5 * top))
+        edge = k - (0.5 * top - line[k]) / (line[k - 1] - line[k])
+        null = int(np.argmax((np.diff(line) > 0.0) & (line[:-1] < top / 50.0)))
+        beside.append((edge, null))
+    (left, before), (right, after) = beside
+    side = np.concatenate([power[: m - before], power[m + after :]])
+    main = power[m - before : m + after].sum()
+    return offset, left + right, 10.0 * np.log10(side.max() / top), 10.0 * np.log10(side.sum() / main)
+
+
+def ideal(cells):
+    """Response of the Taylor-weighted band at distances in resolution cells."""
+    frequency = (np.arange(4000) + 0.5) / 4000 - 0.5
+    return np.cos(2.0 * np.pi * WIDTH_FACTOR * np.multiply.outer(cells, frequency)) @ taylor_weights(frequency)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_point_targets_have_place_width_sidelobes_phase_and_amplitude_of_the_closed_form(name):
+    """Six targets at other heights, near to far and start to end."""
+    one = collection(**CASES[name])
+    resolution = np.array([CASES[name]["azimuth_m"], CASES[name]["range_m"]])
+    swath, height = CASES[name]["swath_m"], [0.0, 8.0, -5.0, 15.0, 3.0, -9.0]
+    azimuth = [5.3, 95.1, 50.2, 20.7, 71.9, 88.4]
+    slant = one.range_m + np.array([-0.49, 0.48, 0.0, 0.31, -0.22, 0.13]) * swath
+    place = np.array([at(one, x, r, z) for x, r, z in zip(azimuth, slant, height, strict=True)])
+    amplitude = (np.array([1.0, 2.0, 0.5, 1.5, 1.0, 3.0]) * np.exp(1j * np.arange(6.0))).astype(np.complex64)
+    away = np.arange(-8 * FINE, 8 * FINE + 1) / FINE
+    shape = lobes(ideal(away))
+    product = one.band**2 * one.wavelength_m * one.range_m / 2.0
+    profiles = range_profiles(one, np.concatenate(list(raw_signal(one, Scatterers.sorted(place, amplitude), 1))))
+    for k in range(6):
+        (peak,) = backprojected(one, profiles, place[k : k + 1])[0]
+        assert abs(np.degrees(np.angle(peak / amplitude[k]))) < 0.5
+        assert 20.0 * np.log10(abs(peak / amplitude[k])) == pytest.approx(0.0, abs=0.01)
+        for axis in (0, 1):
+            steps = np.zeros((len(away), 2))
+            steps[:, axis] = away * resolution[axis]
+            cut = np.array([at(one, azimuth[k] + x, slant[k] + r, height[k]) for x, r in steps])
+            offset, width, highest, rest = lobes(backprojected(one, profiles, cut)[0])
+            long = axis == 1 or product >= 200.0
+            assert abs(offset) < 0.01 * FINE
+            assert width == pytest.approx(shape[1], rel=0.005 if long else 0.02)
+            if long:
+                assert highest == pytest.approx(shape[2], abs=0.5)
+            if axis == 1 or (product >= 200.0 and one.wavelength_m * one.band < 0.17):  # a beam below 5 degrees
+                assert rest == pytest.approx(shape[3], abs=0.5)
+
+
+def grid(one, swath_m, step_m):
+    """Places of an even grid of azimuth and slant range in the middle of the swath, and their shape."""
+    azimuth, slant = np.arange(20.0, 80.0, step_m[0]), one.range_m + np.arange(-0.3 * swath_m, 0.3 * swath_m, step_m[1])
+    return np.array([at(one, x, r) for r in slant for x in azimuth])
+
+
+@pytest.mark.parametrize(("looks", "slant_m"), [(1, 5000.0), (4, 5000.0), (2, 8000.0)])
+def test_noise_of_the_image_is_that_of_the_radar_equation(looks, slant_m):
+    """The radar equation as in textbooks, for a receiver with thermal noise and a pulse of a power and a length."""
+    power_w, gain, figure, pulse_s = 800.0, 1500.0, 2.5, 12e-6
+    one = collection(slant_m=slant_m, swath_m=300.0, looks=looks)
+    bandwidth, incidence = one.samples * one.step_hz, np.radians(45.0)
+    thermal = 1.380649e-23 * 290.0 * figure
+    lit = power_w * pulse_s * (gain * one.wavelength_m) ** 2 / ((4.0 * np.pi) ** 3 * slant_m**4)
+    one = collection(slant_m=slant_m, swath_m=300.0, looks=looks, noise_m2=thermal * one.samples / lit)
+    # Curlander and McDonough, "Synthetic Aperture Radar" (1991), eq. 2.8.9 with the pulse rate in the mean power
+    mean_w = power_w * pulse_s * one.prf_hz
+    textbook = 4.0 * (4.0 * np.pi * slant_m) ** 3 * one.speed_mps * thermal * bandwidth * np.sin(incidence)
+    textbook /= 299_792_458.0 * mean_w * gain**2 * one.wavelength_m**3
+    # the beam is taken out of the processed band: noise rises by the mean of its inverse square under the weights
+    place = (np.arange(20_000) + 0.5) / 20_000
+    weights = taylor_weights(place * looks % 1.0 - 0.5) ** 2
+    beam = np.sinc((place - 0.5) * 0.5 * one.band * one.antenna_m) ** 4
+    expected = 10.0 * np.log10(textbook * np.sum(weights / beam) / np.sum(weights))
+    assert 10.0 * np.log10(nesz(one, slant_m, 45.0)) == pytest.approx(expected, abs=0.01)
+    nothing, levels = Scatterers(np.empty((0, 3)), np.empty(0, np.complex64)), []
+    for seed in range(8):
+        profiles = range_profiles(one, np.concatenate(list(raw_signal(one, nothing, seed))))
+        image = backprojected(one, profiles, grid(one, 300.0, (3.5, 2.0)))
+        levels.append(np.mean(np.abs(image) ** 2) / cell_area_m2(one, np.array(45.0)))
+    assert 10.0 * np.log10(np.mean(levels)) == pytest.approx(expected, abs=0.1)
+
+
+def test_level_of_even_ground_is_its_sigma0_in_every_look():
+    """Facets at random places with a mean cross-section that gives a sigma0 of -12 dB."""
+    sigma0, n = 10.0**-1.2, 60_000
+    levels = []
+    for seed in range(6):
+        one = collection(swath_m=150.0, looks=2)
+        area = 120.0 * 150.0 / np.sin(np.radians(45.0))
+        found = ground(one, n, (-10.0, 110.0), 150.0, seed, relief_m=0.0, rcs_m2=sigma0 * area / n)
+        profiles = range_profiles(one, np.concatenate(list(raw_signal(one, found, seed))))
+        image = backprojected(one, profiles, grid(one, 150.0, (3.5, 2.0)))
+        levels.append(np.mean(np.abs(image) ** 2, axis=1) / cell_area_m2(one, np.array(45.0)))
+        correlation = abs(np.mean(image[0] * image[1].conj())) / np.mean(np.abs(image) ** 2)
+        assert correlation < 4.0 / np.sqrt(image.shape[1])
+    np.testing.assert_allclose(10.0 * np.log10(np.mean(levels, axis=0)), -12.0, atol=0.15)

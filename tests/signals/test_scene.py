@@ -1,0 +1,167 @@
+"""Raw signals and focused images of a small scene against the fast image and its geometry."""
+
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from radcal.cli import app
+from radcal.errors import ConfigError
+from radcal.radar.reflectivity import law_tables, reflectivity
+from radcal.signals.focus import backprojected, focused, image_places, range_profiles, write_focused
+from radcal.signals.history import raw_signal
+from radcal.signals.platform import collection, nesz, pattern
+from radcal.signals.scatterers import scatterers
+from radcal.simulators.builtin import BuiltinSimulator
+
+GRASS, DYKE = {"law": "constant_gamma", "parameters": [-40.0]}, {"law": "constant_gamma", "start": [-40.0]}
+
+
+def signal_of(made, one):
+    return np.concatenate(list(raw_signal(one, scatterers(made.case, made.scene, made.seed, one.facet_m), made.seed)))
+
+
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_power_of_the_scatterers_is_that_of_the_fast_image(forward_of, side):
+    """In the image's rows and columns, summed over the two halves of the scene."""
+    made = forward_of(radar={"look_side": side})
+    radar, geometry = made.case.radar, made.geometry
+    one = collection(made.case, made.scene)
+    found = scatterers(made.case, made.scene, made.seed, one.facet_m)
+    again = scatterers(made.case, made.scene, made.seed, one.facet_m)
+    np.testing.assert_array_equal(found.amplitude, again.amplitude)
+    assert np.all(np.diff(found.place_m[:, 0]) >= 0.0)
+    first = image_places(made)[0, 0]
+    near = np.hypot(first[1], one.track_m[0, 2] - first[2]) - 0.5 * radar.range_spacing_m
+    slant = np.hypot(found.place_m[:, 1], one.track_m[0, 2] - found.place_m[:, 2])
+    row, column = (slant - near) / radar.range_spacing_m, found.place_m[:, 0] / radar.azimuth_spacing_m
+    tables = law_tables(geometry.names, made.case.laws, made.case.start_parameters)
+    expected = reflectivity(geometry, tables).image
+    expected *= radar.range_spacing_m * radar.azimuth_spacing_m
+    expected /= np.sin(np.radians(geometry.flat_incidence_deg))[:, None]
+    half = geometry.shape[0] // 2
+    for rows in (slice(0, half), slice(half, geometry.shape[0])):
+        inside = (row >= rows.start) & (row < rows.stop) & (column >= 0) & (column < geometry.shape[1])
+        power = np.abs(found.amplitude[inside].astype(np.complex128)) ** 2
+        assert 10.0 * np.log10(power.sum() / expected[rows].sum()) == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.parametrize("motion_m", [0.0, 0.5])
+def test_cross_section_of_an_object_is_that_of_the_focused_image(forward_of, with_point, motion_m):
+    """A point at a height above the ground, on dark ground, also with motion errors."""
+    made = forward_of(
+        with_point(131.0, 92.3, 25.0, 4.0), signals={"motion_m": motion_m}, radar={"nesz_db": -60.0, "looks": 2},
+        materials={"dyke": {**DYKE, "calibrate": True, "bounds": [[-50, 0]]}, "grass": GRASS},
+    )  # fmt: skip
+    one = collection(made.case, made.scene)
+    found = scatterers(made.case, made.scene, made.seed, one.facet_m)
+    brightest = int(np.abs(found.amplitude).argmax())
+    place = found.place_m[brightest]
+    assert place[0] == pytest.approx(92.3, abs=1e-6)
+    slant = np.hypot(place[1], one.track_m[0, 2] - place[2]) if motion_m == 0.0 else None
+    profiles = range_profiles(one, signal_of(made, one))
+    looks = backprojected(one, profiles, place[None])[:, 0]
+    np.testing.assert_allclose(20.0 * np.log10(np.abs(looks)), 25.0, atol=0.1)
+    assert np.abs(np.degrees(np.angle(looks / found.amplitude[brightest]))).max() < 1.0
+    if slant is not None:  # where the fast image has it
+        first = image_places(made)[0, 0]
+        near = np.hypot(first[1], one.track_m[0, 2] - first[2])
+        row = (slant - near) / made.case.radar.range_spacing_m
+        assert row == pytest.approx(made.geometry.point_row[0], abs=0.01)
+        assert place[0] / made.case.radar.azimuth_spacing_m - 0.5 == pytest.approx(made.geometry.point_column[0])
+
+
+def test_levels_of_the_focused_image_are_those_of_the_fast_image(forward_of, tmp_path):
+    """Mean over the pixels of each material and over draws, against the expectation of the fast image."""
+    draws = []
+    for seed in range(3):
+        made = forward_of(seed=seed, radar={"looks": 4, "nesz_db": -25.0})
+        one = collection(made.case, made.scene)
+        draws.append(focused(one, signal_of(made, one), made))
+    power = np.mean(np.abs(draws) ** 2, axis=(0, 1))
+    simulator = BuiltinSimulator(made.geometry, made.case.radar, made.case.laws)
+    expected = 10.0 ** (simulator.expected(made.case.start_parameters) / 10.0)
+    inner = np.zeros(power.shape, dtype=bool)
+    inner[8:-8, 8:-8] = True
+    for number in (1, 2):
+        pixels = inner & (made.geometry.material == number)
+        assert pixels.sum() > 500
+        level_db = 10.0 * np.log10(power[pixels].mean() / expected[pixels].mean())
+        assert level_db == pytest.approx(0.0, abs=0.25)
+    first, second = draws[0][0, inner], draws[0][1, inner]
+    overlap = abs(np.mean(first * second.conj())) / np.mean(np.abs(first) ** 2)
+    assert overlap < 0.06
+    paths = write_focused(tmp_path / "focused", made)
+    assert [path.name for path in paths] == ["focused.h5", "focused.png"]
+    with h5py.File(paths[0]) as file:
+        np.testing.assert_array_equal(file["looks"][()], draws[-1])
+        assert file.attrs["product"] == "focused"
+
+
+def test_noise_in_the_middle_of_the_scene_is_the_configured_level(forward_of):
+    """By default the power follows from ``radar.nesz_db``; with a power, the noise follows from it."""
+    made = forward_of(radar={"nesz_db": -21.0, "radiometry": "beta0"})
+    one = collection(made.case, made.scene)
+    assert 10.0 * np.log10(nesz(one, one.range_m, 45.0)) == pytest.approx(-21.0, abs=1e-9)
+    signals = {"power_w": 50.0, "gain_db": 28.0, "pulse_us": 8.0, "noise_figure_db": 3.0}
+    given = collection(forward_of(signals=signals).case, made.scene)
+    # peak power of the echo of 1 m2 over thermal noise in the band, and the compression of the pulse
+    echo = 50.0 * (10.0**2.8 * one.wavelength_m) ** 2 / ((4.0 * np.pi) ** 3 * one.range_m**4)
+    noise = 1.380649e-23 * 290.0 * 10.0**0.3 * one.samples * one.step_hz
+    compression = 8e-6 * one.samples * one.step_hz
+    assert given.noise_m2 / given.samples == pytest.approx(noise / echo / compression, rel=1e-6)
+
+
+def test_motion_errors_have_their_rms(forward_of):
+    made = forward_of(signals={"motion_m": 0.4, "motion_length_m": 5.0})
+    one = collection(made.case, made.scene)
+    away = one.track_m[:, 1:] - [0.0, one.track_m[:, 2].mean()]
+    assert np.sqrt(np.mean(away**2)) == pytest.approx(0.4, rel=0.25)
+    assert np.abs(np.diff(away, axis=0)).max() < 0.1
+
+
+def test_no_echo_of_the_swath_leaves_the_window_and_no_pulse_folds_into_the_band(forward_of):
+    one = collection(forward_of().case, forward_of().scene)
+    window = 299_792_458.0 / (2.0 * one.step_hz)
+    made = forward_of()
+    slant = np.linalg.norm(
+        scatterers(made.case, made.scene, 1, one.facet_m).place_m - one.track_m[len(one.track_m) // 2], axis=1
+    )
+    assert np.abs(slant - one.range_m).max() < 0.5 * window
+    # azimuth frequencies between the edge of the band and the beam's null fold beyond the band
+    assert one.prf_hz / one.speed_mps - 2.0 / one.antenna_m >= 0.5 * one.band
+    assert pattern(np.array([1.01 * one.wavelength_m / one.antenna_m]), one.antenna_m, one.wavelength_m) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("sections", "sentence"),
+    [
+        ({"signals": {"prf_hz": 50.0}}, r"signals\.prf_hz is 50, below the band of the beam .* expected at least \d+"),
+        ({"signals": {"prf_hz": 2e6}}, r"prf_hz is 2e\+06: the swath of \d+ m .* unambiguous range of 75 m, expected"),
+        ({"signals": {"antenna_m": 9.0}}, r"signals\.antenna_m is 9, whose beam is too narrow .* expected at most"),
+        ({"radar": {"incidence_deg": 35.0, "altitude_m": 5e5}}, r"radar\.earth is curved, expected flat"),
+        ({"radar": {"band": "Q"}}, r"radar\.band is 'Q', which names no known band, expected radar\.frequency_ghz"),
+    ],
+)
+def test_a_radar_that_does_not_suit_the_scene_is_told(forward_of, sections, sentence):
+    made = forward_of(**sections)
+    with pytest.raises(ConfigError, match=sentence):
+        collection(made.case, made.scene)
+
+
+def test_a_scene_without_relief_is_refused(forward_of):
+    made = forward_of(signals={"motion_m": 1.0})
+    with pytest.raises(ConfigError, match=r"scene\.source: the scene has no elevation, expected one"):
+        collection(made.case, replace(made.scene, elevation_m=None))
+
+
+@pytest.mark.parametrize("product", ["iq", "focused"])
+def test_nothing_is_written_before_the_radar_is_checked(tmp_path, product):
+    (tmp_path / "case.yaml").write_text("case: wrong\n")
+    words = ["simulate", str(tmp_path / "case.yaml"), "--product", product, "--set", "signals.prf_hz=9"]
+    done = CliRunner().invoke(app, [*words, "--results", str(tmp_path / "results")])
+    assert (done.exit_code, done.stderr.count("\n")) == (1, 1)
+    assert "radcal: signals.prf_hz is 9, below the band" in done.stderr
+    assert not (tmp_path / "results/wrong/simulated").exists()
