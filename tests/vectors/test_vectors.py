@@ -227,6 +227,27 @@ def test_features_without_a_place_are_left_out(tmp_path: Path, build: Any) -> No
     assert found(scene, "features_without_place")[0].numbers["features"] >= 2
 
 
+def test_features_without_an_extent_and_whole_numbers(tmp_path: Path, build: Any) -> None:
+    flat = shapely.Polygon([(100, 100), (120, 120), (140, 140)])
+    shapes = [shapely.LineString([(200, 200), (200, 200)]), flat, square(400, 400, 50, 50), shapely.Point(300, 300)]
+    path = write(
+        tmp_path / "cover.gpkg", shapes, {"code": [3.0, 3.0, 12.0, np.nan], "building": ["", "yes", "", "yes"]}
+    )
+    features = {"building=*": MAPPING["features"]["building=*"]}
+    surfaces = {"code=3": {"material": "road", "width_m": 30.0}, "code=12": "water"}
+    scene = make_scene(build(path, {"background": "grass", "surfaces": surfaces, "features": features}), None)
+    assert {*np.unique(at(scene)[2])} == {"grass", "water"}
+    assert scene.objects is None
+    assert found(scene, "features_without_size")[0].numbers == {"features": 2, "codes": "building=* (2)"}
+
+
+def test_a_layer_needs_a_crs(tmp_path: Path, build: Any) -> None:
+    path = write(tmp_path / "cover.shp", [square(200, 300, 240, 410)], {"class": ["water"]})
+    path.with_suffix(".prj").unlink()
+    with pytest.raises(SceneError, match=r"scene.materials: .*cover.shp layer 'cover' has the CRS None, expected"):
+        make_scene(build(path, {"attribute": "class", "surfaces": {"water": "water"}}), None)
+
+
 def test_a_vector_file_needs_its_source(build: Any, tmp_path: Path) -> None:
     os.link(tmp_path / "dem.tif", tmp_path / "cover.tif")
     with pytest.raises(ValueError, match=r"materials is .*cover.tif, expected a file ending with .gpkg, .shp"):

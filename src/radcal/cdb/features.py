@@ -17,6 +17,7 @@ from radcal.cdb.mosaic import Log
 from radcal.errors import RadcalError
 from radcal.reading.cdb import CdbFile
 from radcal.reading.vectors import VectorLayer, read_shapefiles
+from radcal.vectors.mapping import text_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,12 +51,11 @@ def read_features(files: Sequence[CdbFile], attributes: Sequence[str], log: Log)
     import shapely
 
     classes = {
-        one: one.path.with_name(one.path.name.replace(f"_T{one.second:03d}_", f"_T{one.second + 1:03d}_"))
+        one: one.path.with_name(one.path.name.replace(f"_T{one.second:03d}_", f"_T{one.second + 1:03d}_")[:-4] + ".dbf")
         for one in files
         if one.dataset in _DATASETS and one.second in (_POINTS, _LINES, _AREAS) and one.path.suffix == ".shp"
         and one.path.stat().st_size != _EMPTY_SHP
     }  # fmt: skip
-    classes = {one: path.with_suffix(".dbf") for one, path in classes.items()}
     tables = [path for path in classes.values() if path.is_file() and path.stat().st_size > _EMPTY_DBF]
     paths = [*(one.path for one in classes), *tables]
     read = dict(zip(paths, read_shapefiles(paths, log.refused), strict=True))
@@ -96,17 +96,14 @@ def _joined(layer: VectorLayer, table: VectorLayer | None, names: list[str]) -> 
     of = own[_NUMBERS].apply(pd.to_numeric, errors="coerce").astype(np.float64)
     scale = {name: of[f"SCAL{name}"].where(of[f"SCAL{name}"] > 0, 1.0) for name in "XYZ"}
     shapes = shapely.from_wkb(layer.geometries, on_invalid="ignore")
-    z = np.full(len(shapes), np.nan)
-    point = shapely.get_type_id(shapes) == shapely.GeometryType.POINT
-    z[point] = shapely.get_z(shapes[point])
-    joined: pd.DataFrame = own[names].astype(object).fillna("").astype(str)
+    joined: pd.DataFrame = own[names].map(text_of)
     return joined.assign(
         shape=shapes,
         length_m=of["BBL"] * scale["Y"],
         width_m=of["BBW"] * scale["X"],
         height_m=of["BBH"].where(of["BBH"] > 0, of["HGT"]) * scale["Z"],
         heading_deg=of["AO1"],
-        base_m=z,
+        base_m=shapely.get_z(shapes),
         absolute=of["AHGT"],
         line_m=of["WGP"],
     )

@@ -92,9 +92,8 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
     ):
         cover = nearest_materials(materials, grid)
         drawn = burnt(cover.ids, features, grid, mapping, log)
-        mixed = None
-        if mixtures.any():
-            mixed = (nearest_materials(mixture, grid).ids > 0) & (drawn == cover.ids) & (drawn > 0)
+        pure = (drawn == 0) | (drawn != cover.ids)
+        mixed = (nearest_materials(mixture, grid).ids > 0) & ~pure if mixtures.any() else None
         cover = replace(cover, ids=drawn, names=mapping.names)
         scene = resampled(config.source, elevation, cover, grid, datum, heading_deg)
         post_m = float(np.sqrt(np.prod(pixel_m(elevation, grid.crs, grid.box))))

@@ -82,7 +82,9 @@ class CaseCheck:
         """Lines, without the warnings, on input files, image size, and expected simulator runs, memory and time."""
         if self.case is None:
             return []
-        lines = [f"  {key}: {path}" for key, path in input_files(self.case).items()]
+        files, folders = input_files(self.case), [f"scene.{name}" for name in self.case.scene.folders]
+        lines = [f"  {key}: {path}" for key, path in files.items() if key.rpartition(".")[0] not in folders]
+        lines += [f"  {key}: {sum(one.startswith(key) for one in files)} files in all" for key in folders]
         if self.shape is not None:
             lines.append(f"  simulated image: {self.shape[0]} x {self.shape[1]} pixels")
         if self.forward:

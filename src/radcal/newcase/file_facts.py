@@ -18,7 +18,7 @@ from radcal.reading.intake import guarded
 from radcal.reading.rasters import check_blocks, open_raster
 from radcal.reading.vectors import read_vectors
 from radcal.scene.crs import crs_of, horizontal, label, pixel_size_m, vertical_datum
-from radcal.vectors.mapping import MOST_MATERIALS
+from radcal.vectors.mapping import MOST_MATERIALS, text_of
 
 if TYPE_CHECKING:
     from radcal.image.acquisition import Acquisition
@@ -205,10 +205,8 @@ def value_counts(path: Path) -> tuple[str, dict[str, int]]:
     layer = read_vectors(path, None, refused, "layers in a mapping, and give it with --names")
     found = {}
     for name, values in layer.columns.items():
-        column = pd.Series(values)
-        texts = column.dropna().astype(str).str.strip()
-        counts = texts[texts != ""].value_counts().sort_index()
-        if column.dtype.kind != "f" and 1 <= len(counts) <= MOST_MATERIALS:
+        counts = pd.Series(values).map(text_of).value_counts().drop("", errors="ignore").sort_index()
+        if values.dtype.kind != "f" and 1 <= len(counts) <= MOST_MATERIALS:
             found[name] = {str(value): int(count) for value, count in counts.items()}
     if not found:
         known = ", ".join(layer.columns) or "none"

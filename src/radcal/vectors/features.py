@@ -22,6 +22,7 @@ __all__ = ["NUMBERS", "burnt", "list_unmapped", "objects_of", "placed"]
 
 NUMBERS = ("length_m", "width_m", "height_m", "heading_deg", "base_m", "absolute", "line_m")
 _LARGEST_M = 200.0  # largest side of a box that is raised
+_LEAST_M2 = 0.01  # least area of a footprint
 _MOST_LISTED = 20  # most frequent classes that a finding lists
 
 
@@ -78,17 +79,18 @@ def burnt(
     shapes, surfaces = features["shape"].to_numpy().copy(), list(mapping.surfaces.values())
     dimensions = shapely.get_dimensions(shapes)
     which = np.where(dimensions > 0, mapping.fitting(features, mapping.surfaces), -1)
-    if not (which >= 0).any():
-        return ids
     line = (dimensions == 1) & (which >= 0)
-    usual = np.array([one.width_m or 0.0 for one in surfaces])[which]
+    usual = np.array([*(one.width_m or 0.0 for one in surfaces), 0.0])[which]
     own = features["line_m"].to_numpy()
     width = np.where(own > 0, own, usual)
     wide = line & (width >= grid.cell_m)
     shapes[wide] = shapely.buffer(shapes[wide], width[wide] / 2, cap_style="flat")
+    which[shapely.is_empty(shapes)] = -1  # lines without a length
     number = {name: k for k, name in mapping.names.items()}
     order = [k for k in np.argsort(which, kind="stable") if which[k] >= 0]
     drawn = [(shapes[k], number[surfaces[which[k]].material]) for k in order]
+    if not drawn:
+        return ids
     found = ids[::-1].copy()
     rasterize(drawn, out=found, transform=from_origin(grid.west, grid.box[3], grid.cell_m, grid.cell_m))
     log.append(Finding("features_burnt", "note", "scene", {"features": len(drawn)}))
@@ -114,17 +116,15 @@ def objects_of(
     import shapely
 
     which, classes = mapping.fitting(features, mapping.features), list(mapping.features.values())
-    dimensions = shapely.get_dimensions(features["shape"].to_numpy())
-    named = (which >= 0) & (dimensions != 1)
-    which, area, table = which[named], dimensions[named] == 2, features[named]
-    if not len(which):
-        return None
+    named = (which >= 0) & (shapely.get_dimensions(features["shape"].to_numpy()) != 1)
+    which, table = which[named], features[named]
     keys = np.array(list(mapping.features))[which]
     of = {name: table[name].to_numpy() for name in NUMBERS}
     for name in ("length_m", "width_m", "height_m"):
         usual = np.array([getattr(one, name) or np.nan for one in classes])[which]
         of[name] = np.where(of[name] > 0, of[name], usual)
     shapes = table["shape"].to_numpy()
+    area = shapely.area(shapes) > _LEAST_M2
     x, y = shapely.get_coordinates(shapely.centroid(shapes)).T.copy()
     heading = np.nan_to_num(of["heading_deg"]) + _true_north_deg(grid, x, y)
     x[area], y[area], of["length_m"][area], of["width_m"][area], heading[area] = rectangles(shapes[area])
@@ -137,7 +137,9 @@ def objects_of(
     if not small.any():
         return None
     x, y, (length, width, height) = x[small] - grid.west, y[small] - grid.south, size[:, small]
-    ground = ground_m[(y / grid.cell_m).astype(int), (x / grid.cell_m).astype(int)]
+    row = (y / grid.cell_m).astype(int).clip(max=grid.rows - 1)
+    column = (x / grid.cell_m).astype(int).clip(max=grid.columns - 1)
+    ground = ground_m[row, column]
     base = np.nan_to_num(of["base_m"])[small] - np.where(of["absolute"][small] > 0, ground, 0.0)
     kinds, kind = np.unique([classes[k].kind or key for k, key in zip(which, keys, strict=True)], return_inverse=True)
     return Objects(

@@ -19,11 +19,12 @@ from radcal.sections.limits import Decibels, Length
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ANY", "MOST_MATERIALS", "FeatureClass", "FeatureMapping", "Surface", "VectorMapping", "read_mapping"]
+__all__ = ["MOST_MATERIALS", "FeatureClass", "FeatureMapping", "Surface", "VectorMapping", "read_mapping", "text_of"]
 
-ANY = "*"  # in place of a value: every value that is not empty
+_ANY = "*"  # in place of a value: every value that is not empty
 _NONE = ("", "no")  # values of an attribute that stand for its absence
 MOST_MATERIALS = 254  # ids are stored in one byte; 255 stands for no data
+_NAME_ALONE = BeforeValidator(lambda value: {"material": value} if isinstance(value, str) else value)
 M = TypeVar("M", bound="FeatureMapping")
 
 
@@ -42,10 +43,6 @@ class Surface(Section):
 
     material: Annotated[str, Field(min_length=1)]
     width_m: Length | None = Field(None, description="width of lines without a width of their own [m]")
-
-
-def _surface(value: Any) -> Any:
-    return {"material": value} if isinstance(value, str) else value
 
 
 class FeatureMapping(Section):
@@ -67,7 +64,7 @@ class FeatureMapping(Section):
     """
 
     attribute: str = ""
-    surfaces: dict[str, Annotated[Surface, BeforeValidator(_surface)]] = Field(default_factory=dict)
+    surfaces: dict[str, Annotated[Surface, _NAME_ALONE]] = Field(default_factory=dict)
     features: dict[str, FeatureClass] = Field(default_factory=dict)
     materials: dict[str, Any] = Field(default_factory=dict)
 
@@ -97,7 +94,7 @@ class FeatureMapping(Section):
         found = np.full(len(features), -1)
         for number, (attribute, value) in enumerate(map(self._rule, keys)):
             texts = features[attribute]
-            found[(~texts.isin(_NONE) if value == ANY else texts == value).to_numpy()] = number
+            found[(~texts.isin(_NONE) if value == _ANY else texts == value).to_numpy()] = number
         return found
 
 
@@ -126,6 +123,16 @@ class VectorMapping(FeatureMapping):
     def grounds(self) -> list[str]:
         """Material of cells below no surface."""
         return [self.background] if self.background else []
+
+
+def text_of(value: Any) -> str:
+    """Text of an attribute's value; empty for a missing value.
+
+    A whole number among missing values, which comes as a floating-point number, has no decimal point.
+    """
+    if value is None or value != value:
+        return ""
+    return f"{value:.15g}" if isinstance(value, float) else str(value).strip()
 
 
 def read_mapping(path: Path, key: str, kind: type[M]) -> M:

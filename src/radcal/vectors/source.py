@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from radcal.scene.model import Scene
 from radcal.scene.raster import Cover, datum_of, resampled
 from radcal.sections.scene import VectorScene
 from radcal.vectors.features import NUMBERS, burnt, list_unmapped, objects_of, placed
-from radcal.vectors.mapping import VectorMapping, read_mapping
+from radcal.vectors.mapping import VectorMapping, read_mapping, text_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -92,12 +92,10 @@ def _read(path: Path, mapping: VectorMapping, grid: Grid, log: list[Finding]) ->
 def _crs(path: Path, layer: VectorLayer) -> CRS:
     from pyproj.exceptions import CRSError
 
-    if layer.crs is None:
-        raise _error(path, f"layer {layer.name!r} has no CRS, expected one.")
     try:
-        return horizontal(crs_from(layer.crs))
+        return horizontal(crs_from(layer.crs or ""))
     except CRSError:
-        raise _error(path, f"layer {layer.name!r} is in {layer.crs[:40]!r}, which is not a known CRS.") from None
+        raise _error(path, f"layer {layer.name!r} has the CRS {str(layer.crs)[:60]}, expected a known one.") from None
 
 
 def _table(layer: VectorLayer, mapping: VectorMapping) -> pd.DataFrame:
@@ -111,15 +109,13 @@ def _table(layer: VectorLayer, mapping: VectorMapping) -> pd.DataFrame:
     import shapely
 
     own = pd.DataFrame(layer.columns)
-    texts = own.reindex(columns=[*mapping.attributes]).astype(object)
-    texts = texts.where(texts.notna(), "").astype(str).apply(lambda column: column.str.strip())
+    texts = own.reindex(columns=mapping.attributes).map(text_of)
 
     def number(name: str) -> pd.Series[float]:
-        if name not in own:
-            return pd.Series(np.nan, index=own.index)
-        return own[name].astype(str).str.extract(_NUMBER, expand=False).astype(np.float64)
+        texts = own.reindex(columns=[name])[name].astype(str)
+        return texts.str.extract(_NUMBER, expand=False).astype(np.float64)
 
-    numbers = {
+    numbers: dict[str, Any] = {
         **dict.fromkeys(NUMBERS, np.nan),
         "height_m": number(mapping.height).fillna(_STOREY_M * number(mapping.storeys)),
         "heading_deg": number(mapping.heading),
