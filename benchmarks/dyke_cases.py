@@ -23,6 +23,7 @@ from radcal.radar.projection import make_geometry
 from radcal.registration.registered import register
 from radcal.scene.sources import make_scene
 from radcal.seeds import derived_rng
+from radcal.simulators.base import Simulator
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
@@ -56,13 +57,13 @@ class Bench:
         case = load([_PUBLISHED])
         self.scene = make_scene(case.scene, list(case.materials))
         self.geometry = make_geometry(self.scene, case.radar)
-        self._simulator = BuiltinSimulator(self.geometry, case.radar, case.laws)
+        self.simulator: Simulator = BuiltinSimulator(self.geometry, case.radar, case.laws)
 
     def reachable(self, name: str, truth: Sequence[float], settings: Mapping[str, Any]) -> Path:
         """Case file whose measured image is the run with the hidden X, with the speckle of all runs of the case."""
         path = self._folder / f"{name}.npy"
         published = load([_PUBLISHED])
-        image_db = self._simulator.run(
+        image_db = self.simulator.run(
             all_parameters(published.materials, {"dyke": list(truth)}),
             noise_seed(STAGES["reference_run"].of(published)),
         )
@@ -88,11 +89,11 @@ class Bench:
     def runner(self, case: Case, runs: Path) -> Runner:
         """Runner of a case with a folder of runs."""
         settings = STAGES["reference_run"].of(case)
-        return Runner(RunStore(runs), self._simulator, self.geometry, self.scene.identity, settings)
+        return Runner(RunStore(runs), self.simulator, self.geometry, self.scene.identity, settings)
 
     def targets(self, case: Case, runner: Runner) -> Targets:
         """Targets of a case, made as the workflow makes them."""
-        measurement = make_measurement(STAGES["measurement"].of(case), self.geometry, self._simulator, self.scene)
+        measurement = make_measurement(STAGES["measurement"].of(case), self.geometry, self.simulator, self.scene)
         reference = reference_runs(STAGES["reference_run"].of(case), runner)[0][0].image_db
         assert reference is not None  # the reference run keeps its image
         registered, stage = register(reference, measurement, case.registration), STAGES["target"].of(case)

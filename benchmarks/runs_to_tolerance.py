@@ -1,13 +1,16 @@
-"""Number of simulator runs until the densities agree, for random reachable targets of the published dyke.
+"""Number of simulator runs until the densities agree, by radcal and by other optimisers, for the published dyke.
 
-    python benchmarks/runs_to_tolerance.py [--quick] [--methods radcal] [--workflow 5] [--cases FOLDER]
+    python benchmarks/runs_to_tolerance.py [--quick] [--methods radcal,cma_es] [--targets reachable,speckled]
+        [--truths 20] [--results FILE] [--figure FILE]
 
-Each measured image is the simulator's run with a hidden X, which is drawn uniformly in the bounds, and with the speckle
-of all runs, so that the target can be reached. The result is the number of design and infill runs until the density rms
-is below 1e-5 per dB. The calibrations run in this process.
+Hidden X are drawn uniformly in the bounds. Of a ``reachable`` target, the measured image is the run with the hidden X
+and with the speckle of all runs, so that an X with rms 0 exists; of a ``speckled`` one, the image has its own speckle,
+and the rms may not get below the tolerance. Runs of the design and of the search count, the reference run does not.
+The tolerance of 1e-5 per dB is read as a bound on the rms, and on the mean square.
 
-The first targets (``--workflow``) are also calibrated by the workflow, from the same case file, whose results lie in
-results/<case> of this project. ``--cases`` keeps case files and images, for ``snakemake --configfile``.
+Every finished search is one line of ``--results`` and is not made again, so that a killed program, typed again,
+continues. The table holds all searches of the file. Other optimisers (``benchmarks/peers.py``) need the extra
+``peers``. ``--figure`` draws the share of targets within the tolerance against the number of runs.
 """
 
 from __future__ import annotations
@@ -15,70 +18,139 @@ from __future__ import annotations
 import argparse
 import json
 import tempfile
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
-from dyke_cases import Bench, hidden_laws, workflow_runs
-from threadpoolctl import threadpool_limits
+from peers import PEERS
+from searches import READINGS, Results, Row, calibrated, quartiles, runs_to
 
-from radcal.calibration.loop import calibrate
-from radcal.config import load
-
-METHODS: dict[str, dict[str, Any]] = {
+RADCAL: dict[str, dict[str, Any]] = {
     "radcal": {"design": {"size": 0}},  # the fewest runs
     "radcal_default": {},
     "radcal_black_box": {"surrogate": {"baseline": False}},
-    "radcal_black_box_smt": {"surrogate": {"baseline": False, "training": "smt"}},
+    "paper": {
+        "design": {"sampler": "monte_carlo", "size": 800},
+        "surrogate": {"outputs": "direct", "training": "smt"},
+        "optimiser": {"objective": "rms", "population": 100, "evaluations": 10000, "polish": False},
+        "stop": {"max_runs": 1200, "stagnation_runs": 400},
+    },
 }
+TARGETS = ("reachable", "speckled")
+_HEADS = (
+    *("reached, rms", "median (most)"),
+    *("reached, mean square", "median (most)"),
+    *("lowest rms, median (largest)", "own CPU time [s]"),
+)
 
 
 def main() -> None:
-    """Print a line per target and, last, the summary as JSON."""
+    """Print a line per search, then a table and, last, the summary as JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="2 targets in place of 20")
+    parser.add_argument("--quick", action="store_true", help="2 reachable targets, and a results file of their own")
     parser.add_argument(
-        "--methods", default="radcal,radcal_default,radcal_black_box", help="comma-separated, of: " + ", ".join(METHODS)
+        "--methods",
+        default="radcal,radcal_default,radcal_black_box",
+        help="comma-separated, of: " + ", ".join([*RADCAL, *PEERS]),
     )
-    parser.add_argument("--workflow", type=int, default=0, help="number of targets that the workflow calibrates, too")
-    parser.add_argument("--cases", type=Path, help="folder for case files and images; by default a temporary one")
+    parser.add_argument("--targets", default=",".join(TARGETS), help="comma-separated, of: " + ", ".join(TARGETS))
+    parser.add_argument("--truths", type=int, default=20, help="number of hidden X")
+    parser.add_argument("--results", type=Path, help="file of finished searches, results/runs_to_tolerance.jsonl")
+    parser.add_argument("--figure", type=Path, help="file of the figure")
     arguments = parser.parse_args()
-    methods = arguments.methods.split(",")
-    if unknown := set(methods) - set(METHODS):
-        parser.error(f"unknown method {unknown.pop()!r}, expected some of {', '.join(METHODS)}")
+    methods, targets, count = arguments.methods.split(","), arguments.targets.split(","), arguments.truths
+    if unknown := {*methods, *targets} - {*RADCAL, *PEERS, *TARGETS}:
+        parser.error(f"unknown method or target {unknown.pop()!r}, see --help")
+    path = arguments.results or Path("results/runs_to_tolerance.jsonl")
+    if arguments.quick:
+        path, targets, count = path.with_stem(path.stem + "_quick"), ["reachable"], 2
 
-    with tempfile.TemporaryDirectory() as folder:
-        cases = arguments.cases or Path(folder)
-        cases.mkdir(parents=True, exist_ok=True)
-        bench, count = Bench(cases), 2 if arguments.quick else 20
-        found = {method: measured(bench, method, count, arguments.workflow) for method in methods}
-    print(json.dumps(found))
+    with tempfile.TemporaryDirectory() as cases:
+        results = Results(path, Path(cases))
+        for number in range(count):
+            for target in targets:
+                for method in methods:
+                    searched(results, method, target, number)
+    known = [method for method in (*RADCAL, *PEERS) if results.of({"method": method})]
+    if arguments.figure:
+        drawn(results, known, arguments.figure)
+    print(json.dumps(tables(results, known)))
 
 
-def measured(bench: Bench, method: str, count: int, workflow: int) -> dict[str, Any]:
-    """Runs that one method needs for each target, and the number of targets for which the workflow needs as many."""
-    used, same = [], []
-    print(f"{method}\n{'hidden X':40} {'ended':12} {'runs':>5} {'rms':>9} {'workflow':>9}")
-    for number, truth in enumerate(hidden_laws(count).tolist()):
-        path = bench.reachable(f"{method}_{number}", truth, {"objective": "density", **METHODS[method]})
-        case = load([path])
-        with tempfile.TemporaryDirectory() as folder, threadpool_limits(1):
-            runner = bench.runner(case, Path(folder))
-            history, decision = calibrate(case, runner, bench.targets(case, runner))
-        runs, rms = history.count("design") + history.count("infill"), history.best("dyke").rms
-        used.append(runs if decision.converged else None)
-        again = workflow_runs(path) if number < workflow else None
-        same += [] if again is None else [again == runs]
-        line = f"{np.round(truth, 1)!s:40} {decision.reason:12} {runs:5d} {rms:9.1e}"
-        print(line if again is None else f"{line} {again:9d}", flush=True)
-    reached = [runs for runs in used if runs is not None]
-    return {
-        "success": len(reached),
-        "n": len(used),
-        "median": float(np.median(reached)) if reached else None,
-        "worst": max(reached, default=None),
-        "workflow": {"n": len(same), "same": sum(same)},
-    }
+def searched(results: Results, method: str, target: str, number: int) -> None:
+    """Search for one target by one method, unless the results hold it."""
+    keys = {"method": method, "target": target, "number": number}
+    if method in RADCAL:
+        search = partial(calibrated, published=method == "paper")
+        results.search(keys, search, settings=RADCAL[method])
+    else:
+        peer = PEERS[method]
+        results.search(keys, peer.search, settings={}, most=peer.most, most_s=peer.most_s)
+
+
+def tables(results: Results, methods: Sequence[str]) -> dict[str, Any]:
+    """Print a table for each kind of target; return figures of each method.
+
+    Of reachable targets, the rms is read first: ``success``, ``n``, ``median`` and ``worst`` of the runs. A target
+    that was not reached counts as more runs than any other.
+    """
+    found: dict[str, Any] = {method: {} for method in methods}
+    for target in (target for target in TARGETS if results.of({"target": target})):
+        heads = (target, *_HEADS)
+        print(f"\n| {' | '.join(heads)} |\n{'|---' * len(heads)}|")
+        for method in methods:
+            rows = results.of({"method": method, "target": target})
+            if not rows:
+                continue
+            one = {reading: of_reading(rows, rms) for reading, rms in READINGS.items()}
+            lowest = [row["best"][-1][1] for row in rows]
+            own_s = float(np.median([row["own_s"] for row in rows]))
+            cells = [cell for read in one.values() for cell in (f"{read['success']} of {read['n']}", in_words(read))]
+            spread = f"{np.median(lowest):.1e} ({max(lowest):.1e})"
+            print(f"| `{method}` | {' | '.join(cells)} | {spread} | {own_s:.3g} |")
+            mine = {**one["rms"], "mean_square": one["mean_square"], "own_s": own_s, "lowest_rms": max(lowest)}
+            found[method].update(mine if target == "reachable" else {target: mine})
+    return found
+
+
+def of_reading(rows: Sequence[Row], rms: float) -> dict[str, Any]:
+    """Number of searches that came within an rms, and the median and largest number of runs until then."""
+    runs = [runs_to(row, rms) for row in rows]
+    reached = [one for one in runs if np.isfinite(one)]
+    return {"success": len(reached), "n": len(runs), "median": quartiles(runs)[1], "worst": max(reached, default=None)}
+
+
+def in_words(read: Row) -> str:
+    """Median and largest number of runs."""
+    if not read["success"]:
+        return "-"
+    median = "not reached" if read["median"] is None else f"{read['median']:g}"
+    return f"{median} ({read['worst']:g})"
+
+
+def drawn(results: Results, methods: Sequence[str], path: Path) -> None:
+    """Draw the share of reachable targets within each reading of the tolerance against the number of runs."""
+    figure, axes = plt.subplots(1, len(READINGS), figsize=(11, 4.2), sharey=True, layout="constrained")
+    colours = dict(zip([*RADCAL, *PEERS], plt.get_cmap("tab20")(range(20)), strict=False))
+    for axis, (reading, rms) in zip(axes, READINGS.items(), strict=True):
+        for method in methods:
+            rows = results.of({"method": method, "target": "reachable"})
+            runs = sorted(runs_to(row, rms) for row in rows)
+            reached = [one for one in runs if np.isfinite(one)]
+            share = np.arange(1, len(reached) + 1) / max(len(runs), 1)
+            last = max((row["runs"] for row in rows), default=1)
+            steps = [1.0, *reached, max(last, *reached, 1)], [0.0, *share, share[-1] if reached else 0.0]
+            style = {"color": colours[method], "linewidth": 2.5 if method in RADCAL else 1.5}
+            axis.step(*steps, where="post", label=f"{method} ({len(runs)})", **style)
+        axis.set(xscale="log", xlabel="runs", title=f"{reading.replace('_', ' ')} of at most 1e-5", ylim=(-0.02, 1.02))
+        axis.grid(alpha=0.3)
+    axes[0].set_ylabel("share of targets")
+    axes[-1].legend(fontsize=8, title="method (targets)", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,54 @@
+"""The counts of ``benchmarks/searches.py``, and a search of ``benchmarks/peers.py`` on residuals of known zero."""
+
+import json
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import peers
+import pytest
+import runs_to_tolerance
+import searches
+from searches import Ended, Results, quartiles, runs_to
+
+
+def row(*best, **keys):
+    return {"best": [list(one) for one in best], **keys}
+
+
+def test_the_first_run_within_the_rms_counts():
+    found = row((1, 2e-2), (4, 3e-3), (9, 8e-6))
+    assert [runs_to(found, rms) for rms in (1e-5, 3.2e-3, 1e-6)] == [9.0, 4.0, math.inf]
+
+
+def test_a_search_that_did_not_reach_counts_as_more_than_any_other():
+    assert quartiles([5.0, math.inf, 7.0, 6.0, math.inf]) == [6.0, 7.0, None]
+    assert quartiles([5.0, 8.0, math.inf, math.inf])[:2] == [7.25, None]
+    rows = [row((1, 2e-2), (5, 1e-6)), row((1, 2e-2), (8, 5e-6)), row((1, 2e-2), (700, 4e-4))]
+    assert runs_to_tolerance.of_reading(rows, 1e-5) == {"success": 2, "n": 3, "median": 8.0, "worst": 8.0}
+
+
+def test_a_finished_search_is_not_made_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(searches, "TimedBench", lambda _: None)
+    keys = {"method": "cma_es", "target": "reachable", "number": 3}
+    path = tmp_path / "results.jsonl"
+    path.write_text(json.dumps(row((620, 5e-6), **keys)) + "\n")
+    results = Results(path, tmp_path)
+    assert results.search(keys, search=None)["best"] == [[620, 5e-6]]
+    assert results.of({"number": 4}) == []
+
+
+def test_a_peer_finds_the_zero_of_linear_residuals():
+    slopes = np.array([[1.0, 2.0, 0.0, -1.0], [0.0, 1.0, 3.0, 1.0], [2.0, 0.0, 1.0, 1.0]])
+    zero, runs = np.array([0.3, 0.6, 0.2, 0.7]), []
+
+    def residuals(unit):
+        runs.append(unit)
+        found = slopes @ (unit - zero)
+        if np.linalg.norm(found) < 1e-7:
+            raise Ended("rms")
+        return found
+
+    with pytest.raises(Ended):
+        peers.levenberg_marquardt(SimpleNamespace(start=np.full(4, 0.5), dimension=4, seed=1, residuals=residuals))
+    assert len(runs) <= 50  # a dozen iterations of five runs at most: X is no linear function of v
