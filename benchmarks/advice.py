@@ -47,7 +47,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from passes import calibrated_passes
-from threadpoolctl import threadpool_limits
 from twins import finished
 
 from radcal.assessment.model import image_of, posterior_of
@@ -59,6 +58,7 @@ from radcal.objectives import make_objectives
 from radcal.posterior.cells import Simulated
 from radcal.posterior.curves import GRID_DEG
 from radcal.posterior.result import Posterior
+from radcal.processes import one_thread
 from radcal.products.advice import ALIKE, NONE, advice_on, judged
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
@@ -133,7 +133,7 @@ def main() -> None:
         key = (a.protocol, number, a.speckle)
         if key not in made:
             began = time.time()
-            with threadpool_limits(1):
+            with one_thread():
                 row = followed(number, base, ground, a.speckle, a.protocol)
             named = dict(zip(("protocol", "number", "speckle"), key, strict=True))
             made[key] = {**named, **row, "seconds": round(time.time() - began, 1)}

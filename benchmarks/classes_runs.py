@@ -29,7 +29,6 @@ from typing import Any
 
 import numpy as np
 from dyke_cases import Bench, hidden_laws, workflow_runs
-from threadpoolctl import threadpool_limits
 
 from radcal.calibration.loop import calibrate
 from radcal.calibration.scoring import score
@@ -39,6 +38,7 @@ from radcal.config import Case, SurrogateConfig, load
 from radcal.config.stages import STAGES
 from radcal.objectives import make_objectives
 from radcal.objectives.history import History, Score
+from radcal.processes import one_thread
 from radcal.proposals.search import Search
 from radcal.proposals.surrogate import Surrogate
 from radcal.seeds import derived_seed
@@ -61,7 +61,7 @@ def main() -> None:
     arguments = parser.parse_args()
     first, count = arguments.first, 2 if arguments.quick else COUNT
     truths = hidden_laws(first + count)[first:].tolist()
-    with tempfile.TemporaryDirectory() as folder, threadpool_limits(1):
+    with tempfile.TemporaryDirectory() as folder, one_thread():
         cases = arguments.cases or Path(folder)
         cases.mkdir(parents=True, exist_ok=True)
         bench = Bench(cases)

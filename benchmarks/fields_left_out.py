@@ -27,7 +27,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from right_law import FLEVOLAND_BOUNDS, LAW, flevoland_grounds, geometric
-from threadpoolctl import threadpool_limits
 
 from radcal.config import Uncertainty
 from radcal.ground.ground import Ground
@@ -40,6 +39,7 @@ from radcal.posterior.fixed_laws import image_from
 from radcal.posterior.prediction import left_out
 from radcal.posterior.radiometry import Radiometry
 from radcal.posterior.result import HeldOut, Predicted
+from radcal.processes import one_thread
 
 SHAPE = (750, 1024)
 CONFIG = Uncertainty(walkers=64)
@@ -159,7 +159,7 @@ def main() -> None:
         return
     draws = range(arguments.seed, arguments.seed + (1 if arguments.quick else arguments.draws))
     result: dict[str, Any] = {}
-    with threadpool_limits(1):
+    with one_thread():
         for name in arguments.images.split(","):
             found = result[name] = image(name, draws)
             print("  ".join(f"{k} {v:.3f}" if isinstance(v, float) else f"{k} {v}" for k, v in found.items()))

@@ -18,13 +18,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import noise_seed
 from radcal.config import load
 from radcal.laws import LAWS
 from radcal.measurement.sources import make_measurement
+from radcal.processes import one_thread
 from radcal.radar.projection import make_geometry
 from radcal.registration.registered import register
 from radcal.scene.sources import make_scene
@@ -86,7 +86,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="2 draws of wrong laws in place of 10")
     seeds = range(1, 3 if parser.parse_args().quick else 11)
     lifted, wrong = {}, {}
-    with tempfile.TemporaryDirectory() as folder, threadpool_limits(1):
+    with tempfile.TemporaryDirectory() as folder, one_thread():
         bench = Bench(Path(folder))
         print("the measurement raised by 3 dB")
         for normalisation in ("offset", "image"):

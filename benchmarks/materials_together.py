@@ -17,11 +17,11 @@ from typing import Any
 
 import yaml
 from dyke_cases import Bench
-from threadpoolctl import threadpool_limits
 
 from radcal.calibration.loop import calibrate
 from radcal.config import load
 from radcal.config.yaml_file import read_case_file
+from radcal.processes import one_thread
 
 TRUTH = [6.1, 14.2, 21.5, 3.3]
 
@@ -33,7 +33,7 @@ def main() -> None:
     parser.add_argument("--images", type=int, default=3, help="number of measured images")
     arguments = parser.parse_args()
     rows = []
-    with tempfile.TemporaryDirectory() as folder, threadpool_limits(1):
+    with tempfile.TemporaryDirectory() as folder, one_thread():
         bench = Bench(Path(folder))
         for number in range(1 if arguments.quick else arguments.images):
             published = load([bench.speckled(f"image_{number}", TRUTH, 100 + number, {"design": {"size": 0}})])

@@ -27,7 +27,6 @@ from typing import Any
 import numpy as np
 from classes_runs import continued, gaps, lowest
 from dyke_cases import Bench, hidden_laws
-from threadpoolctl import threadpool_limits
 
 from radcal.calibration.loop import calibrate
 from radcal.calibration.scoring import score
@@ -36,6 +35,7 @@ from radcal.config import Case, load
 from radcal.config.stages import STAGES
 from radcal.laws import LAWS
 from radcal.objectives import make_objectives
+from radcal.processes import one_thread
 from radcal.simulators.runner import Runner
 from radcal.targets.target import Targets
 
@@ -60,7 +60,7 @@ def main() -> None:
     arguments = parser.parse_args()
     count = 2 if arguments.quick else arguments.truths
     found = {}
-    with tempfile.TemporaryDirectory() as folder, threadpool_limits(1):
+    with tempfile.TemporaryDirectory() as folder, one_thread():
         bench = Bench(Path(folder))
         for objective in arguments.objectives.split(","):
             print(f"{objective:36} {'search':12} {'ended':11} {'runs':>4} {'cost':>9} {'gap':>6} {'law error':>9}")

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from radcal.calibration.loop import calibrate
 from radcal.calibration.stopping import Decision
@@ -27,6 +26,7 @@ from radcal.config.yaml_file import read_case_file
 from radcal.measurement.sources import make_measurement
 from radcal.objectives import objective_class
 from radcal.objectives.history import History
+from radcal.processes import one_thread
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.registration.registered import Registered, register
@@ -59,7 +59,7 @@ def main() -> None:
     print(f"{'hidden X':30} {'passes':>6} {'runs of X':>9} {'ended':>10} {'error at 45':>11} {'at 30':>6} {'both':>6}")
     for number, truth in enumerate(truths):
         for name, depressions in (("one", DEPRESSIONS[:1]), ("both", DEPRESSIONS)):
-            with threadpool_limits(1):
+            with one_thread():
                 row = calibrated(case_of(truth.tolist(), number, depressions), scene, geometries, truth)
             found[name].append(row)
             print(

@@ -34,10 +34,10 @@ from numpy.typing import NDArray
 from rasterio.errors import NotGeoreferencedWarning
 from scipy.ndimage import gaussian_filter, map_coordinates
 from skimage.registration import optical_flow_ilk, optical_flow_tvl1
-from threadpoolctl import threadpool_limits
 
 from radcal.config import RegistrationConfig
 from radcal.image.model import Measurement
+from radcal.processes import one_thread
 from radcal.registration.displacement import invert
 from radcal.registration.gefolki import find_flow, pyramid, rank_transform
 from radcal.registration.registered import register
@@ -175,7 +175,7 @@ def main() -> None:
     if "authors" not in tried:
         print("The authors' method was not tried: set GEFOLKI to the folder of its Python programs.")
     by_length: dict[int, list[dict[str, dict[str, float]]]] = {}
-    with threadpool_limits(1):
+    with one_thread():
         for length in LENGTHS_PX:
             by_length[length] = []
             for seed in seeds:

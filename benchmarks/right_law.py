@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from radcal.ground.correlation import estimate_correlation
 from radcal.ground.ground import Ground
@@ -27,6 +26,7 @@ from radcal.ground.patches import label_patches
 from radcal.inference.misfit import LikelihoodMisfit, Method
 from radcal.inference.pooled_laws import FittedLaw, fit_laws
 from radcal.laws import LAWS
+from radcal.processes import one_thread
 from radcal.scene.slant_range import flat_incidence_deg
 
 LAW = LAWS["mangia"]
@@ -135,7 +135,7 @@ def main() -> None:
     arguments = parser.parse_args()
     objectives = arguments.objectives.split(",")
     result: dict[str, Any] = {}
-    with threadpool_limits(1):
+    with one_thread():
         result["synthetic"] = synthetic(objectives, 4 if arguments.quick else 20)
     print(json.dumps({"right_law": result}))
 

@@ -23,9 +23,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, skewnorm
-from threadpoolctl import threadpool_limits
 
 from radcal import skewnormal
+from radcal.processes import one_thread
 
 DEFICIT = 1e-6
 SIZES = (50, 100, 200, 500, 1000, 3000)
@@ -113,7 +113,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="300 samples in place of 10,000, 3 cells of coverage")
     parser.add_argument("--critical", action="store_true", help="simulate the table of critical values")
     options = parser.parse_args()
-    with threadpool_limits(1):
+    with one_thread():
         if options.critical:
             for n in CRITICAL_SIZES[: 1 if options.quick else None]:
                 row = [critical(n, skewness, 50 if options.quick else 2000) for skewness in CRITICAL_SKEWNESSES]

@@ -634,10 +634,11 @@ def check(looks: int) -> dict[str, Any]:
 def single_threaded(job: tuple[str, int, Path | None]) -> dict[str, Any]:
     """One twin on one core."""
     import numba
-    from threadpoolctl import threadpool_limits
+
+    from radcal.processes import one_thread
 
     numba.config.NUMBA_NUM_THREADS = 1
-    with threadpool_limits(1):
+    with one_thread():
         return twin(*job)
 
 

@@ -29,7 +29,6 @@ from dyke_cases import Bench, hidden_laws
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats import qmc
-from threadpoolctl import threadpool_limits
 
 from radcal.calibration.loop import calibrate
 from radcal.calibration.scoring import score
@@ -39,6 +38,7 @@ from radcal.config.stages import STAGES
 from radcal.config.yaml_file import read_case_file
 from radcal.measurement.sources import make_measurement
 from radcal.objectives import make_objectives
+from radcal.processes import one_thread
 from radcal.simulators.base import Simulator
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
@@ -82,7 +82,7 @@ def main() -> None:
     rows = []
     heads = f"{'ended':10} {'runs':>4} {'cost':>8} {'hidden':>8} {'lowest':>8} {'gap':>7}"
     print(f"{'hidden ' + arguments.free:20} {heads} found")
-    with tempfile.TemporaryDirectory() as folder, threadpool_limits(1):
+    with tempfile.TemporaryDirectory() as folder, one_thread():
         bench = Bench(Path(folder))
         for number, drawn in enumerate(hidden_laws(count)):
             truth = [float(drawn[NAMES.index(name)]) for name in free]

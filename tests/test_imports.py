@@ -1,6 +1,7 @@
 """What starting a job costs: modules that take seconds are imported where they are used, and only there."""
 
 import ast
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -40,3 +41,21 @@ def loaded(imports, names):
     code = "\n".join([*imports, "import sys", f"print(*(name for name in {names} if name in sys.modules))"])
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     return done.stdout.split()
+
+
+def test_scipy_loaded_late_has_one_thread_where_one_is_asked_for():
+    code = (
+        "import sys, radcal.registration.gefolki, threadpoolctl\n"
+        "from radcal.processes import one_thread\n"
+        "print('scipy.linalg' in sys.modules)\n"
+        "with one_thread():\n"
+        "    import scipy\n"
+        "    scipy.linalg.cho_factor([[2.0]])\n"
+        "    print(*[one['num_threads'] for one in threadpoolctl.threadpool_info()])\n"
+    )
+    two = {**os.environ, "OPENBLAS_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
+    done = subprocess.run([sys.executable, "-c", code], env=two, capture_output=True, text=True, check=True)
+    late, *threads = done.stdout.split()
+    assert late == "False"
+    assert len(threads) >= 2  # NumPy's library and SciPy's
+    assert set(threads) == {"1"}

@@ -8,10 +8,11 @@ import resource
 import signal
 import sys
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
+from importlib import import_module
 from typing import Any, TypeVar
 
-__all__ = ["apart", "die_with_parent", "each"]
+__all__ = ["apart", "die_with_parent", "each", "one_thread"]
 
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 _Result = TypeVar("_Result")
@@ -80,7 +81,14 @@ _WORK: list[Callable[[], Any]] = []
 
 
 def _call(number: int) -> Any:
+    with one_thread():
+        return _WORK[number]()
+
+
+def one_thread() -> AbstractContextManager[object]:
+    """Context in which linear algebra has one thread, so that sums have a fixed order."""
     from threadpoolctl import threadpool_limits
 
-    with threadpool_limits(1):
-        return _WORK[number]()
+    import_module("scipy.linalg")  # SciPy has linear algebra of its own, which is limited only once it is loaded
+    limited: AbstractContextManager[object] = threadpool_limits(1)
+    return limited

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from radcal.calibration.steps import train_all
 from radcal.config.part import Part
@@ -25,6 +24,7 @@ from radcal.posterior.prediction import constant_of, field_check, left_out
 from radcal.posterior.quantiles import Form, points_of, summary, with_band, without_cells
 from radcal.posterior.radiometry import Radiometry, radiometry_of
 from radcal.posterior.result import Image, Posterior
+from radcal.processes import one_thread
 from radcal.proposals.surrogate import Surrogate
 from radcal.radar.radiometry import with_noise_db
 from radcal.seeds import derived_seed
@@ -87,7 +87,7 @@ def image_of(case: Part, cells: Cells) -> Image:
         found[str(k + 1)] = radiometry_of(each, one.radar.radiometry, case.uncertainty)
     offset = case.target.normalisation != "none"
     seed = derived_seed(case.seed, "posterior", "fixed laws")
-    with threadpool_limits(1):  # one thread: sums then have a fixed order
+    with one_thread():  # one thread: sums then have a fixed order
         return image_from(observed, _mean_areas(cells), found, case.uncertainty, offset, seed)
 
 
@@ -140,7 +140,7 @@ def posterior_of(
     form = Form(observed.together("incidence_deg")) if curved and not targets.level_only(name) else None
     forms = np.zeros((observed.size, FORMS)) if form is None else form.columns(observed.together("incidence_deg"))
     flattening = _flattening(observed, _attenuation(targets, name), case.uncertainty.incidence_error)
-    with threadpool_limits(1):
+    with one_thread():
         seed = derived_seed(case.seed, "posterior", name)
         areas, given = _mean_areas(cells), list(image.shared.values())
         each = [LawModel(observed, weights, parameters, forms, flattening, k, areas, case.uncertainty) for k in given]

@@ -24,8 +24,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
+from radcal.processes import one_thread
 from radcal.registration.spline_field import CELL_PX, Data, Lattice, Prior, SplinePosterior
 
 __all__ = ["Flow", "Level", "find_flow", "gefolki_px", "local_correlation", "pyramid", "rank_transform"]
@@ -285,7 +285,7 @@ def find_flow(
         data = _data(lattice, level, coefficients, origin)
         return data.best(near) if choose and prior is None else data.given(near)
 
-    with threadpool_limits(1):  # one thread, for a fixed order of sums; from coarse to fine scales
+    with one_thread():  # one thread, for a fixed order of sums; from coarse to fine scales
         coarse = levels[1:] or levels
         for level in reversed(coarse):
             fixed, moving = (scipy.ndimage.gaussian_filter(image, _BLUR_PX) for image in (level.fixed, level.moving))
