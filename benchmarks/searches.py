@@ -15,7 +15,6 @@ from unittest import mock
 import numpy as np
 from dyke_cases import Bench, hidden_laws
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from radcal.calibration.loop import calibrate
 from radcal.calibration.scoring import score
@@ -23,6 +22,7 @@ from radcal.calibration.steps import all_parameters, run_all_draws
 from radcal.config import load
 from radcal.config.stages import STAGES
 from radcal.objectives import make_objectives
+from radcal.processes import one_thread
 from radcal.proposals import surrogate
 from radcal.proposals.smt_kriging import train_smt
 from radcal.seeds import derived_seed
@@ -181,7 +181,7 @@ def problem_of(
     most, most_s : int, float
         Largest number of runs, and largest CPU time of the search [s].
     """
-    with tempfile.TemporaryDirectory() as runs, threadpool_limits(1):
+    with tempfile.TemporaryDirectory() as runs, one_thread():
         truth = hidden_laws(number + 1)[number].tolist()
         keys = {"objective": "density", **settings}
         if target == "reachable":
