@@ -34,6 +34,7 @@ _RELIEF = (
     "{about} changes by {db_per_deg:+.2f} dB (standard error {error_db_per_deg:.2f}) per degree of local incidence on "
     "the relief, where ground of constant gamma gets darker by {constant_gamma_db_per_deg:.2f} dB: "
 )
+_WALLS = "{about}: {walls:.0f} boxes scatter by roof and walls apart, {bounce:.0f} have a double bounce"
 _TRANSFORMATION = "{about}: the best transformation from {source} to {target} needs a grid that is not installed; "
 
 _OF_SCENE: Mapping[str, str] = {
@@ -60,6 +61,8 @@ _OF_SCENE: Mapping[str, str] = {
     "features_narrow": "{about}: {features:.0f} lines are narrower than a cell and drawn one cell wide: {codes}",
     "features_without_place": "{about}: {features:.0f} features have no geometry that can be read, and are left out",
     "objects": "{about}: {objects:.0f} objects, {points:.0f} of them points",
+    "walls": _WALLS,
+    "walls_reflect_all": _WALLS + "; without permittivities, walls reflect all power in it",
     "transformation": _TRANSFORMATION + "the one used is accurate to {accuracy_m:g} m",
     "transformation_unknown": _TRANSFORMATION + "the one used has no known accuracy",
 }
@@ -149,6 +152,9 @@ _OF_CASE: Mapping[str, str] = {
     "scene_large": "The scene is large: it is read when the calibration starts, not in this check",
     "starts_as_truth": "{about}: measurement.synthetic.parameters gives no hidden law, so that the starting law makes "
     "the measured image, and the search begins at its solution",
+    "bounces_outside": "the double bounce of {walls:.0f} of {of:.0f} objects on {about} uses its law outside of the "
+    "{low_deg:.0f} to {high_deg:.0f} degrees of its pixels: the level of these echoes is extrapolated (objects "
+    "{objects}, counted from 1)",
     "ground_hidden": "{hidden_percent:.0f} % of the simulated image's pixels are in shadow or layover or without "
     "ground ({without_percent:.0f} % show no ground at all), and half of the ground is steeper than {slope_deg:.0f} "
     "degrees: are the heights in {about} in another unit than metres ({units}), or is radar.depression_deg wrong?",

@@ -99,7 +99,9 @@ def test_the_higher_of_two_overlapping_boxes_is_seen(order):
     boxes = Boxes(
         place=np.array([[6.0, 8.0], [6.0, 11.0]])[pick], axis=np.array([[1.0, 0.0]] * 2),
         half=np.array([[4.0, 3.0], [2.0, 3.0]])[pick], reach=np.array([[4.0, 3.0], [2.0, 3.0]])[pick],
-        top_m=np.array([5.0, 7.0])[pick], rcs_m2=np.ones(2), extent=np.zeros(2),
+        top_m=np.array([5.0, 7.0])[pick], rcs_m2=np.ones(2), extent=np.zeros(2), number=np.arange(2),
+        roof=np.zeros(2, np.uint8),
+        wall_sigma0=np.zeros(2), bounce=np.zeros(2, bool),
     )  # fmt: skip
     raised = raise_boxes(boxes, np.zeros((12, 20)), 0)
     expected = np.zeros((12, 20))

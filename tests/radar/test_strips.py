@@ -12,6 +12,7 @@ from radcal.radar.geometry import joined, read_geometry, write_geometry
 from radcal.radar.projection import make_frame, make_geometry, strips_of
 from radcal.scene.model import Scene
 from radcal.scene.object_generator import generate_objects
+from radcal.scene.objects import Walls
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.storage.dataclass_groups import same
 
@@ -34,9 +35,16 @@ def rough():
     rng = np.random.default_rng(1)
     walls = np.kron(rng.standard_normal((ROWS // 10, COLUMNS // 10)) * 4.0, np.ones((10, 10)))
     material = np.kron(1 + rng.integers(0, 3, (ROWS // 20, COLUMNS // 20)), np.ones((20, 20))).astype(np.uint8)
-    made = generate_objects((ROWS, COLUMNS), 1, trees=300, cars=150, buildings=25)
+    made = generate_objects((COLUMNS, ROWS), 1, trees=300, cars=150, buildings=25)
     at_borders = np.linspace(250.0, 262.0, len(made))
     objects = replace(made, y_m=np.where(np.arange(len(made)) % 5 == 0, at_borders, made.y_m))
+    # half of the buildings scatter by roof and walls apart, all of them have a double bounce
+    apart, building = (made.kind == 0) & (np.arange(len(made)) % 2 == 0), made.kind == 0
+    upright = Walls(np.where(apart, 0, -1).astype(np.int16), np.where(apart, -6.0, np.nan), building, ("c",))
+    size = {
+        name: np.where(made.kind == 2, 0.0, getattr(made, name)) for name in ("length_m", "width_m")
+    }  # cars: points
+    objects = replace(objects, rcs_dbsm=np.where(apart, np.nan, made.rcs_dbsm), walls=upright, **size)
     mixed = rng.random((ROWS, COLUMNS)) > 0.999
     elevation = walls + rng.standard_normal((ROWS, COLUMNS)) * 0.2 + 300.0
     return Scene("rough", ("a", "b", "c"), material, elevation, 1.0, objects=objects, mixed=mixed)
@@ -48,6 +56,7 @@ def test_strips_are_the_whole_image_bit_for_bit(rough, name, number, tmp_path):
     radar = PASSES[name]
     whole, frame = make_geometry(rough, radar), make_frame(rough, radar)
     assert whole.point_row.size > 20
+    assert whole.bounces.shape[1] > 10
     assert 0.02 < whole.layover.mean() < 0.9
     laws, x = dict.fromkeys("abc", LAWS["mangia"]), {"a": [-9, 3, 2, 1], "b": [-20, 4, 1, 2], "c": [-5, 1, 0, 0]}
     strips, images = [], []

@@ -230,6 +230,43 @@ def test_wrong_rows(write, columns, says, tmp_path):
     assert text.startswith("scene.objects.path")
 
 
+WALLS = {"rcs_dbsm": [10.0, np.nan, 15.0], "roof": ["", "tiles", ""], "wall_sigma0_db": [np.nan, -4.0, np.nan]}
+
+
+@pytest.mark.parametrize("write", [csv, hdf5])
+def test_rows_with_a_roof_have_walls(write, tmp_path):
+    made = read_objects(write(tmp_path, **WALLS), LOCAL)
+    assert made.walls.roofs == ("tiles",)
+    np.testing.assert_array_equal(made.walls.roof, [-1, 0, -1])
+    np.testing.assert_array_equal(made.walls.sigma0_db, [np.nan, -4.0, np.nan])
+    np.testing.assert_array_equal(made.walls.bounce, [False, True, False])
+    # a row says whether a bounce is added
+    made = read_objects(write(tmp_path, **WALLS, bounce=[np.nan, 0.0, 1.0]), LOCAL, permittivity=(5.0, 12.0))
+    np.testing.assert_array_equal(made.walls.bounce, [False, False, True])
+    assert made.walls.permittivity == (5.0, 12.0)
+    alone = read_objects(write(tmp_path, bounce=[0.0, np.nan, 1.0]), LOCAL)
+    assert alone.walls.roofs == ()
+    np.testing.assert_array_equal(alone.walls.roof, -1)
+    assert read_objects(write(tmp_path, bounce=[0.0, np.nan, 0.0]), LOCAL).walls is None
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        ({"wall_sigma0_db": [np.nan] * 3}, "row 2: wall_sigma0_db is empty, expected the sigma0 of the walls"),
+        ({"roof": [""] * 3, "rcs_dbsm": [1.0] * 3}, "row 2: wall_sigma0_db is given, expected a roof beside it"),
+        ({"roof": [""] * 3, "wall_sigma0_db": [np.nan] * 3}, "row 2: rcs_dbsm is empty"),
+        ({"rcs_dbsm": [1.0] * 3}, "row 2: rcs_dbsm is given, expected it empty where the row has a roof"),
+        ({"aspect": ["", "car", ""]}, "row 2: has a roof and an aspect class, expected one of them"),
+        ({"bounce": [0.0, 0.5, 0.0]}, "row 2: bounce is not 0 or 1"),
+        ({"bounce": [1.0, 0.0, 0.0]}, "row 1: has a roof or a bounce, expected length_m and width_m beside them"),
+        ({"wall_sigma0_db": [np.nan, 60.0, np.nan]}, "row 2: wall_sigma0_db is 60, expected -60 to 30 dB"),
+    ],
+)
+def test_rows_whose_walls_contradict_the_rest(columns, says, tmp_path):
+    assert says in refused(csv(tmp_path, **(WALLS | columns)), curves={"car": CURVE})
+
+
 def test_wrong_files(tmp_path):
     for name, content, says in [
         ("a.csv", "", "cannot be read as CSV"),
@@ -359,7 +396,11 @@ def test_identity_knows_all_that_an_image_depends_on(tmp_path):
         replace(made, **{name: getattr(made, name) + 1}) for name in ("x_m", "height_m", "rcs_dbsm", "heading_deg")
     ]
     others.append(replace(made, curves={"a": np.array(CURVE)}))
-    assert len({made.identity, *(other.identity for other in others)}) == 6
+    walls = read_objects(csv(tmp_path, **WALLS), LOCAL).walls
+    others.append(replace(made, walls=walls))
+    others.append(replace(made, walls=replace(walls, sigma0_db=walls.sigma0_db + 1.0)))
+    assert len({made.identity, *(other.identity for other in others)}) == 8
+    assert made.identity == "92e43b43c1a33ae653fe"  # runs of objects without walls keep their keys
     assert replace(made, kinds=("a", "b", "c")).identity == made.identity
 
 
@@ -377,6 +418,15 @@ def test_a_configured_scene_has_its_objects(tmp_path):
     np.testing.assert_array_equal(scene.material, bare.material)
     made = make_scene(configured({"generate": {"trees": 5, "cars": 2, "seed": 3}}), materials).objects
     assert len(made) == 7
+    keys = {"path": str(csv(tmp_path, **WALLS)), "permittivity": {"wall": 5, "ground": 12}}
+    with_roofs = make_scene(configured(keys), [*materials, "tiles"])
+    assert with_roofs.names == (*bare.names, "tiles")
+    assert with_roofs.objects.walls.permittivity == (5.0, 12.0)
+    assert [(one.code, one.numbers) for one in with_roofs.findings[-1:]] == [("walls", {"walls": 1, "bounce": 1})]
+    del keys["permittivity"]
+    assert make_scene(configured(keys), [*materials, "tiles"]).findings[-1].code == "walls_reflect_all"
+    with pytest.raises(SceneError, match="the scene's 'tiles' has no law; add materials.tiles"):
+        make_scene(configured(keys), materials)
     with pytest.raises(ConfigError, match=r"scene\.objects\.path: the file .*no\.csv does not exist"):
         make_scene(configured({"path": str(tmp_path / "no.csv")}), materials)
 
@@ -389,6 +439,8 @@ def test_a_configured_scene_has_its_objects(tmp_path):
         ({"generate": {}}, "scene.objects.generate: has no object, expected a number of trees"),
         ({"generate": {"trees": -1}}, "scene.objects.generate.trees is -1"),
         ({"generate": {"trees": 1}, "aspect": {"a": CURVE}}, "aspect is for a table"),
+        ({"generate": {"trees": 1}, "permittivity": {"wall": 5, "ground": 12}}, "permittivity is for a table"),
+        ({"path": "a.csv", "permittivity": {"wall": 0.5, "ground": 12}}, "scene.objects.permittivity.wall is 0.5"),
         ({"path": "a.csv", "aspect": {"a": [[0, 1], [90, 90]]}}, "aspect.a has a cross-section of 90"),
         ({"pth": "a.csv"}, "unknown key scene.objects.pth (did you mean 'path'?)"),
     ],

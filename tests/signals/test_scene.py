@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from radcal.cli import app
 from radcal.errors import ConfigError
 from radcal.radar.reflectivity import law_tables, reflectivity
+from radcal.scene.objects import Walls
 from radcal.signals.focus import backprojected, focused, image_places, range_profiles, write_focused
 from radcal.signals.history import raw_signal
 from radcal.signals.platform import collection, nesz, pattern
@@ -155,6 +156,13 @@ def test_a_scene_without_relief_is_refused(forward_of):
     made = forward_of(signals={"motion_m": 1.0})
     with pytest.raises(ConfigError, match=r"scene\.source: the scene has no elevation, expected one"):
         collection(made.case, replace(made.scene, elevation_m=None))
+
+
+def test_walls_and_double_bounces_are_refused(forward_of, with_point):
+    made = forward_of(with_point(60.0, 60.0, 20.0))
+    walls = replace(made.scene.objects, walls=Walls.none(1))
+    with pytest.raises(ConfigError, match=r"scene\.objects: boxes have a roof or a bounce, which raw signals do not"):
+        collection(made.case, replace(made.scene, objects=walls))
 
 
 @pytest.mark.parametrize("product", ["iq", "focused"])

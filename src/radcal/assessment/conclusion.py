@@ -18,6 +18,7 @@ from radcal.calibration.stopping import Decision, decide
 from radcal.config import Stop
 from radcal.config.part import Part
 from radcal.findings import Finding
+from radcal.ground.one_incidence import bounces_outside
 from radcal.objectives import Comparison
 from radcal.objectives.history import History
 from radcal.posterior.result import Image, Posterior
@@ -138,7 +139,7 @@ def conclude(
         fresh_db,
     ]
     findings = [finding for one in images for finding in one.findings]
-    findings += image_findings(case, image)
+    findings += [*image_findings(case, image), *bounces_outside(geometry, targets)]
     refused = any(one.severity == "refusal" for one in findings)
     warned = {one.code: f"{one.code} of {one.about}" for one in findings if one.severity != "note"}
     laws = {name: (case.laws[name], np.asarray(history.best(name).parameters)) for name in targets}

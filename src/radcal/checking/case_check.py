@@ -17,6 +17,7 @@ from radcal.errors import ConfigError, MissingSign, RadcalError
 from radcal.findings import Finding, of_pass
 from radcal.forecast.memory_and_time import memory_mb, values_of
 from radcal.forecast.runs_and_time import largest_runs, runs_sentence, time_expected
+from radcal.ground.one_incidence import bounces_outside
 from radcal.posterior.cells import CellMeans
 from radcal.programs.command_plan import check_command, check_image_shape
 from radcal.reading.base import reader_of
@@ -233,7 +234,7 @@ def _check_pass(
     if number == 1:
         found.shape = (int(geometry.shape[0]), int(geometry.shape[1]))
     check_image_shape(one.simulator, geometry.shape)
-    own += hidden_ground(scene, geometry)
+    own += [*hidden_ground(scene, geometry), *bounces_outside(geometry, one.calibrated)]
     if found.forward:
         return {}
     say(f"pass {number}: measured image for {geometry.shape[0]} x {geometry.shape[1]} pixels ...")

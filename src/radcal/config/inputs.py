@@ -150,6 +150,9 @@ def _sources(case: Case) -> Iterator[tuple[str, Callable[[], dict[str, Path]]]]:
     if scene.on_ground and scene.on_ground.path:
         key = "scene.objects.path"
         yield key, partial(_found, scene.on_ground.path, key, scene, "vectors", _with_vectors)
+    if scene.on_ground and scene.on_ground.cross_sections:
+        key = "scene.objects.cross_sections"
+        yield key, partial(_found, scene.on_ground.cross_sections, key, scene)
     for number, one in enumerate(case.passes, start=1):
         if isinstance(image := one.measurement, FileMeasurement):
             key = f"measurement.{number}.path" if len(case.radars) > 1 else "measurement.path"

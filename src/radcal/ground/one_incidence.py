@@ -1,16 +1,22 @@
-"""Test whether a material is seen at a single incidence angle, so that its angular law cannot be determined."""
+"""Incidences at which materials are seen, which limit what is known of their laws."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["LEAST_SPAN_DEG", "incidence_span_deg", "seen_at_one_incidence"]
+from radcal.findings import Finding
+from radcal.radar.geometry import Geometry
+
+__all__ = ["LEAST_SPAN_DEG", "bounces_outside", "incidence_span_deg", "seen_at_one_incidence"]
 
 # Over one degree, the level of the steepest natural surface changes by about 1 dB (calm water, 27 dB between 20 and 44
 # degrees), that of land by 0.1 to 0.5 dB. Fields of one material differ as much, so that the slope of the law cannot be
 # separated from differences between fields.
 LEAST_SPAN_DEG = 1.0
+_MOST_NAMED = 8  # objects that a finding names by their number
 _NORMAL_SPAN = 3.2897  # standard deviations between the 5 % and 95 % quantiles of a normal distribution
 
 
@@ -60,3 +66,36 @@ def seen_at_one_incidence(incidence_deg: ArrayLike, error_deg: float = 0.0) -> b
     spread, by material.
     """
     return incidence_span_deg(incidence_deg, error_deg) < LEAST_SPAN_DEG
+
+
+def bounces_outside(geometry: Geometry, names: Iterable[str]) -> list[Finding]:
+    """Notes on walls whose double bounce uses a calibrated law at incidences at which no pixel shows the material.
+
+    Parameters
+    ----------
+    geometry : Geometry
+        Geometry of a pass.
+    names : iterable of str
+        Calibrated materials.
+
+    Returns
+    -------
+    list of Finding
+        A note for each material with such walls; the material's incidences are between the 5 % and 95 % quantiles of
+        its pixels.
+    """
+    found = []
+    for name in names:
+        number, material, alpha_deg = geometry.bounces
+        own = material == geometry.names.index(name) + 1
+        pixels = geometry.pixels(name)
+        if not own.any() or not pixels.size:
+            continue
+        low, high = np.quantile(geometry.incidence_deg.ravel()[pixels], [0.05, 0.95])
+        walls = np.unique(number[own & ((alpha_deg < low) | (alpha_deg > high))]).astype(int) + 1
+        if walls.size:
+            listed = ", ".join(map(str, walls[:_MOST_NAMED])) + (", ..." if walls.size > _MOST_NAMED else "")
+            numbers: dict[str, float | str] = {"walls": int(walls.size), "of": int(np.unique(number[own]).size)}
+            numbers |= {"low_deg": float(low), "high_deg": float(high), "objects": listed}
+            found.append(Finding("bounces_outside", "note", name, numbers))
+    return found

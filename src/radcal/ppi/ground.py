@@ -215,7 +215,7 @@ def ground_of(
     return Ground(speckled, land, spread, seen)
 
 
-def points_of(scene: Scene, config: Ppi, frequency_ghz: float) -> Points:
+def points_of(scene: Scene, config: Ppi, frequency_ghz: float, radar: Radar) -> Points:
     """Objects that the mast sees; an object's cross-section is at its height above the middle of its footprint."""
     none = np.zeros(0)
     if scene.objects is None:
@@ -242,6 +242,8 @@ def points_of(scene: Scene, config: Ppi, frequency_ghz: float) -> Points:
     slant = distance * np.sqrt(1.0 + own**2)
     shown = ~hidden & (slant < config.gates * config.gate_m)
     bearing = np.degrees(np.arctan2(x, y)) % 360.0
-    sigma = objects.cross_section_m2((bearing + 180.0) % 360.0)
-    snr = sigma * echo_per_m2(config, frequency_ghz, slant, np.degrees(np.arctan(own)))
+    elevation = np.degrees(np.arctan(own))
+    sigma = objects.cross_section_m2((bearing + 180.0) % 360.0, -elevation, radar.band, radar.polarisation)
+    shown &= np.isfinite(sigma)  # boxes of roof and walls have no cross-section
+    snr = sigma * echo_per_m2(config, frequency_ghz, slant, elevation)
     return Points(bearing[shown], (slant[shown] / config.gate_m).astype(np.intp), snr[shown])

@@ -133,6 +133,17 @@ class LineOfSight:
         cosine = (altitude * (altitude + 2.0 * radius) - slant**2) / (2.0 * radius * slant)
         return np.asarray(np.degrees(np.arccos(np.minimum(cosine, 1.0))))
 
+    def level_incidence_deg(self, ground_m: Doubles, down_m: Doubles) -> Doubles:
+        """Incidence angle [deg] of level ground at any elevation.
+
+        Parameters
+        ----------
+        ground_m, down_m : ndarray
+            Distance from the track in the tangent plane, and depth below the track with lowered elevations [m].
+        """
+        tilt = (ground_m - self.ground_m) / self.radius_m
+        return np.asarray(np.degrees(np.arctan2(ground_m, down_m) + tilt))
+
     def slant_range_m(self, flat_incidence_deg: float) -> float:
         """Slant range [m] at which level ground has the incidence angle ``flat_incidence_deg``."""
         cosine = np.cos(np.radians(flat_incidence_deg))

@@ -17,6 +17,7 @@ __all__ = [
     "LAID_OVER",
     "OBJECT",
     "PARTLY",
+    "ROOF",
     "VISIBLE",
     "cells_of",
     "count_facets",
@@ -28,6 +29,7 @@ __all__ = [
 
 ANGLES_PER_RADIAN = 65535.0 / (np.pi / 2.0)
 VISIBLE, LAID_OVER, OBJECT, PARTLY = 1, 2, 4, 8  # bit flags of a facet's state; partly: with a hidden part
+ROOF = 4  # position of the number of a roof's material in a facet's state
 # smallest cosine of the incidence angle (of 89.4 degrees) in an illuminated area; ground at larger angles is in shadow
 _LEAST_COSINE = 0.01
 
@@ -86,7 +88,8 @@ def shade(line: Any, near: Any, far: Any, per_column: Any, left: Any, shadow: An
 @threaded
 def fill_facets(
     part: Any, near: Any, far: Any, state: Any, angle: Any, area: Any, material: Any, k: Any, per_column: Any,
-    left: Any, rows: Any, columns: Any, start: Any, by_area: Any, objects: Any, out_material: Any, out_angle: Any,
+    left: Any, rows: Any, columns: Any, start: Any, by_area: Any, objects: Any, roofs: Any, out_material: Any,
+    out_angle: Any,
     out_weight: Any, place: Any,
 ) -> None:  # fmt: skip
     """Material, incidence angle and weight of the part of each visible facet that lies in a pixel, sorted by pixel.
@@ -94,8 +97,10 @@ def fill_facets(
     The weight of a part of the ground is its area [m2]. For the radiometry ``sigma0_local``, the weight is instead the
     part's extent in slant range [image rows] times its width in azimuth [lines]. The weight of a part of an object,
     whose material id is ``objects``, is its share of the object's radar cross-section [m2], for every radiometry.
-    ``place`` receives, for each part, the azimuth line of its facet and the facet's index along the line. The arguments
-    ``left`` and ``part`` are those of :func:`count_facets`.
+    A part of a roof has the weight of ground, and the material id that ``roofs`` holds for its number. ``place``
+    receives, for each part, the azimuth line of its facet and the facet's index along the line. Of what stands on the
+    ground the line is negative, -1 - line; of what has a cross-section as its weight the index is, too, -1 - index. The
+    arguments ``left`` and ``part`` are those of :func:`count_facets`.
     """
     lines, facets = near.shape
     filled = np.zeros(rows, np.int32)
@@ -119,28 +124,30 @@ def fill_facets(
                     share = max(inside, np.float32(0.0)) / length if a != b else np.float32(1.0)
                     at = start[row * columns + column] + filled[row]
                     filled[row] += 1
-                    of_object = (state[line, f] & OBJECT) != 0
+                    of_object, roof = (state[line, f] & OBJECT) != 0, state[line, f] >> ROOF
                     out_material[at] = objects if of_object else material[line // k, f // k]
+                    if roof:
+                        out_material[at] = roofs[roof - 1]
                     out_angle[at] = angle[line, f]
                     if by_area or of_object:
                         out_weight[at] = share * beside * area[line, f]
                     else:
                         out_weight[at] = max(share * length, 1e-9) * beside
-                    place[0, at] = line
-                    place[1, at] = f
+                    place[0, at] = -1 - line if of_object or roof else line
+                    place[1, at] = -1 - f if of_object else f
 
 
 @threaded
 def order_facets(
     part: Any, start: Any, columns: Any, material: Any, angle: Any, weight: Any, place: Any, of_ground: Any,
-    of_objects: Any, objects: Any, cells: Any, pure: Any, mean_deg: Any, ground: Any,
+    of_objects: Any, cells: Any, pure: Any, mean_deg: Any, ground: Any,
 ) -> None:  # fmt: skip
     """Sort each pixel's facets by material, scale their weights, and average their incidence and position.
 
-    The weights of the ground's facets are multiplied by ``of_ground``, and the weights of objects' facets (material id
-    ``objects``) by ``of_objects``; both factors have the shape (rows,). The averages do not include objects' facets,
-    except the mean position of a pixel without ground. A pixel without ground has no mean incidence. ``part`` is the
-    range of image rows to compute: the first row, and the row after the last.
+    Weights that are cross-sections (negative indices in ``place``) are multiplied by ``of_objects``, all others by
+    ``of_ground``; both factors have the shape (rows,). The averages do not include what stands on the ground (negative
+    lines in ``place``), except the mean position of a pixel without ground. A pixel without ground has no mean
+    incidence. ``part`` is the range of image rows to compute: the first row, and the row after the last.
     """
     for row in range(part[0], part[1]):
         for pixel in range(row * columns, (row + 1) * columns):
@@ -158,57 +165,53 @@ def order_facets(
                 material[j + 1], angle[j + 1], weight[j + 1] = m, a, w
                 place[0, j + 1], place[1, j + 1] = p, q
             total, angles, down, across = 0.0, 0.0, 0.0, 0.0
-            count = 1
-            ground_last = last
-            while ground_last > first and material[ground_last - 1] == objects:  # objects' id is the greatest
-                ground_last -= 1
-            for i in range(ground_last, last):
-                weight[i] = weight[i] * of_objects[row]
-            if ground_last == first:
-                cells[pixel] = 1
-                pure[pixel] = 0
-                for i in range(first, last):
-                    down += place[0, i] / (last - first)
-                    across += place[1, i] / (last - first)
-                ground[0, pixel] = down
-                ground[1, pixel] = across
-                continue
-            for i in range(first, ground_last):
-                total += weight[i]
-                angles += weight[i] * angle[i]
-                down += weight[i] * place[0, i]
-                across += weight[i] * place[1, i]
+            count, grounds = 1, 0
+            for i in range(first, last):
                 if i > first and material[i] != material[i - 1]:
                     count += 1
-            if total == 0.0:  # the areas of slivers may be 0 in single precision: mean without weights
-                for i in range(first, ground_last):
-                    angles += angle[i]
-                    down += place[0, i]
-                    across += place[1, i]
-                total = float(ground_last - first)
-            cells[pixel] = count if ground_last == last else count + 1
-            pure[pixel] = material[first] if cells[pixel] == 1 else 0
-            mean_deg[pixel] = angles / total * (90.0 / 65535.0)
+                if place[0, i] >= 0.0:
+                    grounds += 1
+                    total += weight[i]
+                    angles += weight[i] * angle[i]
+                    down += weight[i] * place[0, i]
+                    across += weight[i] * place[1, i]
+            cells[pixel] = count
+            pure[pixel] = material[first] if count == 1 and grounds == last - first else 0
+            if grounds == 0:
+                for i in range(first, last):
+                    down += (-1.0 - place[0, i]) / (last - first)
+                    across += (place[1, i] if place[1, i] >= 0.0 else -1.0 - place[1, i]) / (last - first)
+                total = 1.0
+            elif total == 0.0:  # the areas of slivers may be 0 in single precision: mean without weights
+                for i in range(first, last):
+                    if place[0, i] >= 0.0:
+                        angles += angle[i]
+                        down += place[0, i]
+                        across += place[1, i]
+                total = float(grounds)
+            if grounds > 0:
+                mean_deg[pixel] = angles / total * (90.0 / 65535.0)
             ground[0, pixel] = down / total
             ground[1, pixel] = across / total
-            for i in range(first, ground_last):
-                weight[i] = weight[i] * of_ground[row]
+            for i in range(first, last):
+                weight[i] = weight[i] * (of_objects[row] if place[1, i] < 0.0 else of_ground[row])
 
 
 @threaded
-def flatten_terrain(part: Any, start: Any, material: Any, angle: Any, weight: Any, objects: Any) -> None:
+def flatten_terrain(part: Any, start: Any, place: Any, angle: Any, weight: Any) -> None:
     """Divide each pixel's weights by the pixel's illuminated area, as the radiometry ``gamma0_rtc`` requires.
 
     Before the division, a weight is the ratio of a facet's area to a reference area. The reference area cancels out,
     because it is the same for all facets of a pixel. The illuminated area is the sum of area times cosine of the local
     incidence angle over the ground's facets (Small 2011, equation for the area of gamma0). The weight in a pixel with a
     single facet therefore becomes 1 / cosine of the local incidence angle. A pixel without ground keeps its weights.
-    ``part`` is the range of pixels to compute: the first pixel, and the pixel after the last.
+    What stands on the ground has a negative line in ``place``, as in :func:`fill_facets`. ``part`` is the range of
+    pixels to compute: the first pixel, and the pixel after the last.
     """
     for pixel in range(part[0], part[1]):
         total = 0.0
         for i in range(start[pixel], start[pixel + 1]):
-            if material[i] != objects:
+            if place[0, i] >= 0.0:
                 total += weight[i] * max(np.cos(angle[i] / ANGLES_PER_RADIAN), _LEAST_COSINE)
         if total > 0.0:
             for i in range(start[pixel], start[pixel + 1]):

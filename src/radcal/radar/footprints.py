@@ -2,8 +2,9 @@
 
 The roof of a box is level. The roof's elevation is the object's height plus the mean elevation of the ground in the
 box's footprint. A box has facets on its roof and on the walls that face the radar. The other walls have no facets:
-walls parallel to the line of sight are seen edge-on, and walls at the back are hidden. Double bounce between box and
-ground is not modelled, but the configured cross-section of an object may include double bounce.
+walls parallel to the line of sight are seen edge-on, and walls at the back are hidden. If walls and roof of a box
+scatter apart, its facets are those of the roof alone, and :mod:`radcal.standing.faces` computes the walls. The same
+module computes the double bounce between boxes and ground.
 """
 
 from __future__ import annotations
@@ -17,13 +18,14 @@ from numpy.typing import NDArray
 from radcal.compiled import njit, threaded
 from radcal.radar.facets import OBJECT, VISIBLE
 from radcal.radar.visibility import FAR_HALF, NEAR_HALF, part_seen, seen_from, slant_extent
-from radcal.scene.objects import Objects
+from radcal.scene.objects import Objects, Walls
 
 __all__ = [
     "Boxes",
     "Raised",
     "Spots",
     "add_up",
+    "bearing_deg",
     "locate",
     "raise_boxes",
     "share_out",
@@ -55,6 +57,14 @@ class Boxes:
     extent : ndarray of float64, shape (n,)
         Extent in slant range of the box's facets, visible or hidden, summed over facets and lines [m]. The sum is
         complete after the last block of lines.
+    number : ndarray of int64, shape (n,)
+        Index of the object in the scene's list of objects.
+    roof : ndarray of uint8, shape (n,)
+        Number of the roof's material, from 1, in the scene's list of roofs; 0 for a box with a cross-section.
+    wall_sigma0 : ndarray of float64, shape (n,)
+        sigma0 of the walls [linear]; 0 for a box with a cross-section.
+    bounce : ndarray of bool, shape (n,)
+        Whether the double bounce is added.
     """
 
     place: NDArray[np.float64]
@@ -64,6 +74,10 @@ class Boxes:
     top_m: NDArray[np.float64]
     rcs_m2: NDArray[np.float64]
     extent: NDArray[np.float64]
+    number: NDArray[np.int64]
+    roof: NDArray[np.uint8]
+    wall_sigma0: NDArray[np.float64]
+    bounce: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -138,11 +152,13 @@ def _mean_ground(elevation: Any, k: Any, place: Any, axis: Any, half: Any, mean:
 
 
 def to_boxes_and_spots(
-    objects: Objects, elevation: NDArray[np.float64], look_side: str, k: int, step: float
-) -> tuple[Boxes, Spots]:
+    objects: Objects, elevation: NDArray[np.float64], look_side: str, k: int, step: float,
+    rcs_m2: NDArray[np.float64] | None = None,
+) -> tuple[Boxes, Spots]:  # fmt: skip
     """Division of the scene's objects into boxes and point scatterers, with positions in lines and facets of a pass.
 
     An object becomes a point scatterer if it has no footprint, or if no facet has its middle in the object's footprint.
+    A box without a cross-section of its own is left out in the latter case.
 
     Parameters
     ----------
@@ -156,11 +172,12 @@ def to_boxes_and_spots(
         Number of azimuth lines in a cell, and of facets along each line in a cell.
     step : float
         Width of a line, and of a facet along a line [m].
+    rcs_m2 : ndarray, shape (n,), optional
+        Cross-sections towards the radar [m2], where they depend on more than the bearing.
     """
     ny, nx = elevation.shape
     right = look_side == "right"
-    # at zero Doppler, a radar that looks east is due west of the places that it sees
-    rcs = objects.cross_section_m2(270.0 if right else 90.0)
+    rcs = objects.cross_section_m2(bearing_deg(look_side)) if rcs_m2 is None else rcs_m2
     place = np.stack([objects.y_m, objects.x_m if right else nx * k * step - objects.x_m], axis=1) / step
     bearing = np.radians(objects.heading_deg)
     axis = np.stack([np.cos(bearing), np.sin(bearing) if right else -np.sin(bearing)], axis=1)
@@ -171,17 +188,22 @@ def to_boxes_and_spots(
     box &= objects.extended
     mean = np.empty(np.count_nonzero(box))
     _mean_ground(elevation, k, place[box], axis[box], half[box], mean)
+    walls = Walls.none(len(objects)) if objects.walls is None else objects.walls
     boxes = Boxes(
-        place[box], axis[box], half[box], reach[box], mean + objects.height_m[box], rcs[box], np.zeros(mean.size)
-    )
-    spots = Spots(
-        place[~box],
-        objects.height_m[~box],
-        rcs[~box],
-        np.flatnonzero(~box).astype(np.uint32),
-        np.full(len(objects) - mean.size, np.nan),
-    )
+        place[box], axis[box], half[box], reach[box], mean + objects.height_m[box], rcs[box], np.zeros(mean.size),
+        np.flatnonzero(box), (walls.roof[box] + 1).astype(np.uint8),
+        np.nan_to_num(10.0 ** (walls.sigma0_db[box] / 10.0)), walls.bounce[box],
+    )  # fmt: skip
+    spot = ~box & ~np.isnan(rcs)
+    number = np.flatnonzero(spot).astype(np.uint32)
+    spots = Spots(place[spot], objects.height_m[spot], rcs[spot], number, np.full(number.size, np.nan))
     return boxes, spots
+
+
+def bearing_deg(look_side: str) -> float:
+    """Direction from the scene to the radar, clockwise from the grid's north [deg]."""
+    # at zero Doppler, a radar that looks east is due west of the places that it sees
+    return 270.0 if look_side == "right" else 90.0
 
 
 @dataclass(frozen=True)
@@ -237,8 +259,8 @@ def raise_boxes(boxes: Boxes, ground_m: NDArray[np.float64], first: int) -> Rais
 
 @njit()
 def stand(
-    owner: Any, roof: Any, at_edges: Any, edges: Any, middles: Any, track: Any, near: Any, far: Any, share: Any,
-    half: Any, hidden: Any, horizon: Any, extent: Any,
+    owner: Any, alone: Any, roof: Any, at_edges: Any, edges: Any, middles: Any, track: Any, near: Any, far: Any,
+    share: Any, half: Any, hidden: Any, horizon: Any, extent: Any,
 ) -> None:  # fmt: skip
     """Compute the visible part of each facet of a line; all arrays have the shape (facets,), unless another is given.
 
@@ -246,6 +268,8 @@ def stand(
     ----------
     owner, roof : ndarray
         Line of the arrays of :class:`Raised`.
+    alone : ndarray, shape (boxes,)
+        Nonzero for a box whose facets are those of its roof alone.
     at_edges : ndarray, shape (facets + 1,)
         Elevation of the ground at the facets' edges [m].
     edges, middles : ndarray, shape (facets + 1,), (facets,)
@@ -257,7 +281,7 @@ def stand(
         facet's visible part, or of the whole facet if it is hidden [m].
     share : ndarray of float32
         Result: visible share of a facet of the ground, 0 to 1. The share of a facet of a box is 1 if any part of the
-        facet is visible, else 0.
+        facet is visible, else 0; of a box whose roof scatters apart, it is the visible share of the roof.
     half : ndarray of uint8
         Result: ``NEAR_HALF`` or ``FAR_HALF`` if the visible part of a facet lies in this half alone; else 0.
     hidden : ndarray of float64, shape (2, facets)
@@ -289,9 +313,9 @@ def stand(
         foot = at_edges[f]
         if f > 0 and owner[f - 1] >= 0:
             foot = roof[f - 1]
-        wall = foot < roof[f] and (f == 0 or owner[f - 1] != owner[f])
+        wall = not alone[owner[f]] and foot < roof[f] and (f == 0 or owner[f - 1] != owner[f])
         start = seen_from(edges[f], down, edges[f + 1], down, before)
-        share[f] = 1.0 if start < 1.0 else 0.0
+        share[f] = 1.0 - start if alone[owner[f]] or start >= 1.0 else 1.0
         foot_down = track - foot if wall else down
         near[f], far[f], extent[f] = _of_box(edges[f], edges[f + 1], start, down, foot_down, before)
         if 0.0 < start < 1.0:

@@ -157,6 +157,10 @@ class Geometry:
         Index of the point in the scene's list of objects.
     strip : Strip or None
         Position in the whole image, for the geometry of a strip with its halo.
+    bounces : ndarray of float64, shape (3, bounces)
+        Of each box with a double bounce in the image: index in the scene's list of objects, material id of the ground
+        in front of the wall, and incidence at which the law of the ground is used, in whole degrees [deg]. A box whose
+        walls differ in the last two has several columns.
     """
 
     shape: tuple[int, int]
@@ -178,6 +182,7 @@ class Geometry:
     point_amplitude: NDArray[np.float32] = field(default_factory=lambda: np.empty(0, dtype=np.float32))
     point_number: NDArray[np.uint32] = field(default_factory=lambda: np.empty(0, dtype=np.uint32))
     strip: Strip | None = None
+    bounces: NDArray[np.float64] = field(default_factory=lambda: np.empty((3, 0)))
 
     @property
     def points(self) -> PointScatterers:
@@ -249,6 +254,7 @@ def joined(strips: Sequence[Geometry]) -> Geometry:
     fields["point_column"] += np.repeat(lefts, sizes_of)[own]
     order = np.lexsort((fields["point_number"], fields["point_row"]))
     fields |= {name: values[order] for name, values in fields.items() if name.startswith("point_")}
+    fields["bounces"] = np.unique(np.concatenate([one.bounces for one in strips], axis=1), axis=1)
     return replace(
         strips[0],
         shape=(rows, borders[-1]),

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from radcal.compiled import njit, threaded
 from radcal.radar.earth import LineOfSight, upright
-from radcal.radar.facets import ANGLES_PER_RADIAN, LAID_OVER, OBJECT, PARTLY, VISIBLE
+from radcal.radar.facets import ANGLES_PER_RADIAN, LAID_OVER, OBJECT, PARTLY, ROOF, VISIBLE
 from radcal.radar.footprints import Boxes, Raised, Spots, add_up, locate, raise_boxes, stand
 from radcal.radar.visibility import FAR_HALF, NEAR_HALF, laid_over
+from radcal.standing.faces import Echoes, Ground, echoes
 
 __all__ = [
     "BLOCK",
@@ -76,13 +77,16 @@ class Lines:
     area : ndarray of float32
         Area of the visible part of the facet [m2]; for an object's facet, its part of the object's cross-section [m2].
     state : ndarray of uint8
-        Bit flags of each facet: visible, in layover, part of an object, partly hidden.
+        Bit flags of each facet: visible, in layover, part of an object, partly hidden. The upper four bits are the
+        number of a roof's material, from 1, in the scene's list of roofs; 0 for all other facets.
     height_m : ndarray of float32
         Elevation of the ground, or of the roof of a box [m]; empty unless it was asked for.
     hidden : list of (ndarray, ndarray, ndarray)
         Hidden parts of partly visible facets, with one entry of the list for each block of lines. An entry holds the
         line of each facet, and the nearest and furthest slant range of the facet's hidden part, relative to the base
         slant range [m].
+    echoes : list of Echoes
+        Echoes of walls and of double bounces, with one entry of the list for each block of lines.
     """
 
     near_m: NDArray[np.float32]
@@ -92,6 +96,7 @@ class Lines:
     state: NDArray[np.uint8]
     height_m: NDArray[np.float32]
     hidden: list[tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]]
+    echoes: list[Echoes]
 
     @classmethod
     def empty(cls, lines: int, facets: int, heights: bool = False) -> Lines:
@@ -104,6 +109,7 @@ class Lines:
             np.empty(shape, np.float32),
             np.empty(shape, np.uint8),
             np.empty(shape if heights else (0, 0), np.float32),
+            [],
             [],
         )
 
@@ -182,6 +188,7 @@ def ground_of(
 def fill_lines(
     elevation: NDArray[np.float64], first: int, last: int, k: int, step: float, edges: NDArray[np.float64],
     track: float, base: float, spacing_m: float, lines: Lines, standing: tuple[Boxes, Spots] | None, sight: LineOfSight,
+    bounce: tuple[str, tuple[float, ...] | None] | None = None,
 ) -> tuple[float, float]:  # fmt: skip
     """Compute the facets of consecutive lines in a block of the scene's rows, and store them in ``lines``.
 
@@ -210,6 +217,8 @@ def fill_lines(
         updated.
     sight : LineOfSight
         Position of the track.
+    bounce : (str, tuple of float or None), optional
+        Polarisation of the pass, and permittivities of walls and ground, if boxes have walls.
 
     Returns
     -------
@@ -223,7 +232,8 @@ def fill_lines(
     hidden = np.empty((2, last - first, ground.size), dtype=np.float32)
     part, line_m = slice(first, last), (np.arange(first, last) + 0.5 - 0.5 * len(elevation) * k) * step
     _fill(
-        last - first, fine, raised.owner, raised.roof_m, edges, ground, track, base, spacing_m, step, step**2, line_m,
+        last - first, fine, raised.owner, np.zeros(1, np.uint8) if standing is None else standing[0].roof,
+        raised.roof_m, edges, ground, track, base, spacing_m, step, step**2, line_m,
         (sight.height_m, sight.radius_m, *sight.stretch), sight.verticals(ground), lines.near_m[part],
         lines.far_m[part], lines.incidence[part], lines.area[part], lines.area[part].view(np.int32),
         lines.state[part], horizon, extent, hidden,
@@ -234,6 +244,14 @@ def fill_lines(
         boxes, spots = standing
         add_up(raised.owner, extent, boxes.extent)
         locate(spots.place, spots.height_m, fine, first, last, horizon, edges, track, step, spots.slant_m)
+        if bounce is not None:
+            state = lines.state[part]
+            seen = (state & VISIBLE > 0) - 0.5 * (state & PARTLY > 0)
+            around = Ground(
+                first, raised.owner, raised.roof_m, fine[1:-1], seen, horizon, float(edges[0]), step, track,
+                sight.level_incidence_deg,
+            )  # fmt: skip
+            lines.echoes.append(echoes(boxes, around, *bounce))
     line, facet = np.nonzero(lines.state[part] & PARTLY)
     lines.hidden.append((line + first, hidden[0, line, facet], hidden[1, line, facet]))
     return ends(fine[1:-1], edges, track)
@@ -248,9 +266,10 @@ def ends(fine: NDArray[np.float64], edges: NDArray[np.float64], track: float) ->
 
 @threaded
 def _fill(
-    part: Any, fine: Any, owner: Any, roof: Any, edges: Any, middles: Any, track: Any, base: Any, apart: Any,
-    step: Any, face_m2: Any, line_m: Any, sight: Any, verticals: Any, out_near: Any, out_far: Any, out_incidence: Any,
-    out_area: Any, out_owner: Any, out_state: Any, out_horizon: Any, out_extent: Any, out_hidden: Any,
+    part: Any, fine: Any, owner: Any, roofs: Any, roof: Any, edges: Any, middles: Any, track: Any, base: Any,
+    apart: Any, step: Any, face_m2: Any, line_m: Any, sight: Any, verticals: Any, out_near: Any, out_far: Any,
+    out_incidence: Any, out_area: Any, out_owner: Any, out_state: Any, out_horizon: Any, out_extent: Any,
+    out_hidden: Any,
 ) -> None:  # fmt: skip
     """Facets of lines, one line after the other; ``part`` is the first line, and the line after the last.
 
@@ -274,7 +293,7 @@ def _fill(
             near[f], far[f], reach = min(reach, beyond), max(reach, beyond), beyond
             slant[f] = np.hypot(track - roof[line, f], middles[f])
         stand(
-            owner[line], roof[line], at_edges, edges, middles, track, near, far, share, half, hidden,
+            owner[line], roofs, roof[line], at_edges, edges, middles, track, near, far, share, half, hidden,
             out_horizon[line], out_extent[line],
         )  # fmt: skip
         laid_over(slant, share, apart, laid)
@@ -299,7 +318,12 @@ def _fill(
             if hidden[1, f] > hidden[0, f]:
                 state |= PARTLY
                 out_hidden[0, line, f], out_hidden[1, line, f] = hidden[0, f] - base, hidden[1, f] - base
-            if owner[line, f] >= 0:
+            if owner[line, f] >= 0 and roofs[owner[line, f]]:
+                level = np.arctan2(middles[f], track - roof[line, f]) + verticals[1, f]
+                out_incidence[line, f] = np.uint16(np.rint(level * ANGLES_PER_RADIAN))
+                out_state[line, f] = state | roofs[owner[line, f]] << ROOF
+                out_area[line, f] = face_m2 * share[f]
+            elif owner[line, f] >= 0:
                 out_state[line, f] = state | OBJECT
                 out_owner[line, f] = owner[line, f]
             else:

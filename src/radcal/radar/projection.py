@@ -24,7 +24,7 @@ from radcal.radar.facets import (
     order_facets,
     shade,
 )
-from radcal.radar.footprints import Boxes, Spots, share_out, to_boxes_and_spots
+from radcal.radar.footprints import Boxes, Spots, bearing_deg, share_out, to_boxes_and_spots
 from radcal.radar.geometry import Frame, Geometry, PointScatterers, Strip
 from radcal.radar.lines import BLOCK, ENDS, HALO, Lines, blocks, ends, fill_lines, ground_of
 from radcal.radar.points import not_pure
@@ -34,10 +34,12 @@ from radcal.scene.base import SceneSize
 from radcal.scene.crs import earth_radius_m, ground_per_grid
 from radcal.scene.model import Scene
 from radcal.speckle.response import impulse_response
+from radcal.standing.faces import Echoes, in_pixels
 
 __all__ = ["LitFacets", "View", "lit_facets", "make_frame", "make_geometry", "strips_of"]
 
 _LARGEST_KM = 1000.0  # a smaller altitude may be one in km: low orbits lie below 1000 km
+_MOST_ROOFS = 15  # of which a facet's state has room for the number
 _MOST_NAMES = 254  # largest number of materials, not counting objects
 
 
@@ -306,7 +308,7 @@ def _terrain_geometry(
     if not material.flags.c_contiguous:
         material = np.zeros(material.shape, dtype=np.uint8)
         material[rows] = _facing(scene.material, radar)[rows]
-    parts = _collected(scene, radar, material, lines, k, step, count, place)
+    parts = _collected(scene, radar, material, lines, k, step, near, count, place)
     del lines  # about half of the memory
     made = _pixels(scene, radar, seen, parts, k, step, near, points)
     return made if strip is None else replace(made, strip=strip)
@@ -329,10 +331,12 @@ def _seen_lines(
     lines = Lines.empty(ny * k, nx * k, heights)
     standing = _standing(scene, radar, surface, view, mean_m, part)
     near, far = 0.0, np.inf
+    walls = None if scene.objects is None else scene.objects.walls
+    bounce = None if walls is None else (radar.polarisation, walls.permittivity)
     for first, last in blocks(part.start, part.stop, k):
         near_line, far_line = fill_lines(
             surface, first, last, k, view.step_m, view.edges_m, view.track_m, view.base_m, radar.range_spacing_m,
-            lines, standing, view.seen,
+            lines, standing, view.seen, bounce,
         )  # fmt: skip
         near, far = max(near, near_line), min(far, far_line)
     if standing is None:
@@ -384,7 +388,19 @@ def _standing(
             f"scene.objects: the scene has {len(scene.names)} material ids, expected at most {_MOST_NAMES} beside "
             "objects."
         )
-    boxes, spots = to_boxes_and_spots(scene.objects, elevation, radar.look_side, view.k, view.step_m)
+    objects, cell_m, rcs_m2 = scene.objects, scene.cell_m, None
+    if objects.tables:
+        across_m = objects.x_m if radar.look_side == "right" else elevation.shape[1] * cell_m - objects.x_m
+        cells = (np.stack([objects.y_m, across_m]) / cell_m).astype(int)
+        row, column = np.minimum(cells, np.array(elevation.shape)[:, None] - 1)
+        down_m = view.track_m - elevation[row, column]
+        above = 90.0 - view.seen.level_incidence_deg(view.edges_m[0] + across_m, down_m)
+        rcs_m2 = objects.cross_section_m2(bearing_deg(radar.look_side), above, radar.band, radar.polarisation)
+    boxes, spots = to_boxes_and_spots(objects, elevation, radar.look_side, view.k, view.step_m, rcs_m2)
+    if objects.walls is not None and len(objects.walls.roofs) > _MOST_ROOFS:
+        raise SceneError(
+            f"scene.objects has {len(objects.walls.roofs)} materials of roofs, expected at most {_MOST_ROOFS}."
+        )
     on_lines = (boxes.place[:, 0] >= part.start) & (boxes.place[:, 0] < part.stop)
     highest = float(boxes.top_m[on_lines].max(initial=-np.inf))
     if view.track_m <= highest:
@@ -412,7 +428,9 @@ class _Parts:
     material: NDArray[np.uint8]
     incidence: NDArray[np.uint16]
     weight: NDArray[np.float32]
-    place: NDArray[np.float32]  # line and index along the line of the facet
+    place: NDArray[np.float32]  # line and index along the line of the facet, as fill_facets has them
+    masked: NDArray[np.int64]  # pixels of double bounces, and of the ground that takes part
+    bounces: NDArray[np.float64]
 
 
 def _objects_id(scene: Scene) -> int:
@@ -420,9 +438,16 @@ def _objects_id(scene: Scene) -> int:
     return len(scene.names) + 1 if scene.objects is not None else 256
 
 
+def _roof_ids(scene: Scene) -> NDArray[np.uint8]:
+    """Material ids of the scene's list of roofs."""
+    roofs = () if scene.objects is None or scene.objects.walls is None else scene.objects.walls.roofs
+    return np.array([scene.names.index(name) + 1 for name in roofs] or [0], dtype=np.uint8)
+
+
 def _collected(
-    scene: Scene, radar: Radar, material: NDArray[np.uint8], lines: Lines, k: int, step: float, rows: int, strip: Strip
-) -> _Parts:
+    scene: Scene, radar: Radar, material: NDArray[np.uint8], lines: Lines, k: int, step: float, near: float, rows: int,
+    strip: Strip,
+) -> _Parts:  # fmt: skip
     """Parts of the facets in the pixels of a strip; the extents of the facets in ``lines`` are in image rows."""
     left, columns = strip.left, strip.right - strip.left
     per_column = radar.azimuth_spacing_m / step  # number of lines per image column
@@ -432,6 +457,11 @@ def _collected(
     count_facets(columns, *extents, per_column, left, rows, columns, counts, layover, shadow)
     for line, nearest, furthest in lines.hidden:
         shade(line, nearest, furthest, per_column, left, shadow)
+    upright = Echoes.joined(lines.echoes)
+    begin, end, mask = ((at - near) / radar.range_spacing_m for at in (upright.near_m, upright.far_m, upright.mask_m))
+    echo, pixel, turn, share = in_pixels(upright.line, begin, end, per_column, left, (rows, columns))
+    at_first = counts[pixel] + turn
+    np.add.at(counts, pixel, 1)
     total = int(counts.sum(dtype=np.int64))
     if total == 0:
         raise SceneError("no part of the scene is visible to the radar.")
@@ -443,15 +473,26 @@ def _collected(
     start = np.zeros(rows * columns + 1, dtype=np.int32)
     np.cumsum(counts, out=start[1:])
     del counts
+    wall = np.isnan(upright.alpha_deg)
+    ground = material[upright.line // k, upright.facet // k]
+    bounced = np.setdiff1d(echo, np.flatnonzero(wall))
+    columns_of_bounces = np.stack([upright.number, ground, upright.alpha_deg.round()])[:, bounced]
     parts = _Parts(
         layover, shadow, start, np.empty(total, np.uint8), np.empty(total, np.uint16), np.empty(total, np.float32),
         np.empty((2, total), np.float32),
+        in_pixels(upright.line[~wall], mask[~wall], end[~wall], per_column, left, (rows, columns))[1],
+        np.unique(columns_of_bounces, axis=1),
     )  # fmt: skip
     fill_facets(
         columns, *extents, lines.incidence, lines.area, material, k, per_column, left, rows, columns, start,
-        radar.radiometry != "sigma0_local", _objects_id(scene), parts.material, parts.incidence, parts.weight,
-        parts.place,
+        radar.radiometry != "sigma0_local", _objects_id(scene), _roof_ids(scene), parts.material, parts.incidence,
+        parts.weight, parts.place,
     )  # fmt: skip
+    at = start[pixel] + at_first
+    parts.material[at] = np.where(wall, _objects_id(scene), ground)[echo]
+    parts.incidence[at] = np.nan_to_num(np.radians(upright.alpha_deg) * ANGLES_PER_RADIAN).round()[echo]
+    parts.weight[at] = upright.area_m2[echo] * share
+    parts.place[:, at] = -1 - np.stack([upright.line, upright.facet])[:, echo]
     return parts
 
 
@@ -462,7 +503,7 @@ def _pixels(
     """Geometry of a strip of the image, computed from the parts of the facets in its pixels."""
     rows, columns = shape = parts.shadow.shape
     start, facet_material, incidence, weight = parts.start, parts.material, parts.incidence, parts.weight
-    local, objects = radar.radiometry == "sigma0_local", _objects_id(scene)
+    local = radar.radiometry == "sigma0_local"
     flat = seen.flat_incidence_deg(near + np.arange(0.5, rows) * radar.range_spacing_m)
     per_area = _per_area(radar, flat).astype(np.float32)
     cells = np.empty(rows * columns, dtype=np.uint16)
@@ -473,11 +514,11 @@ def _pixels(
     width = radar.azimuth_spacing_m / step
     of_ground = np.full(rows, 1.0 / width, dtype=np.float32) if local else per_area
     order_facets(
-        rows, start, columns, facet_material, incidence, weight, parts.place, of_ground, per_area, objects, cells, pure,
+        rows, start, columns, facet_material, incidence, weight, parts.place, of_ground, per_area, cells, pure,
         mean_incidence, ground,
     )  # fmt: skip
     if radar.radiometry == "gamma0_rtc":
-        flatten_terrain(rows * columns, start, facet_material, incidence, weight, objects)
+        flatten_terrain(rows * columns, start, parts.place, incidence, weight)
     cell_start = np.zeros(cells.size + 1, dtype=np.int32)
     np.cumsum(cells, out=cell_start[1:])
     cell_material = np.empty(int(cell_start[-1]), dtype=np.uint8)
@@ -491,6 +532,7 @@ def _pixels(
     if radar.look_side == "left":
         ground[1] = scene.material.shape[1] - 1 - ground[1]
     not_pure(points, radar, pure.reshape(shape))
+    pure[parts.masked] = 0
     if scene.mixed is not None:
         spacing_m = max(radar.azimuth_spacing_m, radar.range_spacing_m / float(np.sin(np.radians(flat.min()))))
         pure[_near(scene.mixed, ground, int(np.ceil(spacing_m / scene.cell_m)) | 1)] = 0
@@ -513,6 +555,7 @@ def _pixels(
         point_column=points.column,
         point_amplitude=points.amplitude,
         point_number=points.number,
+        bounces=parts.bounces,
     )
 
 

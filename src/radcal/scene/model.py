@@ -72,15 +72,22 @@ class Scene:
     slope_error_deg: float = 0.0
     mixed: NDArray[np.bool_] | None = None
 
-    def require(self, materials: list[str]) -> None:
+    def require(self, materials: list[str], roofs: tuple[str, ...] = ()) -> None:
         """Check that the scene contains every configured material, and no material without a configured law.
+
+        Parameters
+        ----------
+        materials : list of str
+            Names of the configured materials.
+        roofs : tuple of str
+            Names of the materials of roofs, which the scene contains beside those of its cells.
 
         Raises
         ------
         SceneError
             A configured material covers no cell of the scene, or a material in the scene is not configured.
         """
-        present = {self.names[k - 1] for k in np.unique(self.material) if k > 0}
+        present = {self.names[k - 1] for k in np.unique(self.material) if k > 0} | set(roofs)
         for name in materials:
             if name not in self.names:
                 others = [one for one in self.names if one not in materials]

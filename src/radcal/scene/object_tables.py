@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import SceneError
-from radcal.reading.intake import elsewhere, guarded
+from radcal.reading.intake import LARGEST_ROWS, columns_of, elsewhere, guarded
 from radcal.reading.vectors import ENDINGS, read_vectors
-from radcal.scene.objects import Objects, rectangles
-from radcal.sections.scene import DBSM_LIMITS, check_curve
+from radcal.scene.objects import Objects, Walls, rectangles
+from radcal.sections.scene import DBSM_LIMITS, WALL_DB_LIMITS, check_curve
+from radcal.standing.cross_sections import CrossSection
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,10 +33,12 @@ _LIMITS: dict[str, tuple[float, float, str]] = {
     "heading_deg": (-360.0, 360.0, "degrees"),
     "height_m": (0.0, 1000.0, "m"),
     "rcs_dbsm": (*DBSM_LIMITS, "dBsm (10 log10 of square metres)"),
+    "wall_sigma0_db": (*WALL_DB_LIMITS, "dB"),
+    "bounce": (0.0, 1.0, "(0: no double bounce is added, 1: one is)"),
 }
+_MAY_BE_EMPTY = ("rcs_dbsm", "wall_sigma0_db", "bounce")
 _DEFAULTS = {"length_m": 0.0, "width_m": 0.0, "heading_deg": 0.0}
-_TEXTS = ("aspect", "kind")
-_LARGEST_TABLE = 30_000_000  # largest number of objects, as in the generator
+_TEXTS = ("aspect", "roof", "kind")
 _COLUMNS = ("x_m", "y_m", *_LIMITS, *_TEXTS)
 
 
@@ -59,8 +62,9 @@ class Place:
 
 
 def read_objects(
-    path: Path, place: Place, layer: str | None = None, curves: Mapping[str, Any] | None = None
-) -> Objects:
+    path: Path, place: Place, layer: str | None = None, curves: Mapping[str, Any] | None = None,
+    tables: Mapping[str, CrossSection] | None = None, permittivity: tuple[float, float] | None = None,
+) -> Objects:  # fmt: skip
     """Read a table of objects and check every row.
 
     Parameters
@@ -75,6 +79,10 @@ def read_objects(
     curves : mapping, optional
         For each aspect class in the table, curve of the cross-section over the aspect angle: pairs of aspect [deg] and
         cross-section [dBsm].
+    tables : mapping, optional
+        Tables of cross-sections, whose names are aspect classes, too.
+    permittivity : (float, float), optional
+        Relative permittivity of walls and of the ground in front of them.
 
     Returns
     -------
@@ -99,7 +107,10 @@ def read_objects(
         curves |= own
     else:
         raise SceneError(f"{_KEY} is {path}, expected a file ending with .csv, {', '.join(ENDINGS)}, .h5 or .hdf5.")
-    return _checked(table, path, place, curves)
+    tables = tables or {}
+    if twice := sorted(curves.keys() & {one.name for one in tables.values()}):
+        raise SceneError(f"scene.objects.cross_sections: class {twice[0]!r} has a curve by aspect, too: rename one.")
+    return _checked(table, path, place, curves, tables, permittivity)
 
 
 def _error(path: Path, text: str) -> SceneError:
@@ -132,24 +143,13 @@ def _hdf5(path: Path, place: Place) -> tuple[pd.DataFrame, dict[str, Any]]:
             raise _error(path, "has no group 'objects', expected one with a dataset for each column.")
         if "crs" in group.attrs:
             _check_crs(path, str(group.attrs["crs"]), str(group.attrs["crs"]), place)
-        columns: dict[str, NDArray[Any]] = {}
-        for name, data in group.items():
-            text = isinstance(data, h5py.Dataset) and h5py.check_string_dtype(data.dtype) is not None
-            if not isinstance(data, h5py.Dataset) or data.ndim != 1 or not (text or data.dtype.kind in "fiub"):
-                raise _error(path, f"objects/{name} is not a list of one number or text for each object.")
-            if data.size > _LARGEST_TABLE:
-                raise _error(path, f"objects/{name} has {data.size} entries, expected at most {_LARGEST_TABLE}.")
-            columns[name] = data.asstr()[()] if text else data[()]
-        counts = {name: len(values) for name, values in columns.items()}
-        for name, count in counts.items():
-            if count != (first := next(iter(counts.values()))):
-                raise _error(path, f"objects/{name} has {count} entries, objects/{next(iter(counts))} {first}.")
+        columns = columns_of(group, "objects/", partial(_error, path))
         found = file.get("aspect", {})
         if not isinstance(found, h5py.Group | dict):
             raise _error(path, "aspect is not a group, expected one with a dataset for each aspect class.")
         curves = {}
         for name, data in found.items():
-            if not isinstance(data, h5py.Dataset) or data.dtype.kind not in "fiu" or data.size > _LARGEST_TABLE:
+            if not isinstance(data, h5py.Dataset) or data.dtype.kind not in "fiu" or data.size > LARGEST_ROWS:
                 raise _error(path, f"aspect/{name} is not a dataset of numbers.")
             if (wrong := check_curve(data[()])) is not None:
                 raise _error(path, f"aspect/{name} {wrong}.")
@@ -261,7 +261,10 @@ def _texts(table: pd.DataFrame, name: str) -> NDArray[np.str_]:
     return table[name].fillna("").astype(str).str.strip().to_numpy(dtype=str)
 
 
-def _checked(table: pd.DataFrame, path: Path, place: Place, curves: Mapping[str, Any]) -> Objects:
+def _checked(
+    table: pd.DataFrame, path: Path, place: Place, curves: Mapping[str, Any], tables: Mapping[str, CrossSection],
+    permittivity: tuple[float, float] | None,
+) -> Objects:  # fmt: skip
     """Objects from the rows of a table; the first row with an invalid value raises an error."""
     table = table.rename(columns=lambda name: str(name).strip())
     if (twice := table.columns[table.columns.duplicated()]).size:
@@ -272,10 +275,11 @@ def _checked(table: pd.DataFrame, path: Path, place: Place, curves: Mapping[str,
             raise _error(path, f"has an unknown column {name!r} (did you mean {meant[0]!r}?).")
     if not len(table):
         raise _error(path, "has no rows, expected one for each object.")
-    classes = _texts(table, "aspect")
-    by_aspect = classes != ""
+    classes, roofs = _texts(table, "aspect"), _texts(table, "roof")
+    by_aspect, apart = classes != "", roofs != ""
+    total = ~by_aspect & ~apart
     values = {
-        name: _numbers(table, name, path, name == "rcs_dbsm" and bool(by_aspect.any()))
+        name: _numbers(table, name, path, name in _MAY_BE_EMPTY and (name != "rcs_dbsm" or not total.all()))
         for name in ("x_m", "y_m", *_LIMITS)
     }
 
@@ -292,18 +296,27 @@ def _checked(table: pd.DataFrame, path: Path, place: Place, curves: Mapping[str,
     for name, corner, size in zip(("x_m", "y_m"), place.corner_m, place.size_m, strict=True):
         outside = (values[name] < corner) | (values[name] > corner + size)
         refuse(outside, name, f"{corner:.10g} to {corner + size:.10g}, the scene's extent")
-    for row in np.flatnonzero(by_aspect & ~np.isin(classes, list(curves)))[:1]:
-        known = ", ".join(curves) or "none"
+    known = [*curves, *dict.fromkeys(one.name for one in tables.values())]
+    for row in np.flatnonzero(by_aspect & ~np.isin(classes, known))[:1]:
         raise _error(
             path,
-            f"row {row + 1}: aspect is {str(classes[row])!r}, expected a class of scene.objects.aspect or of the file "
-            f"({known}).",
+            f"row {row + 1}: aspect is {str(classes[row])!r}, expected a class of scene.objects.aspect, of "
+            f"scene.objects.cross_sections or of the file ({', '.join(known) or 'none'}).",
         )
+    _check_roofs(path, apart, by_aspect, values)
     refuse(by_aspect & np.isfinite(values["rcs_dbsm"]), "rcs_dbsm", "it empty where the row has an aspect class")
-    for row in np.flatnonzero(~by_aspect & np.isnan(values["rcs_dbsm"]))[:1]:
-        raise _error(path, f"row {row + 1}: rcs_dbsm is empty, expected a number or an aspect class.")
+    for row in np.flatnonzero(total & np.isnan(values["rcs_dbsm"]))[:1]:
+        raise _error(path, f"row {row + 1}: rcs_dbsm is empty, expected a number, an aspect class or a roof.")
+    wall_db, bounce = values.pop("wall_sigma0_db"), values.pop("bounce")
+    walls = None
+    if apart.any() or (bounce == 1.0).any():
+        names, roof = np.unique(roofs, return_inverse=True)  # the empty name, if there is one, comes first
+        first = int(names[0] == "")
+        added = np.where(np.isnan(bounce), apart, bounce == 1.0)
+        named = tuple(str(name) for name in names[first:])
+        walls = Walls((roof - first).astype(np.int16), wall_db, added, named, permittivity)
     kinds, kind = np.unique(_texts(table, "kind"), return_inverse=True)
-    order = {name: k for k, name in enumerate(curves)}
+    order = {name: k for k, name in enumerate(known)}
     names, which = np.unique(classes, return_inverse=True)
     number = np.array([order.get(str(name), -1) for name in names], dtype=np.int16)
     values["x_m"] = values["x_m"] - place.corner_m[0]
@@ -314,4 +327,24 @@ def _checked(table: pd.DataFrame, path: Path, place: Place, curves: Mapping[str,
         kind=kind.astype(np.int16),
         kinds=tuple(str(name) for name in kinds),
         curves={name: np.asarray(curve, dtype=np.float64) for name, curve in curves.items()},
+        tables=tables,
+        walls=walls,
     )
+
+
+def _check_roofs(
+    path: Path, apart: NDArray[np.bool_], by_aspect: NDArray[np.bool_], values: Mapping[str, NDArray[np.float64]]
+) -> None:
+    """Raise an error for the first row whose roof, walls and cross-section contradict each other."""
+    wall, point = np.isfinite(values["wall_sigma0_db"]), values["length_m"] == 0.0
+    bounce = values["bounce"]
+    for wrong, text in (
+        (apart & ~wall, "wall_sigma0_db is empty, expected the sigma0 of the walls [dB] beside a roof"),
+        (wall & ~apart, "wall_sigma0_db is given, expected a roof beside it"),
+        (apart & by_aspect, "has a roof and an aspect class, expected one of them"),
+        (apart & np.isfinite(values["rcs_dbsm"]), "rcs_dbsm is given, expected it empty where the row has a roof"),
+        (np.isfinite(bounce) & ~np.isin(bounce, (0.0, 1.0)), "bounce is not 0 or 1"),
+        (point & (apart | (bounce == 1.0)), "has a roof or a bounce, expected length_m and width_m beside them"),
+    ):
+        for row in np.flatnonzero(wrong)[:1]:
+            raise _error(path, f"row {row + 1}: {text}.")

@@ -10,9 +10,40 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radcal.standing.cross_sections import CrossSection, towards
 from radcal.storage.files import digest
 
-__all__ = ["Objects", "rectangles"]
+__all__ = ["Objects", "Walls", "rectangles"]
+
+
+@dataclass(frozen=True)
+class Walls:
+    """Walls of the boxes: boxes whose walls and roof scatter apart, and boxes with double bounce.
+
+    Attributes
+    ----------
+    roof : ndarray of int16, shape (n,)
+        Index, in ``roofs``, of the roof's material; -1 for an object with a cross-section.
+    sigma0_db : ndarray of float64, shape (n,)
+        sigma0 of the walls, per area of wall [dB]; NaN for an object with a cross-section.
+    bounce : ndarray of bool, shape (n,)
+        Whether the double bounce along the foot of the walls is added.
+    roofs : tuple of str
+        Names of the roofs' materials.
+    permittivity : tuple of float, or None
+        Relative permittivity of walls and of the ground in front of them; None for walls that reflect all.
+    """
+
+    roof: NDArray[np.int16]
+    sigma0_db: NDArray[np.float64]
+    bounce: NDArray[np.bool_]
+    roofs: tuple[str, ...] = ()
+    permittivity: tuple[float, ...] | None = None
+
+    @classmethod
+    def none(cls, n: int) -> Walls:
+        """Walls of ``n`` objects with a cross-section, without double bounce."""
+        return cls(np.full(n, -1, np.int16), np.full(n, np.nan), np.zeros(n, np.bool_))
 
 
 @dataclass(frozen=True)
@@ -30,9 +61,10 @@ class Objects:
     height_m : ndarray of float64, shape (n,)
         Height above the ground of a box's roof or of a point scatterer [m].
     rcs_dbsm : ndarray of float64, shape (n,)
-        Radar cross-section [dB relative to 1 m2]; NaN if the cross-section depends on the aspect.
+        Radar cross-section [dB relative to 1 m2]; NaN if the cross-section depends on the aspect, or if the object's
+        walls and roof scatter apart.
     aspect : ndarray of int16, shape (n,)
-        Index, in ``curves``, of the object's curve of cross-section by aspect; -1 if the cross-section is constant.
+        Index of the object's class, first those of ``curves``, then those of ``tables``; -1 for an object without one.
     kind : ndarray of int16, shape (n,)
         Index, in ``kinds``, of the object's kind.
     kinds : tuple of str
@@ -40,6 +72,10 @@ class Objects:
     curves : mapping of str to ndarray of float64, shape (k, 2)
         Curves of cross-section by aspect, in the order of the indices in ``aspect``: each row holds an aspect [deg] and
         the cross-section [dBsm].
+    tables : mapping of str to CrossSection
+        Tables of cross-sections; several tables may belong to one class.
+    walls : Walls or None
+        Walls of the boxes; None if no box has any apart from its cross-section.
     """
 
     x_m: NDArray[np.float64]
@@ -53,6 +89,8 @@ class Objects:
     kind: NDArray[np.int16]
     kinds: tuple[str, ...] = ("",)
     curves: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    tables: Mapping[str, CrossSection] = field(default_factory=dict)
+    walls: Walls | None = None
 
     def __len__(self) -> int:
         return len(self.x_m)
@@ -65,11 +103,26 @@ class Objects:
     @property
     def identity(self) -> str:
         """Hash of all properties of the objects that affect an image: all except the kind."""
-        arrays = {name: hashlib.sha256(getattr(self, name).tobytes()).hexdigest() for name in _ARRAYS if name != "kind"}
-        curves = [[name, np.asarray(curve).tolist()] for name, curve in self.curves.items()]
-        return digest({"version": 1, "arrays": arrays, "curves": curves})
+        described = {
+            "version": 1,
+            "arrays": {name: _hash(getattr(self, name)) for name in _ARRAYS if name != "kind"},
+            "curves": [[name, np.asarray(curve).tolist()] for name, curve in self.curves.items()],
+        }
+        if self.tables:
+            described["tables"] = [_described(one) for one in self.tables.values()]
+        if self.walls is not None:
+            described["walls"] = _described(self.walls)
+        return digest(described)
 
-    def cross_section_m2(self, bearing_deg: ArrayLike) -> NDArray[np.float64]:
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Names of the classes, in the order of the indices in ``aspect``."""
+        return (*self.curves, *dict.fromkeys(table.name for table in self.tables.values()))
+
+    def cross_section_m2(
+        self, bearing_deg: ArrayLike, elevation_deg: NDArray[np.float64] | None = None, band: str = "",
+        polarisation: str = "",
+    ) -> NDArray[np.float64]:  # fmt: skip
         """Radar cross-section of each object towards a radar.
 
         Parameters
@@ -77,12 +130,21 @@ class Objects:
         bearing_deg : array_like
             Direction from each object to the radar, clockwise from the grid's north [deg]: one for all objects where
             the plane of zero Doppler is across a straight track.
+        elevation_deg : ndarray, shape (n,), optional
+            Elevation angle of the radar above the horizon of each object [deg]; only tables depend on it.
+        band, polarisation : str
+            Frequency band and polarisation of the pass; only tables depend on them.
 
         Returns
         -------
         ndarray, shape (n,)
             Cross-section [m2]. Between the aspects of a curve, the cross-section is interpolated linearly in dB, with a
             period of 360 degrees.
+
+        Raises
+        ------
+        SceneError
+            A class of objects has no table of the band and polarisation, or a direction lies outside of the table.
 
         References
         ----------
@@ -92,10 +154,26 @@ class Objects:
         for k, curve in enumerate(self.curves.values()):
             own = self.aspect == k
             dbsm[own] = np.interp(bearing[own] - self.heading_deg[own], curve[:, 0], curve[:, 1], period=360.0)
+        elevation = np.zeros(len(self)) if elevation_deg is None else elevation_deg
+        for k, name in enumerate(self.classes[len(self.curves) :], start=len(self.curves)):
+            if (own := self.aspect == k).any():
+                tables = [table for table in self.tables.values() if table.name == name]
+                aspect = bearing[own] - self.heading_deg[own]
+                dbsm[own] = towards(tables, aspect, elevation[own], band, polarisation)
         return np.asarray(10.0 ** (dbsm / 10.0))
 
 
-_ARRAYS = tuple(item.name for item in fields(Objects) if item.name not in ("kinds", "curves"))
+_ARRAYS = tuple(item.name for item in fields(Objects) if item.name not in ("kinds", "curves", "tables", "walls"))
+
+
+def _hash(array: NDArray[np.generic]) -> str:
+    return hashlib.sha256(array.tobytes()).hexdigest()
+
+
+def _described(one: CrossSection | Walls) -> dict[str, object]:
+    """Fields of a dataclass, with hashes in place of arrays."""
+    values = ((item.name, getattr(one, item.name)) for item in fields(one))
+    return {name: _hash(value) if isinstance(value, np.ndarray) else value for name, value in values}
 
 
 def rectangles(polygons: NDArray[Any]) -> NDArray[np.float64]:

@@ -12,6 +12,7 @@ from radcal.scene.object_generator import generate_objects
 from radcal.scene.object_tables import Place, read_objects
 from radcal.scene.objects import Objects
 from radcal.sections.scene import SCENES, SceneConfig, SceneObjects
+from radcal.standing.cross_sections import cross_sections
 from radcal.storage.files import digest
 
 __all__ = ["make_scene"]
@@ -37,15 +38,17 @@ def make_scene(config: SceneConfig, materials: list[str] | None, heading_deg: fl
     scene = source_of(config).make(config, heading_deg)
     if origin := SCENES.origin(config.source):
         scene = replace(scene, identity=digest({"scene": scene.identity, **origin}))
-    if materials is not None:
-        scene.require(materials)
     objects = scene.objects if config.on_ground is None else _objects(config.on_ground, scene)
+    roofs = () if objects is None or objects.walls is None else objects.walls.roofs
+    scene = replace(scene, names=(*scene.names, *(name for name in roofs if name not in scene.names)))
+    if materials is not None:
+        scene.require(materials, roofs)
     if objects is not None:
         numbers = {"objects": len(objects), "points": int((~objects.extended).sum())}
         scene = replace(
             scene,
             identity=digest({"scene": scene.identity, "objects": objects.identity}),
-            findings=(*scene.findings, Finding("objects", "note", "scene", numbers)),
+            findings=(*scene.findings, Finding("objects", "note", "scene", numbers), *_of_walls(objects)),
             objects=objects,
         )
     return scene
@@ -60,4 +63,16 @@ def _objects(config: SceneObjects, scene: Scene) -> Objects:
         return generate_objects(size, made.seed, trees=made.trees, cars=made.cars, buildings=made.buildings)
     corner = (0.0, 0.0) if scene.transform is None else (scene.transform[2], scene.transform[5])
     path = expand_path(str(config.path), "scene.objects.path")
-    return read_objects(path, Place(size, corner, scene.crs), config.layer, config.aspect)
+    tables = cross_sections(config.cross_sections, "scene.objects.cross_sections")
+    given = config.permittivity
+    permittivity = None if given is None else (given.wall, given.ground)
+    return read_objects(path, Place(size, corner, scene.crs), config.layer, config.aspect, tables, permittivity)
+
+
+def _of_walls(objects: Objects) -> list[Finding]:
+    """Note on boxes with walls of their own, and on their double bounce; else empty."""
+    walls = objects.walls
+    if walls is None:
+        return []
+    numbers = {"walls": int((walls.roof >= 0).sum()), "bounce": int(walls.bounce.sum())}
+    return [Finding("walls" if walls.permittivity else "walls_reflect_all", "note", "scene", numbers)]

@@ -20,10 +20,12 @@ from radcal.tables.landcover import LandCover
 __all__ = [
     "DBSM_LIMITS",
     "SCENES",
+    "WALL_DB_LIMITS",
     "BuiltinScene",
     "CdbScene",
     "GeneratedObjects",
     "GridScene",
+    "Permittivity",
     "RasterScene",
     "SceneConfig",
     "SceneObjects",
@@ -36,6 +38,15 @@ Longitude = Annotated[Real, Field(ge=-180, le=180)]
 Latitude = Annotated[Real, Field(ge=-90, le=90)]
 _SOURCE = "source of the scene: builtin, slant_range, raster, vectors or cdb; each source has its own keys"
 DBSM_LIMITS = (-100.0, 70.0)  # 70 dBsm (10 km2) is more than any object has; larger numbers must be square metres
+WALL_DB_LIMITS = (-60.0, 30.0)  # sigma0 of walls [dB]
+_CROSS_SECTIONS = "table of cross-sections of classes of objects over aspect and elevation angle: .csv or .h5"
+
+
+class Permittivity(Section):
+    """Relative permittivities (real part) that reduce the double bounce between walls and ground."""
+
+    wall: Annotated[Real, Field(gt=1, le=100)] = Field(description="relative permittivity of the walls")
+    ground: Annotated[Real, Field(gt=1, le=100)] = Field(description="relative permittivity of the ground before them")
 
 
 class GeneratedObjects(Section):
@@ -63,6 +74,12 @@ class SceneObjects(Section):
         description="curves of cross-section over aspect by name, as pairs of [aspect in degrees, cross-section in "
         "dBsm]; the table's column aspect contains these names",
     )
+    cross_sections: str | None = Field(
+        None, description=f"{_CROSS_SECTIONS}; the table's column aspect contains the names of its classes"
+    )
+    permittivity: Permittivity | None = Field(
+        None, description="permittivities for the double bounce; by default walls reflect all power"
+    )
     generate: GeneratedObjects | None = Field(
         None, description="numbers of trees, cars and buildings to generate, instead of path"
     )
@@ -73,10 +90,9 @@ class SceneObjects(Section):
             raise ValueError(
                 f"has {'neither' if self.path is None else 'both'} path and generate, expected one of them"
             )
-        if self.path is None and (self.layer is not None or self.aspect):
-            raise ValueError(
-                f"{'layer' if self.layer is not None else 'aspect'} is for a table, expected path beside it"
-            )
+        for name in ("layer", "aspect", "cross_sections", "permittivity"):
+            if self.path is None and getattr(self, name):
+                raise ValueError(f"{name} is for a table, expected path beside it")
         for name, points in self.aspect.items():
             if (wrong := check_curve(points)) is not None:
                 raise ValueError(f"aspect.{name} {wrong}")
@@ -254,7 +270,7 @@ class VectorScene(GridScene):
 class CdbScene(SceneSection):
     """OGC CDB 1.x database: elevation, raster material and features, which radcal resamples to one grid."""
 
-    tables = ("materials",)
+    tables = ("materials", "cross_sections")
     folders = ("root",)
     on_map = True
     source: Literal["cdb"] = Field("cdb", description=_SOURCE)
@@ -265,6 +281,7 @@ class CdbScene(SceneSection):
     materials: str = Field(
         description="YAML file that maps composite materials to materials, and feature codes to objects (docs/cdb.md)"
     )
+    cross_sections: str | None = Field(None, description=f"{_CROSS_SECTIONS}; the file of materials names its classes")
     crs: str | None = Field(
         None, description="projected CRS of the scene, such as EPSG:32611; by default the UTM zone of the middle"
     )
