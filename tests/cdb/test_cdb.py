@@ -310,6 +310,13 @@ def test_points_are_boxes_at_their_places(root: Path, build: Any) -> None:
     assert objects.height_m[:20] == pytest.approx(14.0)
     assert objects.height_m[20:] == pytest.approx(17.0, abs=2.0)  # the ground is that of the cell, on a slope of 0.13
     assert objects.rcs_dbsm == pytest.approx(3.0 + 10 * np.log10(225.0))
+    # a feature code may name a class of cross-sections
+    rows = [f"house,X,HH,{aspect},{e},{e / 2}" for aspect in (0, 360) for e in (10, 80)]
+    (root / "rcs.csv").write_text("\n".join(["class,band,polarisation,aspect_deg,elevation_deg,rcs_dbsm", *rows]))
+    named = MAPPING.replace("rcs_db_per_m2: 3", "cross_section: house")
+    by_class = make_scene(build(named, cross_sections=str(root / "rcs.csv")), None).objects
+    found_dbsm = 10 * np.log10(by_class.cross_section_m2(270.0, np.full(38, 33.0), "X", "HH"))
+    assert found_dbsm == pytest.approx(16.5)
     # the meridian's direction in the grid from two points of it
     ahead = TO_UTM.transform(x[:38], y[:38] + 1e-4)
     turn = np.degrees(np.arctan2(ahead[0] - east, ahead[1] - north))

@@ -167,6 +167,36 @@ def test_points_and_footprints_are_boxes(tmp_path: Path, build: Any) -> None:
     assert scene.material[30, 30] == 1 + scene.names.index("roof")
 
 
+def test_classes_have_roofs_or_tables_of_cross_sections(tmp_path: Path, build: Any) -> None:
+    """Of a building the roof and the walls, of a tree the class of an external code."""
+    rows = [f"pine,X,HH,{a},{e},{a / 36 + e / 2}" for a in (0, 360) for e in (20, 60)]
+    (tmp_path / "rcs.csv").write_text("\n".join(["class,band,polarisation,aspect_deg,elevation_deg,rcs_dbsm", *rows]))
+    features = {
+        "building=*": {"roof": "tiles", "wall_sigma0_db": -7.0, "height_m": 5.0},
+        "natural=tree": {"cross_section": "pine", "length_m": 4.0, "width_m": 3.0, "height_m": 8.0, "bounce": True},
+    }
+    shapes = [square(100, 400, 12, 30), shapely.Point(500, 500), square(300, 300, 20, 10)]
+    path = write(tmp_path / "osm.gpkg", shapes, {"building": ["yes", "", "yes"], "natural": ["", "tree", ""]})
+    mapping = MAPPING | {"surfaces": {}, "features": features, "permittivity": {"wall": 5.0, "ground": 12.0}}
+    scene = make_scene(build(path, mapping, cross_sections=str(tmp_path / "rcs.csv")), ["grass", "tiles"])
+    objects = scene.objects
+    assert objects is not None
+    assert objects.walls is not None
+    assert objects.walls.roofs == ("tiles",)
+    assert objects.walls.roof.tolist() == [0, -1, 0]
+    assert objects.walls.bounce.tolist() == [True, True, True]
+    assert objects.walls.permittivity == (5.0, 12.0)
+    np.testing.assert_array_equal(objects.walls.sigma0_db, [-7.0, np.nan, -7.0])
+    bearing = objects.heading_deg[1] + 180.0
+    found = objects.cross_section_m2(np.full(3, bearing), np.full(3, 30.0), "X", "HH")
+    assert 10.0 * np.log10(found[1]) == pytest.approx(20.0)
+    with pytest.raises(SceneError, match=r"scene\.cross_sections has no class 'pine', found \[\]"):
+        make_scene(build(path, mapping), None)
+    for wrong in ({"rcs_db_per_m2": 3.0, "roof": "tiles", "wall_sigma0_db": -7.0}, {"roof": "tiles"}, {}):
+        with pytest.raises(SceneError, match="one of rcs_db_per_m2, cross_section, and roof with wall_sigma0_db"):
+            make_scene(build(path, mapping | {"features": {"building=*": wrong}}), None)
+
+
 def test_the_grid_of_objects_may_be_turned(tmp_path: Path, build: Any) -> None:
     path = write(tmp_path / "osm.gpkg", [square(310, 290, 12, 30, 25)], {"building": ["yes"], "natural": [""]})
     scene = make_scene(build(path, MAPPING | {"surfaces": {}}), None, 50.0)

@@ -103,7 +103,7 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
     severity: Severity = "warning" if cells > _COARSE_POSTS else "note"
     log.append(Finding("cdb_posts", severity, "scene.root", {"post_m": post_m, "cells": cells}))
     assert scene.elevation_m is not None  # noqa: S101 - a scene on the map has heights
-    objects = objects_of(features, grid, scene.elevation_m, mapping, log)
+    objects = objects_of(features, grid, scene.elevation_m, mapping, config.cross_sections, log)
     return replace(scene, findings=(*scene.findings, *log), objects=objects, mixed=mixed)
 
 

@@ -13,20 +13,9 @@ import h5py
 
 from radcal.errors import RadcalError
 
-__all__ = [
-    "LARGEST_ROWS",
-    "LARGEST_VALUES",
-    "bounded_memory",
-    "columns_of",
-    "elsewhere",
-    "guarded",
-    "parse_xml",
-    "read_xml",
-    "unchanged",
-]
+__all__ = ["LARGEST_VALUES", "bounded_memory", "elsewhere", "guarded", "parse_xml", "read_xml", "unchanged"]
 
 LARGEST_VALUES = 100_000_000  # largest number of values read from a file if the expected size is unknown
-LARGEST_ROWS = 30_000_000  # largest number of rows of a table, and of objects
 _LARGEST_XML = 100_000_000  # largest size of an XML file [bytes]
 _PAGES = Path("/proc/self/statm")
 _SPARE_BYTES = 1 << 30  # additional memory for libraries and their buffers
@@ -107,33 +96,6 @@ def guarded(
         # rasterio's message is only "see the previous exception", so that the cause is quoted instead
         reason = " ".join(str(error.__cause__ or error).split()) or type(error).__name__
         raise refused(f"cannot be read as {called} ({reason}).") from None
-
-
-def columns_of(group: h5py.Group, within: str, refused: Callable[[str], RadcalError]) -> dict[str, Any]:
-    """Columns of a table that is stored as one HDF5 dataset for each column: arrays of numbers or of text.
-
-    Parameters
-    ----------
-    group : h5py.Group
-        Group with the datasets, of equal length, and with nothing else.
-    within : str
-        Path of the group in the file, for error messages.
-    refused : callable
-        The same as for :func:`guarded`.
-    """
-    columns = dict[str, Any]()
-    for name, data in group.items():
-        text = isinstance(data, h5py.Dataset) and h5py.check_string_dtype(data.dtype) is not None
-        if not isinstance(data, h5py.Dataset) or data.ndim != 1 or not (text or data.dtype.kind in "fiub"):
-            raise refused(f"{within}{name} is not a list of one number or text for each object.")
-        if data.size > LARGEST_ROWS:
-            raise refused(f"{within}{name} has {data.size} entries, expected at most {LARGEST_ROWS}.")
-        columns[name] = data.asstr()[()] if text else data[()]
-    counts = {name: len(values) for name, values in columns.items()}
-    for name, count in counts.items():
-        if count != (first := next(iter(counts.values()))):
-            raise refused(f"{within}{name} has {count} entries, {within}{next(iter(counts))} {first}.")
-    return columns
 
 
 def parse_xml(text: bytes) -> Any:

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import SceneError
-from radcal.reading.intake import LARGEST_ROWS, columns_of, elsewhere, guarded
+from radcal.reading.intake import elsewhere, guarded
 from radcal.reading.vectors import ENDINGS, read_vectors
 from radcal.scene.objects import Objects, Walls, rectangles
 from radcal.sections.scene import DBSM_LIMITS, WALL_DB_LIMITS, check_curve
-from radcal.standing.cross_sections import CrossSection
+from radcal.standing.cross_sections import LARGEST_ROWS, CrossSection, columns_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -308,13 +308,7 @@ def _checked(
     for row in np.flatnonzero(total & np.isnan(values["rcs_dbsm"]))[:1]:
         raise _error(path, f"row {row + 1}: rcs_dbsm is empty, expected a number, an aspect class or a roof.")
     wall_db, bounce = values.pop("wall_sigma0_db"), values.pop("bounce")
-    walls = None
-    if apart.any() or (bounce == 1.0).any():
-        names, roof = np.unique(roofs, return_inverse=True)  # the empty name, if there is one, comes first
-        first = int(names[0] == "")
-        added = np.where(np.isnan(bounce), apart, bounce == 1.0)
-        named = tuple(str(name) for name in names[first:])
-        walls = Walls((roof - first).astype(np.int16), wall_db, added, named, permittivity)
+    walls = Walls.of(roofs, wall_db, bounce, permittivity)
     kinds, kind = np.unique(_texts(table, "kind"), return_inverse=True)
     order = {name: k for k, name in enumerate(known)}
     names, which = np.unique(classes, return_inverse=True)

@@ -41,6 +41,26 @@ class Walls:
     permittivity: tuple[float, ...] | None = None
 
     @classmethod
+    def of(
+        cls, roofs: NDArray[np.str_], sigma0_db: NDArray[np.float64], bounce: NDArray[np.float64],
+        permittivity: tuple[float, ...] | None,
+    ) -> Walls | None:  # fmt: skip
+        """Walls from the name of each object's roof, empty without one; ``bounce`` is NaN for the default: with a roof.
+
+        Returns
+        -------
+        Walls or None
+            None if no object has a roof or a double bounce.
+        """
+        apart = roofs != ""
+        added = np.where(np.isnan(bounce), apart, bounce == 1.0)
+        if not (apart | added).any():
+            return None
+        names, roof = np.unique(roofs, return_inverse=True)  # the empty name, if there is one, comes first
+        first = int(names[0] == "")
+        return cls((roof - first).astype(np.int16), sigma0_db, added, tuple(map(str, names[first:])), permittivity)
+
+    @classmethod
     def none(cls, n: int) -> Walls:
         """Walls of ``n`` objects with a cross-section, without double bounce."""
         return cls(np.full(n, -1, np.int16), np.full(n, np.nan), np.zeros(n, np.bool_))

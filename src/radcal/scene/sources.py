@@ -64,8 +64,7 @@ def _objects(config: SceneObjects, scene: Scene) -> Objects:
     corner = (0.0, 0.0) if scene.transform is None else (scene.transform[2], scene.transform[5])
     path = expand_path(str(config.path), "scene.objects.path")
     tables = cross_sections(config.cross_sections, "scene.objects.cross_sections")
-    given = config.permittivity
-    permittivity = None if given is None else (given.wall, given.ground)
+    permittivity = None if config.permittivity is None else config.permittivity.pair
     return read_objects(path, Place(size, corner, scene.crs), config.layer, config.aspect, tables, permittivity)
 
 

@@ -48,6 +48,11 @@ class Permittivity(Section):
     wall: Annotated[Real, Field(gt=1, le=100)] = Field(description="relative permittivity of the walls")
     ground: Annotated[Real, Field(gt=1, le=100)] = Field(description="relative permittivity of the ground before them")
 
+    @property
+    def pair(self) -> tuple[float, float]:
+        """Permittivities of walls and ground."""
+        return self.wall, self.ground
+
 
 class GeneratedObjects(Section):
     """Numbers of the objects that radcal generates at random positions, uniformly distributed over the scene."""
@@ -253,12 +258,13 @@ class VectorScene(GridScene):
     """Raster of elevation, and lines, areas and points that are drawn as materials and objects by a mapping."""
 
     rasters = ("elevation",)
-    tables = ("materials", "names")
+    tables = ("materials", "names", "cross_sections")
     source: Literal["vectors"] = Field("vectors", description=_SOURCE)
     materials: str = Field(description="GeoPackage, shapefile or GeoJSON in any CRS")
     names: str = Field(
         description="YAML file that maps attributes of features to materials and objects (docs/vectors.md)"
     )
+    cross_sections: str | None = Field(None, description=f"{_CROSS_SECTIONS}; the mapping names its classes")
 
     @model_validator(mode="after")
     def _vectors(self) -> Self:
@@ -281,7 +287,7 @@ class CdbScene(SceneSection):
     materials: str = Field(
         description="YAML file that maps composite materials to materials, and feature codes to objects (docs/cdb.md)"
     )
-    cross_sections: str | None = Field(None, description=f"{_CROSS_SECTIONS}; the file of materials names its classes")
+    cross_sections: str | None = Field(None, description=f"{_CROSS_SECTIONS}; the mapping names its classes")
     crs: str | None = Field(
         None, description="projected CRS of the scene, such as EPSG:32611; by default the UTM zone of the middle"
     )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import h5py
 import numpy as np
@@ -12,10 +13,13 @@ from numpy.typing import NDArray
 from radcal.bands import same_label
 from radcal.config import expand_path
 from radcal.errors import SceneError
-from radcal.reading.intake import columns_of, elsewhere, guarded
+from radcal.reading.intake import elsewhere, guarded
 from radcal.sections.scene import DBSM_LIMITS
 
-__all__ = ["CrossSection", "cross_sections", "towards"]
+__all__ = ["LARGEST_ROWS", "CrossSection", "columns_of", "cross_sections", "towards"]
+
+LARGEST_ROWS = 30_000_000
+"""Largest number of rows of a table, and of objects."""
 
 _LIMITS = {"aspect_deg": (-180.0, 360.0), "elevation_deg": (-90.0, 90.0), "rcs_dbsm": DBSM_LIMITS}
 _KEYS = ["class", "band", "polarisation"]
@@ -149,3 +153,30 @@ def cross_sections(name: str | None, key: str) -> dict[str, CrossSection]:
             )
         found[str(len(found))] = CrossSection(names[0], names[1], names[2], nodes[0], nodes[1], grid.to_numpy())
     return found
+
+
+def columns_of(group: h5py.Group, within: str, refused: Callable[[str], SceneError]) -> dict[str, Any]:
+    """Columns of a table that is stored as one HDF5 dataset for each column: arrays of numbers or of text.
+
+    Parameters
+    ----------
+    group : h5py.Group
+        Group with the datasets, of equal length, and with nothing else.
+    within : str
+        Path of the group in the file, for error messages.
+    refused : callable
+        Function from the end of a sentence to the exception.
+    """
+    columns = dict[str, Any]()
+    for name, data in group.items():
+        text = isinstance(data, h5py.Dataset) and h5py.check_string_dtype(data.dtype) is not None
+        if not isinstance(data, h5py.Dataset) or data.ndim != 1 or not (text or data.dtype.kind in "fiub"):
+            raise refused(f"{within}{name} is not a list of one number or text for each object.")
+        if data.size > LARGEST_ROWS:
+            raise refused(f"{within}{name} has {data.size} entries, expected at most {LARGEST_ROWS}.")
+        columns[name] = data.asstr()[()] if text else data[()]
+    counts = {name: len(values) for name, values in columns.items()}
+    for name, count in counts.items():
+        if count != (first := next(iter(counts.values()))):
+            raise refused(f"{within}{name} has {count} entries, {within}{next(iter(counts))} {first}.")
+    return columns

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.errors import SceneError
 from radcal.findings import Finding
 from radcal.scene.crs import transformer
 from radcal.scene.grid import Grid
-from radcal.scene.objects import Objects, rectangles
+from radcal.scene.objects import Objects, Walls, rectangles
+from radcal.standing.cross_sections import cross_sections
 from radcal.vectors.mapping import FeatureMapping
 
 if TYPE_CHECKING:
@@ -99,8 +101,9 @@ def burnt(
 
 
 def objects_of(
-    features: pd.DataFrame, grid: Grid, ground_m: NDArray[np.float64], mapping: FeatureMapping, log: list[Finding]
-) -> Objects | None:
+    features: pd.DataFrame, grid: Grid, ground_m: NDArray[np.float64], mapping: FeatureMapping, tables: str | None,
+    log: list[Finding],
+) -> Objects | None:  # fmt: skip
     """Boxes of the points and footprints inside of a grid that fit a class of objects; None if there is none.
 
     The box of a footprint is the smallest rectangle around it. Features without a size, or with a side above 200 m, are
@@ -112,6 +115,15 @@ def objects_of(
         As for :func:`burnt`.
     ground_m : ndarray, shape (rows, columns)
         Heights of the scene's cells [m].
+    tables : str or None
+        File of ``scene.cross_sections``.
+
+    Raises
+    ------
+    ConfigError
+        The file does not exist.
+    SceneError
+        It cannot be read, or lacks a class that the mapping names.
     """
     import shapely
 
@@ -142,6 +154,19 @@ def objects_of(
     ground = ground_m[row, column]
     base = np.nan_to_num(of["base_m"])[small] - np.where(of["absolute"][small] > 0, ground, 0.0)
     kinds, kind = np.unique([classes[k].kind or key for k, key in zip(which, keys, strict=True)], return_inverse=True)
+    found = cross_sections(tables, "scene.cross_sections")
+    names = list(dict.fromkeys(one.name for one in found.values()))
+    if lacking := {one.cross_section for one in classes} - {None, *names}:
+        raise SceneError(f"scene.cross_sections has no class {min(map(str, lacking))!r}, found {names}.")
+
+    def each(name: str) -> NDArray[np.float64]:
+        """Numbers of the objects' classes, NaN for those without one."""
+        values = [getattr(one, name) for one in classes]
+        return np.asarray(np.array([np.nan if one is None else float(one) for one in values])[which[small]])
+
+    roofs = np.array([one.roof or "" for one in classes])[which[small]]
+    permittivity = None if mapping.permittivity is None else mapping.permittivity.pair
+    aspect = np.array([names.index(one.cross_section) if one.cross_section else -1 for one in classes], dtype=np.int16)
     return Objects(
         x_m=x,
         y_m=y,
@@ -149,10 +174,12 @@ def objects_of(
         width_m=width,
         heading_deg=heading[small] % 360.0,
         height_m=np.maximum(height + base, 0.0),
-        rcs_dbsm=np.array([one.rcs_db_per_m2 for one in classes])[which[small]] + 10.0 * np.log10(length * width),
-        aspect=np.full(len(x), -1, dtype=np.int16),
+        rcs_dbsm=each("rcs_db_per_m2") + 10.0 * np.log10(length * width),
+        aspect=aspect[which[small]],
         kind=kind[small].astype(np.int16),
         kinds=tuple(str(name) for name in kinds),
+        tables=found,
+        walls=Walls.of(roofs, each("wall_sigma0_db"), each("bounce"), permittivity),
     )
 
 

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field, ValidationError
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from radcal.config.yaml_file import read_case_file
 from radcal.errors import SceneError
 from radcal.sections.base import Section
 from radcal.sections.errors import first_of, mistakes
 from radcal.sections.limits import Decibels, Length
+from radcal.sections.scene import Permittivity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,10 +33,21 @@ class FeatureClass(Section):
     """Boxes that stand for points and footprints; the sizes are for features that have none themselves."""
 
     kind: str = Field("", description="name of the kind of object")
-    rcs_db_per_m2: Decibels = Field(description="mean cross-section per square metre of the footprint [dB]")
+    rcs_db_per_m2: Decibels | None = Field(None, description="mean cross-section per square metre of footprint [dB]")
+    cross_section: str | None = Field(None, description="class of scene.cross_sections")
+    roof: str | None = Field(None, min_length=1, description="material of the roof; walls scatter apart from it")
+    wall_sigma0_db: Decibels | None = Field(None, description="sigma0 of the walls beside a roof [dB]")
+    bounce: bool | None = Field(None, description="whether the double bounce is added; by default with a roof")
     length_m: Length | None = Field(None, description="side of the box of a point along its heading [m]")
     width_m: Length | None = Field(None, description="side of the box of a point across its heading [m]")
     height_m: Length | None = Field(None, description="height of the box [m]")
+
+    @model_validator(mode="after")
+    def _one_echo(self) -> Self:
+        given = [self.rcs_db_per_m2, self.cross_section, self.roof]
+        if given.count(None) != 2 or (self.roof is None) != (self.wall_sigma0_db is None):
+            raise ValueError("has not one of rcs_db_per_m2, cross_section, and roof with wall_sigma0_db, expected one")
+        return self
 
 
 class Surface(Section):
@@ -61,12 +73,15 @@ class FeatureMapping(Section):
         Class of objects of points and areas; features of no key are no objects.
     materials : dict
         Materials for ``materials_from`` of a case, which alone reads them.
+    permittivity : Permittivity or None
+        Permittivities for the double bounce; without them, walls reflect all power.
     """
 
     attribute: str = ""
     surfaces: dict[str, Annotated[Surface, _NAME_ALONE]] = Field(default_factory=dict)
     features: dict[str, FeatureClass] = Field(default_factory=dict)
     materials: dict[str, Any] = Field(default_factory=dict)
+    permittivity: Permittivity | None = None
 
     @property
     def grounds(self) -> list[str]:

@@ -67,7 +67,7 @@ def vector_scene(config: VectorScene, heading_deg: float = 0.0) -> Scene:
         scene = resampled(config.source, elevation, cover, grid, datum, heading_deg, config.elevation_error_m)
     list_unmapped(features, mapping, log)
     assert scene.elevation_m is not None  # noqa: S101 - a scene on the map has heights
-    objects = objects_of(features, grid, scene.elevation_m, mapping, log)
+    objects = objects_of(features, grid, scene.elevation_m, mapping, config.cross_sections, log)
     return replace(scene, findings=(*scene.findings, *log), objects=objects)
 
 
