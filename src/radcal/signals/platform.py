@@ -181,7 +181,8 @@ def collection(case: Part, scene: Scene) -> Collection:
     Raises
     ------
     ConfigError
-        The scene has no relief, its boxes have walls of their own, the earth is curved, or the pulse rate or the antenna does not suit beam and swath.
+        The scene has no relief, its boxes have walls of their own, the earth is curved, or the pulse rate or the
+        antenna does not suit beam and swath.
     """
     radar, signals = case.radar, case.signals
     if scene.objects is not None and scene.objects.walls is not None:
