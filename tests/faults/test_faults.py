@@ -16,7 +16,9 @@ from faults.kills import Tally, Watch, campaign, result
 from sealed import DAMAGES
 from workflow_project import sentences
 
+from radcal.radar.geometry import read_geometry
 from radcal.session.salvage import salvage
+from radcal.storage.dataclass_groups import same
 from radcal.storage.records import read_json
 
 SEALED = ("scene", "geometry", "measurement", "registered", "target", "calibration")
@@ -86,6 +88,23 @@ def test_a_kill_of_each_kind_changes_nothing(finished, tmp_path):
         "files_set_aside",
     ):  # fmt: skip
         assert found[key] == 0, (key, tally)
+
+
+def test_strips_killed_in_between_are_the_whole_geometry(project):
+    def arguments(case):
+        return f"results/{case}/passes/1/geometry.h5", "--configfile", f"{case}.yaml"
+
+    for case, strips in (("whole", 1), ("strips", 2)):
+        text = yaml.safe_dump({"case": case, "simulator": {"strips": strips}})
+        (project.folder / f"{case}.yaml").write_text(text)
+    made = project.out("strips") / "passes/1/strips"
+    kill_when(project, lambda: any(made.glob("[!.]*.h5")), *arguments("strips"))
+    for case in ("whole", "strips"):
+        done = project.run(*arguments(case), cores=1)
+        assert done.returncode == 0, done.stdout
+    whole, joined = (read_geometry(project.folder / arguments(case)[0]) for case in ("whole", "strips"))
+    assert same(joined, whole)
+    assert not made.exists() or not any(made.iterdir())
 
 
 def test_a_chunk_killed_after_seven_of_ten_makes_the_other_three(project):

@@ -77,7 +77,7 @@ def test_pixels_are_about_those_of_the_geometry(scene, range_m, azimuth_m, parts
     [
         ("scene", 9_000_000, 552),
         ("geometry", 9_000_000, 785),
-        ("geometry", 56_250_000, 5530),
+        ("geometry", 56_250_000, 4012),
         ("measurement", 9_000_000, 1325),
         ("verify", 9_000_000, 788),
         ("final_runs", 56_250_000, 3072),

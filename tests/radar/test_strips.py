@@ -8,7 +8,7 @@ import pytest
 from radcal.config import Radar
 from radcal.errors import ConfigError, StoreError
 from radcal.laws import LAWS
-from radcal.radar.geometry import joined, read_geometry, write_geometry
+from radcal.radar.geometry import Frame, joined, read_geometry, write_geometry
 from radcal.radar.projection import make_frame, make_geometry, strips_of
 from radcal.scene.model import Scene
 from radcal.scene.object_generator import generate_objects
@@ -60,19 +60,20 @@ def test_strips_are_the_whole_image_bit_for_bit(rough, name, number, tmp_path):
     assert 0.02 < whole.layover.mean() < 0.9
     laws, x = dict.fromkeys("abc", LAWS["mangia"]), {"a": [-9, 3, 2, 1], "b": [-20, 4, 1, 2], "c": [-5, 1, 0, 0]}
     strips, images = [], []
-    for k, strip in enumerate(strips_of(ROWS, 1.0, radar, number)):
-        write_geometry(tmp_path / f"{k}.h5", make_geometry(rough, radar, strip=strip, frame=frame), radar)
+    for k, strip in enumerate(strips_of(ROWS, 1.0, radar, number, frame)):
+        write_geometry(tmp_path / f"{k}.h5", make_geometry(rough, radar, strip=strip), radar)
         strips.append(read_geometry(tmp_path / f"{k}.h5"))
         images.append(strip.cut(BuiltinSimulator(strips[-1], radar, laws).run(x, 7)))
     assert same(joined(strips), whole)
     np.testing.assert_array_equal(np.hstack(images), BuiltinSimulator(whole, radar, laws).run(x, 7))
-    with pytest.raises(StoreError, match="do not belong together"):
-        joined(strips[1:])
+    for others in (strips[1:], strips[:-1], [make_geometry(rough, radar)]):
+        with pytest.raises(StoreError, match="do not belong together"):
+            joined(others)
 
 
 def test_a_strip_has_256_rows_or_more():
-    assert [(strip.first, strip.last) for strip in strips_of(1000, 2.0, Radar(azimuth_spacing_m=4.0), 3)] == [
-        (0, 128), (128, 256), (256, 500),
-    ]  # fmt: skip
+    radar, frame = Radar(azimuth_spacing_m=4.0), Frame(0.0, 1.0, 900.0, 1900.0)
+    strips = strips_of(1000, 2.0, radar, 3, frame)
+    assert [(strip.first, strip.last) for strip in strips] == [(0, 128), (128, 256), (256, 500)]
     with pytest.raises(ConfigError, match=r"^simulator\.strips is 5: the scene has 1000 rows .* at most 4 strips"):
-        strips_of(1000, 2.0, Radar(azimuth_spacing_m=4.0), 5)
+        strips_of(1000, 2.0, radar, 5, frame)

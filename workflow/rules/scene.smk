@@ -39,9 +39,57 @@ VERSION = (
 )
 
 
+# A case of one strip has no jobs of strips.
+STRIPS = CASE.simulator.strips
+
+
+rule frame:
+    input:
+        scene=rules.scene.output.scene,
+    output:
+        **outputs("frame", frame=temp),
+    log:
+        f"{OUT}/logs/passes/{{p}}/frame.log",
+    retries: 0
+    resources:
+        **resources("frame"),
+    params:
+        case=of_pass("frame"),
+    message:
+        words("frame")
+    script:
+        "../scripts/frame.py"
+
+
+rule strip:
+    input:
+        scene=rules.scene.output.scene,
+        frame=rules.frame.output.frame,
+    output:
+        **outputs("strip", strip=temp),
+    log:
+        f"{OUT}/logs/passes/{{p}}/strips/{{s}}.log",
+    retries: 0
+    resources:
+        **resources("strip", parts=STRIPS),
+    params:
+        **VERSION,
+        case=of_pass("strip"),
+        strips=STRIPS,
+    message:
+        words("strip")
+    script:
+        "../scripts/strip.py"
+
+
 rule geometry:
     input:
         scene=rules.scene.output.scene,
+        strips=(
+            expand(rules.strip.output.strip, s=range(STRIPS), allow_missing=True)
+            if STRIPS > 1
+            else []
+        ),
     output:
         **outputs("geometry", geometry=update),
     log:

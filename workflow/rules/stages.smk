@@ -15,6 +15,7 @@ PASSES = dict(enumerate(CASE.passes, start=1))
 
 wildcard_constraints:
     p="[0-9]+",
+    s="[0-9]+",
 
 
 def outputs(stage, **flags):
@@ -56,14 +57,20 @@ def case_values():
         return {"scene": 0, "image": 0}
 
 
-def resources(stage, runs=0):
-    """Resources that a job requests from a cluster, as functions, so that files are opened only for jobs that run."""
+def resources(stage, runs=0, parts=1):
+    """Resources that a job requests from a cluster, as functions, so that files are opened only for jobs that run.
+
+    A job computes one of ``parts`` equal parts of the case.
+    """
     simulation_s = runs * CASE.simulator.longest_run_s
 
+    def part_values():
+        return {name: value // parts for name, value in case_values().items()}
+
     def mem_mb(wildcards, attempt):
-        return memory_mb(stage, case_values(), attempt)
+        return memory_mb(stage, part_values(), attempt)
 
     def runtime(wildcards):
-        return runtime_minutes(stage, case_values(), simulation_s)
+        return runtime_minutes(stage, part_values(), simulation_s)
 
     return {"mem_mb": mem_mb, "runtime": runtime}

@@ -53,7 +53,8 @@ class Demand:
 _LIGHT = Demand(1000)
 _SEARCH = Demand(1000, least_min=60)
 _SCENE = Demand(600, 80, 10)
-_GEOMETRY = Demand(800, 140, 30)
+_GEOMETRY = Demand(800, 100, 30)
+_STRIP = Demand(1000, 200, 60)
 _IMAGE = Demand(900, 180, 60)
 _RUN = Demand(1000, 100, 30)
 _REGISTRATION = Demand(1000, 350, 200)
@@ -84,8 +85,8 @@ class Stage:
         Resources of a job.
     outputs : mapping of str to str
         Files and folders below ``results/<case>``, by their names in the rule. A wildcard stands for the number of the
-        pass (``{p}``), of the part of the design (``{chunk}``) or of the iteration (``{k}``), or for the name of a
-        calibrated material (``{material}``).
+        pass (``{p}``), of the strip (``{s}``), of the part of the design (``{chunk}``) or of the iteration (``{k}``),
+        or for the name of a calibrated material (``{material}``).
     schemas : mapping of str to int
         Schema number of the layout of each kind of HDF5 file among the outputs.
     only_if : callable, optional
@@ -141,9 +142,18 @@ def _twice(case: Case) -> bool:
     return case.registers_twice
 
 
+def _never(_: Case) -> bool:
+    """For files that are removed when they have been used."""
+    return False
+
+
 # fmt: off
 STAGES: Mapping[str, Stage] = {
     "scene": Stage("scene", ("scene", "materials"), _SCENE, {"scene": "scene.h5"}, {"scene": 2}),
+    "frame": Stage(
+        "frame of the strips", ("radars",), _SCENE, {"frame": "passes/{p}/frame.json"}, only_if=_never),
+    "strip": Stage(
+        "strip {s} of the geometry", ("radars",), _STRIP, {"strip": "passes/{p}/strips/{s}.h5"}, only_if=_never),
     "geometry": Stage(
         "geometry of the pass", ("radars",), _GEOMETRY, {"geometry": "passes/{p}/geometry.h5"}, {"geometry": 5}),
     # radcal's own simulator has no files or settings that change its numbers

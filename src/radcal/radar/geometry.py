@@ -81,6 +81,8 @@ class Strip:
         First column of the image in the arrays, and the column after the last.
     columns : int
         Number of columns of the whole image.
+    frame : Frame or None
+        Frame of the whole image; None if the strip is the whole image.
     """
 
     first: int
@@ -88,6 +90,7 @@ class Strip:
     left: int
     right: int
     columns: int
+    frame: Frame | None = None
 
     @classmethod
     def whole(cls, columns: int) -> Strip:
@@ -230,7 +233,8 @@ def joined(strips: Sequence[Geometry]) -> Geometry:
     """
     pairs = [(one, one.strip) for one in strips if one.strip is not None]
     borders = [0, *(strip.last for _, strip in pairs)]
-    if [strip.first for _, strip in pairs] != borders[:-1] or {strip.columns for _, strip in pairs} != {borders[-1]}:
+    same_image = len({(strip.columns, strip.frame) for _, strip in pairs}) == 1 and pairs[-1][1].columns == borders[-1]
+    if not same_image or [strip.first for _, strip in pairs] != borders[:-1]:
         raise StoreError("the strips of the image do not belong together; delete them to have them made again.")
     rows = strips[0].shape[0]
     counts = [strip.cut(np.diff(one.cell_start).reshape(one.shape)) for one, strip in pairs]
@@ -258,11 +262,18 @@ def joined(strips: Sequence[Geometry]) -> Geometry:
     return replace(
         strips[0],
         shape=(rows, borders[-1]),
-        cell_start=np.concatenate([[0], np.cumsum(np.hstack(counts))]).astype(np.int32),
-        facet_start=np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32),
+        cell_start=_starts(np.hstack(counts)),
+        facet_start=_starts(sizes),
         strip=None,
         **fields,
     )
+
+
+def _starts(sizes: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Index of the first item of each group of items, and the number of all items, from the sizes of the groups."""
+    found = np.zeros(sizes.size + 1, dtype=np.int32)
+    np.cumsum(sizes, out=found[1:])
+    return found
 
 
 def write_geometry(

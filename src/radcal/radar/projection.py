@@ -48,7 +48,6 @@ def make_geometry(
     radar: Radar,
     onto: Geometry | None = None,
     strip: Strip | None = None,
-    frame: Frame | None = None,
 ) -> Geometry:
     """Geometry of the image of a scene in one pass.
 
@@ -61,9 +60,9 @@ def make_geometry(
     onto : Geometry, optional
         Geometry whose image grid is used: a geometry of the same pass over other relief with the same mean elevation
         and extent. By default the image covers all slant ranges at which every azimuth line has ground.
-    strip, frame : Strip, Frame, optional
-        Strip of the image to compute, of :func:`strips_of`, with the frame of :func:`make_frame`. All values are bit
-        for bit those of the whole image. By default the whole image.
+    strip : Strip, optional
+        Strip of the image to compute, of :func:`strips_of`. All values are bit for bit those of the whole image. By
+        default the whole image.
 
     Raises
     ------
@@ -77,7 +76,7 @@ def make_geometry(
     if scene.elevation_m is None:
         return _slant_range_geometry(scene, radar)
     _check(scene, radar)
-    return _terrain_geometry(scene, radar, onto, strip, frame)
+    return _terrain_geometry(scene, radar, onto, strip)
 
 
 def _check(scene: Scene, radar: Radar) -> None:
@@ -216,6 +215,8 @@ def _view(scene: Scene, radar: Radar, mean_m: float, highest_m: float, k: int | 
 
 def make_frame(scene: Scene, radar: Radar) -> Frame:
     """Frame of the strips of a scene's image in one pass; raises the errors of :func:`make_geometry`."""
+    if scene.elevation_m is None:
+        raise SceneError("simulator.strips: a scene in slant range has no strips, expected 1.")
     _check(scene, radar)
     elevation = _facing(scene.elevation_m, radar)
     mean, highest = float(elevation.mean()), float(elevation.max())
@@ -230,7 +231,7 @@ def make_frame(scene: Scene, radar: Radar) -> Frame:
     return Frame(mean, highest, near, far)
 
 
-def strips_of(lines: int, cell_m: float, radar: Radar, number: int) -> list[Strip]:
+def strips_of(lines: int, cell_m: float, radar: Radar, number: int, frame: Frame) -> list[Strip]:
     """Division of an image into strips of a multiple of 256 rows of the scene, and a halo for the impulse response.
 
     Parameters
@@ -243,6 +244,8 @@ def strips_of(lines: int, cell_m: float, radar: Radar, number: int) -> list[Stri
         Pass.
     number : int
         Number of strips.
+    frame : Frame
+        Frame of the image, of :func:`make_frame`.
 
     Raises
     ------
@@ -260,7 +263,7 @@ def strips_of(lines: int, cell_m: float, radar: Radar, number: int) -> list[Stri
     # points beyond the filter's reach, but in the same or the next pixel, may still contribute
     halo = len(impulse_response(radar.azimuth_resolution_m, radar.azimuth_spacing_m)) // 2 + 2
     return [
-        Strip(first, last, max(0, first - halo), min(columns, last + halo), columns)
+        Strip(first, last, max(0, first - halo), min(columns, last + halo), columns, frame)
         for first, last in itertools.pairwise([*starts, columns])
     ]
 
@@ -280,11 +283,10 @@ def _lowered(seen: LineOfSight, elevation: NDArray[np.float64], cell_m: float, r
     return surface
 
 
-def _terrain_geometry(
-    scene: Scene, radar: Radar, onto: Geometry | None, strip: Strip | None, frame: Frame | None
-) -> Geometry:
+def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None, strip: Strip | None) -> Geometry:
     """Geometry of a scene with terrain: facets of the refined elevation model, seen from a straight track."""
     elevation, material = _facing(scene.elevation_m, radar), _facing(scene.material, radar)
+    frame = strip.frame if strip is not None else None
     heights = (float(elevation.mean()), float(elevation.max())) if frame is None else (frame.mean_m, frame.highest_m)
     view = _view(scene, radar, *heights)
     seen, k, step = view.seen, view.k, view.step_m

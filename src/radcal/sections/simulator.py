@@ -61,6 +61,11 @@ class PythonSimulation(Section):
         description="whether each run record contains the whole image, besides the pixels of the calibrated materials",
     )
     draws: Draws = Field(1, description=_DRAWS)
+    strips: Annotated[Integer, Field(ge=1, le=1000)] = Field(
+        1,
+        description="number of strips in azimuth, of 256 rows of the scene or more, whose geometry is computed in a "
+        "workflow job each",
+    )
 
     @property
     def longest_run_s(self) -> float:
@@ -209,6 +214,7 @@ class CommandSimulation(Section):
 
     own: ClassVar[bool] = False
     only_parameters: ClassVar[bool] = True
+    strips: ClassVar[int] = 1
     kind: Literal["command"] = Field("command", description=_KIND)
     command: Words = Field(
         description="program and arguments, without a shell; radcal replaces {input}, {output}, {folder}, {geometry}, "

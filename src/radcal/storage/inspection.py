@@ -174,7 +174,8 @@ def kind_of(path: str | Path) -> str | None:
     path = Path(path)
     if path.suffix == ".json":
         return None
-    kind = {"runs": "run", "draws": "run", "posterior": "posterior"}.get(path.parent.name, path.stem)
+    folders = {"runs": "run", "draws": "run", "posterior": "posterior", "strips": "geometry"}
+    kind = folders.get(path.parent.name, path.stem)
     if kind not in SCHEMAS:
         raise KeyError(kind)
     return kind

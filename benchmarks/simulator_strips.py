@@ -1,0 +1,138 @@
+"""Time, memory and disk of one look of a large scene in strips of azimuth, each computed by a process of its own.
+
+    python benchmarks/simulator_strips.py [--quick] [--km2 500] [--rows 512] [--first 2] [--folder FOLDER]
+
+The scene is hilly, with cells of 1 m, 7 materials in fields, and no objects; its file is written in pieces. One process
+computes the frame of the strips, and each further one the geometry of a strip and one look of it in dB. ``--first``
+stops after some strips; the totals of all are then in proportion. The peak of a process contains the pages of files
+that it has mapped, which the operating system may take back.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+os.environ["NUMBA_NUM_THREADS"] = "1"
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from radcal.config import Radar
+from radcal.laws import LAWS
+from radcal.radar.geometry import Frame, read_geometry, write_geometry
+from radcal.radar.projection import make_frame, make_geometry, strips_of
+from radcal.scene.model import read_scene
+from radcal.simulators.builtin import BuiltinSimulator
+from radcal.storage.records import write_hdf5
+
+NAMES = tuple(f"m{k}" for k in range(1, 8))
+PATCH = 1024
+RADAR = Radar(
+    altitude_m=100_000.0, range_spacing_m=0.71, azimuth_spacing_m=1.0, range_resolution_m=1.0,
+    azimuth_resolution_m=1.3, looks=1.0,
+)  # fmt: skip
+
+
+def write_large_scene(path: Path, side: int) -> None:
+    """Scene of hills of some metres and fields of 64 m, which repeat themselves every 1024 m."""
+    rng = np.random.default_rng(1)
+    hills = gaussian_filter(rng.standard_normal((PATCH, PATCH)), 60.0, mode="wrap")
+    hills *= 4.0 / hills.std()
+    fields = np.kron(rng.integers(1, 8, (PATCH // 64, PATCH // 64)), np.ones((64, 64))).astype(np.uint8)
+    across = np.arange(side) % PATCH
+    with write_hdf5(path, "scene") as file:
+        file.attrs["identity"], file.attrs["cell_m"] = "benchmark", 1.0
+        file.create_dataset("names", data=np.array(NAMES, dtype=object))
+        for name, patch in (("elevation_m", hills), ("material", fields)):
+            data = file.create_dataset(name, (side, side), patch.dtype)
+            for first in range(0, side, PATCH):
+                data[first : first + PATCH] = patch[: side - first, across]
+
+
+def job(folder: Path, task: str, rows: int) -> None:
+    """Frame of the strips, or geometry and image of one strip."""
+    scene, frame = read_scene(folder / "scene.h5"), folder / "frame.json"
+    if task == "frame":
+        frame.write_text(json.dumps(asdict(make_frame(scene, RADAR))))
+        return
+    side, shared = len(scene.material), Frame(**json.loads(frame.read_text()))
+    strip = strips_of(side, 1.0, RADAR, number_of(side, rows), shared)[int(task)]
+    made = make_geometry(scene, RADAR, strip=strip)
+    write_geometry(folder / f"{task}.h5", made, RADAR)
+    del made
+    simulator = BuiltinSimulator(read_geometry(folder / f"{task}.h5"), RADAR, dict.fromkeys(NAMES, LAWS["mangia"]))
+    image = simulator.run({name: [-20.0 + k, 5.0, 10.0, 3.0] for k, name in enumerate(NAMES)}, 1)
+    with write_hdf5(folder / f"image-{task}.h5", "measurement") as file:
+        file["image_db"] = strip.cut(image)
+
+
+def number_of(side: int, rows: int) -> int:
+    """Number of strips of about ``rows`` rows."""
+    return max(1, math.ceil(side / 256) * 256 // rows)
+
+
+def main() -> None:
+    """Print a line for each process and, last, the summary as JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="1 km2 in place of 500")
+    parser.add_argument("--km2", type=float, default=500.0)
+    parser.add_argument("--rows", type=int, default=512, help="rows of the scene in a strip, a multiple of 256")
+    parser.add_argument("--first", type=int, help="number of strips to compute, instead of all")
+    parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()))
+    parser.add_argument("--job", nargs=2, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.job:
+        job(Path(options.job[0]), options.job[1], options.rows)
+        used = resource.getrusage(resource.RUSAGE_SELF)
+        print(json.dumps({"cpu_s": used.ru_utime + used.ru_stime, "peak_gib": used.ru_maxrss / 2**20}))
+        return
+    side = 1000 if options.quick else round(1000 * math.sqrt(options.km2))
+    strips = number_of(side, options.rows)
+    computed = min(strips, options.first or strips)
+    folder = Path(tempfile.mkdtemp(dir=options.folder))
+    try:
+        write_large_scene(folder / "scene.h5", side)
+        found, started = {}, time.perf_counter()
+        for task in ("frame", *map(str, range(computed))):
+            command = [sys.executable, __file__, "--rows", str(options.rows), "--job", str(folder), task]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            if done.returncode:
+                sys.exit(done.stderr)
+            found[task] = json.loads(done.stdout)
+            print(f"{task:>6}: {found[task]['cpu_s']:7.1f} s, {found[task]['peak_gib']:.2f} GiB", flush=True)
+        scene_gb = (folder / "scene.h5").stat().st_size / 1e9
+        strips_gb = sum(path.stat().st_size for path in folder.glob("*[0-9].h5")) / 1e9 * strips / computed
+    finally:
+        shutil.rmtree(folder)
+    frame = found.pop("frame")
+    print(
+        json.dumps(
+            {
+                "km2": side**2 / 1e6,
+                "strips": strips,
+                "computed": computed,
+                "frame_s": frame["cpu_s"],
+                "frame_gib": frame["peak_gib"],
+                "strips_s": sum(one["cpu_s"] for one in found.values()) * strips / computed,
+                "strip_gib": max(one["peak_gib"] for one in found.values()),
+                "wall_s": time.perf_counter() - started,
+                "scene_gb": scene_gb,
+                "strips_gb": strips_gb,
+            }
+        )
+    )
+
+
+if __name__ == "__main__":
+    main()
