@@ -20,6 +20,7 @@ from pyproj import Geod, Transformer
 
 from radcal.cdb.mosaic import POST, Lattice, Log, heights
 from radcal.cdb.source import CdbSource
+from radcal.checking.case_check import check_case
 from radcal.config import Radar, load_forward
 from radcal.errors import SceneError
 from radcal.findings import Finding
@@ -557,6 +558,9 @@ def test_the_mapping_may_hold_the_starting_laws(root, build, tmp_path):
     found = load_forward([case]).materials
     assert set(found) == set(names)
     assert found["soil"].parameters == [-12.5]
+    # two tiles and a table
+    lines = check_case([case]).summary()
+    assert [line for line in lines if "scene.root" in line] == ["  scene.root: 3 files in all"]
 
 
 LAWS = {name: {"law": "constant_gamma", "parameters": [-8.0]} for name in ("grass", "water", "road")}

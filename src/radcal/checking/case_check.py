@@ -84,7 +84,7 @@ class CaseCheck:
         if self.case is None:
             return []
         files, folders = input_files(self.case), [f"scene.{name}" for name in self.case.scene.folders]
-        lines = [f"  {key}: {path}" for key, path in files.items() if key.rpartition(".")[0] not in folders]
+        lines = [f"  {key}: {path}" for key, path in files.items() if not key.startswith(tuple(folders))]
         lines += [f"  {key}: {sum(one.startswith(key) for one in files)} files in all" for key in folders]
         if self.shape is not None:
             lines.append(f"  simulated image: {self.shape[0]} x {self.shape[1]} pixels")
