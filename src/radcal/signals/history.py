@@ -105,17 +105,18 @@ def _spread(
 
     ``turns`` and ``cells`` are the turns of the carrier's phase and the cells of the grid per metre of slant range.
     """
-    n = grid.shape[1]
+    n, narrow = grid.shape[1], 0.5 * _BEAM / widest
     taps = np.empty(TAPS, np.float32)
     for p in range(part[0], part[1]):
         for i in range(first[p], last[p]):
             x, y, z = place[i, 0] - track[p, 0], place[i, 1] - track[p, 1], place[i, 2] - track[p, 2]
             slant = np.sqrt(x * x + y * y + z * z)
-            at = (x / slant / widest + 1.0) * (0.5 * _BEAM)
+            inverse = 1.0 / slant
+            at = x * inverse * narrow + 0.5 * _BEAM
             k = int(at)
             if at <= 0.0 or k >= _BEAM:
                 continue
-            loss = middle / slant
+            loss = middle * inverse
             gain = _F(loss * loss) * (beam[k] + _F(at - k) * (beam[k + 1] - beam[k]))
             away = slant - distance[p]
             cosine, sine = turned(-turns * away)
@@ -124,7 +125,11 @@ def _spread(
             q = away * cells
             below = int(np.floor(q))
             tap_values(q - below, coefficients, taps)
-            below = (below - TAPS // 2 + 1) % n
+            below -= TAPS // 2 - 1
+            while below < 0:
+                below += n
+            while below >= n:
+                below -= n
             for j in range(TAPS):
                 cell = below + j if below + j < n else below + j - n
                 grid[p, cell, 0] += taps[j] * real
