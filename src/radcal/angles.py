@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["MEAN_RADIUS_M", "depression_deg", "incidence_deg"]
-
 MEAN_RADIUS_M = 6_371_008.8  # mean of the semi-axes of GRS 80 (Moritz, "Geodetic Reference System 1980", 2000: R1)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["LETTER_BANDS_GHZ", "WIDTH_FACTOR", "letter_band", "same_label", "within_band"]
-
 # IEEE Std 521-2019, table 1; P is not in that standard: it is the usual name of the part of UHF that SAR uses
 # (Moreira et al., "A tutorial on synthetic aperture radar", IEEE GRSM 1 (2013), table 1)
 LETTER_BANDS_GHZ = {

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-__all__ = ["IF", "STEPS", "TEXTS"]
-
 IF = "if scene, geometry and pixels are what the case says"
 _LEVEL = "{level_db:+.2f} dB (90 %: {p05_db:+.2f} to {p95_db:+.2f})"
 _MAPPED = (

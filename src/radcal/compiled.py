@@ -27,8 +27,6 @@ import llvmlite
 import numba
 from llvmlite import binding
 
-__all__ = ["ROOMS", "cache_folder", "njit", "threaded"]
-
 ROOMS = ("radar", "signals", "speckle")
 """Rooms with compiled functions, which use no constants and compiled functions of other rooms."""
 

@@ -10,22 +10,6 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = [
-    "ClusterError",
-    "ConfigError",
-    "DamagedError",
-    "FitError",
-    "MeasurementError",
-    "MissingFile",
-    "MissingSign",
-    "RadcalError",
-    "SceneError",
-    "SimulatorError",
-    "StoreError",
-    "SurrogateError",
-    "WrongNumbers",
-]
-
 
 @dataclass(frozen=True)
 class MissingFile:

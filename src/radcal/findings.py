@@ -7,8 +7,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Literal
 
-__all__ = ["Finding", "Severity", "of_pass"]
-
 Severity = Literal["note", "warning", "refusal"]
 
 

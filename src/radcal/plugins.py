@@ -25,8 +25,6 @@ from radcal.errors import ConfigError
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-__all__ = ["HasSection", "Plugins", "with_foreign"]
-
 T = TypeVar("T")
 
 

@@ -12,8 +12,6 @@ from contextlib import AbstractContextManager, suppress
 from importlib import import_module
 from typing import Any, TypeVar
 
-__all__ = ["apart", "die_with_parent", "each", "one_thread"]
-
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 _Result = TypeVar("_Result")
 

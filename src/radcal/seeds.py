@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from radcal.config.part import Part
     from radcal.sections.simulator import SimulatorConfig
 
-__all__ = ["derived_rng", "derived_seed", "draw_seeds", "measurement_seed", "noise_seed"]
-
 
 def derived_seed(seed: int, *names: str | int, bits: int = 63) -> int:
     """Seed for a named use; seeds of different names are statistically independent.

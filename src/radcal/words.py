@@ -9,25 +9,6 @@ from dataclasses import dataclass
 from radcal.catalogue import STEPS, TEXTS
 from radcal.findings import Finding
 
-__all__ = [
-    "STANDINGS",
-    "Step",
-    "asked_steps",
-    "beside_headline",
-    "degrees",
-    "doubts",
-    "ends",
-    "headline",
-    "next_steps",
-    "remarks",
-    "sentence",
-    "standing",
-    "state",
-    "step",
-    "verdict",
-    "widths",
-]
-
 _NOTICED = " (a bump of {noticed_db:.1f} dB would be noticed in 9 of 10 images)"
 _STATES = ("determined", "undetermined", "withheld", "level_only", "parameters_only", "without_cells")
 _OF_VERDICT = (*_STATES, "refuted", "form_noticed", "not_refuted")

@@ -21,8 +21,8 @@ from raster_files import write_raster
 from radcal.config import Material, case_from
 from radcal.errors import ConfigError, SimulatorError
 from radcal.programs import command as module
-from radcal.programs.command import CommandPlan, CommandSimulator, check_command, toml_text
-from radcal.programs.command_plan import changed_links
+from radcal.programs.command import CommandPlan, CommandSimulator, toml_text
+from radcal.programs.command_plan import changed_links, check_command
 
 MATERIALS = {
     "dyke": {"calibrate": True, "law": "external", "names": ["mv", "s"], "bounds": [[0, 1], [0, 9]]},

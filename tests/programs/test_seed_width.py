@@ -4,7 +4,7 @@ import pytest
 
 from radcal.config import case_from
 from radcal.errors import ConfigError, SimulatorError
-from radcal.programs.command import check_command
+from radcal.programs.command_plan import check_command
 from radcal.programs.seed_width import with_seed_bits
 from radcal.seeds import derived_seed, measurement_seed, noise_seed
 from radcal.storage.provenance import provenance

@@ -28,8 +28,6 @@ from radcal.storage.run_index import record_of
 from radcal.storage.runs import Record, RunStore
 from radcal.targets.target import Targets
 
-__all__ = ["Conclusion", "MaterialPixels", "conclude"]
-
 Pixels = Mapping[str, NDArray[np.float32]]
 
 

@@ -14,8 +14,6 @@ from radcal.laws import Law
 from radcal.posterior.result import Image, Posterior
 from radcal.targets.target import Targets
 
-__all__ = ["image_findings", "law_findings", "material_findings"]
-
 Doubles = NDArray[np.float64]
 
 _WRONG_LAW_DB = 1.0  # error of a fixed law that is named

@@ -30,8 +30,6 @@ from radcal.radar.radiometry import with_noise_db
 from radcal.seeds import derived_seed
 from radcal.targets.target import Targets
 
-__all__ = ["image_of", "posterior_of"]
-
 Doubles = NDArray[np.float64]
 Cells = Sequence[Mapping[str, CellMeans]]
 """Cells of each material, one mapping for each pass."""

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from radcal.scene.model import Scene
     from radcal.storage.runs import Record
 
-__all__ = ["observe", "simulated_of"]
-
 _LOOKS, _SEED_BITS = 32, 31
 _FEWEST = 3  # cells of a material
 

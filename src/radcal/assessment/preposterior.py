@@ -19,8 +19,6 @@ from radcal.radar.radiometry import noise_floor_db, with_noise_db
 from radcal.scene.model import Scene
 from radcal.targets.target_fit import fields_of
 
-__all__ = ["View", "common_errors", "half_widths_after", "half_widths_now", "view_of"]
-
 Doubles = NDArray[np.float64]
 
 _FEWEST = 50  # least number of pixels, as for a target

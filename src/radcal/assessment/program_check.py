@@ -16,8 +16,6 @@ from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import with_noise_db
 from radcal.targets.target import Target
 
-__all__ = ["another_law", "beyond_law_db"]
-
 # Differences that are left to effects which are not computed [dB]. With terrain, a pixel mixes ground of several
 # incidences: the best runs of the built-in simulator, whose law is right, differ by up to 2.1 dB beyond what is known
 # (the steep and dark dyke of config/dyke_published.yaml). Without terrain, they do not differ beyond it.

@@ -14,8 +14,6 @@ from radcal.registration.gefolki import find_flow, pyramid
 from radcal.registration.registered import Registered
 from radcal.targets.target import Target
 
-__all__ = ["check_registration", "moved_again", "moved_finding"]
-
 _TIMES = 1.5  # least ratio of a change to its stated standard error
 _LEAST_DB = 0.5  # least change of sigma0 that a doubt names, as for a misfit
 _FAR_PX = 3.0  # mean displacement from which the search starts at this displacement

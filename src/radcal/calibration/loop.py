@@ -38,8 +38,6 @@ from radcal.storage.runs import Parameters, Record
 from radcal.targets.target import Targets
 from radcal.targets.target_fit import laws_of_image
 
-__all__ = ["calibrate", "register_rounds"]
-
 
 def register_rounds(
     case: Case,

@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.findings import Finding
 
-__all__ = ["noise_variance", "scatter"]
-
 Statistics = Callable[[NDArray[np.float64], NDArray[np.int64]], NDArray[np.float64]]
 
 _DRAWS = 60  # bootstrap samples, which give the variance with an error of 20 %

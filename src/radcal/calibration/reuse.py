@@ -15,8 +15,6 @@ from radcal.storage.files import digest, first_difference
 from radcal.storage.run_index import IndexedRun
 from radcal.storage.runs import RunStore
 
-__all__ = ["require_earlier", "reuse_runs"]
-
 logger = logging.getLogger(__name__)
 
 

@@ -21,8 +21,6 @@ from radcal.storage.runs import Parameters, Record
 if TYPE_CHECKING:
     from radcal.targets.target import Targets
 
-__all__ = ["score", "score_reference", "with_texture"]
-
 
 def score(
     kind: Kind,

@@ -30,22 +30,6 @@ from radcal.storage.runs import Parameters, Record
 if TYPE_CHECKING:
     from radcal.targets.target import Targets
 
-__all__ = [
-    "all_parameters",
-    "called",
-    "design_line",
-    "noise_seed",
-    "not_fresh",
-    "progress_line",
-    "propose_all",
-    "random_findings",
-    "reference_runs",
-    "repeatability",
-    "run_all_draws",
-    "train_all",
-    "verify",
-]
-
 logger = logging.getLogger(__name__)
 
 

@@ -10,8 +10,6 @@ from radcal.objectives import Objective, objective_class
 from radcal.objectives.base import Progress, Reason, SearchState
 from radcal.objectives.history import History
 
-__all__ = ["Decision", "decide"]
-
 
 @dataclass(frozen=True)
 class Decision:

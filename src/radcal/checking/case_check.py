@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
     from radcal.scene.model import Scene
 
-__all__ = ["CaseCheck", "check_case"]
-
 Say = Callable[[str], None]
 
 _LARGEST_RUN = 5_000_000  # pixels of a synthetic image that is made for the check, in some seconds

@@ -29,8 +29,6 @@ from radcal.registration.registered import LEAST_CONTRAST_DB, contrast_db
 from radcal.scene.model import Scene
 from radcal.tables.landcover import brightest_db
 
-__all__ = ["bright_laws", "hidden_by_noise", "hidden_ground", "high_noise", "outlook", "start_contrast"]
-
 _MOST_HIDDEN, _STEEPEST_DEG = 0.5, 35.0  # more hidden ground and steeper slopes (median) are rare, even in mountains
 _MIDDLE_DEG = 45.0  # incidence at which the gamma of a law is compared with those of terrain
 _BRIGHTER_DB = 6.0  # the source of those adds 5 log10(f / 10 GHz) to gamma, at most 5 dB below 100 GHz

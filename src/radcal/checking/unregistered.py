@@ -29,8 +29,6 @@ from radcal.sections.simulator import BuiltinSimulation
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.targets.reach import check_level
 
-__all__ = ["cells_of", "fixed_laws", "start_image", "unreachable"]
-
 _MOVED_PX = 2.0  # displacement for which the margin to other ground is widened before registration
 _STEPS = 100  # of the sampler, of which the assessment makes more
 

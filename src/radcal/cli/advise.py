@@ -9,8 +9,6 @@ import typer
 
 from radcal.cli.arguments import Results, sentences
 
-__all__ = ["HELP", "main"]
-
 HELP = "Compare further passes by how far they are expected to narrow the bands of a finished case."
 
 

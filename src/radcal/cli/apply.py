@@ -9,8 +9,6 @@ import typer
 
 from radcal.cli.arguments import Results, sentences
 
-__all__ = ["HELP", "main"]
-
 HELP = "Predict the image of another scene or pass from the laws of a finished case, and compare it with its image."
 
 

@@ -11,8 +11,6 @@ import typer
 
 from radcal.errors import RadcalError
 
-__all__ = ["CaseFiles", "Results", "Settings", "overrides", "sentences"]
-
 CaseFiles = Annotated[
     list[Path], typer.Argument(metavar="CASE...", readable=False, help="YAML files of cases.", show_default=False)
 ]

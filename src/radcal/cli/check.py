@@ -12,8 +12,6 @@ import typer
 from radcal.cli.arguments import CaseFiles, Results, Settings, overrides, sentences
 from radcal.errors import RadcalError
 
-__all__ = ["HELP", "main"]
-
 HELP = """Check cases without running anything.
 
 All wrong keys, missing files and values that are still to be decided (FILL_IN) are listed at once, with line and

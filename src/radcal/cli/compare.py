@@ -9,8 +9,6 @@ import typer
 
 from radcal.cli.arguments import Results, sentences
 
-__all__ = ["HELP", "main"]
-
 HELP = """Compare the laws of two finished cases: one table, and one figure of both laws with their bands.
 
 A and B are names of cases below results/, results folders, or YAML files. The figure is written beside the results

@@ -10,8 +10,6 @@ import typer
 from radcal.cli.arguments import sentences
 from radcal.newcase.template import TEMPLATE
 
-__all__ = ["HELP", "main"]
-
 _KINDS: dict[str, Any] = {"TEXT": str, "FLOAT": float, "INTEGER": int, "LIST": list[str]}
 
 HELP = """Write a new case from options.

@@ -22,8 +22,6 @@ from radcal.cli.arguments import Results, Settings, overrides, sentences
 if TYPE_CHECKING:
     from radcal.config import Case
 
-__all__ = ["HELP", "check_folder", "files_of_stages", "main", "snakemake_command", "sorted_words"]
-
 _OURS = ("--conf", "-C")  # prefixes of Snakemake's options --configfile and --config, however they are abbreviated
 # with any of these options, --cores all is not added
 _ELSEWHERE = ("--cores", "-c", "--jobs", "-j", "--profile", "--executor", "-e")

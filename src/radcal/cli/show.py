@@ -9,8 +9,6 @@ import typer
 
 from radcal.cli.arguments import Results, sentences
 
-__all__ = ["HELP", "main"]
-
 HELP = """Show the verdict of cases, their runs, and where report, exports and summary lie.
 
 CASE is the name of a case below results/, a results folder, or the case's YAML file. The command also says what is

@@ -10,8 +10,6 @@ import typer
 from radcal.cli.arguments import Results, Settings, overrides, sentences
 from radcal.products import PRODUCTS
 
-__all__ = ["HELP", "main"]
-
 HELP = """Simulate the image of a case with the parameters of its materials; it needs no measured image.
 
 A material with calibrate: true is simulated at its start. With --materials, the materials of FILE replace those of the

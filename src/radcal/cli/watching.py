@@ -16,8 +16,6 @@ from radcal.products.showing import show
 from radcal.storage.files import atomic
 from radcal.storage.lock import holder
 
-__all__ = ["live_page", "watched"]
-
 _EVERY_S = 5.0
 _CLEAR = "\x1b[2J\x1b[H"  # the terminal
 _PAGE = """\

@@ -40,8 +40,6 @@ from radcal.sections.simulator import BuiltinSimulation, SimulatorConfig
 from radcal.sections.target import TargetConfig, Uncertainty, Validation
 from radcal.tables.sensors import sensors
 
-__all__ = ["Case"]
-
 
 def _synthetic_measurement() -> list[MeasurementConfig]:
     return [SyntheticMeasurement()]

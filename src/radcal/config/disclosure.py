@@ -6,8 +6,6 @@ import hashlib
 from collections.abc import Mapping
 from typing import Any
 
-__all__ = ["Undisclosed", "disclosed", "hashed"]
-
 
 def hashed(environment: Mapping[str, str]) -> dict[str, str]:
     """SHA-256 of the value of each environment variable, by the name of the variable.

@@ -12,14 +12,6 @@ from radcal.sections.objectives import DEFAULT, OBJECTIVES
 from radcal.tables import read_table
 from radcal.tables.landcover import starting_keys
 
-__all__ = [
-    "with_colours",
-    "with_fitting_draws",
-    "with_fitting_measurement",
-    "with_fitting_stop",
-    "with_starting_laws",
-]
-
 _DRAWS_IN_BINS = 4
 
 

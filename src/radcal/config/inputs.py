@@ -20,16 +20,6 @@ from radcal.sections.measurement import FileMeasurement
 from radcal.sections.scene import SceneSection
 from radcal.sections.simulator import CommandSimulation
 
-__all__ = [
-    "check_reuse",
-    "executable_path",
-    "expand_path",
-    "files_below",
-    "input_files",
-    "missing_inputs",
-    "vrt_folders",
-]
-
 
 def expand_path(text: str, key: str, folder: bool = False) -> Path:
     """Expand ``~`` and ``${VARIABLES}`` in a configured path, and check that the file exists.

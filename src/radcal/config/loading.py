@@ -23,16 +23,6 @@ from radcal.sections.objectives import OBJECTIVES
 from radcal.sections.scene import SCENES
 from radcal.sections.simulator import SIMULATORS
 
-__all__ = [
-    "Loaded",
-    "case_from",
-    "load",
-    "load_forward",
-    "load_measured",
-    "load_with_inputs",
-    "load_with_problems",
-]
-
 _SECTIONS = {field.alias or name for name, field in Case.model_fields.items()}
 # sections that a forward run does not read
 _OF_CALIBRATION = (

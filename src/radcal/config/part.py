@@ -18,8 +18,6 @@ from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
 from radcal.sections.simulator import SimulatorConfig
 from radcal.sections.target import TargetConfig, Uncertainty, Validation
 
-__all__ = ["Measurements", "Part", "Radars"]
-
 # The baseline predicts most of how a run depends on X. Two runs are enough to estimate its error.
 _DESIGN_SIZE = 2
 _DESIGN_SIZE_WITHOUT_BASELINE = 8

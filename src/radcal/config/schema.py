@@ -13,8 +13,6 @@ from typing import Any
 from radcal.config.case import Case
 from radcal.sections.base import MATERIALS_FROM, PASSES
 
-__all__ = ["schema_json"]
-
 _DRAFT = "http://json-schema.org/draft-07/schema#"
 # keywords that pydantic writes for number limits and for lists, and the corresponding keywords of draft 7
 _WORDS = {

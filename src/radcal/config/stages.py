@@ -19,8 +19,6 @@ from pydantic import create_model
 from radcal.config.case import Case
 from radcal.config.part import Part
 
-__all__ = ["FORWARD", "OUTPUTS", "SCHEMAS", "STAGES", "Demand", "Stage", "model_of"]
-
 
 @cache
 def model_of(*names: str) -> type[Part]:

@@ -6,8 +6,6 @@ from pydantic import BaseModel
 
 from radcal.config.case import Case
 
-__all__ = ["default_case", "default_yaml"]
-
 _HEADER = """\
 # yaml-language-server: $schema=schema.json
 # The default case. Every key below is a default: a case of your own needs only the keys that differ. The mismatches in

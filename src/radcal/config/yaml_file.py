@@ -16,8 +16,6 @@ import yaml
 from radcal.errors import ConfigError
 from radcal.sections.errors import key_in_list, shown
 
-__all__ = ["check_words", "leaves", "merged", "read_case_file", "read_value", "setting"]
-
 _LARGEST_BYTES = 200_000  # size limit of a case file: about twenty times the size of radcal's longest case file
 _LARGEST_VALUES = 200_000  # limit after every alias is expanded; no case file without aliases contains as many values
 # texts that YAML 1.1 reads as octal numbers, or as numbers in base 60 (hours and minutes)

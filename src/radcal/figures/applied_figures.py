@@ -11,8 +11,6 @@ import numpy as np
 
 from radcal.figures.drawing import DESIGN, FOUND, law_panels
 
-__all__ = ["KNOWN", "OUTSIDE", "SEEN", "Prediction", "draw_predictions"]
-
 KNOWN, SEEN, OUTSIDE = "known", "not known", "not seen"
 
 # markers at the predicted median, of different shapes, and bars of its 90 % interval

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
-__all__ = ["FILLS", "colour_of", "colours_of", "head", "material_colours", "of_ids"]
-
 # sixteen colours of different lightness; the map also has numbers, so that nothing depends on colour alone
 FILLS = (
     "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7", "#8C8C8C",

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["densities", "histogram", "overview", "quality"]
-
 _SEED = 4  # seed of the choice of ten design runs
 _TEXTURED = (
     " Each simulated density includes the texture that gives the run the effective looks with which it fits best, so "

@@ -13,8 +13,6 @@ from radcal.results.archive import Archive, Fidelity
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["differences", "fidelity"]
-
 _STATISTICS = (("mean", "#0072B2", "o"), ("log sd", "#D55E00", "s"), ("skewness", "#009E73", "^"))
 _MOST = 6.0  # largest difference drawn [standard deviations]; larger differences are drawn at this value
 _NARROW = 0.13

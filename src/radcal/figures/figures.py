@@ -21,8 +21,6 @@ from radcal.storage.files import atomic
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["Figure", "write_figures"]
-
 _DPI = 150
 
 

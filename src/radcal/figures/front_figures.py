@@ -13,8 +13,6 @@ from radcal.results.archive import Archive
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["front"]
-
 _LEAST = 1e-12  # smaller sums of squares are drawn at this value
 _LEAST_REACH = 0.12  # smallest half-length of an axis [decades]
 _WIDE = 300.0  # ratio of the ends of an axis; from this ratio on, only powers of ten are labelled

@@ -11,8 +11,6 @@ from radcal.results.archive import Archive
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["held_out"]
-
 
 def held_out(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
     """Figure of held-out cells against the incidence, measured and predicted; None if none were held out."""

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["SIGMA0", "angle_axis", "cost", "cost_caption", "floors", "kinds", "law", "law_caption", "laws_of", "limits"]
-
 Styled = Sequence[tuple[str, Law, Array, dict[str, Any]]]
 """Label, law, X and style of each of several laws."""
 SIGMA0 = "\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]"

@@ -18,18 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = [
-    "Shot",
-    "add_arrows",
-    "axis_labels",
-    "image_extent",
-    "images",
-    "panels_for",
-    "registration",
-    "residual",
-    "shots",
-]
-
 Aspect = Literal["equal", "auto"]
 
 _BOXCAR = 9  # side of the blocks over which the residual is averaged [pixels]

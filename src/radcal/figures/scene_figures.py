@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-__all__ = ["incidence", "scene"]
-
 _HATCHED = 300  # number of places per side at which the hatching of a map is computed
 _SURFACE = 110  # number of cells per side of the view in three dimensions
 _LEAST_SCALE = 0.01  # smallest range of a colour scale [deg or dB]

@@ -14,8 +14,6 @@ from radcal.config.stages import STAGES
 from radcal.radar.size import image_size
 from radcal.scene.base import scene_size
 
-__all__ = ["memory_mb", "runtime_minutes", "values_of"]
-
 
 def values_of(case: Case) -> dict[str, int]:
     """Number of values in the largest arrays of a scene and of its image.

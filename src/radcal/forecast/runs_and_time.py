@@ -15,11 +15,6 @@ from radcal.config import Case
 from radcal.sections.simulator import SimulatorConfig
 from radcal.storage.runs import median_seconds
 
-__all__ = [
-    "Standing", "duration", "largest_runs", "planned_runs", "reference_count", "runs_in_words", "runs_sentence",
-    "stages_sentence", "standing", "stored_iteration_seconds", "time_expected",
-]  # fmt: skip
-
 _FINAL_RUNS = 2  # of each pass: one with the noise seed of all runs, one with another noise seed
 # infill runs within which 63 of the 64 searches with a baseline in docs/evidence/runs.md ended (one took 17);
 # of 20 searches without a baseline, half ended within 8

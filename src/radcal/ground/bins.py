@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.errors import MeasurementError
 from radcal.ground.correlation import independent_pairs, without_trend
 
-__all__ = ["Classes", "class_cumulants", "class_of", "incidence_edges", "make_classes", "winsorised"]
-
 FEWEST = 30  # smallest number of pixels in a bin
 _AUTO = (4, 8)  # smallest and largest number of bins
 _AUTO_SPAN_DEG = 2.0  # width of a bin: a law of 0.3 dB/deg changes in it by less than a third of speckle's sd

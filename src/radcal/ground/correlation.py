@@ -9,8 +9,6 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-__all__ = ["Correlation", "estimate_correlation", "independent_pairs", "without_trend"]
-
 REACH_PX = 6  # lag beyond which speckle is assumed to be uncorrelated
 _GROUPS, _GROUP = 24, 30  # groups of pixels of similar incidence: largest number of groups, smallest group
 _SIGNIFICANT = 2.0  # standard errors; without this threshold, the positive noise of 168 lags would add up

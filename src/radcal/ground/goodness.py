@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from radcal import skewnormal
 from radcal.errors import FitError
 
-__all__ = ["Goodness", "goodness_of_fit"]
-
 _DRAWS = 99
 
 

@@ -14,8 +14,6 @@ from radcal.ground.bins import class_of, incidence_edges
 from radcal.ground.correlation import Correlation, independent_pairs, without_trend
 from radcal.ground.patches import Cells, make_cells
 
-__all__ = ["Blocks", "Ground"]
-
 
 @dataclass(frozen=True)
 class Blocks:

@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.findings import Finding
 
-__all__ = ["Levels", "image_levels", "median_and_range", "offset_levels", "pooled_offset", "without_level"]
-
 
 @dataclass(frozen=True)
 class Levels:

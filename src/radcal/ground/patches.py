@@ -15,23 +15,6 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = [
-    "GRID_DB",
-    "Cells",
-    "Effects",
-    "Residuals",
-    "Spread",
-    "gls_mean",
-    "half_normal",
-    "label_patches",
-    "make_cells",
-    "patch_effects",
-    "patches_seen",
-    "pooled",
-    "spread_log_likelihood",
-    "spreads",
-]
-
 GRID_DB = np.concatenate([[0.0], np.geomspace(0.02, 6.0, 40)])  # grid of both standard deviations
 _SCALES_DB = np.geomspace(0.1, 4.0, 40)  # scales of the half-normal distribution that the materials share
 _PRIOR_DB = 1.0

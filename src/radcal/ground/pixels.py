@@ -18,16 +18,6 @@ from radcal.image.model import Measurement
 if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
 
-__all__ = [
-    "IN_THE_NOISE",
-    "MANY_IN_NOISE",
-    "Eligible",
-    "eligible_pixels",
-    "noise_limited",
-    "point_targets",
-    "share_in_noise",
-]
-
 MINIMUM_PIXELS = 50
 IN_THE_NOISE = "in the noise"  # reason for masking
 MANY_IN_NOISE = 0.05  # share of pixels masked as noise that a sentence states

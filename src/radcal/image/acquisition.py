@@ -15,8 +15,6 @@ from radcal.findings import Finding
 from radcal.radar.radiometry import noise_floor_db
 from radcal.tables.sensors import sensors
 
-__all__ = ["Acquisition", "contradictions", "differences", "radar_keys", "radar_section"]
-
 # over one degree the laws of natural surfaces change by up to 1 dB (docs/measured_images.md, "One incidence")
 _INCIDENCE_DEG = 1.0
 _HEADING_DEG = 5.0

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
     from radcal.scene.model import Scene
 
-__all__ = ["Facts", "Grid", "ReadImage", "Reader", "image_file", "opened"]
-
 # smallest share of impossible values for which an image is refused. At this share, a target of 1,000 pixels loses one
 # pixel. A sector of random bytes in a float32 image of 10^6 pixels gives half of this share. Single-look power with a
 # mean of 29, read as dB, has this share of values above 200, because exp(-200 / 29) = 0.001.

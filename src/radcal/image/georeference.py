@@ -21,17 +21,6 @@ from radcal.scene.crs import crs_of, horizontal, transformer
 if TYPE_CHECKING:
     from pyproj import CRS
 
-__all__ = [
-    "GeoreferencedImage",
-    "Places",
-    "check_spacing",
-    "map_pixel_m",
-    "places_on_ground",
-    "read_georeferenced",
-    "values_at_ground",
-    "window_around",
-]
-
 Places = Callable[[Any], tuple[NDArray[np.float64], NDArray[np.float64]]]
 _FAR_OFF = 5.0  # largest ratio of pixel spacing to pixel size, or of pixel size to pixel spacing
 

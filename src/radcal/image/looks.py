@@ -14,18 +14,6 @@ from radcal.errors import MeasurementError
 from radcal.findings import Finding
 from radcal.words import sentence
 
-__all__ = [
-    "SIDE",
-    "Looks",
-    "check_looks",
-    "estimate_looks",
-    "independent_steps",
-    "local_looks",
-    "looks_of_log_variance",
-    "most_frequent_variance",
-    "windows_of",
-]
-
 SIDE = 8  # number of independent pixels on a side of a window
 _SMALLER = (6, 5, 4)  # sides of windows in materials whose areas are too small for 20 windows of the usual side
 _INDEPENDENT = 1.5  # resolution widths between pixels that are assumed to be independent

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from radcal.findings import Finding
 from radcal.storage.records import read_item, write_item
 
-__all__ = ["Measurement", "read_measurement", "write_measurement"]
-
 
 @dataclass(frozen=True)
 class Measurement:

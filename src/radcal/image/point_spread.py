@@ -16,8 +16,6 @@ from radcal.image.looks import SIDE, Looks, independent_steps, most_frequent_var
 from radcal.image.small_areas import pairs_of_areas
 from radcal.speckle.response import speckle_correlation
 
-__all__ = ["PointSpread", "Width", "estimate_point_spread", "is_filtered", "point_spread_findings"]
-
 _WINDOWS = (20, 2000)  # smallest number of windows, and largest number that is not thinned out
 _HOMOGENEOUS = (0.5, 2.0)  # times the most frequent variance; other windows have edges, texture or point targets
 _FAR = 2.0  # widths beyond which speckle is uncorrelated; what is correlated further is texture

@@ -35,8 +35,6 @@ if TYPE_CHECKING:
 
     from radcal.scene.model import Scene
 
-__all__ = ["ArrayReader", "Header", "RasterReader"]
-
 Place = tuple[str, Sequence[float]]  # CRS and transform of the scene
 
 # tag of OPERA RTC-S1 images, whose processor writes gamma0, sigma0 or beta0 into it

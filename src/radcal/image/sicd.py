@@ -26,8 +26,6 @@ from radcal.reading.intake import parse_xml
 if TYPE_CHECKING:
     from radcal.scene.model import Scene
 
-__all__ = ["SicdReader"]
-
 _ENDINGS = (".nitf", ".ntf", ".sicd")
 _LEAST_HEADER_BYTES = 388 + 439  # of a file and its first image: MIL-STD-2500C, tables
 _HEADER_BYTES = 1_000_000  # a NITF header gives its length in six digits

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from radcal.image.looks import looks_of_log_variance
 
-__all__ = ["LEAST_LAGS", "LEAST_PAIRS", "Pairs", "pairs_of_areas"]
-
 LEAST_LAGS = 4
 """Smallest number of distances for an estimate: one or two with correlation, and two beyond it."""
 LEAST_PAIRS = 150

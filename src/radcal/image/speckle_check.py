@@ -15,8 +15,6 @@ from radcal.image.looks import check_looks, estimate_looks
 from radcal.image.point_spread import estimate_point_spread, is_filtered, point_spread_findings
 from radcal.image.small_areas import LEAST_LAGS, LEAST_PAIRS
 
-__all__ = ["Repeated", "check_resolutions", "check_speckle", "repeated_pixels", "unchecked_resolutions"]
-
 # Largest usual number of pixels in a resolution: twice that at which the power of a detected image, with twice the
 # bandwidth of the amplitude, is sampled without loss.
 _OVERSAMPLED = 2.0 * 2.0 * WIDTH_FACTOR

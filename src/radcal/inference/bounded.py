@@ -9,8 +9,6 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-__all__ = ["Batched", "distant", "least_squares", "sobol"]
-
 Batched = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Function from points of the unit box, shape (m, d), to residuals, shape (m, k)."""
 

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.laws import Law
 from radcal.speckle.texture import log_speckle_cumulants
 
-__all__ = ["Forward", "LawForward", "expected_cumulants", "law_cumulants"]
-
 Forward = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Function from X, shape (d,), to the cumulants of each incidence-angle bin, shape (n, 3).
 

@@ -13,8 +13,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["attenuation", "registration_error_deg", "true_nodes"]
-
 _HERMITE = 5
 LEAST_SHARE = 0.1  # smallest share of the mapped variance that counts as variance of the true angles
 

@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.inference.bounded import distant, least_squares, sobol
 from radcal.inference.priors import LOOKS_MOST
 
-__all__ = ["LOOKS", "LawFit", "Residuals", "fit_law"]
-
 Residuals = Callable[[NDArray[np.float64], float], NDArray[np.float64]]
 """Function from X, shape (d,), and effective looks to residuals in standard deviations, shape (k,)."""
 

@@ -20,8 +20,6 @@ from radcal.inference.moments import from_cumulants, sampling_covariance
 from radcal.laws import Law
 from radcal.speckle.texture import log_speckle_cumulants
 
-__all__ = ["SKEWNESS_SHAPE", "BinMisfit", "LikelihoodMisfit", "Method", "Misfit", "drawn", "true_angles"]
-
 # the skewness depends on the distribution of texture as much as on the backscatter law: in dB, the gamma distribution
 # of 2.5 looks has the skewness -0.69, the K distribution of 4 looks with the same variance has -0.36
 SKEWNESS_SHAPE = 0.3

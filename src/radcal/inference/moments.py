@@ -9,15 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 from radcal import skewnormal
 from radcal.image.looks import looks_of_log_variance
 
-__all__ = [
-    "STATISTICS",
-    "from_cumulants",
-    "from_dp",
-    "sampling_covariance",
-    "to_cumulants",
-    "to_dp",
-]
-
 STATISTICS = ("mean", "log sd", "skewness")
 _SKEWNESS_LIMIT = 0.995  # the skewness of a skew normal is below 0.9953 in size
 

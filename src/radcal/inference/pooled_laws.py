@@ -19,15 +19,6 @@ from radcal.inference.misfit import Method, true_angles
 from radcal.inference.priors import CurvePrior, looks_residuals
 from radcal.speckle.texture import log_speckle_cumulants
 
-__all__ = [
-    "FittedLaw",
-    "bins_of",
-    "curve_prior",
-    "fit_laws",
-    "law_prior",
-    "limited",
-]
-
 _ROUNDS = 3  # alternations between fits of the laws and estimates of the spread
 _START_SPREAD = Spread(0.8, 0.4)  # [dB], in the first round; 0.8 is the mean of a half-normal law of 1 dB
 _STEP = 1e-4

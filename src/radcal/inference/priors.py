@@ -14,8 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.laws import Law
 
-__all__ = ["LOOKS_MOST", "CurvePrior", "looks_residuals"]
-
 LOOKS_MOST = 1.1  # largest effective number of looks, in multiples of the sensor's looks
 _LOOKS = (0.9, 0.6)  # median, times the sensor's looks; log standard deviation
 _SLOPE_DEG = (30.0, 45.0)

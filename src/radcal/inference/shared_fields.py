@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from radcal.ground.bins import Classes
 from radcal.inference.misfit import BinMisfit
 
-__all__ = ["SharedFields", "together"]
-
 Doubles = NDArray[np.float64]
 
 

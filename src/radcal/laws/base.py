@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.errors import ConfigError
 
-__all__ = ["EXTERNAL", "OF_PASS", "Law", "cosine", "seen_rad"]
-
 EXTERNAL = "external"  # law of a material whose backscatter only the simulator can compute
 OF_PASS = ("frequency_ghz", "polarisation")  # conditions that section radar gives
 _LEAST_COSINE = 1e-6

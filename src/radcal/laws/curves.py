@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.laws.base import Law, cosine
 
-__all__ = ["CURVES", "constant_gamma", "mangia", "tabulated", "ulaby_dobson"]
-
 
 def mangia(phi_rad: ArrayLike, parameters: ArrayLike) -> NDArray[np.float64]:
     r"""Four-parameter law, equation 1 of the paper under References.

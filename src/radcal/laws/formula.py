@@ -23,8 +23,6 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.errors import ConfigError
 from radcal.laws.base import Law
 
-__all__ = ["FORMULA", "FUNCTIONS", "QUANTITIES", "Formula", "formula_law", "refuse_infinite"]
-
 FORMULA = "formula"
 """Name of the law of a material that has the key ``formula``."""
 

@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.laws.base import Law
 
-__all__ = ["GRAZING", "RURAL", "LandClutter", "land_clutter", "nrl_sea", "weibull_power"]
-
 # c1 to c5 of the formula of nrl_sea
 _NRL = {
     "HH": (-73.0, 20.781, 7.351, 25.65, 0.0054),

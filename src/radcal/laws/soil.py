@@ -7,8 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.laws.base import Law, cosine
 
-__all__ = ["SOIL", "oh1992"]
-
 _LIGHT_CM_GHZ = 29.9792458  # speed of light [cm GHz]
 
 

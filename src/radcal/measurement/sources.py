@@ -23,8 +23,6 @@ from radcal.scene.model import Scene
 from radcal.sections.measurement import RADIOMETRY_EXPECTED
 from radcal.simulators.base import Simulator
 
-__all__ = ["make_measurement"]
-
 _NOISE_ABOVE_DB = 3.0  # an image contains its noise: only errors of both levels let the noise lie above the image
 
 

@@ -31,8 +31,6 @@ from radcal.simulators.base import Simulator
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.speckle.texture import order_of_texture, texture_db
 
-__all__ = ["check_synthetic", "make_synthetic", "relabelled", "roughened", "smooth_warp", "textured", "varied"]
-
 _WARP_SIGMA_PX = 60.0  # smoothing of a synthetic displacement field
 _PATCH_CELLS = 4.0  # correlation length of patches with a wrong label
 

@@ -23,8 +23,6 @@ from radcal.vectors.mapping import MOST_MATERIALS, text_of
 if TYPE_CHECKING:
     from radcal.image.acquisition import Acquisition
 
-__all__ = ["POLARISATIONS", "RasterFacts", "code_counts", "product_acquisition", "raster_facts", "value_counts"]
-
 POLARISATIONS = ("HH", "HV", "VH", "VV")
 _SAMPLE_PX = 1024  # side of the sample from which the range of an image's numbers is read
 _HEIGHTS_PX = 100  # side of the sample of heights for which the acquisition of a product is computed

@@ -10,8 +10,6 @@ from radcal.config import expand_path, load_forward
 from radcal.config.part import Part
 from radcal.config.yaml_file import read_case_file
 
-__all__ = ["forward_case"]
-
 
 def forward_case(
     file: str | Path, overrides: Mapping[str, Any] | None = None, materials: str | Path | None = None

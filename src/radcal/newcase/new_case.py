@@ -35,8 +35,6 @@ from radcal.tables.landcover import landcovers
 from radcal.tables.sensors import Sensor, sensors
 from radcal.vectors.mapping import VectorMapping, read_mapping
 
-__all__ = ["NewCase", "case_path"]
-
 _INCIDENCE_DEG, _SAMPLING = 45.0, 1.4  # of the default pass: incidence, and resolution over pixel spacing
 _SYNTHETIC, _NONE = "synthetic", "none"  # words in place of the path of a measured image
 _NOT_ON_THE_MAP = {"scene.labels", "scene.near_incidence_deg", "scene.far_incidence_deg"}

@@ -15,8 +15,6 @@ from radcal.sections.base import FILL_IN
 from radcal.seeds import derived_rng
 from radcal.tables.landcover import starting_keys, starting_levels
 
-__all__ = ["fixed_laws", "new_materials"]
-
 _X1 = (-40.0, 0.0)  # bounds of X1 [dB] where no level is read from an image
 _AROUND_DB = 10.0  # distance of the bounds of X1 from the levels of the image
 _BELOW_DB, _ABOVE_DB, _STEP_DB = 10.0, 2.0, 5.0  # smallest distances of a start from the bounds, and their rounding

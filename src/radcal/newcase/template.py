@@ -6,8 +6,6 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["TEMPLATE", "Line"]
-
 _LINE = re.compile(r"(?m)^(\w+):|^  (\w+):( FILL_IN)?(?:  # (?:(--\S+) ([A-Z]+): )?(.*))?$")
 
 

@@ -23,19 +23,6 @@ from radcal.laws import Law
 from radcal.objectives.history import History, Proposal, Score
 from radcal.targets.target import Target
 
-__all__ = [
-    "Baseline",
-    "CalibratedMaterial",
-    "Comparison",
-    "Doubles",
-    "MeasuredBins",
-    "Objective",
-    "PredictedPoints",
-    "Progress",
-    "Reason",
-    "SearchState",
-]
-
 Doubles = NDArray[np.float64]
 
 Baseline = Callable[[Doubles], Doubles]

@@ -26,8 +26,6 @@ from radcal.objectives.base import (
 )
 from radcal.objectives.history import History
 
-__all__ = ["Bins", "Likelihood"]
-
 _SETTLED = 0.03  # difference in cost for a law that is a quarter of its standard error from the minimum
 _REFUTED = 3.0  # ratio of a verified to the predicted cost, above which the surrogate does not predict the simulator
 _EXPLORED = 0.05  # the same for a law without a curve, whose search also asks what the surrogate's errors may hide

@@ -26,8 +26,6 @@ from radcal.objectives.base import (
 )
 from radcal.objectives.history import History
 
-__all__ = ["UNREACHABLE_SHARE", "Density"]
-
 UNREACHABLE_SHARE = 0.9  # share of the best verified rms; with a floor above it, no X is clearly better
 _PROMISING_SHARE = 0.5
 _GRID = 200  # points on which the search compares densities; the score uses 1,000

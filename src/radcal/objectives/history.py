@@ -12,20 +12,6 @@ from numpy.typing import NDArray
 
 from radcal.storage.records import from_json, read_json, understood, write_json
 
-__all__ = [
-    "Front",
-    "History",
-    "Kind",
-    "PassScore",
-    "Proposal",
-    "Run",
-    "Score",
-    "read_proposals",
-    "read_runs",
-    "write_proposals",
-    "write_runs",
-]
-
 Kind = Literal["reference", "registration", "reused", "design", "infill"]
 
 

@@ -13,8 +13,6 @@ from radcal.objectives.base import Comparison, Doubles, Objective, PredictedPoin
 from radcal.objectives.history import Score
 from radcal.speckle.texture import equal_texture
 
-__all__ = ["Joint"]
-
 
 class Joint(Comparison):
     """Comparison of one material's runs with its targets in several passes.

@@ -32,8 +32,6 @@ from radcal.words import STANDINGS, Step, asked_steps, beside_headline, ends, re
 if TYPE_CHECKING:
     from PIL import Image
 
-__all__ = ["write_report"]
-
 _AGREE = 1.4  # largest ratio of rms to sampling error at which two densities count as equal
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MINUS = "\N{MINUS SIGN}"

@@ -12,8 +12,6 @@ from radcal.figures.drawing import slugs
 from radcal.page.plots import PLOTS
 from radcal.results.archive import Archive
 
-__all__ = ["Interactive", "embedded_library", "interactive", "script"]
-
 
 @dataclass(frozen=True)
 class Interactive:

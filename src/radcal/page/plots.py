@@ -20,8 +20,6 @@ from radcal.posterior.result import Curve
 from radcal.results.archive import Archive, MaterialResult
 from radcal.results.bin_statistics import BinStatistics
 
-__all__ = ["PLOTS", "Drawn"]
-
 Trace = dict[str, Any]
 Drawn = tuple[str, list[Trace], dict[str, Any]]
 """Caption, traces and layout."""

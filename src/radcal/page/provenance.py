@@ -13,8 +13,6 @@ from radcal.results.archive import Archive
 from radcal.results.summary import numbered_jobs, wall_seconds
 from radcal.storage.files import file_sha256
 
-__all__ = ["Provenance", "provenance_of"]
-
 
 @dataclass(frozen=True)
 class Provenance:

@@ -16,8 +16,6 @@ from radcal.posterior.fixed_laws import CELL_DB, FIELD_SPREAD, half_normal
 from radcal.posterior.marginal import Marginal, integrated, normal_draws
 from radcal.posterior.sampling import Sample, mixed, sample
 
-__all__ = ["Draws", "LawModel", "Parameters"]
-
 Doubles = NDArray[np.float64]
 
 FORMS = 8

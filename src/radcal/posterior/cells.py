@@ -22,19 +22,6 @@ if TYPE_CHECKING:
     from radcal.ground.correlation import Correlation
     from radcal.radar.geometry import Geometry
 
-__all__ = [
-    "DB",
-    "STEP_DEG",
-    "WITHOUT_AREA",
-    "CellMeans",
-    "Simulated",
-    "area_db",
-    "cell_keys",
-    "cell_means",
-    "members",
-    "weights_of_facets",
-]
-
 Doubles = NDArray[np.float64]
 
 DB = 10.0 / np.log(10.0)

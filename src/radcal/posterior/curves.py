@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from radcal.laws import Law
 
-__all__ = ["GRID_DEG", "NORMAL_90", "PER_DEG", "curves_of", "levels_at"]
-
 Doubles = NDArray[np.float64]
 
 NORMAL_90 = 1.6448536269514722

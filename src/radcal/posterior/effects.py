@@ -17,8 +17,6 @@ from radcal.config import Uncertainty
 from radcal.posterior.cells import CellMeans
 from radcal.storage.dataclass_groups import About
 
-__all__ = ["FIXED_FORMS", "Observed", "Shared", "common_columns", "expected_effects", "form_basis", "law_columns"]
-
 Doubles = NDArray[np.float64]
 
 FLATTENING = 0.25

@@ -17,8 +17,6 @@ from radcal.posterior.radiometry import Radiometry, chances_of
 from radcal.posterior.result import Image
 from radcal.posterior.sampling import mixed, sample
 
-__all__ = ["CELL_DB", "FIELD_SPREAD", "apart_db", "half_normal", "image_from"]
-
 Doubles = NDArray[np.float64]
 
 CELL_DB = 0.4

@@ -14,8 +14,6 @@ from radcal.posterior.result import FormError
 if TYPE_CHECKING:
     from radcal.posterior.calibrated import LawModel
 
-__all__ = ["form_error", "noticed_db"]
-
 Doubles = NDArray[np.float64]
 
 _REFUTED_DB = 1.0

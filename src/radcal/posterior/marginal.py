@@ -11,8 +11,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Marginal", "integrated", "normal_draws"]
-
 Doubles = NDArray[np.float64]
 
 _CELL = np.log(np.geomspace(0.01, 3.0, 32))

@@ -15,8 +15,6 @@ from radcal.posterior.calibrated import LawModel
 from radcal.posterior.curves import NORMAL_90
 from radcal.posterior.result import Constant, HeldOut, Predicted
 
-__all__ = ["constant_of", "field_check", "left_out", "predict"]
-
 Doubles = NDArray[np.float64]
 
 _FOLDS = 10

@@ -16,8 +16,6 @@ from radcal.posterior.curves import GRID_DEG, NORMAL_90, PER_DEG
 from radcal.posterior.effects import Observed, form_basis
 from radcal.posterior.result import WHOLE_DEG, Curve, FormError, KeptDraws, LevelPoints, Posterior, known_between
 
-__all__ = ["Form", "points_of", "summary", "with_band", "without_cells"]
-
 Doubles = NDArray[np.float64]
 
 _FORM_KNOT_DEG = 2.0

@@ -16,8 +16,6 @@ from radcal.posterior.cells import WITHOUT_AREA, CellMeans
 from radcal.posterior.effects import FIXED_FORMS, law_columns
 from radcal.storage.dataclass_groups import About
 
-__all__ = ["Radiometry", "area_exponent", "chances_of", "radiometry_of"]
-
 Doubles = NDArray[np.float64]
 
 _SNR_DB, _FEWEST = 10.0, 30  # of a fixed material that counts: level above the noise, number of cells

@@ -15,20 +15,6 @@ from radcal.posterior.effects import Shared
 from radcal.posterior.radiometry import Radiometry
 from radcal.storage.dataclass_groups import About
 
-__all__ = [
-    "WHOLE_DEG",
-    "Constant",
-    "Curve",
-    "FormError",
-    "HeldOut",
-    "Image",
-    "KeptDraws",
-    "LevelPoints",
-    "Posterior",
-    "Predicted",
-    "known_between",
-]
-
 Doubles = NDArray[np.float64]
 
 WHOLE_DEG = np.arange(91.0)

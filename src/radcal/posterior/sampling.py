@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Sample", "mixed", "sample", "split_r_hat"]
-
 Doubles = NDArray[np.float64]
 LogDensity = Callable[[Doubles], Doubles]
 """Function from points, shape (m, d), to the logarithms of their densities, shape (m,)."""

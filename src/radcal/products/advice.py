@@ -25,18 +25,6 @@ from radcal.scene.model import Scene, read_scene
 from radcal.tables.sensors import sensors
 from radcal.words import doubts, sentence
 
-__all__ = [
-    "ALIKE",
-    "NONE",
-    "Advised",
-    "advice_on",
-    "advise",
-    "best_passes",
-    "candidates",
-    "common_ratio",
-    "judged",
-]
-
 Doubles = NDArray[np.float64]
 
 _STEP_DEG = 15.0

@@ -31,8 +31,6 @@ from radcal.simulators.sources import make_simulator
 from radcal.storage.records import understood
 from radcal.words import doubts, sentence
 
-__all__ = ["COLUMNS", "apply", "predictions", "where_seen", "with_laws"]
-
 Doubles = NDArray[np.float64]
 
 COLUMNS = (

@@ -16,8 +16,6 @@ from radcal.posterior.cells import DB
 from radcal.posterior.curves import GRID_DEG
 from radcal.posterior.result import Constant, Posterior
 
-__all__ = ["PredictionBins", "by_constant_db", "predictive_db"]
-
 Doubles = NDArray[np.float64]
 
 

@@ -22,8 +22,6 @@ from radcal.words import ends
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["LawDifference", "compare", "law_difference"]
-
 Doubles = NDArray[np.float64]
 Intervals = tuple[tuple[float, float], ...]
 

@@ -38,8 +38,6 @@ from radcal.storage.files import atomic
 from radcal.storage.run_index import read_index, record_of
 from radcal.storage.runs import RunStore
 
-__all__ = ["PassImages", "gray_scale", "ground_layers", "pass_images", "write_export"]
-
 _INPUT = "simulator_input"
 _MASK: Classes = {
     1: ("clear", "#D9D9D9"),

@@ -17,8 +17,6 @@ from radcal.radar.geometry import Geometry
 from radcal.scene.model import Scene
 from radcal.storage.files import atomic
 
-__all__ = ["SLANT_RANGE", "Layer", "MapGrid", "map_grid", "of_pass", "pixel_at_cell", "write_geotiff", "write_layers"]
-
 SLANT_RANGE = "slant range, not georeferenced"
 _MAP = "map of the scene"
 _REACH = 0.75  # share of a pixel's diagonal on the ground: one half is needed, the rest bridges uneven spacing

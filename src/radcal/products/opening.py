@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     import pystac
     import xarray
 
-__all__ = ["Results", "open_results"]
-
 
 @dataclass(frozen=True)
 class Results:

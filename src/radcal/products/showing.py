@@ -20,8 +20,6 @@ from radcal.storage.lock import holder
 from radcal.storage.records import understood
 from radcal.words import beside_headline
 
-__all__ = ["results_folder", "show"]
-
 _FILES = {"report.html": "report", "export": "exports", "summary.json": "summary", "runs.csv": "table of runs"}
 
 _SEVERAL = re.compile("{(k|chunk|material)}")  # wildcards of files of which a pass has several

@@ -29,8 +29,6 @@ from radcal.storage.provenance import provenance
 from radcal.storage.runs import RunStore
 from radcal.words import sentence
 
-__all__ = ["forward", "simulate", "write_looks"]
-
 
 def forward(
     case: Part,

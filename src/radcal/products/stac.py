@@ -13,8 +13,6 @@ from radcal.storage.records import read_hdf5
 if TYPE_CHECKING:
     import pystac
 
-__all__ = ["stac_item"]
-
 _TABLES = ("export/laws.csv", "export/parameters.csv", "export/calibrated.yaml", "runs.csv")
 _FILES = ("report.html", "summary.json", "calibration.h5", *_TABLES)
 _OF_MATERIAL = ("law", "parameters", "fits", "known_between_deg")

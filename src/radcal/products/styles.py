@@ -6,8 +6,6 @@ from collections.abc import Mapping
 
 from lxml import etree
 
-__all__ = ["Classes", "category_names", "class_style", "gray_style"]
-
 Classes = Mapping[int, tuple[str, str]]
 """Name and colour (``#RRGGBB``) of each class by its number, from 1."""
 

@@ -15,8 +15,6 @@ from radcal.config import CommandSimulation
 from radcal.results.archive import Archive, MaterialResult
 from radcal.storage.files import atomic
 
-__all__ = ["aligned", "calibrated_materials", "calibrated_yaml", "law_rows", "parameter_rows", "write_csv"]
-
 LAWS = (
     "material", "incidence_deg", "median_db", "p05_db", "p95_db", "known", "calibrated_db", "parameters_model_db",
     "level",

@@ -21,7 +21,7 @@ from radcal.config import CommandSimulation, Material, Radar
 from radcal.config.inputs import executable_path
 from radcal.config.part import Part
 from radcal.errors import ConfigError, SimulatorError, StoreError, WrongNumbers
-from radcal.programs.command_plan import CommandPlan, check_command, check_image_shape
+from radcal.programs.command_plan import CommandPlan, check_image_shape
 from radcal.programs.placeholders import SEED, argument
 from radcal.programs.process import output_tail, run_program
 from radcal.reading.arrays import read_array
@@ -31,8 +31,6 @@ from radcal.storage.files import atomic, case_folder, working_folder
 
 if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
-
-__all__ = ["CommandPlan", "CommandSimulator", "check_command", "read_raw", "toml_text"]
 
 _VERSION_SECONDS = 60.0
 _MEND = (

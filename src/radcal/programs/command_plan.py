@@ -18,8 +18,6 @@ from radcal.programs.written_numbers import check_numbers
 from radcal.sections.simulator import SimulatorConfig
 from radcal.storage.files import file_sha256
 
-__all__ = ["CommandPlan", "changed_links", "check_command", "check_image_shape"]
-
 _SCRIPTS = (".bash", ".jar", ".jl", ".js", ".lua", ".m", ".pl", ".pro", ".py", ".r", ".rb", ".sh", ".tcl")
 
 

@@ -14,8 +14,6 @@ import sys
 import threading
 import time
 
-__all__ = ["main"]
-
 
 def main(arguments: list[str]) -> int:
     """Start a program and wait until it ends.

@@ -17,8 +17,6 @@ from dataclasses import dataclass
 from radcal.errors import ConfigError, SimulatorError
 from radcal.sections.errors import nearest
 
-__all__ = ["SEED", "Marked", "Marker", "argument", "template"]
-
 SEED = "noise_seed"
 _RANGE = re.compile(r"\s*(-?\d{1,19})\.\.(-?\d{1,19})\s*(?::(.*))?", re.DOTALL)
 _WIDTH = re.compile(r"(?:.?[<>=^])?[-+ ]?z?#?0?(\d+)")

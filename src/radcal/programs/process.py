@@ -17,8 +17,6 @@ from radcal.config.disclosure import hashed
 from radcal.errors import SimulatorError
 from radcal.programs import guard
 
-__all__ = ["LOG", "STDERR", "STDOUT", "Ended", "output_tail", "run_program"]
-
 STDOUT, STDERR, LOG = "radcal.stdout", "radcal.stderr", "radcal.log"
 _MOST_BYTES = 100_000_000  # largest size of what a program prints on standard output, and on standard error
 _LOOK_S = 0.2  # time between two looks at the size of what a program has printed [s]

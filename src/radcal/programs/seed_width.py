@@ -18,8 +18,6 @@ from radcal.programs.placeholders import SEED, Marked, Marker
 from radcal.seeds import measurement_seed, noise_seed
 from radcal.storage.inspection import inspect_file
 
-__all__ = ["check_seeds", "with_seed_bits"]
-
 
 def with_seed_bits(case: Case, results: str | Path) -> Case:
     """Case with ``simulator.seed_bits`` set, if the simulator is an external program.

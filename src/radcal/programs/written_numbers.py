@@ -15,8 +15,6 @@ from radcal.config import Material
 from radcal.errors import ConfigError, SimulatorError
 from radcal.programs.placeholders import Marked, Marker
 
-__all__ = ["check_numbers"]
-
 _TRIED = 102  # values of a parameter that are written for the check: the bounds, and 100 between them
 _FEWEST = 50  # different numbers that the bounds must be resolved by
 _ROUNDING = 0.5 / _FEWEST  # largest share of the interval by which rounding may move a bound outwards

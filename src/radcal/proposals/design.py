@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from radcal.config.part import Part
 from radcal.seeds import derived_rng
 
-__all__ = ["design_points", "sample_unit"]
-
 _LATIN_BLOCK = 16
 
 

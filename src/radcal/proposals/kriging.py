@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.errors import SurrogateError
 
-__all__ = ["JITTER", "Kriging", "baseline_factor", "train"]
-
 _LOG_SD = 1.0  # log standard deviation of the prior of a length scale; its median is 1, the width of the box
 # starts of the searches for the length scales, in widths of the box: the first start of each group and, if it is
 # another one, the start of the group with the highest posterior density; outputs that vary fast or hardly at all have

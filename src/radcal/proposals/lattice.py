@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from radcal.inference.bounded import sobol
 from radcal.proposals.surrogate import Surrogate
 
-__all__ = ["SAME", "corners", "elsewhere", "lattice"]
-
 SAME = 1e-7  # distance in the unit box below which two points are the same
 
 _MOST_BRANCHED = 4  # largest number of whole-number parameters for which all combinations of roundings are made

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from radcal.config import Optimiser
 
-__all__ = ["Population", "nsga2"]
-
 
 @dataclass(frozen=True)
 class Population:

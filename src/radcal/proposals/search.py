@@ -18,8 +18,6 @@ from radcal.proposals.lattice import SAME, corners, elsewhere, lattice
 from radcal.proposals.nsga2 import nsga2
 from radcal.proposals.surrogate import Surrogate
 
-__all__ = ["Search"]
-
 _FAVOUR = 2.0  # standard errors by which the surrogate's statistics may err towards the target
 _STARTS = 12
 _SCREENED = 1024

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from radcal.errors import SurrogateError
 
-__all__ = ["train_smt"]
-
 _THETA0 = 1e-2  # smt's default start
 
 

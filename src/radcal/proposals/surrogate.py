@@ -17,8 +17,6 @@ from radcal.proposals.kriging import JITTER, Kriging, baseline_factor, train
 from radcal.proposals.smt_kriging import train_smt
 from radcal.storage.records import read_item, write_item
 
-__all__ = ["Surrogate", "Training", "read_trainings", "train_surrogate", "write_trainings"]
-
 _JUDGED = 4  # least number of runs with which leave-one-out errors decide whether the baseline is kept
 
 

@@ -16,8 +16,6 @@ from radcal.reading.images import ImageFile, Values, check_header, reading
 from radcal.reading.intake import elsewhere
 from radcal.reading.rasters import check_blocks, open_raster
 
-__all__ = ["is_raster", "raster_band", "read_array"]
-
 _HDF5_SPARE_BYTES = 64 << 20  # number of bytes by which a chunk may be larger than its dataset
 _HDF5_FILTERS = frozenset(
     range(1, 7)

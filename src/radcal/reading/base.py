@@ -10,8 +10,6 @@ from radcal.plugins import Plugins
 from radcal.reading.products import NamedProduct, named_product
 from radcal.reading.rasters import raster_files
 
-__all__ = ["READERS", "FileReader", "reader_of"]
-
 
 class FileReader(ABC):
     """Reader of a kind of files, before a file is opened; :class:`radcal.image.base.Reader` reads the image.

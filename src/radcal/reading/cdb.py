@@ -13,8 +13,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-__all__ = ["BASE_MATERIALS", "CELLS", "DATASETS", "CdbFile", "cdb_files", "cell_width_deg", "step_deg"]
-
 CELLS = 1024  # grid elements along a side of a tile of level 0 or finer
 DATASETS = (1, 5, 6, 100, 101, 201, 204)
 """Datasets that are read: elevation, raster material and its tables, features, roads, waters."""

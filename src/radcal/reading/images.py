@@ -17,17 +17,6 @@ from numpy.typing import NDArray
 from radcal.errors import RadcalError, WrongNumbers
 from radcal.reading.intake import LARGEST_VALUES, guarded
 
-__all__ = [
-    "LARGEST_DB",
-    "NOT_FINITE",
-    "Counts",
-    "ImageFile",
-    "Values",
-    "check_header",
-    "reading",
-    "to_db",
-]
-
 Values = NDArray[Any]
 _NEGATIVE_SHARE = 0.01  # largest share of negative pixels in a power image; noise subtraction can leave a few
 LARGEST_DB = 200.0

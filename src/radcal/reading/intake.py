@@ -13,8 +13,6 @@ import h5py
 
 from radcal.errors import RadcalError
 
-__all__ = ["LARGEST_VALUES", "bounded_memory", "elsewhere", "guarded", "parse_xml", "read_xml", "unchanged"]
-
 LARGEST_VALUES = 100_000_000  # largest number of values read from a file if the expected size is unknown
 _LARGEST_XML = 100_000_000  # largest size of an XML file [bytes]
 _PAGES = Path("/proc/self/statm")

@@ -17,8 +17,6 @@ import h5py
 
 from radcal.reading.intake import LARGEST_VALUES, elsewhere, read_xml
 
-__all__ = ["DRIVERS", "RasterRefused", "check_blocks", "open_raster", "raster_files"]
-
 DRIVERS = (
     "GTiff",
     "ENVI",

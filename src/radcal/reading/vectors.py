@@ -21,8 +21,6 @@ from radcal.errors import RadcalError
 from radcal.processes import apart
 from radcal.reading.intake import guarded
 
-__all__ = ["ENDINGS", "VectorLayer", "read_shapefiles", "read_vectors", "vector_files"]
-
 # ending of the file's name: first bytes, driver of GDAL, and what the driver's name for a file begins with
 ENDINGS = {
     ".gpkg": (b"SQLite format 3\0", "GPKG", ""),

@@ -7,8 +7,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Method"]
-
 
 class Method(Protocol):
     """Function that finds the displacement between two images; checks and error of the registration are common."""

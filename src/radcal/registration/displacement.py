@@ -10,8 +10,6 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-__all__ = ["invert", "warp"]
-
 _ITERATIONS = 50
 _CLOSE_PX = 1e-3
 

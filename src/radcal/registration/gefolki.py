@@ -28,8 +28,6 @@ from numpy.typing import NDArray
 from radcal.processes import one_thread
 from radcal.registration.spline_field import CELL_PX, Data, Lattice, Prior, SplinePosterior
 
-__all__ = ["Flow", "Level", "find_flow", "gefolki_px", "local_correlation", "pyramid", "rank_transform"]
-
 # chosen on the even seeds of benchmarks/registration.py
 _RANK_RADIUS = 16
 _BLUR_PX = 0.7

@@ -17,8 +17,6 @@ from radcal.registration.registered import LEAST_CONTRAST_DB, Registered
 from radcal.registration.relief import relief_slopes
 from radcal.words import sentence
 
-__all__ = ["checked", "depression", "geometry_findings", "place", "range_line", "relief"]
-
 Doubles = NDArray[np.float64]
 
 _LEAST_SHARE = 0.8  # of the variance of a displacement that a line explains; right geometry had up to 0.6

@@ -14,8 +14,6 @@ from radcal.radar.geometry import Geometry
 from radcal.registration.registered import Registered
 from radcal.scene.model import Scene
 
-__all__ = ["HeightShift", "height_findings", "height_shift", "with_height_finding"]
-
 _SQUARE_PX = 8  # side of the squares whose means are compared: the displacement is smooth
 _TILES = 4  # tiles in each direction, one of which is left out at a time
 _FEWEST = 10  # smallest number of squares in a tile

@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from radcal.registration.displacement import warp
 
-__all__ = ["ilk_px"]
-
 
 def ilk_px(
     fixed: NDArray[np.float32],

@@ -21,18 +21,6 @@ from radcal.registration.spline_field import Prior
 from radcal.sections.measurement import REGISTRATIONS
 from radcal.storage.records import read_item, write_item
 
-__all__ = [
-    "LEAST_CONTRAST_DB",
-    "Registered",
-    "contrast_db",
-    "read_registered",
-    "register",
-    "register_again",
-    "registered_as",
-    "without_images",
-    "write_registered",
-]
-
 _SIGNIFICANT = 4.0  # standard errors
 _SMALLEST_PX = 64
 _LEAST_GAIN = 0.001  # smallest rise of the held-out correlation: the last digit that the sentence shows

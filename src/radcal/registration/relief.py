@@ -14,8 +14,6 @@ from radcal.findings import Finding
 from radcal.radar.geometry import Geometry
 from radcal.words import sentence
 
-__all__ = ["ReliefSlope", "check_relief", "relief_slope", "relief_slopes"]
-
 _BLOCK_PX = 32
 _FEWEST = 20  # smallest number of blocks, and of pixels of a material in a block
 _LEAST_SPREAD_DEG = 1.0  # smallest standard deviation of the incidence inside blocks

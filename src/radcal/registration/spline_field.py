@@ -16,8 +16,6 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-__all__ = ["CELL_PX", "Data", "Lattice", "Prior", "SplinePosterior"]
-
 CELL_PX = 8
 _SPACING_PX = 24.0
 _MOST_CONTROLS = 64  # largest number along the longer side, which limits the cost of the factorisations

@@ -30,19 +30,6 @@ from radcal.storage.dataclass_groups import About, put, table, take
 from radcal.storage.records import read_hdf5, write_hdf5
 from radcal.targets.target import Target
 
-__all__ = [
-    "UNLISTED",
-    "Archive",
-    "Images",
-    "MaterialResult",
-    "PassResult",
-    "Runs",
-    "SceneView",
-    "read_archive",
-    "read_finished",
-    "write_archive",
-]
-
 _KIND = "calibration"
 _UNIT = "dB or IQR"  # levels.unit says which of the two applies
 _DENSITY = "1/dB or 1/IQR"

@@ -15,8 +15,6 @@ from radcal.posterior.curves import curves_of
 from radcal.proposals.surrogate import Surrogate, Training
 from radcal.storage.dataclass_groups import About
 
-__all__ = ["BinStatistics", "bin_statistics", "prior_draws"]
-
 Doubles = NDArray[np.float64]
 
 _HALF_STEP = 0.005  # half of 1 % of the width of the bounds

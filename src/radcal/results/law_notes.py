@@ -10,8 +10,6 @@ from radcal.config.part import Part
 from radcal.findings import Finding
 from radcal.radar.geometry import Geometry
 
-__all__ = ["at_bound", "found_words", "law_notes"]
-
 _AT_BOUND = 1e-3  # share of the interval between bounds within which a value is at its bound
 _SHARE = 0.05  # share of a material's pixels outside the law's valid angles above which a note is made
 

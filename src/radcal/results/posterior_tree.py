@@ -17,8 +17,6 @@ from radcal.results.archive import Archive
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["posterior_tree"]
-
 _SAMPLE = ("chain", "draw")
 
 

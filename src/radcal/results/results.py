@@ -44,8 +44,6 @@ from radcal.seeds import derived_rng
 from radcal.storage.runs import Record
 from radcal.targets.target import Targets
 
-__all__ = ["archive_of"]
-
 _LARGEST_SCENE = 1200  # largest number of archived cells per side
 _MOST_OBJECTS = 20_000  # largest number of archived objects; a figure cannot show more as separate dots
 _PACKAGES = ("radcal", "numpy", "scipy", "smt", "platypus-opt", "h5py", "snakemake")

@@ -10,8 +10,6 @@ import numpy as np
 from radcal.results.archive import Archive
 from radcal.storage.files import atomic
 
-__all__ = ["write_table"]
-
 
 def write_table(path: str | Path, archive: Archive) -> None:
     """Write ``runs.csv`` with one line per run and material.

@@ -13,8 +13,6 @@ from radcal.objectives import Comparison
 from radcal.objectives.history import History
 from radcal.storage.dataclass_groups import About
 
-__all__ = ["SearchFront", "search_fronts"]
-
 Doubles = NDArray[np.float64]
 
 

@@ -23,8 +23,6 @@ from radcal.results.archive import Archive, MaterialResult
 from radcal.results.law_notes import found_words
 from radcal.words import beside_headline, headline, next_steps, remarks, sentence, verdict
 
-__all__ = ["numbered_jobs", "sentences", "summarise", "wall_seconds"]
-
 _LEVELS = ("normalisation", "offset_db", "offset_error_db", "scale", "unit")
 
 

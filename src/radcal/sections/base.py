@@ -10,11 +10,6 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict
 
 from radcal.errors import ConfigError
 
-__all__ = [
-    "EXAMPLES", "FILL_IN", "MATERIALS_FROM", "PASSES", "TAGS", "UNDECIDED", "CaseName", "Section", "check_case_name",
-    "with_tag", "with_undecided",
-]  # fmt: skip
-
 _LONGEST_NAME = 100  # file systems allow names of 255 bytes, and the names of some files contain the name of the case
 
 # sections that exist in several kinds, and for each section the key that chooses the kind

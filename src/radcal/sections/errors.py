@@ -15,9 +15,6 @@ from pydantic_core import ErrorDetails
 
 from radcal.sections.base import EXAMPLES, FILL_IN, MATERIALS_FROM, PASSES, TAGS, UNDECIDED
 
-__all__ = ["MISSING", "Mistake", "Wrong", "first_of", "key_in_list", "mistakes", "nearest", "shown"]
-
-
 MISSING = "missing_because"  # type of the error for a missing key, with a reason in the message
 
 # names that pydantic inserts into locations for the alternatives of a union

@@ -11,24 +11,6 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 from pydantic_core import PydanticCustomError
 
-__all__ = [
-    "ALL_PIXELS",
-    "LONGEST_S",
-    "Altitude",
-    "Coordinate",
-    "Count",
-    "Decibels",
-    "Frequency",
-    "Integer",
-    "Length",
-    "Looks",
-    "Parameter",
-    "Real",
-    "RetryWait",
-    "Seed",
-    "Timeout",
-]
-
 ALL_PIXELS = 2**31 - 1  # number that stands for "all": more pixels than any material has
 LONGEST_S = (
     30 * 86_400.0

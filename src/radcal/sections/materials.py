@@ -14,8 +14,6 @@ from radcal.sections.errors import Wrong, nearest
 from radcal.sections.limits import Parameter, Real
 from radcal.tables import read_table
 
-__all__ = ["Material", "OtherLaw", "check_parameters", "default_materials"]
-
 _DEFINING = ("law", "angles_deg", "formula", "names", "conditions")  # keys of a law that are not its parameters
 _LARGEST_WHOLE = 2.0**53
 # largest parameter: 1000 dB is a power of 10^100, which exceeds single precision; the unit must be wrong

@@ -18,20 +18,6 @@ from radcal.sections.materials import OtherLaw
 from radcal.sections.radar import Radiometry
 from radcal.tables import read_table
 
-__all__ = [
-    "RADIOMETRY_EXPECTED",
-    "REGISTRATIONS",
-    "FileMeasurement",
-    "MeasurementConfig",
-    "RegistrationConfig",
-    "Synthetic",
-    "SyntheticMeasurement",
-    "default_synthetic",
-    "hidden_dyke",
-    "starts_as_truth",
-    "within",
-]
-
 RADIOMETRY_EXPECTED = f"expected {', '.join(get_args(Radiometry)[:-1])} or {get_args(Radiometry)[-1]}"
 _SOURCE = "source of the measured image: synthetic or file; each source has its own keys"
 

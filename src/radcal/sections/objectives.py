@@ -11,8 +11,6 @@ from pydantic_core import PydanticCustomError
 
 from radcal.plugins import Plugins
 
-__all__ = ["OBJECTIVES", "Objective", "Traits", "names"]
-
 
 @dataclass(frozen=True)
 class Traits:

@@ -11,8 +11,6 @@ from radcal.sections.base import Section
 from radcal.sections.errors import Wrong
 from radcal.sections.limits import Altitude, Coordinate, Integer, Length, Real
 
-__all__ = ["Ppi"]
-
 _HALF_LIGHT_M_S = 0.5 * 299_792_458.0  # distance of a target by the time of its echo
 _LEAST_PULSES = 4  # in a beam width: fewer do not sample the two-way pattern
 

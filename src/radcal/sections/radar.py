@@ -24,8 +24,6 @@ from radcal.sections.errors import Wrong
 from radcal.sections.limits import Altitude, Decibels, Frequency, Integer, Length, Looks, Real
 from radcal.tables.sensors import SensorName, sensors
 
-__all__ = ["Radar", "Radiometry", "Signals"]
-
 Radiometry = Literal["sigma0_ref", "sigma0_local", "beta0", "gamma0", "gamma0_rtc"]
 
 # largest number of pixels per resolution cell, which determines the length of the sampled impulse response

@@ -17,23 +17,6 @@ from radcal.sections.errors import Wrong
 from radcal.sections.limits import Coordinate, Decibels, Integer, Length, Real, Seed
 from radcal.tables.landcover import LandCover
 
-__all__ = [
-    "DBSM_LIMITS",
-    "SCENES",
-    "WALL_DB_LIMITS",
-    "BuiltinScene",
-    "CdbScene",
-    "GeneratedObjects",
-    "GridScene",
-    "Permittivity",
-    "RasterScene",
-    "SceneConfig",
-    "SceneObjects",
-    "SceneSection",
-    "SlantRangeScene",
-    "VectorScene",
-    "check_curve",
-]
 Longitude = Annotated[Real, Field(ge=-180, le=180)]
 Latitude = Annotated[Real, Field(ge=-90, le=90)]
 _SOURCE = "source of the scene: builtin, slant_range, raster, vectors or cdb; each source has its own keys"

@@ -10,8 +10,6 @@ from pydantic import Field, model_validator
 from radcal.sections.base import CaseName, Section
 from radcal.sections.limits import Count, Integer, Real
 
-__all__ = ["Design", "Optimiser", "Stop", "SurrogateConfig"]
-
 
 class Design(Section):
     """Runs made before any surrogate exists (design of experiments)."""

@@ -12,18 +12,6 @@ from radcal.sections.base import Section, with_tag
 from radcal.sections.errors import Wrong
 from radcal.sections.limits import LONGEST_S, Count, Integer, RetryWait, Timeout
 
-__all__ = [
-    "SIMULATORS",
-    "BuiltinSimulation",
-    "CommandSimulation",
-    "InputFile",
-    "Output",
-    "PythonSimulation",
-    "RawType",
-    "SimulatorConfig",
-    "Template",
-]
-
 _KIND = "kind of simulator: builtin (part of radcal) or command (an external program)"
 _SEED_BITS = 31  # number of bits of the seeds for an external program: a C int can store these seeds
 _ONLY_MASKS = frozenset({"looks", "nesz_db", "range_resolution_m", "azimuth_resolution_m"})

@@ -10,8 +10,6 @@ from radcal.sections.base import Section
 from radcal.sections.errors import Wrong
 from radcal.sections.limits import ALL_PIXELS, Count, Decibels, Integer, Real
 
-__all__ = ["TargetConfig", "Uncertainty", "Validation"]
-
 Share = Annotated[Real, Field(ge=0, le=1)]
 Error = Annotated[Real, Field(ge=0, le=20)]
 

@@ -10,10 +10,6 @@ from numpy.typing import NDArray
 
 from radcal.sentinel1.geolocation import GroundRange, between
 
-__all__ = [
-    "Annotation", "LookUpTable", "NoiseTable", "Processing", "Swath", "annotation_of", "calibration_of", "noise_of",
-]  # fmt: skip
-
 Array = NDArray[np.float64]
 Bounds = tuple[int, int, int, int]
 

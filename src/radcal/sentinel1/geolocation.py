@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from radcal.scene.crs import transformer
 
-__all__ = ["GroundRange", "Look", "between"]
-
 Array = NDArray[np.float64]
 
 _STEPS = 12

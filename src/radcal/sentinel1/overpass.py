@@ -25,8 +25,6 @@ from radcal.scene.model import Scene
 from radcal.sentinel1.annotation import Annotation, LookUpTable, NoiseTable, annotation_of, calibration_of, noise_of
 from radcal.sentinel1.safe import SafeRefused, chosen_image, safe_folder, safe_images
 
-__all__ = ["Overpass", "Product", "open_product", "overpass_of", "overpass_unchecked"]
-
 Array = NDArray[np.float64]
 
 T = TypeVar("T")

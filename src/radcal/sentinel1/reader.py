@@ -30,8 +30,6 @@ from radcal.words import sentence
 if TYPE_CHECKING:
     from radcal.scene.model import Scene
 
-__all__ = ["Sentinel1Reader"]
-
 Array = NDArray[np.float64]
 
 _SLOPES = 250_000  # number of slopes of a scene from which a quantile is taken

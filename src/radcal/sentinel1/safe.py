@@ -8,8 +8,6 @@ from pathlib import Path
 
 from radcal.reading.intake import read_xml
 
-__all__ = ["MANIFEST", "SafeImage", "SafeRefused", "chosen_image", "is_safe_name", "safe_folder", "safe_images"]
-
 MANIFEST = "manifest.safe"
 _POLARISATIONS = frozenset(("HH", "HV", "VH", "VV"))
 _PARTS = {"annotation": "", "calibration": "calibration-", "noise": "noise-"}  # prefixes of the names of files

@@ -20,24 +20,6 @@ from radcal.session.terminal import guard
 from radcal.storage.files import alive
 from radcal.storage.provenance import provenance
 
-__all__ = [
-    "CASE",
-    "COMMAND",
-    "FAILURE",
-    "OWNER",
-    "PASSES",
-    "PROGRESS",
-    "RESULTS",
-    "STARTED",
-    "Follower",
-    "clock",
-    "die_with_parent",
-    "elapsed",
-    "job",
-    "logged",
-    "progress",
-]
-
 # environment variables that the session sets for its jobs
 CASE = "RADCAL_CASE"  # name of the case
 COMMAND = "RADCAL_COMMAND"  # command line of the Snakemake process that plans the jobs

@@ -22,8 +22,6 @@ from radcal.storage.provenance import provenance
 from radcal.storage.records import keep_finished
 from radcal.storage.sealing import Fault
 
-__all__ = ["check_replacement"]
-
 _MOST_BYTES = 16 * 2**20  # of a larger file only header and size are inspected, unless its values are compared
 
 

@@ -10,8 +10,6 @@ from collections.abc import Mapping
 from radcal.config import Case
 from radcal.config.stages import STAGES
 
-__all__ = ["reruns_table"]
-
 _RUNS: Mapping[str, str] = {
     "case": "all, in `results/<case>`; `design.reuse` takes those of another case",
     "replace": "none",

@@ -22,8 +22,6 @@ from radcal.storage.run_index import read_index
 from radcal.storage.runs import RunStore
 from radcal.storage.sealing import Fault
 
-__all__ = ["files_of", "salvage", "simulator_change"]
-
 _MOST_BYTES = 16 * 2**20
 _SHOWN = 3  # largest number of files named in one message
 # files of earlier versions of radcal: those of the first pass, which now lie in passes/1, and the design of the other

@@ -19,7 +19,7 @@ from radcal.config.stages import OUTPUTS
 from radcal.config.yaml_file import check_words
 from radcal.errors import RadcalError, StoreError
 from radcal.forecast.runs_and_time import standing
-from radcal.programs.command import check_command
+from radcal.programs.command_plan import check_command
 from radcal.programs.seed_width import with_seed_bits
 from radcal.sections.measurement import starts_as_truth
 from radcal.session.jobs import CASE, COMMAND, FAILURE, OWNER, PASSES, PROGRESS, RESULTS, STARTED, Follower, elapsed
@@ -31,8 +31,6 @@ from radcal.storage.files import sweep_scripts, unwritable
 from radcal.storage.lock import CaseLock, leave
 from radcal.storage.records import REPLACE, read_json
 from radcal.words import sentence
-
-__all__ = ["Session", "is_dry_run", "is_finished", "is_planned", "open_session", "say"]
 
 _SNAKEMAKE = Path(".snakemake")
 _RESULTS = "results"

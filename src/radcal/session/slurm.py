@@ -13,8 +13,6 @@ from typing import Any
 from radcal.errors import ClusterError
 from radcal.storage.files import atomic
 
-__all__ = ["cancel_leftovers", "job_name", "remember"]
-
 _PATIENCE_S = 120.0  # by default Slurm gives a cancelled job 30 s to end (KillWait)
 
 

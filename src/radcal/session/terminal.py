@@ -18,8 +18,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, TextIO
 
-__all__ = ["BAR", "Bar", "Guarded", "Messages", "can_draw", "guard", "write_protected"]
-
 BAR = "RADCAL_BAR"  # environment variable of a command that shows a bar, and of its jobs
 _RENEWED_S = 1.0
 _ERASE = "\r\x1b[2K"  # back to the start of the line, which is cleared

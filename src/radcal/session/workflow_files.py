@@ -8,8 +8,6 @@ from pathlib import Path
 import radcal
 from radcal.errors import ConfigError
 
-__all__ = ["carried_case", "holds_workflow", "workflow_folder"]
-
 _MARK = '"""radcal'  # first letters of radcal's Snakefile
 
 

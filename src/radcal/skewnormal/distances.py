@@ -7,8 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.skewnormal.distribution import cdf, centred, density
 
-__all__ = ["density_rms", "hellinger", "kolmogorov_smirnov", "target_grid"]
-
 
 def target_grid(dp: ArrayLike, points: int = 1000) -> NDArray[np.float64]:
     """Evenly spaced points at which densities are compared, from mean - 5 sd to mean + 5 sd of the target [dB]."""

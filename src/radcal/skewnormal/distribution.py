@@ -6,8 +6,6 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["MAX_R", "MAX_SKEWNESS", "B", "cdf", "centred", "density", "direct", "log_likelihood", "sample"]
-
 B = np.sqrt(2.0 / np.pi)  # mean of the half-normal
 # skewness of the half-normal, the limit of large |alpha|
 MAX_SKEWNESS = float((4.0 - np.pi) / 2.0 * B**3 / (1.0 - B**2) ** 1.5)

@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.errors import FitError
 from radcal.skewnormal.distribution import MAX_R, MAX_SKEWNESS, B, centred, log_likelihood
 
-__all__ = ["Fit", "covariance", "farthest", "fit", "objective", "search", "standardised"]
-
 _ALPHA_LIMIT = 1e7  # alpha of the half-normal limit, in place of infinity
 # The penalty c1 log(1 + c2 alpha^2) has the slope alpha / (2 (e1 + e2 alpha^2)), as the modified score has. e1 = 1/3
 # follows from small alpha, e2 = (int u^2 N(u)^2 / Phi(u) du) / (int u^4 N(u)^2 / Phi(u) du) from large alpha. Then c1 =

@@ -13,8 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.skewnormal.distribution import MAX_R, MAX_SKEWNESS
 from radcal.skewnormal.likelihood import Fit, covariance, farthest, fit, objective, search, standardised
 
-__all__ = ["intervals"]
-
 # for skewnesses up to this size, and for at least this number of values, 95 % Wald intervals contain the true value in
 # 93 to 97 % of samples
 _WALD_SKEWNESS = 0.9

@@ -47,8 +47,6 @@ from numpy.typing import NDArray
 from radcal.errors import StoreError
 from radcal.findings import Finding
 
-__all__ = ["About", "put", "same", "table", "take"]
-
 # sizes of compressed datasets [bytes]: compression of smaller ones saves no space, and of larger ones takes too long
 _COMPRESSED = range(1024, 1_000_000)
 _TEXT = h5py.string_dtype()

@@ -17,20 +17,6 @@ from typing import Any
 
 from radcal.errors import StoreError
 
-__all__ = [
-    "alive",
-    "atomic",
-    "case_folder",
-    "clamp_future_mtimes",
-    "digest",
-    "file_sha256",
-    "first_difference",
-    "sweep",
-    "sweep_scripts",
-    "unwritable",
-    "working_folder",
-]
-
 _PARTIAL = ".partial-"
 
 

@@ -19,8 +19,6 @@ from radcal.reading.intake import elsewhere
 from radcal.storage.provenance import origin
 from radcal.storage.sealing import EarlierVersion, Fault, check_hdf5, check_json
 
-__all__ = ["check_case", "inspect", "inspect_file", "kind_of", "set_aside", "unreachable"]
-
 
 def inspect(path: str | Path, kind: str | None, most_bytes: int | None = None) -> None:
     """Inspect a file; rename the file to ``*.damaged`` if it is damaged, or of another kind, version or case.

@@ -11,8 +11,6 @@ from radcal.storage.files import file_sha256
 from radcal.storage.records import write_json
 from radcal.storage.sealing import Fault
 
-__all__ = ["faulty", "listed", "write_listing"]
-
 _KEY = "checksums"
 
 

@@ -16,8 +16,6 @@ from typing import NoReturn, TextIO
 from radcal.errors import StoreError
 from radcal.storage.files import alive, sweep
 
-__all__ = ["CaseLock", "Holder", "claimed", "holder", "leave"]
-
 logger = logging.getLogger(__name__)
 
 

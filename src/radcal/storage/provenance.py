@@ -10,8 +10,6 @@ from typing import Any
 
 from radcal.config.disclosure import disclosed
 
-__all__ = ["Origin", "origin", "provenance"]
-
 
 @dataclass(frozen=True)
 class Origin:

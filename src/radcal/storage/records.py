@@ -31,19 +31,6 @@ from radcal.storage.inspection import check_case, inspect, inspect_file, set_asi
 from radcal.storage.provenance import origin
 from radcal.storage.sealing import BLOCK, Fault, header
 
-__all__ = [
-    "REPLACE",
-    "from_json",
-    "keep_finished",
-    "read_hdf5",
-    "read_item",
-    "read_json",
-    "understood",
-    "write_hdf5",
-    "write_item",
-    "write_json",
-]
-
 T = TypeVar("T")
 
 REPLACE = "RADCAL_REPLACE"

@@ -14,8 +14,6 @@ from radcal.errors import StoreError
 from radcal.storage.records import from_json, read_json, write_json
 from radcal.storage.runs import Parameters, Record, RunStore
 
-__all__ = ["IndexedRun", "in_all_passes", "indexed", "read_index", "record_of", "write_index"]
-
 Key = Annotated[str, Field(pattern=r"^\w+$")]  # a file name, which stays below the folder of the runs
 
 

@@ -24,8 +24,6 @@ from radcal.errors import DamagedError
 from radcal.storage.inspection import inspect, set_aside, unreachable
 from radcal.storage.records import read_hdf5, write_hdf5
 
-__all__ = ["Parameters", "Record", "RunStore", "median_seconds"]
-
 Parameters = Mapping[str, Sequence[float]]
 
 logger = logging.getLogger(__name__)

@@ -11,8 +11,6 @@ import hashlib
 import re
 from io import BufferedReader
 
-__all__ = ["BLOCK", "EarlierVersion", "Fault", "check_hdf5", "check_json", "header"]
-
 BLOCK = 512
 """Length of the user block [bytes]; HDF5 allows no smaller user block."""
 

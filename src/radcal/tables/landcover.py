@@ -17,17 +17,6 @@ from typing import Any, Literal
 from radcal.laws import DEFAULT_LAW
 from radcal.tables import read_table
 
-__all__ = [
-    "Cover",
-    "LandCover",
-    "StartingLevel",
-    "brightest_db",
-    "landcover_table",
-    "landcovers",
-    "starting_keys",
-    "starting_levels",
-]
-
 LandCover = Literal["esa_worldcover", "corine", "nlcd"]
 
 # X1 + X2 cos(phi) is 10 log10(cos(phi)) within 0.2 dB from 20 to 60 degrees (least squares)

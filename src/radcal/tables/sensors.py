@@ -14,8 +14,6 @@ from typing import Any, Literal
 
 from radcal.tables import read_table
 
-__all__ = ["Sensor", "SensorName", "sensors", "sensors_table"]
-
 SensorName = Literal[
     "sentinel1_iw_grdh",
     "terrasarx_stripmap",

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
     from radcal.registration.registered import Registered
 
-__all__ = ["bin_targets"]
-
 _LEVEL_DB = 40.0  # half width of a bin level's bounds about the mean of the pixels, for laws without a curve
 
 

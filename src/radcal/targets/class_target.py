@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from radcal.ground.bins import Classes, class_cumulants, winsorised
 from radcal.ground.patches import Spread
 
-__all__ = ["ClassTarget"]
-
 
 @dataclass(frozen=True)
 class ClassTarget:

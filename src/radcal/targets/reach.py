@@ -13,8 +13,6 @@ from radcal.seeds import derived_rng
 from radcal.speckle.texture import log_speckle_cumulants
 from radcal.targets.target import Targets
 
-__all__ = ["check_level", "check_reach", "law_range_db"]
-
 Doubles = NDArray[np.float64]
 
 _SAMPLE = 1024

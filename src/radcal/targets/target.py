@@ -21,8 +21,6 @@ from radcal.storage.records import read_item, write_item
 from radcal.targets.class_target import ClassTarget
 from radcal.words import sentence
 
-__all__ = ["Target", "Targets", "read_targets", "write_targets"]
-
 _UNLIKELY = 0.01  # smallest p-value that the number of bootstrap samples can resolve
 _SMALL_DEG = 0.01  # a smaller error of the incidence is not stated as a number
 _TEXTURED = 0.7  # a textured material has fewer looks than this share of the looks of homogeneous areas

@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from radcal.registration.registered import Registered
     from radcal.scene.model import Scene
 
-__all__ = ["HELD_OUT", "fields_of", "laws_of_image", "make_levels", "make_target", "make_targets", "sampling_rms"]
-
 # Step to which a target's parameters are rounded, relative to its standard deviation; a thousandth of the sampling
 # error of 1,000 pixels. Numerical noise, for example after a constant is added to the image, then changes no
 # calibration.
