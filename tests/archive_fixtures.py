@@ -1,7 +1,5 @@
 """Small archives, written by the library from made-up runs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

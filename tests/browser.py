@@ -1,15 +1,11 @@
 """Headless Chromium that opens a page and says what it did, by the DevTools protocol over a pipe."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
 import subprocess
 import tempfile
 import time
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -31,14 +27,14 @@ _OPTIONS = """
 class Browser:
     """One page in a browser of its own; a context manager."""
 
-    def __init__(self, width: int = 1280, height: int = 900) -> None:
+    def __init__(self, width=1280, height=900):
         assert CHROMIUM is not None
         self.size = width, height
-        self.events: list[dict[str, Any]] = []
+        self.events = []
         self._held = b""
         self._count = 0
 
-    def __enter__(self) -> Browser:
+    def __enter__(self):
         self._profile = tempfile.mkdtemp()
         to_read, self._to = os.pipe()
         self._from, to_write = os.pipe()
@@ -51,7 +47,7 @@ class Browser:
         )  # fmt: skip
         os.close(to_read)
         os.close(to_write)
-        self._session: str | None = None
+        self._session = None
         target = next(one for one in self.send("Target.getTargets")["targetInfos"] if one["type"] == "page")
         found = self.send("Target.attachToTarget", targetId=target["targetId"], flatten=True)
         self._session = found["sessionId"]
@@ -60,14 +56,14 @@ class Browser:
         self.resize(*self.size)
         return self
 
-    def __exit__(self, *error: object) -> None:
+    def __exit__(self, *error):
         self._process.terminate()
         self._process.wait(20)
         os.close(self._to)
         os.close(self._from)
         shutil.rmtree(self._profile, ignore_errors=True)
 
-    def send(self, method: str, **parameters: Any) -> Any:
+    def send(self, method, **parameters):
         """Result of a command."""
         self._count += 1
         message = {"id": self._count, "method": method, "params": parameters}
@@ -82,57 +78,56 @@ class Browser:
                 return answer["result"]
             self.events.append(answer)
 
-    def _next(self) -> dict[str, Any]:
+    def _next(self):
         while b"\0" not in self._held:
             more = os.read(self._from, 1 << 20)
             assert more, "the browser has ended"
             self._held += more
         text, _, self._held = self._held.partition(b"\0")
-        found: dict[str, Any] = json.loads(text)
-        return found
+        return json.loads(text)
 
-    def resize(self, width: int, height: int) -> None:
+    def resize(self, width, height):
         """Set the size of the window [px]."""
         self.send("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
 
-    def media(self, kind: str = "screen", scheme: str = "light") -> None:
+    def media(self, kind="screen", scheme="light"):
         """Show the page for ``screen`` or ``print``, in a ``light`` or ``dark`` scheme."""
         features = [{"name": "prefers-color-scheme", "value": scheme}]
         self.send("Emulation.setEmulatedMedia", media=kind, features=features)
 
-    def open(self, path: Path) -> None:
+    def open(self, path):
         """Load a file, and wait until it is complete."""
         self.events.clear()
         self.send("Page.navigate", url=path.absolute().as_uri())
         self.wait("location.protocol + document.readyState === 'file:complete'")
 
-    def evaluate(self, script: str) -> Any:
+    def evaluate(self, script):
         """Value of an expression in the page."""
         found = self.send("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in found, found
         return found["result"].get("value")
 
-    def press(self, key: str, code: int, text: str = "") -> None:
+    def press(self, key, code, text=""):
         """Press a key, by its name and its Windows code."""
         for kind in ("keyDown", "keyUp"):
             more = {"text": text} if text and kind == "keyDown" else {}
             self.send("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code, **more)
 
-    def wait(self, condition: str) -> None:
+    def wait(self, condition):
         """Wait until an expression is true."""
         ends = time.monotonic() + 60.0
         while not self.evaluate(condition):
             assert time.monotonic() < ends, condition
             time.sleep(0.05)
 
-    def requests(self) -> list[str]:
+    def requests(self):
         """Addresses that the page has asked for, data and itself aside."""
         asked = [
             one["params"]["request"]["url"] for one in self.events if one.get("method") == "Network.requestWillBeSent"
         ]
         return [url for url in asked if not url.startswith(("data:", "blob:"))][1:]
 
-    def errors(self) -> list[str]:
+    def errors(self):
         """Errors and warnings on the console, and exceptions of scripts."""
         return [
             json.dumps(one["params"])

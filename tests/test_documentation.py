@@ -11,20 +11,20 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 
 
-def prose(page: Path) -> str:
+def prose(page):
     """Text of a page without blocks and spans of code."""
     text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
     return re.sub(r"^ {4}.*$|`[^`]*`", "", text, flags=re.MULTILINE)
 
 
-def anchors(page: Path) -> set[str]:
+def anchors(page):
     """Names by which a link reaches the headings of a page, as GitHub and MyST make them."""
     headings = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_links_lead_to_files_and_headings(page: Path) -> None:
+def test_links_lead_to_files_and_headings(page):
     broken = []
     for link in LINK.findall(prose(page)):
         if "://" in link or link.startswith("mailto:"):
@@ -36,18 +36,18 @@ def test_links_lead_to_files_and_headings(page: Path) -> None:
     assert broken == []
 
 
-def test_every_page_of_the_site_is_in_its_contents() -> None:
+def test_every_page_of_the_site_is_in_its_contents():
     listed = set(re.findall(r"^(\w+)$", (ROOT / "docs/index.md").read_text(encoding="utf-8"), flags=re.MULTILINE))
     pages = [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs").glob("*.ipynb")]
     assert {page.stem for page in pages} - {"index"} == listed
 
 
-def test_pictures_are_shown_in_a_page() -> None:
+def test_pictures_are_shown_in_a_page():
     shown = {(page.parent / link).resolve() for page in PAGES for link in LINK.findall(prose(page))}
     assert set((ROOT / "docs").glob("*.png")) - shown == set()
 
 
-def test_cases_in_the_pages_are_yaml() -> None:
+def test_cases_in_the_pages_are_yaml():
     blocks = [block for page in PAGES for block in re.findall(r"(?ms)^```yaml$(.*?)^```$", page.read_text("utf-8"))]
     assert len(blocks) > 2
     assert all(isinstance(yaml.safe_load(block), dict) for block in blocks)

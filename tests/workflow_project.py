@@ -1,7 +1,5 @@
 """A copy of the workflow in an empty folder, with a tiny case that takes seconds: for tests of whole calibrations."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Check of a case: every mistake is listed at once, and the need of a right one is told."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -46,7 +44,7 @@ SAID = {
 }
 
 
-def test_ten_mistakes_are_found_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ten_mistakes_are_found_at_once(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("mine.yaml").write_text(TEN_MISTAKES)
     found = check_case(["mine.yaml"])
@@ -59,7 +57,7 @@ def test_ten_mistakes_are_found_at_once(tmp_path: Path, monkeypatch: pytest.Monk
     assert all(text in done.stderr for text in SAID)
 
 
-def slant_range(folder: Path, names: str, shape: tuple[int, int] = (60, 50)) -> Path:
+def slant_range(folder, names, shape=(60, 50)):
     labels = np.ones((60, 50), dtype=np.uint8)
     labels[:, 20:] = 2
     write_raster(folder / "labels.tif", labels)
@@ -86,7 +84,7 @@ uncertainty: {{walkers: 32, steps: 100}}
     return path
 
 
-def test_what_a_right_case_needs_is_told(tmp_path: Path) -> None:
+def test_what_a_right_case_needs_is_told(tmp_path):
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     said = list[str]()
     found = check_case([path], results=tmp_path / "results", say=said.append)
@@ -115,7 +113,7 @@ def test_what_a_right_case_needs_is_told(tmp_path: Path) -> None:
     assert twice.stderr.splitlines()[-1] == f"radcal: 1 of 2 cases cannot be run: {tmp_path / 'gone.yaml'}"
 
 
-def test_what_only_the_files_show_is_found(tmp_path: Path) -> None:
+def test_what_only_the_files_show_is_found(tmp_path):
     found = check_case([slant_range(tmp_path, '{"1": "field", "2": "sea"}')])
     assert any("lake" in text for text in found.problems)
     found = check_case([slant_range(tmp_path, '{"1": "field", "2": "lake"}', (61, 50))])
@@ -124,7 +122,7 @@ def test_what_only_the_files_show_is_found(tmp_path: Path) -> None:
     assert any("design.reuse is 'another'" in text for text in changed.problems)
 
 
-def test_a_wrong_value_is_not_called_missing_as_well(tmp_path: Path) -> None:
+def test_a_wrong_value_is_not_called_missing_as_well(tmp_path):
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     path.write_text(
         path.read_text().replace("scale: power, radiometry: sigma0_ref", "scale: decibel, radiometry: level")
@@ -137,11 +135,11 @@ def test_a_wrong_value_is_not_called_missing_as_well(tmp_path: Path) -> None:
     assert any("measurement.scale is missing" in text for text in check_case([path]).problems)
 
 
-def test_a_fixed_law_and_the_image_are_compared_before_any_run(tmp_path: Path) -> None:
+def test_a_fixed_law_and_the_image_are_compared_before_any_run(tmp_path):
     """The image has 0 dB; gamma0 of 2.8 dB is a sigma0 of 2.8 dB + 10 log10(cos(32 degrees)), 2.1 dB above it."""
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
 
-    def told(gamma_db: float, **more: object) -> list[Finding]:
+    def told(gamma_db, **more):
         lake = {"law": "constant_gamma", "parameters": [gamma_db]}
         changed = {"materials": {"lake": lake, "field": {"calibrate": True}}, **more}
         return [one for one in check_case([path], changed).findings if one.code in ("fixed_level", *codes)]
@@ -161,7 +159,7 @@ def test_a_fixed_law_and_the_image_are_compared_before_any_run(tmp_path: Path) -
     assert "fixed_level" not in [one.code for one in found.findings]
 
 
-def test_bounds_that_no_law_leaves_are_a_mistake(tmp_path: Path) -> None:
+def test_bounds_that_no_law_leaves_are_a_mistake(tmp_path):
     """The image has 0 dB, also where the bounds end 25 dB below; all else was looked at."""
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     narrow = {"materials": {"field": {"bounds": [[-40, -30], [0, 3], [0, 2], [0, 20]]}}}
@@ -177,7 +175,7 @@ def test_bounds_that_no_law_leaves_are_a_mistake(tmp_path: Path) -> None:
     assert check_case([path], narrow).problems == [said], "once for two passes"
 
 
-def test_warnings_are_told_as_such_and_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_warnings_are_told_as_such_and_first(tmp_path, monkeypatch):
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     steep, plain = Finding("heading_missing", "warning", "radar.heading_deg"), Finding("scene_large", "note", "scene")
     found = replace(check_case([path]), findings=[plain, steep], time="time: short")
@@ -194,16 +192,16 @@ def test_warnings_are_told_as_such_and_first(tmp_path: Path, monkeypatch: pytest
     assert CliRunner().invoke(app, ["check", str(path)]).stdout == f"  {sentence(steep)}\n"
 
 
-def test_a_file_that_is_no_yaml_is_one_problem(tmp_path: Path) -> None:
+def test_a_file_that_is_no_yaml_is_one_problem(tmp_path):
     (tmp_path / "mine.yaml").write_text("a: [")
     assert len(check_case([tmp_path / "mine.yaml"]).problems) == 1
 
 
-def test_the_settings_of_a_synthetic_measurement_are_tried(tmp_path: Path) -> None:
+def test_the_settings_of_a_synthetic_measurement_are_tried(tmp_path):
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     own = yaml.safe_load(path.read_text())
 
-    def problems(**changes: float) -> list[str]:
+    def problems(**changes):
         own["measurement"] = {"source": "synthetic", "synthetic": {"warp_px": 0.5, **changes}}
         path.write_text(yaml.safe_dump(own))
         return check_case([path]).problems
@@ -217,7 +215,7 @@ def test_the_settings_of_a_synthetic_measurement_are_tried(tmp_path: Path) -> No
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning")  # of rasterio about affine
-def test_a_sentinel1_product_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sentinel1_product_is_told(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
@@ -264,7 +262,7 @@ def test_a_sentinel1_product_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert [yaml.safe_load(text)["radar"]["heading_deg"] for text in found.sections] == [printed["heading_deg"]]
 
 
-def on_the_map(folder: Path) -> None:
+def on_the_map(folder):
     """Heights, land cover and an image of two bands in dB, on one map, and a land cover elsewhere."""
     rng = np.random.default_rng(5)
     cover = np.where(np.arange(40) < 17, 40, 10).astype("uint8")[None].repeat(30, axis=0)
@@ -317,9 +315,7 @@ materials: {cropland: {calibrate: true}, tree_cover: {}}
         ({"azimuth_spacing_m: 20": "azimuth_spacing_m: 2"}, ("radar.azimuth_spacing_m is 2",), "start image"),
     ],
 )  # fmt: skip
-def test_what_a_stage_refuses_is_told_before_any_run(
-    changes: dict[str, str], said: tuple[str, ...], unseen: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_a_stage_refuses_is_told_before_any_run(changes, said, unseen, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     on_the_map(tmp_path)
     text = ON_THE_MAP
@@ -335,7 +331,7 @@ def test_what_a_stage_refuses_is_told_before_any_run(
     assert not Path("results").exists()
 
 
-def test_a_right_case_on_the_map_has_no_problem(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_right_case_on_the_map_has_no_problem(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     on_the_map(tmp_path)
     Path("mine.yaml").write_text(ON_THE_MAP)
@@ -345,7 +341,7 @@ def test_a_right_case_on_the_map_has_no_problem(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
-def test_an_image_without_a_crs_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_image_without_a_crs_is_told_so(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     on_the_map(tmp_path)
     Path("mine.yaml").write_text(ON_THE_MAP)
@@ -364,9 +360,7 @@ def test_an_image_without_a_crs_is_told_so(tmp_path: Path, monkeypatch: pytest.M
         assert f" and the file {lacks}, expected a georeferenced image, as the scene in WGS 84 / UTM zone" in said
 
 
-def test_a_case_without_materials_has_those_of_the_default_case(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_case_without_materials_has_those_of_the_default_case(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     on_the_map(tmp_path)
     Path("mine.yaml").write_text(ON_THE_MAP[: ON_THE_MAP.index("materials: {cropland")])
@@ -380,9 +374,7 @@ def test_a_case_without_materials_has_those_of_the_default_case(
 @pytest.mark.parametrize(
     ("key", "value"), [("command", ["./gone"]), ("files", ["gone"]), ("templates", [{"template": "gone", "file": "a"}])]
 )
-def test_a_missing_file_of_a_simulator_is_one_problem(
-    key: str, value: object, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_file_of_a_simulator_is_one_problem(key, value, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     (tmp_path / "sim").write_text("#!/bin/sh\n")
@@ -406,7 +398,7 @@ def test_a_missing_file_of_a_simulator_is_one_problem(
         ("30.5", "materials.field: a = -20 give a sigma0 of "),
     ],
 )
-def test_a_formula_with_a_pole_keeps_no_other_case_from_its_check(tmp_path: Path, pole: str, said: str) -> None:
+def test_a_formula_with_a_pole_keeps_no_other_case_from_its_check(tmp_path, pole, said):
     right = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     data = yaml.safe_load(right.read_text())
     law = {"law": "formula", "formula": f"1/(theta-{pole}) + a", "names": ["a"], "bounds": [[-40, 0]]}
@@ -431,7 +423,7 @@ def test_a_formula_with_a_pole_keeps_no_other_case_from_its_check(tmp_path: Path
         ({"shape": [50, 60], "transpose": True}, ""),
     ],
 )  # fmt: skip
-def test_a_raw_file_of_another_size_is_found_before_a_run(tmp_path: Path, output: dict[str, object], said: str) -> None:
+def test_a_raw_file_of_another_size_is_found_before_a_run(tmp_path, output, said):
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     raw = {"file": "image.raw", "format": "raw", "dtype": "float32", "scale": "db"}
     simulator = {"kind": "command", "command": ["sh"], "input": {}, "output": raw | output}
@@ -443,13 +435,13 @@ def test_a_raw_file_of_another_size_is_found_before_a_run(tmp_path: Path, output
     assert all("output.shape" not in text for text in check_case([path], {"simulator": simulator, **names}).problems)
 
 
-def test_a_fixed_law_without_its_minus_sign_is_asked_about(tmp_path: Path) -> None:
+def test_a_fixed_law_without_its_minus_sign_is_asked_about(tmp_path):
     """Where no measured image tells it; a case whose calibrated material starts as bright has other units."""
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     case = yaml.safe_load(path.read_text())
     hidden = {"measurement": {"synthetic": {"parameters": {"field": [-8.0, 4.0, 3.0, 5.0]}}}}
 
-    def asked(law: str, parameters: list[float], **more: object) -> list[Finding]:
+    def asked(law, parameters, **more):
         case["materials"]["lake"] = {"law": law, "parameters": parameters}
         path.write_text(yaml.safe_dump({**case, **hidden, **more}))
         return [one for one in check_case([path]).findings if one.code == "law_bright"]
@@ -472,7 +464,7 @@ def test_a_fixed_law_without_its_minus_sign_is_asked_about(tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-def test_a_start_without_contrast_is_told_before_any_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_start_without_contrast_is_told_before_any_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     where = {"crs": "EPSG:32631", "transform": from_origin(6e5, 5.8e6, 20.0, 20.0)}
     cover = np.where(np.add.outer(np.arange(90) // 30, np.arange(100) // 30) % 2, 40, 10).astype("uint8")
@@ -492,7 +484,7 @@ def test_a_start_without_contrast_is_told_before_any_run(tmp_path: Path, monkeyp
         assert all(one.severity == "note" for one in check_case(["mine.yaml"], change).findings)
 
 
-def test_a_case_for_simulate_is_checked_as_such(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_case_for_simulate_is_checked_as_such(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     scene = "{source: slant_range, labels: labels.tif, names: names.json, near_incidence_deg: 20, far_incidence_deg: "
@@ -510,7 +502,7 @@ def test_a_case_for_simulate_is_checked_as_such(tmp_path: Path, monkeypatch: pyt
         assert not check_case(["forward.yaml"], change).forward
 
 
-def test_notes_on_one_of_several_images_name_their_pass(tmp_path: Path) -> None:
+def test_notes_on_one_of_several_images_name_their_pass(tmp_path):
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     case = yaml.safe_load(path.read_text())
     (alone,) = (one for one in check_case([path]).findings if one.code == "pixels")
@@ -521,7 +513,7 @@ def test_notes_on_one_of_several_images_name_their_pass(tmp_path: Path) -> None:
     assert [one.about for one in found.findings if one.code == "radiometry_unchecked"] == ["pass 1", "pass 2"]
 
 
-def test_a_start_that_is_the_hidden_truth_is_told(tmp_path: Path) -> None:
+def test_a_start_that_is_the_hidden_truth_is_told(tmp_path):
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     case = yaml.safe_load(path.read_text())
     for hidden, told in (({}, True), ({"field": [-8.0, 4.0, 3.0, 5.0]}, False), ({"filed": [-8.0] * 4}, False)):
@@ -531,12 +523,12 @@ def test_a_start_that_is_the_hidden_truth_is_told(tmp_path: Path) -> None:
         assert len(found.problems) == ("filed" in hidden)
 
 
-def test_noise_above_0_db_is_asked_about(tmp_path: Path) -> None:
+def test_noise_above_0_db_is_asked_about(tmp_path):
     """A missing minus sign, which else shows in its consequences alone; images of other levels may have such noise."""
     path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
     case = yaml.safe_load(path.read_text())
     hidden = {"parameters": {"field": [-8.0, 4.0, 3.0, 5.0]}}
-    keys: list[tuple[list[tuple[str, float]], object, dict[str, float]]] = [
+    keys = [
         ([("radar.nesz_db", 24.0)], 24, {}),
         ([("radar.nesz_db", 3.0)], [[20, -3], [40, 3]], {}),
         ([("measurement.synthetic.nesz_db", 25.5)], 0, {"nesz_db": 25.5}),
@@ -548,7 +540,7 @@ def test_noise_above_0_db_is_asked_about(tmp_path: Path) -> None:
         asked = [one for one in check_case([path]).findings if one.code == "noise_positive"]
         assert [(one.about, one.numbers["level_db"]) for one in asked] == high
     levels = {"field": {"law": "constant_gamma", "calibrate": True, "bounds": [[30, 50]]}}
-    levels["lake"] = {"law": "constant_gamma", "parameters": [45.0]}  # type: ignore[dict-item]
+    levels["lake"] = {"law": "constant_gamma", "parameters": [45.0]}
     measured = {"measurement": {"synthetic": {"parameters": {"field": [40.0]}}}}
     path.write_text(yaml.safe_dump({**case, **measured, "radar": {"nesz_db": 5}, "materials": levels}))
     assert check_case([path]).problems == []

@@ -1,10 +1,7 @@
 """Finished results that radcal run would not replace, as radcal check tells of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
-import pytest
 import yaml
 from workflow_project import make_case, tiny_case
 
@@ -18,7 +15,7 @@ from radcal.scene.sources import make_scene
 from radcal.storage.provenance import provenance
 
 
-def test_results_that_a_run_would_not_replace_are_noted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_results_that_a_run_would_not_replace_are_noted(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     make_case(tmp_path)
     case, out = case_from(tiny_case()), tmp_path / "elsewhere/tiny"
@@ -30,7 +27,7 @@ def test_results_that_a_run_would_not_replace_are_noted(tmp_path: Path, monkeypa
         write_geometry(out / "passes/1/geometry.h5", make_geometry(scene, case.radar), case.radar)
     Path("mine.yaml").write_text(yaml.safe_dump(tiny_case()))
 
-    def noted(results: str = "elsewhere", **changes: object) -> list[str]:
+    def noted(results="elsewhere", **changes):
         found = check_case(["mine.yaml"], changes, results)
         assert all(any(reason in line for line in found.remarks()) for reason in found.refused)
         return found.refused

@@ -1,18 +1,12 @@
 """Materials that lie in the noise, on a scene of 40 x 40 cells."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation
 
 from radcal.checking.outlook import hidden_by_noise, outlook
-from radcal.config import Case
 from radcal.image.model import Measurement
 from radcal.radar.projection import make_geometry
-from radcal.scene.model import Scene
 
 NOISE = 0.01  # -20 dB
 
@@ -27,12 +21,12 @@ NOISE = 0.01  # -20 dB
     ],
 )
 def test_a_material_in_the_noise_is_told(
-    build_scene: Callable[..., Scene],
-    build_case: Callable[..., Case],
-    dark: float,
-    snr_db: float,
-    share: float | None,
-) -> None:
+    build_scene,
+    build_case,
+    dark,
+    snr_db,
+    share,
+):
     """Part of a dyke at 1.5 times the noise, the rest at 4 times; other ground that is calibrated, at 10 times."""
     material = np.where(np.arange(40) < 22, 1, 2).astype(np.uint8) * np.ones((40, 1), dtype=np.uint8)
     scene = build_scene(lambda east, north: 0 * east, names=("dyke", "grass"), material=material)
@@ -62,5 +56,5 @@ def test_a_material_in_the_noise_is_told(
     assert hidden_by_noise(case.model_copy(update={"target": _offset(case)}), geometry, measured) == []
 
 
-def _offset(case: Case) -> object:
+def _offset(case):
     return case.target.model_copy(update={"normalisation": "offset"})

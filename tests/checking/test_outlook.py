@@ -1,24 +1,17 @@
 """What a right case will meet, on small scenes."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from radcal.checking.outlook import hidden_ground, outlook, start_contrast
-from radcal.config import Case
 from radcal.radar.projection import make_geometry
-from radcal.scene.model import Scene
 
 LEVEL = [10.0, 14.0, 6.0, 4.0]
 
 
-def test_pixels_without_ground_are_no_contrast(
-    build_scene: Callable[..., Scene], build_case: Callable[..., Case]
-) -> None:
+def test_pixels_without_ground_are_no_contrast(build_scene, build_case):
     """Ground 40 dB above the noise, of two materials that start alike, beside no ground."""
     material = np.ones((40, 40), dtype=np.uint8)
     material[20:] = 2
@@ -33,14 +26,14 @@ def test_pixels_without_ground_are_no_contrast(
         assert [(one.code, one.severity) for one in found] == [("no_contrast", "warning")] * told
 
 
-def of_level(case: Case) -> list[float]:
+def of_level(case):
     """Half-width that the level alone gives [dB], if it is told."""
     # without registration and image, the geometry is not used
-    found = outlook(case, None, None)  # type: ignore[arg-type]
+    found = outlook(case, None, None)
     return [float(one.numbers["half_width_db"]) for one in found if one.code == "level_counted"]
 
 
-def test_the_error_of_the_level_is_told_where_no_level_is_removed(build_case: Callable[..., Case]) -> None:
+def test_the_error_of_the_level_is_told_where_no_level_is_removed(build_case):
     file = {"source": "file", "path": "a.tif", "scale": "db", "radiometry": "sigma0_local"}
     materials = {"dyke": {"calibrate": True, "start": LEVEL}, "grass": {"parameters": LEVEL}}
     keys = {"measurement": file, "materials": materials, "objective": "density", "registration": {"method": "none"}}
@@ -67,12 +60,12 @@ def test_the_error_of_the_level_is_told_where_no_level_is_removed(build_case: Ca
     ],
 )
 def test_heights_in_another_unit_are_told(
-    build_scene: Callable[..., Scene],
-    build_case: Callable[..., Case],
-    factor: float,
-    steep: int | None,
-    units: str,
-) -> None:
+    build_scene,
+    build_case,
+    factor,
+    steep,
+    units,
+):
     """Hills of 18 m on 250 m of ground, with slopes of up to 24 degrees, multiplied by a factor."""
     scene = build_scene(lambda east, _: factor * 18.0 * np.sin(np.pi * east / 125.0), cells=(20, 50))
     radar = build_case(radar={"altitude_m": 9000.0}).radar

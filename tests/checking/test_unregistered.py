@@ -1,31 +1,21 @@
 """Images before registration, made by the simulator from laws that differ from those of the case."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from radcal.checking.unregistered import cells_of, fixed_laws, start_image, unreachable
-from radcal.config import Case
-from radcal.findings import Finding
 from radcal.image.model import Measurement
 from radcal.posterior.cells import CellMeans
-from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.radar.radiometry import with_noise_db
-from radcal.scene.model import Scene
 from radcal.simulators.builtin import BuiltinSimulator
 
 DYKE, GRASS, CROPS = [-21.0, 9.0, 6.0, 4.0], [-26.0, 10.0, 9.0, 3.0], [-19.0, 7.0, 3.0, 2.0]
 
 
 @pytest.fixture(scope="module")
-def ground(build_scene: Callable[..., Scene]) -> Scene:
+def ground(build_scene):
     """Hills with slopes of 6 degrees (sd), in fields of 25 to 40 cells."""
     rough = gaussian_filter(np.random.default_rng(5).standard_normal((120, 130)), 4, mode="wrap")
     rough *= np.tan(np.radians(6.0)) * 5.0 / np.gradient(rough)[1].std()
@@ -35,18 +25,18 @@ def ground(build_scene: Callable[..., Scene]) -> Scene:
 
 
 @pytest.fixture
-def start(build_case: Callable[..., Case]) -> Callable[..., Case]:
-    def made(bounds: Sequence[Sequence[float]] = ((-40, 0), (0, 30), (0, 20), (0, 20)), **more: Any) -> Case:
+def start(build_case):
+    def made(bounds=((-40, 0), (0, 30), (0, 20), (0, 20)), **more):
         fixed = {"grass": {"parameters": GRASS}, "crops": {"parameters": CROPS}}
         dyke = {"calibrate": True, "bounds": bounds, "start": [x + 0.3 * (y - x) for x, y in bounds]}
         radar = {"altitude_m": 2000.0, "nesz_db": -32.0, "radiometry": "sigma0_local", "looks": 6}
-        sections: dict[str, Any] = {"registration": {"method": "none"}, "radar": radar}
+        sections = {"registration": {"method": "none"}, "radar": radar}
         return build_case(materials={"dyke": dyke, **fixed}, **sections | more)
 
     return made
 
 
-def measured(case: Case, scene: Scene, errors_db: Mapping[str, float], **radar: Any) -> tuple[Geometry, Measurement]:
+def measured(case, scene, errors_db, **radar):
     """Geometry of the case, and image of six looks of its laws with other levels, or in another radiometry."""
     flown = case.radar.model_copy(update=radar)
     x = {
@@ -57,12 +47,12 @@ def measured(case: Case, scene: Scene, errors_db: Mapping[str, float], **radar: 
     return make_geometry(scene, case.radar), Measurement(image, "a.tif")
 
 
-def found(case: Case, scene: Scene, errors_db: Mapping[str, float], **radar: Any) -> list[Finding]:
+def found(case, scene, errors_db, **radar):
     geometry, image = measured(case, scene, errors_db, **radar)
     return fixed_laws(case, [cells_of(case, geometry, image, scene)])
 
 
-def test_levels_of_fixed_laws_are_found_to_a_tenth_of_a_db(start: Callable[..., Case], ground: Scene) -> None:
+def test_levels_of_fixed_laws_are_found_to_a_tenth_of_a_db(start, ground):
     case = start()
     findings = found(case, ground, {"grass": 0.8, "crops": -0.5})
     levels = {one.about: one.numbers for one in findings if one.code == "fixed_level"}
@@ -76,13 +66,13 @@ def test_levels_of_fixed_laws_are_found_to_a_tenth_of_a_db(start: Callable[..., 
     assert cells_of(start(target={"normalisation": "image"}), geometry, image, ground) == {}
 
 
-def test_another_radiometry_is_found_before_any_run(start: Callable[..., Case], ground: Scene) -> None:
+def test_another_radiometry_is_found_before_any_run(start, ground):
     findings = found(start(), ground, {}, radiometry="sigma0_ref")
     (one,) = (one for one in findings if one.severity == "refusal")
     assert (one.code, one.do) == ("radiometry", "radar.radiometry: sigma0_ref")
 
 
-def test_one_fixed_law_far_from_the_image_is_a_warning(start: Callable[..., Case], ground: Scene) -> None:
+def test_one_fixed_law_far_from_the_image_is_a_warning(start, ground):
     """A law's error of 1 dB and the level's of 0.33 dB explain 1.73 dB and a little more."""
     for level, severity in ((1.3, "note"), (2.2, "warning")):
         case = start(target={"pixels": 500, "reference_materials": ["crops"]})
@@ -94,7 +84,7 @@ def test_one_fixed_law_far_from_the_image_is_a_warning(start: Callable[..., Case
         assert said.severity == "note"  # a level that is removed may be any
 
 
-def test_bounds_that_reach_no_measured_level_are_refused(start: Callable[..., Case], ground: Scene) -> None:
+def test_bounds_that_reach_no_measured_level_are_refused(start, ground):
     """The dyke's law has a mean of -14.1 dB; the bounds end 3.5 dB, or 2.5 dB, below, and start in the noise."""
     for highest, count in ((-17.6, 1), (-16.6, 0)):
         case = start([[-60.0, highest], [0.0, 0.1], [0.0, 0.1], [0.0, 20.0]])
@@ -108,14 +98,14 @@ def test_bounds_that_reach_no_measured_level_are_refused(start: Callable[..., Ca
     assert "and the measured level is -14." in said
 
 
-def _offset(case: Case) -> Case:
+def _offset(case):
     return case.model_copy(update={"target": case.target.model_copy(update={"normalisation": "offset"})})
 
 
-def test_before_registration_the_margin_to_other_ground_is_wider(start: Callable[..., Case], ground: Scene) -> None:
+def test_before_registration_the_margin_to_other_ground_is_wider(start, ground):
     """An image that is moved by 3 pixels puts brighter ground at the edges of each field of grass."""
 
-    def moved(image_db: NDArray[np.float32]) -> NDArray[np.float32]:
+    def moved(image_db):
         return np.roll(image_db, (3, -3), axis=(0, 1))
 
     levels, pixels = [], []
@@ -133,7 +123,7 @@ def test_before_registration_the_margin_to_other_ground_is_wider(start: Callable
     assert abs(levels[1]) < 0.15
 
 
-def test_the_start_image_is_that_of_the_starting_laws(start: Callable[..., Case], ground: Scene) -> None:
+def test_the_start_image_is_that_of_the_starting_laws(start, ground):
     """Level of a fixed law with noise, in the middle of its fields."""
     case = start()
     geometry = make_geometry(ground, case.radar)
@@ -145,7 +135,7 @@ def test_the_start_image_is_that_of_the_starting_laws(start: Callable[..., Case]
     assert 10.0 * np.log10(power.mean() / expected.mean()) == pytest.approx(0.0, abs=0.1)
 
 
-def test_the_interval_of_a_level_is_that_of_its_fields_and_speckle(build_case: Callable[..., Case]) -> None:
+def test_the_interval_of_a_level_is_that_of_its_fields_and_speckle(build_case):
     """Two fields of three cells and one cell; a law of 2 dB at all angles and noise of the same power."""
     whole, real = np.array([1, 1, 1, 4]), np.array([30.0, 34.0, 37.0, 31.0])
     cells = CellMeans(
@@ -178,7 +168,7 @@ def test_the_interval_of_a_level_is_that_of_its_fields_and_speckle(build_case: C
     assert [levels[law_db].severity for law_db in (1.2, 0.3)] == ["note", "warning"]
 
 
-def test_a_law_of_one_field_that_is_far_off_is_a_warning(start: Callable[..., Case], ground: Scene) -> None:
+def test_a_law_of_one_field_that_is_far_off_is_a_warning(start, ground):
     case = start()
     geometry, image = measured(case, ground, {"grass": 12.0})
     cells = cells_of(case, geometry, image, ground)

@@ -1,7 +1,5 @@
 """Wrong cases and files, each told in one sentence with key, value found and value expected."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -30,7 +28,7 @@ MAP = from_origin(6e5, 5.8e6, 20.0, 20.0)
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_raster("labels.tif", np.where(np.arange(50) < 20, 1, 2).astype(np.uint8)[None].repeat(60, axis=0))
     Path("names.json").write_text(json.dumps({"1": "field", "2": "lake"}))
@@ -38,7 +36,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def refused(text: str) -> str:
+def refused(text):
     """Sentence on the one problem of a case."""
     Path("mine.yaml").write_text(text, "utf-8")
     done = CliRunner().invoke(app, ["check", "mine.yaml"])
@@ -77,13 +75,13 @@ def refused(text: str) -> str:
     ],
 )  # fmt: skip
 @pytest.mark.usefixtures("folder")
-def test_wrong_keys(old: str, new: str, said: str) -> None:
+def test_wrong_keys(old, new, said):
     assert SLANT_RANGE.count(old) == 1
     assert refused(SLANT_RANGE.replace(old, new).removesuffix(" ")).startswith(said)
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_wrong_key_of_materials_from_is_told_with_that_file() -> None:
+def test_a_wrong_key_of_materials_from_is_told_with_that_file():
     Path("other.yaml").write_text("\nmaterials:\n  shore: {law: constant_gama, parameters: [-10]}\n  lake: {lw: a}\n")
     said = refused(f"{SLANT_RANGE}materials_from: other.yaml\n")
     assert said.startswith(
@@ -91,7 +89,7 @@ def test_a_wrong_key_of_materials_from_is_told_with_that_file() -> None:
     )
 
 
-def half(name: str) -> None:
+def half(name):
     content = Path(name).read_bytes()
     Path(name).write_bytes(content[: len(content) // 2])
 
@@ -112,7 +110,7 @@ def half(name: str) -> None:
     ],
 )  # fmt: skip
 @pytest.mark.usefixtures("folder")
-def test_wrong_files(name: str, content: str | np.ndarray, said: str) -> None:
+def test_wrong_files(name, content, said):
     if isinstance(content, str):
         Path(name).write_text(content)
     elif name.endswith(".npy"):
@@ -132,7 +130,7 @@ def test_wrong_files(name: str, content: str | np.ndarray, said: str) -> None:
     ],
 )
 @pytest.mark.usefixtures("folder")
-def test_wrong_heights(values: complex, crs: str, transform: Affine, said: str) -> None:
+def test_wrong_heights(values, crs, transform, said):
     where = {"crs": "EPSG:32631", "transform": MAP}
     write_raster("cover.tif", np.full((1, 30, 40), 10, np.uint8), **where)
     heights = np.full((1, 30, 40), values, np.complex64 if isinstance(values, complex) else np.float32)

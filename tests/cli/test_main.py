@@ -1,12 +1,10 @@
 """The package as a command."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 
 
-def test_the_package_is_the_command() -> None:
+def test_the_package_is_the_command():
     radcal = [sys.executable, "-m", "radcal"]
     done = subprocess.run([*radcal, "show", "gone"], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (1, "")

@@ -1,7 +1,5 @@
 """A new case from options: what the files say is in it, what is open is marked, and it loads."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path
@@ -14,7 +12,7 @@ from pyproj import Transformer
 from raster_files import write_raster
 from rasterio.transform import from_origin
 from safe_product import place_of, write_product
-from typer.testing import CliRunner, Result
+from typer.testing import CliRunner
 
 from radcal.checking.case_check import check_case
 from radcal.cli import app
@@ -30,11 +28,11 @@ REMAINING = """--vertical-datum EGM2008 --radiometry sigma0_ref --frequency 5.40
     --heading 190.5 --look-side right --range-resolution 13 --azimuth-resolution 22 --looks 4 --nesz -22""".split()  # noqa: SIM905
 
 
-def new(*arguments: object) -> Result:
+def new(*arguments):
     return CliRunner().invoke(app, ["new", *map(str, arguments)])
 
 
-def written(*arguments: object) -> dict[str, dict[str, object]]:
+def written(*arguments):
     """Content of the case of these options."""
     Path("mine.yaml").unlink(missing_ok=True)
     Path("mine_names.json").unlink(missing_ok=True)
@@ -43,13 +41,13 @@ def written(*arguments: object) -> dict[str, dict[str, object]]:
     return dict(yaml.safe_load(Path("mine.yaml").read_text()))
 
 
-def write(path: Path, bands: list[np.ndarray], names: tuple[str, ...] = (), pixel_m: float | None = 20.0) -> str:
+def write(path, bands, names=(), pixel_m=20.0):
     where = {} if pixel_m is None else {"crs": "EPSG:32631", "transform": from_origin(6e5, 5.8e6, pixel_m, pixel_m)}
     return write_raster(path, np.stack(bands), names, **where).name
 
 
 @pytest.fixture
-def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def files(tmp_path, monkeypatch):
     """Options that name a scene of 30 x 40 pixels of 20 m, and an image of two bands in power."""
     monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(4)
@@ -63,7 +61,7 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     ]  # fmt: skip
 
 
-def test_what_the_files_say_is_read_and_the_rest_is_marked(files: list[str]) -> None:
+def test_what_the_files_say_is_read_and_the_rest_is_marked(files):
     data = written(*files, "--polarisation", "VV", "--depression", "40")
     text = Path("mine.yaml").read_text()
     assert data["measurement"] == {
@@ -100,7 +98,7 @@ def test_what_the_files_say_is_read_and_the_rest_is_marked(files: list[str]) -> 
     assert (run.exit_code, "mine.yaml, line 9: scene.vertical_datum is FILL_IN" in run.stderr) == (1, True)
 
 
-def test_the_search_lies_about_the_levels_of_the_image(files: list[str]) -> None:
+def test_the_search_lies_about_the_levels_of_the_image(files):
     """Levels from -40.5 to -0.5 dB: X1 from 10 dB below their 5 % quantile to 10 dB above their 95 % quantile."""
     level = np.linspace(-40.5, -0.5, 1200).reshape(30, 40)
     for scale, values in (("db", level), ("power", 10.0 ** (level / 10.0)), ("amplitude", 10.0 ** (level / 20.0))):
@@ -141,7 +139,7 @@ def test_the_search_lies_about_the_levels_of_the_image(files: list[str]) -> None
         (["--image", "none", "--material", "code_2"], "code_2 is given, and --image none makes a case without a"),
     ],
 )
-def test_a_wrong_option_writes_nothing(files: list[str], arguments: list[str], said: str) -> None:
+def test_a_wrong_option_writes_nothing(files, arguments, said):
     done = new("mine", *files, *arguments)
     assert (done.exit_code, done.stdout) == (1, "")
     assert f"radcal: {said}" in done.stderr
@@ -149,7 +147,7 @@ def test_a_wrong_option_writes_nothing(files: list[str], arguments: list[str], s
     assert not Path("mine_names.json").exists()
 
 
-def test_nothing_is_overwritten(files: list[str]) -> None:
+def test_nothing_is_overwritten(files):
     Path("old.yaml").write_text("case: old\n")
     Path("mine_names.json").write_text("{}")
     for name, said in (
@@ -162,7 +160,7 @@ def test_nothing_is_overwritten(files: list[str]) -> None:
     assert not Path("mine.yaml").exists()
 
 
-def test_a_case_for_a_simulation_alone_needs_no_further_answer(files: list[str]) -> None:
+def test_a_case_for_a_simulation_alone_needs_no_further_answer(files):
     done = new("alone", *files[:4], "--image", "none", "--fixed", "code_2=mangia:-28,8,14,8")
     assert done.stdout.endswith("Next: radcal check alone.yaml\nThen: radcal simulate alone.yaml\n")
     data = yaml.safe_load(Path("alone.yaml").read_text())
@@ -178,7 +176,7 @@ def test_a_case_for_a_simulation_alone_needs_no_further_answer(files: list[str])
     assert all("FILL_IN" in text for text in check_case(["empty.yaml"]).problems)
 
 
-def test_hidden_laws_differ_and_lie_inside_of_the_bounds(files: list[str]) -> None:
+def test_hidden_laws_differ_and_lie_inside_of_the_bounds(files):
     """Those of dark and bright materials, too, whose starts keep their distance."""
     Path("names.json").write_text('{"2": "water", "7": "lake"}')
     given = [*files[:4], "--names", "names.json", "--vertical-datum", "local", "--image", "synthetic"]
@@ -198,7 +196,7 @@ def test_hidden_laws_differ_and_lie_inside_of_the_bounds(files: list[str]) -> No
     assert load(["again.yaml"]).measurement == case.measurement
 
 
-def test_a_synthetic_case_has_a_law_for_every_material(files: list[str]) -> None:
+def test_a_synthetic_case_has_a_law_for_every_material(files):
     scene = [*files[:4], "--image", "synthetic", "--vertical-datum", "local", "--material", "code_7"]
     assert written(*scene)["materials"]["code_2"] == {"law": "constant_gamma", "parameters": ["FILL_IN"]}
     written(*scene, "--fixed", "code_2=-12.5")
@@ -208,7 +206,7 @@ def test_a_synthetic_case_has_a_law_for_every_material(files: list[str]) -> None
     assert (case.radar.range_spacing_m, case.radar.azimuth_resolution_m) == (14.14, 28)
 
 
-def test_materials_are_written_before_the_scene_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_materials_are_written_before_the_scene_is_known(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     materials = written("--material", "field", "--fixed", "road=-17")["materials"]
     assert list(materials) == ["field", "road"]
@@ -217,7 +215,7 @@ def test_materials_are_written_before_the_scene_is_known(tmp_path: Path, monkeyp
     assert list(written("--fixed", "road=-17")["materials"]) == ["road", "FILL_IN"]
 
 
-def test_a_sensor_leaves_no_line_open(files: list[str]) -> None:
+def test_a_sensor_leaves_no_line_open(files):
     Path("names.json").write_text('{"2": "water", "7": "crops"}')
     scene = ["--names", "names.json", "--vertical-datum", "EGM2008", "--band", 1, "--scale", "power"]
     radar = ["--sensor", "sentinel1_iw_grdh", "--radiometry", "gamma0", "--incidence", 39, "--heading", 190.5]
@@ -232,7 +230,7 @@ def test_a_sensor_leaves_no_line_open(files: list[str]) -> None:
     assert (case.materials["water"].law, case.materials["water"].parameters) == ("mangia", [-28, 8, 14, 8])
 
 
-def test_a_sensor_leaves_open_what_it_does_not_give(files: list[str]) -> None:
+def test_a_sensor_leaves_open_what_it_does_not_give(files):
     sensor = ["--sensor", "sentinel1_iw_grdh", "--incidence", "40"]
     radar = written(*files, *sensor, "--polarisation", "VV")["radar"]
     assert {key for key, value in radar.items() if value == "FILL_IN"} == {"heading_deg", "nesz_db", "radiometry"}
@@ -247,7 +245,7 @@ def test_a_sensor_leaves_open_what_it_does_not_give(files: list[str]) -> None:
     assert (case.radar.looks, case.radar.heading_deg, case.radar.altitude_m) == (4.4, 190.5, 693_000)
 
 
-def test_land_cover_without_a_place_is_a_scene_in_slant_range(files: list[str]) -> None:
+def test_land_cover_without_a_place_is_a_scene_in_slant_range(files):
     np.save("image.npy", np.random.default_rng(1).normal(-12, 2, (20, 30)).astype(np.float32))
     labels = write(Path("labels.tif"), [np.full((20, 30), 3, dtype=np.uint8)], pixel_m=None)
     data = written("--landcover", labels, "--image", "image.npy")
@@ -257,7 +255,7 @@ def test_land_cover_without_a_place_is_a_scene_in_slant_range(files: list[str]) 
     assert "band" not in data["measurement"]
 
 
-def test_nothing_given_gives_a_case_that_check_lists(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_given_gives_a_case_that_check_lists(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "config").mkdir()
     assert new("mine").exit_code == 0
@@ -267,7 +265,7 @@ def test_nothing_given_gives_a_case_that_check_lists(tmp_path: Path, monkeypatch
     assert not any("missing" in text for text in problems)
 
 
-def test_known_land_cover_names_the_codes(files: list[str]) -> None:
+def test_known_land_cover_names_the_codes(files):
     cover = np.full((30, 40), 40, dtype=np.uint8)
     cover[:, :13] = 80
     scene = ["--elevation", "dem.tif", "--landcover", write(Path("known.tif"), [cover]), "--vertical-datum", "local"]
@@ -282,7 +280,7 @@ def test_known_land_cover_names_the_codes(files: list[str]) -> None:
 
 
 @pytest.mark.slow
-def test_a_land_cover_of_vectors_is_read(files: list[str]) -> None:
+def test_a_land_cover_of_vectors_is_read(files):
     shapes = [shapely.box(6e5 + 260 * k, 5.79e6, 6e5 + 260 * k + 240, 5.81e6) for k in range(3)]
     kinds = ["Open water", "field", "field"]
     features = [
@@ -310,7 +308,7 @@ def test_a_land_cover_of_vectors_is_read(files: list[str]) -> None:
     assert "has no attribute of 1 to 254 values (attributes: height)" in new("other", *case).output
 
 
-def test_a_product_fills_the_section_of_the_radar(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_product_fills_the_section_of_the_radar(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     safe = write_product(tmp_path)
     x, y = Transformer.from_crs("EPSG:4326", "EPSG:32633", always_xy=True).transform(*place_of(60.0, 50.0, 120.0))
@@ -328,7 +326,7 @@ def test_a_product_fills_the_section_of_the_radar(tmp_path: Path, monkeypatch: p
 
 
 @needs_data
-def test_a_sentinel_1_chip_passes_the_check(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sentinel_1_chip_passes_the_check(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     of = {"--elevation": "elevation_plane", "--landcover": "landcover", "--image": "s1"}
     files = [word for option, name in of.items() for word in (option, str(DATA / f"{name}.tif"))]

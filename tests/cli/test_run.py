@@ -1,18 +1,15 @@
 """The command radcal run, up to where Snakemake takes over; tests/workflow goes on from there."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
 from types import SimpleNamespace
-from typing import NoReturn
 
 import pytest
 from snakemake.cli import parse_args, parse_config
-from typer.testing import CliRunner, Result
+from typer.testing import CliRunner
 
 import radcal
 from radcal.cli import app
@@ -25,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
-def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def clone(tmp_path, monkeypatch):
     """What a clone has that is looked at."""
     for name in ("Snakefile", "workflow", "config", "profiles"):
         (tmp_path / name).symlink_to(ROOT / name)
@@ -35,11 +32,11 @@ def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def started(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+def started(monkeypatch):
     """Commands that were to take the place of this process, in a command of one case."""
-    commands: list[list[str]] = []
+    commands = []
 
-    def execv(_: str, words: list[str]) -> NoReturn:
+    def execv(_, words):
         commands.append(words)
         raise SystemExit(0)
 
@@ -48,11 +45,11 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
     return commands
 
 
-def run(*arguments: str) -> Result:
+def run(*arguments):
     return CliRunner().invoke(app, ["run", *arguments])
 
 
-def refused(*arguments: str) -> str:
+def refused(*arguments):
     done = run(*arguments)
     assert done.exit_code == 1, done.output
     assert done.stdout == ""
@@ -61,7 +58,7 @@ def refused(*arguments: str) -> str:
     return done.stderr.removeprefix("radcal: ").rstrip("\n")
 
 
-def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(clone: Path, started: list[list[str]]) -> None:
+def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(clone, started):
     gone = b"measurement: {source: file, path: gone.tif, scale: db, radiometry: sigma0_ref}\n"
     for name, content, said in (
         ("utf16.yaml", "case: mine\n".encode("utf-16"), "utf16.yaml, line 1: not a text file in UTF-8 (byte 0xff"),
@@ -100,20 +97,18 @@ def test_what_snakemake_would_answer_with_a_traceback_ends_in_a_sentence(clone: 
         (["mine.yaml", "--", "-n", "--configfile=b.yaml"], "--configfile=b.yaml after -- would replace the case"),
     ],
 )
-def test_wrong_commands_end_in_a_sentence(
-    clone: Path, arguments: list[str], said: str, started: list[list[str]]
-) -> None:
+def test_wrong_commands_end_in_a_sentence(clone, arguments, said, started):
     assert refused(*arguments).startswith(said)
     assert started == []
 
 
-def test_a_clones_own_workflow_is_run_in_its_folder(clone: Path, started: list[list[str]]) -> None:
+def test_a_clones_own_workflow_is_run_in_its_folder(clone, started):
     run("mine.yaml")
     assert not {"--snakefile", "--workflow-profile"} & set(started[0])
     assert os.environ["RADCAL_RESULTS"] == "results"
 
 
-def test_stages_are_targets(clone: Path, started: list[list[str]]) -> None:
+def test_stages_are_targets(clone, started):
     run("mine.yaml", "registration", "design", "results/mine/scene.h5", "design_chunk", "posterior")
     at = "results/mine/"
     targets = parse_args(started[0][4:])[1].targets
@@ -127,16 +122,16 @@ def test_stages_are_targets(clone: Path, started: list[list[str]]) -> None:
     assert "train" not in told
 
 
-def test_a_stage_of_several_passes_is_made_in_each() -> None:
+def test_a_stage_of_several_passes_is_made_in_each():
     case = SimpleNamespace(
         case="two", passes=(1, 2), calibrated=("a", "b"), design_parts=2, design=SimpleNamespace(reuse=None)
     )
-    files = files_of_stages(["target", "design_chunk"], case, Path("found"))  # type: ignore[arg-type]
+    files = files_of_stages(["target", "design_chunk"], case, Path("found"))
     assert files[:2] == ["found/two/passes/1/target.h5", "found/two/passes/2/target.h5"]
     assert files[2:] == [f"found/two/design/{k}.json" for k in range(4)]
 
 
-def test_runs_are_reused_of_a_case_that_is_named(clone: Path, started: list[list[str]]) -> None:
+def test_runs_are_reused_of_a_case_that_is_named(clone, started):
     for target in ("reuse", "results/mine/reused.json"):
         assert refused("mine.yaml", target) == (
             f"the target '{target}' takes runs of an earlier case, and design.reuse of case mine is missing, expected "
@@ -147,15 +142,13 @@ def test_runs_are_reused_of_a_case_that_is_named(clone: Path, started: list[list
     assert "results/mine/reused.json" in started[0]
 
 
-def test_two_files_of_one_case_are_refused(clone: Path, started: list[list[str]]) -> None:
+def test_two_files_of_one_case_are_refused(clone, started):
     (clone / "copy.yaml").write_text("case: mine\n")
     said = "copy.yaml: case is 'mine', which mine.yaml is called, too, expected another."
     assert refused("mine.yaml", "copy.yaml") == said
 
 
-def test_a_profile_of_the_current_folder_is_taken_before_radcals(
-    clone: Path, started: list[list[str]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_profile_of_the_current_folder_is_taken_before_radcals(clone, started, monkeypatch):
     (clone / "elsewhere/profiles/slurm").mkdir(parents=True)
     monkeypatch.chdir(clone / "elsewhere")
     run("../mine.yaml", "--", "--profile", "profiles/slurm")
@@ -163,9 +156,7 @@ def test_a_profile_of_the_current_folder_is_taken_before_radcals(
 
 
 @pytest.mark.parametrize("folder", ["elsewhere", "others"])
-def test_elsewhere_radcals_own_workflow_is_run(
-    clone: Path, folder: str, started: list[list[str]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_elsewhere_radcals_own_workflow_is_run(clone, folder, started, monkeypatch):
     (clone / folder).mkdir()
     if folder == "others":
         (clone / "others/Snakefile").write_text("rule all:\n    input: []\n")
@@ -185,7 +176,7 @@ def test_elsewhere_radcals_own_workflow_is_run(
     assert refused("../mine.yaml").startswith(said)
 
 
-def test_the_workflow_of_a_wheel_is_found_by_its_list_of_files(clone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_workflow_of_a_wheel_is_found_by_its_list_of_files(clone, monkeypatch):
     share = clone / "share/radcal"
     share.mkdir(parents=True)
     for name in ("Snakefile", "workflow", "config", "profiles"):
@@ -199,7 +190,7 @@ def test_the_workflow_of_a_wheel_is_found_by_its_list_of_files(clone: Path, monk
     assert workflow_files.carried_case(Path("mine.yaml")) == Path("mine.yaml")
 
 
-def test_a_wheel_has_all_that_a_clone_has() -> None:
+def test_a_wheel_has_all_that_a_clone_has():
     globs = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["data-files"]
     for folder, patterns in globs.items():
         assert all(Path(pattern).parent == Path(folder).relative_to("share/radcal") for pattern in patterns)
@@ -211,7 +202,7 @@ def test_a_wheel_has_all_that_a_clone_has() -> None:
     assert len(packed) > 30
 
 
-def test_words_are_sorted_into_cases_targets_and_options() -> None:
+def test_words_are_sorted_into_cases_targets_and_options():
     words = ["a", "design", "b.yml", "results/a/x.h5", "C.YAML", "--", "d.yaml", "-n"]
     assert sorted_words(words[:5]) == (
         [Path("a"), Path("b.yml"), Path("C.YAML")],
@@ -234,9 +225,7 @@ sys.exit({"mine": 0, "bad": 3, "last": 4}.get(case, 0))
 """
 
 
-def test_a_case_that_fails_does_not_stop_the_next(
-    clone: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_case_that_fails_does_not_stop_the_next(clone, monkeypatch, capfd):
     for name in ("bad", "last"):
         (clone / f"{name}.yaml").write_text(f"case: {name}\n")
     # Snakemake's place is taken by a program that ends as the case is named: what is tested comes before and after
@@ -276,14 +265,14 @@ def test_a_case_that_fails_does_not_stop_the_next(
     ]
 
 
-def parsed(*words: str, overrides: dict[str, object] | None = None, cores: str | None = None, further: str = ""):
+def parsed(*words, overrides=None, cores=None, further=""):
     """What Snakemake's own parser makes of the command."""
     command = snakemake_command(Path("mine.yaml"), words, further.split(), overrides or {}, cores, dry_run=True)
     assert command[:4] == [sys.executable, "-P", "-m", "snakemake"]
     return parse_args(command[4:])[1]
 
 
-def test_targets_case_and_options_reach_snakemake_as_what_they_are(clone: Path) -> None:
+def test_targets_case_and_options_reach_snakemake_as_what_they_are(clone):
     found = parsed("design", "results/mine/scene.h5", overrides={"seed": 7}, cores="2", further="--forcerun report -p")
     assert found.targets == ["design", "results/mine/scene.h5"]
     assert [str(path) for path in found.configfile] == ["mine.yaml"]
@@ -292,7 +281,7 @@ def test_targets_case_and_options_reach_snakemake_as_what_they_are(clone: Path) 
     assert parsed().targets in ([], set())
 
 
-def test_all_cores_are_used_unless_somebody_says_where_jobs_run(clone: Path) -> None:
+def test_all_cores_are_used_unless_somebody_says_where_jobs_run(clone):
     assert parsed().cores >= 1
     assert parsed(cores="3").cores == 3
     assert parsed(further="--jobs 50").cores is None
@@ -315,13 +304,13 @@ def test_all_cores_are_used_unless_somebody_says_where_jobs_run(clone: Path) -> 
         },
     ],
 )
-def test_settings_arrive_as_they_were_meant(clone: Path, overrides: dict[str, object]) -> None:
+def test_settings_arrive_as_they_were_meant(clone, overrides):
     words = parsed(overrides=overrides).config
     check_words(words)
     assert load(["mine.yaml"], parse_config(words)) == load(["mine.yaml"], overrides)
 
 
-def test_help_is_there_at_once() -> None:
+def test_help_is_there_at_once():
     code = "import sys, radcal.cli; print({'numpy', 'pydantic', 'yaml', 'snakemake', 'h5py'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"

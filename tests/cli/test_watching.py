@@ -1,7 +1,5 @@
 """Cases at work, as lines and as a page."""
 
-from __future__ import annotations
-
 import pytest
 from lxml import html
 from typer.testing import CliRunner

@@ -1,9 +1,5 @@
 """The whole case: its defaults, wrong values, and one section against another."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 import yaml
 from config_samples import (
@@ -29,7 +25,7 @@ from radcal.errors import ConfigError
 from radcal.sections.scene import BuiltinScene
 
 
-def test_defaults_are_a_valid_case() -> None:
+def test_defaults_are_a_valid_case():
     case = Case()
     assert case == case_from({})
     assert case == case_from(case.model_dump(mode="json"))
@@ -49,7 +45,7 @@ def test_defaults_are_a_valid_case() -> None:
 OTHER_START = {"law": "constant_gamma", "parameters": [-9]}
 MANGIA_AT, OH_AT = {"law": "mangia", "parameters": X}, {"law": "oh1992", "parameters": [8, 1, 2]}
 
-BAD: list[tuple[dict[str, Any], list[str]]] = [
+BAD = [
     # laws
     (truth([-1, -2], GAMMA), ["measurement.synthetic.parameters.dyke has 2 numbers, law 'constant_gamma' takes 1"]),
     (dyke(**GAMMA), ["measurement.synthetic.parameters.dyke is missing", "'mangia'", "is 'constant_gamma'"]),
@@ -210,7 +206,7 @@ BAD: list[tuple[dict[str, Any], list[str]]] = [
 
 
 @pytest.mark.parametrize(("data", "words"), BAD, ids=lambda value: None if isinstance(value, list) else str(value)[:60])
-def test_bad_values_are_refused_in_a_sentence(data: dict[str, Any], words: list[str]) -> None:
+def test_bad_values_are_refused_in_a_sentence(data, words):
     text = message(data)
     for word in words:
         assert word in text, text
@@ -229,11 +225,11 @@ def test_bad_values_are_refused_in_a_sentence(data: dict[str, Any], words: list[
         (synthetic(parameters={"dyke": [*X[:3], True]}), "measurement.synthetic.parameters.dyke.3"),
     ],
 )
-def test_yes_and_no_are_no_numbers(data: dict[str, Any], key: str) -> None:
+def test_yes_and_no_are_no_numbers(data, key):
     assert message(data).startswith(f"some.yaml: {key} is true, expected a number")
 
 
-def test_each_union_member_is_read() -> None:
+def test_each_union_member_is_read():
     assert case_from(flat()).scene == SlantRangeScene(
         source="slant_range", labels="ids.tif", names="a.json", near_incidence_deg=20, far_incidence_deg=40
     )
@@ -245,7 +241,7 @@ def test_each_union_member_is_read() -> None:
     )
 
 
-def test_measurement_of_the_same_pass() -> None:
+def test_measurement_of_the_same_pass():
     declared = case_from(
         {"radar": {"polarisation": "VV", "band": "L"}} | measured(polarisation="VV", carrier_band="l-band")
     )
@@ -256,7 +252,7 @@ def test_measurement_of_the_same_pass() -> None:
     )
 
 
-def test_calibrated_materials_keep_the_order_of_the_file() -> None:
+def test_calibrated_materials_keep_the_order_of_the_file():
     names = ["water", "dyke", "asphalt"]
     case = case_from({"materials": {name: {"calibrate": True} for name in names}})
     assert case.calibrated == names
@@ -266,15 +262,15 @@ def test_calibrated_materials_keep_the_order_of_the_file() -> None:
     ("path", "value"),
     [(("seed",), 2), (("stop", "rms"), 1e-3), (("radar", "looks"), 1), (("scene", "seed"), 4), (("nothing",), 1)],
 )
-def test_configuration_is_frozen(path: tuple[str, ...], value: object) -> None:
-    section: Any = Case()
+def test_configuration_is_frozen(path, value):
+    section = Case()
     for name in path[:-1]:
         section = getattr(section, name)
     with pytest.raises(ValidationError):
         setattr(section, path[-1], value)
 
 
-def test_the_default_truth_does_not_bind_other_materials() -> None:
+def test_the_default_truth_does_not_bind_other_materials():
     case = case_from({"materials": {"grass": {"calibrate": True}}})
     assert case.calibrated == ["grass"]
     with pytest.raises(ConfigError, match="no such material"):
@@ -282,7 +278,7 @@ def test_the_default_truth_does_not_bind_other_materials() -> None:
         case_from({"materials": {"grass": {"calibrate": True}}, "measurement": written})
 
 
-def test_a_start_of_another_law_is_only_the_reference_runs() -> None:
+def test_a_start_of_another_law_is_only_the_reference_runs():
     start = {"law": "tabulated", "angles_deg": [20, 50], "parameters": [-3.0, -9.0]}
     case = case_from({**dyke(start=start), **synthetic(parameters={"dyke": X})})
     assert case == case_from(case.model_dump(mode="json"))
@@ -298,25 +294,25 @@ def test_a_start_of_another_law_is_only_the_reference_runs() -> None:
     assert reference.at_start == reference
 
 
-def test_laws_know_the_pass() -> None:
+def test_laws_know_the_pass():
     case = case_from(truth([8, 1, 1], OH, frequency_ghz=5.4, band="C", polarisation="VV"))
     higher = case_from(truth([8, 1, 1], OH, frequency_ghz=9.6, polarisation="HH"))
     assert float(case.laws["dyke"](0.6, [8, 1, 1])) != float(higher.laws["dyke"](0.6, [8, 1, 1]))
 
 
-def test_an_image_may_be_a_further_band_of_the_elevation() -> None:
+def test_an_image_may_be_a_further_band_of_the_elevation():
     assert case_from(mapped() | measured(band=2)).measurement == FileMeasurement(
         path="a.tif", scale="db", radiometry="sigma0_ref", band=2
     )
 
 
-def test_a_low_track_is_no_orbit() -> None:
+def test_a_low_track_is_no_orbit():
     assert case_from({"radar": {"depression_deg": 40, "altitude_m": 693}}).radar.altitude_m == 693
     assert case_from({"radar": {"incidence_deg": 50, "altitude_m": 2100}}).radar.altitude_m == 2100
     assert case_from({"radar": {"incidence_deg": 50, "altitude_m": 150}}).radar.altitude_m == 150
 
 
-def test_a_measurement_of_another_radiometry_is_refused() -> None:
+def test_a_measurement_of_another_radiometry_is_refused():
     file = {"source": "file", "path": "a.tif", "scale": "power", "radiometry": "gamma0"}
     with pytest.raises(ConfigError, match=r"measurement\.radiometry is gamma0, radar\.radiometry is sigma0_ref: set"):
         case_from({"measurement": file})
@@ -324,7 +320,7 @@ def test_a_measurement_of_another_radiometry_is_refused() -> None:
 
 
 @pytest.mark.parametrize("path", ["a.nitf", "a.NTF", "b/a.sicd", "${IMAGE}"])
-def test_a_file_that_may_say_its_radiometry_is_not_asked_for_it(path: str) -> None:
+def test_a_file_that_may_say_its_radiometry_is_not_asked_for_it(path):
     assert case_from(measured(path=path, radiometry=None)).measurement.radiometry is None
 
 
@@ -344,13 +340,13 @@ def test_a_file_that_may_say_its_radiometry_is_not_asked_for_it(path: str) -> No
         ({"target": {"incidence_error_deg": -1}}, r"target\.incidence_error_deg is -1, expected"),
     ],
 )
-def test_wrong_objectives_end_in_a_sentence(changes: dict[str, Any], words: str) -> None:
+def test_wrong_objectives_end_in_a_sentence(changes, words):
     with pytest.raises(ConfigError, match=words) as caught:
         case_from(changes)
     assert "\n" not in str(caught.value)
 
 
-def test_where_there_can_be_no_classes_the_density_is_minimised() -> None:
+def test_where_there_can_be_no_classes_the_density_is_minimised():
     assert case_from({"target": {"incidence_classes": 1}}).objective == "density"
     assert case_from({"target": {"normalisation": "image"}}).objective == "density"
     external = {"simulator": COMMAND, "materials": {"soil": SOIL}, "measurement": NO_TRUTH}
@@ -358,7 +354,7 @@ def test_where_there_can_be_no_classes_the_density_is_minimised() -> None:
     assert case_from({"target": {"incidence_classes": 5}}).objective == "classes"
 
 
-def test_an_external_law_has_classes_and_neither_likelihood_nor_validation() -> None:
+def test_an_external_law_has_classes_and_neither_likelihood_nor_validation():
     soil = {"calibrate": True, "law": "external", "names": ["a"], "bounds": [[0, 1]], "start": [0.5]}
     case = {"simulator": COMMAND, "materials": {"soil": soil}, "measurement": NO_TRUTH}
     assert case_from(case | {"objective": "classes"}).objective == "classes"
@@ -367,7 +363,7 @@ def test_an_external_law_has_classes_and_neither_likelihood_nor_validation() -> 
             case_from(case | changes)
 
 
-def external(parameters: int) -> dict[str, Any]:
+def external(parameters):
     """A case of a law that only the simulator knows."""
     names, bounds = [f"p{k}" for k in range(parameters)], [[0, 1]] * parameters
     soil = {"calibrate": True, "law": "external", "names": names, "bounds": bounds, "start": [0.5] * parameters}
@@ -390,9 +386,7 @@ def external(parameters: int) -> dict[str, Any]:
         ({**external(7), "design": {"size": 3}}, False, 3),
     ],
 )
-def test_the_design_is_larger_where_no_baseline_predicts_the_runs(
-    changes: dict[str, Any], baseline: bool, size: int
-) -> None:
+def test_the_design_is_larger_where_no_baseline_predicts_the_runs(changes, baseline, size):
     case = case_from(changes)
     assert (case.has_baseline, case.design_size) == (baseline, size)
 
@@ -409,16 +403,14 @@ def test_the_design_is_larger_where_no_baseline_predicts_the_runs(
         (external(3), False),
     ],
 )
-def test_the_image_is_registered_twice_where_laws_can_be_fitted_without_a_run(
-    changes: dict[str, Any], twice: bool
-) -> None:
+def test_the_image_is_registered_twice_where_laws_can_be_fitted_without_a_run(changes, twice):
     assert case_from(changes).registers_twice is twice
 
 
 @pytest.mark.parametrize(
     "earlier", [{"training": "warm"}, {"retrain_every": 5}, {"training": "warm", "retrain_every": 1}]
 )
-def test_keys_of_an_earlier_version_are_read_with_a_warning(earlier: dict[str, Any]) -> None:
+def test_keys_of_an_earlier_version_are_read_with_a_warning(earlier):
     with pytest.warns(FutureWarning, match=r"surrogate\.training: warm and surrogate\.retrain_every have no effect"):
         case = case_from({"surrogate": earlier})
     assert case == case_from({})
@@ -434,7 +426,7 @@ TWO_PASSES = {
 }
 
 
-def test_lists_of_radar_and_measurement_are_passes() -> None:
+def test_lists_of_radar_and_measurement_are_passes():
     case = case_from(TWO_PASSES)
     assert [one.radar.depression_deg for one in case.passes] == [45, 30]
     assert [one.radar.polarisation for one in case.passes] == ["HH", "VV"]
@@ -446,7 +438,7 @@ def test_lists_of_radar_and_measurement_are_passes() -> None:
     assert isinstance(alone.sections("radars")["radar"], dict)  # as in the params of jobs of a case of one pass
 
 
-def test_each_of_three_passes_has_its_own_radar_and_image() -> None:
+def test_each_of_three_passes_has_its_own_radar_and_image():
     radar = [*TWO_PASSES["radar"], {"depression_deg": 60, "look_side": "left"}]
     case = case_from({"radar": radar, "measurement": [*TWO_PASSES["measurement"], {"synthetic": {"seed": 9}}]})
     assert [one.radar.depression_deg for one in case.passes] == [45, 30, 60]
@@ -479,7 +471,7 @@ def test_each_of_three_passes_has_its_own_radar_and_image() -> None:
         ({"further_radar": [{}]}, "unknown key further_radar"),
     ],
 )
-def test_wrong_passes_are_refused_in_a_sentence(changes: dict[str, Any], words: str) -> None:
+def test_wrong_passes_are_refused_in_a_sentence(changes, words):
     assert words in message({**TWO_PASSES, **changes})
 
 
@@ -503,7 +495,7 @@ def test_a_dyke_of_its_own_bounds_has_a_hidden_law_inside_them():
     assert case_from({}).measurement.synthetic.parameters["dyke"] == physical
 
 
-def test_limits_themselves_are_allowed() -> None:
+def test_limits_themselves_are_allowed():
     """As many runs as the design has."""
     assert case_from({"surrogate": {"baseline": False}, "stop": {"max_runs": 8}}).design_size == 8
     with pytest.raises(ConfigError, match="near_incidence_deg"):
@@ -511,7 +503,7 @@ def test_limits_themselves_are_allowed() -> None:
     assert case_from(flat(near_incidence_deg=39.9)).scene.far_incidence_deg == 40
 
 
-def test_fixed_materials_give_the_level_unless_some_are_named() -> None:
+def test_fixed_materials_give_the_level_unless_some_are_named():
     assert case_from({}).reference_materials == ["water", "grass", "forest", "crops", "bare_soil", "road"]
     assert case_from({"target": {"reference_materials": ["road", "grass"]}}).reference_materials == ["road", "grass"]
 
@@ -527,10 +519,10 @@ def test_fixed_materials_give_the_level_unless_some_are_named() -> None:
         ({"objective": "density", "simulator": {"draws": 3}}, 3),
     ],
 )
-def test_bins_average_four_draws_of_speckle_unless_told(sections: dict[str, Any], draws: int) -> None:
+def test_bins_average_four_draws_of_speckle_unless_told(sections, draws):
     assert case_from(sections).simulator.draws == draws
 
 
 @pytest.mark.parametrize("name", ["ploughed_" * 6 + "dyke-1", "fen " + "ab" * 19])
-def test_long_names_of_materials(name: str) -> None:
+def test_long_names_of_materials(name):
     assert case_from({"materials": {name: {"calibrate": True}, "dyke": {"calibrate": True}}}).calibrated[0] == name

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import hashlib
 import pickle
 
@@ -11,7 +9,7 @@ SECRET = "s3cr3t"
 HASH = hashlib.sha256(SECRET.encode()).hexdigest()
 
 
-def test_values_are_hashed_wherever_a_simulator_stands() -> None:
+def test_values_are_hashed_wherever_a_simulator_stands():
     identity = {"kind": "command", "environment": {"KEY": SECRET, "B": "2"}}
     for data in (identity, {"simulator": identity, "seed": 1}):
         copy = disclosed(data)
@@ -26,7 +24,7 @@ def test_values_are_hashed_wherever_a_simulator_stands() -> None:
         assert disclosed(plain) == plain
 
 
-def test_sections_carry_the_values_and_do_not_print_them() -> None:
+def test_sections_carry_the_values_and_do_not_print_them():
     simulator = {
         "kind": "command",
         "command": ["{python}", "{input}"],

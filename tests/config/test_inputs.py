@@ -1,7 +1,5 @@
 """Files that a case names."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -13,7 +11,7 @@ from radcal.config.inputs import check_reuse, executable_path, missing_inputs
 from radcal.errors import ConfigError
 
 
-def test_paths_expand_variables_and_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_paths_expand_variables_and_home(tmp_path, monkeypatch):
     (tmp_path / "a b.tif").write_text("")
     monkeypatch.setenv("RADCAL_TEST", str(tmp_path))
     monkeypatch.setenv("HOME", str(tmp_path))
@@ -28,7 +26,7 @@ def test_paths_expand_variables_and_home(tmp_path: Path, monkeypatch: pytest.Mon
         expand_path("${RADCAL_TEST}/x", "key")
 
 
-def test_names_that_no_file_has_end_in_a_sentence() -> None:
+def test_names_that_no_file_has_end_in_a_sentence():
     with pytest.raises(
         ConfigError, match=r"^scene\.labels: the file a{197}\.\.\. cannot be read \(File name too long\)\.$"
     ):
@@ -39,7 +37,7 @@ def test_names_that_no_file_has_end_in_a_sentence() -> None:
         expand_path("a\nb\0.tif", "scene.labels")
 
 
-def test_variables_are_expanded_when_the_file_is_read_not_before(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_variables_are_expanded_when_the_file_is_read_not_before(monkeypatch):
     monkeypatch.delenv("RADCAL_TEST", raising=False)
     case = case_from(measured(path="${RADCAL_TEST}/a.tif"))
     assert isinstance(case.measurement, FileMeasurement)
@@ -48,7 +46,7 @@ def test_variables_are_expanded_when_the_file_is_read_not_before(monkeypatch: py
         input_files(case)
 
 
-def test_input_files_are_those_that_the_case_reads(tmp_path: Path) -> None:
+def test_input_files_are_those_that_the_case_reads(tmp_path):
     assert input_files(Case()) == {}
     paths = {name: tmp_path / name for name in ("labels.tif", "names.json", "image.tif")}
     for path in paths.values():
@@ -64,7 +62,7 @@ def test_input_files_are_those_that_the_case_reads(tmp_path: Path) -> None:
     assert input_files(case_from(mapped(**files))) == {f"scene.{key}": Path(path) for key, path in files.items()}
 
 
-def test_what_a_raster_is_read_together_with_is_an_input_too(tmp_path: Path) -> None:
+def test_what_a_raster_is_read_together_with_is_an_input_too(tmp_path):
     paths = {name: tmp_path / name for name in ("own/a.vrt", "own/a.prj", "other/tile.tif", "names.json")}
     for path in paths.values():
         path.parent.mkdir(exist_ok=True)
@@ -88,7 +86,7 @@ def test_what_a_raster_is_read_together_with_is_an_input_too(tmp_path: Path) -> 
         input_files(case_from(flat(**keys, vrt_folders=[str(tmp_path / "gone")]) | measured(path=str(tmp_path / "x"))))
 
 
-def test_an_earlier_case_without_runs_is_refused(tmp_path: Path) -> None:
+def test_an_earlier_case_without_runs_is_refused(tmp_path):
     case = case_from({"design": {"reuse": "first"}})
     with pytest.raises(ConfigError, match=r"'first', .* expected a case that has runs, of which there are none\.$"):
         check_reuse(case, tmp_path)
@@ -103,7 +101,7 @@ def test_an_earlier_case_without_runs_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
-def test_files_of_one_polarisation_of_a_product_are_inputs(tmp_path: Path) -> None:
+def test_files_of_one_polarisation_of_a_product_are_inputs(tmp_path):
     safe = write_product(tmp_path)
     radar = {"polarisation": "VV", "band": "C"}
     case = case_from({"measurement": {"source": "file", "path": str(safe)}, "radar": radar})
@@ -118,7 +116,7 @@ def test_files_of_one_polarisation_of_a_product_are_inputs(tmp_path: Path) -> No
     )
 
 
-def test_images_of_further_passes_are_inputs_by_their_number(tmp_path: Path) -> None:
+def test_images_of_further_passes_are_inputs_by_their_number(tmp_path):
     images = [tmp_path / f"{name}.npy" for name in "abc"]
     for path in images:
         path.touch()
@@ -129,7 +127,7 @@ def test_images_of_further_passes_are_inputs_by_their_number(tmp_path: Path) -> 
     assert input_files(case) == dict(zip(keys, images, strict=True))
 
 
-def test_a_program_is_looked_for_on_the_path_that_it_gets(tmp_path: Path) -> None:
+def test_a_program_is_looked_for_on_the_path_that_it_gets(tmp_path):
     program = tmp_path / "sh"
     program.write_text("#!/bin/sh\n")
     program.chmod(0o755)

@@ -1,10 +1,5 @@
 """Files and overrides that a case is read from."""
 
-from __future__ import annotations
-
-from pathlib import Path
-from typing import Any
-
 import pytest
 import yaml
 from config_samples import FIXED, X, synthetic, write
@@ -13,7 +8,7 @@ from radcal.config import Case, SyntheticMeasurement, load, load_forward
 from radcal.errors import ConfigError
 
 
-def test_file_needs_only_the_keys_that_differ(tmp_path: Path) -> None:
+def test_file_needs_only_the_keys_that_differ(tmp_path):
     case = load([write(tmp_path, "case: mine\nstop: {rms: 1.0e-4}\n")])
     assert case.case == "mine"
     assert case.stop.rms == 1e-4
@@ -22,7 +17,7 @@ def test_file_needs_only_the_keys_that_differ(tmp_path: Path) -> None:
     assert load([write(tmp_path, "{}\n")]) == Case()
 
 
-def test_later_files_win_key_by_key(tmp_path: Path) -> None:
+def test_later_files_win_key_by_key(tmp_path):
     first = write(tmp_path, "seed: 3\nstop: {rms: 0.1, max_runs: 50}\n")
     second = write(tmp_path, "stop: {rms: 0.2}\n", "more.yaml")
     case = load([first, second])
@@ -30,7 +25,7 @@ def test_later_files_win_key_by_key(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("value", ['{"rms": 1e-4}', "{rms: 1e-4}", {"rms": "1e-4"}, {"rms": 1e-4}])
-def test_override_merges_into_the_files_section(tmp_path: Path, value: object) -> None:
+def test_override_merges_into_the_files_section(tmp_path, value):
     path = write(tmp_path, "seed: 3\nstop: {rms: 0.1, max_runs: 50}\n")
     case = load([path], {"stop": value, "seed": "7"})
     assert case.stop.rms == 1e-4
@@ -38,7 +33,7 @@ def test_override_merges_into_the_files_section(tmp_path: Path, value: object) -
     assert case.seed == 7
 
 
-def test_override_reaches_into_materials_and_lists(tmp_path: Path) -> None:
+def test_override_reaches_into_materials_and_lists(tmp_path):
     path = write(tmp_path, yaml.safe_dump({"materials": FIXED}))
     case = load([path], {"materials": '{"dyke": {"bounds": [[0, 1], [0, 1], [0, 1], [0, 1]]}}'})
     assert case.materials["dyke"].box == [(0.0, 1.0)] * 4
@@ -46,7 +41,7 @@ def test_override_reaches_into_materials_and_lists(tmp_path: Path) -> None:
     assert list(case.materials) == ["dyke", "grass"]
 
 
-def test_override_of_a_measurement_keeps_its_other_keys(tmp_path: Path) -> None:
+def test_override_of_a_measurement_keeps_its_other_keys(tmp_path):
     path = write(tmp_path, yaml.safe_dump(synthetic(seed=5, offset_db=1.0)))
     measurement = load([path], {"measurement": '{"synthetic": {"warp_px": 2.0}}'}).measurement
     assert isinstance(measurement, SyntheticMeasurement)
@@ -62,7 +57,7 @@ def test_override_of_a_measurement_keeps_its_other_keys(tmp_path: Path) -> None:
         ({"sede": 3}, ["sede", "'seed'"]),
     ],
 )
-def test_bad_overrides(tmp_path: Path, overrides: dict[str, Any], words: list[str]) -> None:
+def test_bad_overrides(tmp_path, overrides, words):
     with pytest.raises(ConfigError) as caught:
         load([write(tmp_path, "seed: 3\n")], overrides)
     for word in words:
@@ -81,9 +76,7 @@ def test_bad_overrides(tmp_path: Path, overrides: dict[str, Any], words: list[st
         ({"materials": {"dyke": {"bounds": {"0": [0, 1]}}}}, "case.yaml, command line: materials.dyke.bounds is {'0'"),
     ],
 )
-def test_a_mistake_has_the_place_of_its_key(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, overrides: dict[str, Any], said: str
-) -> None:
+def test_a_mistake_has_the_place_of_its_key(tmp_path, monkeypatch, overrides, said):
     monkeypatch.chdir(tmp_path)
     write(tmp_path, "seed: 3\n\nmaterials:\n  dyke:\n    calibrate: true\n    bounds: [[0, -1]]\n")
     with pytest.raises(ConfigError) as caught:
@@ -91,12 +84,12 @@ def test_a_mistake_has_the_place_of_its_key(
     assert str(caught.value).startswith(said)
 
 
-def test_a_file_that_is_no_yaml_is_refused_with_its_line(tmp_path: Path) -> None:
+def test_a_file_that_is_no_yaml_is_refused_with_its_line(tmp_path):
     with pytest.raises(ConfigError, match=r"case\.yaml, line 3: not a YAML file"):
         load([write(tmp_path, "seed: 3\nradar: [1, 2\n")])
 
 
-def test_how_many_more_mistakes_there_are_is_told(tmp_path: Path) -> None:
+def test_how_many_more_mistakes_there_are_is_told(tmp_path):
     for text in ("seed: -1\nradar: {looks: 0, nesz_db: x}", "seed: FILL_IN\nradar: {looks: FILL_IN, nesz_db: FILL_IN}"):
         with pytest.raises(ConfigError, match=r" \(and 2 more; radcal check lists them\)\.$"):
             load([write(tmp_path, text)])
@@ -108,7 +101,7 @@ CALIBRATED = {
 }
 
 
-def test_materials_of_another_file(tmp_path: Path) -> None:
+def test_materials_of_another_file(tmp_path):
     other = write(tmp_path, yaml.safe_dump({"materials": CALIBRATED, "stop": {"rms": 0.3}}), "calibrated.yaml")
     lake = {"calibrate": True, "bounds": [[0, 1]] * 4}
     path = write(tmp_path, yaml.safe_dump({"materials_from": str(other), "materials": {"lake": lake, "grass": lake}}))
@@ -131,19 +124,19 @@ def test_materials_of_another_file(tmp_path: Path) -> None:
         ("bad.yaml", r"bad.yaml, line 1: not a YAML file"),
     ],
 )
-def test_a_file_without_materials(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, value: object, words: str) -> None:
+def test_a_file_without_materials(tmp_path, monkeypatch, value, words):
     monkeypatch.chdir(tmp_path)
     write(tmp_path, "a: [", "bad.yaml")
     with pytest.raises(ConfigError, match=words):
         load([write(tmp_path, yaml.safe_dump({"materials_from": value}))])
 
 
-def test_a_misspelt_key_of_materials(tmp_path: Path) -> None:
+def test_a_misspelt_key_of_materials(tmp_path):
     with pytest.raises(ConfigError, match=r"unknown key material_from \(did you mean 'materials_from'\?\)"):
         load([write(tmp_path, "material_from: a.yaml")])
 
 
-def test_a_forward_run_needs_neither_measurement_nor_calibration(tmp_path: Path) -> None:
+def test_a_forward_run_needs_neither_measurement_nor_calibration(tmp_path):
     keys = {"materials": CALIBRATED, "radar": [{"looks": 3}, {"look_side": "left"}], "seed": 5, "stop": {"max_runs": 0}}
     case = load_forward([write(tmp_path, yaml.safe_dump(keys))])
     assert [one.radar.look_side for one in case.passes] == ["right", "left"]
@@ -165,6 +158,6 @@ def test_a_forward_run_needs_neither_measurement_nor_calibration(tmp_path: Path)
         ({"materials": {"soil": {"law": "oh1992", "parameters": [8, 1, 1]}}}, "radar.frequency_ghz is missing"),
     ],
 )
-def test_a_wrong_forward_run(tmp_path: Path, keys: dict[str, Any], words: str) -> None:
+def test_a_wrong_forward_run(tmp_path, keys, words):
     with pytest.raises(ConfigError, match=words):
         load_forward([write(tmp_path, yaml.safe_dump(keys))])

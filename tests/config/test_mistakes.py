@@ -1,15 +1,11 @@
 """All mistakes of a case at once, each with key, value found and value expected."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Any
 
 import pytest
 import yaml
 
 from radcal.config import load_with_problems
-from radcal.config.loading import Loaded
 
 IMAGE = {"source": "file", "path": "a.npy", "scale": "db", "radiometry": "sigma0_ref"}
 FIELD = {"field": {"calibrate": True}}
@@ -17,17 +13,17 @@ OUTSIDE = {"kind": "command", "command": ["./sim"], "output": {"file": "image.np
 
 
 @pytest.fixture
-def loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+def loaded(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
-    def of(data: dict[str, Any] | str) -> Loaded:
+    def of(data):
         Path("mine.yaml").write_text(data if isinstance(data, str) else yaml.safe_dump(data))
         return load_with_problems(["mine.yaml"])
 
     return of
 
 
-def test_every_wrong_key_of_all_sections_and_passes_is_told_once(loaded: Any) -> None:
+def test_every_wrong_key_of_all_sections_and_passes_is_told_once(loaded):
     radar = [{"looks": 7, "depression_deg": 41}, {"looks": 0, "depression_deg": 52, "loks": 3}]
     materials = {"a": {"law": "constant_gamma", "parameters": ["low"], "calibrate": "maybe"}, "b": {"law": "mangja"}}
     found = loaded({"sede": 3, "radar": radar, "measurement": [IMAGE, IMAGE], "materials": materials})
@@ -40,15 +36,15 @@ def test_every_wrong_key_of_all_sections_and_passes_is_told_once(loaded: Any) ->
     assert len(found.problems) == 6
 
 
-def test_a_section_with_a_mistake_leaves_the_others_for_further_checks(loaded: Any) -> None:
+def test_a_section_with_a_mistake_leaves_the_others_for_further_checks(loaded):
     found = loaded({"stop": {"rms": "small", "max_runs": 77}, "radar": {"looks": 7}})
     assert len(found.problems) == 1
     assert (found.case, found.rest.radar.looks, found.rest.stop.max_runs) == (None, 7, 200)
     assert loaded({"radar": [{"looks": 7}, {"looks": 9}]}).rest is None
 
 
-def test_contradictions_between_sections_are_told_once_all_sections_are_right(loaded: Any) -> None:
-    def problems(**more: Any) -> list[str]:
+def test_contradictions_between_sections_are_told_once_all_sections_are_right(loaded):
+    def problems(**more):
         return list(loaded({"design": {"reuse": "mine"}, "case": "mine", "stop": {"max_runs": 1}, **more}).problems)
 
     assert [text.split(": ")[1].split()[0] for text in problems()] == ["design.reuse", "stop.max_runs"]
@@ -57,7 +53,7 @@ def test_contradictions_between_sections_are_told_once_all_sections_are_right(lo
         assert f"{key} is" in problem
 
 
-def test_what_is_still_to_be_decided_is_no_other_mistake(loaded: Any) -> None:
+def test_what_is_still_to_be_decided_is_no_other_mistake(loaded):
     materials = {"a": {"law": "FILL_IN", "calibrate": True}, "b": {"parameters": ["FILL_IN", 2]}}
     radar, image = [{"looks": 3}, {"looks": "FILL_IN"}], {**IMAGE, "scale": "FILL_IN", "path": [1]}
     found = loaded({"materials": materials, "radar": radar, "measurement": [image, IMAGE]})
@@ -68,7 +64,7 @@ def test_what_is_still_to_be_decided_is_no_other_mistake(loaded: Any) -> None:
     ]  # fmt: skip
 
 
-def test_what_is_still_to_be_decided_has_its_line_and_an_example(tmp_path: Path) -> None:
+def test_what_is_still_to_be_decided_has_its_line_and_an_example(tmp_path):
     file = tmp_path / "mine.yaml"
     file.write_text(
         "radar:\n  looks: FILL_IN\n  depression_deg: 40\nmaterials:\n  FILL_IN: {calibrate: true}\n"
@@ -97,12 +93,12 @@ def test_what_is_still_to_be_decided_has_its_line_and_an_example(tmp_path: Path)
         ({"files": ["a/s.json", "b/s.json"]}, "files.1 and files.0 are both"),
     ],
 )
-def test_the_kind_of_a_simulator_is_not_its_key_command(loaded: Any, keys: dict[str, Any], wrong: str) -> None:
+def test_the_kind_of_a_simulator_is_not_its_key_command(loaded, keys, wrong):
     (problem,) = loaded({"simulator": OUTSIDE | keys}).problems
     assert problem.partition(": simulator")[2].lstrip(".: ").startswith(wrong)
 
 
-def test_one_mistake_of_two_materials_is_told_of_both(loaded: Any) -> None:
+def test_one_mistake_of_two_materials_is_told_of_both(loaded):
     wrong = {"calibrate": True, "bounds": [[0, -40], [0, 1], [3, 2], [0, 1]]}
     assert [text.split(": ")[1:] for text in loaded({"materials": {"a": wrong, "b": wrong}}).problems] == [
         [f"materials.{name}", f"bounds of {x}, expected lower < upper."]
@@ -111,7 +107,7 @@ def test_one_mistake_of_two_materials_is_told_of_both(loaded: Any) -> None:
     ]
 
 
-def test_a_case_for_simulate_need_not_calibrate(loaded: Any) -> None:
+def test_a_case_for_simulate_need_not_calibrate(loaded):
     fixed = {"a": {"law": "constant_gamma", "parameters": [-12]}}
     (problem,) = loaded({"materials": fixed, "measurement": IMAGE}).problems
     assert problem == "mine.yaml, line 1: materials: none is marked calibrate: true, expected at least one."

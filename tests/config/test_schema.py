@@ -1,13 +1,9 @@
 """The schema for editors: in step with the models, and of one mind with radcal about a case."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from jsonschema import Draft7Validator
@@ -33,35 +29,35 @@ SOIL = {"calibrate": True, "law": "external", "names": ["mv", "s"], "bounds": [[
 
 
 @pytest.fixture(scope="module")
-def schema() -> Draft7Validator:
+def schema():
     return Draft7Validator(json.loads(SCHEMA.read_text()))
 
 
-def written(*words: str) -> subprocess.CompletedProcess[str]:
+def written(*words):
     return subprocess.run([sys.executable, "-m", "radcal.config", *words], capture_output=True, text=True)
 
 
-def test_the_shipped_schema_is_that_of_the_models() -> None:
+def test_the_shipped_schema_is_that_of_the_models():
     done = written("schema")
     assert done.returncode == 0
     assert SCHEMA.read_text() == done.stdout, "python -m radcal.config schema > config/schema.json"
 
 
-def test_an_unknown_word_writes_nothing() -> None:
+def test_an_unknown_word_writes_nothing():
     done = written("scheme")
     assert done.returncode == 1
     assert done.stdout == ""
     assert done.stderr == "python -m radcal.config: 'scheme' is unknown, expected schema or nothing.\n"
 
 
-def test_the_schema_is_of_the_draft_that_editors_read(schema: Draft7Validator) -> None:
+def test_the_schema_is_of_the_draft_that_editors_read(schema):
     Draft7Validator.check_schema(schema.schema)
     assert schema.schema["$schema"] == Draft7Validator.META_SCHEMA["$schema"]
     later = {"prefixItems", "discriminator", "ge", "gt", "le", "lt", "title"}
     assert not later & {word for part in parts(schema.schema) for word in part}
 
 
-def parts(node: Any) -> Iterator[dict[str, Any]]:
+def parts(node):
     """Every schema inside of a schema; maps of names to schemas are none."""
     if isinstance(node, list):
         for item in node:
@@ -73,7 +69,7 @@ def parts(node: Any) -> Iterator[dict[str, Any]]:
                 yield from parts(item)
 
 
-def test_every_key_is_explained(schema: Draft7Validator) -> None:
+def test_every_key_is_explained(schema):
     models = schema.schema["$defs"]
     keys = {
         f"{name}.{key}": item if "description" in item else models.get(item.get("$ref", "").rpartition("/")[2], item)
@@ -85,7 +81,7 @@ def test_every_key_is_explained(schema: Draft7Validator) -> None:
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_every_shipped_case_leads_to_the_schema_and_meets_it(path: Path, schema: Draft7Validator) -> None:
+def test_every_shipped_case_leads_to_the_schema_and_meets_it(path, schema):
     first = path.read_text().partition("\n")[0]
     assert first.startswith("# yaml-language-server: $schema=")
     assert (path.parent / first.partition("=")[2]).resolve() == SCHEMA
@@ -115,7 +111,7 @@ def test_every_shipped_case_leads_to_the_schema_and_meets_it(path: Path, schema:
         },
     ],
 )
-def test_what_radcal_takes_the_schema_takes(data: dict[str, Any], schema: Draft7Validator) -> None:
+def test_what_radcal_takes_the_schema_takes(data, schema):
     case_from(data)
     assert [error.message for error in schema.iter_errors(data)] == []
 
@@ -150,7 +146,7 @@ def test_what_radcal_takes_the_schema_takes(data: dict[str, Any], schema: Draft7
         {"measurement": {"path": "a.tif", "scale": "db", "radiometry": "sigma0_ref"}},
     ],
 )
-def test_what_the_schema_refuses_radcal_refuses(data: dict[str, Any], schema: Draft7Validator) -> None:
+def test_what_the_schema_refuses_radcal_refuses(data, schema):
     assert not schema.is_valid(data)
     with pytest.raises(ConfigError):
         case_from(data)

@@ -1,7 +1,5 @@
 """What each stage reads of a case: the same for its rule, its script and the functions it calls."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -19,7 +17,7 @@ WORKFLOW = Path(__file__).resolve().parents[2] / "workflow"
 
 
 @pytest.mark.parametrize("rule", [name for name, stage in STAGES.items() if stage.reads])
-def test_a_job_has_the_sections_of_its_stage_and_no_others(rule: str) -> None:
+def test_a_job_has_the_sections_of_its_stage_and_no_others(rule):
     row, case = STAGES[rule], case_from(flat() | measured() | {"materials": FIXED, "seed": 7})
     stage, params = row.model, row.params(case)
     assert yaml.safe_load(yaml.safe_dump(params)) == params  # plain data
@@ -39,7 +37,7 @@ def test_a_job_has_the_sections_of_its_stage_and_no_others(rule: str) -> None:
 
 
 @pytest.mark.parametrize("rule", STAGES)
-def test_a_rule_takes_all_from_the_row_of_its_name(rule: str) -> None:
+def test_a_rule_takes_all_from_the_row_of_its_name(rule):
     pages = "".join(path.read_text(encoding="utf-8") for path in (WORKFLOW / "rules").glob("*.smk"))
     (body,) = re.findall(rf"(?ms)^(?:(?:rule|checkpoint) {rule}:|use rule \w+ as {rule} with:)\n(.*?)(?=^\S|\Z)", pages)
     named = re.findall(r"\b(?:outputs|words|of_pass|resources)\(\s*\"(\w+)|STAGES\[\"(\w+)", body)
@@ -51,13 +49,13 @@ def test_a_rule_takes_all_from_the_row_of_its_name(rule: str) -> None:
         assert path.endswith((".json", ".csv", ".html")) or "." not in path or kind_of(path) in SCHEMAS
 
 
-def test_every_rule_but_the_milestones_is_a_stage() -> None:
+def test_every_rule_but_the_milestones_is_a_stage():
     pages = "".join(path.read_text(encoding="utf-8") for path in (WORKFLOW / "rules").glob("*.smk"))
     rules = re.findall(r"(?m)^(?:rule|checkpoint|use rule \w+ as) (\w+)(?::| with:)$", pages)
     assert sorted(rules) == sorted(STAGES)
 
 
-def test_the_flow_in_the_documents_is_that_of_the_table() -> None:
+def test_the_flow_in_the_documents_is_that_of_the_table():
     page = (WORKFLOW.parent / "docs/architecture.md").read_text(encoding="utf-8").split("## The rooms")[0]
     rows = re.findall(r"^\| [^|]* \| (`[^|]*) \| [^|]* \| (`[^|]*) \|$", page, flags=re.MULTILINE)
     rules, outputs = ([name for row in rows for name in re.findall("`(.*?)/?`", row[k])] for k in (0, 1))
@@ -65,13 +63,13 @@ def test_the_flow_in_the_documents_is_that_of_the_table() -> None:
     assert sorted(outputs) == sorted(path.replace("{", "<").replace("}", ">") for path in OUTPUTS)
 
 
-def test_the_archive_records_all_that_jobs_depend_on() -> None:
+def test_the_archive_records_all_that_jobs_depend_on():
     case = case_from(dyke() | synthetic(parameters={"dyke": X}))
     archive = STAGES["archive"].of(case)
     assert repr(archive.sections(*archive.__dict__)) == repr(case.sections(*STAGES["archive"].reads))
 
 
-def test_what_follows_from_sections_is_that_of_the_case() -> None:
+def test_what_follows_from_sections_is_that_of_the_case():
     start = {"law": "constant_gamma", "parameters": [-9.0]}
     case = case_from(
         {

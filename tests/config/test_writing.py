@@ -1,11 +1,8 @@
 """The default case as YAML."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,19 +13,19 @@ from radcal.config import Case, Radar, SyntheticMeasurement, case_from, load
 from radcal.config.writing import _inline, default_case, default_yaml
 
 
-def test_default_yaml_is_the_default_case(tmp_path: Path) -> None:
+def test_default_yaml_is_the_default_case(tmp_path):
     path = tmp_path / "config.yaml"
     path.write_text(default_yaml())
     assert load([path]) == default_case()
     assert yaml.safe_load(default_yaml())["stop"]["rms"] == 1e-5  # a number, not text
 
 
-def test_default_case_is_the_defaults_of_all_keys() -> None:
+def test_default_case_is_the_defaults_of_all_keys():
     assert default_case() == Case() == case_from({})
     assert default_case().radar == Radar()
 
 
-def test_the_default_measurement_is_made_by_other_settings_than_the_runs() -> None:
+def test_the_default_measurement_is_made_by_other_settings_than_the_runs():
     case = default_case()
     assert isinstance(case.measurement, SyntheticMeasurement)
     synthetic = case.measurement.synthetic
@@ -45,7 +42,7 @@ def test_the_default_measurement_is_made_by_other_settings_than_the_runs() -> No
 @pytest.mark.parametrize(
     "data", [{"scene": {"seed": 2}}, {"materials": FIXED}, {"simulator": COMMAND}, synthetic(seed=3)]
 )
-def test_a_case_of_its_own_ground_or_image_has_no_mismatch_by_default(data: dict[str, Any]) -> None:
+def test_a_case_of_its_own_ground_or_image_has_no_mismatch_by_default(data):
     measurement = case_from(data).measurement
     assert isinstance(measurement, SyntheticMeasurement)
     assert measurement.synthetic.disturbed == ()
@@ -53,7 +50,7 @@ def test_a_case_of_its_own_ground_or_image_has_no_mismatch_by_default(data: dict
     assert list(measurement.synthetic.parameters) == ["dyke"]
 
 
-def test_levels_and_bounds_of_the_default_case_are_physical() -> None:
+def test_levels_and_bounds_of_the_default_case_are_physical():
     case = default_case()
     assert isinstance(case.measurement, SyntheticMeasurement)
     phi = np.radians(np.linspace(0.0, 80.0, 81))
@@ -66,7 +63,7 @@ def test_levels_and_bounds_of_the_default_case_are_physical() -> None:
     assert case.radar.radiometry == "sigma0_ref"
 
 
-def test_shipped_config_is_the_default_case() -> None:
+def test_shipped_config_is_the_default_case():
     shipped = Path(__file__).parents[2] / "config" / "config.yaml"
     assert shipped.read_text() == default_yaml()
 
@@ -75,11 +72,11 @@ def test_shipped_config_is_the_default_case() -> None:
     ("value", "text"),
     [(4.0, "4"), (693_000.0, "693000"), (1_234_567.0, "1234567.0"), (1e-5, "1.0e-05"), (0.25, "0.25"), (True, "true")],
 )
-def test_numbers_are_written_with_all_their_digits(value: Any, text: str) -> None:
+def test_numbers_are_written_with_all_their_digits(value, text):
     assert _inline(value) == text
     assert yaml.safe_load(text) == value
 
 
-def test_module_writes_the_default_yaml() -> None:
+def test_module_writes_the_default_yaml():
     done = subprocess.run([sys.executable, "-m", "radcal.config"], capture_output=True, text=True, check=True)
     assert done.stdout == default_yaml()

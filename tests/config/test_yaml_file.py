@@ -1,8 +1,5 @@
-from __future__ import annotations
-
 import os
 import re
-from pathlib import Path
 
 import pytest
 
@@ -10,13 +7,13 @@ from radcal.config.yaml_file import check_words, merged, read_case_file, read_va
 from radcal.errors import ConfigError
 
 
-def write(folder: Path, content: str | bytes) -> Path:
+def write(folder, content):
     path = folder / "mine.yaml"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     return path
 
 
-def sentence(folder: Path, content: str | bytes) -> str:
+def sentence(folder, content):
     path = write(folder, content)
     with pytest.raises(ConfigError) as caught:
         read_case_file(path)
@@ -38,11 +35,11 @@ def sentence(folder: Path, content: str | bytes) -> str:
         ("a: &a {b: 1}\nc:\n  <<: *a\n  <<: *a\n", ", line 4: c.<< is given here and in line 3"),
     ],
 )
-def test_keys_that_stand_twice_are_refused_with_both_lines(tmp_path: Path, content: str, said: str) -> None:
+def test_keys_that_stand_twice_are_refused_with_both_lines(tmp_path, content, said):
     assert sentence(tmp_path, content).startswith(said)
 
 
-def test_anchors_and_merge_keys_behave(tmp_path: Path) -> None:
+def test_anchors_and_merge_keys_behave(tmp_path):
     text = """
 materials:
   dyke: &soil {calibrate: true, bounds: &box [[0, 50], [1, 2]]}
@@ -57,7 +54,7 @@ materials:
     }
 
 
-def bomb(item: str, levels: int, of: str = "[]") -> str:
+def bomb(item, levels, of="[]"):
     """Aliases of aliases: nine times as many values on every level."""
     lines = [f"k0: &k0 {item}"]
     for n in range(levels):
@@ -68,12 +65,12 @@ def bomb(item: str, levels: int, of: str = "[]") -> str:
 
 @pytest.mark.parametrize("of", ["[]", "{}"])
 @pytest.mark.parametrize(("levels", "shown"), [(8, "[0-9,]{10,}"), (60, r"10\^15 and more")])
-def test_aliases_that_grow_without_end_are_refused(tmp_path: Path, of: str, levels: int, shown: str) -> None:
+def test_aliases_that_grow_without_end_are_refused(tmp_path, of, levels, shown):
     text = sentence(tmp_path, bomb("[1]", levels, of))
     assert re.fullmatch(rf": its aliases stand for {shown} values, expected at most 200,000\.", text)
 
 
-def test_aliases_of_some_thousand_values_are_read(tmp_path: Path) -> None:
+def test_aliases_of_some_thousand_values_are_read(tmp_path):
     found = read_case_file(write(tmp_path, bomb("[7]", 4)))
     assert found["k4"][8][8][8][8] == [7]
 
@@ -115,16 +112,16 @@ def test_aliases_of_some_thousand_values_are_read(tmp_path: Path) -> None:
         (b"a: 1\n" * 40_001, ": holds 200,005 bytes, expected a case file of at most 200,000."),
     ],
 )
-def test_what_is_no_case_ends_in_a_sentence(tmp_path: Path, content: str | bytes, said: str) -> None:
+def test_what_is_no_case_ends_in_a_sentence(tmp_path, content, said):
     assert sentence(tmp_path, content).startswith(said)
 
 
-def test_line_ends_and_byte_order_marks_of_other_systems_are_read(tmp_path: Path) -> None:
+def test_line_ends_and_byte_order_marks_of_other_systems_are_read(tmp_path):
     found = read_case_file(write(tmp_path, b"\xef\xbb\xbfcase: mine\r\nstop:\r\n  max_runs: 30\r\n"))
     assert found == {"case": "mine", "stop": {"max_runs": 30}}
 
 
-def test_what_is_no_file_is_not_opened(tmp_path: Path) -> None:
+def test_what_is_no_file_is_not_opened(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     for name, why in [
         ("pipe", "not a regular file"),
@@ -136,7 +133,7 @@ def test_what_is_no_file_is_not_opened(tmp_path: Path) -> None:
             read_case_file(tmp_path / name)
 
 
-def test_a_file_that_cannot_be_read_says_why() -> None:
+def test_a_file_that_cannot_be_read_says_why():
     # as one without permission, which root would have: Linux refuses the first page of a process
     with pytest.raises(
         ConfigError, match=r"^/proc/self/mem: cannot be read \(Input/output error\), expected a YAML file\.$"
@@ -144,7 +141,7 @@ def test_a_file_that_cannot_be_read_says_why() -> None:
         read_case_file("/proc/self/mem")
 
 
-def test_values_of_the_command_line() -> None:
+def test_values_of_the_command_line():
     assert read_value('{"rms": 1.0e-6}', "--config stop") == {"rms": 1e-6}
     assert read_value("", "--config stop") is None
     with pytest.raises(
@@ -155,7 +152,7 @@ def test_values_of_the_command_line() -> None:
         read_value("{rms: " + "[" * 500, "--config stop")
 
 
-def test_a_single_key_is_a_section_of_one() -> None:
+def test_a_single_key_is_a_section_of_one():
     assert setting("stop.max_runs=30", "--set") == {"stop": {"max_runs": 30}}
     assert setting("materials.wheat 2.bounds=[[0, 1]]", "--set") == {"materials": {"wheat 2": {"bounds": [[0, 1]]}}}
     assert setting("measurement.path=a=b", "--set") == {"measurement": {"path": "a=b"}}
@@ -164,14 +161,14 @@ def test_a_single_key_is_a_section_of_one() -> None:
             setting(word, "--set")
 
 
-def test_sections_are_merged_key_by_key() -> None:
+def test_sections_are_merged_key_by_key():
     base = {"seed": 1, "stop": {"rms": 1, "max_runs": 2}, "scene": {"source": "raster"}}
     both = merged(base, {"stop": {"rms": 3}, "scene": None})
     assert both == {"seed": 1, "stop": {"rms": 3, "max_runs": 2}, "scene": None}
     assert base["stop"] == {"rms": 1, "max_runs": 2}
 
 
-def test_settings_given_twice_are_refused() -> None:
+def test_settings_given_twice_are_refused():
     check_words(["stop={rms: 1}", "stop={max_runs: 3}", "seed=1", "case=mine"])
     with pytest.raises(ConfigError, match=r"^--config: seed is given twice, expected once\.$"):
         check_words(["seed=1", "stop={rms: 1}", "seed=1"])
@@ -179,7 +176,7 @@ def test_settings_given_twice_are_refused() -> None:
         check_words(["stop.rms=1", "stop={rms: 2}"], "--set")
 
 
-def test_numbers_are_those_that_people_write(tmp_path: Path) -> None:
+def test_numbers_are_those_that_people_write(tmp_path):
     found = read_case_file(
         write(tmp_path, "a: [0, 0.5, -3, 1.0e-3, 1e-3, 0x1f, .inf, true, '010', 07:61, 1:30x, 0.0]\n")
     )

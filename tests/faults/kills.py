@@ -7,8 +7,6 @@ Killed are, in turn, Snakemake's main process (its jobs go on without it), one o
 whole process group. The last line printed is one JSON object.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import hashlib

@@ -1,9 +1,6 @@
 """Colours of materials: configured, usual for the name, else in the order of the palette."""
 
-from __future__ import annotations
-
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,11 +8,10 @@ from archives import configured
 
 from radcal.figures.colours import FILLS, colour_of, colours_of, head, material_colours
 from radcal.figures.drawing import new_canvas
-from radcal.results.archive import Archive
 from radcal.tables.landcover import landcovers
 
 
-def lightness(colour: str) -> float:
+def lightness(colour):
     """CIE L* of an sRGB colour."""
     values = np.array([int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5)])
     linear = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
@@ -23,19 +19,19 @@ def lightness(colour: str) -> float:
     return 116.0 * y ** (1.0 / 3.0) - 16.0 if y > 0.008856 else 903.3 * y
 
 
-def deuteranopic(colour: str) -> np.ndarray:
+def deuteranopic(colour):
     """Linear RGB as a reader without green cones sees it (Vienot, Brettel and Mollon 1999)."""
     values = np.array([int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5)]) ** 2.2
     both = 0.292750 * values[0] + 0.707250 * values[1]
     return np.clip([both, both, -0.022336 * values[0] + 0.022336 * values[1] + values[2]], 0.0, 1.0)
 
 
-def test_unknown_names_keep_the_order_of_the_palette() -> None:
+def test_unknown_names_keep_the_order_of_the_palette():
     names = [f"material {k}" for k in range(20)]
     assert material_colours(names) == [FILLS[k % len(FILLS)] for k in range(20)]
 
 
-def test_names_have_their_usual_colours() -> None:
+def test_names_have_their_usual_colours():
     found = dict(zip(names := ["dyke", "water", "Mixed forest", "dike", "crops"], material_colours(names), strict=True))
     assert found["dyke"] == FILLS[0]
     assert found["dike"] == FILLS[3]
@@ -45,19 +41,19 @@ def test_names_have_their_usual_colours() -> None:
     assert green > max(red, blue)
 
 
-def test_words_count_and_not_parts_of_them() -> None:
+def test_words_count_and_not_parts_of_them():
     assert material_colours(["waterproof"]) == [FILLS[0]]
     assert material_colours(["permanent_water_bodies"]) == material_colours(["water"])
     # a wetland is no water, and woody wetlands are no forest
     assert material_colours(["woody_wetlands"]) == material_colours(["salt marsh"])
 
 
-def test_materials_of_one_kind_have_different_shades() -> None:
+def test_materials_of_one_kind_have_different_shades():
     names = [f"forest {k}" for k in "abcde"]
     assert len(set(material_colours(names))) == 5
 
 
-def test_configured_colours_come_first_and_are_no_one_elses() -> None:
+def test_configured_colours_come_first_and_are_no_one_elses():
     water = material_colours(["water"])[0]
     found = material_colours(["lake", "water", "a"], {"a": water, "water": "#010203"})
     assert found[1:] == ["#010203", water]
@@ -67,13 +63,13 @@ def test_configured_colours_come_first_and_are_no_one_elses() -> None:
 
 
 @pytest.mark.parametrize("landcover", landcovers())
-def test_covers_of_a_map_have_colours_of_their_own(landcover: str) -> None:
+def test_covers_of_a_map_have_colours_of_their_own(landcover):
     names = [cover.name for cover in landcovers()[landcover].values()][: len(FILLS)]
     found = material_colours(names)
     assert len(set(found)) == len(found)
 
 
-def test_kinds_of_ground_differ_for_colour_blind_readers() -> None:
+def test_kinds_of_ground_differ_for_colour_blind_readers():
     kinds = ["wetland", "water", "snow", "urban", "road", "forest", "shrub", "grass", "crops", "bare soil"]
     colours = material_colours(kinds)
     assert len(set(colours)) == 10
@@ -84,8 +80,8 @@ def test_kinds_of_ground_differ_for_colour_blind_readers() -> None:
             assert apart > 25.0 or abs(lightness(colours[k]) - lightness(colours[n])) > 8.0, (kinds[k], kinds[n], apart)
 
 
-def test_archives_say_the_configured_colours(made: object, tmp_path: Path) -> None:
-    archive: Archive = made.archive  # type: ignore[attr-defined]
+def test_archives_say_the_configured_colours(made, tmp_path):
+    archive = made.archive
     assert colours_of(archive) == material_colours(archive.names)
     materials = json.loads(archive.config)["materials"]
     name = archive.names[1]

@@ -1,7 +1,5 @@
 """The report in headless Chromium: it asks for nothing, nothing fails, and keys, paper and dark screens show it all."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

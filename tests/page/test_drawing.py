@@ -1,7 +1,5 @@
 """Script that draws the interactive figures, in headless Chromium on a page of two figures."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

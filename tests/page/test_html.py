@@ -1,7 +1,5 @@
 """The page says what it must, loads nothing and is the same every time."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import io
@@ -32,13 +30,13 @@ COLOURS = ("#204080", "#a03010", "#308050")
 class Page(HTMLParser):
     """Tags, addresses and the visible text of a page."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text):
         super().__init__()
-        self.open: list[str] = []
-        self.addresses: list[str] = []
-        self.tags: list[str] = []
-        self.images: list[dict[str, str]] = []
-        self.words: list[str] = []
+        self.open = []
+        self.addresses = []
+        self.tags = []
+        self.images = []
+        self.words = []
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
@@ -58,7 +56,7 @@ class Page(HTMLParser):
             self.words.append(data)
 
     @property
-    def text(self) -> str:
+    def text(self):
         return re.sub(r"\s+", " ", "".join(self.words))
 
 

@@ -1,7 +1,5 @@
 """Interactive figures: valid for plotly, small, with the numbers of the archive."""
 
-from __future__ import annotations
-
 import base64
 import gzip
 import json

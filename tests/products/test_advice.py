@@ -1,10 +1,7 @@
 """Table of further passes: which are compared, in which order, and what is said."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -36,11 +33,11 @@ from radcal.words import sentence
 FLAT = law_for("tabulated", angles_deg=(20.0, 60.0))
 
 
-def case(**radar: object):
+def case(**radar):
     return case_from(sections(**radar))
 
 
-def sections(**radar: object) -> dict[str, Any]:
+def sections(**radar):
     return {
         "radar": {"depression_deg": 45, "nesz_db": -60, **radar},
         "materials": {"slope": {"calibrate": True}, "rest": {"parameters": [1, 2, 3, 4]}},
@@ -50,7 +47,7 @@ def sections(**radar: object) -> dict[str, Any]:
     }
 
 
-def scene() -> Scene:
+def scene():
     """A plain with a material on rough ground that faces west, towards a radar that looks right (east)."""
     north, east = np.meshgrid(np.arange(60), np.arange(60), indexing="ij")
     material = np.where((east > 15) & (east < 45), 1, 2).astype(np.uint8)
@@ -58,7 +55,7 @@ def scene() -> Scene:
     return Scene("made up", ("slope", "rest"), material, relief, 5.0)
 
 
-def found(**more: Any) -> dict[str, tuple[Any, Any]]:
+def found(**more):
     """Posterior and law of lines known at 35 degrees, the less the further away."""
     slope = np.random.default_rng(2).normal(0.0, 0.08, (400, 1))
     lines = -10.0 + slope * (WHOLE_DEG - 35.0) + np.random.default_rng(3).normal(0.0, 0.2, (400, 1))
@@ -181,12 +178,12 @@ def test_what_a_pass_shares_with_the_passes_of_the_case_is_not_measured_again():
         assert all(least < row.after_db / row.now_db <= most for row in rows)
 
 
-def row(side: str, after: float, now: float = 2.0) -> Advised:
+def row(side, after, now=2.0):
     radar = case().radar.model_copy(update={"look_side": side})
     return Advised(radar, "slope", (20.04, 41.0), now, after, (20.0, 60.0), 0.0123, 0.002)
 
 
-def codes(rows: list[Advised]) -> list[tuple[str, str]]:
+def codes(rows):
     return [(one.about, one.code) for one in best_passes(rows)]
 
 
@@ -207,7 +204,7 @@ def test_lines():
     assert codes([row("left", 1.85)]) == [("slope", "band_none")]
 
 
-def test_a_pass_is_judged_by_how_far_it_narrows_a_band() -> None:
+def test_a_pass_is_judged_by_how_far_it_narrows_a_band():
     assert judged([0.8, 0.5, 0.52]) == (1, [2])
     assert judged([0.53, 0.5]) == (1, [])
     assert judged([0.5]) == (0, [])

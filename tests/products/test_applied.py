@@ -1,7 +1,5 @@
 """Laws of a calibration on another image: the interval of each bin, and what is said of it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -41,7 +39,7 @@ QUANTILE = 1.6449
 LOOKS = 4.0
 
 
-def bins_of(pixels: int = 400, noise_db: float = -300.0) -> PredictionBins:
+def bins_of(pixels=400, noise_db=-300.0):
     """Two bins about 30 and 50 degrees, in one field, each of one cell and with as many independent pixels."""
     middles = np.array([30.0, 50.0])
     cell, count, noise = np.repeat([0, 1], pixels), np.full(2, float(pixels)), np.full(2, noise_db)
@@ -49,7 +47,7 @@ def bins_of(pixels: int = 400, noise_db: float = -300.0) -> PredictionBins:
     return PredictionBins(np.array([30.0, 40.0, 50.0]), parts, np.eye(2))
 
 
-def divided(bins: PredictionBins, shares: list[float], patch: list[int]) -> PredictionBins:
+def divided(bins, shares, patch):
     """Bins of which each consists of parts of cells with these shares of its pixels, in these fields."""
     n, one = len(shares), bins.parts
     parts = replace(
@@ -63,7 +61,7 @@ def divided(bins: PredictionBins, shares: list[float], patch: list[int]) -> Pred
     return replace(bins, parts=parts, weights=np.kron(np.eye(2), shares))
 
 
-def drawn(level_sd: float = 0.0, slope_sd: float = 0.0, field: float = 0.0, cell: float = 0.0) -> SimpleNamespace:
+def drawn(level_sd=0.0, slope_sd=0.0, field=0.0, cell=0.0):
     """Posterior in which the law has an uncertain level, and its form error an uncertain slope about 30 degrees."""
     rng = np.random.default_rng(3)
     a, b = rng.normal(0.0, level_sd, (4000, 1)), rng.normal(0.0, slope_sd, (4000, 1))
@@ -72,11 +70,11 @@ def drawn(level_sd: float = 0.0, slope_sd: float = 0.0, field: float = 0.0, cell
     return SimpleNamespace(draws=draws, looks=LOOKS, known_between_deg=(25.0, 35.0), seen_deg=np.array([[22.0, 52.0]]))
 
 
-def by_law(draws: np.ndarray) -> Predicted:
+def by_law(draws):
     return Predicted(draws.mean(axis=0), *np.quantile(draws, [0.05, 0.95], axis=0))
 
 
-def predicted(posterior: SimpleNamespace, seen: PredictionBins, **config: float) -> list[Prediction]:
+def predicted(posterior, seen, **config):
     """Predictions by the law of an image simulated at X and 1.5 dB brighter, of which 0.4 dB less are measured."""
     image = LAW(np.radians(seen.parts.incidence_deg), X) + 1.5
     uncertainty = Uncertainty(**{"level_db": 0.0, "noise_db": 0.0, **config})
@@ -84,16 +82,16 @@ def predicted(posterior: SimpleNamespace, seen: PredictionBins, **config: float)
     return list(predictions("dyke", posterior, seen, image, moved, image - 0.4))
 
 
-def half(one: Prediction) -> float:
+def half(one):
     return 0.5 * (one.p95_db - one.p05_db)
 
 
-def test_the_interval_is_that_of_law_form_speckle_level_noise_and_fields() -> None:
+def test_the_interval_is_that_of_law_form_speckle_level_noise_and_fields():
     many = bins_of(1000)
     # of measured and simulated pixels: (10 / ln 10)^2 trigamma(looks n)
     rest = 2.0 * 18.861170 * float(polygamma(1, LOOKS * 1000.0))
 
-    def has(variance: float, one: Prediction) -> None:
+    def has(variance, one):
         assert half(one) == pytest.approx(QUANTILE * np.sqrt(variance + rest), rel=0.05)
 
     has(0.0, predicted(drawn(), many)[0])
@@ -113,7 +111,7 @@ def test_the_interval_is_that_of_law_form_speckle_level_noise_and_fields() -> No
     has(1.0, predicted(drawn(), loud, noise_db=2.0)[0])
 
 
-def test_the_middle_is_the_image_moved_by_law_and_form() -> None:
+def test_the_middle_is_the_image_moved_by_law_and_form():
     first, second = predicted(drawn(), bins_of())
     assert first.predicted_db == pytest.approx(float(LAW(np.radians(30.0), X)) + 1.5, abs=0.02)
     assert (first.measured_db, first.pixels) == (pytest.approx(float(LAW(np.radians(30.0), X)) + 1.1), 400)
@@ -124,7 +122,7 @@ def test_the_middle_is_the_image_moved_by_law_and_form() -> None:
     assert moved[1].predicted_db - second.predicted_db == pytest.approx(1.0, abs=1e-6)
 
 
-def test_the_interval_of_the_constant_is_that_of_its_mean_fields_cells_speckle_level_and_noise() -> None:
+def test_the_interval_of_the_constant_is_that_of_its_mean_fields_cells_speckle_level_and_noise():
     """In noise as strong as the constant, its level is raised by 3 dB, and an error of the noise counts by half.
 
     The cells of a bin differ from a constant alike, those of different fields do not.
@@ -146,7 +144,7 @@ def test_the_interval_of_the_constant_is_that_of_its_mean_fields_cells_speckle_l
     assert sd**2 == pytest.approx(np.full(2, 0.09 + 0.36 + 0.09 + 0.16 + 1.0 + rest), rel=0.02)
 
 
-def test_law_and_constant_count_alike(monkeypatch) -> None:
+def test_law_and_constant_count_alike(monkeypatch):
     """A material without a constant, of a law without a curve, is not predicted."""
     seen, x = bins_of(1000), np.array([30.0, 50.0])
     law = np.asarray(LAW(np.radians(x), X))
@@ -175,7 +173,7 @@ def test_law_and_constant_count_alike(monkeypatch) -> None:
     ]
 
 
-def test_cells_are_divided_at_the_edges_of_the_bins() -> None:
+def test_cells_are_divided_at_the_edges_of_the_bins():
     """Three cells of 400 pixels each, of which the middle one reaches over three bins."""
     angle = np.concatenate([np.linspace(20.0, 24.0, 400), np.linspace(23.0, 29.0, 400), np.linspace(29.5, 33.0, 400)])
     cell, patch = np.repeat([0, 1, 2], 400), np.array([5, 8, 5])
@@ -197,7 +195,7 @@ def test_cells_are_divided_at_the_edges_of_the_bins() -> None:
         )
 
 
-def test_the_level_of_a_bin_is_the_mean_power_of_its_parts_averaged_in_db() -> None:
+def test_the_level_of_a_bin_is_the_mean_power_of_its_parts_averaged_in_db():
     seen = bins_of(3)
     # two parts of cells in the first bin, of two pixels and one
     seen = replace(seen, parts=replace(seen.parts, cell=np.array([0, 0, 1, 2, 3, 3])))
@@ -208,13 +206,13 @@ def test_the_level_of_a_bin_is_the_mean_power_of_its_parts_averaged_in_db() -> N
     assert none[1] == pytest.approx(5.0 * np.log10(27.0))
 
 
-def test_ground_in_the_noise_moves_less_with_its_law() -> None:
+def test_ground_in_the_noise_moves_less_with_its_law():
     clear, noisy = (predicted(drawn(level_sd=0.4), bins_of(10**4, noise))[0] for noise in (-300.0, -8.5))
     # signal and noise have the same level at 30 degrees
     assert half(noisy) == pytest.approx(0.5 * half(clear), rel=0.1)
 
 
-def test_angles_are_called_what_they_are() -> None:
+def test_angles_are_called_what_they_are():
     first, second = predicted(drawn(), bins_of())
     assert (first.known, second.known) == ("known", "not known")
     posterior = drawn()
@@ -227,11 +225,11 @@ def test_angles_are_called_what_they_are() -> None:
     assert [one.known for one in predicted(posterior, bins_of())] == ["not known", "not seen"]
 
 
-def one(known: str, measured: float) -> tuple[int, Prediction]:
+def one(known, measured):
     return 1, Prediction("dyke", (20.0, 24.5), 22.0, 310, known, -7.0, -8.25, -6.5, measured)
 
 
-def test_table_and_conclusion_say_only_what_was_shown() -> None:
+def test_table_and_conclusion_say_only_what_was_shown():
     rows = [one("known", -8.0), one("known", -8.5), one("not seen", -6.9), one("not known", float("nan"))]
     lines = list(_table(rows, several=False))
     assert lines[1].split("  ")[0] == "dyke"
@@ -248,7 +246,7 @@ def test_table_and_conclusion_say_only_what_was_shown() -> None:
     )
 
 
-def test_what_limits_a_prediction_is_told() -> None:
+def test_what_limits_a_prediction_is_told():
     numbers = {"p05_db": 1.2, "rms_db": 1.9, "p95_db": 3.0}
     found = [Finding("refuted", "warning", name, numbers) for name in ("dyke", "lake")]
     found += [Finding("not_refuted", "note", "dyke")]
@@ -258,7 +256,7 @@ def test_what_limits_a_prediction_is_told() -> None:
     assert second.startswith("warning: dyke: sigma0 is determined at no angle")
 
 
-def archive_of(**dyke: object) -> SimpleNamespace:
+def archive_of(**dyke):
     """Archive of two calibrated materials, of which the dyke has effective looks."""
     values = {"parameters_model": None, "seen_deg": np.array([[38.9, 39.1]])}
     posterior = SimpleNamespace(**{**values, **dyke.pop("posterior", {})})
@@ -270,7 +268,7 @@ def archive_of(**dyke: object) -> SimpleNamespace:
     return SimpleNamespace(configured=case, laws=laws, materials=materials)
 
 
-def test_calibrated_materials_replace_those_of_the_other_case(tmp_path) -> None:
+def test_calibrated_materials_replace_those_of_the_other_case(tmp_path):
     path = tmp_path / "other.yaml"
     path.write_text("case: other\nmaterials: {dyke: {parameters: [1, 2, 3, 4]}, lake: {parameters: [4, 3, 2, 1]}}\n")
     other = load_forward([path])
@@ -291,7 +289,7 @@ def test_calibrated_materials_replace_those_of_the_other_case(tmp_path) -> None:
 
 
 @pytest.mark.parametrize("config", ["no JSON", "[1]", "{}", '{"materials": {"dyke": {"law": "none"}}}'])
-def test_other_contents_under_a_right_checksum_are_one_sentence(made, tmp_path, config) -> None:
+def test_other_contents_under_a_right_checksum_are_one_sentence(made, tmp_path, config):
     write_archive(tmp_path / "calibration.h5", replace(made.archive, config=config))
     other = tmp_path / "other.yaml"
     other.write_text("case: other\nmaterials: {dyke: {parameters: [1, 2, 3, 4]}}\n")
@@ -299,7 +297,7 @@ def test_other_contents_under_a_right_checksum_are_one_sentence(made, tmp_path, 
         apply(tmp_path, load_forward([other]), None, tmp_path / "out", tmp_path / "runs")
 
 
-def test_the_law_is_taken_at_the_incidence_of_each_part() -> None:
+def test_the_law_is_taken_at_the_incidence_of_each_part():
     """A bin of parts at two angles moves by the mean of the law's changes at both, weighted by their pixels."""
     seen, phi = divided(bins_of(10**6), [0.8, 0.2], [1, 1]), np.radians([25.0, 35.0])
     seen = replace(seen, parts=replace(seen.parts, middle_deg=np.array([25.0, 35.0, 50.0, 50.0])))
@@ -313,7 +311,7 @@ def test_the_law_is_taken_at_the_incidence_of_each_part() -> None:
     assert (found.predicted_db, found.inside) == (pytest.approx(-5.0 + expected, abs=1e-3), None)
 
 
-def test_an_image_lies_where_its_own_case_has_registered_it(tmp_path) -> None:
+def test_an_image_lies_where_its_own_case_has_registered_it(tmp_path):
     image = np.random.default_rng(2).normal(-12.0, 2.0, (30, 40)).astype(np.float32)
     image[3, 5] = np.nan
     moved, zero = np.roll(image, 1, axis=0), np.zeros((2, 30, 40), np.float32)
@@ -342,7 +340,7 @@ def test_an_image_lies_where_its_own_case_has_registered_it(tmp_path) -> None:
     assert by == f"onto the predicted image, not as in {tmp_path}, which has registered another image"
 
 
-def test_a_level_is_predicted_where_it_is_known_alone() -> None:
+def test_a_level_is_predicted_where_it_is_known_alone():
     archive = archive_of(level_only=True)
     bins = [
         (1, Prediction("dyke", (x - 0.5, x + 0.5), x, 90, "not seen", -9.0, -10.0, -8.0)) for x in (37.5, 40.0, 45.0)

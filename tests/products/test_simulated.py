@@ -1,7 +1,5 @@
 """Forward runs without a measurement."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -10,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from raster_files import write_raster
-from typer.testing import CliRunner, Result
+from typer.testing import CliRunner
 
 from radcal.cli import app
 from radcal.config import Radar, load_forward
@@ -24,7 +22,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreference
 
 
 @pytest.fixture
-def case(tmp_path: Path) -> Path:
+def case(tmp_path):
     """Case with two passes over a scene in slant range."""
     labels = np.ones((30, 40), dtype=np.uint8)
     labels[:, 25:] = 2
@@ -40,18 +38,18 @@ def case(tmp_path: Path) -> Path:
     return path
 
 
-def simulate(case: Path, *options: str | Path) -> Result:
+def simulate(case, *options):
     words = ["simulate", case, "--results", case.parent / "results", *options]
     return CliRunner().invoke(app, [str(word) for word in words])
 
 
-def write_materials(folder: Path, **materials: object) -> Path:
+def write_materials(folder, **materials):
     path = folder / "other.yaml"
     path.write_text(yaml.safe_dump({"materials": materials}))
     return path
 
 
-def test_a_run_that_is_stored_is_not_made_again(tmp_path: Path, case: Path) -> None:
+def test_a_run_that_is_stored_is_not_made_again(tmp_path, case):
     """Two passes with the random numbers of final runs; the second time both come from the store."""
     other = load_forward([case])
     first, second = (forward(other, tmp_path / "out", tmp_path / "runs")[1] for _ in range(2))
@@ -66,7 +64,7 @@ def test_a_run_that_is_stored_is_not_made_again(tmp_path: Path, case: Path) -> N
     assert first[0].image_db[:, :25].mean() > first[0].image_db[:, 25:].mean() + 3.0
 
 
-def test_complex_looks_have_the_power_of_the_image_and_documented_attributes(tmp_path: Path, case: Path) -> None:
+def test_complex_looks_have_the_power_of_the_image_and_documented_attributes(tmp_path, case):
     """One of the two materials has texture, of which the looks share the power."""
     textured = ("--set", "materials.lake.looks=1.5")
     done = simulate(case, *textured, "--product", "complex")
@@ -90,7 +88,7 @@ def test_complex_looks_have_the_power_of_the_image_and_documented_attributes(tmp
         np.testing.assert_allclose(10.0 * np.log10(power), record.image_db, atol=2e-5)
 
 
-def test_materials_of_a_file_replace_those_of_the_same_names(tmp_path: Path, case: Path) -> None:
+def test_materials_of_a_file_replace_those_of_the_same_names(tmp_path, case):
     other = write_materials(tmp_path, field={"law": "constant_gamma", "parameters": [-8]})
     done = simulate(case, "--materials", other)
     assert done.exit_code == 0, done.output
@@ -104,7 +102,7 @@ def test_materials_of_a_file_replace_those_of_the_same_names(tmp_path: Path, cas
     assert done.stdout.startswith("Simulated at the start, because of calibrate: true: lake.\n")
 
 
-def test_an_image_of_another_run_is_replaced_only_on_demand(tmp_path: Path, case: Path) -> None:
+def test_an_image_of_another_run_is_replaced_only_on_demand(tmp_path, case):
     folder = tmp_path / "results/small/simulated"
     assert simulate(case).exit_code == 0
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
@@ -126,7 +124,7 @@ def test_an_image_of_another_run_is_replaced_only_on_demand(tmp_path: Path, case
     assert (folder / "simulated.tif").read_bytes() == (tmp_path / "dark/simulated.tif").read_bytes()
 
 
-def test_all_mistakes_of_a_file_of_materials_are_told_at_once(tmp_path: Path, case: Path) -> None:
+def test_all_mistakes_of_a_file_of_materials_are_told_at_once(tmp_path, case):
     other = write_materials(
         tmp_path,
         field={"law": "constant_gama", "parameters": [-8]},
@@ -153,7 +151,7 @@ def test_all_mistakes_of_a_file_of_materials_are_told_at_once(tmp_path: Path, ca
     )
 
 
-def test_values_to_be_decided_are_told_but_those_that_are_not_read(tmp_path: Path, case: Path) -> None:
+def test_values_to_be_decided_are_told_but_those_that_are_not_read(tmp_path, case):
     text = case.read_text().replace("[-20, 8, 6, 4]", "[FILL_IN]").replace("[-30, 5, 20, 9]", "[FILL_IN]")
     case.write_text(f"{text}measurement: {{path: FILL_IN}}\n")
     field, lake = simulate(case).stderr.splitlines()
@@ -167,7 +165,7 @@ def test_values_to_be_decided_are_told_but_those_that_are_not_read(tmp_path: Pat
     assert done.stderr == f"radcal: {case}, line 1: materials is ['field'], expected keys and values.\n"
 
 
-def test_laws_of_a_land_cover_map_are_those_of_the_case(tmp_path: Path) -> None:
+def test_laws_of_a_land_cover_map_are_those_of_the_case(tmp_path):
     case = tmp_path / "map.yaml"
     scene = {"source": "raster", "elevation": "a.tif", "materials": "b.tif", "landcover": "nlcd", "vertical_datum": "x"}
     case.write_text(yaml.safe_dump({"scene": scene}))

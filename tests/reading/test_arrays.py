@@ -1,7 +1,5 @@
 """Bands and compound numbers, at values that no other band and no conjugate has."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import h5py

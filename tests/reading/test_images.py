@@ -1,7 +1,5 @@
 """Numbers of a file to dB, with counts and limits at their boundaries."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """One command on a case, without its jobs."""
 
-from __future__ import annotations
-
 import logging
 import os
 import subprocess

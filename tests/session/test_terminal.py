@@ -1,7 +1,5 @@
 """Lines for people when nobody reads them, and which of Snakemake's are shown."""
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import errno

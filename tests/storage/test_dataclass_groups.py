@@ -1,7 +1,5 @@
 """Layout of dataclasses in HDF5, read back and looked at with h5py alone."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal

@@ -1,7 +1,5 @@
 """The measured image of Flevoland against the table that comes with it."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import NamedTuple
