@@ -438,14 +438,6 @@ def test_lists_of_radar_and_measurement_are_passes():
     assert isinstance(alone.sections("radars")["radar"], dict)  # as in the params of jobs of a case of one pass
 
 
-def test_each_of_three_passes_has_its_own_radar_and_image():
-    radar = [*TWO_PASSES["radar"], {"depression_deg": 60, "look_side": "left"}]
-    case = case_from({"radar": radar, "measurement": [*TWO_PASSES["measurement"], {"synthetic": {"seed": 9}}]})
-    assert [one.radar.depression_deg for one in case.passes] == [45, 30, 60]
-    assert [one.measurement.synthetic.seed for one in case.passes] == [2, 5, 9]
-    assert [one.radar.look_side for one in case.passes] == ["right", "right", "left"]
-
-
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

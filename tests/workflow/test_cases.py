@@ -16,7 +16,6 @@ from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import train_all
 from radcal.config import case_from, load
 from radcal.config.stages import STAGES
-from radcal.config.writing import default_case, default_yaml
 from radcal.inference.moments import to_dp
 from radcal.measurement.sources import make_measurement
 from radcal.objectives import make_objectives
@@ -32,11 +31,6 @@ from radcal.targets.target_fit import make_target
 
 CASES = sorted((ROOT / "config").glob("*.yaml"))
 LABELS = np.where(np.arange(60) < 40, 1, 2).astype(np.uint8) * np.ones((50, 1), dtype=np.uint8)
-
-
-def test_the_default_file_is_written_from_the_defaults():
-    assert (ROOT / "config/config.yaml").read_text() == default_yaml(), "python -m radcal.config > config/config.yaml"
-    assert load([ROOT / "config/config.yaml"]) == default_case()
 
 
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
