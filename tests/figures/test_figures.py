@@ -9,7 +9,7 @@ import h5py
 import matplotlib as mpl
 import numpy as np
 import pytest
-from archives import changed_material, changed_measurement, changed_target, configured, posterior
+from archives import changed_material, changed_measurement, configured, posterior
 from assessment_samples import held_cells
 from matplotlib.text import Text
 from scipy import stats
@@ -559,10 +559,7 @@ def test_one_incidence_has_the_middle_of_a_scale():
     [((38.9, 39.1), (33.0, 45.0)), ((22.0, 45.0), (0.0, 68.0)), ((29.4, 60.0), (0.0, 85.0))],
 )
 def test_the_axis_of_a_law_is_about_the_angles_seen_and_all_curves_end_with_it(made, angles, view):
-    n = made.archive.materials["dyke"].target.incidence_deg.size
-    # 5 and 95 % quantiles at these angles
-    seen = np.interp(np.linspace(0.0, 1.0, n), [0.05, 0.95], angles).astype(np.float32)
-    case = changed_material(changed_target(made.archive, "dyke", incidence_deg=seen), "dyke", posterior=posterior())
+    case = changed_material(made.archive, "dyke", posterior=posterior(seen_deg=np.array([angles])))
     canvas, *_ = law(case, "dyke")
     upper = canvas.axes[0]
     assert upper.get_xlim() == view

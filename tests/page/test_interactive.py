@@ -100,7 +100,7 @@ def test_band_and_laws_are_those_of_the_archive(made, figures):
         assert one["y"] == pytest.approx(np.interp(one["x"], curve.incidence_deg, edge), rel=6e-4)
     law, material = made.archive.configured.laws["dyke"], made.archive.materials["dyke"]
     seen = named(figures["law-dyke"])["law of the search"]
-    low, high = np.percentile(material.target.incidence_deg, [5.0, 95.0])
+    low, high = material.posterior.seen_deg[0]
     assert (seen["x"][0], seen["x"][-2], seen["x"][-1]) == (
         pytest.approx(low, rel=6e-4),
         pytest.approx(high, rel=6e-4),

@@ -261,7 +261,7 @@ def test_the_pass_that_is_best_for_all_materials_is_named():
 def test_from_a_results_folder(tmp_path, monkeypatch):
     with pytest.raises(StoreError, match="is not finished, expected calibration.h5"):
         advise(tmp_path)
-    result = SimpleNamespace(posterior=None)
+    result = SimpleNamespace(posterior=SimpleNamespace(curve=None))
     flat = {"calibrate": True, "law": "tabulated", "angles_deg": [20, 60], "bounds": [[-30, 0]] * 2}
     config = {
         **sections(),

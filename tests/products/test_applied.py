@@ -153,14 +153,14 @@ def test_law_and_constant_count_alike(monkeypatch):
     monkeypatch.setattr(applied, "view_of", lambda *_: seen.parts)
     monkeypatch.setattr(PredictionBins, "of", lambda _: seen)
     image = np.asarray(LAW(np.radians(seen.parts.incidence_deg), X)).astype(np.float32)
-    materials = {"dyke": posterior, "program": SimpleNamespace(constant=None), "other": posterior, "lost": None}
+    materials = {"dyke": posterior, "program": SimpleNamespace(constant=None), "other": posterior}
     configured = SimpleNamespace(target=TargetConfig(), uncertainty=Uncertainty(level_db=0.3, noise_db=0.0))
     results = {k: SimpleNamespace(posterior=one) for k, one in materials.items()}
     archive = SimpleNamespace(materials=results, configured=configured)
     known = SimpleNamespace(start_parameters=X)
     changed = SimpleNamespace(
         passes=[SimpleNamespace(radar=None, laws={"dyke": LAW})],
-        materials={"dyke": known, "program": known, "lost": known},
+        materials={"dyke": known, "program": known},
         seed=3,
     )
     found = list(_of_pass(archive, changed, 1, SimpleNamespace(geometry=None, image_db=image), None))
@@ -168,7 +168,7 @@ def test_law_and_constant_count_alike(monkeypatch):
     assert [one.predicted_db for one in found] == pytest.approx(0.5 * (law - 12.0), abs=0.03)
     sds = np.sqrt(0.5**2 + 0.3**2) + np.sqrt(0.01 + 0.04 + 0.01 + 0.3**2)
     assert [half(one) for one in found] == pytest.approx([0.5 * QUANTILE * sds] * 2, rel=0.05)
-    assert list(_few_pixels(archive, ["dyke", "program", "lost"], {"other"})) == [
+    assert list(_few_pixels(archive, ["dyke", "program"], {"other"})) == [
         "dyke: not predicted, because no pass has 50 usable pixels of it."
     ]
 
@@ -261,7 +261,7 @@ def archive_of(**dyke):
     values = {"parameters_model": None, "seen_deg": np.array([[38.9, 39.1]])}
     posterior = SimpleNamespace(**{**values, **dyke.pop("posterior", {})})
     result = {"posterior": posterior, "level_only": False, "looks": np.array([4.0, 2.5]), "best": 1, **dyke}
-    other = SimpleNamespace(posterior=None, level_only=False, looks=np.array([4.0]), best=0)
+    other = SimpleNamespace(posterior=posterior, level_only=False, looks=np.array([4.0]), best=0)
     laws = {name: np.array([6.0, 14.0, 21.0, 3.0]) for name in ("dyke", "stem beans")}
     materials = {"dyke": SimpleNamespace(**result), "stem beans": other}
     case = case_from({"case": "small", "materials": {name: {"calibrate": True} for name in laws}})

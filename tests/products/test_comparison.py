@@ -67,7 +67,6 @@ def test_what_is_known_is_told_only_of_a_law_with_a_band(pair):
     assert _known(replace(dyke, posterior=narrow)) == "31.25-31.75 deg"
     assert _known(replace(dyke, level_only=True)) == "level only"
     assert _known(replace(dyke, posterior=replace(dyke.posterior, curve=None))) == "-"
-    assert _known(replace(dyke, posterior=None)) == "-"
 
 
 def test_a_refuted_law_is_told_from_one_that_cannot_be_tested(pair):

@@ -6,7 +6,7 @@ from archives import changed_material, posterior, without_curve
 
 from radcal.errors import StoreError
 from radcal.posterior.result import KeptDraws, LevelPoints
-from radcal.results.posterior_tree import posterior_tree
+from radcal.products.posterior_tree import posterior_tree
 
 arviz = pytest.importorskip("arviz", reason="arviz is missing: pip install 'radcal[arviz]' 'arviz<1'")
 
@@ -24,7 +24,7 @@ def archive(made):
     """The dyke with 400 draws, levels and a prior, stem beans with fewer draws and no curve."""
     prior = RNG.uniform(0.0, 50.0, (2000, 4))
     found = changed_material(made.archive, "dyke", posterior=posterior(draws=draws(400), points=POINTS), prior=prior)
-    return changed_material(found, "stem beans", posterior=without_curve(draws=draws(250), r_hat=1.08), prior=None)
+    return changed_material(found, "stem beans", posterior=without_curve(draws=draws(250), r_hat=1.08))
 
 
 def test_draws_have_the_dimensions_of_arviz_and_materials_their_own_numbers(archive):
@@ -42,7 +42,7 @@ def test_draws_have_the_dimensions_of_arviz_and_materials_their_own_numbers(arch
     wanted = each + np.log(10.0) / 20.0 * (own.field_db**2 + own.cell_db**2)
     np.testing.assert_allclose(found["sigma0_db"].sel(material="dyke", incidence_deg=35.0)[0], wanted)
     assert found["sigma0_db"].sel(material="stem beans").isnull().all()
-    assert tree["prior"].dataset.sizes == {"chain": 1, "draw": 2000, "material": 1}
+    assert tree["prior"].dataset.sizes == {"chain": 1, "draw": 2000, "material": 2}
     np.testing.assert_array_equal(tree["sample_stats"].dataset["r_hat"], [1.01, 1.08])
     np.testing.assert_array_equal(tree["observed_data"].dataset["level_db"], [POINTS.level_db])
 

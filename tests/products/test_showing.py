@@ -59,20 +59,18 @@ def test_registration_runs_are_counted_apart(folder):
     assert "besides 3 reference (2 of them for the registration), 1 final; end" in show(folder)[7]
 
 
-def test_warnings_and_the_next_step_are_shown(folder):
+def test_warnings_are_shown(folder):
     data = json.loads((folder / "summary.json").read_text())
     level = Finding("level", "warning", "pass 1", {"level_db": 2.0, "p05_db": 1.6, "p95_db": 2.4})
     changed = {
         "warnings": ["warning: no relief", sentence(level)],
         "findings": [json.loads(level.json()) | {"text": sentence(level, prefix=False)}],
-        "next": ["do this", "do that"],
     }
     (folder / "summary.json").write_text(json.dumps(data | changed))
     lines = show(folder)
-    assert lines[1] == "next: do this."
     # what the headline tells is not repeated
-    assert lines[6] == "warning: no relief"
-    assert lines[7].startswith("simulator runs")
+    assert lines[5] == "warning: no relief"
+    assert lines[6].startswith("simulator runs")
 
 
 def test_a_value_at_a_bound_is_printed_as_the_bound(folder):

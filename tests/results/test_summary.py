@@ -76,7 +76,7 @@ def test_findings_are_data_and_sentences(made):
     assert found["numbers"] == {"error_db": 2.0, "p05_db": 1.4, "p95_db": None}
     assert found["text"].startswith("unused: the image minus its fixed law is +2.00 dB")
     assert summary["next"] == ["check materials.unused.parameters"]
-    assert "next: check materials.unused.parameters." in sentences(archive)
+    assert sentences(archive)[0].endswith("check materials.unused.parameters. The search is not finished.")
 
 
 def test_what_the_fixed_laws_say_is_listed(made):

@@ -9,6 +9,7 @@ from pathlib import Path
 from radcal.config.disclosure import disclosed
 from radcal.config.part import Part
 from radcal.errors import ConfigError, StoreError
+from radcal.sections.measurement import within
 from radcal.seeds import draw_seeds
 from radcal.simulators.runner import Runner
 from radcal.storage.files import digest, first_difference
@@ -80,7 +81,7 @@ def reuse_runs(case: Part, runner: Runner, earlier: str | Path) -> list[IndexedR
         if digest(ours) != path.stem:
             unlike[first_difference(disclosed(theirs), disclosed(ours))] += 1
             continue
-        outside = [name for name in case.calibrated if not _inside(parameters[name], case.materials[name].box)]
+        outside = [name for name in case.calibrated if not within(parameters[name], case.materials[name].box)]
         if outside and parameters != reference:
             unlike[f"materials.{outside[0]} is outside its bounds"] += 1
             continue
@@ -100,7 +101,3 @@ def reuse_runs(case: Part, runner: Runner, earlier: str | Path) -> list[IndexedR
             f"seed with other parameters{why}. Take design.reuse out, or name another case."
         )
     return taken
-
-
-def _inside(x: list[float], box: list[tuple[float, float]]) -> bool:
-    return len(x) == len(box) and all(low <= value <= high for value, (low, high) in zip(x, box, strict=True))

@@ -19,6 +19,7 @@ from radcal.figures.drawing import (
     START,
     TARGET,
     Array,
+    Drawn,
     add_legend,
     mark,
     new_canvas,
@@ -30,7 +31,6 @@ from radcal.results.reasons import REASONS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as Canvas
 
 _SEED = 4  # seed of the choice of ten design runs
 _TEXTURED = (
@@ -116,7 +116,7 @@ class _Densities:
         return f" Of the curves, {' and '.join(parts)}." if parts else ""
 
 
-def histogram(case: Archive, name: str) -> tuple[Canvas, str, str]:
+def histogram(case: Archive, name: str) -> Drawn:
     """Figure of the histogram of the measured pixels, the target density, and the densities of some design runs."""
     material = case.materials[name]
     canvas = new_canvas(6.2, 4.2)
@@ -141,7 +141,7 @@ def histogram(case: Archive, name: str) -> tuple[Canvas, str, str]:
     return canvas, caption, alt
 
 
-def densities(case: Archive, name: str) -> tuple[Canvas, str, str]:
+def densities(case: Archive, name: str) -> Drawn:
     """Figure of three densities: of the target, of the run at the start, and of the calibrated run."""
     material = case.materials[name]
     canvas = new_canvas(6.2, 4.2)
@@ -169,7 +169,7 @@ def _before_after(axes: Axes, material: MaterialResult) -> _Densities:
     return panel
 
 
-def overview(case: Archive) -> tuple[Canvas, str, str]:
+def overview(case: Archive) -> Drawn:
     """Figure of the densities of all materials, with one small panel for each material."""
     n = len(case.materials)
     columns = 2 if n <= 4 else 3 if n <= 9 else 4
@@ -206,7 +206,7 @@ def overview(case: Archive) -> tuple[Canvas, str, str]:
     return canvas, caption, f"Small densities of {n} materials: target, start and calibrated."
 
 
-def quality(case: Archive, name: str) -> tuple[Canvas, str, str]:
+def quality(case: Archive, name: str) -> Drawn:
     """Quantile-quantile figure of the measured pixels and the skew-normal density fitted to them."""
     material = case.materials[name]
     canvas = new_canvas(6.2, 4.4)

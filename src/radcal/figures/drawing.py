@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 Array = NDArray[np.float64]
+Drawn = tuple["Canvas", str, str]
+"""Figure, its caption, and its description for readers who cannot see it."""
 
 TARGET: dict[str, Any] = {"color": "#000000", "linewidth": 2.6, "linestyle": "-"}
 START: dict[str, Any] = {"color": "#E69F00", "linewidth": 2.0, "linestyle": (0, (5, 2))}

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from radcal.figures.colours import head
-from radcal.figures.drawing import FOUND, MUTED, PALE, START, Array, add_legend, new_canvas
+from radcal.figures.drawing import FOUND, MUTED, PALE, START, Array, Drawn, add_legend, new_canvas
 from radcal.results.archive import Archive, Fidelity
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Canvas
 
 _STATISTICS = (("mean", "#0072B2", "o"), ("log sd", "#D55E00", "s"), ("skewness", "#009E73", "^"))
 _MOST = 6.0  # largest difference drawn [standard deviations]; larger differences are drawn at this value
@@ -30,7 +25,7 @@ def differences(found: Fidelity) -> Array:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def fidelity(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
+def fidelity(case: Archive, name: str) -> Drawn | None:
     """Figure of predicted and verified cost of each infill run, and of verified minus predicted statistics."""
     material = case.materials[name]
     found = material.fidelity

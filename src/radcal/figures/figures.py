@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from radcal.figures.density_figures import densities, histogram, overview, quality
-from radcal.figures.drawing import slugs, styled
+from radcal.figures.drawing import Drawn, slugs, styled
 from radcal.figures.fidelity_figures import fidelity
 from radcal.figures.front_figures import front
 from radcal.figures.held_out_figures import held_out
@@ -69,7 +69,7 @@ def write_figures(archive: Archive, folder: str | Path) -> list[Figure]:
     figures: list[Figure] = []
     with styled():
 
-        def add(name: str, title: str, drawn: tuple[Canvas, str, str] | None, material: str | None = None) -> None:
+        def add(name: str, title: str, drawn: Drawn | None, material: str | None = None) -> None:
             if drawn is None:
                 return
             canvas, caption, alt = drawn
@@ -83,7 +83,7 @@ def write_figures(archive: Archive, folder: str | Path) -> list[Figure]:
         add("residual", "Residual: calibrated minus measured", residual(archive))
         if len(archive.materials) > 1:
             add("overview", "Densities of all materials", overview(archive))
-        drawings: tuple[tuple[str, str, Callable[[Archive, str], tuple[Canvas, str, str] | None]], ...] = (
+        drawings: tuple[tuple[str, str, Callable[[Archive, str], Drawn | None]], ...] = (
             ("densities", "Density before and after", densities),
             ("law", "Sigma0 and laws", law),
             ("held_out", "Held-out ground", held_out),

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from radcal.figures.colours import head
-from radcal.figures.drawing import RUNS, Array, add_legend, new_canvas, short
+from radcal.figures.drawing import RUNS, Array, Drawn, add_legend, new_canvas, short
 from radcal.results.archive import Archive
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Canvas
 
 _LEAST = 1e-12  # smaller sums of squares are drawn at this value
 _LEAST_REACH = 0.12  # smallest half-length of an axis [decades]
 _WIDE = 300.0  # ratio of the ends of an axis; from this ratio on, only powers of ten are labelled
 
 
-def front(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
+def front(case: Archive, name: str) -> Drawn | None:
     """Figure of the front and the runs; each panel compares the first objective with another objective."""
     from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 

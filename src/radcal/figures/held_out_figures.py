@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from radcal.figures.colours import head
-from radcal.figures.drawing import BAND, MUTED, START, TARGET, add_legend, new_canvas
+from radcal.figures.drawing import BAND, MUTED, START, TARGET, Drawn, add_legend, new_canvas
 from radcal.results.archive import Archive
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Canvas
 
-
-def held_out(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
+def held_out(case: Archive, name: str) -> Drawn | None:
     """Figure of held-out cells against the incidence, measured and predicted; None if none were held out."""
-    posterior = case.materials[name].posterior
-    if posterior is None or posterior.held is None:
+    held = case.materials[name].posterior.held
+    if held is None:
         return None
-    held, predicted = posterior.held, posterior.held.predicted
+    predicted = held.predicted
     canvas = new_canvas(6.2, 4.8)
     axes = canvas.subplots()
     band: dict[str, Any] = {"color": "#E3D3EE", "linewidth": 2.5, "label": "predicted, 90 % band"}

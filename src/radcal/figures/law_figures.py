@@ -21,6 +21,7 @@ from radcal.figures.drawing import (
     START,
     TOLERANCE,
     Array,
+    Drawn,
     add_legend,
     new_canvas,
     short,
@@ -33,7 +34,6 @@ from radcal.words import state, widths
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as Canvas
 
 Styled = Sequence[tuple[str, Law, Array, dict[str, Any]]]
 """Label, law, X and style of each of several laws."""
@@ -108,12 +108,12 @@ def _number_runs(axes: Axes, number: int) -> None:
     axes.set_xlabel("run (0: reference)")
 
 
-def cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
+def cost(case: Archive, name: str) -> Drawn:
     """Figure of each run's misfit to the target (its cost)."""
     return _law_cost(case, name) if case.bins else _density_cost(case, name)
 
 
-def _law_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
+def _law_cost(case: Archive, name: str) -> Drawn:
     """Draw, for each run, the misfit of the incidence-angle bins and the rms difference from the target density."""
     material = case.materials[name]
     canvas = new_canvas(6.2, 6.2)
@@ -141,7 +141,7 @@ def _law_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
     return canvas, cost_caption(case, name), alt
 
 
-def _density_cost(case: Archive, name: str) -> tuple[Canvas, str, str]:
+def _density_cost(case: Archive, name: str) -> Drawn:
     """Draw the rms difference between each run's density and the target density."""
     material = case.materials[name]
     canvas = new_canvas(6.2, 4.8)
@@ -207,7 +207,7 @@ def floors(case: Archive, material: MaterialResult) -> Array:
     return found
 
 
-def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
+def law(case: Archive, name: str) -> Drawn | None:
     """Figure of the band of sigma0 and of the laws over the incidence angle; None for laws without a curve."""
     material, searched = case.materials[name], case.configured.laws[name]
     if not searched.has_curve:
@@ -234,10 +234,7 @@ def law(case: Archive, name: str) -> tuple[Canvas, str, str] | None:
 
 def angle_axis(case: Archive, name: str) -> tuple[Array, Array]:
     """Intervals of incidence seen in the passes, (p, 2), and edges of a histogram over the whole angle axis [deg]."""
-    material = case.materials[name]
-    seen = np.percentile(material.target.incidence_deg.astype(np.float64), [5.0, 95.0])[None]
-    if len(case.passes) > 1 and material.posterior is not None:
-        seen = np.asarray(material.posterior.seen_deg)
+    seen = case.materials[name].posterior.seen_deg
     # each margin of the angle axis is as wide as the incidence interval seen
     margin = max(_CONTEXT_DEG, float(np.ptp(seen)))
     low, high = max(0.0, np.floor(seen.min() - margin)), min(_LAST_DEG, np.ceil(seen.max() + margin))
@@ -261,7 +258,7 @@ def law_caption(case: Archive, name: str) -> str:
         found = [f"{words} by at most {largest:.2g} dB" for words, largest in each]
         where = "the incidence of pass 1" if several else "the incidence seen"
         caption += f" Over {where} the hidden truth differs from the {' and from the '.join(found)}."
-    if material.posterior is not None and material.posterior.points is not None:
+    if material.posterior.points is not None:
         caption += (
             f" Dots, with bars of 95 %: mean level of the measured cells in each {STEP_DEG:g} deg of incidence, less "
             "the level of the image and what the simulator adds to its law (area of the ground, noise, other ground); "
@@ -272,8 +269,7 @@ def law_caption(case: Archive, name: str) -> str:
 
 def _of_band(case: Archive, name: str) -> str:
     """Part of the caption that describes the bands; empty without a band."""
-    posterior = case.materials[name].posterior
-    if posterior is None or posterior.curve is None:
+    if case.materials[name].posterior.curve is None:
         return ""
     text = (
         " Violet: 90 % band of the mean power of the ground, pale for the material and darker for its fields in this "
@@ -293,7 +289,7 @@ def laws_of(case: Archive, name: str) -> Styled:
         (begun, start, np.array(configured.start_parameters), START),
         (_SEARCH, curve, material.parameters[material.best], FOUND),
     ]
-    if posterior is not None and posterior.parameters_model is not None:
+    if posterior.parameters_model is not None:
         laws.append((_NEAREST, curve, posterior.parameters_model, MODEL))
     if material.hidden is not None:
         laws.append(("hidden truth", curve, material.hidden, HIDDEN))
@@ -309,7 +305,7 @@ def _curves(
 ) -> None:
     """Draw bands and laws, with thick lines at each pass's angles [deg], and the measured levels."""
     posterior = material.posterior
-    if posterior is not None and posterior.curve is not None:
+    if posterior.curve is not None:
         _bands(axes, posterior.curve, angles)
         if (known := posterior.known_between_deg) is not None:
             axes.plot(
@@ -321,7 +317,7 @@ def _curves(
         for k, there in enumerate(seen):
             named = label if k == 0 else None
             axes.plot(there, curve(np.radians(there), x), label=named, **style | {"linewidth": 2.6})
-    if posterior is not None and (points := posterior.points) is not None:
+    if (points := posterior.points) is not None:
         axes.errorbar(
             points.incidence_deg, points.level_db, 1.96 * points.error_db, color="black", linestyle="none",
             marker="o", markersize=4.5, elinewidth=1.2, zorder=4, label="measured levels, 95 %",
@@ -368,7 +364,7 @@ def _truth(
             gap = curve(np.radians(there), x) - curve(np.radians(there), hidden)
             axes.plot(there, gap, **style | {"linewidth": width})
             largest.append(float(np.abs(gap).max()) if width > 1.0 else 0.0)
-    if material.posterior is not None and (band := material.posterior.curve) is not None:
+    if (band := material.posterior.curve) is not None:
         _bands(axes, band, angles, curve(np.radians(angles), hidden))
         at = np.concatenate(seen)
         truth = curve(np.radians(at), hidden)

@@ -11,7 +11,7 @@ import scipy
 from numpy.typing import NDArray
 
 from radcal.figures.colours import colours_of, of_ids
-from radcal.figures.drawing import Array, add_fills, label, new_canvas
+from radcal.figures.drawing import Array, Drawn, add_fills, label, new_canvas
 from radcal.results.archive import Archive
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def image_extent(shape: tuple[int, ...]) -> tuple[float, float, float, float]:
     return (-0.5, shape[1] - 0.5, shape[0] - 0.5, -0.5)
 
 
-def images(case: Archive) -> tuple[Canvas, str, str]:
+def images(case: Archive) -> Drawn:
     """Figure of the measured image and of the simulated images before (start) and after calibration."""
     kept = case.images
     titled = {"measured": case.measured_db, "start": kept.reference_db, "calibrated": kept.calibrated_db}
@@ -239,7 +239,7 @@ def _unreadable(image_db: NDArray[Any], other_db: NDArray[Any]) -> bool:
     return beyond > _BEYOND or abs(float(np.median(values) - np.median(others))) > _MOVED * (high - low)
 
 
-def registration(case: Archive) -> tuple[Canvas, str, str] | None:
+def registration(case: Archive) -> Drawn | None:
     """Figure of the measured image before and after registration, and of the displacement."""
     registered, simulated = case.registered, case.images.reference_db
     if not registered.applied or simulated is None:
@@ -291,7 +291,7 @@ def _levelled(image_db: NDArray[Any]) -> Array:
     return np.asarray((smooth - middle) / max(0.5 * float(high - low), 1e-6))
 
 
-def residual(case: Archive) -> tuple[Canvas, str, str] | None:
+def residual(case: Archive) -> Drawn | None:
     """Figure of the residual (calibrated minus measured image) beside the materials."""
     images = case.images
     if images.calibrated_db is None or images.material is None:

@@ -10,14 +10,13 @@ import scipy
 from numpy.typing import NDArray
 
 from radcal.figures.colours import colours_of, of_ids
-from radcal.figures.drawing import add_fills, label, new_canvas
+from radcal.figures.drawing import Drawn, add_fills, label, new_canvas
 from radcal.figures.map_figures import add_arrows, axis_labels, image_extent, panels_for
 from radcal.results.archive import Archive
 from radcal.scene.crs import crs_from
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as Canvas
 
 _HATCHED = 300  # number of places per side at which the hatching of a map is computed
 _SURFACE = 110  # number of cells per side of the view in three dimensions
@@ -28,13 +27,13 @@ _FLAT_DEG = 1.0  # ground whose slopes are below this angle at 99 % of the cells
 _LARGEST_TIMES = 20  # largest factor by which heights are exaggerated in the view in three dimensions
 
 
-def scene(case: Archive) -> tuple[Canvas, str, str] | None:
+def scene(case: Archive) -> Drawn | None:
     """Figure of the scene: materials and elevation and, unless the ground is flat, relief and a view in 3-D."""
     from matplotlib import colormaps
     from matplotlib.colors import LightSource, ListedColormap
 
     view = case.scene
-    if view.elevation_m is None or view.material is None:
+    if view.elevation_m is None:
         return None
     elevation = view.elevation_m.astype(np.float64)
     cell_m = view.cell_m * view.step
@@ -123,7 +122,7 @@ def scene(case: Archive) -> tuple[Canvas, str, str] | None:
     return canvas, caption, "Shaded relief, material map, elevation map and a view of the terrain."
 
 
-def incidence(case: Archive) -> tuple[Canvas, str, str] | None:
+def incidence(case: Archive) -> Drawn | None:
     """Figure of two maps: local incidence angle, and sigma0 that the calibrated laws give at this angle."""
     angle, material = case.images.incidence_deg, case.images.material
     if angle is None or material is None:
@@ -182,7 +181,7 @@ def _hatch_determined(panel: Axes, case: Archive, angle: NDArray[Any], material:
     """Hatch the ground whose incidence lies where its law is determined; whether there is any."""
     inside = np.zeros(angle.shape, dtype=np.float32)
     for name, result in case.materials.items():
-        if result.posterior is not None and (known := result.posterior.known_between_deg) is not None:
+        if (known := result.posterior.known_between_deg) is not None:
             inside[(material == case.names.index(name) + 1) & (angle >= known[0]) & (angle <= known[1])] = 1.0
     if not inside.any():
         return False

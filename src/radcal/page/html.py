@@ -73,12 +73,6 @@ class _Shown:
         return REASONS[self.summary["stop_reason"]]
 
     @property
-    def seen_deg(self) -> tuple[float, float]:
-        """Incidence of 5 and 95 % of the target's pixels in the first pass [deg]."""
-        low, high = np.percentile(self.result.target.incidence_deg, [5.0, 95.0])
-        return float(low), float(high)
-
-    @property
     def at_bounds(self) -> list[tuple[str, str, str]]:
         """Name, side and bound with unit of the parameters at a bound beyond which a better law may lie.
 
@@ -157,20 +151,15 @@ def _theta(values: Mapping[str, float]) -> dict[str, float]:
 
 def _difference_db(name: str, summary: Mapping[str, Any]) -> float | None:
     """Largest difference of the law of the search from the truth over the incidence of all passes [dB]."""
-    of_passes = [one["materials"][name]["difference_db"] for one in _seen_in(name, summary)]
+    passes = [one["materials"] for one in summary.get("passes", ())]
+    of_passes = [laws[name]["difference_db"] for laws in passes if name in laws]
     found = [summary["materials"][name].get("law_difference_db"), *of_passes]
     return max((one for one in found if one is not None), default=None)
 
 
-def _seen_in(name: str, summary: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Passes of several that see a material."""
-    return [one for one in summary.get("passes", ()) if name in one["materials"]]
-
-
-def _seen(shown: _Shown, summary: Mapping[str, Any]) -> str:
+def _seen(shown: _Shown) -> str:
     """Text of the incidence at which a material is seen in each pass."""
-    laws = [one["materials"][shown.name] for one in _seen_in(shown.name, summary)]
-    spans = [(law["low_deg"], law["high_deg"]) for law in laws] or [shown.seen_deg]
+    spans = shown.result.posterior.seen_deg.tolist()
     return f"{' and '.join(f'{_number(a)} to {_number(b)}' for a, b in spans)} deg"
 
 
@@ -307,7 +296,6 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure], 
         shots=shots(archive),
         diagnostics=_DIAGNOSTICS,
         reasons=list(dict.fromkeys(reason for m in materials for reason in m.summary["left_out"])),
-        shared=[plot for plot in plots if plot.material is None],
         specs={plot.name: plot.spec for plot in plots},
         library=embedded_library(),
         drawing=script(),

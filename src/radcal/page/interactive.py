@@ -21,8 +21,8 @@ class Interactive:
     ----------
     name : str
         Unique name: kind of the figure and material, as ``law-dyke``.
-    material : str or None
-        Material that the figure shows; None for a figure of the whole case.
+    material : str
+        Material that the figure shows.
     title, caption, alt : str
         Texts for the report: heading, explanation, and description for readers who cannot see the figure.
     spec : dict
@@ -30,7 +30,7 @@ class Interactive:
     """
 
     name: str
-    material: str | None
+    material: str
     title: str
     caption: str
     alt: str

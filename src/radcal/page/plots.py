@@ -82,14 +82,14 @@ def _law(case: Archive, name: str) -> Drawn | None:
     # the gap of a NaN keeps the passes apart
     inside = np.concatenate([[*np.linspace(low, high, 41), np.nan] for low, high in seen.tolist()])
     of_angle = np.isfinite(inside)
-    traces = [] if posterior is None or posterior.curve is None else _band(posterior.curve, angles)
+    traces = [] if posterior.curve is None else _band(posterior.curve, angles)
     for label, curve, x, style in laws:
         thin, thick, group = style | {"linewidth": 0.8}, style | {"linewidth": 2.6}, {"legendgroup": label}
         traces.append(_line(label, angles, curve(np.radians(angles), x), thin, showlegend=False, **group))
         inside_db = np.full(inside.shape, np.nan)
         inside_db[of_angle] = curve(np.radians(inside[of_angle]), x)  # a formula refuses NaN
         traces.append(_line(label, inside, inside_db, thick, hoverinfo="skip", **group))
-    if posterior is not None and (points := posterior.points) is not None:
+    if (points := posterior.points) is not None:
         levels = _points("measured levels, 95 %", points.incidence_deg, points.level_db, _INK)
         traces.append({**levels, "error_y": _bars(1.96 * points.error_db)})
     lowest = min(value for one in traces for value in one["y"] if value is not None)
@@ -98,7 +98,7 @@ def _law(case: Archive, name: str) -> Drawn | None:
     pixels = _histogram("pixels", material.target.incidence_deg, edges, MUTED, density=False, yaxis="y2")
     shade = {"type": "rect", "y0": 0, "y1": 1, "yref": "paper", "fillcolor": MUTED, "opacity": 0.12, "layer": "below"}
     shapes = [{**shade, "line": {"width": 0}, "x0": low, "x1": high} for low, high in seen.tolist()]
-    if posterior is not None and (known := posterior.known_between_deg) is not None:
+    if (known := posterior.known_between_deg) is not None:
         bar = {"type": "line", "y0": 0.245, "y1": 0.245, "yref": "paper", "name": "determined", "showlegend": True}
         shapes.append({**bar, "line": {"width": 5, "color": BAND["color"]}, "x0": known[0], "x1": known[1]})
     below = {"yaxis2": _axis("pixels", domain=[0.0, 0.16]), "shapes": shapes, "bargap": 0}
@@ -308,7 +308,7 @@ def _parallel(case: Archive, name: str) -> Drawn:
 def _predictive(case: Archive, name: str) -> Drawn | None:
     """Measured levels against those that the posterior predicts for other images of the ground."""
     posterior = case.materials[name].posterior
-    if posterior is None or (points := posterior.points) is None or points.predicted_db is None:
+    if (points := posterior.points) is None or points.predicted_db is None:
         return None
     low, middle, high = points.predicted_db.T
     band = {"arrayminus": _numbers(middle - low), "symmetric": False, "color": BAND["color"], "thickness": 6}
@@ -328,7 +328,7 @@ def _corner(case: Archive, name: str) -> Drawn | None:
     """Draws from the posterior of X by pairs of parameters, with prior and posterior of each on the diagonal."""
     material, settings = case.materials[name], case.configured.materials[name]
     posterior, names, d = material.posterior, settings.parameter_names, len(settings.box)
-    if posterior is None or posterior.draws is None or d > _MOST_PARAMETERS:
+    if posterior.draws is None or d > _MOST_PARAMETERS:
         return None
     every = posterior.draws.parameters
     x = every[:: 1 + len(every) * d * (d - 1) // (2 * _MOST_POINTS)]
@@ -352,9 +352,8 @@ def _corner(case: Archive, name: str) -> Drawn | None:
             continue
         edges = np.linspace(low[row], high[row], 21)
         traces.append(_histogram("posterior", every[:, row], edges, BAND["color"], opacity=0.5, **on))
-        if material.prior is not None:
-            prior = np.histogram(material.prior[:, row], edges)[0] / len(material.prior) / np.diff(edges)
-            traces.append(_line("prior", 0.5 * (edges[1:] + edges[:-1]), prior, {"color": MUTED}, "hvh", **on))
+        prior = np.histogram(material.prior[:, row], edges)[0] / len(material.prior) / np.diff(edges)
+        traces.append(_line("prior", 0.5 * (edges[1:] + edges[:-1]), prior, {"color": MUTED}, "hvh", **on))
     state = "has converged" if posterior.sampled else "has not converged"
     caption = (
         f"{len(x)} draws of X, taken evenly from the sample; diagonal: densities of posterior and prior. A narrow "

@@ -239,7 +239,7 @@ def of_archive(archive: Archive, folder: str | Path) -> dict[str, tuple[Posterio
     found = {}
     for name, material in archive.materials.items():
         posterior = material.posterior
-        if posterior is not None and posterior.curve is not None and posterior.draws is not None:
+        if posterior.curve is not None and posterior.draws is not None:
             found[name] = (posterior, archive.configured.laws[name])
     if not found:
         raise ConfigError(

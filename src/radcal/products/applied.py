@@ -71,8 +71,7 @@ def with_laws(archive: Archive, other: Part) -> Part:
 
 def simulated_x(archive: Archive, name: str) -> list[float]:
     """X at which a material is simulated: the one nearest to the median of its band; without a band, the search's."""
-    posterior = archive.materials[name].posterior
-    nearest = None if posterior is None else posterior.parameters_model
+    nearest = archive.materials[name].posterior.parameters_model
     return [float(x) for x in (archive.laws[name] if nearest is None else nearest)]
 
 
@@ -209,8 +208,8 @@ def where_seen(
     kept, count = list[tuple[int, Prediction]](), dict[str, int]()
     for number, one in rows:
         material = archive.materials[one.material]
-        seen = np.empty((0, 2)) if material.posterior is None else material.posterior.seen_deg
-        near = any(low - LEAST_SPAN_DEG <= one.incidence_deg <= high + LEAST_SPAN_DEG for low, high in seen)
+        seen_deg = material.posterior.seen_deg
+        near = any(low - LEAST_SPAN_DEG <= one.incidence_deg <= high + LEAST_SPAN_DEG for low, high in seen_deg)
         if material.level_only and not near:
             count[one.material] = count.get(one.material, 0) + 1
         else:
@@ -225,8 +224,7 @@ def where_seen(
 def _few_pixels(archive: Archive, names: Iterable[str], predicted: Collection[str]) -> Iterator[str]:
     """Sentences on materials that could be predicted, but have too few pixels in each pass."""
     for name in names:
-        posterior = archive.materials[name].posterior
-        if name not in predicted and posterior is not None and posterior.constant is not None:
+        if name not in predicted and archive.materials[name].posterior.constant is not None:
             yield f"{name}: not predicted, because no pass has 50 usable pixels of it."
 
 
@@ -238,7 +236,7 @@ def _of_pass(
     margin_px, uncertainty = archive.configured.target.margin_px, archive.configured.uncertainty
     for name, material in archive.materials.items():
         posterior = material.posterior
-        if name not in changed.materials or posterior is None or posterior.constant is None:
+        if name not in changed.materials or posterior.constant is None:
             continue
         view = view_of(name, made.geometry, case.radar, margin_px)
         if view is None:

@@ -53,9 +53,7 @@ class LawDifference:
 def _band(archive: Archive, name: str) -> tuple[Curve, Intervals] | None:
     """Sigma0 of a material with its band, and incidence seen [deg]; None for a law without a curve."""
     posterior = archive.materials[name].posterior
-    if posterior is None or posterior.curve is None:
-        return None
-    return posterior.curve, _united(posterior.seen_deg.tolist())
+    return None if posterior.curve is None else (posterior.curve, _united(posterior.seen_deg.tolist()))
 
 
 def _united(intervals: Sequence[Sequence[float]]) -> Intervals:
@@ -176,12 +174,11 @@ def _fits(material: MaterialResult) -> str:
 
 def _known(material: MaterialResult) -> str:
     """Cell of the table on the incidence at which sigma0 is determined."""
-    posterior = material.posterior
-    if posterior is None or posterior.curve is None:
+    if material.posterior.curve is None:
         return "-"
     if material.level_only:
         return "level only"
-    known = posterior.known_between_deg
+    known = material.posterior.known_between_deg
     return "nowhere" if known is None else "{}-{} deg".format(*ends(*known))
 
 

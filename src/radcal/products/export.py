@@ -14,8 +14,7 @@ from radcal.config import Radar
 from radcal.config.part import Part
 from radcal.figures.colours import material_colours
 from radcal.ground.levels import Levels, without_level
-from radcal.products.geotiff import Layer, write_layers
-from radcal.products.styles import Classes
+from radcal.products.geotiff import Classes, Layer, write_layers
 from radcal.products.tables import (
     LAWS,
     PARAMETERS,

@@ -162,8 +162,8 @@ class Results:
             ``calibration.h5`` is missing or cannot be read, or it holds no draws of a posterior.
         """
         _library("xarray", "to_arviz()", extra="arviz")
+        from radcal.products.posterior_tree import posterior_tree
         from radcal.results.archive import read_finished
-        from radcal.results.posterior_tree import posterior_tree
 
         return posterior_tree(read_finished(self.folder))
 

@@ -42,14 +42,14 @@ def posterior_tree(archive: Archive) -> xarray.DataTree:
 
     case = archive.configured
     each = {name: one.posterior for name, one in archive.materials.items()}
-    sampled = {name: one for name, one in each.items() if one is not None and one.draws is not None}
+    sampled = {name: one for name, one in each.items() if one.draws is not None}
     if not sampled:
         raise StoreError(f"{case.case}: no posterior has draws, expected those of a calibrated material.")
     names = {name: case.materials[name].parameter_names for name in sampled}
     priors = {name: archive.materials[name].prior for name in sampled}
     groups = {
         "posterior": {name: _posterior(one, case.laws[name], names[name]) for name, one in sampled.items()},
-        "prior": {name: _draws(x, names[name]) for name, x in priors.items() if x is not None},
+        "prior": {name: _draws(x, names[name]) for name, x in priors.items()},
         "sample_stats": {name: _sampler(one) for name, one in sampled.items()},
         "observed_data": {name: _levels(one.points) for name, one in sampled.items() if one.points is not None},
     }

@@ -143,7 +143,7 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
     """Lines on verdict, parameters and runs of a finished calibration."""
     materials, runs = summary["materials"], summary["runs"]
     reused = f"; {runs['reused']} reused" if runs.get("reused") else ""
-    lines = [str(summary["verdict"]), *(f"next: {step}." for step in summary.get("next", [])[:1])]
+    lines = [str(summary["verdict"])]
     for name, material in materials.items():
         interval = (material.get(f"parameters_{end}") for end in ("p05", "p95"))
         parameters = found_words(material["parameters"], material["bounds"], *interval)

@@ -55,11 +55,10 @@ def law_rows(archive: Archive) -> Iterator[Sequence[Any]]:
         law = archive.configured.laws[name]
         if not law.has_curve:
             continue
-        posterior = material.posterior
-        curve = None if posterior is None else posterior.curve
+        curve = material.posterior.curve
         degrees, levels = np.arange(91.0) if curve is None else curve.incidence_deg, np.empty(0)
-        if posterior is not None and curve is not None and material.level_only:
-            levels = posterior.middles_deg
+        if curve is not None and material.level_only:
+            levels = material.posterior.middles_deg
             degrees = np.union1d(degrees, levels)
         low_db, median_db, high_db = np.full((3, degrees.size), np.nan) if curve is None else curve.at(degrees)
         low, high = _known(material)
@@ -88,15 +87,14 @@ def parameter_rows(archive: Archive) -> Iterator[Sequence[Any]]:
     """
     for name, material in archive.materials.items():
         posterior = material.posterior
-        configured, unknown = archive.configured.materials[name], np.full(archive.laws[name].size, np.nan)
-        low, high = (unknown, unknown) if posterior is None else (posterior.parameters_p05, posterior.parameters_p95)
+        configured = archive.configured.materials[name]
         each = zip(
             configured.parameter_names,
             configured.parameter_units,
             archive.laws[name],
             _model(archive, name),
-            low,
-            high,
+            posterior.parameters_p05,
+            posterior.parameters_p95,
             *np.array(configured.box).T,
             strict=True,
         )
@@ -106,15 +104,13 @@ def parameter_rows(archive: Archive) -> Iterator[Sequence[Any]]:
 
 def _model(archive: Archive, name: str) -> NDArray[np.float64]:
     """X whose law is nearest to the median of sigma0; NaN if there is none."""
-    posterior = archive.materials[name].posterior
-    if posterior is None or posterior.parameters_model is None:
-        return np.full(archive.laws[name].size, np.nan)
-    return posterior.parameters_model
+    nearest = archive.materials[name].posterior.parameters_model
+    return np.full(archive.laws[name].size, np.nan) if nearest is None else nearest
 
 
 def _known(material: MaterialResult) -> tuple[float, float]:
     """Lowest and highest incidence at which sigma0 of a material is determined [deg]; NaN if at none."""
-    known = None if material.posterior is None else material.posterior.known_between_deg
+    known = material.posterior.known_between_deg
     return (math.nan, math.nan) if known is None else (known[0], known[1])
 
 

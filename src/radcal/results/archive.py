@@ -89,12 +89,12 @@ class MaterialResult:
         About("quantity that the search minimises: half the sum of squared residuals of bins, or the rms", shape="n"),
     ]
     looks: Annotated[Doubles, About("effective number of looks at which each run fits the target best", shape="n")]
+    posterior: Annotated[Posterior, About("posterior of the law")]
+    prior: Annotated[Doubles, About("draws of X from the prior of the posterior", shape="2000, d")]
     hidden: Annotated[Doubles | None, About("true X of a synthetic measurement", shape="d")] = None
     fidelity: Annotated[Fidelity | None, About("proposals of the surrogate and the runs that verified them")] = None
     front: Annotated[SearchFront | None, About("front of the last search, if it had several objectives")] = None
-    posterior: Annotated[Posterior | None, About("posterior of the law")] = None
     bins: Annotated[BinStatistics | None, About("statistics of incidence-angle bins; absent without bins")] = None
-    prior: Annotated[Doubles | None, About("draws of X from the prior of the posterior", shape="2000, d")] = None
 
     @property
     def target(self) -> Target:
@@ -104,9 +104,7 @@ class MaterialResult:
     @property
     def fits(self) -> bool | None:
         """Whether the form of the law is not refuted; None where it cannot be told."""
-        if self.posterior is None or self.posterior.form is None:
-            return None
-        return not self.posterior.form.refuted
+        return None if self.posterior.form is None else not self.posterior.form.refuted
 
 
 @dataclass(frozen=True)
@@ -127,7 +125,7 @@ class SceneView:
 
     step: Annotated[int, About("step between the cells of the scene that are archived, in rows and columns")]
     cell_m: Annotated[float, About("width of a cell of the scene", "m")]
-    material: Annotated[Bytes | None, About("material id k of `names[k - 1]`", shape="y, x")] = None
+    material: Annotated[Bytes, About("material id k of `names[k - 1]`", shape="y, x")]
     elevation_m: Annotated[Floats | None, About("elevation", "m", "y, x")] = None
     objects_m: Annotated[
         Floats | None,

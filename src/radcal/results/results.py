@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import platform
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.conclusion import Conclusion, conclude
+from radcal.assessment.conclusion import conclude
 from radcal.calibration.steps import random_findings
 from radcal.config import Stop
 from radcal.config.disclosure import disclosed
@@ -106,6 +105,29 @@ def archive_of(
     }
     fronts, hidden = search_fronts(objectives, history), images[0].measurement.hidden
     remarks = random_findings(case, history, targets, final[:2])
+
+    def material(name: str) -> MaterialResult:
+        unknown = [np.nan] * len(case.materials[name].parameter_names)
+        scores = [run.scores[name] for run in history.runs]
+        return MaterialResult(
+            targets={str(k): one[name] for k, one in enumerate(targets.passes, start=1) if name in one},
+            simulated=found.materials[name],
+            textured=targets.textured(name),
+            level_only=targets.level_only(name),
+            best=history.runs.index(history.best_run(name)),
+            parameters=np.array([score.parameters if score.own_law else unknown for score in scores], dtype=np.float64),
+            dp=np.array([score.dp for score in scores]),
+            rms=np.array([score.rms for score in scores]),
+            cost=_numbers(score.cost if score.own_law else None for score in scores),
+            looks=_numbers(score.looks if score.own_law else None for score in scores),
+            posterior=found.posteriors[name],
+            prior=prior_draws(objectives[name], derived_rng(case.seed, "prior", name)),
+            hidden=np.array(hidden[name]) if name in hidden else None,
+            fidelity=_fidelity(history.infill, name),
+            front=fronts.get(name),
+            bins=bin_statistics(objectives[name], history, trained.get(name)),
+        )
+
     return Archive(
         config=json.dumps(disclosed(_as_written(case, stop))),
         decision=found.decision,
@@ -134,16 +156,7 @@ def archive_of(
         findings=tuple(found.findings),
         scene=_scene(scene),
         laws=laws,
-        materials={
-            name: replace(
-                _material(name, case, history, targets, found, hidden.get(name)),
-                posterior=found.posteriors.get(name),
-                front=fronts.get(name),
-                bins=bin_statistics(objectives[name], history, trained.get(name)),
-                prior=prior_draws(objectives[name], derived_rng(case.seed, "prior", name)),
-            )
-            for name in targets
-        },
+        materials={name: material(name) for name in targets},
         images=Images(
             reference_db=found.reference_db,
             calibrated_db=found.calibrated_db,
@@ -194,34 +207,6 @@ def _scene(scene: Scene) -> SceneView:
         objects_m=objects_m,
         object_count=count,
         **_place(scene),
-    )
-
-
-def _material(
-    name: str,
-    case: Part,
-    history: History,
-    targets: Targets,
-    conclusion: Conclusion,
-    hidden: Sequence[float] | None,
-) -> MaterialResult:
-    """Target and results of a calibrated material."""
-    runs = history.runs
-    unknown = [np.nan] * len(case.materials[name].parameter_names)
-    scores = [run.scores[name] for run in runs]
-    return MaterialResult(
-        targets={str(k): one[name] for k, one in enumerate(targets.passes, start=1) if name in one},
-        simulated=conclusion.materials[name],
-        textured=targets.textured(name),
-        level_only=targets.level_only(name),
-        best=runs.index(history.best_run(name)),
-        parameters=np.array([score.parameters if score.own_law else unknown for score in scores], dtype=np.float64),
-        dp=np.array([score.dp for score in scores]),
-        rms=np.array([score.rms for score in scores]),
-        cost=_numbers(score.cost if score.own_law else None for score in scores),
-        looks=_numbers(score.looks if score.own_law else None for score in scores),
-        hidden=None if hidden is None else np.array(hidden),
-        fidelity=_fidelity(history.infill, name),
     )
 
 

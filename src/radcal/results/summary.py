@@ -74,15 +74,14 @@ def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> d
 
 
 def sentences(archive: Archive) -> list[str]:
-    """Sentences on a calibration: verdicts, what to do next, warnings, and reasons why the search ended.
+    """Sentences on a calibration: verdicts, warnings, and reasons why the search ended.
 
-    The first sentence is the verdict on all materials; in a case of several materials, a verdict on each follows.
-    The parameters of a law without a curve are told with their intervals.
+    The first sentence is the verdict on all materials, with what to do next; in a case of several materials, a verdict
+    on each follows. The parameters of a law without a curve are told with their intervals.
     """
     findings = archive.findings
     each = [verdict(name, findings) for name in archive.materials]
     lines = [_verdict(archive), *(each if len(each) > 1 else [])]
-    lines += [f"next: {step}." for step in next_steps(findings)[:1]]
     found = [text for name in archive.materials if (text := _without_curve(archive, name))]
     return [
         *lines,
@@ -93,9 +92,9 @@ def sentences(archive: Archive) -> list[str]:
 
 
 def _without_curve(archive: Archive, name: str) -> str:
-    """Sentence on the parameters of a law without a curve and their 90 % intervals; empty without a posterior."""
+    """Sentence on the parameters of a law without a curve and their 90 % intervals; empty for a law with a curve."""
     posterior, material = archive.materials[name].posterior, archive.configured.materials[name]
-    if posterior is None or archive.configured.laws[name].has_curve:
+    if archive.configured.laws[name].has_curve:
         return ""
     found, low, high = (
         dict(zip(material.parameter_names, map(float, x), strict=True))
@@ -123,8 +122,6 @@ def _verdict(archive: Archive) -> str:
 def _posterior(material: MaterialResult, names: Sequence[str]) -> dict[str, Any]:
     """Posterior of a law: incidence at which sigma0 is determined, curve, parameters, and error of the form."""
     known = material.posterior
-    if known is None:
-        return {}
     curve, form = known.curve, known.form
 
     def named(values: NDArray[np.float64]) -> dict[str, float]:
@@ -237,7 +234,7 @@ def _material(archive: Archive, name: str, material: MaterialResult) -> dict[str
         # external laws have no curve to compare
         if law.has_curve:
             summary["law_difference_db"] = law.largest_difference_db(x[best], material.hidden, target.incidence_deg)
-            if material.posterior is not None and (model := material.posterior.parameters_model) is not None:
+            if (model := material.posterior.parameters_model) is not None:
                 difference = law.largest_difference_db(model, material.hidden, target.incidence_deg)
                 summary["law_difference_model_db"] = difference
     return summary
@@ -284,7 +281,7 @@ def _pass_law(archive: Archive, number: str, name: str, law: Law) -> dict[str, A
     one, material = archive.passes[number], archive.materials[name]
     target, hidden = material.targets[number], one.registered.measurement.hidden.get(name)
     low, high = (float(end) for end in np.quantile(target.incidence_deg.astype(np.float64), [0.05, 0.95]))
-    curve = None if material.posterior is None else material.posterior.curve
+    curve = material.posterior.curve
     difference_db = None
     if hidden is not None and law.has_curve:
         difference_db = law.largest_difference_db(archive.laws[name], hidden, target.incidence_deg)
