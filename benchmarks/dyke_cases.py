@@ -30,8 +30,6 @@ from radcal.storage.runs import RunStore
 from radcal.targets.target import Targets
 from radcal.targets.target_fit import make_targets
 
-__all__ = ["Bench", "hidden_laws", "workflow_runs"]
-
 ROOT = Path(__file__).resolve().parents[1]
 _PUBLISHED = ROOT / "config/dyke_published.yaml"
 

@@ -16,8 +16,6 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc
 from searches import Problem
 
-__all__ = ["PEERS", "Peer"]
-
 Doubles = NDArray[np.float64]
 _HOUR_S = 3600.0
 

@@ -29,8 +29,6 @@ from radcal.seeds import derived_seed
 from radcal.simulators.base import Simulator
 from radcal.storage.files import atomic
 
-__all__ = ["READINGS", "Ended", "Problem", "Results", "Row", "calibrated", "problem_of", "quartiles", "runs_to"]
-
 READINGS = {"rms": 1e-5, "mean_square": math.sqrt(1e-5)}  # the published tolerance of 1e-5, as a bound on the rms
 Doubles = NDArray[np.float64]
 Row = Mapping[str, Any]

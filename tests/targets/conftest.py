@@ -1,3 +1,1 @@
-from field_fixtures import parts
 
-__all__ = ["parts"]

@@ -22,7 +22,6 @@ from radcal.vectors.mapping import text_of
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["read_features"]
 
 _DATASETS = (100, 101, 201, 204)
 _POINTS, _LINES, _AREAS = 1, 3, 5  # selectors T of the features; that of their classes is one more

@@ -9,8 +9,6 @@ from pydantic import Field
 from radcal.sections.materials import OtherLaw
 from radcal.vectors.mapping import FeatureMapping
 
-__all__ = ["CdbMapping"]
-
 
 class CdbMapping(FeatureMapping):
     """What composite materials and features of a database are in the scene.

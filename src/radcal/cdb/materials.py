@@ -25,8 +25,6 @@ from radcal.findings import Finding
 from radcal.reading.cdb import BASE_MATERIALS, CdbFile, step_deg
 from radcal.reading.intake import guarded, read_xml
 
-__all__ = ["NO_TILE", "composites", "material_ids", "weights"]
-
 NO_TILE = 255  # id of cells without a raster of materials
 _CLEAR = 0.8  # share of a composite material above which a cell is not mixed
 _MOST_UNMAPPED = 0.01  # largest share of cells whose composite material has no material

@@ -19,8 +19,6 @@ from radcal.cdb.mosaic import Log
 from radcal.errors import SceneError
 from radcal.reading.cdb import cdb_files
 
-__all__ = ["mixed_laws", "mixture"]
-
 _MOISTURE = "BM_MOISTURE"  # state of a surface, and no surface itself
 _KNOTS_DEG = [float(angle) for angle in range(0, 91, 3)]
 

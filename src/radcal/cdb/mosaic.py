@@ -23,8 +23,6 @@ from radcal.reading.intake import guarded
 from radcal.reading.rasters import check_blocks, open_raster
 from radcal.scene.grid import LARGEST_CELLS, Source
 
-__all__ = ["AREA", "POST", "Lattice", "Log", "heights", "level_name"]
-
 POST, AREA = 0.0, 0.5  # place of an element, from the south-west corner of its area [elements]
 _MARGIN = 4  # elements around the bounds: cubic convolution reaches 2
 _OFF = 0.1  # largest distance of a file's tags from the place of its name without a finding [elements]

@@ -26,8 +26,6 @@ from radcal.sections.scene import CdbScene
 from radcal.vectors.features import burnt, list_unmapped, objects_of, placed
 from radcal.vectors.mapping import read_mapping
 
-__all__ = ["CdbSource", "cdb_scene"]
-
 _DATUM = "WGS 84 ellipsoid", "by the standard; the heights are used as they are"
 _COARSE_POSTS = 3.0  # distance of posts [cells] from which it is a warning
 

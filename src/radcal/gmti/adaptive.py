@@ -16,8 +16,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Interval", "covariance", "dpca", "kelly", "kelly_threshold", "least_velocity_mps", "sinr_loss_db"]
-
 Complex = NDArray[np.complex128]
 Array = NDArray[np.floating[Any]]
 

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from radcal.findings import Finding
 from radcal.radar.geometry import Geometry
 
-
 # Over one degree, the level of the steepest natural surface changes by about 1 dB (calm water, 27 dB between 20 and 44
 # degrees), that of land by 0.1 to 0.5 dB. Fields of one material differ as much, so that the slope of the law cannot be
 # separated from differences between fields.

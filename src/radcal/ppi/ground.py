@@ -24,8 +24,6 @@ from radcal.laws.grazing import RURAL, land_clutter
 from radcal.scene.model import Scene
 from radcal.sections.ppi import Ppi
 
-__all__ = ["BINS_DEG", "Ground", "Points", "carrier_ghz", "echo_per_m2", "ground_of", "points_of", "site_of"]
-
 Array = NDArray[np.floating[Any]]
 
 EARTH_M = 4.0 / 3.0 * MEAN_RADIUS_M

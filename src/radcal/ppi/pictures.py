@@ -12,8 +12,6 @@ from radcal.ppi.scan import Sweep
 from radcal.scene.model import Scene
 from radcal.storage.files import atomic
 
-__all__ = ["write_pictures"]
-
 _SCALE_DB = 50.0  # longest colour scale, from the brightest cells down
 
 

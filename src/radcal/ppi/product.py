@@ -22,8 +22,6 @@ from radcal.sections.errors import nearest
 from radcal.simulators.forward import Forward
 from radcal.storage.files import atomic
 
-__all__ = ["check", "extrapolated", "write"]
-
 _ALL_DEG = (0.0, 90.0)
 _LARGEST = 200_000_000  # largest number of pulses x gates: 5 GB of sums
 _LEAST_PERCENT = 5.0  # of a material's visible ground beyond the known incidence, as in the report

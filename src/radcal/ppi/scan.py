@@ -16,8 +16,6 @@ from radcal.ppi.ground import Ground, Points
 from radcal.sections.ppi import Ppi
 from radcal.seeds import derived_rng
 
-__all__ = ["Sweep", "detected", "one_turn", "threshold"]
-
 Array = NDArray[np.floating[Any]]
 
 _GATES = 64  # gates at a time; each such block has a generator of its own

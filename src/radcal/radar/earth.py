@@ -21,8 +21,6 @@ from radcal.angles import MEAN_RADIUS_M, depression_deg, incidence_deg
 from radcal.compiled import njit
 from radcal.config import Radar
 
-__all__ = ["LineOfSight", "heading_at_scene", "heading_of_sight", "line_of_sight", "upright"]
-
 Doubles = NDArray[np.float64]
 
 

@@ -12,21 +12,6 @@ import numpy as np
 
 from radcal.compiled import njit, threaded
 
-__all__ = [
-    "ANGLES_PER_RADIAN",
-    "LAID_OVER",
-    "OBJECT",
-    "PARTLY",
-    "ROOF",
-    "VISIBLE",
-    "cells_of",
-    "count_facets",
-    "fill_facets",
-    "flatten_terrain",
-    "order_facets",
-    "shade",
-]
-
 ANGLES_PER_RADIAN = 65535.0 / (np.pi / 2.0)
 VISIBLE, LAID_OVER, OBJECT, PARTLY = 1, 2, 4, 8  # bit flags of a facet's state; partly: with a hidden part
 ROOF = 4  # position of the number of a roof's material in a facet's state

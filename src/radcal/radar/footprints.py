@@ -20,19 +20,6 @@ from radcal.radar.facets import OBJECT, VISIBLE
 from radcal.radar.visibility import FAR_HALF, NEAR_HALF, part_seen, seen_from, slant_extent
 from radcal.scene.objects import Objects, Walls
 
-__all__ = [
-    "Boxes",
-    "Raised",
-    "Spots",
-    "add_up",
-    "bearing_deg",
-    "locate",
-    "raise_boxes",
-    "share_out",
-    "stand",
-    "to_boxes_and_spots",
-]
-
 _SAMPLES = 5  # samples along each side of a footprint, for the mean elevation of its ground
 
 

@@ -23,8 +23,6 @@ from radcal.radar import simulator_version
 from radcal.storage.dataclass_groups import put, same, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
-__all__ = ["Frame", "Geometry", "PointScatterers", "Strip", "is_of_pass", "joined", "read_geometry", "write_geometry"]
-
 
 @dataclass(frozen=True)
 class PointScatterers:

@@ -19,8 +19,6 @@ from radcal.radar.reflectivity import Reflectivity, uniform
 from radcal.speckle.gaussian import gaussian_row, seed_words
 from radcal.speckle.response import beta_share, border_gain, impulse_response
 
-__all__ = ["ImageFormation", "decibels"]
-
 THERMAL = 256  # stream of random numbers for thermal noise; streams 1 to 255 are materials
 _TILE = 256  # side of a tile [pixels]; the overlap of neighbouring tiles, a fifth of the work, is computed twice
 _PATCH = 64  # side of the smaller tiles [pixels] that are computed again after a change of a law

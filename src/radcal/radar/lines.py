@@ -17,19 +17,6 @@ from radcal.radar.footprints import Boxes, Raised, Spots, add_up, locate, raise_
 from radcal.radar.visibility import FAR_HALF, NEAR_HALF, laid_over
 from radcal.standing.faces import Echoes, Ground, echoes
 
-__all__ = [
-    "BLOCK",
-    "ENDS",
-    "HALO",
-    "Lines",
-    "blocks",
-    "ends",
-    "fill_lines",
-    "ground_of",
-    "local_incidence_cosine",
-    "refined_elevation",
-]
-
 BLOCK = 256
 """Number of the scene's rows in a block, whose cubic spline is computed at once; smaller blocks need less memory."""
 

@@ -14,8 +14,6 @@ from radcal.radar.geometry import PointScatterers
 from radcal.speckle.gaussian import philox, seed_words
 from radcal.speckle.response import impulse_response
 
-__all__ = ["FINENESS", "add_points", "fine_taps", "not_pure", "phased"]
-
 FINENESS = 64  # taps of the impulse response per pixel; linear interpolation between them errs by 2e-4 of the peak
 _LOBE = 1.5  # distance from the peak of the impulse response to its first null, in -3 dB widths
 _PHASE = 257  # stream of random numbers for the points' phases; streams 1 to 255 are materials, 256 is thermal noise

@@ -36,8 +36,6 @@ from radcal.scene.model import Scene
 from radcal.speckle.response import impulse_response
 from radcal.standing.faces import Echoes, in_pixels
 
-__all__ = ["LitFacets", "View", "lit_facets", "make_frame", "make_geometry", "strips_of"]
-
 _LARGEST_KM = 1000.0  # a smaller altitude may be one in km: low orbits lie below 1000 km
 _MOST_ROOFS = 15  # of which a facet's state has room for the number
 _MOST_NAMES = 254  # largest number of materials, not counting objects

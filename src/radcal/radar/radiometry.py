@@ -7,8 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.config import Radar
 
-__all__ = ["noise_floor_db", "of_sigma0", "with_noise_db"]
-
 _DB = 10.0 / np.log(10.0)
 
 

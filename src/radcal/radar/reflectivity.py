@@ -14,8 +14,6 @@ from radcal.errors import ConfigError
 from radcal.laws import Law
 from radcal.radar.geometry import Geometry
 
-__all__ = ["Reflectivity", "law_tables", "reflectivity", "uniform"]
-
 _LEVELS = 65536  # steps of the incidence angle between 0 and 90 degrees
 _GRAZING = _LEVELS * 85 // 90
 _BRIGHTEST_DB = 380.0  # single precision ends at 385 dB

@@ -9,8 +9,6 @@ from radcal.config import Radar
 from radcal.errors import ConfigError
 from radcal.scene.base import SceneSize
 
-__all__ = ["ImageSize", "check_size", "image_size", "refinement"]
-
 _LARGEST = 1_000_000_000  # largest number of facets or pixels: about 140 GB of geometry
 
 

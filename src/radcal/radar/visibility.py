@@ -12,8 +12,6 @@ import numpy as np
 
 from radcal.compiled import njit
 
-__all__ = ["FAR_HALF", "NEAR_HALF", "laid_over", "part_seen", "seen_from", "slant_extent"]
-
 NEAR_HALF, FAR_HALF = 1, 2  # the visible half, for a facet of which only one half is visible
 
 

@@ -9,8 +9,6 @@ from typing import Any
 from radcal.scene.model import Scene
 from radcal.sections.scene import SCENES, SceneSection
 
-__all__ = ["SceneSize", "SceneSource", "scene_size", "source_of"]
-
 
 @dataclass(frozen=True)
 class SceneSize:

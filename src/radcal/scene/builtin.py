@@ -24,8 +24,6 @@ from radcal.scene.model import Scene
 from radcal.sections.scene import BuiltinScene
 from radcal.storage.files import digest
 
-__all__ = ["CELLS", "CELL_M", "MATERIALS", "ROUGHNESS", "BuiltinSource", "builtin_scene"]
-
 MATERIALS = ("dyke", "water", "grass", "forest", "crops", "bare_soil", "road")
 
 ROUGHNESS: dict[str, tuple[float, float]] = {

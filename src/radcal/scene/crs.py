@@ -21,27 +21,6 @@ if TYPE_CHECKING:
 
     from pyproj import CRS, Transformer
 
-__all__ = [
-    "METRES",
-    "crs_from",
-    "crs_of",
-    "earth_radius_m",
-    "geoid_m",
-    "ground_per_grid",
-    "horizontal",
-    "label",
-    "named_datum",
-    "pixel_size_m",
-    "same_datum",
-    "same_place",
-    "transformation_findings",
-    "transformer",
-    "turned",
-    "unit_in_metadata",
-    "utm",
-    "vertical_datum",
-    "vertical_unit",
-]
 
 METRES = ("m", "metre", "metres", "meter", "meters")
 # keys of a raster's metadata that hold the unit of its heights, letters alone: "Vertical Units", ELEVATION_UNITS (PCI)

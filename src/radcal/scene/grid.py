@@ -21,18 +21,6 @@ from radcal.sections.scene import GridScene
 if TYPE_CHECKING:
     from pyproj import CRS
 
-__all__ = [
-    "LARGEST_CELLS",
-    "Grid",
-    "Source",
-    "box_in",
-    "grid_of_degrees",
-    "on_pixels",
-    "opened",
-    "pixel_m",
-    "scene_grid",
-    "subdivision",
-]
 
 LARGEST_CELLS = LARGEST_VALUES  # largest number of cells of the grid, and of pixels read from a raster
 _SMALLEST_SIDE = 8  # smallest number of rows and of columns of the grid

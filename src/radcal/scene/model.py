@@ -15,8 +15,6 @@ from radcal.scene.objects import Objects
 from radcal.storage.dataclass_groups import put, same, take
 from radcal.storage.records import read_item, write_hdf5
 
-__all__ = ["Scene", "read_scene", "write_scene"]
-
 
 @dataclass(frozen=True)
 class Scene:

@@ -10,8 +10,6 @@ from pathlib import Path
 from radcal.errors import SceneError
 from radcal.tables.landcover import landcovers
 
-__all__ = ["by_id", "landcover_names", "read_names"]
-
 _LARGEST_ID = 255  # ids are stored in one byte
 _LARGEST_BYTES = 1_000_000  # size limit of a file of names
 

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from radcal.errors import SceneError
 from radcal.scene.objects import Objects
 
-__all__ = ["BUILDING", "CAR", "TREE", "Kind", "generate_objects"]
-
 Range = tuple[float, float]
 
 

@@ -23,7 +23,6 @@ from radcal.standing.cross_sections import LARGEST_ROWS, CrossSection, columns_o
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Place", "read_objects"]
 
 _KEY = "scene.objects.path"
 # column: smallest value, largest value, unit

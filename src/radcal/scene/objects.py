@@ -13,8 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.standing.cross_sections import CrossSection, towards
 from radcal.storage.files import digest
 
-__all__ = ["Objects", "Walls", "rectangles"]
-
 
 @dataclass(frozen=True)
 class Walls:

@@ -37,7 +37,6 @@ from radcal.storage.files import digest
 if TYPE_CHECKING:
     from pyproj import CRS
 
-__all__ = ["Cover", "datum_of", "height_step_m", "nearest_materials", "raster_scene", "resampled", "rounding_error_m"]
 
 _LOWEST_M, _HIGHEST_M = -1000.0, 9000.0  # lowest and highest land, with a margin for mines and ellipsoidal heights
 _MISSING_SHARE = 0.5

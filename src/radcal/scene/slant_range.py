@@ -17,8 +17,6 @@ from radcal.scene.model import Scene
 from radcal.scene.names import by_id, read_names
 from radcal.storage.files import digest
 
-__all__ = ["SlantRangeSource", "flat_incidence_deg", "slant_range_scene"]
-
 
 def flat_incidence_deg(near_deg: float, far_deg: float, rows: int) -> NDArray[np.float64]:
     """Incidence angle of each slant-range row over flat ground.

@@ -15,8 +15,6 @@ from radcal.sections.scene import SCENES, SceneConfig, SceneObjects
 from radcal.standing.cross_sections import cross_sections
 from radcal.storage.files import digest
 
-__all__ = ["make_scene"]
-
 
 def make_scene(config: SceneConfig, materials: list[str] | None, heading_deg: float = 0.0) -> Scene:
     """Build the configured scene, with its objects, and check that it contains the configured materials.

@@ -25,8 +25,6 @@ from radcal.signals.scatterers import scatterers
 from radcal.simulators.forward import Forward
 from radcal.storage.files import atomic
 
-__all__ = ["check_iq", "write_cphd", "write_iq"]
-
 _SPACE = "http://api.nsgreg.nga.mil/schema/cphd/1.1.0"
 _INVENTED_UTC = "2026-01-01T00:00:00Z"  # start of collections over the built-in scene
 _BUILTIN = (36.6244, -84.1825)  # latitude and longitude of the middle of the built-in scene, in its elevation model

@@ -20,8 +20,6 @@ from radcal.simulators.forward import Forward, write_complex
 from radcal.speckle.response import taylor_weights
 from radcal.storage.files import atomic
 
-__all__ = ["backprojected", "cell_area_m2", "focused", "image_places", "range_profiles", "write_focused"]
-
 _STRIP = 256  # columns of the image that are focused at once, which bounds the memory of the range-compressed pulses
 
 

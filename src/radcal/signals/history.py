@@ -26,8 +26,6 @@ from radcal.signals.platform import LIGHT_MPS, Collection, pattern
 from radcal.signals.scatterers import Scatterers
 from radcal.speckle.gaussian import gaussian_row, seed_words
 
-__all__ = ["TAPS", "converted", "echoes", "grid_kernel", "quantised", "raw_signal", "tap_values", "turned"]
-
 TAPS = 6
 """Cells of the grid over which an impulse is spread; the error of the sum is then below 1e-5 of its rms."""
 _DEGREE = 7  # of the polynomials that stand for the kernel between cells

@@ -19,8 +19,6 @@ from radcal.scene.model import Scene
 from radcal.seeds import derived_rng
 from radcal.speckle.response import taylor_weights
 
-__all__ = ["LIGHT_MPS", "Collection", "azimuth_weights", "check", "collection", "nesz", "pattern"]
-
 LIGHT_MPS = 299_792_458.0
 _NOISE_W_PER_HZ = 1.380649e-23 * 290.0  # thermal noise at the standard temperature of noise figures
 _GUARD = 1.1  # ratio of the pulse rate to the least one, and of the window of slant range to the swath

@@ -18,8 +18,6 @@ from radcal.scene.model import Scene
 from radcal.seeds import derived_seed
 from radcal.speckle.gaussian import gaussian_row, seed_words
 
-__all__ = ["Scatterers", "scatterers"]
-
 _AT_ONCE = 1 << 18  # scatterers whose random numbers are drawn at once, which bounds the work space
 
 

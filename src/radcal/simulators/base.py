@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from radcal.config.part import Part
     from radcal.radar.geometry import Geometry
 
-__all__ = ["Looks", "Simulator", "SimulatorKind"]
-
 
 class Simulator(Protocol):
     """Simulator of a pass: it has an identity and turns one parameter vector per material into an image."""

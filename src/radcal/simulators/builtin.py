@@ -19,8 +19,6 @@ from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.radiometry import noise_floor_db
 from radcal.radar.reflectivity import Reflectivity, law_tables, reflectivity
 
-__all__ = ["BuiltinSimulator"]
-
 
 @dataclass(frozen=True)
 class _Last:

@@ -10,8 +10,6 @@ from radcal.config.part import Part
 from radcal.errors import SimulatorError
 from radcal.speckle.texture import log_speckle_cumulants
 
-__all__ = ["check_scale"]
-
 _HIGHEST_DB = 3.0  # speckle has an sd of 2 dB or more, so that an image with a lower median has negative values
 _ROWS = 4  # distance at which the speckle of two pixels is nearly independent, and the ground mostly the same
 _MOST_OF_SPECKLE = 0.8  # least share of the standard deviation of the speckle in the logarithm of power

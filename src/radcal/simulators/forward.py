@@ -16,8 +16,6 @@ from radcal.radar.geometry import Geometry
 from radcal.scene.model import Scene
 from radcal.storage.files import atomic
 
-__all__ = ["Forward", "write_complex"]
-
 
 @dataclass(frozen=True)
 class Forward:

@@ -24,8 +24,6 @@ from radcal.storage.runs import Parameters, Record, RunStore
 if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
 
-__all__ = ["Runner"]
-
 
 def _law_description(material: Material, first: Radar, radar: Radar, seed: int) -> dict[str, Any]:
     """Part of a run's description that identifies law and texture of a material, without the law's parameters."""

@@ -14,8 +14,6 @@ from radcal.simulators.base import Simulator, SimulatorKind
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
 
-__all__ = ["make_runner", "make_simulator", "runner_of"]
-
 
 def make_simulator(case: Part, geometry: Geometry, geometry_path: str | Path) -> Simulator:
     """Create the configured simulator for the geometry of a pass.

@@ -12,8 +12,6 @@ from radcal.radar.geometry import Geometry
 from radcal.seeds import derived_seed
 from radcal.speckle.texture import equal_texture, texture_db, texture_order
 
-__all__ = ["orders_of", "textured", "with_textures"]
-
 
 def orders_of(materials: Mapping[str, Material], first: Radar, radar: Radar) -> dict[str, float]:
     """Order (shape parameter) of the gamma texture of each material with the key ``looks``.

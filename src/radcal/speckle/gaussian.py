@@ -20,8 +20,6 @@ import numpy as np
 
 from radcal.compiled import njit
 
-__all__ = ["gaussian_row", "philox", "seed_words"]
-
 _M0, _M1 = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
 _W0, _W1 = np.uint32(0x9E3779B9), np.uint32(0xBB67AE85)
 _LOW = np.uint64(0xFFFFFFFF)

@@ -8,14 +8,6 @@ from numpy.typing import NDArray
 
 from radcal.bands import WIDTH_FACTOR
 
-__all__ = [
-    "beta_share",
-    "border_gain",
-    "impulse_response",
-    "speckle_correlation",
-    "taylor_weights",
-]
-
 _NBAR, _SIDELOBE_DB = 4, 35
 _SHARES = 20_001  # number of rows in a table of quantiles of the beta distribution
 _REACH = 8.0  # distance [resolution widths] at which the impulse response, there below -45 dB, is cut off

@@ -8,8 +8,6 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["equal_texture", "log_speckle_cumulants", "order_of_texture", "texture_db", "texture_order"]
-
 _DB = 10.0 / np.log(10.0)
 
 

@@ -18,8 +18,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["alpha_deg", "bounce_area_m2", "reflected", "reflection"]
-
 Doubles = NDArray[np.float64]
 
 

@@ -16,8 +16,6 @@ from radcal.errors import SceneError
 from radcal.reading.intake import elsewhere, guarded
 from radcal.sections.scene import DBSM_LIMITS
 
-__all__ = ["LARGEST_ROWS", "CrossSection", "columns_of", "cross_sections", "towards"]
-
 LARGEST_ROWS = 30_000_000
 """Largest number of rows of a table, and of objects."""
 

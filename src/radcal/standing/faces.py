@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 
 from radcal.standing.bounce import alpha_deg, bounce_area_m2, reflected
 
-__all__ = ["Echoes", "Ground", "echoes", "in_pixels"]
-
 _EDGE_ON = 1e-3  # cosine of phi below which a face is seen edge-on
 _ROUNDING_M = 1e-6
 

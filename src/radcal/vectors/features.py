@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from pyproj import CRS
 
-__all__ = ["NUMBERS", "burnt", "list_unmapped", "objects_of", "placed"]
 
 NUMBERS = ("length_m", "width_m", "height_m", "heading_deg", "base_m", "absolute", "line_m")
 _LARGEST_M = 200.0  # largest side of a box that is raised

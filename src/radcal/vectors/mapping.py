@@ -20,7 +20,6 @@ from radcal.sections.scene import Permittivity
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["MOST_MATERIALS", "FeatureClass", "FeatureMapping", "Surface", "VectorMapping", "read_mapping", "text_of"]
 
 _ANY = "*"  # in place of a value: every value that is not empty
 _NONE = ("", "no")  # values of an attribute that stand for its absence

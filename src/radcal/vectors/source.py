@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from pyproj import CRS
 
-__all__ = ["VectorSource", "vector_scene"]
 
 _STOREY_M = 3.0  # height of a storey
 _NUMBER = r"^\s*(\d+(?:\.\d*)?)\s*m?\s*$"  # number in a text, with or without the unit
