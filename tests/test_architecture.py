@@ -34,7 +34,7 @@ FLOW = [
     ("proposal", ["proposals.nsga2", "proposals.lattice", "proposals.search"]),
     ("verification", ["calibration.steps", "calibration.stopping", "calibration.loop"]),
     ("assessment", ["posterior", "assessment"]),
-    ("report", ["results", "figures", "page", "ppi", "products"]),
+    ("report", ["results", "figures", "page", "ppi", "gmti", "products"]),
 ]
 
 

@@ -205,6 +205,7 @@ def refused(path, place=LOCAL, **keys):
     [
         ({"height_m": None}, "has no column 'height_m', found "),
         ({"rcs_dbsm": None}, "has no column 'rcs_dbsm'"),
+        ({"speed_mps": [0.0, -3.0, 0.0]}, "row 2: speed_mps is -3, expected 0 to 200 m/s"),
         ({"height_m": [1.0, np.nan, 2.0]}, "row 2: height_m is empty, expected a finite number"),
         ({"height_m": ["1", "high", "2"]}, "row 2: height_m is 'high', expected a finite number"),
         ({"x_m": [1.0, 2.0, np.inf]}, "row 3: x_m is inf, expected a finite number"),
@@ -388,6 +389,19 @@ def test_round_trip_through_the_scenes_file_is_exact(build_scene, tmp_path):
     np.testing.assert_array_equal(found.cross_section_m2(270.0), made.cross_section_m2(270.0))
     write_scene(tmp_path / "scene.h5", replace(scene, objects=None))
     assert read_scene(tmp_path / "scene.h5").objects is None
+
+
+def test_a_speed_makes_a_mover_and_none_changes_nothing(tmp_path):
+    still, moving = (
+        read_objects(csv(tmp_path, speed_mps=[0, 0, 0]), LOCAL),
+        read_objects(csv(tmp_path, speed_mps=[0, 7.5, 0]), LOCAL),
+    )
+    assert still.identity == read_objects(csv(tmp_path), LOCAL).identity != moving.identity
+    assert still.speed_mps is None
+    assert moving.moving.tolist() == [False, True, False]
+    some = moving.some(moving.moving)
+    assert (len(some), some.speed_mps[0], some.x_m[0]) == (1, 7.5, moving.x_m[1])
+    assert not still.moving.any()
 
 
 def test_identity_knows_all_that_an_image_depends_on(tmp_path):

@@ -32,7 +32,7 @@ from radcal.sections.measurement import (
     SyntheticMeasurement,
 )
 from radcal.sections.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
-from radcal.sections.ppi import Ppi
+from radcal.sections.ppi import Gmti, Ppi
 from radcal.sections.radar import Radar, Signals
 from radcal.sections.scene import BuiltinScene, SceneConfig
 from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
@@ -73,6 +73,7 @@ class Case(Part):
     )
     # a default_factory, so that jobs of a calibration do not build its validator
     ppi: Ppi = Field(default_factory=Ppi)
+    gmti: Gmti = Field(default_factory=Gmti)
     measurements: Measurements = Field(
         default_factory=_synthetic_measurement, description="the measured image in a file, or a synthetic one"
     )

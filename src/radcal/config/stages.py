@@ -63,9 +63,10 @@ _LAWS = ("seed", *_PASS)
 _RUNS = (*_LAWS, "simulator")  # what determines the pixel values of runs
 _TARGET = (*_RUNS, "objective", "target", "validation")
 _TRAIN = (*_RUNS, "objective", "surrogate")
-# stop.json holds stop, and no calibration reads the sections of other products
-_ARCHIVE = tuple(name for name in Case.model_fields if name not in ("replace", "ppi", "signals", "stop"))
-FORWARD = ("case", "scene", *_RUNS, "signals", "ppi")
+# stop.json holds stop, and no calibration reads the sections of products
+_PRODUCTS = ("gmti", "ppi", "signals")
+_ARCHIVE = tuple(name for name in Case.model_fields if name not in ("replace", "stop", *_PRODUCTS))
+FORWARD = ("case", "scene", *_PRODUCTS, *_RUNS)
 """Sections that a forward run reads."""
 
 

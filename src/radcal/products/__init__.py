@@ -34,6 +34,11 @@ PRODUCTS: Mapping[str, Product | None] = {
     "complex": Product(
         "the complex looks of the image, as HDF5; their phases are random", "radcal.products.simulated:write_looks"
     ),
+    "gmti": Product(
+        "moving targets found by several channels (section gmti), as GeoJSON and PNG",
+        "radcal.gmti.product:write",
+        "radcal.gmti.product:check",
+    ),
     "iq": Product("raw signals, as CPHD", "radcal.signals.cphd:write_iq", "radcal.signals.cphd:check_iq"),
     "focused": Product(
         "the complex looks of an image focused from raw signals, as HDF5, and its picture",

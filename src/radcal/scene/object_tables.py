@@ -34,9 +34,10 @@ _LIMITS: dict[str, tuple[float, float, str]] = {
     "rcs_dbsm": (*DBSM_LIMITS, "dBsm (10 log10 of square metres)"),
     "wall_sigma0_db": (*WALL_DB_LIMITS, "dB"),
     "bounce": (0.0, 1.0, "(0: no double bounce is added, 1: one is)"),
+    "speed_mps": (0.0, 200.0, "m/s"),
 }
 _MAY_BE_EMPTY = ("rcs_dbsm", "wall_sigma0_db", "bounce")
-_DEFAULTS = {"length_m": 0.0, "width_m": 0.0, "heading_deg": 0.0}
+_DEFAULTS = {"length_m": 0.0, "width_m": 0.0, "heading_deg": 0.0, "speed_mps": 0.0}
 _TEXTS = ("aspect", "roof", "kind")
 _COLUMNS = ("x_m", "y_m", *_LIMITS, *_TEXTS)
 
@@ -314,8 +315,10 @@ def _checked(
     number = np.array([order.get(str(name), -1) for name in names], dtype=np.int16)
     values["x_m"] = values["x_m"] - place.corner_m[0]
     values["y_m"] = values["y_m"] - place.corner_m[1]
+    speed = values.pop("speed_mps")
     return Objects(
         **values,
+        speed_mps=speed if speed.any() else None,
         aspect=number[which],
         kind=kind.astype(np.int16),
         kinds=tuple(str(name) for name in kinds),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -94,6 +94,8 @@ class Objects:
         Tables of cross-sections; several tables may belong to one class.
     walls : Walls or None
         Walls of the boxes; None if no box has any apart from its cross-section.
+    speed_mps : ndarray of float64, shape (n,), or None
+        Speed along the heading [m/s]; None if no object moves. Only the product ``gmti`` shows motion.
     """
 
     x_m: NDArray[np.float64]
@@ -109,9 +111,24 @@ class Objects:
     curves: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     tables: Mapping[str, CrossSection] = field(default_factory=dict)
     walls: Walls | None = None
+    speed_mps: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.x_m)
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """Mask of the objects that move, shape (n,)."""
+        return np.zeros(len(self), dtype=np.bool_) if self.speed_mps is None else np.asarray(self.speed_mps > 0.0)
+
+    def some(self, chosen: NDArray[np.bool_]) -> Objects:
+        """Objects of a mask."""
+        held = {name: getattr(self, name) for name in _ARRAYS}
+        walls = self.walls
+        if walls is not None:
+            names = ("roof", "sigma0_db", "bounce")
+            walls = replace(walls, **{name: getattr(walls, name)[chosen] for name in names})
+        return replace(self, walls=walls, **{name: each[chosen] for name, each in held.items() if each is not None})
 
     @property
     def extended(self) -> NDArray[np.bool_]:
@@ -123,7 +140,9 @@ class Objects:
         """Hash of all properties of the objects that affect an image: all except the kind."""
         described = {
             "version": 1,
-            "arrays": {name: _hash(getattr(self, name)) for name in _ARRAYS if name != "kind"},
+            "arrays": {
+                name: _hash(held) for name in _ARRAYS if name != "kind" and (held := getattr(self, name)) is not None
+            },
             "curves": [[name, np.asarray(curve).tolist()] for name, curve in self.curves.items()],
         }
         if self.tables:

@@ -1,4 +1,4 @@
-"""Section ``ppi``: surveillance radar on a mast, for the product of that name."""
+"""Sections ``ppi`` and ``gmti``: surveillance radar on a mast, and channels of a radar for moving targets."""
 
 from __future__ import annotations
 
@@ -99,3 +99,35 @@ class Ppi(Section):
             if not isinstance(rows, str) and any(second[0] >= first[0] for first, second in itertools.pairwise(rows)):
                 raise Wrong(name, f" has the depressions {[row[0] for row in rows]}, expected falling ones")
         return land
+
+
+class Gmti(Section):
+    """Channels of the radar of ``signals`` for moving targets, and their detector."""
+
+    channels: Annotated[Integer, Field(ge=2, le=16)] = Field(
+        3, description="number of receivers in line along the track"
+    )
+    spacing_m: Length | None = Field(
+        None, description="distance between the receivers [m]; by default the length of the antenna, signals.antenna_m"
+    )
+    pulses: Annotated[Integer, Field(ge=2, le=128)] = Field(
+        16, description="number of pulses of a coherent processing interval"
+    )
+    prf_hz: _Positive = Field(2000.0, description="pulse repetition frequency [Hz]")
+    false_alarms: Annotated[Real, Field(ge=1e-9, le=0.1)] = Field(
+        1e-6, description="probability of a false alarm of one test, of a gate, direction and velocity"
+    )
+    training_gates: Annotated[Integer, Field(ge=4, le=10_000)] | None = Field(
+        None, description="number of gates from which the clutter is estimated; by default twice channels times pulses"
+    )
+
+    @property
+    def training(self) -> int:
+        """Number of training gates."""
+        return self.training_gates or 2 * self.channels * self.pulses
+
+    @model_validator(mode="after")
+    def _enough(self) -> Self:
+        if self.training < 2 * (size := self.channels * self.pulses):
+            raise Wrong("training_gates", f" is {self.training}, expected at least {2 * size}: 2 x channels x pulses")
+        return self

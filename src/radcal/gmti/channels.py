@@ -1,0 +1,177 @@
+"""Echoes of a scene and its movers in several channels: one dwell of the beam after the other along the track."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radcal.config.part import Part
+from radcal.errors import ConfigError
+from radcal.gmti.adaptive import Complex, Interval
+from radcal.scene.model import Scene
+from radcal.seeds import derived_rng
+from radcal.signals.history import echoes
+from radcal.signals.platform import LIGHT_MPS, Collection, collection
+from radcal.signals.scatterers import Scatterers, scatterers
+from radcal.speckle.response import taylor_weights
+
+__all__ = ["Dwell", "Movers", "dwells", "interval_of", "movers_of"]
+
+Array = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True)
+class Movers:
+    """Moving objects, in metres along the track, in ground range from below the track, and in elevation.
+
+    Attributes
+    ----------
+    place_m : ndarray, shape (n, 3)
+        Place at the middle of each dwell [m].
+    velocity_mps : ndarray, shape (n, 3)
+        Velocity [m/s].
+    amplitude : ndarray of complex64, shape (n,)
+        Square root of the cross-section, with a random phase [m].
+    """
+
+    place_m: Array
+    velocity_mps: Array
+    amplitude: NDArray[np.complex64]
+
+    def seen(self, antenna_m: Array) -> tuple[Array, Array, Array]:
+        """Slant range [m], sine of the angle from zero Doppler, and radial velocity [m/s] from an antenna's place."""
+        line = self.place_m - antenna_m
+        slant = np.linalg.norm(line, axis=1)
+        return slant, line[:, 0] / slant, -np.einsum("ij,ij->i", line, self.velocity_mps) / slant
+
+
+@dataclass(frozen=True)
+class Dwell:
+    """Range-compressed echoes of one dwell.
+
+    Attributes
+    ----------
+    antenna_m : ndarray, shape (3,)
+        Mean place of the phase centres of all pulses and receivers [m].
+    range_m : ndarray, shape (gates,)
+        Slant range of the gates [m].
+    noise_m2 : float
+        Mean power of the noise in a gate, as a cross-section at the middle of the swath [m2].
+    ground, movers : ndarray of complex128, shape (channels x pulses, gates)
+        Echoes of standing ground and objects with noise, and of movers.
+    """
+
+    antenna_m: Array
+    range_m: Array
+    noise_m2: float
+    ground: Complex
+    movers: Complex
+
+
+def interval_of(case: Part, one: Collection) -> Interval:
+    """Coherent processing interval of a case, from its sections ``gmti`` and ``signals``.
+
+    Raises
+    ------
+    ConfigError
+        The swath is longer than the unambiguous range, or has too few gates for the detector.
+    """
+    config = case.gmti
+    unambiguous, swath = LIGHT_MPS / (2.0 * config.prf_hz), LIGHT_MPS / (2.0 * one.step_hz)
+    if swath > unambiguous:
+        raise ConfigError(
+            f"gmti.prf_hz is {config.prf_hz:g}: the swath of {swath:.0f} m in slant range is beyond the unambiguous "
+            f"range of {unambiguous:.0f} m, expected at most {LIGHT_MPS / (2.0 * swath):.0f}."
+        )
+    if one.samples < (needed := 2 * (config.training + 3)):
+        raise ConfigError(
+            f"gmti: the swath has {one.samples} gates, expected at least {needed} for {config.training} training "
+            "gates: choose fewer gmti.channels or gmti.pulses."
+        )
+    return Interval(
+        config.channels,
+        config.pulses,
+        config.spacing_m or one.antenna_m,
+        one.speed_mps,
+        config.prf_hz,
+        one.wavelength_m,
+    )
+
+
+def movers_of(case: Part, scene: Scene, one: Collection) -> Movers:
+    """Moving objects of a scene, as points at their height above the ground, hidden by nothing."""
+    if scene.objects is None or not scene.objects.moving.any():
+        return Movers(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, np.complex64))
+    assert scene.elevation_m is not None  # noqa: S101 - collection() has refused it
+    moving = scene.objects.some(scene.objects.moving)
+    (ny, nx), cell, left = scene.material.shape, scene.cell_m, case.radar.look_side == "left"
+    row, column = (
+        np.minimum((moving.y_m / cell).astype(int), ny - 1),
+        np.minimum((moving.x_m / cell).astype(int), nx - 1),
+    )
+    height = scene.elevation_m[row, column] + moving.height_m
+    across = nx * cell - moving.x_m if left else moving.x_m
+    ground = one.reference_m[0, 1] - 0.5 * nx * cell + across
+    bearing, side = np.radians(moving.heading_deg), -1.0 if left else 1.0
+    assert moving.speed_mps is not None  # noqa: S101 - they move
+    along = moving.speed_mps[:, None] * np.stack([np.cos(bearing), side * np.sin(bearing), 0.0 * bearing], axis=1)
+    phase = derived_rng(case.seed, "gmti", "movers").uniform(0.0, 2.0 * np.pi, len(moving))
+    amplitude = np.sqrt(moving.cross_section_m2(90.0 if left else 270.0)) * np.exp(1j * phase)
+    return Movers(np.stack([moving.y_m, ground, height], axis=1), along, amplitude.astype(np.complex64))
+
+
+def _compressed(signal: NDArray[np.complexfloating[Any, Any]]) -> Complex:
+    """Range profiles, in which a point has the amplitude of its echo; shape (pulses, gates)."""
+    spectrum = np.fft.ifftshift(signal * _weights(signal.shape[1]), axes=1)
+    return np.asarray(np.fft.fftshift(np.fft.ifft(spectrum, axis=1, norm="forward"), axes=1))
+
+
+def _weights(samples: int) -> Array:
+    """Taylor's weights of the frequencies, of sum 1."""
+    weights = taylor_weights((np.arange(samples) + 0.5) / samples - 0.5)
+    return np.asarray(weights / weights.sum())
+
+
+def dwells(case: Part, scene: Scene, seed: int) -> Iterator[Dwell]:
+    """Echoes of all dwells, whose beams touch where their two-way power is 4 dB down.
+
+    Parameters
+    ----------
+    case : Part
+        Configuration of the pass, with the laws and parameters of its materials.
+    scene : Scene
+        Scene with elevation.
+    seed : int
+        Noise seed.
+    """
+    one = collection(case, scene)
+    interval, movers = interval_of(case, one), movers_of(case, scene, one)
+    standing = scene if scene.objects is None else replace(scene, objects=scene.objects.some(~scene.objects.moving))
+    found = scatterers(case, standing, seed, scene.cell_m)
+    length, width = scene.material.shape[0] * scene.cell_m, one.range_m * one.wavelength_m / one.antenna_m / 2.0
+    count = max(1, round(length / width))
+    pulse, channel = (np.ravel(each) for each in np.indices((interval.pulses, interval.channels)))
+    seconds = pulse / interval.prf_hz
+    along = seconds * interval.speed_mps + 0.5 * interval.spacing_m * channel  # phase centre of both ways
+    noise = one.noise_m2 * float(np.sum(_weights(one.samples) ** 2))
+    gate = np.arange(one.samples) - one.samples // 2
+    for number in range(count):
+        first = (number + 0.5) * length / count - along.mean()
+        antenna, reference = np.tile(one.track_m[0], (along.size, 1)), np.tile(one.reference_m[0], (along.size, 1))
+        antenna[:, 0] = reference[:, 0] = first + along
+        each = replace(one, track_m=antenna, reference_m=reference, prf_hz=interval.prf_hz)
+        rng = derived_rng(seed, "gmti", "noise", number)
+        drawn = rng.standard_normal((2, along.size, one.samples)) * np.sqrt(0.5 * one.noise_m2)
+        ground = echoes(each, found, 0, along.size) + (drawn[0] + 1j * drawn[1])
+        moved = []
+        for k in range(interval.pulses):
+            t = (k - 0.5 * (interval.pulses - 1)) / interval.prf_hz
+            now = Scatterers.sorted(movers.place_m + t * movers.velocity_mps, movers.amplitude)
+            moved.append(echoes(each, now, k * interval.channels, (k + 1) * interval.channels))
+        distance = each.distance_m[0] + gate * LIGHT_MPS / (2.0 * one.samples * one.step_hz)
+        ground, moving = (_compressed(signal) for signal in (ground, np.concatenate(moved)))
+        yield Dwell(antenna.mean(axis=0), distance, noise, ground, moving)

@@ -1,0 +1,270 @@
+"""The product ``gmti`` of a forward run: detections of moving targets, as GeoJSON and on the map."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from radcal.config.part import Part
+from radcal.figures.drawing import HIDDEN, new_canvas, styled
+from radcal.findings import Finding
+from radcal.gmti.adaptive import Complex, Interval, covariance, kelly, kelly_threshold, least_velocity_mps
+from radcal.gmti.channels import Dwell, dwells, interval_of, movers_of
+from radcal.scene.model import Scene
+from radcal.signals.platform import Collection, collection, pattern
+from radcal.simulators.forward import Forward
+from radcal.storage.files import atomic
+
+__all__ = ["Report", "check", "detections", "trained", "write"]
+
+Array = NDArray[np.floating[Any]]
+
+_COUNTED = 8  # one gate in so many counts the false alarms without movers
+_GUARD = 2  # gates on either side of a detection that report nothing else
+_DIRECTIONS, _FINER = 5, 9  # directions across the beam; points of the finer grid around a detection
+_NEAR_M, _NEAR_MPS = 5.0, 2.0  # differences in slant range and radial velocity to the mover that was detected
+
+
+@dataclass(frozen=True)
+class Report:
+    """Detection of a moving target.
+
+    Attributes
+    ----------
+    east_m, north_m : float
+        Place to the east and to the north of the corner of the scene's grid [m].
+    range_m, velocity_mps : float
+        Slant range, and radial velocity, positive towards the radar.
+    eta : float
+        Kelly's statistic, 0 to 1.
+    dwell : int
+        Number of the dwell.
+    """
+
+    east_m: float
+    north_m: float
+    range_m: float
+    velocity_mps: float
+    eta: float
+    dwell: int
+
+
+def check(case: Part, scene: Scene) -> None:
+    """Raise the errors of collection and processing interval, before anything is simulated."""
+    interval_of(case, collection(case, scene))
+
+
+def trained(echoes: Complex, training: int) -> Complex:
+    """Sum of products of the echoes of the nearest gates around each gate, without its neighbours.
+
+    Every second gate is used, because the echoes of neighbouring gates are correlated by the weights of the spectrum.
+
+    Parameters
+    ----------
+    echoes : ndarray of complex128, shape (size, gates)
+        Vectors in space and time.
+    training : int
+        Number of training gates; near the ends of the swath one more.
+
+    Returns
+    -------
+    ndarray of complex128, shape (gates, size, size)
+        Sums for :func:`.adaptive.kelly`.
+    """
+    out = np.empty((echoes.shape[1], len(echoes), len(echoes)), np.complex128)
+    for half in (0, 1):
+        part = echoes[:, half::2]
+        gates, width = np.arange(part.shape[1]), training + 3
+        sums = np.cumsum(np.einsum("ig,jg->gij", part, part.conj()), axis=0)
+        sums = np.concatenate([np.zeros_like(sums[:1]), sums])
+        low = np.clip(gates - width // 2, 0, gates.size - width)
+        near, far = np.maximum(gates - 1, 0), np.minimum(gates + 2, gates.size)
+        out[half::2] = sums[low + width] - sums[low] - sums[far] + sums[near]
+    return out
+
+
+def _statistic(echoes: Complex, sums: Complex, vectors: Complex) -> Array:
+    """Kelly's statistic of each gate for each expected echo, shape (gates, m)."""
+    return np.array([kelly(echoes[:, k : k + 1], sums[k], vectors)[0] for k in range(len(sums))])
+
+
+def detections(
+    dwell: Dwell, number: int, interval: Interval, case: Part, scene: Scene, one: Collection, least_mps: float = 0.0
+) -> tuple[list[Report], float]:
+    """Detections of one dwell, at most one in five neighbouring gates, and the share of false alarms.
+
+    Parameters
+    ----------
+    dwell : Dwell
+        Echoes.
+    number : int
+        Number of the dwell.
+    interval : Interval
+        Pulses and channels.
+    case, scene, one : Part, Scene, Collection
+        Configuration, scene and collection.
+    least_mps : float
+        Radial velocity below which nothing is tested, because clutter hides it [m/s].
+
+    Returns
+    -------
+    reports : list of Report
+        Detections by range.
+    alarms : float
+        Share of the tests that exceed the threshold without movers.
+    """
+    half = 0.4 * one.wavelength_m / one.antenna_m  # of the beam
+    fastest = 0.25 * one.wavelength_m * interval.prf_hz
+    directions = np.linspace(-half, half, _DIRECTIONS)
+    velocities = np.linspace(-fastest, fastest, 2 * interval.pulses, endpoint=False)
+    tested = velocities[np.abs(velocities) >= least_mps]
+    sine, speed = (np.ravel(each) for each in np.meshgrid(directions, tested))
+    vectors, training = interval.steering(sine, speed), case.gmti.training
+    least = kelly_threshold(case.gmti.false_alarms, interval.size, training)
+    alone = _statistic(dwell.ground[:, ::_COUNTED], trained(dwell.ground, training)[::_COUNTED], vectors)
+    echoes = dwell.ground + dwell.movers
+    sums = trained(echoes, training)
+    eta = _statistic(echoes, sums, vectors)
+    best, reports = eta.max(axis=1), []
+    away = np.linspace(-1.0, 1.0, _FINER)
+    du, dv = (
+        np.ravel(each) for each in np.meshgrid(away * half / (_DIRECTIONS // 2), away * 2 * fastest / velocities.size)
+    )
+    for gate in np.flatnonzero(best > least):
+        if best[gate] < best[max(gate - _GUARD, 0) : gate + _GUARD + 1].max():
+            continue
+        coarse = int(eta[gate].argmax())
+        u, v = sine[coarse] + du, speed[coarse] + dv
+        finer = kelly(echoes[:, gate : gate + 1], sums[gate], interval.steering(u, v))[0]
+        k = int(finer.argmax())
+        east, north = _place(scene, case, one, dwell.antenna_m, dwell.range_m[gate], u[k])
+        reports.append(Report(east, north, float(dwell.range_m[gate]), float(v[k]), float(finer[k]), number))
+    return reports, float((alone > least).mean())
+
+
+def _place(
+    scene: Scene, case: Part, one: Collection, antenna_m: Array, range_m: float, sine: float
+) -> tuple[float, float]:
+    """Place in the scene's grid of a slant range and direction, on the ground [m]."""
+    assert scene.elevation_m is not None  # noqa: S101 - collection() has refused it
+    (ny, nx), cell = scene.material.shape, scene.cell_m
+    height, north = float(scene.elevation_m.mean()), float(antenna_m[0] + range_m * sine)
+    east = 0.0
+    for _ in range(5):  # the height at the place changes the place
+        square = range_m**2 * (1.0 - sine**2) - (antenna_m[2] - height) ** 2
+        across = np.sqrt(max(square, 0.0)) - one.reference_m[0, 1] + 0.5 * nx * cell
+        east = float(nx * cell - across if case.radar.look_side == "left" else across)
+        row, column = (int(np.clip(at / cell, 0, n - 1)) for at, n in ((north, ny), (east, nx)))
+        height = float(scene.elevation_m[row, column])
+    return east, north
+
+
+def _least_velocity(dwell: Dwell, interval: Interval, one: Collection) -> float:
+    """Velocity of 5 dB of loss for the covariance of clutter of the mean power of a dwell's echoes [m/s]."""
+    sine = np.linspace(-1.0, 1.0, 401) * interval.wavelength_m / one.antenna_m
+    power = pattern(sine, one.antenna_m, interval.wavelength_m) ** 2
+    ratio = max(float(np.mean(np.abs(dwell.ground) ** 2)) / dwell.noise_m2 - 1.0, 0.0)
+    return least_velocity_mps(interval, covariance(interval, sine, ratio * power / power.sum()))
+
+
+def write(stem: Path, made: Forward) -> list[Path | Finding]:
+    """Simulate all dwells and detect movers; write the reports as GeoJSON and on the map.
+
+    Parameters
+    ----------
+    stem : path
+        Path of the files without suffix.
+    made : Forward
+        Forward run of the pass.
+
+    Returns
+    -------
+    list of path or Finding
+        The files, and what was found.
+    """
+    case, scene = made.case, made.scene
+    one = collection(case, scene)
+    interval, movers = interval_of(case, one), movers_of(case, scene, one)
+    reports, alarms, slowest, found, off = list[Report](), list[float](), list[float](), set[int](), list[float]()
+    for number, dwell in enumerate(dwells(case, scene, made.seed), start=1):
+        slowest.append(_least_velocity(dwell, interval, one))
+        with threadpool_limits(1):  # one thread: sums then have a fixed order
+            some, share = detections(dwell, number, interval, case, scene, one, slowest[-1])
+        reports += some
+        alarms.append(share)
+        slant, sine, velocity = movers.seen(dwell.antenna_m)
+        for each in some:
+            near = np.abs(slant - each.range_m) < _NEAR_M
+            near &= np.abs(velocity - each.velocity_mps) < _NEAR_MPS
+            near &= np.abs(sine) < interval.wavelength_m / one.antenna_m
+            for k in np.flatnonzero(near):
+                found.add(int(k))
+                off.append(each.north_m - movers.place_m[k, 0])
+    numbers = {
+        "movers": float(len(movers.amplitude)),
+        "found": float(len(found)),
+        "reports": float(len(reports)),
+        "along_m": float(np.sqrt(np.mean(np.square(off)))) if off else 0.0,
+        "asked": case.gmti.false_alarms,
+        "alarms": float(np.mean(alarms)),
+        "least_mps": float(np.median(slowest)),
+    }
+    paths = [stem.with_suffix(".geojson"), stem.with_suffix(".png")]
+    _write_geojson(paths[0], reports, scene, made)
+    _write_picture(paths[1], reports, scene)
+    return [*paths, Finding("gmti_detections", "note", "gmti", numbers)]
+
+
+def _write_geojson(path: Path, reports: list[Report], scene: Scene, made: Forward) -> None:
+    """Write detections as GeoJSON (RFC 7946), with places in longitude and latitude if the scene is on the map."""
+    places: list[Any] = [None] * len(reports)
+    if scene.crs is not None and scene.transform is not None:
+        from radcal.scene.crs import transformer
+
+        a, b, c, d, e, f = scene.transform
+        column = np.array([one.east_m for one in reports]) / scene.cell_m
+        row = np.array([one.north_m for one in reports]) / scene.cell_m
+        ends = transformer(scene.crs, "OGC:CRS84").transform(a * column + b * row + c, d * column + e * row + f)
+        places = [{"type": "Point", "coordinates": [float(x), float(y)]} for x, y in zip(*ends, strict=True)]
+    features = [
+        {"type": "Feature", "geometry": place, "properties": asdict(one)}
+        for place, one in zip(places, reports, strict=True)
+    ]
+    written = {"type": "FeatureCollection", "case": made.case.case, "run": made.key, "features": features}
+    with atomic(path) as partial:
+        partial.write_text(json.dumps(written, indent=1), encoding="utf-8")
+
+
+def _write_picture(path: Path, reports: list[Report], scene: Scene) -> None:
+    """Write a map of the detections over the materials, with the paths of the movers in 10 s."""
+    ny, nx = scene.material.shape
+    with styled():
+        canvas = new_canvas(7.0, 6.4)
+        plan = canvas.subplots()
+        extent = (0.0, nx * scene.cell_m / 1e3, 0.0, ny * scene.cell_m / 1e3)
+        plan.imshow(scene.material, cmap="Greys", alpha=0.35, origin="lower", extent=extent, interpolation="nearest")
+        if scene.objects is not None and scene.objects.moving.any():
+            moving = scene.objects.some(scene.objects.moving)
+            assert moving.speed_mps is not None  # noqa: S101 - they move
+            bearing = np.radians(moving.heading_deg)
+            x, y = moving.x_m / 1e3, moving.y_m / 1e3
+            way = moving.speed_mps * 10.0 / 1e3
+            ends = np.stack([x, x + way * np.sin(bearing)]), np.stack([y, y + way * np.cos(bearing)])
+            plan.plot(*ends, color=HIDDEN["color"], linewidth=2.0)
+            plan.plot(x, y, "o", color=HIDDEN["color"], markersize=5, label="mover, and its way in 10 s")
+        shown = plan.scatter(
+            [one.east_m / 1e3 for one in reports], [one.north_m / 1e3 for one in reports], marker="x", s=36,
+            c=[one.velocity_mps for one in reports], cmap="coolwarm", linewidths=1.6, label="detection",
+        )  # fmt: skip
+        canvas.colorbar(shown, ax=plan, fraction=0.046, pad=0.02).set_label("velocity towards the radar [m/s]")
+        plan.set(xlabel="east [km]", ylabel="north [km]", title="Moving targets", xlim=extent[:2], ylim=extent[2:])
+        plan.legend(loc="upper left", frameon=True)
+        plan.grid(visible=False)
+        with atomic(path) as partial:
+            canvas.savefig(partial, format="png", dpi=150, metadata={"Software": None}, facecolor="white")

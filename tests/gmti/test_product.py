@@ -1,0 +1,121 @@
+"""Echoes of movers in several channels, and their detection in a scene."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from variants import agrees
+
+from radcal.errors import ConfigError
+from radcal.findings import Finding
+from radcal.gmti.channels import dwells, interval_of, movers_of
+from radcal.gmti.product import check, trained, write
+from radcal.scene.objects import Objects
+from radcal.signals.platform import collection
+from radcal.simulators.forward import Forward
+
+GMTI = {"channels": 2, "pulses": 8, "false_alarms": 1e-5}
+SPEED = 9.0
+
+
+def movers(x_m, y_m, heading_deg, speed_mps, dbsm=25.0):
+    n = len(x_m)
+    zero, number = np.zeros(n), np.zeros(n, dtype=np.int16)
+    return Objects(
+        np.array(x_m), np.array(y_m), zero, zero, np.array(heading_deg), zero + 1.5, zero + dbsm, number - 1, number,
+        speed_mps=np.array(speed_mps),
+    )  # fmt: skip
+
+
+@pytest.fixture
+def moving(scene):
+    """One drives west towards the radar, one stands."""
+    return replace(scene, objects=movers([120.0, 60.0], [110.0, 60.0], [270.0, 0.0], [SPEED, 0.0]))
+
+
+@pytest.fixture
+def case(build_case):
+    return build_case(gmti=GMTI)
+
+
+def test_echoes_of_a_mover_are_its_steering_vector(case, moving):
+    one = collection(case, moving)
+    interval, mover = interval_of(case, one), movers_of(case, moving, one)
+    assert len(mover.amplitude) == 1
+    dwell = min(dwells(case, moving, 1), key=lambda each: abs(mover.seen(each.antenna_m)[1][0] - 0.002))
+    slant, sine, velocity = mover.seen(dwell.antenna_m)
+    # seen at an incidence of about 45 degrees
+    ground = mover.place_m[0, 1] / slant[0]
+    assert velocity[0] == pytest.approx(SPEED * ground, rel=1e-6)
+    gate = int(np.argmin(np.abs(dwell.range_m - slant[0])))
+    found = dwell.movers[:, gate]
+
+    def alike(u, v):
+        vector = interval.steering(u, v)[:, 0]
+        return abs(np.vdot(vector, found)) / np.linalg.norm(vector) / np.linalg.norm(found)
+
+    assert alike(sine, velocity) > 0.999
+    assert max(alike(-sine, velocity), alike(sine, -velocity), alike(sine, velocity / 2)) < 0.9
+    # the peak lies up to half a gate beside the mover
+    assert 20.0 * np.log10(np.abs(found[0])) == pytest.approx(25.0, abs=3.0)
+
+
+def test_a_scene_to_the_left_is_mirrored(build_case, moving):
+    right, left = (build_case(gmti=GMTI, radar={"altitude_m": 1000.0, "look_side": side}) for side in ("right", "left"))
+    first, second = (movers_of(case, moving, collection(case, moving)) for case in (right, left))
+    middle = collection(right, moving).reference_m[0, 1]
+    assert first.place_m[0, 1] - middle == pytest.approx(20.0)
+    assert second.place_m[0, 1] - middle == pytest.approx(-20.0)
+    np.testing.assert_allclose(first.velocity_mps, [[0.0, -SPEED, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(second.velocity_mps, [[0.0, SPEED, 0.0]], atol=1e-12)
+
+
+def test_training_gates_are_every_second_one_around_a_gate():
+    rng = np.random.default_rng(1)
+    echoes = rng.standard_normal((3, 60)) + 1j * rng.standard_normal((3, 60))
+    for gate, used in (
+        (31, [21, 23, 25, 27, 35, 37, 39, 41]),
+        (1, [5, 7, 9, 11, 13, 15, 17, 19, 21]),
+        (58, [38, 40, 42, 44, 46, 48, 50, 52, 54]),
+    ):
+        right = sum(np.outer(echoes[:, k], echoes[:, k].conj()) for k in used)
+        agrees(
+            np.abs(trained(echoes, 8)[gate]),
+            np.abs(right),
+            with_itself=np.abs(right + np.outer(*2 * [echoes[:, gate]])),
+        )
+
+
+def test_movers_are_found_and_reported(case, moving, tmp_path):
+    made = Forward(case, moving, None, None, "key", 1, False, None)
+    check(case, moving)
+    geojson, picture, found = write(tmp_path / "gmti", made)
+    assert (geojson.name, picture.name) == ("gmti.geojson", "gmti.png")
+    assert isinstance(found, Finding)
+    assert (found.numbers["movers"], found.numbers["found"]) == (1.0, 1.0)
+    assert found.numbers["alarms"] < 1e-2
+    assert 0.0 < found.numbers["least_mps"] < 8.0
+    features = json.loads(geojson.read_text())["features"]
+    best = max((one["properties"] for one in features), key=lambda one: one["eta"])
+    assert best["east_m"] == pytest.approx(120.0, abs=6.0)
+    assert best["velocity_mps"] == pytest.approx(SPEED * np.sqrt(0.5), abs=1.5)
+    assert features[0]["geometry"] is None
+
+
+@pytest.mark.parametrize(
+    ("keys", "says"),
+    [
+        ({"prf_hz": 2_000_000}, "gmti.prf_hz is 2e+06: the swath of"),
+        ({"pulses": 128, "channels": 8}, "training gates: choose fewer gmti.channels or gmti.pulses"),
+    ],
+)
+def test_contradictions_with_the_swath(build_case, scene, keys, says):
+    with pytest.raises(ConfigError) as caught:
+        check(build_case(gmti=GMTI | keys), scene)
+    assert says in str(caught.value)
+
+
+def test_too_few_training_gates(build_case):
+    with pytest.raises(ConfigError, match=r"gmti: training_gates is 20, expected at least 96: 2 x channels x pulses"):
+        build_case(gmti={"training_gates": 20})
