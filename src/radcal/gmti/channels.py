@@ -19,8 +19,6 @@ from radcal.signals.platform import LIGHT_MPS, Collection, collection
 from radcal.signals.scatterers import Scatterers, scatterers
 from radcal.speckle.response import taylor_weights
 
-__all__ = ["Dwell", "Movers", "dwells", "interval_of", "movers_of"]
-
 Array = NDArray[np.floating[Any]]
 
 

@@ -21,8 +21,6 @@ from radcal.signals.platform import Collection, collection, pattern
 from radcal.simulators.forward import Forward
 from radcal.storage.files import atomic
 
-__all__ = ["Report", "check", "detections", "trained", "write"]
-
 Array = NDArray[np.floating[Any]]
 
 _COUNTED = 8  # one gate in so many counts the false alarms without movers
