@@ -144,9 +144,7 @@ def test_the_figure_shows_the_incidence_of_all_passes(made):
     assert "Over the incidence of pass 1 the hidden truth differs" in caption
     thick = [line.get_xdata() for line in canvas.axes[0].lines if line.get_linewidth() == 2.6]
     assert [(one.min(), one.max()) for one in thick[:2]] == [(21.0, 33.0), (44.0, 57.0)]
-    one = law(archive, "dyke")[1]
-    assert "Over the incidence seen" in one
-    assert "57.0" not in one
+    assert "Over the incidence seen" in law(made.archive, "dyke")[1]
 
 
 def test_parameters_are_told_with_their_intervals(made, build_archive, tmp_path):
