@@ -1,1 +1,3 @@
+from field_fixtures import parts
 
+__all__ = ["parts"]
