@@ -102,8 +102,8 @@ def drawn(found: Mapping[str, Sequence[Row]], path: Path) -> None:
         low, middle, high = np.array([row["quartiles"] for row in rows], dtype=float).T  # None is drawn as a gap
         axis.plot(sizes, middle, marker="o", label=name.replace("_", " "))
         axis.fill_between(sizes, low, high, alpha=0.2)
-    most = max(row["size"] for rows in found.values() for row in rows)
-    axis.plot([0, most], [0, most], "k:", linewidth=1, label="runs of the design alone")
+    alone = np.geomspace(1, max(row["size"] for rows in found.values() for row in rows))
+    axis.plot(alone, alone, "k:", linewidth=1, label="runs of the design alone")
     axis.set(
         xlabel="runs of the design", ylabel="runs to an rms of 1e-5", xscale="symlog", yscale="log", ylim=(1, None)
     )
