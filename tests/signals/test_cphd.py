@@ -87,3 +87,9 @@ def test_a_scene_without_a_map_needs_place_and_date(forward_of):
         check_iq(placed, made.scene)
     mapped = replace(made.scene, crs="EPSG:32632", transform=(5.0, 0.0, 500_000.0, 0.0, 5.0, 5_000_000.0))
     check_iq(elsewhere.model_copy(update={"signals": made.case.signals.model_copy(update={"start_utc": "x"})}), mapped)
+
+
+@pytest.mark.parametrize("wrong", ["yesterday", "2026-13-01T10:00:00Z", "2026-05-01T10:00:00"])
+def test_a_date_that_is_none_is_told(forward_of, wrong):
+    with pytest.raises(ConfigError, match=r"signals\.start_utc.* is '.*', expected date and time in UTC, as 2026"):
+        forward_of(signals={"start_utc": wrong})

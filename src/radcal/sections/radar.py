@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping
+from datetime import datetime
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -299,7 +300,16 @@ class Signals(Section):
     )
     start_utc: str | None = Field(
         None,
-        pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,6})?Z$",
         description="date and time of the first pulse, as 2026-01-01T12:00:00Z, for the file of product iq; the "
         "built-in scene has an invented one",
     )
+
+    @field_validator("start_utc")
+    @classmethod
+    def _date_and_time(cls, value: str | None) -> str | None:
+        if value is not None:
+            try:
+                datetime.strptime(value, "%Y-%m-%dT%H:%M:%SZ")
+            except ValueError:
+                raise ValueError(f"is {value!r}, expected date and time in UTC, as 2026-01-01T12:00:00Z") from None
+        return value
