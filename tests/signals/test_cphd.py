@@ -20,7 +20,8 @@ def read(path):
 
 
 @pytest.mark.parametrize(
-    ("signals", "side"), [({}, "right"), ({"bits": 8}, "left"), ({"bits": 12, "motion_m": 0.3}, "right")]
+    ("signals", "side"),
+    [({}, "right"), ({"bits": 8, "motion_m": 0.12}, "left"), ({"bits": 12, "motion_m": 0.3}, "right")],
 )
 def test_the_checker_finds_no_error_and_the_file_has_the_signal(forward_of, tmp_path, signals, side):
     made = forward_of(signals=signals, radar={"look_side": side, "heading_deg": 0.0, "looks": 1})
@@ -38,6 +39,7 @@ def test_the_checker_finds_no_error_and_the_file_has_the_signal(forward_of, tmp_
         signal = signal["real"].astype(float) + 1j * signal["imag"]
     one = collection(made.case, made.scene)
     assert signal.shape == (len(one.track_m), one.samples)
+    assert one.samples % 2 == (one.bits != 8)  # with and without a frequency in the middle
     assert np.unique(vectors["AmpSF"]).size == (1 if one.bits is None else len(vectors))
 
 

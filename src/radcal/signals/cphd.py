@@ -133,7 +133,7 @@ def _vector_parameters(one: Collection, site: _Site, dtype: Any, scale: Doubles)
     found["SRPPos"], found["AmpSF"] = site.ecf(one.reference_m), scale
     closing = np.sum(velocity * (one.track_m - one.reference_m), axis=1) / one.distance_m
     found["aFDOP"] = -2.0 * closing / LIGHT_MPS
-    found["aFRR1"], found["aFRR2"] = 2.0 * one.carrier_hz / LIGHT_MPS, 2.0 / LIGHT_MPS
+    found["aFRR1"], found["aFRR2"] = 2.0 * one.middle_hz / LIGHT_MPS, 2.0 / LIGHT_MPS
     found["FX1"], found["FX2"], found["TOA1"], found["TOA2"] = frequency[0], frequency[-1], -toa, toa
     found["SC0"], found["SCSS"] = frequency[0], one.step_hz
     return found
@@ -182,7 +182,7 @@ def _tree(made: Forward, one: Collection, site: _Site, layout: str) -> Any:
         "RefChId": channel, "FXFixedCPHD": True, "TOAFixedCPHD": True, "SRPFixedCPHD": False,
         "Parameters": {
             "Identifier": channel, "RefVectorIndex": pulses // 2, "FXFixed": True, "TOAFixed": True, "SRPFixed": False,
-            "Polarization": {"TxPol": channel[0], "RcvPol": channel[1]}, "FxC": one.carrier_hz,
+            "Polarization": {"TxPol": channel[0], "RcvPol": channel[1]}, "FxC": one.middle_hz,
             "FxBW": frequency[-1] - frequency[0], "TOASaved": 2.0 * toa,
             "DwellTimes": {"CODId": "zero Doppler", "DwellId": "processed band"},
         },

@@ -81,6 +81,11 @@ class Collection:
         """Frequencies of the samples, shape (samples,)."""
         return np.asarray(self.carrier_hz + (np.arange(self.samples) - self.samples // 2) * self.step_hz)
 
+    @property
+    def middle_hz(self) -> float:
+        """Middle of the band; for an even number of frequencies it is half a step below the carrier."""
+        return 0.5 * float(self.frequency_hz[0] + self.frequency_hz[-1])
+
     @cached_property
     def distance_m(self) -> Doubles:
         """Distance from the antenna to the reference point of each pulse, shape (pulses,)."""
