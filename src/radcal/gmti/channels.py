@@ -118,7 +118,9 @@ def movers_of(case: Part, scene: Scene, one: Collection) -> Movers:
     assert moving.speed_mps is not None  # noqa: S101 - they move
     along = moving.speed_mps[:, None] * np.stack([np.cos(bearing), side * np.sin(bearing), 0.0 * bearing], axis=1)
     phase = derived_rng(case.seed, "gmti", "movers").uniform(0.0, 2.0 * np.pi, len(moving))
-    amplitude = np.sqrt(moving.cross_section_m2(90.0 if left else 270.0)) * np.exp(1j * phase)
+    radar, steep = case.radar, np.full(len(moving), case.radar.depression_deg)
+    sigma = moving.cross_section_m2(90.0 if left else 270.0, steep, radar.band, radar.polarisation)
+    amplitude = np.sqrt(np.nan_to_num(sigma)) * np.exp(1j * phase)
     return Movers(np.stack([moving.y_m, ground, height], axis=1), along, amplitude.astype(np.complex64))
 
 
