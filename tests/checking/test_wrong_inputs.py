@@ -132,7 +132,7 @@ def test_wrong_files(name, content, said):
 @pytest.mark.usefixtures("folder")
 def test_wrong_heights(values, crs, transform, said):
     where = {"crs": "EPSG:32631", "transform": MAP}
-    write_raster("cover.tif", np.full((1, 30, 40), 10, np.uint8), **where)
+    write_raster("cover.tif", np.full((1, 30, 40), 1, np.uint8), **where)
     heights = np.full((1, 30, 40), values, np.complex64 if isinstance(values, complex) else np.float32)
     write_raster("dem.tif", heights, crs=crs, transform=transform)
     scene = "{source: raster, elevation: dem.tif, materials: cover.tif, names: names.json, vertical_datum: EGM2008}"

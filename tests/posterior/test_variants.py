@@ -19,7 +19,7 @@ def test_mean_of_power_of_a_cell_without_the_bias_of_its_logarithm():
     member, count = np.repeat([0, 1], [4, 8]), np.array([4, 8])
     means = np.array([power[:4].mean(), power[4:].mean()])
     away = power / means[member] - 1.0
-    looks = (12 - 2) / (away @ away)
+    looks = (12 - 4 / 2.0 - 8 / 4.0) / (away @ away)  # of 4 and 8 pixels, which count as 2 and 4 independent ones
     total = np.array([2.0, 4.0]) * looks
     right = np.array([10.0 * np.log10(means) - K * (digamma(total) - np.log(total)), K**2 * stats.loggamma.var(total)])
     mean, variance, found = _level(power, member, count, np.array([2.0, 4.0]))
@@ -33,7 +33,13 @@ def test_mean_of_power_of_a_cell_without_the_bias_of_its_logarithm():
         one_over_looks=[right[0], K**2 / total],
         sd=[right[0], np.sqrt(right[1])],
     )
-    agrees(found, looks, biased=12 / (away @ away), of_decibels=(K / (10.0 * np.log10(power)).std()) ** 2)
+    agrees(
+        found,
+        looks,
+        biased=12 / (away @ away),
+        independent=10 / (away @ away),
+        of_decibels=(K / (10.0 * np.log10(power)).std()) ** 2,
+    )
 
 
 def test_scale_of_an_effect_is_half_normal_in_its_logarithm():

@@ -409,7 +409,7 @@ def test_slivers_without_an_area_have_their_mean_incidence():
     one = np.ones(1, dtype=np.float32)
     cells, pure = np.empty(2, dtype=np.uint16), np.zeros(2, dtype=np.uint8)
     mean_deg, ground = np.full(2, np.nan, dtype=np.float32), np.full((2, 2), np.nan, dtype=np.float32)
-    order_facets(1, start, 2, material, angle, weight, place, one, one, 256, cells, pure, mean_deg, ground)
+    order_facets(1, start, 2, material, angle, weight, place, one, one, cells, pure, mean_deg, ground)
     np.testing.assert_allclose(mean_deg, np.array([17_500, 15_000]) * 90.0 / 65535.0, rtol=1e-5)
     np.testing.assert_allclose(ground, [[1.0, 2.5], [7.0, 3.5]])
     assert (cells.tolist(), pure.tolist()) == ([1, 2], [1, 0])

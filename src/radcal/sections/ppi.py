@@ -40,7 +40,7 @@ class Ppi(Section):
     losses_db: Annotated[Real, Field(ge=0, le=50)] = Field(3.0, description="losses, both ways together [dB]")
     noise_figure_db: Annotated[Real, Field(ge=0, le=50)] = Field(5.0, description="noise figure of the receiver [dB]")
     prf_hz: _Positive = Field(2000.0, description="pulse repetition frequency [Hz]")
-    rotation_rpm: Annotated[Real, Field(gt=0, le=1000)] = Field(24.0, description="turns of the antenna in a minute")
+    rotation_rpm: Annotated[Real, Field(ge=0.01, le=1000)] = Field(24.0, description="turns of the antenna in a minute")
     pulses: Annotated[Integer, Field(ge=1, le=1000)] = Field(
         10, description="number of pulses whose powers are averaged, which is a ray of the image"
     )
