@@ -12,7 +12,11 @@ SIMULATED = "measured image: synthetic, seed 1"
 
 @pytest.mark.parametrize(
     ("version", "killed", "made_again"),
-    [("0.1.0", False, {"calibration"}), ("69e11348", False, {"calibration", "field"}), ("69e11348", True, set())],
+    [
+        ("0.1.0", False, {"calibration", "field", "image"}),
+        ("69e11348", False, {"calibration", "field"}),
+        ("69e11348", True, set()),
+    ],
 )
 def test_results_of_an_earlier_version_are_continued_without_a_repeated_run(project, version, killed, made_again):
     """The tiny case of each version, with 48 x 40 pixels, 4 runs of the design, and no report, exports and logs.

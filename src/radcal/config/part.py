@@ -86,8 +86,10 @@ class Part(Section):
         sections = self.model_dump(mode="json", include=set(names))
         if sections.get("colours", {}) is None:  # a case without colours has the jobs it had before this key existed
             del sections["colours"]
-        if environment := sections.get("simulator", {}).get("environment"):
-            sections["simulator"]["environment"] = Undisclosed(environment)
+        simulator = sections.get("simulator", {})
+        simulator.pop("strips", None)  # the geometry has the same bits in any number of strips
+        if environment := simulator.get("environment"):
+            simulator["environment"] = Undisclosed(environment)
         return sections
 
     @property
