@@ -43,7 +43,7 @@ def test_echoes_of_a_mover_are_its_steering_vector(case, moving):
     one = collection(case, moving)
     interval, mover = interval_of(case, one), movers_of(case, moving, one)
     assert len(mover.amplitude) == 1
-    dwell = min(dwells(case, moving, 1), key=lambda each: abs(mover.seen(each.antenna_m)[1][0] - 0.002))
+    dwell = min(dwells(case, moving, one, mover, 1), key=lambda each: abs(mover.seen(each.antenna_m)[1][0] - 0.002))
     slant, sine, velocity = mover.seen(dwell.antenna_m)
     # seen at an incidence of about 45 degrees
     ground = mover.place_m[0, 1] / slant[0]

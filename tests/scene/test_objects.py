@@ -19,7 +19,7 @@ from radcal.reading import vectors
 from radcal.scene.model import read_scene, write_scene
 from radcal.scene.object_generator import BUILDING, CAR, TREE, generate_objects
 from radcal.scene.object_tables import Place, read_objects
-from radcal.scene.objects import Objects
+from radcal.scene.objects import Objects, Walls
 from radcal.scene.sources import _objects, make_scene
 from radcal.sections.scene import check_curve
 
@@ -86,6 +86,21 @@ def layers(path, shapes, columns, crs=UTM, count=1, ending="gpkg"):
 
 
 # --- aspect
+
+
+def test_some_of_the_objects_keep_their_own_walls_and_speed():
+    """A car that drives, a house with a roof, and a point."""
+    zero, whole = np.zeros(3), np.zeros(3, dtype=np.int16)
+    walls = Walls(np.array([-1, 0, -1], np.int16), np.array([np.nan, -8.0, np.nan]), np.array([False, True, False]))
+    speed = np.array([9.0, 0.0, 0.0])
+    found = Objects(
+        np.arange(3.0), zero, zero, zero, zero, zero, zero, whole, whole, ("",), walls=walls, speed_mps=speed
+    )
+    assert found.moving.tolist() == [True, False, False]
+    still = found.some(~found.moving)
+    assert (still.x_m.tolist(), still.speed_mps.tolist()) == ([1.0, 2.0], [0.0, 0.0])
+    assert (still.walls.roof.tolist(), still.walls.bounce.tolist()) == ([0, -1], [True, False])
+    np.testing.assert_array_equal(still.walls.sigma0_db, [-8.0, np.nan])
 
 
 def towards(curve, heading, bearing):

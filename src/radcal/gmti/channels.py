@@ -15,7 +15,7 @@ from radcal.gmti.adaptive import Complex, Interval
 from radcal.scene.model import Scene
 from radcal.seeds import derived_rng
 from radcal.signals.history import echoes
-from radcal.signals.platform import LIGHT_MPS, Collection, collection
+from radcal.signals.platform import LIGHT_MPS, Collection
 from radcal.signals.scatterers import Scatterers, scatterers
 from radcal.speckle.response import taylor_weights
 
@@ -136,7 +136,7 @@ def _weights(samples: int) -> Array:
     return np.asarray(weights / weights.sum())
 
 
-def dwells(case: Part, scene: Scene, seed: int) -> Iterator[Dwell]:
+def dwells(case: Part, scene: Scene, one: Collection, movers: Movers, seed: int) -> Iterator[Dwell]:
     """Echoes of all dwells, whose beams touch where their two-way power is 4 dB down.
 
     Parameters
@@ -145,11 +145,14 @@ def dwells(case: Part, scene: Scene, seed: int) -> Iterator[Dwell]:
         Configuration of the pass, with the laws and parameters of its materials.
     scene : Scene
         Scene with elevation.
+    one : Collection
+        Beam, frequencies and noise of each receiver.
+    movers : Movers
+        Moving objects of the scene.
     seed : int
         Noise seed.
     """
-    one = collection(case, scene)
-    interval, movers = interval_of(case, one), movers_of(case, scene, one)
+    interval = interval_of(case, one)
     standing = scene if scene.objects is None else replace(scene, objects=scene.objects.some(~scene.objects.moving))
     found = scatterers(case, standing, seed, scene.cell_m)
     length, width = scene.material.shape[0] * scene.cell_m, one.range_m * one.wavelength_m / one.antenna_m / 2.0

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from radcal.config.part import Part
 from radcal.figures.drawing import HIDDEN, new_canvas, styled
 from radcal.findings import Finding
 from radcal.gmti.adaptive import Complex, Interval, covariance, kelly, kelly_threshold, least_velocity_mps
 from radcal.gmti.channels import Dwell, dwells, interval_of, movers_of
+from radcal.processes import one_thread
 from radcal.scene.model import Scene
 from radcal.signals.platform import Collection, collection, pattern
 from radcal.simulators.forward import Forward
@@ -190,9 +190,9 @@ def write(stem: Path, made: Forward) -> list[Path | Finding]:
     one = collection(case, scene)
     interval, movers = interval_of(case, one), movers_of(case, scene, one)
     reports, alarms, slowest, found, off = list[Report](), list[float](), list[float](), set[int](), list[float]()
-    for number, dwell in enumerate(dwells(case, scene, made.seed), start=1):
+    for number, dwell in enumerate(dwells(case, scene, one, movers, made.seed), start=1):
         slowest.append(_least_velocity(dwell, interval, one))
-        with threadpool_limits(1):  # one thread: sums then have a fixed order
+        with one_thread():
             some, share = detections(dwell, number, interval, case, scene, one, slowest[-1])
         reports += some
         alarms.append(share)

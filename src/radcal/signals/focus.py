@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.fft import ifft
-from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from radcal.compiled import threaded
 from radcal.radar.earth import line_of_sight
@@ -43,7 +42,7 @@ def range_profiles(one: Collection, signal: NDArray[np.complex64]) -> NDArray[np
     weights = taylor_weights((frequency + 0.5 * (one.samples % 2 == 0)) / one.samples)
     grid = np.zeros((len(signal), transform.size), np.complex64)
     grid[:, frequency] = signal * (weights / weights.sum() / transform[frequency]).astype(np.float32)
-    return np.asarray(ifft(grid, axis=1, norm="forward", overwrite_x=True), np.complex64)
+    return np.asarray(scipy.fft.ifft(grid, axis=1, norm="forward", overwrite_x=True), np.complex64)
 
 
 @threaded
@@ -155,8 +154,8 @@ def image_places(made: Forward) -> NDArray[np.float64]:
     radar, geometry, scene = made.case.radar, made.geometry, made.scene
     assert scene.elevation_m is not None  # noqa: S101 - collection() has refused it
     bare = np.isnan(geometry.ground[0])
-    nearest = distance_transform_edt(bare, return_distances=False, return_indices=True)
-    height = map_coordinates(scene.elevation_m, geometry.ground[:, *nearest], order=1, mode="nearest")
+    nearest = scipy.ndimage.distance_transform_edt(bare, return_distances=False, return_indices=True)
+    height = scipy.ndimage.map_coordinates(scene.elevation_m, geometry.ground[:, *nearest], order=1, mode="nearest")
     rows, columns = geometry.shape
     first = line_of_sight(radar).slant_range_m(geometry.flat_incidence_deg[0])
     slant = first + np.arange(rows)[:, None] * radar.range_spacing_m

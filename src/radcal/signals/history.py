@@ -17,8 +17,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.fft import fft, next_fast_len
 
 from radcal.compiled import njit, threaded
 from radcal.seeds import derived_seed
@@ -83,7 +83,7 @@ def grid_kernel(samples: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]
     transform : ndarray, shape (cells,)
         Fourier transform of the kernel at the frequencies of an FFT of the grid.
     """
-    cells = next_fast_len(2 * samples)
+    cells = scipy.fft.next_fast_len(2 * samples)
     place = 0.5 + 0.5 * np.cos(np.pi * (np.arange(40) + 0.5) / 40)
     away = (np.arange(TAPS)[:, None] - TAPS / 2 + 1.0 - place) * 2.0 / TAPS
     values = np.exp(_SHAPE * (np.sqrt(np.maximum(1.0 - away**2, 0.0)) - 1.0))
@@ -166,7 +166,7 @@ def echoes(one: Collection, found: Scatterers, first: int, last: int) -> NDArray
         2.0 * one.carrier_hz / LIGHT_MPS, 2.0 * one.step_hz / LIGHT_MPS * n, beam, widest, coefficients, grid,
     )  # fmt: skip
     below = one.samples // 2  # frequencies below the middle, which an FFT has at its end
-    spectrum = fft(grid.view(np.complex64)[..., 0], axis=1, overwrite_x=True) / transform.astype(np.float32)
+    spectrum = scipy.fft.fft(grid.view(np.complex64)[..., 0], axis=1, overwrite_x=True) / transform.astype(np.float32)
     return np.concatenate([spectrum[:, n - below :], spectrum[:, : one.samples - below]], axis=1)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from radcal.bands import LETTER_BANDS_GHZ, WIDTH_FACTOR, same_label
@@ -258,9 +259,7 @@ def _motion(pulses: int, rms_m: float, length: float, seed: int) -> Doubles:
     """Smooth random displacement of the track across its direction, in ground range and height, shape (pulses, 2)."""
     if rms_m == 0.0:
         return np.zeros((pulses, 2))
-    from scipy.ndimage import gaussian_filter1d
-
     white = derived_rng(seed, "motion").standard_normal((pulses, 2))
-    smooth = gaussian_filter1d(white, length, axis=0, mode="reflect")
+    smooth = scipy.ndimage.gaussian_filter1d(white, length, axis=0, mode="reflect")
     # the variance that the kernel leaves of white noise, whose squared taps sum to 1 / (2 sqrt(pi) length)
     return np.asarray(rms_m * math.sqrt(2.0 * math.sqrt(math.pi) * length) * smooth)
