@@ -37,7 +37,6 @@ from radcal.posterior.curves import curves_of
 from radcal.posterior.effects import Observed, form_basis
 from radcal.posterior.fixed_laws import image_from
 from radcal.posterior.prediction import left_out
-from radcal.posterior.radiometry import Radiometry
 from radcal.posterior.result import HeldOut, Predicted
 from radcal.processes import one_thread
 
@@ -86,8 +85,7 @@ def model_of(cells: CellMeans) -> LawModel:
     )
     forms = form_basis(angle, np.arange(knots[0], knots[-1] + 2.0 * FORM_KNOT_DEG, FORM_KNOT_DEG), FORMS)
     observed = Observed([cells], [np.full(cells.size, cells.measured_db.mean())], [np.zeros(cells.size)])
-    unknown = Radiometry(float("nan"), float("inf"), 1, 0.0, ())
-    common = image_from({}, [0.0], {"1": unknown}, CONFIG, False, 1).shared["0"]
+    common = image_from({}, [0.0], ["sigma0_ref"], CONFIG, False, 1).shared["0"]
     return LawModel(observed, weights, parameters, forms, np.zeros(cells.size), common, [0.0], CONFIG)
 
 

@@ -147,10 +147,9 @@ def made_image(**changes):
     return Image(**keys)
 
 
-def image_of_fixed(fixed, areas, config, offset=False, seed=3):
-    """What fixed materials say of passes whose radiometry is taken as declared."""
-    declared = {str(number): NOTHING_SHOWN for number in range(1, len(areas) + 1)}
-    return image_from(fixed, areas, declared, config, offset, seed)
+def image_of_fixed(fixed, areas, config, offset=False, seed=3, declared="sigma0_ref"):
+    """What fixed materials say of passes of one declared radiometry."""
+    return image_from(fixed, areas, [declared] * len(areas), config, offset, seed)
 
 
 def known_common(level_db=0.0, sd_db=0.1, rng=None):

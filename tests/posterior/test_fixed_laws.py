@@ -145,7 +145,8 @@ def test_the_likelihood_is_that_of_a_dense_normal_distribution():
     )
     config = Uncertainty(level_db=0.7, area=0.2, fixed_slope=0.3)
     materials, areas = {"a": of, "b": other}, [0.1, 0.2]
-    scales = _Scales(materials, areas, config, False, [0, 1])
+    chances = {(0, 1): 0.3, (-1, 0): 0.7}
+    scales = _Scales(materials, areas, config, False, chances)
     grid = np.log(np.geomspace(0.01, 3.0, 32)), np.log(np.geomspace(0.01, 8.0, 32))
     at = np.concatenate([
         [np.log(0.5), grid[0][17], np.log(0.9), np.log(0.6)], np.log([1.3, 0.8]), np.log([0.7, 2.2]), grid[1][[19, 24]],
@@ -168,19 +169,28 @@ def test_the_likelihood_is_that_of_a_dense_normal_distribution():
     shared = np.concatenate(columns)
     prior = np.array([0.49 * 1.3, 0.04, 1.0, 1.0, 0.49 * 0.8, 0.04, 1.0, 1.0, 1.0])
     covariance += (shared * prior) @ shared.T
-    # the second pass has an area term too little: its cells are expected higher, by the mean area, too
-    expected = [0.0, 0.0, 0.0, 0.0, 0.2, 1.0, 0.0, 0.0, 0.0]
-    values = np.concatenate([one.above_db for one in materials.values()]) - shared @ expected
-    constant = 0.5 * values.size * np.log(2.0 * np.pi)
-    wanted = multivariate_normal.logpdf(values, np.zeros(values.size), covariance) + constant
-    assert scales.log_likelihood(at)[0] == pytest.approx(wanted, abs=1e-6)
+    # an area term changes the expected level of its pass by the mean area, too
+    every = [np.array([0, 0, 0, 0, 0.2, 1, 0, 0, 0.0]), np.array([-0.1, -1, 0, 0, 0, 0, 0, 0, 0])]
+    above = np.concatenate([one.above_db for one in materials.values()])
+    constant, wanted = 0.5 * above.size * np.log(2.0 * np.pi), []
+    for expected, chance in zip(every, chances.values(), strict=True):
+        density = multivariate_normal.logpdf(above - shared @ expected, np.zeros(above.size), covariance)
+        wanted.append(density + constant + np.log(chance))
+    np.testing.assert_allclose(scales.log_densities(at)[0], wanted, atol=1e-6)
+    assert scales.log_likelihood(at)[0] == pytest.approx(np.logaddexp(*wanted), abs=1e-6)
     # the draws of the shared effects are those of a normal regression
     many = np.repeat(at, 20_000, axis=0)
-    draws = scales.effects(many, np.random.default_rng(2))
-    gain = (shared * prior).T @ np.linalg.inv(covariance)
-    sd = np.sqrt(np.diag(np.diag(prior) - gain @ shared * prior))
-    np.testing.assert_allclose((draws.mean(axis=0) - gain @ values) / sd, 0.0, atol=0.03)
-    np.testing.assert_allclose(draws.std(axis=0), sd, rtol=0.03)
+    for expected, area_sd in ((every[0], None), (np.zeros(9), 1.0)):
+        own = prior.copy()
+        own[[1, 5]] = prior[[1, 5]] if area_sd is None else area_sd**2
+        whole = covariance + (shared * (own - prior)) @ shared.T
+        draws = scales.effects(many, expected, np.random.default_rng(2), area_sd)
+        gain = (shared * own).T @ np.linalg.inv(whole)
+        sd = np.sqrt(np.diag(np.diag(own) - gain @ shared * own))
+        mean = expected + gain @ (above - shared @ expected)
+        np.testing.assert_allclose((draws.mean(axis=0) - mean) / sd, 0.0, atol=0.03)
+        np.testing.assert_allclose(draws.std(axis=0), sd, rtol=0.03)
+    draws, values = scales.effects(many, every[0], np.random.default_rng(2)), above - shared @ every[0]
     # ... and so is the error of a law, given nothing but the values
     ones = np.concatenate([np.zeros(sizes[0]), 1.0 - other.together("share")])
     error = 0.9**2 * 2.2
@@ -190,7 +200,7 @@ def test_the_likelihood_is_that_of_a_dense_normal_distribution():
     assert drawn.mean() == pytest.approx(mean, abs=0.03 * np.sqrt(variance))
     assert drawn.std() == pytest.approx(np.sqrt(variance), rel=0.03)
     # an offset has a level of 20 dB, whatever its factor
-    removed = _Scales(materials, areas, config, True, [0, 1])
+    removed = _Scales(materials, areas, config, True, chances)
     np.testing.assert_allclose(removed.prior_variance(at)[0, [0, 4]], 400.0)
 
 
@@ -218,7 +228,7 @@ def test_priors_of_scales():
 
 
 def test_the_prior_of_all_scales():
-    scales = _Scales({"a": two_passes(), "b": two_passes()}, [0.0, 0.0], CONFIG, False, [0, 0])
+    scales = _Scales({"a": two_passes(), "b": two_passes()}, [0.0, 0.0], CONFIG, False, {(0, 0): 1.0})
     rng = np.random.default_rng(1)
     at = rng.normal(0.0, 0.5, (40, scales.dimension))
     wanted = lognorm.logpdf(np.exp(at[:, 0]), 0.42, scale=CONFIG.field_db) + at[:, 0]
@@ -235,7 +245,7 @@ def test_the_prior_of_all_scales():
 def test_materials_of_few_angles_have_fewer_components():
     """Knots of one or two angles are fewer than the components of the error of a form."""
     narrow = made_cells(np.full(12, -9.0), np.linspace(40.0, 40.4, 12))
-    (table,) = _Scales({"a": observed(narrow)}, [0.0], CONFIG, False, [0]).tables
+    (table,) = _Scales({"a": observed(narrow)}, [0.0], CONFIG, False, {(0,): 1.0}).tables
     size = 2 + 4 + 5 + 1
     assert table.at(np.zeros(1), np.zeros(1))[0].shape == (1, size, size)
 

@@ -22,7 +22,6 @@ from radcal.posterior.fixed_laws import image_from
 from radcal.posterior.form_error import form_error, noticed_db
 from radcal.posterior.prediction import constant_of, field_check, left_out
 from radcal.posterior.quantiles import Form, points_of, summary, with_band, without_cells
-from radcal.posterior.radiometry import Radiometry, radiometry_of
 from radcal.posterior.result import Image, Posterior
 from radcal.processes import one_thread
 from radcal.proposals.surrogate import Surrogate
@@ -79,14 +78,11 @@ def image_of(case: Part, cells: Cells) -> Image:
         name: _observed(name, cells, [one.laws[name] for one in case.passes], case.materials[name].start_parameters)
         for name in fixed
     }
-    found: dict[str, Radiometry] = {}
-    for k, one in enumerate(case.passes):
-        each = {name: (own.cells[k], own.law_db[k]) for name, own in observed.items() if own.cells[k].size}
-        found[str(k + 1)] = radiometry_of(each, one.radar.radiometry, case.uncertainty)
+    declared = [one.radar.radiometry for one in case.passes]
     offset = case.target.normalisation != "none"
     seed = derived_seed(case.seed, "posterior", "fixed laws")
     with one_thread():  # one thread: sums then have a fixed order
-        return image_from(observed, _mean_areas(cells), found, case.uncertainty, offset, seed)
+        return image_from(observed, _mean_areas(cells), declared, case.uncertainty, offset, seed)
 
 
 def posterior_of(

@@ -189,7 +189,7 @@ STAGES: Mapping[str, Stage] = {
     "final_runs": Stage("final runs", _RUNS, _RUN, {"final": "final.json"}),
     "posterior": Stage(
         "posterior of all laws", (*_TARGET, "surrogate", "uncertainty"), _RUN,
-        {"image": "image.h5", "posterior": "posterior/{material}.h5"}, {"image": 4, "posterior": 5}),
+        {"image": "image.h5", "posterior": "posterior/{material}.h5"}, {"image": 5, "posterior": 6}),
     "archive": Stage(
         "archive of all runs", _ARCHIVE, _REGISTRATION,
         {"archive": "calibration.h5", "table": "runs.csv", "checksum": "table.json"}, {"calibration": 13}),
