@@ -53,7 +53,7 @@ def values(schema: dict[str, Any], headings: dict[str, str]) -> str:
         return f"keys of {headings[kind(schema)]}"
     match schema.get("type"):
         case "boolean":
-            return "`true`, `false`"
+            return "`true` or `false`" if "default" not in schema else ""
         case "integer" | "number":
             return limits(schema)
         case "array":
@@ -98,18 +98,26 @@ def linked(text: str) -> str:
     return re.sub(r"docs/(\w+\.md)", link, text)
 
 
-def keys(section: dict[str, Any], headings: dict[str, str]) -> str:
-    """List of the keys of a section, without the key whose only value the heading states."""
-    lines = []
+def keys(section: dict[str, Any], headings: dict[str, str], described: dict[str, str], variant: str = "") -> str:
+    """List of the keys of a section, without the key whose only value the heading states.
+
+    Lines that a variant shares with an earlier one of the same section (``described``) are one line that names it.
+    """
+    lines, shared = [], {}
     for key, schema in section["properties"].items():
         if "const" in schema:
             continue
-        admitted = values(schema, headings)
+        admitted = [text] if (text := values(schema, headings)) else []
         if key in section.get("required", ()):
-            admitted = f"{admitted}; required"
+            admitted.append("required")
         elif "default" in schema:
-            admitted = f"{admitted}; **{json.dumps(schema['default'])}**"
-        lines.append(f"- `{key}` ({admitted}): {linked(schema['description'])}")
+            admitted.append(f"**{json.dumps(schema['default'])}**")
+        line = f"- `{key}` ({'; '.join(admitted)}): {linked(schema['description'])}"
+        if variant and described.setdefault(line, variant) != variant:
+            shared.setdefault(described[line], []).append(f"`{key}`")
+        else:
+            lines.append(line)
+    lines += [f"- {', '.join(names)}: as with {earlier}" for earlier, names in shared.items()]
     return "\n".join(lines)
 
 
@@ -120,12 +128,13 @@ def main() -> None:
     for key, section in schema["properties"].items():
         headings_of(section, models, key, headings)
     single = {key: own for key, own in schema["properties"].items() if "keys of" not in values(own, headings)}
-    print(f"{HEAD}\n{keys({'properties': single}, headings)}")
+    print(f"{HEAD}\n{keys({'properties': single}, headings, {})}")
+    described: dict[str, str] = {}
     for name, heading in headings.items():
         print(f"\n## {heading}\n")
         if "." not in heading:  # the list above describes the others
             print(models[name]["description"].partition("\n")[0].replace("``", "`"), end="\n\n")
-        print(keys(models[name], headings))
+        print(keys(models[name], headings, described, heading.partition(" with ")[2]))
 
 
 if __name__ == "__main__":

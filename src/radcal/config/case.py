@@ -54,9 +54,9 @@ class Case(Part):
     case: CaseName = Field("dyke", description="name of the case and of its folder below results/")
     replace: bool = Field(
         False,
-        description="whether radcal may replace a finished calibration of another scene or pass in the case's folder",
+        description="whether a calibration of another scene or pass may replace a finished one",
     )
-    seed: Seed = Field(1, description="seed of all random draws for which no other key gives a seed")
+    seed: Seed = Field(1, description="seed of all random draws without a seed of their own")
     # a default_factory, because a section that is created here would make every job build its validator
     scene: SceneConfig = Field(default_factory=BuiltinScene, description="source of elevation, materials and objects")
     radars: Radars = Field(

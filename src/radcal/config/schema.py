@@ -51,8 +51,8 @@ def schema_json() -> str:
         }
     sections[MATERIALS_FROM] = {
         "type": "string",
-        "description": "file whose section materials is used, such as results/dyke/export/calibrated.yaml; a material "
-        "in the case's own section materials replaces the file's material of the same name (docs/exports.md)",
+        "description": "file with a section materials, such as results/dyke/export/calibrated.yaml; materials of "
+        "the case replace those of the same name (docs/exports.md)",
     }
     return json.dumps({"$schema": _DRAFT, **_plain(schema)}, indent=1, ensure_ascii=False) + "\n"
 

@@ -134,14 +134,12 @@ class Material(Section):
             Discriminator(lambda value: "a list" if isinstance(value, list) else "yes or no"),
         ]
         | None
-    ) = Field(
-        None, description="names of the parameters that are integers, or true if all are integers (law: external)"
-    )
+    ) = Field(None, description="names of the integer parameters, or true for all (law: external)")
     parameters: list[Parameter] | None = Field(None, description="fixed parameters (calibrate: false)")
     looks: Annotated[Real, Field(ge=0.01, le=1000)] | None = Field(
         None,
-        description="effective looks of the pixels of a material with calibrate: false; fewer than radar.looks give "
-        "texture; by default radar.looks",
+        description="effective looks of a material with calibrate: false; fewer than radar.looks, the default, give "
+        "texture",
     )
     colour: Annotated[str, Field(pattern="^#[0-9A-Fa-f]{6}$")] | None = Field(
         None,
@@ -159,7 +157,7 @@ class Material(Section):
         | None
     ) = Field(
         None,
-        description="parameters in the reference run, or {law, parameters}; by default the middle of the bounds",
+        description="parameters of the reference run, or {law, parameters}; by default the middle of the bounds",
     )  # fmt: skip
 
     @model_validator(mode="after")

@@ -35,7 +35,7 @@ class Synthetic(Section):
 
     parameters: dict[str, list[Parameter]] = Field(
         default_factory=lambda: {"dyke": hidden_dyke()},
-        description="hidden law parameters by material; a material not listed uses its parameters in section materials",
+        description="hidden parameters by material; by default those of section materials",
     )
 
     @property
@@ -43,38 +43,36 @@ class Synthetic(Section):
         """Whether the case configures the hidden parameters explicitly instead of using the default."""
         return "parameters" in self.model_fields_set
 
-    seed: Seed = Field(2, description="seed of speckle, noise and warp of the synthetic measurement")
-    offset_db: Decibels = Field(0.0, description="offset added to the level of the synthetic measurement [dB]")
+    seed: Seed = Field(2, description="seed of speckle, noise and warp")
+    offset_db: Decibels = Field(0.0, description="offset of the level [dB]")
     warp_px: Annotated[Real, Field(ge=0, le=50)] = Field(
-        2.0, description="rms displacement between synthetic measurement and simulated image [pixels]"
+        2.0, description="rms displacement from the simulated image [pixels]"
     )
     laws: dict[str, OtherLaw] = Field(
         default_factory=dict,
-        description="hidden law by material, as {law, parameters}, for a law that is not that of section materials",
+        description="hidden law by material, as {law, parameters}, if not that of section materials",
     )
     relief_m: Annotated[Real, Field(ge=0, le=100)] = Field(
-        0.0, description="rms height of random relief that the scene's elevation model does not contain [m]"
+        0.0, description="rms height of random relief that the scene lacks [m]"
     )
     relief_length_m: Length = Field(
-        5.0, description="correlation length of the random relief [m]; may be shorter than a cell of the scene"
+        5.0, description="correlation length of this relief [m]; may be shorter than a cell"
     )
     resolution_factor: Annotated[Real, Field(ge=0.1, le=10)] = Field(
-        1.0, description="ratio of the synthetic measurement's resolutions to those of section radar; above 1: coarser"
+        1.0, description="resolutions divided by those of section radar"
     )
-    looks: Looks | None = Field(None, description="looks of the synthetic measurement; by default radar.looks")
-    nesz_db: Decibels | None = Field(
-        None, description="noise-equivalent sigma0 of the synthetic measurement [dB]; by default radar.nesz_db"
-    )
+    looks: Looks | None = Field(None, description="looks; by default radar.looks")
+    nesz_db: Decibels | None = Field(None, description="noise-equivalent sigma0 [dB]; by default radar.nesz_db")
     texture_db: Annotated[Real, Field(ge=0, le=20)] = Field(
         0.0, description="standard deviation of gamma texture [dB]; with texture, pixels are K-distributed"
     )
     texture_length_m: Length = Field(10.0, description="correlation length of the gamma texture on the ground [m]")
     fields_db: dict[str, Annotated[Real, Field(ge=0, le=20)]] = Field(
         default_factory=dict,
-        description="standard deviation of the level between the fields (connected areas) of a material [dB]",
+        description="standard deviation of the level of fields (connected areas) by material [dB]",
     )
     wrong_labels: Annotated[Real, Field(ge=0, le=0.5)] = Field(
-        0.0, description="share of the scene's cells to which a wrong material is given, on borders and in patches"
+        0.0, description="share of cells with a wrong material, on borders and in patches"
     )
 
     @property
@@ -140,12 +138,11 @@ class FileMeasurement(Section):
 
     source: Literal["file"] = Field("file", description=_SOURCE)
     path: str = Field(
-        description="path of a SICD, SAFE folder of Sentinel-1 or its manifest, GeoTIFF or other raster, npy, npz, mat "
-        "or HDF5; ${NAME} stands for an environment variable"
+        description="SICD, SAFE folder of Sentinel-1 or its manifest, GeoTIFF or other raster, npy, npz, mat or "
+        "HDF5; ${NAME} is an environment variable"
     )
     scale: Literal["db", "power", "amplitude", "complex"] = Field(
-        description="scale of the numbers in the file; required unless the file is a product whose name gives it "
-        "(docs/products.md)"
+        description="scale of the numbers in the file; required unless its name gives it (docs/products.md)"
     )
     band: Count | None = Field(
         None, description="number of the raster band, from 1; required if the raster has several bands"
@@ -156,11 +153,9 @@ class FileMeasurement(Section):
     polarisation: Literal["HH", "HV", "VH", "VV"] | None = Field(
         None, description="transmitted and received polarisation; must equal radar.polarisation"
     )
-    carrier_band: str | None = Field(
-        None, description="name of the frequency band of the carrier; must equal radar.band"
-    )
+    carrier_band: str | None = Field(None, description="frequency band; must equal radar.band")
     vrt_folders: list[str] | None = Field(
-        None, description="further folders that may contain the source files of a VRT, besides the folder of the VRT"
+        None, description="further folders with source files of a VRT, besides its own"
     )
     radiometry: Radiometry | None = Field(
         None,
@@ -224,12 +219,12 @@ class RegistrationConfig(Section):
     ] = Field("gefolki", description="gefolki, ilk (iterative Lucas-Kanade of scikit-image) or none (no registration)")
     rounds: Literal[1, 2] = Field(
         2,
-        description="1: register onto the reference run; 2: register again, onto a run of the laws that fit the image "
-        "as first registered (only if all calibrated laws have a curve, and the surrogate a baseline)",
+        description="1: onto the reference run; 2: again, onto a run of the laws that fit the image as first "
+        "registered (if all laws have a curve, and the surrogate a baseline)",
     )
     global_shift: bool = Field(
         False, description="whether phase correlation first estimates one shift of the whole image"
     )
     max_displacement_px: Annotated[Real, Field(gt=0, le=1000)] = Field(
-        20.0, description="largest plausible displacement [pixels]; if it is exceeded, the image is used unregistered"
+        20.0, description="largest plausible displacement [pixels], beyond which the image is used unregistered"
     )

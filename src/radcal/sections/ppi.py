@@ -26,7 +26,7 @@ class Ppi(Section):
     site_m: tuple[Coordinate, Coordinate] | None = Field(
         None,
         description="place of the mast, east and north in the scene's CRS or from its south-west corner [m]; by "
-        "default the middle of the scene",
+        "default the middle",
     )
     mast_m: Altitude = Field(30.0, description="height of the antenna above the ground [m]")
     power_w: _Positive = Field(25_000.0, description="transmitted peak power [W]")
@@ -42,14 +42,14 @@ class Ppi(Section):
     prf_hz: _Positive = Field(2000.0, description="pulse repetition frequency [Hz]")
     rotation_rpm: Annotated[Real, Field(ge=0.01, le=1000)] = Field(24.0, description="turns of the antenna in a minute")
     pulses: Annotated[Integer, Field(ge=1, le=1000)] = Field(
-        10, description="number of pulses whose powers are averaged, which is a ray of the image"
+        10, description="number of pulses averaged in power, which is a ray of the image"
     )
     gate_m: Length = Field(15.0, description="length of a range gate, and range resolution [m]")
     range_m: Length = Field(1500.0, description="largest slant range [m]")
     stc_m: Annotated[Real, Field(ge=0, le=1e6)] = Field(
         0.0,
-        description="range within which sensitivity time control attenuates echoes by its ratio to the range to the "
-        "power of 4 [m]; 0 for none",
+        description="range below which sensitivity time control attenuates echoes as range to the power of 4 [m]; 0 "
+        "for none",
     )
     land: _Land = Field(
         {},
@@ -60,10 +60,10 @@ class Ppi(Section):
         1e-3, description="probability of a false alarm of the detector in uniform clutter"
     )
     training_gates: Annotated[Integer, Field(ge=2, le=1000)] = Field(
-        24, description="number of gates, half on either side, whose mean power the detector compares a gate with"
+        24, description="number of gates, half on either side, with whose mean power a gate is compared"
     )
     guard_gates: Annotated[Integer, Field(ge=0, le=100)] = Field(
-        2, description="number of gates on either side, between a gate and those it is compared with"
+        2, description="number of gates on either side between a gate and those"
     )
 
     @property

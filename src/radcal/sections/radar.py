@@ -68,25 +68,22 @@ class Radar(Section):
         None, description="sensor and product that give the defaults of the other keys (docs/sensors.md)"
     )
     altitude_m: Altitude = Field(4000.0, description="height of the track above the scene's mean elevation [m]")
-    depression_deg: _Elevation = Field(
-        _DEPRESSION_DEG, description="depression angle towards the centre of the scene [deg]"
-    )
+    depression_deg: _Elevation = Field(_DEPRESSION_DEG, description="depression angle to the scene's centre [deg]")
     incidence_deg: _Elevation | None = Field(
         None,
-        description="incidence on level ground at the centre of the scene [deg]; for orbits, instead of depression_deg",
+        description="incidence on level ground at the scene's centre [deg]; for orbits, instead of depression_deg",
     )
     earth: Literal["flat", "curved"] = Field(
         "flat", description="shape of the earth between track and scene; curved if incidence_deg is given"
     )
     heading_deg: Annotated[Real, Field(ge=0, lt=360)] = Field(
         0.0,
-        description="heading of the track at the scene, clockwise from north [deg]; by default north of the scene's "
-        "grid",
+        description="heading of the track at the scene, clockwise from north [deg]; by default the grid's north",
     )
     look_side: Literal["right", "left"] = Field(
-        "right", description="side of the track to which the radar looks: right (east of a northward track) or left"
+        "right", description="side to which the radar looks: right (east of a northward track) or left"
     )
-    band: str = Field("X", description="name of the frequency band of the carrier, such as X")
+    band: str = Field("X", description="frequency band, such as X")
     frequency_ghz: Frequency | None = Field(
         None, description="carrier frequency [GHz]; required by laws that depend on frequency"
     )
@@ -97,8 +94,8 @@ class Radar(Section):
     azimuth_spacing_m: Length = Field(2.5, description="pixel spacing in azimuth [m]")
     looks: Looks = Field(
         4,
-        description="number of independent looks averaged in power, or equivalent number of looks; for an external "
-        "simulator, that of its image",
+        description="(equivalent) number of independent looks averaged in power; for an external simulator, that of "
+        "its image",
     )
     nesz_db: Annotated[
         Annotated[Decibels, Tag("one level")]
@@ -106,8 +103,8 @@ class Radar(Section):
         Discriminator(lambda value: "a table" if isinstance(value, list) else "one level"),
     ] = Field(
         -27.0,
-        description="noise-equivalent sigma0 [dB], or a table of [incidence on flat ground in degrees, dB]; for an "
-        "external simulator without noise, a value far below the level of its image",
+        description="noise-equivalent sigma0 [dB], or a table over the incidence on flat ground [deg]; far below the "
+        "image for an external simulator without noise",
     )
     radiometry: Radiometry = Field(
         "sigma0_ref",
@@ -275,8 +272,8 @@ class Signals(Section):
     )
     antenna_m: Length | None = Field(
         None,
-        description="length of the antenna along the track [m]; by default its beam is 8 dB down at the edges of the "
-        "band that radar.azimuth_resolution_m and radar.looks need",
+        description="length of the antenna along the track [m]; by default 8 dB down at the edges of the band for "
+        "radar.azimuth_resolution_m and radar.looks",
     )
     gain_db: Annotated[Real, Field(ge=0, le=100)] = Field(30.0, description="gain of the antenna, one way [dB]")
     pulse_us: _Positive = Field(10.0, description="length of the transmitted chirp [us]")
@@ -284,7 +281,7 @@ class Signals(Section):
         None, description="transmitted peak power [W]; by default the noise in the scene's middle is radar.nesz_db"
     )
     noise_figure_db: Annotated[Real, Field(ge=0, le=30)] = Field(
-        4.0, description="noise figure of the receiver with its losses [dB]; without effect unless power_w is set"
+        4.0, description="noise figure of the receiver with its losses [dB]; only with power_w"
     )
     bits: Annotated[Integer, Field(ge=2, le=16)] | None = Field(
         None, description="bits of the converter for each of I and Q; by default the signal is not quantised"
@@ -295,13 +292,12 @@ class Signals(Section):
     motion_length_m: _Positive = Field(200.0, description="length of the track over which its deviation changes [m]")
     origin: tuple[Annotated[Real, Field(ge=-89, le=89)], Annotated[Real, Field(ge=-180, le=180)]] | None = Field(
         None,
-        description="latitude and longitude of the scene's middle [deg], for the file of product iq; by default those "
-        "of the map or of the built-in scene",
+        description="latitude and longitude of the scene's middle [deg], for product iq; by default from the map or "
+        "the built-in scene",
     )
     start_utc: str | None = Field(
         None,
-        description="date and time of the first pulse, as 2026-01-01T12:00:00Z, for the file of product iq; the "
-        "built-in scene has an invented one",
+        description="time of the first pulse, as 2026-01-01T12:00:00Z, for product iq; invented for the built-in scene",
     )
 
     @field_validator("start_utc")

@@ -22,7 +22,7 @@ Latitude = Annotated[Real, Field(ge=-90, le=90)]
 _SOURCE = "source of the scene: builtin, slant_range, raster, vectors or cdb; each source has its own keys"
 DBSM_LIMITS = (-100.0, 70.0)  # 70 dBsm (10 km2) is more than any object has; larger numbers must be square metres
 WALL_DB_LIMITS = (-60.0, 30.0)  # sigma0 of walls [dB]
-_CROSS_SECTIONS = "table of cross-sections of classes of objects over aspect and elevation angle: .csv or .h5"
+_CROSS_SECTIONS = "table of cross-sections over aspect and elevation angle: .csv or .h5"
 
 
 class Permittivity(Section):
@@ -59,8 +59,8 @@ class SceneObjects(Section):
     layer: str | None = Field(None, description="layer of the file; required if the file has several layers")
     aspect: dict[str, list[tuple[Annotated[Real, Field(ge=-180, le=360)], Decibels]]] = Field(
         default_factory=dict,
-        description="curves of cross-section over aspect by name, as pairs of [aspect in degrees, cross-section in "
-        "dBsm]; the table's column aspect contains these names",
+        description="curves by name, as pairs of aspect [deg] and cross-section [dBsm]; the table's column aspect "
+        "names them",
     )
     cross_sections: str | None = Field(
         None, description=f"{_CROSS_SECTIONS}; the table's column aspect contains the names of its classes"
@@ -124,9 +124,7 @@ class BuiltinScene(SceneSection):
     """Four square kilometres of SRTM terrain with seven materials; one of the materials is the dyke."""
 
     source: Literal["builtin"] = Field("builtin", description=_SOURCE)
-    seed: Seed = Field(
-        1, description="seed of the layout of the agricultural fields and of the fine relief of the terrain"
-    )
+    seed: Seed = Field(1, description="seed of the fields and of the terrain's fine relief")
     landscape: Literal["enclosed", "open"] = Field(
         "enclosed",
         description="enclosed: ridged fields between hedges, tall forest, a dyke of varying slope; open: level fields "
@@ -145,7 +143,7 @@ class SlantRangeScene(SceneSection):
     has_heights = False
     source: Literal["slant_range"] = Field("slant_range", description=_SOURCE)
     labels: str = Field(description="GeoTIFF of material ids; 0 means no material")
-    names: str = Field(description="JSON file that maps each material id to a material name")
+    names: str = Field(description="JSON file of material names by id")
     near_incidence_deg: Annotated[Real, Field(gt=0, lt=90)] = Field(
         description="local incidence angle at the first row [deg]"
     )
@@ -154,7 +152,7 @@ class SlantRangeScene(SceneSection):
     )
 
     vrt_folders: list[str] | None = Field(
-        None, description="further folders that may contain the source files of a VRT, besides the folder of the VRT"
+        None, description="further folders with source files of a VRT, besides its own"
     )
 
     @model_validator(mode="after")
@@ -174,27 +172,24 @@ class GridScene(SceneSection):
     elevation: str = Field(description="GeoTIFF or other raster of heights [m]")
     crs: str | None = Field(
         None,
-        description="projected CRS of the scene, such as EPSG:32631; by default the CRS of the elevation if "
-        "its unit is the metre, else UTM",
+        description="projected CRS of the scene, such as EPSG:32631; by default that of the elevation if it is in "
+        "metres, else UTM",
     )
-    cell_m: Length | None = Field(
-        None, description="cell size of the scene [m]; by default the cell size of the elevation"
-    )
+    cell_m: Length | None = Field(None, description="cell size of the scene [m]; by default that of the elevation")
     bounds: tuple[Coordinate, Coordinate, Coordinate, Coordinate] | None = Field(
         None,
         description="[west, south, east, north] in the CRS of the scene [m]; by default the overlap of the rasters",
     )
     vertical_datum: str | None = Field(
         None,
-        description="vertical datum of the heights, such as EGM96; required if the CRS of the elevation names none",
+        description="vertical datum of the heights, such as EGM96; required if their CRS names none",
     )
     elevation_error_m: Annotated[Real, Field(ge=0, le=100)] = Field(
         0.0,
-        description="standard error of a height relative to its neighbours [m], which gives an error of the incidence; "
-        "the rounding error of heights in whole metres is added",
+        description="standard error of a height relative to its neighbours [m]; rounding to whole metres is added",
     )
     vrt_folders: list[str] | None = Field(
-        None, description="further folders that may contain the source files of a VRT, besides the folder of the VRT"
+        None, description="further folders with source files of a VRT, besides its own"
     )
     objects: SceneObjects | None = Field(
         None, description="objects on the ground, such as buildings and trees (docs/objects.md)"
@@ -215,13 +210,12 @@ class RasterScene(GridScene):
     materials: str = Field(description="raster of material ids in any CRS; 0 means no material")
     names: str | None = Field(
         None,
-        description="JSON file that maps each material id to a material name; overrides the names of landcover, and is "
-        "required without landcover",
+        description="JSON file of material names by id; overrides the names of landcover, and is required without",
     )
     landcover: LandCover | None = Field(
         None,
-        description="land-cover map whose codes the raster of materials contains; gives the materials' names and "
-        "starting laws (docs/landcover.md)",
+        description="map whose codes the raster of materials contains; gives names and starting laws "
+        "(docs/landcover.md)",
     )
 
     @model_validator(mode="after")
@@ -275,7 +269,7 @@ class CdbScene(SceneSection):
         None, description="projected CRS of the scene, such as EPSG:32611; by default the UTM zone of the middle"
     )
     cell_m: Length | None = Field(
-        None, description="cell size of the scene [m]; by default the cell size of the finest raster of materials"
+        None, description="cell size of the scene [m]; by default that of the finest raster of materials"
     )
     vertical_datum: str | None = Field(
         None, description="vertical datum of the heights; by default the WGS 84 ellipsoid, as the standard says"

@@ -15,17 +15,16 @@ class Design(Section):
     """Runs made before any surrogate exists (design of experiments)."""
 
     sampler: Literal["monte_carlo", "latin_hypercube", "sobol"] = Field(
-        "sobol", description="method that samples the parameters: monte_carlo, latin_hypercube or sobol"
+        "sobol", description="method that samples the parameters"
     )
     size: Annotated[Integer, Field(ge=0, le=100_000)] | Literal["auto"] = Field(
         "auto",
-        description="number of runs; auto: 2, or at least 8 if radcal cannot predict the runs (as with law: external); "
-        "0: no design, which took the fewest runs in tests (docs/right_law.md); a larger design contains the runs of a "
-        "smaller one",
+        description="number of runs; auto: 2, or at least 8 without a prediction (as with law: external); 0 took the "
+        "fewest runs in tests (docs/right_law.md); a larger design contains the smaller one",
     )
     chunk: Annotated[Integer, Field(ge=1, le=1000)] = Field(4, description="number of design runs in one workflow job")
     reuse: CaseName | None = Field(
-        None, description="name of an earlier case with the same scene and simulator; its runs are reused"
+        None, description="earlier case with the same scene and simulator, whose runs are reused"
     )
 
 
@@ -44,7 +43,7 @@ class SurrogateConfig(Section):
     )
     baseline: bool = Field(
         True,
-        description="whether law, speckle and noise predict each run; kriging then models only the prediction error",
+        description="whether law, speckle and noise predict each run, and kriging only the error",
     )
 
     @model_validator(mode="before")
@@ -69,7 +68,7 @@ class Optimiser(Section):
     objective: Literal["theta", "rms"] = Field(
         "theta",
         description="what NSGA-II minimises: theta (sum of squared residuals) or, only with objective: density, rms "
-        "(difference of the densities, which hardly changes far from its minimum)",
+        "(nearly flat far from its minimum)",
     )
     # Platypus sorts in pure Python: its time grows in proportion to evaluations times population. The least-squares
     # fit and the multi-start search compensate for a small population.
@@ -89,16 +88,14 @@ class Stop(Section):
         1.0e-5, description="tolerance of the rms difference between the densities [1/dB]; only for objective: density"
     )
     max_runs: Count = Field(200, description="largest total number of design and infill runs")
-    stagnation_runs: Count = Field(
-        20, description="number of infill runs without improvement after which the search ends"
-    )
+    stagnation_runs: Count = Field(20, description="number of infill runs without improvement that ends the search")
     law_db: Annotated[Real, Field(gt=0, le=200)] = Field(
         0.05,
-        description="the search ends if the best law that the surrogate predicts differs by less than this number from "
-        "the best law found [dB]; not for objective: density",
+        description="the search ends if the surrogate's best law is nearer than this to the best law found [dB]; not "
+        "for objective: density",
     )
     at_sampling_error: bool = Field(
         False,
-        description="whether the search also ends after 5 runs without improvement at an rms below a third of the "
-        "sampling error; by default true for simulator.kind: command if stop.rms is not set",
+        description="whether 5 runs without improvement at an rms below a third of the sampling error end the "
+        "search, too; true for simulator.kind: command without stop.rms",
     )

@@ -46,13 +46,12 @@ class PythonSimulation(Section):
     kind: str = Field(description=_KIND)
     keep_images: bool = Field(
         False,
-        description="whether each run record contains the whole image, besides the pixels of the calibrated materials",
+        description="whether records of runs hold the whole image, not only pixels of calibrated materials",
     )
     draws: Draws = Field(1, description=_DRAWS)
     strips: Annotated[Integer, Field(ge=1, le=1000)] = Field(
         1,
-        description="number of strips in azimuth, of 256 rows of the scene or more, whose geometry is computed in a "
-        "workflow job each",
+        description="number of strips in azimuth, of 256 or more rows of the scene, each with a job for its geometry",
     )
 
     @property
@@ -138,7 +137,7 @@ class InputFile(Section):
     file: FileName = Field("input.json", description="name of the file in the run's folder")
     format: Literal["json", "toml"] = Field("json", description="format of the file")
     radar: bool = Field(
-        True, description="whether the file contains section radar; a change of looks or nesz_db then needs new runs"
+        True, description="whether the file contains section radar; looks and nesz_db then determine runs, too"
     )
 
 
@@ -149,7 +148,7 @@ class Template(Section):
     file: FileName = Field(description="name of the input file that radcal writes into the run's folder")
     delimiter: Annotated[str, Field(pattern=r"^[^\sA-Za-z0-9_.:-]$")] = Field(
         "@",
-        description="character on both sides of a marker, as in @dyke.X1@; the template may contain it only there",
+        description="character on both sides of a marker, as in @dyke.X1@, and nowhere else",
     )
 
 
@@ -161,7 +160,7 @@ RawType = Literal[
 class Output(Section):
     """File to which the external program writes the image."""
 
-    file: FileName = Field(description="name of the file in the run's folder; radcal creates a subfolder in the name")
+    file: FileName = Field(description="name of the file in the run's folder, with its subfolder")
     scale: Literal["db", "power", "amplitude", "complex"] = Field(description="scale of the numbers in the file")
     format: Literal["npy", "npz", "mat", "hdf5", "raster", "raw"] | None = Field(
         None, description="format of the file; by default derived from the file's ending"
@@ -172,7 +171,7 @@ class Output(Section):
     dataset: str | None = Field(
         None, description="name of the array in an npz, mat or HDF5 file; required if the file has several arrays"
     )
-    dtype: RawType | None = Field(None, description="type of the numbers in a raw file, which are stored row by row")
+    dtype: RawType | None = Field(None, description="type of the numbers in a raw file, stored row by row")
     byte_order: Literal["little", "big"] | None = Field(None, description="byte order of a raw file; little by default")
     shape: tuple[Count, Count] | None = Field(
         None, description="[rows, columns] of a raw file; by default the size of the simulated image"
@@ -217,48 +216,42 @@ class CommandSimulation(Section):
     input: InputFile | None = Field(None, description="file in which radcal gives the program all parameters")
     templates: list[Template] = Field(
         default_factory=list,
-        description="templates of input files in the program's own format, into which radcal writes the parameters",
+        description="templates of the program's own input files, with markers for the parameters",
     )
-    files: list[str] = Field(default_factory=list, description="files that radcal copies into the folder of each run")
+    files: list[str] = Field(default_factory=list, description="files copied into the folder of each run")
     links: list[str] = Field(
         default_factory=list,
-        description="files or folders to which radcal makes symbolic links in the folder of each run",
+        description="files or folders linked into the folder of each run",
     )
     environment: Annotated[dict[str, Variable], AfterValidator(_environment)] = Field(
         default_factory=dict,
-        description="environment variables for the program, in addition to those of the radcal process",
+        description="further environment variables of the program",
     )
-    timeout_s: Timeout = Field(3600.0, description="largest duration of a run [s]; radcal kills a longer run")
-    retries: Annotated[Integer, Field(ge=0, le=20)] = Field(
-        0, description="number of times that radcal tries a failed run again"
-    )
-    retry_wait_s: RetryWait = Field(
-        1.0, description="wait before the first retry [s]; the wait doubles before each further retry"
-    )
+    timeout_s: Timeout = Field(3600.0, description="largest duration of a run [s], after which it is killed")
+    retries: Annotated[Integer, Field(ge=0, le=20)] = Field(0, description="number of further attempts of a failed run")
+    retry_wait_s: RetryWait = Field(1.0, description="wait before the first retry [s]; it doubles with each")
     accept_exit_codes: Annotated[list[Annotated[Integer, Field(ge=-64, le=255)]], Field(min_length=1)] = Field(
         default_factory=lambda: [0],
         description="exit codes after which radcal reads the output; -11 stands for signal 11",
     )
     deterministic: bool | None = Field(
-        None, description="whether equal parameters and seed give equal images; by default tested by a second run"
+        None, description="whether equal parameters and seed give equal images; by default a second run tests it"
     )
     seed_bits: Annotated[Integer, Field(ge=8, le=63)] | None = Field(
         None,
-        description="number of bits of noise_seed; by default the same as in earlier runs of the case, or 31 (a C int) "
-        "in a case without runs",
+        description="bits of noise_seed; by default those of the case's earlier runs, or 31 (a C int)",
     )
     seedless: bool = Field(
         False,
-        description="whether the program uses no seed; noise_seed is then optional, and the rms with fresh speckle is "
-        "not reported",
+        description="whether the program uses no seed; the rms with fresh speckle is then not reported",
     )
     draws: Draws = Field(1, description=_DRAWS)
     keep_images: bool = Field(
         False,
-        description="whether each run record contains the whole image, besides the pixels of the calibrated materials",
+        description="whether records of runs hold the whole image, not only pixels of calibrated materials",
     )
     keep_folders: bool = Field(
-        False, description="whether the folders of successful runs are kept; folders of failed runs are always kept"
+        False, description="whether folders of successful runs are kept, as those of failed runs are"
     )
 
     @property

@@ -24,7 +24,7 @@ class TargetConfig(Section):
             lambda value: ALL_PIXELS if value == "all" else value,
             json_schema_input_type=Annotated[int, Field(ge=50, le=ALL_PIXELS)] | Literal["all"],
         ),
-    ] = Field(1000, description="number of pixels per material, drawn at random without replacement, or all")
+    ] = Field(1000, description="number of pixels per material, drawn at random, or all")
     margin_px: Annotated[Integer, Field(ge=0, le=100)] = Field(
         1, description="largest distance from another material at which pixels are masked [pixels]"
     )
@@ -34,23 +34,23 @@ class TargetConfig(Section):
     )
     snr_db: Decibels = Field(
         0.0,
-        description="lowest local signal-to-noise ratio [dB], with radar.nesz_db as noise; other pixels are masked",
+        description="lowest local signal-to-noise ratio [dB] over radar.nesz_db; other pixels are masked",
     )
     leave_out_point_targets: bool = Field(
-        True, description="whether point targets (pixels far brighter than speckle explains) are masked"
+        True, description="whether point targets (far brighter than speckle explains) are masked"
     )
     normalisation: Literal["none", "offset", "image"] = Field(
         "none",
-        description="change of images before the comparison: none, offset (the measured image's offset, from "
-        "reference_materials, is subtracted) or image (both are scaled to zero median and unit interquartile range)",
+        description="none, offset (that of the measured image from reference_materials is subtracted) or image (both "
+        "are scaled to zero median and unit interquartile range)",
     )
     reference_materials: list[str] | None = Field(
         None,
-        description="materials from which the offset is estimated; by default all materials with fixed parameters",
+        description="materials that give the offset; by default all fixed ones",
     )
     incidence_classes: Annotated[Integer, Field(ge=1, le=20)] | Literal["auto"] = Field(
         "auto",
-        description="number of incidence-angle bins; auto: one per 2 degrees, but 4 to 8; not for objective: density",
+        description="number of incidence-angle bins; auto: one per 2 degrees, 4 to 8; not for objective: density",
     )
     looks: Literal["free", "nominal"] = Field(
         "free",
@@ -63,8 +63,8 @@ class TargetConfig(Section):
     )
     incidence_error_deg: Annotated[Real, Field(ge=0, le=30)] | None = Field(
         None,
-        description="standard error of the local incidence angle [deg]; by default estimated from the errors of "
-        "elevation and registration",
+        description="standard error of the local incidence [deg]; by default estimated from errors of elevation and "
+        "registration",
     )
 
 
@@ -72,75 +72,63 @@ class Uncertainty(Section):
     """Uncertainty budget of a law, half-width of the 90 % band up to which it counts as known, and sampler settings."""
 
     known_db: Annotated[Real, Field(gt=0, le=20)] = Field(
-        1.5, description="half-width of the 90 % band of sigma0 up to which a law is called known [dB]"
+        1.5, description="half-width of the 90 % band up to which sigma0 counts as determined [dB]"
     )
     level_db: Error = Field(
         0.33,
-        description="standard error of the absolute calibration of the measured image [dB]; the default is a third of "
-        "the 1 dB (three sigma) that is specified for Sentinel-1",
+        description="standard error of the image's absolute level [dB]; a third of Sentinel-1's 1 dB (three sigma)",
     )
     noise_db: Error = Field(
         2.0,
-        description="standard error of radar.nesz_db [dB], which matters for ground near the noise floor; data sheets "
-        "state worst cases, often some dB above the noise floor of an image",
+        description="standard error of radar.nesz_db [dB]; data sheets state worst cases, often some dB too high",
     )
     field_db: Annotated[Real, Field(gt=0, le=20)] = Field(
         0.5,
-        description="median of the prior on the standard deviation between the fields of a material [dB], which is "
-        "log-normal with log sd 1; fields of all materials narrow it",
+        description="median of the log-normal prior (log sd 1) on the standard deviation between fields [dB]; fields "
+        "of all materials narrow it",
     )
     fixed_law_db: Error = Field(
         1.0,
-        description="scale of the half-normal prior on the standard deviation of the errors of fixed laws [dB]; their "
-        "agreement is the evidence for a level of the image",
+        description="scale of the half-normal prior on the standard deviation of errors of fixed laws [dB]",
     )
     fixed_slope: Annotated[Real, Field(ge=0, le=10)] = Field(
-        0.2, description="slope of the error of a fixed law, per 10 degrees, as a share of the error"
+        0.2, description="slope of that error per 10 degrees, as a share of it"
     )
     form_db: Annotated[Real, Field(gt=0, le=20)] = Field(
         0.5,
-        description="scale of the half-normal prior on the standard deviation of the error of a law's form [dB], which "
-        "is smooth over 8 degrees of incidence",
+        description="scale of the half-normal prior on the standard deviation of the error of a law's form [dB], "
+        "smooth over 8 degrees",
     )
     area: Share = Field(
         0.1,
-        description="standard error of the exponent with which the area of the ground in a pixel enters the image, "
-        "once its radiometry is known",
+        description="standard error of the exponent of the ground's area in a pixel, once the radiometry is known",
     )
     point_spread: Share = Field(
-        0.1, description="relative standard error of the resolutions in radar; a wrong resolution changes a law's slope"
+        0.1, description="relative standard error of the resolutions, which change a law's slope"
     )
     incidence_error: Annotated[Real, Field(ge=0, le=3)] = Field(
-        0.3, description="standard error of the logarithm of the standard error of the local incidence"
+        0.3, description="standard error of the logarithm of that of the local incidence"
     )
     incidence_floor_deg: Annotated[Real, Field(ge=0, le=30)] = Field(
         0.2,
-        description="standard error of the local incidence [deg] that is added in quadrature to "
-        "target.incidence_error_deg",
+        description="standard error of the local incidence [deg], added in quadrature to target.incidence_error_deg",
     )
     walkers: Annotated[Integer, Field(ge=32, le=1000)] = Field(128, description="number of walkers of the sampler")
     steps: Annotated[Integer, Field(ge=100, le=100_000)] = Field(
-        4000, description="largest number of steps of each walker; a warning names a sampler that has not converged"
+        4000, description="largest number of steps of each walker; a warning tells if they did not converge"
     )
 
 
 class Validation(Section):
     """Blocks of the image that are held out of the target; the calibrated laws then predict the blocks' levels."""
 
-    rows: Count = Field(
-        20, description="number of image rows in a block; a block is used for the calibration or held out as a whole"
-    )
-    columns: Count | None = Field(
-        None, description="number of image columns in a block; by default all columns of the image"
-    )
-    means: Count = Field(
-        10, description="number of image rows in a part of a block; the mean level of each part is predicted"
-    )
+    rows: Count = Field(20, description="image rows of a block, which is calibrated on or held out as a whole")
+    columns: Count | None = Field(None, description="image columns of a block; by default all")
+    means: Count = Field(10, description="image rows of a part of a block, whose mean level is predicted")
     keep: Literal["even", "odd", "both", "fields"] = Field(
         "even",
-        description="blocks used for the calibration: even, odd, or all blocks (both, fields); with both, each half of "
-        "the blocks is then predicted from the other half; with fields, each fifth of the fields (connected areas) is "
-        "predicted from the other fields",
+        description="blocks calibrated on: even, odd, or all; both then predicts each half of them from the other, "
+        "fields each fifth of the fields (connected areas) from the rest",
     )
 
     @property

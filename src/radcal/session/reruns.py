@@ -1,6 +1,6 @@
-"""Table in ``docs/reruns.md``: rules and simulator runs that are repeated after a change of each configuration key.
+"""Table in ``docs/reruns.md``: simulator runs that follow a change of each configuration key.
 
-``python -m radcal.session.reruns`` prints the table, derived from the models in :mod:`radcal.config.stages`.
+``python -m radcal.session.reruns`` prints it.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from radcal.config import Case
-from radcal.config.stages import STAGES
 
 _RUNS: Mapping[str, str] = {
     "case": "all, in `results/<case>`; `design.reuse` takes those of another case",
@@ -36,21 +35,16 @@ _RUNS: Mapping[str, str] = {
 
 
 def reruns_table() -> str:
-    """Table in ``docs/reruns.md``: rules and simulator runs that are repeated after a change of each configuration key.
+    """Table in ``docs/reruns.md``: simulator runs that follow a change of each configuration key.
 
     Returns
     -------
     str
-        Table in Markdown, with one row for each top-level key of the configuration.
+        Table in Markdown, with one row for each top-level key of the configuration that a run or a result reads.
     """
-    lines = ["| key | stages that read it | new runs of the simulator |", "|---|---|---|"]
-    for name, field in Case.model_fields.items():
-        if (section := field.alias or name) in _RUNS:
-            readers = [rule for rule, stage in STAGES.items() if section in stage.sections]
-            # the archive reads nearly all sections
-            rules = ", ".join(rule for rule in readers if rule != "archive" or len(readers) == 1) or "none"
-            lines.append(f"| `{section}` | {rules} | {_RUNS[section]} |")
-    return "\n".join(lines) + "\n"
+    keys = [field.alias or name for name, field in Case.model_fields.items()]
+    lines = ["| key | new runs of the simulator |", "|---|---|"]
+    return "\n".join(lines + [f"| `{key}` | {_RUNS[key]} |" for key in keys if key in _RUNS]) + "\n"
 
 
 if __name__ == "__main__":

@@ -166,9 +166,11 @@ def _terrain(name: str) -> str | None:
 
 
 def landcover_table(landcover: str) -> str:
-    """Markdown table of the classes of a land-cover map, for ``docs/landcover.md``."""
-    lines = ["| code | material | starting gamma [dB] | terrain of the source |", "|---|---|---|---|"]
+    """Markdown table of the classes of a land-cover map by terrain, for ``docs/landcover.md``."""
+    names: dict[str, list[str]] = {}
+    star = r"\*"
     for code, cover in landcovers()[landcover].items():
-        taken = " (taken for it)" if cover.taken_for else ""
-        lines.append(f"| {code} | `{cover.name}` | {gamma_db(cover.terrain):g} | {cover.terrain}{taken} |")
+        names.setdefault(cover.terrain, []).append(f"{code} `{cover.name}`{star * cover.taken_for}")
+    lines = ["| starting gamma [dB] | terrain | codes and materials |", "|---|---|---|"]
+    lines += [f"| {gamma_db(terrain):g} | {terrain} | {', '.join(found)} |" for terrain, found in names.items()]
     return "\n".join(lines) + "\n"

@@ -95,15 +95,17 @@ def sensors() -> dict[str, Sensor]:
 
 
 def sensors_table() -> str:
-    """Markdown table of all values with their sources, and of the keys that a case must give."""
-    lines = ["| `radar.sensor` | key | value | source |", "|---|---|---|---|"]
+    """Markdown table of all values by sensor and source, and of the keys that a case must give."""
+    lines = ["| `radar.sensor` | values | source |", "|---|---|---|"]
     for name, sensor in sensors().items():
+        texts: dict[str, list[str]] = {}
         for key, item in sensor.values.items():
             value = f"{item.value:g}" if isinstance(item.value, float) else str(item.value)
-            lines.append(f"| `{name}` | `{key}` | {value}{' in ground range' * item.ground_range} | {item.source} |")
+            texts.setdefault(item.source, []).append(f"`{key}` {value}{' in ground range' * item.ground_range}")
         if sensor.incidence is not None:
             between = "{:g} to {:g}".format(*sensor.incidence.value)
-            lines.append(f"| `{name}` | incidence of the product | {between} degrees | {sensor.incidence.source} |")
+            texts.setdefault(sensor.incidence.source, []).append(f"incidence of the product {between} degrees")
+        lines += [f"| `{name}` | {', '.join(values)} | {source} |" for source, values in texts.items()]
         asked = ", ".join(f"`{key}`" for key in sensor.asks)
-        lines.append(f"| `{name}` | {asked} | asked for | read in no source, or different from image to image |")
+        lines.append(f"| `{name}` | asked for: {asked} | |")
     return "\n".join(lines) + "\n"
