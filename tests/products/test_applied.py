@@ -24,6 +24,7 @@ from radcal.products.applied import (
     _of_pass,
     _table,
     apply,
+    members_of,
     predictions,
     where_seen,
     with_laws,
@@ -286,6 +287,45 @@ def test_calibrated_materials_replace_those_of_the_other_case(tmp_path):
     assert load_measured([path]) is None
     with pytest.raises(StoreError, match=r"the calibration is not finished, expected calibration.h5"):
         apply(tmp_path, load_forward([path]), None, tmp_path / "out", tmp_path / "runs")
+
+
+def test_members_have_the_levels_of_the_draws(tmp_path):
+    """Each has a draw of law and error of its form, raised to mean power by the spreads of fields and cells."""
+    path = tmp_path / "other.yaml"
+    path.write_text("case: other\nmaterials: {dyke: {parameters: [1, 2, 3, 4]}, lake: {parameters: [4, 3, 2, 1]}}\n")
+    other, rng = load_forward([path]), np.random.default_rng(3)
+    x = np.array([-20.0, 8.0, 12.0, 4.0]) + rng.normal(0.0, 2.0, (60, 4))
+    form, field, cell = rng.normal(0.0, 0.5, (60, 91)), rng.uniform(0.5, 2.0, 60), rng.uniform(0.5, 2.0, 60)
+    archive = archive_of(posterior={"draws": KeptDraws(x, field, cell, form, np.zeros(60)), "curve": ()})
+    found = members_of(archive, other, 60)
+    curves = np.array([one.laws["dyke"](np.radians(WHOLE_DEG), one.start_parameters["dyke"]) for one in found])
+    right = np.array([LAWS["mangia"](np.radians(WHOLE_DEG), each) for each in x]) + form
+    more = (np.log(10.0) / 20.0 * (field**2 + cell**2))[:, None]
+    order = np.argsort(curves[:, 40])
+    np.testing.assert_allclose(curves[order], (right + more)[np.argsort((right + more)[:, 40])], atol=1e-9)
+    assert not np.array_equal(order, np.argsort((right + more)[:, 40]))
+    assert found[0].materials["dyke"].looks == 2.5
+    assert found[0].materials["lake"] == other.materials["lake"]
+    assert members_of(archive, other, 2)[1].materials == found[1].materials
+    with pytest.raises(ConfigError, match="--draws is 61, expected at most 60, the draws of sigma0 of dyke in small"):
+        members_of(archive, other, 61)
+    with pytest.raises(ConfigError, match="expected at most 0"):
+        members_of(archive_of(posterior={"draws": None}), other, 1)
+
+
+def test_members_of_a_law_that_depends_on_the_pass_need_its_pass(tmp_path):
+    path = tmp_path / "other.yaml"
+    path.write_text("case: other\nradar: {polarisation: VV}\nmaterials: {dyke: {parameters: [1, 2, 3, 4]}}\n")
+    draws = KeptDraws(np.ones((9, 4)), np.ones(9), np.ones(9), np.ones((9, 91)), np.ones(9))
+    found = archive_of(posterior={"draws": draws, "curve": ()})
+    oh = {"calibrate": True, "law": "oh1992"}
+    hidden = {"synthetic": {"parameters": {"dyke": [9.0, 1.5, 1.0]}}}
+    sections = {"radar": {"frequency_ghz": 9.6}, "materials": {"dyke": oh}, "measurement": hidden}
+    found.configured = case_from({"case": "small", **sections})
+    found.laws["dyke"] = np.array([9.0, 1.5, 1.0])
+    other = load_forward([path], {"radar": {"frequency_ghz": 9.6}})
+    with pytest.raises(ConfigError, match=r"radar.polarisation: --draws has laws of dyke at HH of small alone"):
+        members_of(found, other, 2)
 
 
 @pytest.mark.parametrize("config", ["no JSON", "[1]", "{}", '{"materials": {"dyke": {"law": "none"}}}'])

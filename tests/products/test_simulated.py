@@ -5,7 +5,9 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import pandas as pd
 import pytest
+import rasterio
 import yaml
 from raster_files import write_raster
 from typer.testing import CliRunner
@@ -176,3 +178,39 @@ def test_laws_of_a_land_cover_map_are_those_of_the_case(tmp_path):
         ConfigError, match=r"other.yaml, line 2: materials.mos: a material that is not calibrated needs param"
     ):
         forward_case(case, None, write_materials(tmp_path, mos={}))
+
+
+def test_members_have_files_and_quantiles(tmp_path, case, monkeypatch):
+    """All have the speckle of the run itself, so that their images differ as their laws do."""
+
+    def members_of(archive, other, count):
+        assert (archive, count) == ("of results/small", 3)
+        laws = ([-20.0 + 2.0 * k, 8.0, 6.0, 4.0] for k in range(count))
+        field = other.materials["field"]
+        each = ({**other.materials, "field": field.model_copy(update={"parameters": law})} for law in laws)
+        return [other.model_copy(update={"materials": one}) for one in each]
+
+    monkeypatch.setattr("radcal.results.archive.read_finished", lambda folder: f"of results/{folder.name}")
+    monkeypatch.setattr("radcal.products.applied.members_of", members_of)
+    export = tmp_path / "results/small/export"
+    export.mkdir(parents=True)
+    (export / "calibrated.yaml").write_text("materials: {field: {parameters: [-17, 8, 6, 4]}}\n")
+    done = simulate(case, "--draws", "3", "--product", "complex", "--set", "radar=[{nesz_db: -90}, {nesz_db: -90}]")
+    assert done.exit_code == 0, done.output
+    folder = tmp_path / "results/small/simulated"
+
+    def image(name):
+        with rasterio.open(folder / name) as raster:
+            return raster.read(1)[:, :15]
+
+    for number in ("", "_pass2"):
+        low, run, high = (image(f"{name}{number}.tif") for name in ("simulated_p05", "simulated", "simulated_p95"))
+        np.testing.assert_allclose(high - low, 3.6, atol=0.01)  # of -20, -18 and -16 dB
+        np.testing.assert_allclose(run - low, 2.8, atol=0.01)
+        assert [(folder / f"draws/{k}/complex{number}.h5").is_file() for k in (1, 2, 3)] == [True] * 3
+    table = pd.read_csv(folder / "draws.csv")
+    assert list(table) == ["pass", "member", "run", "field_db", "lake_db"]
+    assert table[["pass", "member"]].to_numpy().tolist() == [[1, 1], [2, 1], [1, 2], [2, 2], [1, 3], [2, 3]]
+    np.testing.assert_allclose(np.diff(table.field_db[table["pass"] == 2]), 2.0, atol=0.01)
+    assert np.diff(table.lake_db[table["pass"] == 1]).max() < 0.6  # the brighter field reaches over the border
+    assert "\n1     field_db" in done.stdout

@@ -20,6 +20,7 @@ Examples:
   radcal simulate config/mine.yaml
   radcal simulate config/mine.yaml --materials results/mine/export/calibrated.yaml --out results/mine/found
   radcal simulate config/mine.yaml --product complex
+  radcal simulate config/mine.yaml --product gmti --draws 20
 """
 
 
@@ -45,6 +46,15 @@ def main(
             help="Also written: " + "; ".join(f"{name}: {one.adds}" for name, one in PRODUCTS.items() if one) + ".",
         ),
     ] = "intensity",
+    draws: Annotated[
+        int,
+        typer.Option(
+            metavar="N",
+            min=0,
+            help="Also simulate N draws from the posterior of the calibration that wrote FILE; by default that of "
+            "results/<case>.",
+        ),
+    ] = 0,
     replace: Annotated[bool, typer.Option("--replace", help="Replace images of other runs in the folder.")] = False,
     results: Results = Path("results"),
 ) -> None:
@@ -53,7 +63,16 @@ def main(
     from radcal.products.simulated import simulate
 
     with sentences():
+        archive = None
+        if draws:
+            from radcal.products.applied import members_of
+            from radcal.results.archive import read_finished
+
+            own = results / forward_case(case, overrides(settings))[0].case / "export/calibrated.yaml"
+            materials = materials or own
+            archive = read_finished(materials.parent.parent)
         found, remarks = forward_case(case, overrides(settings), materials)
         folder = results / found.case
-        lines = simulate(found, out or folder / "simulated", folder / "runs", replace, product)
+        members = [] if archive is None else members_of(archive, found, draws)
+        lines = simulate(found, out or folder / "simulated", folder / "runs", replace, product, members)
         typer.echo("\n".join([*remarks, *lines]))

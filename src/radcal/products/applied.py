@@ -15,9 +15,11 @@ from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
 from radcal.figures.applied_figures import KNOWN, OUTSIDE, SEEN, Prediction, draw_predictions
 from radcal.ground.one_incidence import LEAST_SPAN_DEG
+from radcal.laws import OF_PASS
 from radcal.measurement.sources import make_measurement
+from radcal.posterior.curves import PER_DEG
 from radcal.posterior.prediction import predict
-from radcal.posterior.result import Posterior, Predicted
+from radcal.posterior.result import WHOLE_DEG, Posterior, Predicted
 from radcal.products.applied_bins import PredictionBins, by_constant_db, predictive_db
 from radcal.products.export import gray_scale, ground_layers
 from radcal.products.geotiff import Layer, write_layers
@@ -25,6 +27,7 @@ from radcal.products.simulated import forward
 from radcal.products.tables import aligned, calibrated_materials, write_csv
 from radcal.registration.registered import registered_as
 from radcal.results.archive import Archive, read_finished
+from radcal.sections.materials import OtherLaw
 from radcal.seeds import derived_rng
 from radcal.simulators.forward import Forward
 from radcal.simulators.sources import make_simulator
@@ -67,6 +70,50 @@ def with_laws(archive: Archive, other: Part) -> Part:
         name: Material.model_validate({**found[name], "parameters": simulated_x(archive, name)}) for name in shared
     }
     return other.model_copy(update={"materials": {**other.materials, **changed}})
+
+
+def members_of(archive: Archive, other: Part, count: int) -> list[Part]:
+    """Settings of another case's forward run with laws drawn from the posteriors of a calibration.
+
+    A member has one draw of each calibrated material, law and error of its form, as a table of sigma0 at whole degrees.
+    The draws of different materials are independent; the first of more members are those of fewer.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of a calibration.
+    other : Part
+        The other case.
+    count : int
+        Number of members.
+
+    Raises
+    ------
+    ConfigError
+        As for :func:`with_laws`; a posterior has too few draws of sigma0, or was found at another frequency or
+        polarisation, on which its law depends.
+    """
+    drawn, case = with_laws(archive, other).materials, archive.configured
+    each: list[dict[str, Material]] = [dict(drawn) for _ in range(count)]
+    for name in (name for name in archive.materials if name in other.materials):
+        posterior = archive.materials[name].posterior
+        known = 0 if posterior.draws is None or posterior.curve is None else len(posterior.draws.parameters)
+        if known < count:
+            raise ConfigError(
+                f"--draws is {count}, expected at most {known}, the draws of sigma0 of {name} in {case.case}."
+            )
+        needed = set(OF_PASS) & set(case.materials[name].unbound_law.needs)
+        for key in (key for one in other.radars for key in needed if getattr(one, key) != getattr(case.radar, key)):
+            raise ConfigError(
+                f"radar.{key}: --draws has laws of {name} at {getattr(case.radar, key)} of {case.case} alone, because "
+                f"law {case.materials[name].law!r} depends on it, expected this value."
+            )
+        curves = posterior.draws.curves_db(case.laws[name])[:, ::PER_DEG]  # type: ignore[union-attr]
+        chosen = derived_rng(other.seed, "draws", name).permutation(len(curves))[:count]
+        for materials, curve in zip(each, curves[chosen].tolist(), strict=True):
+            law = OtherLaw(law="tabulated", angles_deg=WHOLE_DEG.tolist(), parameters=curve)
+            materials[name] = drawn[name].with_law(law).model_copy(update={"parameters": curve, "start": None})
+    return [other.model_copy(update={"materials": materials}) for materials in each]
 
 
 def simulated_x(archive: Archive, name: str) -> list[float]:

@@ -9,13 +9,17 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from radcal.config.part import Part
 from radcal.errors import ConfigError, RadcalError, SceneError
 from radcal.findings import Finding
 from radcal.products import PRODUCTS
 from radcal.products.export import gray_scale, ground_layers
 from radcal.products.geotiff import Layer, of_pass, write_layers
-from radcal.radar.geometry import write_geometry
+from radcal.products.tables import aligned, write_csv
+from radcal.radar.geometry import Geometry, write_geometry
 from radcal.radar.projection import make_geometry
 from radcal.reading.rasters import open_raster
 from radcal.scene.model import Scene, write_scene
@@ -23,6 +27,7 @@ from radcal.scene.sources import make_scene
 from radcal.sections.errors import nearest
 from radcal.seeds import noise_seed
 from radcal.simulators.forward import Forward, write_complex
+from radcal.simulators.runner import Runner
 from radcal.simulators.sources import runner_of
 from radcal.storage.files import digest
 from radcal.storage.provenance import provenance
@@ -77,9 +82,8 @@ def forward(
                 pkgutil.resolve_name(asked.check)(one, scene)
         geometries = [make_geometry(scene, one.radar) for one in case.passes]
         paths = [folder / f"passes/{number}/geometry.h5" for number in range(1, len(geometries) + 1)]
-        runner = runner_of(started, scene.identity, geometries, paths, runs)
-        runners, seed, store = runner.passes, noise_seed(case, fresh=True), RunStore(runs)
-        keys = [digest(each.description(case.start_parameters, seed)) for each in runners]
+        runner, seed = runner_of(started, scene.identity, geometries, paths, runs), noise_seed(case, fresh=True)
+        keys = [digest(each.description(case.start_parameters, seed)) for each in runner.passes]
         if asked is not None:
             runner.require_looks(product)
         check(keys)
@@ -87,14 +91,23 @@ def forward(
         (folder / "geometry.h5").unlink(missing_ok=True)  # of an earlier version of radcal
         for path, geometry, one in zip(paths, geometries, case.passes, strict=True):
             write_geometry(path, geometry, one.radar)
-        found = []
-        for each, one, geometry, key in zip(runners, started.passes, geometries, keys, strict=True):
-            kept = store.get(key, case.calibrated, image=True) is not None
-            record = each.run(case.start_parameters, seed, image=True)
-            assert record.image_db is not None  # noqa: S101 - asked for
-            looks = partial(each.looks, case.start_parameters, seed)
-            found.append(Forward(one, scene, geometry, record.image_db, record.key, seed, kept, looks))
+        found = _images(started, runner, scene, geometries, RunStore(runs))
     return scene, found
+
+
+def _images(
+    started: Part, runner: Runner, scene: Scene, geometries: Sequence[Geometry], store: RunStore
+) -> list[Forward]:
+    """Forward runs of all passes."""
+    seed, found = noise_seed(started, fresh=True), []
+    for each, one, geometry in zip(runner.passes, started.passes, geometries, strict=True):
+        x = one.start_parameters
+        kept = store.get(digest(each.description(x, seed)), started.calibrated, image=True) is not None
+        record = each.run(x, seed, image=True)
+        assert record.image_db is not None  # noqa: S101 - asked for
+        looks = partial(each.looks, x, seed)
+        found.append(Forward(one, scene, geometry, record.image_db, record.key, seed, kept, looks))
+    return found
 
 
 def simulate(
@@ -103,6 +116,7 @@ def simulate(
     runs: str | Path,
     replace: bool = False,
     product: str = "intensity",
+    members: Sequence[Part] = (),
 ) -> list[str]:
     """Simulate all passes of a case, and write the images as GeoTIFF.
 
@@ -116,6 +130,9 @@ def simulate(
         Whether images of other runs in the folder are replaced.
     product : str
         What is written beside the images, by its name in :data:`~radcal.products.PRODUCTS`.
+    members : sequence of Part
+        The case with other laws (:func:`.applied.members_of`), each of which is simulated, too, with the same random
+        numbers; ``docs/predictions.md`` describes its files.
 
     Returns
     -------
@@ -159,10 +176,52 @@ def simulate(
         how = "was in the run store" if made.kept else "simulated"
         lines.append(f"pass {number}: {made.image_db.shape[0]} x {made.image_db.shape[1]} pixels, run {made.key} {how}")
         made_files: list[Path | Finding] = [*write_layers(folder, number, layers, scene, made.geometry)]
-        if (asked := PRODUCTS[product]) is not None:
-            made_files += pkgutil.resolve_name(asked.write)(folder / f"{product}{of_pass(number)}", made)
+        made_files += _product(product, folder, number, made)
         lines += [sentence(one) if isinstance(one, Finding) else f"  {one}" for one in made_files]
-    return lines
+    return [*lines, *_spread(folder, runs, passes, members, product)] if members else lines
+
+
+def _product(product: str, folder: Path, number: int, made: Forward) -> list[Path | Finding]:
+    """Write the files of a product of a pass; gives them, and findings."""
+    asked = PRODUCTS[product]
+    return [] if asked is None else pkgutil.resolve_name(asked.write)(folder / f"{product}{of_pass(number)}", made)
+
+
+def _spread(
+    folder: Path, runs: str | Path, passes: Sequence[Forward], members: Sequence[Part], product: str
+) -> list[str]:
+    """Simulate members, write the files of each and quantiles of their images; gives a table of what they report."""
+    scene, geometries, names = passes[0].scene, [one.geometry for one in passes], list(passes[0].case.materials)
+    paths = [folder / f"passes/{number}/geometry.h5" for number in range(1, len(passes) + 1)]
+    images: list[list[NDArray[np.float32]]] = [[] for _ in passes]
+    rows: list[dict[str, float | str]] = []
+    for k, member in enumerate(members, start=1):
+        runner = runner_of(member, scene.identity, geometries, paths, runs)
+        for number, made in enumerate(_images(member, runner, scene, geometries, RunStore(runs)), start=1):
+            images[number - 1].append(made.image_db)
+            found = _product(product, folder / f"draws/{k}", number, made)
+            rows.append({"pass": number, "member": k, "run": made.key})
+            for name in names:
+                power = 10.0 ** (made.image_db.ravel()[made.geometry.pixels(name)].astype(np.float64) / 10.0)
+                rows[-1][f"{name}_db"] = float(10.0 * np.log10(power.mean())) if power.size else math.nan
+            for one in found:
+                rows[-1] |= one.numbers if isinstance(one, Finding) and one.about == product else {}
+    table: list[Sequence[str]] = [("pass", "number", "5 %", "median", "95 %")]
+    files = [folder / "draws.csv"]
+    for number, (made, each) in enumerate(zip(passes, images, strict=True), start=1):
+        low, high = np.quantile(np.stack(each), [0.05, 0.95], axis=0).astype(np.float32)
+        tags = {"case": made.case.case, "members": str(len(members))}
+        layers = {
+            "simulated_p05": Layer(low, "dB", "5 % quantile of the images of the members", tags),
+            "simulated_p95": Layer(high, "dB", "95 % quantile of the images of the members", tags),
+        }
+        files += write_layers(folder, number, layers, scene, made.geometry)
+        its = [row for row in rows if row["pass"] == number]
+        for key in list(its[0])[3:]:
+            quantiles = np.quantile([float(row[key]) for row in its], [0.05, 0.5, 0.95])
+            table.append((str(number), key, *(f"{value:.3g}" for value in quantiles)))
+    write_csv(files[0], tuple(rows[0]), (tuple(row.values()) for row in rows))
+    return [f"{len(members)} members of the posterior:", *aligned(table), *(f"  {file}" for file in files)]
 
 
 def write_looks(stem: Path, made: Forward) -> list[Path]:
