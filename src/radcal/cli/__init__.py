@@ -1,6 +1,6 @@
 """Command ``radcal``, with one module for each subcommand; slow libraries are imported only when a command needs them.
 
-A new subcommand is a module with a text ``HELP`` and a function ``main``, and one line at the end of this file.
+A new subcommand is a module with a function ``main``, whose docstring is the help, and a name at the end of this file.
 """
 
 from __future__ import annotations
@@ -22,11 +22,5 @@ def _radcal() -> None:
     """Calibrate the backscatter laws of a SAR simulator against a measured image."""
 
 
-app.command("new", help=new.HELP)(new.main)
-app.command("check", help=check.HELP)(check.main)
-app.command("run", help=run.HELP)(run.main)
-app.command("show", help=show.HELP)(show.main)
-app.command("compare", help=compare.HELP)(compare.main)
-app.command("simulate", help=simulate.HELP)(simulate.main)
-app.command("apply", help=apply.HELP)(apply.main)
-app.command("advise", help=advise.HELP)(advise.main)
+for _command in (new, check, run, show, compare, simulate, apply, advise):
+    app.command(_command.__name__.rpartition(".")[2])(_command.main)

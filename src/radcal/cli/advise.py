@@ -7,20 +7,18 @@ from typing import Annotated
 
 import typer
 
-from radcal.cli.arguments import Results, sentences
-
-HELP = "Compare further passes by how far they are expected to narrow the bands of a finished case."
+from radcal.cli.arguments import Finished, Results, sentences
 
 
 def main(
-    case: Annotated[str, typer.Argument(metavar="CASE", help="Name, results folder or YAML file.", show_default=False)],
+    case: Finished,
     depression: Annotated[
         list[float] | None, typer.Option(help="Depression to compare [deg]; may be repeated.")
     ] = None,
     between: Annotated[tuple[float, float] | None, typer.Option(help="Incidence of interest [deg].")] = None,
     results: Results = Path("results"),
 ) -> None:
-    """Print how far further passes are expected to narrow the bands of a finished case."""
+    """Compare further passes by how far they are expected to narrow the bands of a finished case."""
     from radcal.products.advice import advise
     from radcal.products.showing import results_folder
 

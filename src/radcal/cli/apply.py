@@ -7,20 +7,18 @@ from typing import Annotated
 
 import typer
 
-from radcal.cli.arguments import Results, sentences
-
-HELP = "Predict the image of another scene or pass from the laws of a finished case, and compare it with its image."
+from radcal.cli.arguments import Finished, Results, sentences
 
 
 def main(
-    case: Annotated[str, typer.Argument(metavar="CASE", help="Name, results folder or YAML file.", show_default=False)],
+    case: Finished,
     to: Annotated[Path, typer.Option("--to", metavar="OTHER", help="YAML file of the other case.", show_default=False)],
     out: Annotated[
         Path | None, typer.Option(file_okay=False, help="By default results/<other>/applied_<case>.")
     ] = None,
     results: Results = Path("results"),
 ) -> None:
-    """Predict the images of another case from the laws of a finished case."""
+    """Predict the image of another scene or pass from the laws of a finished case, and compare it with its image."""
     from radcal.config import load_forward
     from radcal.config.loading import load_measured
     from radcal.products.applied import apply

@@ -14,6 +14,8 @@ from radcal.errors import RadcalError
 CaseFiles = Annotated[
     list[Path], typer.Argument(metavar="CASE...", readable=False, help="YAML files of cases.", show_default=False)
 ]
+_NAMED = "Name, results folder or YAML file."
+Finished = Annotated[str, typer.Argument(metavar="CASE", help=_NAMED, show_default=False)]
 Results = Annotated[
     Path,
     typer.Option("--results", metavar="FOLDER", envvar="RADCAL_RESULTS", help="Folder of the results of all cases."),

@@ -12,25 +12,24 @@ import typer
 from radcal.cli.arguments import CaseFiles, Results, Settings, overrides, sentences
 from radcal.errors import RadcalError
 
-HELP = """Check cases without running anything.
-
-All wrong keys, missing files and values that are still to be decided (FILL_IN) are listed at once, with line and
-expected value. If there are none, scene, geometry and measured image are made in memory by the functions of their
-stages, and what these refuse or find is printed; nothing is written. If all is well, the command prints how many
-simulator runs the case may take, in which time (once it has stored a run) and with how much memory. Warnings come
-first; they do not keep a case from being run.
-
-With a product such as a Sentinel-1 SAFE folder it prints section radar as the annotation gives it, even with problems.
-
-A case without a measured image and without a material to calibrate is checked as radcal simulate needs it.
-
-What only the calibration can find out, such as the registration, is not checked. The exit status is 1 if a problem was
-found, else 0.
-"""
-
 
 def main(cases: CaseFiles, settings: Settings = None, results: Results = Path("results")) -> None:
-    """Check cases without running them."""
+    """Check cases without running anything.
+
+    All wrong keys, missing files and values that are still to be decided (FILL_IN) are listed at once, with line and
+    expected value. If there are none, scene, geometry and measured image are made in memory by the functions of their
+    stages, and what these refuse or find is printed; nothing is written. If all is well, the command prints how many
+    simulator runs the case may take, in which time (once it has stored a run) and with how much memory. Warnings come
+    first; they do not keep a case from being run.
+
+    With a product such as a Sentinel-1 SAFE folder it prints section radar as the annotation gives it, even with
+    problems.
+
+    A case without a measured image and without a material to calibrate is checked as radcal simulate needs it.
+
+    What only the calibration can find out, such as the registration, is not checked. The exit status is 1 if a problem
+    was found, else 0.
+    """
     with sentences():
         changed = overrides(settings)
     wrong = [case for case in cases if not _is_right(case, changed, results)]

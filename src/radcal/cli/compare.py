@@ -9,19 +9,17 @@ import typer
 
 from radcal.cli.arguments import Results, sentences
 
-HELP = """Compare the laws of two finished cases: one table, and one figure of both laws with their bands.
-
-A and B are names of cases below results/, results folders, or YAML files. The figure is written beside the results
-folder of A.
-"""
-
 
 def main(
     first: Annotated[str, typer.Argument(metavar="A", help="Name, results folder or YAML file.", show_default=False)],
     second: Annotated[str, typer.Argument(metavar="B", help="The same of the other case.", show_default=False)],
     results: Results = Path("results"),
 ) -> None:
-    """Compare the laws of two finished cases."""
+    """Compare the laws of two finished cases: one table, and one figure of both laws with their bands.
+
+    A and B are names of cases below results/, results folders, or YAML files. The figure is written beside the results
+    folder of A.
+    """
     from radcal.products.comparison import compare
     from radcal.products.showing import results_folder
 

@@ -12,23 +12,22 @@ from radcal.newcase.template import TEMPLATE
 
 _KINDS: dict[str, Any] = {"TEXT": str, "FLOAT": float, "INTEGER": int, "LIST": list[str]}
 
-HELP = """Write a new case from options.
-
-CASE is the YAML file to write, or a name. What the files say is read from them: size, CRS, pixel spacing, bands, codes
-of the land cover. A line that is still to be decided is marked FILL_IN; radcal check lists these lines. No file is
-overwritten, and with a wrong option none is written. Materials to calibrate start about the levels of the image.
-
-With --image synthetic, the image is simulated with hidden laws; with --image none, the case is for radcal simulate.
-
-\b
-Example:
-  radcal new config/mine.yaml --elevation dem.tif --landcover cover.tif --image s1.tif
-  radcal new config/look.yaml --elevation dem.tif --landcover cover.tif --image none
-"""
-
 
 def main(case: str, **answers: Any) -> None:
-    """Write a new case."""
+    """Write a new case from options.
+
+    CASE is the YAML file to write, or a name. What the files say is read from them: size, CRS, pixel spacing, bands,
+    codes of the land cover. A line that is still to be decided is marked FILL_IN; radcal check lists these lines. No
+    file is overwritten, and with a wrong option none is written. Materials to calibrate start about the levels of the
+    image.
+
+    With --image synthetic, the image is simulated with hidden laws; with --image none, the case is for radcal simulate.
+
+    \b
+    For example:
+      radcal new config/mine.yaml --elevation dem.tif --landcover cover.tif --image s1.tif
+      radcal new config/look.yaml --elevation dem.tif --landcover cover.tif --image none
+    """  # noqa: D301 - click keeps the lines that follow \b
     from radcal.newcase.new_case import NewCase, case_path
 
     values = {key: answers[_name(line.option)] for key, line in TEMPLATE.items() if line.option}

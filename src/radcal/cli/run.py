@@ -28,29 +28,6 @@ _ELSEWHERE = ("--cores", "-c", "--jobs", "-j", "--profile", "--executor", "-e")
 
 _MILESTONES = ("all", "reference", "design")  # rules without outputs of their own
 
-HELP = """Check cases and calibrate them, in the folder of your clone or anywhere else.
-
-The cases are checked first; a fault in one is reported in one sentence, and none is run. Then Snakemake runs the
-workflow of one case after the other, up to the TARGETS if any are named: reference (one run, to test the setup),
-registration, target, design (the initial runs), all (the default), any other stage of docs/architecture.md outside the
-loop of iterations, or a file below results/. A case that fails does not stop the next one. Stop the command at any
-time: the same command continues.
-
-Results go to results/<case> below the current folder, or below the folder of --results.
-
-\b
-Examples:
-  radcal run config/mine.yaml --dry-run             what would run, and how many simulator runs at most
-  radcal run config/mine.yaml reference             one run
-  radcal run config/mine.yaml registration          up to the registered image
-  radcal run config/mine.yaml                       the whole calibration
-  radcal run config/mine.yaml --set stop.law_db=0.02   one key changed: goes on from there
-  radcal run config/a.yaml config/b.yaml            two cases
-  radcal run config/mine.yaml -- --forcerun report  what follows -- is for Snakemake
-
-The exit status is Snakemake's: 0 when all is done. Of several cases it is that of the first that failed.
-"""
-
 
 def main(
     words: Annotated[
@@ -68,7 +45,28 @@ def main(
     settings: Settings = None,
     results: Results = Path("results"),
 ) -> None:
-    """Check cases and calibrate them."""
+    """Check cases and calibrate them, in the folder of your clone or anywhere else.
+
+    The cases are checked first; a fault in one is reported in one sentence, and none is run. Then Snakemake runs the
+    workflow of one case after the other, up to the TARGETS if any are named: reference (one run, to test the setup),
+    registration, target, design (the initial runs), all (the default), any other stage of docs/architecture.md outside
+    the loop of iterations, or a file below results/. A case that fails does not stop the next one. Stop the command at
+    any time: the same command continues.
+
+    Results go to results/<case> below the current folder, or below the folder of --results.
+
+    \b
+    For example:
+      radcal run config/mine.yaml --dry-run             what would run, and how many simulator runs at most
+      radcal run config/mine.yaml reference             one run
+      radcal run config/mine.yaml registration          up to the registered image
+      radcal run config/mine.yaml                       the whole calibration
+      radcal run config/mine.yaml --set stop.law_db=0.02   one key changed: goes on from there
+      radcal run config/a.yaml config/b.yaml            two cases
+      radcal run config/mine.yaml -- --forcerun report  what follows -- is for Snakemake
+
+    The exit status is Snakemake's: 0 when all is done. Of several cases it is that of the first that failed.
+    """  # noqa: D301 - click keeps the lines that follow \b
     from radcal.errors import ConfigError
     from radcal.session.workflow_files import carried_case, workflow_folder
 

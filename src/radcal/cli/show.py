@@ -9,20 +9,6 @@ import typer
 
 from radcal.cli.arguments import Results, sentences
 
-HELP = """Show the verdict of cases, their runs, and where report, exports and summary lie.
-
-CASE is the name of a case below results/, a results folder, or the case's YAML file. The command also says what is
-missing if the calibration is not finished, and where it stands if a command works on it at this moment. With the YAML
-file, it also says how many runs are expected.
-
-\b
-Examples:
-  radcal show dyke
-  radcal show config/mine.yaml config/other.yaml
-  radcal show config/mine.yaml --watch          until no command works on it
-  radcal show config/mine.yaml --watch --html   as a page, results/mine/live.html
-"""
-
 
 def main(
     cases: Annotated[
@@ -32,7 +18,19 @@ def main(
     watch: Annotated[bool, typer.Option("--watch", help="Show again until no command works on the cases.")] = False,
     html: Annotated[bool, typer.Option("--html", help="With --watch: write live.html in the results folder.")] = False,
 ) -> None:
-    """Show the verdict, the runs and the files of cases."""
+    """Show the verdict of cases, their runs, and where report, exports and summary lie.
+
+    CASE is the name of a case below results/, a results folder, or the case's YAML file. The command also says what is
+    missing if the calibration is not finished, and where it stands if a command works on it at this moment. With the
+    YAML file, it also says how many runs are expected.
+
+    \b
+    For example:
+      radcal show dyke
+      radcal show config/mine.yaml config/other.yaml
+      radcal show config/mine.yaml --watch          until no command works on it
+      radcal show config/mine.yaml --watch --html   as a page, results/mine/live.html
+    """  # noqa: D301 - click keeps the lines that follow \b
     from radcal.cli.watching import watched
     from radcal.products.showing import results_folder, show
 

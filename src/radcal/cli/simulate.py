@@ -10,19 +10,6 @@ import typer
 from radcal.cli.arguments import Results, Settings, overrides, sentences
 from radcal.products import PRODUCTS
 
-HELP = """Simulate the image of a case with the parameters of its materials; it needs no measured image.
-
-A material with calibrate: true is simulated at its start. With --materials, the materials of FILE replace those of the
-same names, and the others keep the case's laws. An image of another run in the folder is replaced only with --replace.
-
-\b
-Examples:
-  radcal simulate config/mine.yaml
-  radcal simulate config/mine.yaml --materials results/mine/export/calibrated.yaml --out results/mine/found
-  radcal simulate config/mine.yaml --product complex
-  radcal simulate config/mine.yaml --product gmti --draws 20
-"""
-
 
 def main(
     case: Annotated[
@@ -58,7 +45,19 @@ def main(
     replace: Annotated[bool, typer.Option("--replace", help="Replace images of other runs in the folder.")] = False,
     results: Results = Path("results"),
 ) -> None:
-    """Simulate the images of a case without a measured image."""
+    """Simulate the image of a case with the parameters of its materials; it needs no measured image.
+
+    A material with calibrate: true is simulated at its start. With --materials, the materials of FILE replace those of
+    the same names, and the others keep the case's laws. An image of another run in the folder is replaced only with
+    --replace.
+
+    \b
+    For example:
+      radcal simulate config/mine.yaml
+      radcal simulate config/mine.yaml --materials results/mine/export/calibrated.yaml --out found
+      radcal simulate config/mine.yaml --product complex
+      radcal simulate config/mine.yaml --product gmti --draws 20
+    """  # noqa: D301 - click keeps the lines that follow \b
     from radcal.newcase.forward_case import forward_case
     from radcal.products.simulated import simulate
 
