@@ -12,9 +12,8 @@ ROOT = Path(__file__).resolve().parents[1]
 HEAD = """# Keys of a case
 
 A case is one YAML file with the keys that differ from the defaults. Defaults are in bold; a key without one takes no
-value, or one that depends on other keys, as its description says. In a path, `*` stands for a name.
-
-A number outside of its limits probably has a wrong unit or digit, and is refused before any run.
+value, or one that depends on other keys, as its description says. In a path, `*` stands for a name. A number outside of
+its limits (`0..64`) probably has a wrong unit or digit, and is refused.
 
 Editors with the YAML language server complete keys, if the first line gives the path of the schema from the folder of
 the case. They mark variants of other distributions, which radcal accepts.
@@ -34,7 +33,7 @@ def limits(schema: dict[str, Any]) -> str:
         return "number"
     low = number(schema["minimum"]) if "minimum" in schema else f"above {number(schema['exclusiveMinimum'])}"
     high = number(schema["maximum"]) if "maximum" in schema else f"below {number(schema['exclusiveMaximum'])}"
-    return f"{low} to {high}"
+    return f"{low} to {high}" if " " in low + high else f"{low}..{high}"
 
 
 def values(schema: dict[str, Any], headings: dict[str, str]) -> str:

@@ -65,6 +65,7 @@ simulate config/config.yaml --product iq
 simulate config/mine.yaml
 simulate config/mine.yaml --materials results/mine/export/calibrated.yaml
 simulate config/mine.yaml --product gmti
+simulate config/mine.yaml --product gmti --draws 20
 simulate config/mine.yaml --product ppi --materials results/mine/export/calibrated.yaml
 """  # noqa: E501
 # run in the fixture below, for the cases of the examples

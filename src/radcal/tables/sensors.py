@@ -95,7 +95,7 @@ def sensors() -> dict[str, Sensor]:
 
 
 def sensors_table() -> str:
-    """Markdown table of all values by sensor and source, and of the keys that a case must give."""
+    """Markdown table of all values by sensor and source."""
     lines = ["| `radar.sensor` | values | source |", "|---|---|---|"]
     for name, sensor in sensors().items():
         texts: dict[str, list[str]] = {}
@@ -106,6 +106,4 @@ def sensors_table() -> str:
             between = "{:g} to {:g}".format(*sensor.incidence.value)
             texts.setdefault(sensor.incidence.source, []).append(f"incidence of the product {between} degrees")
         lines += [f"| `{name}` | {', '.join(values)} | {source} |" for source, values in texts.items()]
-        asked = ", ".join(f"`{key}`" for key in sensor.asks)
-        lines.append(f"| `{name}` | asked for: {asked} | |")
     return "\n".join(lines) + "\n"
