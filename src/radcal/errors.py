@@ -35,6 +35,14 @@ class WrongNumbers:
     what: str
 
 
+@dataclass(frozen=True)
+class UnreadFile:
+    """File that cannot be read and may be left out, and the reason, without a full stop."""
+
+    path: Path
+    reason: str
+
+
 class RadcalError(Exception):
     """Base class of all exceptions whose message is written for the user.
 

@@ -58,9 +58,9 @@ def read_features(files: Sequence[CdbFile], attributes: Sequence[str], log: Log)
     tables = [path for path in classes.values() if path.is_file() and path.stat().st_size > _EMPTY_DBF]
     paths = [*(one.path for one in classes), *tables]
     read = dict(zip(paths, read_shapefiles(paths, log.refused), strict=True))
-    for path, result in read.items():
+    for result in read.values():
         if isinstance(result, RadcalError):
-            log.left_out(path, result)
+            log.left_out_by(result)
     names = list(dict.fromkeys(["FACC", *attributes]))
     nothing = VectorLayer("", None, np.zeros(0, dtype=object), {})
     found = [_joined(nothing, None, names)]

@@ -147,7 +147,7 @@ def _xml(path: Path, log: Log) -> Any:
         with guarded(path, lambda text: log.refused(path, text), "XML"):
             return read_xml(path)
     except SceneError as error:
-        log.left_out(path, error)
+        log.left_out_by(error)
         return None
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.errors import SceneError
+from radcal.errors import RadcalError, SceneError, UnreadFile
 from radcal.findings import Finding
 from radcal.reading.cdb import CdbFile, step_deg
 from radcal.reading.intake import guarded
@@ -46,14 +46,19 @@ class Log(list[Finding]):
         super().__init__()
         self.root = root
 
-    def left_out(self, path: Path, reason: object) -> None:
-        """Add a warning on a file that is left out; the reason may be an error of :meth:`refused`."""
-        text = str(reason).removeprefix(f"scene.root: {path} ").rstrip(".")
-        self.append(Finding("cdb_left_out", "warning", str(path.relative_to(self.root)), {"reason": text}))
+    def left_out(self, path: Path, reason: str) -> None:
+        """Add a warning on a file that is left out."""
+        self.append(Finding("cdb_left_out", "warning", str(path.relative_to(self.root)), {"reason": reason}))
+
+    def left_out_by(self, error: RadcalError) -> None:
+        """Add a warning on the file of an error of :meth:`refused`; raise any other error."""
+        if not isinstance(error.about, UnreadFile):
+            raise error
+        self.left_out(error.about.path, error.about.reason)
 
     def refused(self, path: Path, text: str) -> SceneError:
         """Error on a file, from the end of a sentence."""
-        return SceneError(f"scene.root: {path} {text}")
+        return SceneError(f"scene.root: {path} {text}", UnreadFile(path, text.rstrip(".")))
 
 
 @dataclass(frozen=True)
@@ -138,7 +143,7 @@ def band(tile: CdbFile, log: Log) -> tuple[NDArray[Any], Any] | None:
             check_blocks(raster)
             values, transform = raster.read(1, masked=True), raster.transform
     except SceneError as error:
-        log.left_out(tile.path, error)
+        log.left_out_by(error)
         return None
     return values.filled(np.nan if values.dtype.kind == "f" else 0)[::-1], transform
 
