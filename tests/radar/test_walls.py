@@ -7,7 +7,7 @@ import pytest
 
 from radcal.config import Radar
 from radcal.findings import Finding
-from radcal.ground.one_incidence import bounces_outside
+from radcal.ground.one_incidence import bounces_on, bounces_outside
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
 from radcal.scene.objects import Objects, Walls
@@ -177,14 +177,22 @@ def test_a_box_with_a_cross_section_bounces_where_its_row_says_so():
 
 def test_walls_whose_law_is_not_seen_at_alpha_are_named():
     geometry = seen(x_m=[40.0, 110.0], length_m=15.0, width_m=9.0, heading_deg=[0.0, 45.0])
-    found = bounces_outside(geometry, ["ground", "roof"])
+    first = bounces_on(geometry, ["ground", "roof"])
+    found = bounces_outside([first])
     assert [(one.about, one.severity) for one in found] == [("ground", "note")]
     # the ground lies at 42 to 48 degrees; alpha is 0 and 36 degrees
     assert found[0].numbers["objects"] == "1, 2"
-    seen_at = geometry.bounces.copy()
-    seen_at[2] = 45.0
-    assert not bounces_outside(replace(geometry, bounces=seen_at), ["ground"])
     assert isinstance(found[0], Finding)
+    # a second pass shows the ground from 30 degrees on, and a third box at alpha of 18 and 33 degrees
+    steeper = RADAR.model_copy(update={"depression_deg": 54.0})
+    second = bounces_on(seen(steeper, x_m=80.0, length_m=15.0, width_m=9.0, heading_deg=26.0), ["ground", "roof"])
+    second["ground"] = replace(second["ground"], number=second["ground"].number + 2)
+    both = bounces_outside([first, second])[0].numbers
+    assert (both["objects"], both["walls"], both["of"]) == ("1, 3", 2, 3)
+    assert both["low_deg"] == pytest.approx(second["ground"].low_deg)
+    assert both["high_deg"] == pytest.approx(first["ground"].high_deg)
+    shown = {"ground": replace(first["ground"], alpha_deg=np.full(first["ground"].number.shape, 45.0))}
+    assert not bounces_outside([shown])
 
 
 LINES = 11  # rays to a column

@@ -1,6 +1,7 @@
 """Write every run and iteration to one file, ``calibration.h5``, and all runs to one table, ``runs.csv``."""
 
 from radcal.config import Stop
+from radcal.ground.one_incidence import bounces_on, bounces_outside
 from radcal.objectives.history import read_runs
 from radcal.posterior.result import Image, Posterior
 from radcal.proposals.surrogate import read_trainings
@@ -27,7 +28,10 @@ with job(snakemake) as case:
     each = [read_item(path, "posterior", Posterior) for path in snakemake.input.posterior]
     image, scene = read_item(snakemake.input.image, "image", Image), read_scene(snakemake.input.scene)
     trained = {name: one for path in snakemake.input.trained for name, one in read_trainings(path).items()}
-    archive = archive_of(case, stop, history, scene, geometry, images, targets, runs, final, each, image, trained)
+    noted = bounces_outside([bounces_on(read_geometry(path), targets) for path in snakemake.input.geometry])
+    archive = archive_of(
+        case, stop, history, scene, geometry, images, targets, runs, final, each, image, trained, noted
+    )
     write_archive(snakemake.output.archive, archive)
     write_table(snakemake.output.table, archive)
     write_listing(snakemake.output.checksum, [snakemake.output.table])

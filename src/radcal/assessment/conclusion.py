@@ -18,7 +18,6 @@ from radcal.calibration.stopping import Decision, decide
 from radcal.config import Stop
 from radcal.config.part import Part
 from radcal.findings import Finding
-from radcal.ground.one_incidence import bounces_outside
 from radcal.objectives import Comparison
 from radcal.objectives.history import History
 from radcal.posterior.result import Image, Posterior
@@ -96,6 +95,7 @@ def conclude(
     posteriors: Mapping[str, Posterior],
     image: Image,
     images: Sequence[Registered] = (),
+    noted: Sequence[Finding] = (),
 ) -> Conclusion:
     """Conclude a calibration: decide if the search has ended, collect the findings, and score the final runs.
 
@@ -119,6 +119,8 @@ def conclude(
         What the fixed materials say.
     images : sequence of Registered
         Registered measured image of each pass; the first is registered again onto the image of the calibrated laws.
+    noted : sequence of Finding
+        Findings on the geometry of all passes.
 
     Raises
     ------
@@ -137,7 +139,7 @@ def conclude(
         fresh_db,
     ]
     findings = [finding for one in images for finding in one.findings]
-    findings += [*image_findings(case, image), *bounces_outside(geometry, targets)]
+    findings += [*image_findings(case, image), *noted]
     refused = any(one.severity == "refusal" for one in findings)
     warned = {one.code: f"{one.code} of {one.about}" for one in findings if one.severity != "note"}
     laws = {name: (case.laws[name], np.asarray(history.best(name).parameters)) for name in targets}

@@ -17,7 +17,7 @@ from radcal.errors import ConfigError, MissingSign, RadcalError
 from radcal.findings import Finding, of_pass
 from radcal.forecast.memory_and_time import memory_mb, values_of
 from radcal.forecast.runs_and_time import largest_runs, runs_sentence, time_expected
-from radcal.ground.one_incidence import bounces_outside
+from radcal.ground.one_incidence import Bounces, bounces_on, bounces_outside
 from radcal.posterior.cells import CellMeans
 from radcal.programs.command_plan import check_command, check_image_shape
 from radcal.reading.base import reader_of
@@ -189,14 +189,15 @@ def _check_stages(found: CaseCheck, case: Case, say: Say) -> None:
         found.unseen = _OF_SCENE[1:]
         return
     found.findings += scene.findings
-    cells, refused = list[dict[str, CellMeans]](), list[RadcalError]()
+    cells, refused, bounces = list[dict[str, CellMeans]](), list[RadcalError](), list[dict[str, Bounces]]()
     for number, one in enumerate(case.passes, start=1):
         own = list[Finding]()
         try:
-            cells.append(_check_pass(found, one, scene, number, own, refused, say))
+            cells.append(_check_pass(found, one, scene, number, own, refused, bounces, say))
         except RadcalError as error:
             refused.append(error)
         found.findings += of_pass(own, number, len(case.passes))
+    found.findings += bounces_outside(bounces)
     whole = len(cells) == len(case.passes)
     if whole and all(cells):
         say("fixed laws against the measured image ...")
@@ -215,11 +216,13 @@ def _check_pass(
     number: int,
     own: list[Finding],
     refused: list[RadcalError],
+    bounces: list[dict[str, Bounces]],
     say: Say,
 ) -> dict[str, CellMeans]:
     """Make geometry, measured image and start image of a pass, add what they find to ``own``, and return the cells.
 
-    The cells are those of the image before registration; without a measured image there are none.
+    The pass's double bounces are added to ``bounces``. The cells are those of the image before registration; without a
+    measured image there are none.
     """
     from radcal.radar.projection import make_geometry
 
@@ -232,7 +235,8 @@ def _check_pass(
     if number == 1:
         found.shape = (int(geometry.shape[0]), int(geometry.shape[1]))
     check_image_shape(one.simulator, geometry.shape)
-    own += [*hidden_ground(scene, geometry), *bounces_outside(geometry, one.calibrated)]
+    own += hidden_ground(scene, geometry)
+    bounces.append(bounces_on(geometry, one.calibrated))
     if found.forward:
         return {}
     say(f"pass {number}: measured image for {geometry.shape[0]} x {geometry.shape[1]} pixels ...")

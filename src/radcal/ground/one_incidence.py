@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from radcal.findings import Finding
 from radcal.radar.geometry import Geometry
@@ -66,34 +67,58 @@ def seen_at_one_incidence(incidence_deg: ArrayLike, error_deg: float = 0.0) -> b
     return incidence_span_deg(incidence_deg, error_deg) < LEAST_SPAN_DEG
 
 
-def bounces_outside(geometry: Geometry, names: Iterable[str]) -> list[Finding]:
-    """Notes on walls whose double bounce uses a calibrated law at incidences at which no pixel shows the material.
+@dataclass(frozen=True)
+class Bounces:
+    """Double bounces on a material in a pass, and where the pass shows the material.
+
+    Attributes
+    ----------
+    low_deg, high_deg : float
+        Incidence of the material's pixels, 5 % and 95 % quantile [deg]; infinite and reversed without pixels.
+    number, alpha_deg : ndarray, shape (n,)
+        Index of the object, and incidence at which its double bounce uses the material's law [deg].
+    """
+
+    low_deg: float
+    high_deg: float
+    number: NDArray[np.float64]
+    alpha_deg: NDArray[np.float64]
+
+
+def bounces_on(geometry: Geometry, names: Iterable[str]) -> dict[str, Bounces]:
+    """Double bounces of a pass on each of some materials."""
+    number, material, alpha_deg = geometry.bounces
+    found = {}
+    for name in names:
+        own, pixels = material == geometry.names.index(name) + 1, geometry.pixels(name)
+        ends = np.quantile(geometry.incidence_deg.ravel()[pixels], [0.05, 0.95]) if pixels.size else (np.inf, -np.inf)
+        found[name] = Bounces(float(ends[0]), float(ends[1]), number[own], alpha_deg[own])
+    return found
+
+
+def bounces_outside(passes: Sequence[Mapping[str, Bounces]]) -> list[Finding]:
+    """Notes on walls whose double bounce uses a calibrated law at incidences that no pass shows of the material.
 
     Parameters
     ----------
-    geometry : Geometry
-        Geometry of a pass.
-    names : iterable of str
-        Calibrated materials.
+    passes : sequence of mapping of str to Bounces
+        Double bounces on the calibrated materials in each pass.
 
     Returns
     -------
     list of Finding
-        A note for each material with such walls; the material's incidences are between the 5 % and 95 % quantiles of
-        its pixels.
+        A note for each material with such walls; the material's incidences are those between the least and the largest
+        of all passes.
     """
     found = []
-    for name in names:
-        number, material, alpha_deg = geometry.bounces
-        own = material == geometry.names.index(name) + 1
-        pixels = geometry.pixels(name)
-        if not own.any() or not pixels.size:
-            continue
-        low, high = np.quantile(geometry.incidence_deg.ravel()[pixels], [0.05, 0.95])
-        walls = np.unique(number[own & ((alpha_deg < low) | (alpha_deg > high))]).astype(int) + 1
-        if walls.size:
+    for name in passes[0] if passes else ():
+        every = [one[name] for one in passes]
+        low, high = min(one.low_deg for one in every), max(one.high_deg for one in every)
+        number, alpha_deg = (np.concatenate([getattr(one, key) for one in every]) for key in ("number", "alpha_deg"))
+        walls = np.unique(number[(alpha_deg < low) | (alpha_deg > high)]).astype(int) + 1
+        if walls.size and low < high:
             listed = ", ".join(map(str, walls[:_MOST_NAMED])) + (", ..." if walls.size > _MOST_NAMED else "")
-            numbers: dict[str, float | str] = {"walls": int(walls.size), "of": int(np.unique(number[own]).size)}
-            numbers |= {"low_deg": float(low), "high_deg": float(high), "objects": listed}
+            numbers: dict[str, float | str] = {"walls": int(walls.size), "of": int(np.unique(number).size)}
+            numbers |= {"low_deg": low, "high_deg": high, "objects": listed}
             found.append(Finding("bounces_outside", "note", name, numbers))
     return found

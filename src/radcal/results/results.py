@@ -61,6 +61,7 @@ def archive_of(
     posteriors: Sequence[Posterior],
     image: Image,
     trained: Mapping[str, Training] = MappingProxyType({}),
+    noted: Sequence[Finding] = (),
 ) -> Archive:
     """Conclude a calibration (:func:`.conclude`) and collect its results.
 
@@ -88,6 +89,8 @@ def archive_of(
         What the fixed materials say.
     trained : mapping
         Surrogate by all runs, by material; empty if the search made none.
+    noted : sequence of Finding
+        Findings on the geometry of all passes.
 
     Returns
     -------
@@ -97,7 +100,7 @@ def archive_of(
     images = [with_height_finding(passes[0], geometry, scene, case.radar), *passes[1:]]
     of_each = dict(zip(case.calibrated, posteriors, strict=True))
     objectives = make_objectives(case, targets)
-    found = conclude(case, stop, history, targets, objectives, geometry, runs, final[:2], of_each, image, images)
+    found = conclude(case, stop, history, targets, objectives, geometry, runs, final[:2], of_each, image, images, noted)
     best = {name: history.best(name) for name in targets}
     laws = {
         name: np.array(best[name].parameters if name in best else material.start_parameters, dtype=np.float64)
