@@ -10,7 +10,7 @@ from radcal.config import case_from
 from radcal.laws import law_for
 from radcal.ppi.ground import BINS_DEG, carrier_ghz, ground_of, points_of, site_of
 from radcal.ppi.scan import one_turn
-from radcal.scene.objects import Objects
+from radcal.scene.objects import Objects, Walls
 
 GAMMA = {"dyke": law_for("constant_gamma")}
 X = {"dyke": [-12.0]}
@@ -35,7 +35,7 @@ def test_level_ground_has_the_power_of_the_radar_equation(build_scene):
     """Within 0.1 dB, with the two-way beam: sigma0 x R x width sqrt(pi / (8 ln 2)) x gate."""
     scene, config = build_scene(level, cells=(400, 400)), section(pulses=1, range_m=900, elevation_beam_deg=60)
     ground = ground_of(scene, config, GAMMA, X, 10.0)
-    sweep = one_turn(ground, points_of(scene, config, 10.0, RADAR), config, 1)
+    sweep = one_turn(ground, points_of(scene, config, 10.0, RADAR, GAMMA, X), config, 1)
     gate = 50
     at = sweep.range_m[gate]
     grazing = np.arcsin(30.0 / at) - at / (2.0 * 4.0 / 3.0 * 6.371e6)
@@ -104,12 +104,12 @@ def objects(x_m, y_m, height_m):
 def test_objects_have_the_power_of_the_radar_equation_and_their_aspect(build_scene):
     """From the middle at (500, 500): one in the north, seen from behind at 180 degrees, one in the east at 270."""
     scene = replace(build_scene(level, cells=(200, 200)), objects=objects([500.0, 900.0], [800.0, 500.0], [30.0, 30.0]))
-    found = points_of(scene, section(tilt_deg=0.0), 10.0, RADAR)
+    found = points_of(scene, section(tilt_deg=0.0), 10.0, RADAR, GAMMA, X)
     np.testing.assert_allclose(found.azimuth_deg, [0.0, 90.0], atol=1e-9)
     np.testing.assert_array_equal(found.gate, [20, 26])
     right = radar_equation_db(np.array([300.0, 400.0]), np.array([20.0, 0.0]))
     agrees(10.0 * np.log10(found.snr), right, atol=0.02, towards=right + [-10.0, 30.0], one_way=right / 2.0)
-    held = points_of(scene, section(tilt_deg=0.0, stc_m=600.0), 10.0, RADAR)
+    held = points_of(scene, section(tilt_deg=0.0, stc_m=600.0), 10.0, RADAR, GAMMA, X)
     np.testing.assert_allclose(held.snr / found.snr, [1 / 16.0, 16.0 / 81.0])
 
 
@@ -117,7 +117,33 @@ def test_objects_behind_a_wall_are_hidden_unless_they_are_tall(build_scene):
     """A wall of 20 m at 200 m, seen from 30 m: at 400 m it hides what stands below 10 m."""
     wall = build_scene(lambda east, north: 20.0 * ((east > 200.0) & (east < 205.0)), cells=(200, 200))
     scene = replace(wall, objects=objects([900.0, 900.0, 100.0], [500.0, 500.0, 500.0], [8.0, 12.0, 1.0]))
-    np.testing.assert_allclose(points_of(scene, section(), 10.0, RADAR).azimuth_deg, [90.0, 270.0])
+    np.testing.assert_allclose(points_of(scene, section(), 10.0, RADAR, GAMMA, X).azimuth_deg, [90.0, 270.0])
+
+
+@pytest.mark.parametrize("screen_m", [0.0, 7.0])
+def test_a_box_has_the_cross_section_of_roof_walls_and_double_bounce(build_scene, screen_m):
+    """300 m to the east of the mast, turned by 20 degrees; a screen hides the foot, or nothing does."""
+    scene = build_scene(
+        lambda east, north: screen_m * ((east > 240.0) & (east < 250.0)), cells=(40, 200), names=("dyke", "tiles")
+    )
+    laws, parameters = GAMMA | {"tiles": GAMMA["dyke"]}, X | {"tiles": [-5.0]}
+    one = objects([800.0], [100.0], [5.0])
+    box = replace(
+        one, length_m=np.array([12.0]), width_m=np.array([8.0]), heading_deg=np.array([20.0]), aspect=one.aspect - 1,
+        walls=Walls(one.aspect, np.array([-8.0]), np.array([True]), ("tiles",)),
+    )  # fmt: skip
+    plain = replace(box, rcs_dbsm=np.zeros(1), walls=None)
+    walled, unit = (
+        points_of(replace(scene, objects=each), section(), 10.0, RADAR, laws, parameters).snr for each in (box, plain)
+    )
+    tangent = 300.0 / 30.0
+    theta, phi = np.arctan(tangent), np.radians([20.0, 70.0])
+    alpha = np.arctan(tangent * np.sin(phi))
+    bounce = 4.0 * 10.0**-1.2 * np.cos(alpha) * 5.0 * tangent * np.cos(phi) * [12.0, 8.0]
+    expected = 10.0**-0.5 * np.cos(theta) * 96.0 + 10.0**-0.8 * 5.0 * 20.0
+    if not screen_m:
+        expected += bounce.sum()
+    assert walled / unit == pytest.approx(expected, rel=0.01)
 
 
 def test_site_and_carrier(build_scene):

@@ -21,8 +21,12 @@ from radcal.bands import LETTER_BANDS_GHZ, same_label
 from radcal.config import Radar
 from radcal.laws import Law
 from radcal.laws.grazing import RURAL, land_clutter
+from radcal.radar.facets import ANGLES_PER_RADIAN
+from radcal.radar.reflectivity import law_tables
 from radcal.scene.model import Scene
+from radcal.scene.objects import Objects
 from radcal.sections.ppi import Ppi
+from radcal.standing.bounce import alpha_deg, bounce_area_m2, reflected
 
 Array = NDArray[np.floating[Any]]
 
@@ -213,8 +217,53 @@ def ground_of(
     return Ground(speckled, land, spread, seen)
 
 
-def points_of(scene: Scene, config: Ppi, frequency_ghz: float, radar: Radar) -> Points:
-    """Objects that the mast sees; an object's cross-section is at its height above the middle of its footprint."""
+def _standing_m2(
+    relief: _Relief, objects: Objects, distance_m: Array, bearing_deg: Array, theta_deg: Array,
+    foot: NDArray[np.bool_], polarisation: str, tables: Array,
+) -> Array:  # fmt: skip
+    """Cross-section of roof, walls and double bounce of each object [m2].
+
+    ``bearing_deg`` is the direction to the mast, ``theta_deg`` the incidence on level ground at the foot; from 90
+    degrees on there is neither roof nor double bounce. ``foot`` is whether the mast sees the foot. The ground in front
+    of a wall that takes part in the double bounce ends at the mast.
+    """
+    scene, walls = relief.scene, objects.walls
+    if walls is None:
+        return np.zeros(len(objects))
+    above = theta_deg < 90.0
+    theta = np.where(above, theta_deg, 45.0)
+
+    def sigma0(material: NDArray[Any], angle_deg: Array) -> Array:
+        return np.asarray(tables[material, np.rint(np.radians(angle_deg) * ANGLES_PER_RADIAN).astype(np.intp)])
+
+    roofs = np.array([0, *(scene.names.index(name) + 1 for name in walls.roofs)])[walls.roof + 1]
+    total = np.where(above, sigma0(roofs, theta) * objects.length_m * objects.width_m, 0.0)
+    bounce = walls.bounce & foot & above & (polarisation in ("HH", "VV"))
+    bouncing_m = np.minimum(objects.height_m, distance_m / np.tan(np.radians(theta)))
+    wall_m = np.nan_to_num(10.0 ** (walls.sigma0_db / 10.0)) * objects.height_m
+    sides = (objects.length_m, objects.width_m), (objects.width_m, objects.length_m)
+    for turn in range(4):
+        (deep, length), normal = sides[turn % 2], np.radians(objects.heading_deg + 90.0 * turn)
+        cosine = np.cos(np.radians(bearing_deg) - normal)
+        ahead = 0.5 * (deep + scene.cell_m)  # middle of the cell in front of the foot
+        row, column, inside = relief.cells(objects.x_m + ahead * np.sin(normal), objects.y_m + ahead * np.cos(normal))
+        phi = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        gain = reflected(theta, phi, polarisation, walls.permittivity)
+        gain *= sigma0(scene.material[row, column] * inside, alpha_deg(theta, phi))
+        area = bounce_area_m2(theta, phi, bouncing_m, length) * gain
+        total += np.where(cosine > 1e-3, wall_m * length + np.where(bounce, area, 0.0), 0.0)
+    return total
+
+
+def points_of(
+    scene: Scene, config: Ppi, frequency_ghz: float, radar: Radar, laws: Mapping[str, Law],
+    parameters: Mapping[str, Sequence[float]],
+) -> Points:  # fmt: skip
+    """Objects that the mast sees; an object's cross-section is at its height above the middle of its footprint.
+
+    That of a box with a roof is the sum of roof, walls and double bounce, whose foot the mast sees. The arguments are
+    those of :func:`ground_of`, and the pass.
+    """
     none = np.zeros(0)
     if scene.objects is None:
         return Points(none, none.astype(np.intp), none)
@@ -230,18 +279,24 @@ def points_of(scene: Scene, config: Ppi, frequency_ghz: float, radar: Radar) -> 
         ground = relief.height(x0 + share * x[:, None], y0 + share * y[:, None])
         return np.asarray((ground + height_m - far**2 / (2.0 * EARTH_M) - antenna_m) / far)
 
-    own = tangent(np.ones((1, 1)), objects.height_m[:, None])[:, 0]
+    own, foot = (tangent(np.ones((1, 1)), up[:, None])[:, 0] for up in (objects.height_m, 0.0 * objects.height_m))
     before = np.arange(1, math.ceil(2.0 * float(distance.max()) / scene.cell_m)) * 0.5 * scene.cell_m
-    hidden = np.zeros(len(objects), dtype=np.bool_)
+    hidden, dark = np.zeros((2, len(objects)), dtype=np.bool_)  # tops, and feet
     for far in before:  # one distance of all rays at a time: few distances, many objects
         nearer = far < distance - scene.cell_m
         share = np.minimum(far / distance, 1.0)[:, None]
-        hidden |= nearer & (tangent(share, np.zeros((1, 1)))[:, 0] > own)
+        between = tangent(share, np.zeros((1, 1)))[:, 0]
+        hidden |= nearer & (between > own)
+        dark |= nearer & (between > foot)
     slant = distance * np.sqrt(1.0 + own**2)
     shown = ~hidden & (slant < config.gates * config.gate_m)
     bearing = np.degrees(np.arctan2(x, y)) % 360.0
     elevation = np.degrees(np.arctan(own))
     sigma = objects.cross_section_m2((bearing + 180.0) % 360.0, -elevation, radar.band, radar.polarisation)
-    shown &= np.isfinite(sigma)  # boxes of roof and walls have no cross-section
+    tables, grazing = law_tables(scene.names, laws, parameters), -np.arctan(foot) - distance / EARTH_M
+    sigma = np.nan_to_num(sigma) + _standing_m2(  # boxes with a roof have no cross-section of their own
+        relief, objects, distance, bearing + 180.0, 90.0 - np.degrees(grazing), ~dark, radar.polarisation, tables
+    )
+    shown &= sigma > 0.0
     snr = sigma * echo_per_m2(config, frequency_ghz, slant, elevation)
     return Points(bearing[shown], (slant[shown] / config.gate_m).astype(np.intp), snr[shown])

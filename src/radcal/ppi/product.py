@@ -121,7 +121,7 @@ def write(stem: Path, made: Forward) -> list[Path | Finding]:
     assert frequency is not None  # noqa: S101 - checked
     laws = {name: law for name, law in case.laws.items() if name in scene.names}
     ground = ground_of(scene, config, laws, case.start_parameters, frequency)
-    points = points_of(scene, config, frequency, case.radar)
+    points = points_of(scene, config, frequency, case.radar, laws, case.start_parameters)
     sweep = one_turn(ground, points, config, made.seed)
     ruled = {name: law for name, law in laws.items() if name not in config.land}
     paths = [stem.with_suffix(".h5"), stem.with_suffix(".png")]

@@ -154,12 +154,15 @@ class LitFacets:
         Material id of each cell of the scene; ground range grows with the column.
     spots : Spots or None
         Point scatterers; None in a scene without objects.
+    roofs : ndarray of uint8
+        Material ids of the scene's list of roofs.
     """
 
     view: View
     lines: Lines
     material: NDArray[np.uint8]
     spots: Spots | None
+    roofs: NDArray[np.uint8]
 
 
 def lit_facets(scene: Scene, radar: Radar, k: int | None = None) -> LitFacets:
@@ -189,7 +192,7 @@ def lit_facets(scene: Scene, radar: Radar, k: int | None = None) -> LitFacets:
     mean = float(elevation.mean())
     view = _view(scene, radar, mean, float(elevation.max()), k)
     lines, spots, _, _ = _seen_lines(scene, radar, view, mean, slice(0, len(elevation) * view.k), k is not None)
-    return LitFacets(view, lines, np.ascontiguousarray(_facing(scene.material, radar)), spots)
+    return LitFacets(view, lines, np.ascontiguousarray(_facing(scene.material, radar)), spots, _roof_ids(scene))
 
 
 def _view(scene: Scene, radar: Radar, mean_m: float, highest_m: float, k: int | None = None) -> View:

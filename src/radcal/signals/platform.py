@@ -185,14 +185,9 @@ def collection(case: Part, scene: Scene) -> Collection:
     Raises
     ------
     ConfigError
-        The scene has no relief, its boxes have walls of their own, the earth is curved, or the pulse rate or the
-        antenna does not suit beam and swath.
+        The scene has no relief, the earth is curved, or the pulse rate or the antenna does not suit beam and swath.
     """
     radar, signals = case.radar, case.signals
-    if scene.objects is not None and scene.objects.walls is not None:
-        raise ConfigError(
-            "scene.objects: boxes have a roof or a bounce, which raw signals do not hold, expected rcs_dbsm or aspect."
-        )
     if scene.elevation_m is None:
         raise ConfigError("scene.source: the scene has no elevation, expected one with elevation for raw signals.")
     if radar.earth != "flat":

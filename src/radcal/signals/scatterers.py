@@ -1,15 +1,16 @@
-"""Scatterers of a scene: facets of ground and boxes, and point scatterers, with places and complex amplitudes."""
+"""Scatterers of a scene: facets, walls, double bounces and point scatterers, with places and complex amplitudes."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config.part import Part
-from radcal.radar.facets import OBJECT, VISIBLE
+from radcal.radar.facets import ANGLES_PER_RADIAN, OBJECT, ROOF, VISIBLE
 from radcal.radar.geometry import PointScatterers
 from radcal.radar.points import phased
 from radcal.radar.projection import LitFacets, lit_facets
@@ -17,7 +18,9 @@ from radcal.radar.reflectivity import law_tables
 from radcal.scene.model import Scene
 from radcal.seeds import derived_seed
 from radcal.speckle.gaussian import gaussian_row, seed_words
+from radcal.standing.faces import Echoes
 
+_Some = tuple[NDArray[np.float64], NDArray[np.complex64]]  # places and amplitudes
 _AT_ONCE = 1 << 18  # scatterers whose random numbers are drawn at once, which bounds the work space
 
 
@@ -61,35 +64,62 @@ def scatterers(case: Part, scene: Scene, seed: int, facet_m: float) -> Scatterer
     Returns
     -------
     Scatterers
-        Visible facets, with circular Gaussian amplitudes, and visible point scatterers, with random phases. Visibility
-        and incidence are those at zero Doppler on the straight track.
+        Visible facets, lit walls and double bounces, with circular Gaussian amplitudes, and visible point scatterers,
+        with random phases. Visibility and incidence are those at zero Doppler on the straight track.
     """
     radar = case.radar
     lit = lit_facets(scene, radar, math.ceil(scene.cell_m / facet_m - 1e-9))
+    tables = law_tables(scene.names, case.laws, case.start_parameters)
+    found = [part(lit, tables, 0.5 * radar.range_resolution_m, seed) for part in (_facets, _upright)]
+    place, amplitude = zip(*found, _points(lit, seed), strict=True)
+    return Scatterers.sorted(np.concatenate(place), np.concatenate(amplitude))
+
+
+def _facets(lit: LitFacets, tables: NDArray[np.float32], longest_m: float, seed: int) -> _Some:
+    """Places and amplitudes of the visible facets of ground, boxes and roofs."""
     lines = lit.lines
     line, facet = np.nonzero(lines.state & VISIBLE)
-    near, far = lines.near_m[line, facet], lines.far_m[line, facet]
-    cell = lit.material[line // lit.view.k, facet // lit.view.k]
-    cell[(lines.state[line, facet] & OBJECT) > 0] = len(scene.names) + 1
-    tables = law_tables(scene.names, case.laws, case.start_parameters)
+    state, cell = lines.state[line, facet], lit.material[line // lit.view.k, facet // lit.view.k]
+    cell[(state & OBJECT) > 0] = len(tables) - 1
+    roof = state >> ROOF
+    cell[roof > 0] = lit.roofs[roof[roof > 0] - 1]
     power = lines.area[line, facet] * tables[cell, lines.incidence[line, facet]]
-    parts = np.maximum(1, np.ceil((far - near) / (0.5 * radar.range_resolution_m))).astype(np.int64)
+    number = (line * lines.state.shape[1] + facet).astype(np.uint32)
+    near, far, key = lines.near_m[line, facet], lines.far_m[line, facet], derived_seed(seed, "facets")
+    whole, slant, drawn = _divided(near, far, power, number, longest_m, key)
+    height = lines.height_m[line, facet][whole].astype(np.float64)
+    return _places(lit, (line[whole] + 0.5) * lit.view.step_m, slant + lit.view.base_m, height), drawn
+
+
+def _upright(lit: LitFacets, tables: NDArray[np.float32], longest_m: float, seed: int) -> _Some:
+    """Places and amplitudes of walls, and of double bounces, which have the phase of the wall's foot."""
+    found, view = Echoes.joined(lit.lines.echoes), lit.view
+    ground = lit.material[found.line // view.k, found.facet // view.k]
+    angle = (np.radians(np.nan_to_num(found.alpha_deg)) * ANGLES_PER_RADIAN).round().astype(np.intp)
+    power = found.area_m2 * np.where(np.isnan(found.alpha_deg), 1.0, tables[ground, angle])
+    number, key = np.arange(power.size, dtype=np.uint32), derived_seed(seed, "walls")
+    whole, slant, drawn = _divided(found.near_m, found.far_m, power, number, longest_m, key)
+    away = found.away_m[whole]
+    height = view.track_m - np.sqrt(slant**2 - away**2)
+    return np.stack([(found.line[whole] + 0.5) * view.step_m, away, height], axis=1), drawn
+
+
+def _divided(
+    near: NDArray[Any], far: NDArray[Any], power: NDArray[Any], number: NDArray[np.uint32], longest_m: float, key: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.complex64]]:
+    """Index of the scatterer, slant range and drawn amplitude of parts of at most a length in slant range [m]."""
+    parts = np.maximum(1, np.ceil((far - near) / longest_m)).astype(np.int64)
     whole = np.repeat(np.arange(parts.size), parts)
     part = np.arange(whole.size) - np.repeat(np.cumsum(parts) - parts, parts)
     share = ((part + 0.5) / parts[whole]).astype(np.float32)
-    slant = lit.view.base_m + (near[whole] + share * (far - near)[whole]).astype(np.float64)
-    number = (line * lines.state.shape[1] + facet).astype(np.uint32)[whole]
-    drawn = _drawn(number, part.astype(np.uint32), seed)
+    slant = (near[whole] + share * (far - near)[whole]).astype(np.float64)
+    drawn = _drawn(number[whole], part.astype(np.uint32), key)
     drawn *= np.sqrt(power[whole] / parts[whole].astype(np.float32))
-    place = _places(
-        lit, (line[whole] + 0.5) * lit.view.step_m, slant, lines.height_m[line, facet][whole].astype(np.float64)
-    )
-    points, phases = _points(lit, seed)
-    return Scatterers.sorted(np.concatenate([place, points]), np.concatenate([drawn, phases]))
+    return whole, slant, drawn
 
 
 def _places(
-    lit: LitFacets, azimuth_m: NDArray[np.float64], slant_m: NDArray[np.float64], height_m: NDArray[np.float64]
+    lit: LitFacets, azimuth_m: NDArray[Any], slant_m: NDArray[Any], height_m: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Places whose slant range at zero Doppler is the given one, at the given elevation."""
     ground = np.sqrt(np.maximum(slant_m**2 - (lit.view.track_m - height_m) ** 2, 0.0))
@@ -97,8 +127,8 @@ def _places(
 
 
 def _drawn(number: NDArray[np.uint32], part: NDArray[np.uint32], seed: int) -> NDArray[np.complex64]:
-    """Circular Gaussian amplitudes of unit mean power of the parts of facets, by the facet's number."""
-    key, out = seed_words(derived_seed(seed, "facets")), np.empty(number.size, np.complex64)
+    """Circular Gaussian amplitudes of unit mean power of the parts of scatterers, by the scatterer's number."""
+    key, out = seed_words(seed), np.empty(number.size, np.complex64)
     words, halves = np.empty((2, _AT_ONCE), np.uint32), np.empty((2, _AT_ONCE), np.float32)
     for first in range(0, number.size, _AT_ONCE):
         n = min(_AT_ONCE, number.size - first)
@@ -108,7 +138,7 @@ def _drawn(number: NDArray[np.uint32], part: NDArray[np.uint32], seed: int) -> N
     return out
 
 
-def _points(lit: LitFacets, seed: int) -> tuple[NDArray[np.float64], NDArray[np.complex64]]:
+def _points(lit: LitFacets, seed: int) -> _Some:
     """Places and amplitudes of the visible point scatterers; their phases are those of the fast image."""
     if lit.spots is None:
         return np.empty((0, 3)), np.empty(0, np.complex64)

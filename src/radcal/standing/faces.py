@@ -69,6 +69,8 @@ class Echoes:
         Azimuth line of the piece, and the facet in front of its foot.
     number : ndarray of int64, shape (n,)
         Index of the object in the scene's list of objects.
+    away_m : ndarray, shape (n,)
+        Ground range of the face from the track [m].
     near_m, far_m : ndarray, shape (n,)
         Nearest and furthest slant range of the echo [m].
     area_m2 : ndarray, shape (n,)
@@ -82,6 +84,7 @@ class Echoes:
     line: Whole
     facet: Whole
     number: Whole
+    away_m: Doubles
     near_m: Doubles
     far_m: Doubles
     area_m2: Doubles
@@ -169,7 +172,7 @@ def echoes(boxes: Any, ground: Ground, polarisation: str, permittivity: tuple[fl
     bounce_m2 = bounce_area_m2(theta, phi, height_m, length_m) * gain
     bounces = (foot_m, foot_m, bounce_m2, alpha_deg(theta, phi), np.hypot(away - width_m, foot_down))
 
-    where = (line + ground.first, in_front, boxes.number[box])
+    where = (line + ground.first, in_front, boxes.number[box], away)
     found = zip((*where, *walls), (*where, *bounces), strict=True)
     return Echoes(*(np.concatenate([of_wall[wall], of_bounce[bounce]]) for of_wall, of_bounce in found))
 
