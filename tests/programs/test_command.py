@@ -14,15 +14,13 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from raster_files import write_raster
 
-from radcal.config import Material, case_from
+from radcal.config import case_from
 from radcal.errors import ConfigError, SimulatorError
 from radcal.programs import command as module
 from radcal.programs.command import CommandPlan, CommandSimulator, toml_text
-from radcal.programs.command_plan import changed_links, check_command
+from radcal.programs.command_plan import changed_links
 
 MATERIALS = {
     "dyke": {"calibrate": True, "law": "external", "names": ["mv", "s"], "bounds": [[0, 1], [0, 9]]},
@@ -126,8 +124,6 @@ def test_input_files_templates_and_arguments_say_the_same(make, tmp_path, radar)
     data = json.loads((folder / "input.json").read_text())
     assert data["parameters"] == {"dyke": {"mv": 0.1, "s": 1e-17}, "grass": dict(zip(GRASS, X["grass"], strict=True))}
     assert data["radar"] == radar.model_dump(mode="json")
-    log = json.loads((folder / "radcal.log").read_text())
-    assert (log["exit_code"], log["timed_out"]) == (0, False)
 
 
 def test_toml_input_is_the_json_input(make, tmp_path):
@@ -136,22 +132,6 @@ def test_toml_input_is_the_json_input(make, tmp_path):
     np.testing.assert_array_equal(
         make(script, input={"file": "run.toml", "format": "toml"}).run(X, 3), make(WORKING).run(X, 3)
     )
-
-
-# all but surrogates, which UTF-8 cannot encode; codec="utf-8" means the same, and takes 2 s to find out
-characters = st.characters(exclude_categories=["Cs"])
-plain = st.recursive(
-    st.booleans() | st.integers(-(2**63), 2**63 - 1) | st.floats(allow_nan=False, allow_infinity=False)
-    | st.text(characters) | st.lists(st.floats(allow_nan=False, allow_infinity=False)),
-    lambda inner: st.dictionaries(st.text(characters), inner),
-    max_leaves=4,
-)  # fmt: skip
-
-
-@given(st.dictionaries(st.text(characters), plain, max_size=3))
-@settings(max_examples=50, deadline=None)
-def test_toml_is_read_as_written(data):
-    assert tomllib.loads(toml_text(data)) == data
 
 
 def test_toml_leaves_out_what_is_none():
@@ -233,11 +213,9 @@ def failing(body):
         ("import sys\nfor k in range(20): sys.stderr.write(10**6 * 'x')\nsys.exit('full')", {},
          ["exit code 1", 'xxfull"']),
         ("import sys; sys.stderr.buffer.write(bytes(range(256))); sys.exit(2)", {}, ["exit code 2", "ABCDEF"]),
-        ("import os; os.mkdir('radcal.log')", {}, ["leaves no place for radcal.log", "Is a directory"]),
         (WORKING, {"command": ["{python}", "-S", "sim.py", "{input}", 3_000_000 * "x"]},
          ["python", "cannot be started (Argument list too long)"]),
         (WORKING.replace("rows * columns", "rows"), {}, ["simulator.output.file: ", "bytes, expected"]),
-        (WORKING.replace('array("f"', 'array("d"'), {}, ["of float32: as many as of float64 or complex64"]),
         (WORKING.replace("level +", "float('nan') +"), {}, ["holds no finite number"]),
         (WORKING.replace("level +", "(level if _ % 2 else float('nan')) +"), {}, ["of the", "pixels of dyke", "NaN"]),
         (WORKING.replace("level +", "1e4 +"), {}, ["within +-200 dB", "simulator.output.scale"]),
@@ -246,8 +224,7 @@ def failing(body):
          ["negative, which power cannot be", "simulator.output.scale: db"]),
     ],
     ids=["hanging", "exit 1", "killed", "aborted", "no output", "a folder", "a pipe", "late", "huge stderr",
-         "binary stderr", "log barred", "long argument", "too short", "another dtype", "all NaN",
-         "half NaN", "200 dB", "not npy", "wrong scale"],
+         "binary stderr", "long argument", "too short", "all NaN", "half NaN", "200 dB", "not npy", "wrong scale"],
 )  # fmt: skip
 def test_failures_end_in_one_sentence_and_keep_the_folder(make, tmp_path, script, changes, words):
     with pytest.raises(SimulatorError) as caught:
@@ -261,17 +238,11 @@ def test_failures_end_in_one_sentence_and_keep_the_folder(make, tmp_path, script
     assert f"kept as {tmp_path / 'work' / kept}." in message
     assert kept.startswith("failed-")
     assert ".partial" not in message
-    # one that could not be started has no log
-    wanted = {"radcal.stdout", "radcal.stderr", "sim.py", "input.json"}
-    if "cannot be started" not in message:
-        wanted.add("radcal.log")
-    assert wanted <= set(os.listdir(tmp_path / "work" / kept))
+    assert {"radcal.stdout", "radcal.stderr", "sim.py", "input.json"} <= set(os.listdir(tmp_path / "work" / kept))
 
 
 def test_a_program_that_takes_its_folder_away(make, tmp_path):
-    with pytest.raises(
-        SimulatorError, match=r"^simulator\.command: python.* ended with exit code 0 and leaves no place"
-    ):
+    with pytest.raises(SimulatorError, match=r"^simulator\.command: python.* ended with exit code 0 but left no file"):
         make("import os, shutil; shutil.rmtree(os.getcwd())").run(X, 1)
     assert folders(tmp_path) == []
 
@@ -465,18 +436,17 @@ def test_a_script_without_its_interpreter(make, tmp_path, first_line):
         make(command=[str(tmp_path / "sim"), "{input}"]).run(X, 1)
 
 
-def test_a_version_command_that_hangs_is_told(make, monkeypatch):
-    monkeypatch.setattr(module, "_VERSION_SECONDS", 0.3)
-    with pytest.raises(
-        SimulatorError,
-        match=r"^simulator\.version_command: python\S* was not done after (0\.[3-9]|[12]\b)\S* s and was",
-    ):
-        _ = make(version_command=["{python}", "-c", "import time; time.sleep(100)"]).identity
-
-
-def test_a_version_command_that_fails_is_told(make):
-    with pytest.raises(SimulatorError, match=r"^simulator\.version_command: python.* ended with exit code 3"):
-        _ = make(version_command=["{python}", "-c", "raise SystemExit(3)"]).identity
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [
+        ("import time; time.sleep(100)", r"was not done after (0\.[3-9]|[12]\b)\S* s and was"),
+        ("raise SystemExit(3)", "ended with exit code 3"),
+    ],
+)
+def test_a_version_command_that_fails_is_told(make, monkeypatch, code, words):
+    monkeypatch.setattr(module, "_VERSION_SECONDS", 0.3 if "sleep" in code else 60.0)
+    with pytest.raises(SimulatorError, match=rf"^simulator\.version_command: python\S* {words}"):
+        _ = make(version_command=["{python}", "-c", code]).identity
 
 
 @pytest.mark.parametrize(
@@ -510,56 +480,6 @@ def test_refused_before_any_run(make, tmp_path, changes, words):
 def test_numbers_in_the_environment_are_text(make):
     checks = "import os; assert (os.environ['THREADS'], os.environ['SCALE']) == ('4', '0.5')\n"
     make(checks + WORKING, environment={"THREADS": 4, "SCALE": 0.5}).run(X, 1)
-
-
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
-        ({}, ""),
-        (
-            {"files": []},
-            "simulator.command.1 is 'sim.py', but the program runs in a folder of its own, in which it is missing: add "
-            "sim.py to simulator.files.",
-        ),
-        (
-            {"files": [], "command": ["{python}", "tools/sim.py", "{input}"]},
-            "add tools/sim.py to simulator.files, and write sim.py in its place.",
-        ),
-        (
-            {"command": ["{python}", "bad/sim.py", "{input}"]},
-            "simulator.command.1 is 'bad/sim.py', but the program runs in a folder of its own, into which "
-            "simulator.files is copied without folders: write sim.py.",
-        ),
-        ({"version_command": ["sh", "version.sh"]}, "simulator.version_command.1 is 'version.sh', but"),
-        ({"files": [], "links": ["tools"], "command": ["{python}", "tools/sim.py", "{input}"]}, ""),
-        ({"command": ["{python}", "{folder}/sim.py", "{input}"]}, ""),
-        # files that the program may make itself
-        ({"command": ["{python}", "./sim.py", "{input}", "run.log", "gone.py", "--own=tools/sim.py"]}, ""),
-        ({"command": ["sh", "sub/sim.py"], "templates": [{"template": "t.tpl", "file": "sub/sim.py"}]}, ""),
-    ],
-)
-def test_a_script_that_the_run_will_not_find_is_told_before_it(tmp_path, monkeypatch, changes, said):
-    monkeypatch.chdir(tmp_path)
-    Path("tools").mkdir()
-    for name in ("sim.py", "tools/sim.py", "version.sh", "run.log"):
-        Path(name).touch()
-    Path("t.tpl").write_text("@dyke.mv@")
-    output = {"file": "image.npy", "scale": "db"}
-    right = {"kind": "command", "command": ["{python}", "sim.py", "{input}"], "files": ["sim.py"], "input": {}}
-    data = {"simulator": right | {"output": output} | changes, "materials": MATERIALS, "measurement": SYNTHETIC}
-    with pytest.raises(ConfigError) if said else contextlib.nullcontext() as refused:
-        check_command(case_from(data))
-    if said:
-        assert said in str(refused.value)
-
-
-def test_the_default_case_has_no_command_to_check():
-    check_command(case_from({}))
-
-
-def test_materials_without_parameters_need_none(radar, geometry):
-    water = Material(law="external")
-    assert (water.parameter_names, water.start_parameters) == ((), [])
 
 
 def test_whole_parameters_are_handed_over_without_a_decimal_point(tmp_path, radar, geometry):

@@ -25,9 +25,9 @@ def test_numbers_after_a_header(tmp_path, order, sign, header):
     np.testing.assert_array_equal(read(path, byte_order=order, header_bytes=header), VALUES.astype("f4"))
 
 
-def test_another_size_names_the_type_that_would_fit(tmp_path):
+def test_a_file_of_another_size_is_refused(tmp_path):
     path = tmp_path / "image.raw"
     path.write_bytes(bytes(5 + 6 * 8))
-    said = r"53 bytes, expected 29 for 2 x 3 numbers of float32 after a header of 5: as many as of .*float64"
+    said = r"53 bytes, expected 29 for 2 x 3 numbers of float32 after a header of 5"
     with pytest.raises(SimulatorError, match=said):
         read(path, header_bytes=5)

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import tomli_w
@@ -26,7 +26,7 @@ from radcal.programs.placeholders import SEED, argument
 from radcal.programs.process import output_tail, run_program
 from radcal.reading.arrays import read_array
 from radcal.reading.images import NOT_FINITE, ImageFile, Values, reading, to_db
-from radcal.sections.simulator import Output, RawType
+from radcal.sections.simulator import Output
 from radcal.storage.files import atomic, case_folder, working_folder
 
 if TYPE_CHECKING:
@@ -347,12 +347,8 @@ def read_raw(file: ImageFile, config: Output, shape: tuple[int, int]) -> Values:
     expected = header + shape[0] * shape[1] * dtype.itemsize
     found = file.path.stat().st_size
     if found != expected:
-        pixels = shape[0] * shape[1]
-        others = [name for name in get_args(RawType) if found == header + pixels * np.dtype(name).itemsize]
-        as_many = f": as many as of {' or '.join(others)}" if others else ""
         raise file.refused(
             f"{file.path} has {found} bytes, expected {expected} for {shape[0]} x {shape[1]} numbers of {config.dtype}"
             f"{f' after a header of {header}' if header else ''}"
-            f"{as_many}"
         )
     return np.fromfile(file.path, dtype=dtype, offset=header).reshape(shape)

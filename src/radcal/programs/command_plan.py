@@ -18,8 +18,6 @@ from radcal.programs.written_numbers import check_numbers
 from radcal.sections.simulator import SimulatorConfig
 from radcal.storage.files import file_sha256
 
-_SCRIPTS = (".bash", ".jar", ".jl", ".js", ".lua", ".m", ".pl", ".pro", ".py", ".r", ".rb", ".sh", ".tcl")
-
 
 class CommandPlan:
     """Program, files, placeholders and seed of an external simulator, checked before the first run.
@@ -140,35 +138,14 @@ def check_command(case: Case) -> None:
     Raises
     ------
     ConfigError, SimulatorError
-        A script is not listed, or :class:`CommandPlan`, :func:`radcal.programs.written_numbers.check_numbers` or
+        :class:`CommandPlan`, :func:`radcal.programs.written_numbers.check_numbers` or
         :func:`radcal.programs.seed_width.check_seeds` found an error.
     """
     if isinstance(case.simulator, CommandSimulation):
         plan = CommandPlan(case.simulator, case.materials)
-        _check_scripts(case.simulator)
         check_numbers(case.materials, plan.texts)
         if case.simulator.input is None:
             check_seeds(case, plan.texts)
-
-
-def _check_scripts(config: CommandSimulation) -> None:
-    """Raise a ConfigError if a command names a script that the run's folder will not have under this name."""
-    listed = {Path(text).name for text in config.files}
-    made = {Path(config.output.file), *(Path(item.file) for item in config.templates)}
-    made |= set() if config.input is None else {Path(config.input.file)}
-    made |= {Path(name) for name in listed} | {Path(Path(text).name) for text in config.links}
-    for key, words in (("command", config.command), ("version_command", config.version_command or [])):
-        for k, word in enumerate(words[1:], start=1):
-            path = Path(word)
-            if path.is_absolute() or "{" in word or word.startswith("-") or not made.isdisjoint((path, *path.parents)):
-                continue
-            where = f"simulator.{key}.{k} is {word!r}, but the program runs in a folder of its own"
-            if path.name in listed and len(path.parts) > 1:
-                raise ConfigError(f"{where}, into which simulator.files is copied without folders: write {path.name}.")
-            script = path.suffix.lower() in _SCRIPTS or (k == 1 and words[0] == "{python}")
-            if script and path.is_file():
-                shorter = f", and write {path.name} in its place" if len(path.parts) > 1 else ""
-                raise ConfigError(f"{where}, in which it is missing: add {word} to simulator.files{shorter}.")
 
 
 def check_image_shape(simulator: SimulatorConfig, shape: tuple[int, ...]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import signal
 import subprocess
@@ -13,11 +12,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from radcal.config.disclosure import hashed
 from radcal.errors import SimulatorError
 from radcal.programs import guard
 
-STDOUT, STDERR, LOG = "radcal.stdout", "radcal.stderr", "radcal.log"
+STDOUT, STDERR = "radcal.stdout", "radcal.stderr"
 _MOST_BYTES = 100_000_000  # largest size of what a program prints on standard output, and on standard error
 _LOOK_S = 0.2  # time between two looks at the size of what a program has printed [s]
 _TAIL_BYTES = 4000
@@ -57,8 +55,7 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
     arguments : sequence of str
         Absolute path of the program and its arguments.
     folder : path
-        Working directory of the program. The files ``radcal.stdout``, ``radcal.stderr`` and ``radcal.log`` are written
-        into this folder.
+        Working directory of the program, into which the files ``radcal.stdout`` and ``radcal.stderr`` are written.
     environment : mapping
         Environment variables for the program, in addition to the variables of this process.
     timeout_s : float
@@ -72,8 +69,7 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
     Raises
     ------
     SimulatorError
-        The operating system refuses the arguments, the program prints more than 100 MB, or the log cannot be written
-        into the folder.
+        The operating system refuses the arguments, or the program prints more than 100 MB.
     """
     command = [sys.executable, "-I", "-S", guard.__file__, *arguments]
     started = time.perf_counter()
@@ -111,22 +107,7 @@ def run_program(arguments: Sequence[str], folder: Path, environment: Mapping[str
                 f"{Path(arguments[0]).name} was killed, because {flood} has {sizes[flood]} bytes, expected at most "
                 f"{_MOST_BYTES}, {output_tail(folder)}."
             )
-    ended = Ended(code, time.perf_counter() - started)
-    log = {
-        "command": list(arguments),
-        "environment_sha256": hashed(environment),
-        "exit_code": ended.code,
-        "timed_out": ended.code is None,
-        "seconds": round(ended.seconds, 3),
-    }
-    try:
-        (folder / LOG).write_text(json.dumps(log, indent=1) + "\n", encoding="utf-8")
-    except OSError as error:
-        name = Path(arguments[0]).name
-        raise SimulatorError(
-            f"{name} {ended} and leaves no place for {LOG} in its folder {folder} ({error.strerror})."
-        ) from None
-    return ended
+    return Ended(code, time.perf_counter() - started)
 
 
 def output_tail(folder: Path) -> str:

@@ -6,7 +6,6 @@ outside of the bounds.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 
 import numpy as np
@@ -73,14 +72,5 @@ def _check(marker: Marker, low: float, high: float, whole: bool, where: str) -> 
     if different < _FEWEST or min(written) < low - rounding or max(written) > high + rounding:
         raise ConfigError(
             f"{ends}, and {_TRIED} values from bound to bound as {different} different numbers, expected at least "
-            f"{_FEWEST}, all inside of the bounds: write {marker.name}:{_finer(marker.spec, low, high)}, or "
-            f"{marker.name} alone for all digits."
+            f"{_FEWEST}, all inside of the bounds: write more digits, or {marker.name} alone for all of them."
         )
-
-
-def _finer(spec: str, low: float, high: float) -> str:
-    """Format that resolves the interval by at least a hundred numbers, in a field as wide as needed if there is one."""
-    decimals = max(0, math.ceil(2 - math.log10(high - low)))
-    kind = f".{decimals}f" if decimals < 10 and max(abs(low), abs(high)) < 1e9 else ".9e"
-    field = any(map(str.isdigit, spec.partition(".")[0]))
-    return f"{max(len(format(x, kind)) for x in (low, high))}{kind}" if field else kind
