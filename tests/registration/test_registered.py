@@ -212,7 +212,7 @@ def test_a_start_without_contrast_is_blamed_and_not_the_image():
         MeasurementError, match=r"simulated at the start has no contrast between materials \(the level"
     ) as e:
         register(blank, Measurement(image, "a.tif"), RegistrationConfig())
-    assert "give the materials starts that differ (materials.*.start, as radcal new writes them), or" in str(e.value)
+    assert "give the materials starts that differ (materials.*.start, as radcal new writes them). If" in str(e.value)
     assert "is it the same area" not in str(e.value)
 
 

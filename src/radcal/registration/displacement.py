@@ -6,12 +6,20 @@ A displacement field ``d`` has shape (2, rows, columns): ``d[0]`` is the displac
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 _ITERATIONS = 50
 _CLOSE_PX = 1e-3
+
+
+def squares(image: NDArray[Any], side: int) -> NDArray[Any]:
+    """Whole squares of an image, shape (rows, side, columns, side); pixels beyond the last square are left out."""
+    rows, columns = (n // side for n in image.shape)
+    return image[: rows * side, : columns * side].reshape(rows, side, columns, side)
 
 
 def warp(image: NDArray[np.float32], displacement: NDArray[np.float64]) -> NDArray[np.float32]:

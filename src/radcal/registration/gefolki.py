@@ -26,6 +26,7 @@ import scipy
 from numpy.typing import NDArray
 
 from radcal.processes import one_thread
+from radcal.registration.displacement import squares
 from radcal.registration.spline_field import CELL_PX, Data, Lattice, Prior, SplinePosterior
 
 # chosen on the even seeds of benchmarks/registration.py
@@ -77,8 +78,7 @@ def rank_transform(image_db: NDArray[np.float32], radius: int = _RANK_RADIUS) ->
 
 def _halved(image_db: NDArray[np.float32]) -> NDArray[np.float32]:
     """Image of half the size, with the mean of the valid pixels in each square of 2 x 2 pixels."""
-    rows, columns = image_db.shape[0] // 2, image_db.shape[1] // 2
-    blocks = image_db[: 2 * rows, : 2 * columns].reshape(rows, 2, columns, 2)
+    blocks = squares(image_db, 2)
     there = np.isfinite(blocks)
     total = np.where(there, blocks, 0.0).sum(axis=(1, 3))
     count = there.sum(axis=(1, 3))

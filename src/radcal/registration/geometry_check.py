@@ -12,7 +12,7 @@ from radcal.config import Radar
 from radcal.errors import MeasurementError
 from radcal.findings import Finding, Severity
 from radcal.radar.geometry import Geometry
-from radcal.registration.displacement import warp
+from radcal.registration.displacement import squares, warp
 from radcal.registration.registered import LEAST_CONTRAST_DB, Registered
 from radcal.registration.relief import relief_slopes
 from radcal.words import sentence
@@ -153,9 +153,7 @@ def relief(
 
 def _squares(values: NDArray[np.generic]) -> Doubles:
     """Means of squares without a trend over rows; 0 for a square of which less than half has values."""
-    rows, columns = (n // _SQUARE_PX for n in values.shape)
-    parts = values[: rows * _SQUARE_PX, : columns * _SQUARE_PX].astype(np.float64)
-    parts = parts.reshape(rows, _SQUARE_PX, columns, _SQUARE_PX)
+    parts = squares(values.astype(np.float64), _SQUARE_PX)
     count = np.isfinite(parts).sum(axis=(1, 3))
     means = np.where(count >= _SQUARE_PX**2 / 2, np.nansum(parts, axis=(1, 3)) / np.maximum(count, 1), np.nan)
     row, _ = np.nonzero(known := np.isfinite(means))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from radcal.config import Radar
 from radcal.findings import Finding
 from radcal.radar.geometry import Geometry
+from radcal.registration.displacement import squares
 from radcal.registration.registered import Registered
 from radcal.scene.model import Scene
 
@@ -82,7 +83,8 @@ def height_shift(registered: Registered, geometry: Geometry, scene: Scene, radar
         scene.elevation_m, geometry.ground[:, used].astype(np.float64), order=1
     )
     moved_m = np.where(used, registered.displacement_px[0].astype(np.float64), np.nan) * radar.range_spacing_m
-    heights, moves = _squares(height), _squares(moved_m)
+    # NaN for a square in which any value is missing
+    heights, moves = (squares(values, _SQUARE_PX).mean(axis=(1, 3)) for values in (height, moved_m))
     known = np.isfinite(heights) & np.isfinite(moves)
     row, column = np.nonzero(known)
     rows, columns = known.shape
@@ -103,13 +105,6 @@ def height_shift(registered: Registered, geometry: Geometry, scene: Scene, radar
     without = np.array([slope(tile != left_out) for left_out in range(_TILES**2)])
     error = float(np.sqrt((_TILES**2 - 1) * np.var(without)))
     return HeightShift(slope(np.ones(tile.size, dtype=np.bool_)), error, ellipsoid)
-
-
-def _squares(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Means of whole squares; NaN for a square in which any value is missing."""
-    rows, columns = (length // _SQUARE_PX for length in values.shape)
-    parts = values[: rows * _SQUARE_PX, : columns * _SQUARE_PX].reshape(rows, _SQUARE_PX, columns, _SQUARE_PX)
-    return np.asarray(parts.mean(axis=(1, 3)))
 
 
 def height_findings(registered: Registered, geometry: Geometry, scene: Scene, radar: Radar) -> list[Finding]:

@@ -15,7 +15,7 @@ from radcal.errors import MeasurementError, RadcalError
 from radcal.findings import Finding
 from radcal.image.model import Measurement
 from radcal.registration.base import Method
-from radcal.registration.displacement import warp
+from radcal.registration.displacement import squares, warp
 from radcal.registration.gefolki import Flow, Level, find_flow, local_correlation, pyramid, rank_transform
 from radcal.registration.spline_field import Prior
 from radcal.sections.measurement import REGISTRATIONS
@@ -106,10 +106,8 @@ def contrast_db(image_db: NDArray[np.float32]) -> float:
     image_db : ndarray, shape (rows, columns)
         Image [dB]; NaN where a pixel has no value.
     """
-    side = _CONTRAST_PX
-    rows, columns = (n // side for n in image_db.shape)
-    parts = np.asarray(image_db, dtype=np.float64)[: rows * side, : columns * side]
-    parts = np.where(np.isfinite(parts), parts, np.nan).reshape(rows, side, columns, side)
+    side, values = _CONTRAST_PX, np.asarray(image_db, dtype=np.float64)
+    parts = squares(np.where(np.isfinite(values), values, np.nan), side)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # squares without a pixel
         # speckle of pixels that are two apart is independent
@@ -119,7 +117,7 @@ def contrast_db(image_db: NDArray[np.float32]) -> float:
     whole = np.isfinite(halves[0]) & np.isfinite(halves[1])
     if np.count_nonzero(whole) <= 2 * (_TREND + 1):
         return float("nan")
-    row = np.nonzero(whole)[0] / max(rows - 1, 1)
+    row = np.nonzero(whole)[0] / max(len(whole) - 1, 1)
     degree = min(_TREND, len(np.unique(row)) - 1)  # a polynomial of a higher degree is not determined
     left, right = (half[whole] - np.polynomial.Polynomial.fit(row, half[whole], degree)(row) for half in halves)
     return float(np.sqrt(max(0.0, float(np.mean(left * right)))))
@@ -177,15 +175,15 @@ def register(
 
         shift, *_ = phase_cross_correlation(*ranks, upsample_factor=4, normalization=None)
         start = -np.asarray(shift, dtype=np.float64)
-    squares = _chequerboard((fixed_db.shape[0], fixed_db.shape[1]))
+    chequered = _chequerboard((fixed_db.shape[0], fixed_db.shape[1]))
     flow = find_flow(levels, start=start)
     both, prior = flow.displacement_px, flow.posterior.prior
-    halves = [find_flow(levels, keep, start, prior).displacement_px for keep in (squares, ~squares)]
+    halves = [find_flow(levels, keep, start, prior).displacement_px for keep in (chequered, ~chequered)]
     method: Method = REGISTRATIONS[config.method]
     field = method(*ranks, start, both)
 
-    before = _held_out(ranks, (nothing, nothing), squares)
-    after = _held_out(ranks, (halves[0], halves[1]), squares)
+    before = _held_out(ranks, (nothing, nothing), chequered)
+    after = _held_out(ranks, (halves[0], halves[1]), chequered)
     found = f"correlation {before.mean():.3f} before and {after.mean():.3f} after, on squares not used to find it"
     furthest = float(np.hypot(*field).max())
     raised = float((after - before).mean()) >= _LEAST_GAIN
@@ -263,26 +261,24 @@ def _check_agreement(
     mirrored = _mirrored(levels, flow.posterior.prior)
     best = max(mirrored, key=lambda name: mirrored[name])
     if _z(correlation) < _SIGNIFICANT or common < _MIRRORED * mirrored[best]:
-        if contrast < LEAST_CONTRAST_DB:
-            raise MeasurementError(
-                f"registration: the image simulated at the start has no contrast between materials (the level of its "
-                f"squares varies by {contrast:.2f} dB), so that {source} cannot be laid on it ({found}): give the "
-                "materials starts that differ (materials.*.start, as radcal new writes them), or, if the image lies on "
-                "the simulated image's pixels already, set registration.method: none."
-            )
         fits = mirrored[best] > _FITS * common
-        if _z(correlation) >= _SIGNIFICANT and not fits:
-            raise MeasurementError(
-                f"registration: {source} agrees with the simulated image ({found}), but not clearly better than its "
-                f"mirrored versions, which agree by chance (mean local correlation {common:.3f}, mirrored "
-                f"{mirrored[best]:.3f}, expected at least {_MIRRORED:g} times as much): are starting or fixed laws "
-                "wrong (materials.*.start, materials.*.parameters), or is it another area, turned or mirrored? If it "
-                "lies on the simulated image's pixels already, set registration.method: none."
-            )
         hint = f"it fits {best}" if fits else "is it the same area, seen from the same side, not turned or mirrored?"
+        why = f"{source} has nothing in common with the simulated image ({found}): {hint}"
+        if contrast < LEAST_CONTRAST_DB:
+            why = (
+                f"the image simulated at the start has no contrast between materials (the level of its squares varies "
+                f"by {contrast:.2f} dB), so that {source} cannot be laid on it ({found}): give the materials starts "
+                "that differ (materials.*.start, as radcal new writes them)."
+            )
+        elif _z(correlation) >= _SIGNIFICANT and not fits:
+            why = (
+                f"{source} agrees with the simulated image ({found}), but not clearly better than its mirrored "
+                f"versions, which agree by chance (mean local correlation {common:.3f}, mirrored {mirrored[best]:.3f}, "
+                f"expected at least {_MIRRORED:g} times as much): are starting or fixed laws wrong (materials.*.start, "
+                "materials.*.parameters), or is it another area, turned or mirrored?"
+            )
         raise MeasurementError(
-            f"registration: {source} has nothing in common with the simulated image ({found}): {hint} If it lies on "
-            "the simulated image's pixels already, set registration.method: none."
+            f"registration: {why} If it lies on the simulated image's pixels already, set registration.method: none."
         )
 
 
@@ -321,20 +317,17 @@ def _square(shape: tuple[int, ...]) -> int:
 def _held_out(
     ranks: tuple[NDArray[np.float32], NDArray[np.float32]],
     fields: tuple[NDArray[np.float64], NDArray[np.float64]],
-    squares: NDArray[np.bool_],
+    chequered: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
     """Correlation of both images in each square, with the field found from the squares of the other colour."""
     fixed, moving = ranks
     total = np.zeros(fixed.shape)
-    for field, used in zip(fields, (squares, ~squares), strict=True):
+    for field, used in zip(fields, (chequered, ~chequered), strict=True):
         moved = np.nan_to_num(warp(moving, field))
         # the sign of the contrast is also estimated on the squares that are not held out
         sign = np.sign(local_correlation(fixed * used, moved * used, _SIGN_WINDOW_PX))
         total += np.where(used, 0.0, fixed * moved * sign)
-    side = _square(fixed.shape)
-    rows, columns = (n // side for n in fixed.shape)
-    cut = (slice(0, rows * side), slice(0, columns * side))
-    blocks = total[cut].reshape(rows, side, columns, side).mean(axis=(1, 3)).ravel()
+    blocks = squares(total, _square(fixed.shape)).mean(axis=(1, 3)).ravel()
     return np.asarray(blocks / (fixed.std() * moving.std() + 1e-12))
 
 
