@@ -17,7 +17,6 @@ from radcal.storage.files import (
     digest,
     first_difference,
     sweep,
-    sweep_scripts,
     unwritable,
     working_folder,
 )
@@ -169,14 +168,6 @@ def test_a_process_that_nobody_has_waited_for_is_dead(tmp_path):
         assert not alive(process.pid)
         assert sweep(tmp_path) == 1
     assert not left.exists()
-
-
-def test_scripts_of_this_case_alone_are_swept(tmp_path):
-    for name, log in (("tmp1.py", "results/dyke/logs/run.log"), ("tmp2.py", "results/dyke2/logs/run.log")):
-        (tmp_path / name).write_text(f"log = '{log}'")
-    (tmp_path / "own.py").write_text("results/dyke/logs/")
-    assert sweep_scripts(tmp_path, "results/dyke") == 1
-    assert left_in(tmp_path) == ["own.py", "tmp2.py"]
 
 
 def test_a_folder_that_cannot_be_written_is_found(tmp_path, monkeypatch):

@@ -29,14 +29,14 @@ def test_an_index_holds_keys_and_parameters_and_what_repeats_differ(tmp_path):
 def test_listed_runs_come_in_order_and_one_that_is_gone_is_named(tmp_path):
     store, file = RunStore(tmp_path / "runs"), tmp_path / "index.json"
     write_index(file, [IndexedRun("def", X), IndexedRun("abc", {"dyke": [2.0, 5.0]})])
-    with pytest.raises(StoreError, match=r"def\.h5: missing or damaged, though .*index\.json lists it"):
+    with pytest.raises(StoreError, match=r"def\.h5: missing, damaged or without dyke, though .*index\.json lists it"):
         list(indexed([file], store.folder, ["dyke"]))
     for key, level in (("abc", 4.0), ("def", 7.0)):
         store.put(Record(key, {"dyke": np.full(3, level, np.float32)}, None, 0.2), {})
     found = list(indexed([file, file], store.folder, ["dyke"]))
     assert [(record.key, x["dyke"]) for record, x in found] == [("def", X["dyke"]), ("abc", [2.0, 5.0])] * 2
     assert found[0][0].pixels_db["dyke"].tolist() == [7.0] * 3
-    with pytest.raises(StoreError, match=r"def\.h5: missing or without dyke, the whole image, though .*; delete "):
+    with pytest.raises(StoreError, match=r"damaged or without dyke, the whole image, though .*; delete "):
         list(indexed([file], store.folder, ["dyke"], image=True))
 
 

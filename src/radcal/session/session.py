@@ -27,7 +27,7 @@ from radcal.session.replacement import check_replacement
 from radcal.session.salvage import files_of, salvage, simulator_change
 from radcal.session.slurm import cancel_leftovers, remember
 from radcal.session.terminal import BAR, Bar, Guarded, Messages, can_draw, guard, write_protected
-from radcal.storage.files import sweep_scripts, unwritable
+from radcal.storage.files import unwritable
 from radcal.storage.lock import CaseLock, leave
 from radcal.storage.records import REPLACE, read_json
 from radcal.words import sentence
@@ -228,7 +228,6 @@ class Session:
                 say(f"{cancelled} jobs of an earlier snakemake cancelled; finished runs are kept.")
         except RadcalError as error:
             leave(str(error))
-        sweep_scripts(_SNAKEMAKE / "scripts", self.folder)
         self._failure.unlink(missing_ok=True)
         self._started = True
         if remote_jobs:

@@ -258,10 +258,9 @@ def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | Non
     made: h5py.Group | h5py.Dataset
     if _is_array(kind):
         made = _put_array(group, name, np.asarray(value))
-    elif kind == _TEXTS:
-        made = group.create_dataset(name, data=np.array(value, dtype=_TEXT), dtype=_TEXT)
-    elif kind == _FINDINGS:
-        made = group.create_dataset(name, data=np.array([one.json() for one in value], dtype=_TEXT), dtype=_TEXT)
+    elif kind in (_TEXTS, _FINDINGS):
+        texts = [one.json() if isinstance(one, Finding) else one for one in value]
+        made = group.create_dataset(name, data=np.array(texts, dtype=_TEXT), dtype=_TEXT)
     elif _is_mapping(kind):
         made = group.create_group(name, track_order=True)
         for key, item in value.items():
@@ -298,10 +297,8 @@ def _take(held: Any, kind: Any) -> Any:
         return _scalar(held, kind)
     if _is_array(kind):
         return held.asstr()[()] if h5py.check_string_dtype(held.dtype) else _array(held)
-    if kind == _TEXTS:
-        return tuple(map(str, held.asstr()[()]))
-    if kind == _FINDINGS:
-        return tuple(map(Finding.of_json, held.asstr()[()]))
+    if kind in (_TEXTS, _FINDINGS):
+        return tuple(map(Finding.of_json if kind == _FINDINGS else str, held.asstr()[()]))
     if _is_mapping(kind):
         item = _item(kind)
         names = held.attrs if _is_attribute(item) else held

@@ -108,26 +108,6 @@ def sweep(folder: str | Path) -> int:
     return removed
 
 
-def sweep_scripts(folder: str | Path, case_folder: str | Path) -> int:
-    """Remove copies of a case's scripts that a killed Snakemake did not remove; return the number removed.
-
-    Parameters
-    ----------
-    folder : path
-        ``.snakemake/scripts``. Copies of other cases' scripts are not removed, because their jobs may be running.
-    case_folder : path
-        ``results/<case>``, locked by this process. Each copy of a script contains the path of a log in this folder.
-    """
-    mark = f"{Path(case_folder).as_posix()}/logs/".encode()
-    removed = 0
-    for script in Path(folder).glob("tmp*.py"):
-        with contextlib.suppress(OSError):
-            if mark in script.read_bytes():
-                script.unlink()
-                removed += 1
-    return removed
-
-
 def case_folder(path: str | Path) -> Path:
     """Results folder ``results/<case>`` of a file that lies there, or in the folder ``passes/<p>`` of its pass."""
     folder = Path(path).parent

@@ -76,21 +76,19 @@ def set_aside(path: Path, reason: str, number: int | None = None, aside: Path | 
     aside : path, optional
         New path of the file; by default ``path`` with the suffix ``.damaged``.
     """
-    first = aside = aside or path.with_suffix(".damaged")
-    while aside.exists() and (aside.is_dir() or path.is_dir()):  # a file may replace an earlier file, but no folder
-        aside = first.with_name(f"{first.name}-{int(aside.name.rpartition('-')[2]) + 1 if aside != first else 2}")
+    aside = aside or path.with_suffix(".damaged")
     try:
         if number is None or path.stat().st_ino == number:
             path.replace(aside)
-        done = f"set aside as {aside.name}"
-    except FileNotFoundError:  # another job has already renamed the file
-        done = f"set aside as {aside.name}"
+    except FileNotFoundError:
+        pass  # another job has already renamed the file
     except OSError as error:
         return DamagedError(
             f"{path}: {reason}, and cannot be set aside ({error.strerror}); remove it and type the same command again."
         )
     return DamagedError(
-        f"{path}: {reason}; {done}; type the same command again to have it made again (finished runs are kept)."
+        f"{path}: {reason}; set aside as {aside.name}; type the same command again to have it made again (finished "
+        "runs are kept)."
     )
 
 

@@ -107,15 +107,11 @@ def in_all_passes(
 
 def record_of(store: RunStore, file: str | Path, key: str, materials: Sequence[str], image: bool = False) -> Record:
     """Record of a run that the index ``file`` lists; a missing record raises a StoreError."""
-    record, path = store.get(key, materials, image), store.path(key)
-    if record is None and not path.is_file():
-        raise StoreError(
-            f"{path}: missing or damaged, though {file} lists it; type the same command again to make this run again."
-        )
+    record = store.get(key, materials, image)
     if record is None:
-        wanted = [*materials, *(["the whole image"] if image else [])]
+        wanted = ", ".join([*materials, *["the whole image"] * image])
         raise StoreError(
-            f"{path}: missing or without {', '.join(wanted)}, though {file} lists it; delete {file} and type the same "
-            "command again to make this run again."
+            f"{store.path(key)}: missing, damaged or without {wanted}, though {file} lists it; delete {file} and type "
+            "the same command again to make this run again."
         )
     return record

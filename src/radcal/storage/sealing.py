@@ -68,8 +68,7 @@ def check_hdf5(handle: BufferedReader, size: int, whole: bool) -> None:
         raise Fault("is damaged (its first 512 bytes are no header)")
     if size - BLOCK != int(match[2]):
         raise Fault(f"is damaged ({size - BLOCK} bytes after the header, expected {int(match[2])})")
-    if whole and hashlib.file_digest(handle, "sha256").hexdigest() != match[1].decode():
-        raise Fault("is damaged (its contents differ from its checksum)")
+    _compare(handle, match[1], whole)
 
 
 def check_json(handle: BufferedReader, whole: bool) -> None:
@@ -83,5 +82,9 @@ def check_json(handle: BufferedReader, whole: bool) -> None:
     match = _JSON_HEADER.fullmatch(handle.read(_JSON_HEADER_BYTES))
     if match is None:
         raise Fault("is damaged, or an earlier version wrote it (no checksum in its second line)")
-    if whole and hashlib.file_digest(handle, "sha256").hexdigest() != match[1].decode():
+    _compare(handle, match[1], whole)
+
+
+def _compare(handle: BufferedReader, expected: bytes, whole: bool) -> None:
+    if whole and hashlib.file_digest(handle, "sha256").hexdigest() != expected.decode():
         raise Fault("is damaged (its contents differ from its checksum)")
