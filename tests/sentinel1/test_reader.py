@@ -249,7 +249,7 @@ def test_the_printed_section_is_one_of_radar(safe):
     ("keys", "words"),
     [
         ({"polarisation": "HH"}, "cannot be read as a Sentinel-1 product (it has VV, radar.polarisation is HH)."),
-        ({"polarisation": "VH"}, f"(manifest.safe lists annotation/{STEM[:10]}-vh-"),
+        ({"polarisation": "VH"}, f"(manifest.safe lists {STEM[:10]}-vh-"),
         ({"band": "X"}, f"{NAME} contradicts section radar: radar.band is X, its carrier 5.405 GHz (band C)."),
         ({"frequency_ghz": 5.3}, "radar.frequency_ghz is 5.3, its carrier 5.405 GHz (band C)."),
         ({"looks": 2}, "radar.looks is 2, its equivalent number of looks 4.4."),
@@ -329,8 +329,8 @@ PIXELS_FILE = f"measurement/{STEM}.tiff"
     ("file", "old", "new", "words"),
     [
         ("manifest.safe", None, "", "it has no manifest.safe, expected the whole folder"),
-        (CALIBRATION, None, "", f"manifest.safe lists {CALIBRATION}, which is missing"),
-        (PIXELS_FILE, None, "", f"manifest.safe lists {PIXELS_FILE}, which is missing"),
+        (CALIBRATION, None, "", f"manifest.safe lists calibration-{STEM}.xml, which is missing"),
+        (PIXELS_FILE, None, "", f"manifest.safe lists {STEM}.tiff, which is missing"),
         (ANNOTATION, "<geolocationGrid>.*</geolocationGrid>", "", "product (it has no geolocationGrid/"),
         (ANNOTATION, "<orbitList>.*</orbitList>", "", "it has no generalAnnotation/orbitList"),
         (ANNOTATION, "<productType>GRD", "<productType>SLC", "is SLC, expected a ground-range product"),

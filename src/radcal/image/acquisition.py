@@ -21,6 +21,10 @@ _HEADING_DEG = 5.0
 _NOISE_DB = 1.0
 _LOOKS = 1.0
 _RATIO = 1.25
+_TOLD = (
+    "sensor", "polarisation", "start", "pass_direction", "heading_deg", "look_side", "incidence_deg", "looks",
+    "range_spacing_m", "azimuth_spacing_m",
+)  # fmt: skip
 _FREQUENCY = 0.01  # relative; the bandwidth of most sensors is larger
 
 
@@ -107,23 +111,10 @@ class Acquisition:
     def finding(self) -> Finding:
         """Finding that describes the acquisition."""
         levels = [level for _, level in self.nesz_db]
-        numbers: dict[str, float | str] = {
-            "sensor": self.sensor,
-            "polarisation": self.polarisation,
-            "start": self.start,
-            "pass_direction": self.pass_direction,
-            "heading_deg": self.heading_deg,
-            "look_side": self.look_side,
-            "incidence_deg": self.incidence_deg,
-            "frequency_ghz": self.frequency_hz / 1e9,
-            "range_looks": self.numbers_of_looks[0],
-            "azimuth_looks": self.numbers_of_looks[1],
-            "looks": self.looks,
-            "range_spacing_m": self.range_spacing_m,
-            "azimuth_spacing_m": self.azimuth_spacing_m,
-            "least_nesz_db": min(levels),
-            "largest_nesz_db": max(levels),
-        }
+        numbers: dict[str, float | str] = {name: getattr(self, name) for name in _TOLD}
+        numbers |= {"frequency_ghz": self.frequency_hz / 1e9}
+        numbers |= dict(zip(("range_looks", "azimuth_looks"), self.numbers_of_looks, strict=True))
+        numbers |= {"least_nesz_db": min(levels), "largest_nesz_db": max(levels)}
         return Finding("acquisition", "note", self.product, numbers)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Callable
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
@@ -17,9 +18,8 @@ from radcal.reading.intake import elsewhere
 from radcal.reading.rasters import check_blocks, open_raster
 
 _HDF5_SPARE_BYTES = 64 << 20  # number of bytes by which a chunk may be larger than its dataset
-_HDF5_FILTERS = frozenset(
-    range(1, 7)
-)  # filters of the HDF5 library: deflate, shuffle, Fletcher-32, szip, n-bit, scale-offset
+# filters of the HDF5 library: deflate, shuffle, Fletcher-32, szip, n-bit, scale-offset
+_HDF5_FILTERS = frozenset(range(1, 7))
 _LZF = 32000  # number of h5py's filter LZF
 _LONGEST_S = 600  # longest CPU time of a reader that a damaged file can crash [s]
 
@@ -118,7 +118,6 @@ def _chosen(names: list[str], file: ImageFile) -> str:
 def _npy(file: ImageFile) -> Values:
     if file.options.dataset is not None:
         raise file.asked("dataset", f"{file.options.dataset!r}, {file.path} holds one array without a name.")
-    _check_magic(file, np.lib.format.MAGIC_PREFIX)
     with file.path.open("rb") as content:
         check_header(file, *_numpy_header(content))
     return np.asarray(np.load(file.path, allow_pickle=False))
@@ -134,21 +133,14 @@ def _numpy_header(content: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
     return shape, dtype
 
 
-def _check_magic(file: ImageFile, *starts: bytes) -> None:
-    """Refuse a file without the magic bytes of its format at the beginning, because numpy would read it as a pickle."""
-    with file.path.open("rb") as content:
-        if not content.read(6).startswith(starts):
-            raise ValueError("it does not begin as one does")
-
-
 def _npz(file: ImageFile) -> Values:
-    _check_magic(file, b"PK\3\4")
-    with np.load(file.path, allow_pickle=False) as archive:
-        name = _chosen(list(archive.files), file)
-        member = name if name in archive.zip.namelist() else f"{name}.npy"
-        with archive.zip.open(member) as content:
+    with zipfile.ZipFile(file.path) as archive:
+        members = {member.removesuffix(".npy"): member for member in archive.namelist()}
+        member = members[_chosen(list(members), file)]
+        with archive.open(member) as content:
             check_header(file, *_numpy_header(content))
-        return np.asarray(archive[name])
+        with archive.open(member) as content:
+            return np.asarray(np.lib.format.read_array(content, allow_pickle=False))
 
 
 def _hdf5(file: ImageFile, transposed: bool = False) -> Values:

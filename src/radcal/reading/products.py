@@ -42,7 +42,8 @@ _HYP3 = re.compile(
 _NRB = re.compile(r"s1[a-d]-\w\w-nrb-.*-(?P<pol>hh|hv|vh|vv)-(?P<radiometry>[gs])-lin\.tiff?", re.IGNORECASE)
 # OPERA_L2_RTC-S1_<burst>_<acquisition>_<processing>_<sensor>_<spacing>_<version>_<polarisation>.tif
 _OPERA = re.compile(r"OPERA_L2_RTC-S1_.*_(?P<pol>HH|HV|VH|VV)\.tiff?", re.IGNORECASE)
-_HYP3_SCALES = {"p": "power", "d": "db", "a": "amplitude"}
+_PRODUCTS = {"a HyP3 RTC product": _HYP3, "a CEOS-ARD NRB product": _NRB, "an OPERA RTC-S1 product": _OPERA}
+_SCALES = {"p": "power", "d": "db", "a": "amplitude"}
 
 
 def named_product(path: str) -> NamedProduct | None:
@@ -62,20 +63,10 @@ def named_product(path: str) -> NamedProduct | None:
     Normalised Radar Backscatter. OPERA RTC-S1 product specification, JPL D-108758.
     """
     name = path.rpartition("/")[2]
-    if (found := _HYP3.fullmatch(name)) is not None:
-        return NamedProduct(
-            "a HyP3 RTC product",
-            _HYP3_SCALES[found["scale"].lower()],
-            _flattened(found["radiometry"]),
-            found["pol"].upper(),
-            found["filter"].lower() == "f",
-        )
-    if (found := _NRB.fullmatch(name)) is not None:
-        return NamedProduct("a CEOS-ARD NRB product", "power", _flattened(found["radiometry"]), found["pol"].upper())
-    if (found := _OPERA.fullmatch(name)) is not None:
-        return NamedProduct("an OPERA RTC-S1 product", "power", "gamma0_rtc", found["pol"].upper())
+    for called, pattern in _PRODUCTS.items():
+        if (match := pattern.fullmatch(name)) is not None:
+            found = {"scale": "p", "radiometry": "g", "filter": "n"} | match.groupdict()
+            radiometry = "gamma0_rtc" if found["radiometry"].lower() == "g" else None
+            filtered = found["filter"].lower() == "f"
+            return NamedProduct(called, _SCALES[found["scale"].lower()], radiometry, found["pol"].upper(), filtered)
     return None
-
-
-def _flattened(letter: str) -> str | None:
-    return "gamma0_rtc" if letter.lower() == "g" else None

@@ -18,27 +18,14 @@ import h5py
 from radcal.reading.intake import LARGEST_VALUES, elsewhere, read_xml
 
 DRIVERS = (
-    "GTiff",
-    "ENVI",
-    "EHdr",
-    "NITF",
-    "HDF5",
-    "HDF5Image",
-    "netCDF",
-    "JP2OpenJPEG",
-    "SRTMHGT",
-    "DTED",
-    "AAIGrid",
-    "PNG",
+    "GTiff", "ENVI", "EHdr", "NITF", "HDF5", "HDF5Image", "netCDF", "JP2OpenJPEG", "SRTMHGT", "DTED", "AAIGrid", "PNG",
     "JPEG",
-)
+)  # fmt: skip
 """GDAL drivers for formats that store all numbers in the raster file, or in a file with a name derived from it."""
 
 _HEAD_BYTES = 65536  # number of first bytes that are checked; GDAL reads fewer bytes to choose a driver
-_MARKS = (
-    b"<VRTDataset",
-    b"<GDALTileIndexDataset",
-)  # texts by which GDAL recognises a mosaic, anywhere in the first bytes
+# texts by which GDAL recognises a mosaic, anywhere in the first bytes
+_MARKS = (b"<VRTDataset", b"<GDALTileIndexDataset")
 # XML elements that gdalbuildvrt and gdal_translate write into a mosaic; only SourceFilename names a file
 _ELEMENTS = frozenset(
     """

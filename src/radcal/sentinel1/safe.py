@@ -113,17 +113,10 @@ def chosen_image(images: Sequence[SafeImage], polarisation: str) -> SafeImage:
         if image.polarisation == polarisation:
             for file in image.files:
                 if not file.is_file():
-                    raise SafeRefused(f"{MANIFEST} lists {_short(file)}, which is missing")
+                    raise SafeRefused(f"{MANIFEST} lists {file.name}, which is missing")
             return image
     there = [image.polarisation for image in images if all(file.is_file() for file in image.files)]
     raise SafeRefused(f"it has {' and '.join(there) or 'no whole image'}, radar.polarisation is {polarisation}")
-
-
-def _short(file: Path) -> str:
-    """Path of a file relative to its SAFE folder, for messages."""
-    parts = file.parts
-    start = next((k for k in range(len(parts) - 1, 0, -1) if parts[k] in ("annotation", "measurement")), len(parts) - 1)
-    return "/".join(parts[start:])
 
 
 def _inside(folder: Path, href: str) -> Path:
@@ -138,11 +131,11 @@ def _image(pixels: Path, files: Mapping[str, Path]) -> SafeImage:
     """Files of an image, whose names all derive from the name of the file of pixels."""
     polarisation = next((part.upper() for part in pixels.stem.split("-") if part.upper() in _POLARISATIONS), None)
     if polarisation is None:
-        raise SafeRefused(f"the name of {_short(pixels)} has no polarisation, expected s1a-iw-grd-vv-...")
+        raise SafeRefused(f"the name of {pixels.name} has no polarisation, expected s1a-iw-grd-vv-...")
     others = {}
     for part, prefix in _PARTS.items():
         name = f"{prefix}{pixels.stem}.xml"
         if name not in files:
-            raise SafeRefused(f"{MANIFEST} lists no {part} of {_short(pixels)} ({name})")
+            raise SafeRefused(f"{MANIFEST} lists no {part} of {pixels.name} ({name})")
         others[part] = files[name]
     return SafeImage(polarisation, pixels=pixels, **others)
