@@ -2,7 +2,7 @@
 
 import pytest
 
-from radcal.calibration.reuse import require_earlier, reuse_runs
+from radcal.calibration.reuse import reuse_runs
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
 from radcal.seeds import draw_seeds
@@ -67,7 +67,6 @@ def test_runs_of_another_seed_or_outside_of_the_bounds_alone_are_refused(made, t
         reuse_runs(*made("mine", NARROW), tmp_path / "far")
 
 
-def test_the_target_without_an_earlier_case_says_what_is_missing(tmp_path):
-    with pytest.raises(ConfigError, match=r"^design\.reuse is missing, .* expected the earlier case's name\.$"):
-        require_earlier(None)
-    require_earlier(tmp_path)
+def test_the_target_without_an_earlier_case_says_what_is_missing(made):
+    with pytest.raises(ConfigError, match=r"^design\.reuse is missing, expected the name of the earlier case"):
+        reuse_runs(*made("mine", NARROW), None)

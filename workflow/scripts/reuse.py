@@ -1,12 +1,11 @@
 """Copy the runs of an earlier case that are also runs of this case."""
 
-from radcal.calibration.reuse import require_earlier, reuse_runs
+from radcal.calibration.reuse import reuse_runs
 from radcal.session.jobs import job, progress
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import write_index
 
 with job(snakemake) as case:
-    require_earlier(snakemake.params.earlier)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     taken = reuse_runs(case, runner, snakemake.params.earlier)
     write_index(snakemake.output.index, taken)

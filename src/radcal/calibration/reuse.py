@@ -19,27 +19,7 @@ from radcal.storage.runs import RunStore
 logger = logging.getLogger(__name__)
 
 
-def require_earlier(earlier: str | Path | None) -> None:
-    """Check that the case names an earlier case whose runs it takes over.
-
-    Parameters
-    ----------
-    earlier : path or None
-        Folder of the earlier case's runs; None if the configuration names no earlier case.
-
-    Raises
-    ------
-    ConfigError
-        The configuration names no earlier case.
-    """
-    if earlier is None:
-        raise ConfigError(
-            "design.reuse is missing, and the target reuse takes runs of an earlier case: expected the earlier case's "
-            "name."
-        )
-
-
-def reuse_runs(case: Part, runner: Runner, earlier: str | Path) -> list[IndexedRun]:
+def reuse_runs(case: Part, runner: Runner, earlier: str | Path | None) -> list[IndexedRun]:
     """Take over an earlier case's runs that differ from runs of this case only in parameters of calibrated materials.
 
     Parameters
@@ -49,7 +29,7 @@ def reuse_runs(case: Part, runner: Runner, earlier: str | Path) -> list[IndexedR
     runner : Runner
         Simulator with the run store of this case, to which the records are copied.
     earlier : path
-        Folder of the earlier case's runs; its files are not changed.
+        Folder of the earlier case's runs, which are not changed; None if the configuration names no earlier case.
 
     Returns
     -------
@@ -60,8 +40,10 @@ def reuse_runs(case: Part, runner: Runner, earlier: str | Path) -> list[IndexedR
     Raises
     ------
     ConfigError
-        If no run of the earlier case can be reused.
+        If no earlier case is named, or none of its runs can be reused.
     """
+    if earlier is None:
+        raise ConfigError("design.reuse is missing, expected the name of the earlier case whose runs are taken.")
     store = RunStore(earlier)
     seed, *more = draw_seeds(case)
     reference = case.start_parameters
