@@ -131,25 +131,14 @@ def test_files_round_trip_to_the_last_bit(tmp_path):
     assert read_proposals(tmp_path / "p.json") == {"dyke": proposal}
 
 
-@pytest.mark.parametrize(
-    ("place", "said"),
-    [
-        (("dyke",), "has the key 'dyke.colour', which radcal"),
-        (("dyke", "front"), "has the key 'dyke.front.colour', which radcal"),
-    ],
-)
-def test_a_file_of_a_newer_version_is_named(tmp_path, place, said):
+def test_a_file_of_a_newer_version_is_named(tmp_path):
     file = tmp_path / "proposal.json"
     write_proposals(file, {"dyke": Proposal([1.0, 2.0], "exploit")})
     data = read_json(file)
-    inside = data
-    for key in place:
-        inside = inside[key]
-    inside["colour"] = 3
+    data["dyke"]["front"]["colour"] = 3
     write_json(file, data)
-    with pytest.raises(
-        StoreError, match=rf"proposal\.json: {said} \d\S* does not know: another version of radcal wrote"
-    ):
+    said = r"proposal\.json: has the key 'dyke\.front\.colour', which radcal \d\S* does not know: another version"
+    with pytest.raises(StoreError, match=said):
         read_proposals(file)
 
 
@@ -180,17 +169,9 @@ def test_a_run_of_another_version_is_named_by_the_key(tmp_path):
     [
         ((), "nothing", "ValueError: 0 is 'n': Input should be an object"),
         ((), 7, "TypeError"),
-        ((0,), ["kind"], r"ValueError: 0 is \['kind'\]: Input should be an object"),
         ((0, "kind"), "guess", "ValueError: 0.kind is 'guess': Input should be 'reference'"),
         ((0, "seconds"), "2", "ValueError: 0.seconds is '2': Input should be a valid number"),
-        ((0, "scores"), [], r"ValueError: 0.scores is \[\]: Input should be an object"),
         ((0, "scores", "dyke", "cost"), None, "ValueError: 0.scores.dyke.cost is None: Input should be a valid number"),
-        (
-            (0, "scores", "dyke", "parameters"),
-            [1.0, "x"],
-            "ValueError: 0.scores.dyke.parameters.1 is 'x': Input should be",
-        ),
-        ((0, "scores", "dyke", "parameters"), "12", "ValueError: 0.scores.dyke.parameters is '12': Input should be a"),
     ],
 )
 def test_other_contents_under_a_right_checksum_are_one_sentence(tmp_path, place, value, said):
