@@ -26,6 +26,7 @@ from scipy.stats import chi2, skewnorm
 
 from radcal import skewnormal
 from radcal.processes import one_thread
+from radcal.skewnormal import likelihood, profile
 
 DEFICIT = 1e-6
 SIZES = (50, 100, 200, 500, 1000, 3000)
@@ -72,10 +73,17 @@ def coverage(n: int, skewness: float, replications: int) -> dict[str, float]:
     return {"n": n, "skewness": skewness, "mean": mean, "sd": sd, "skewness_coverage": third}
 
 
+def likelihood_ratio(x: NDArray[np.float64], skewness: float) -> float:
+    """Likelihood ratio of a skewness; the largest stands for the half-normal limit."""
+    y, share = likelihood.standardised(x)[0], skewness / skewnormal.MAX_SKEWNESS
+    v = float(np.arctanh(share)) if share < 1.0 else np.inf
+    return profile._Profile(y, float(y.size), skewnormal.fit(y).cp).of_skewness(v)
+
+
 def critical(n: int, skewness: float, replications: int) -> float:
     """95 % quantile of the likelihood ratio of a true skewness over that of chi square."""
     rng = np.random.default_rng([4, n, round(1000 * skewness)])
-    ratios = [skewnormal.likelihood_ratio(of_skewness(skewness, n, rng), skewness) for _ in range(replications)]
+    ratios = [likelihood_ratio(of_skewness(skewness, n, rng), skewness) for _ in range(replications)]
     return float(np.quantile(ratios, 0.95) / chi2.ppf(0.95, 1))
 
 
