@@ -14,7 +14,6 @@ from io import BufferedReader
 BLOCK = 512
 """Length of the user block [bytes]; HDF5 allows no smaller user block."""
 
-_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _HEADER = re.compile(rb"radcal sha256 ([0-9a-f]{64}) bytes (\d{1,18})\n\0+\Z")
 _JSON_HEADER = re.compile(rb'\{\n "sha256": "([0-9a-f]{64})",\n')
 _JSON_HEADER_BYTES = len('{\n "sha256": "",\n') + 64
@@ -61,8 +60,6 @@ def check_hdf5(handle: BufferedReader, size: int, whole: bool) -> None:
         The file is damaged or has no header.
     """
     first = handle.read(BLOCK)
-    if first.startswith(_SIGNATURE):
-        raise EarlierVersion("has no checksum: an earlier version of radcal wrote it")
     match = _HEADER.match(first) if len(first) == BLOCK else None
     if match is None:
         raise Fault("is damaged (its first 512 bytes are no header)")
@@ -81,7 +78,7 @@ def check_json(handle: BufferedReader, whole: bool) -> None:
     """
     match = _JSON_HEADER.fullmatch(handle.read(_JSON_HEADER_BYTES))
     if match is None:
-        raise Fault("is damaged, or an earlier version wrote it (no checksum in its second line)")
+        raise Fault("is damaged (no checksum in its second line)")
     _compare(handle, match[1], whole)
 
 
