@@ -83,7 +83,7 @@ def test_few_cells_and_dark_materials_do_not_count():
 
 
 @pytest.mark.parametrize(
-    ("chance", "found", "checked"), [(0.049, 0, True), (0.051, 0, False), (0.89, 0, False), (0.91, -1, True)]
+    ("chance", "found", "checked"), [(0.049, 0, True), (0.051, 0, False), (0.949, 0, False), (0.951, -1, True)]
 )
 def test_what_is_found_and_what_is_checked(chance, found, checked):
     one = made_radiometry(chance, -1)

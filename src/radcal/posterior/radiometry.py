@@ -15,7 +15,6 @@ from radcal.storage.dataclass_groups import About
 _SNR_DB, _FEWEST = 10.0, 30  # of a fixed material that counts: level above the noise, number of cells
 _MATERIALS = 2
 _WRONG = 0.1  # share of images whose radiometry is declared wrongly
-_FOUND = 0.9  # chance of the other radiometry from which on it is found
 _LEFT_OUT = 0.05  # chance below which a radiometry may lie outside of a 90 % band altogether
 
 
@@ -32,12 +31,12 @@ class Radiometry:
     @property
     def found(self) -> int:
         """Area term that the image has beside its declared radiometry: -1, 0 or 1."""
-        return self.term if self.chance >= _FOUND else 0
+        return self.term if self.chance >= 1.0 - _LEFT_OUT else 0
 
     @property
     def checked(self) -> bool:
         """Whether the fixed materials show which of the two radiometries the image has."""
-        return len(self.materials) >= _MATERIALS and not _LEFT_OUT < self.chance < _FOUND
+        return len(self.materials) >= _MATERIALS and not _LEFT_OUT < self.chance < 1.0 - _LEFT_OUT
 
 
 def other_term(declared: str) -> int:
