@@ -97,10 +97,10 @@ def linked(text: str) -> str:
     return re.sub(r"docs/(\w+\.md)", link, text)
 
 
-def keys(section: dict[str, Any], headings: dict[str, str], described: dict[str, str], variant: str = "") -> str:
+def keys(section: dict[str, Any], headings: dict[str, str], described: dict[str, str], heading: str = "") -> str:
     """List of the keys of a section, without the key whose only value the heading states.
 
-    Lines that a variant shares with an earlier one of the same section (``described``) are one line that names it.
+    Lines that stand under an earlier heading, too (``described``), are one line that names it.
     """
     lines, shared = [], {}
     for key, schema in section["properties"].items():
@@ -112,11 +112,11 @@ def keys(section: dict[str, Any], headings: dict[str, str], described: dict[str,
         elif "default" in schema:
             admitted.append(f"**{json.dumps(schema['default'])}**")
         line = f"- `{key}` ({'; '.join(admitted)}): {linked(schema['description'])}"
-        if variant and described.setdefault(line, variant) != variant:
+        if described.setdefault(line, heading) != heading:
             shared.setdefault(described[line], []).append(f"`{key}`")
         else:
             lines.append(line)
-    lines += [f"- {', '.join(names)}: as with {earlier}" for earlier, names in shared.items()]
+    lines += [f"- {', '.join(names)}: as in {earlier}" for earlier, names in shared.items()]
     return "\n".join(lines)
 
 
@@ -133,7 +133,7 @@ def main() -> None:
         print(f"\n## {heading}\n")
         if "." not in heading:  # the list above describes the others
             print(models[name]["description"].partition("\n")[0].replace("``", "`"), end="\n\n")
-        print(keys(models[name], headings, described, heading.partition(" with ")[2]))
+        print(keys(models[name], headings, described, heading))
 
 
 if __name__ == "__main__":

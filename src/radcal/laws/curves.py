@@ -143,8 +143,7 @@ CURVES: dict[str, Law] = {
         valid_deg=(0.0, 70.0),
         formula="P1 + P2 exp(-P3 phi) + P4 cos(P5 phi + P6)",
         source="Ulaby and Dobson, Handbook of Radar Scattering Statistics for Terrain, Artech House (1989)",
-        remark="The handbook tabulates P1 to P6 by terrain, band and polarisation, each table with its own range of "
-        "angles (many end at 70 deg). The law has no default bounds: give parameters or bounds.",
+        remark="The handbook tabulates P1 to P6 by terrain, band and polarisation, often for angles of up to 70 deg.",
     ),
     "constant_gamma": Law(
         constant_gamma,
@@ -153,8 +152,8 @@ CURVES: dict[str, Law] = {
         valid_deg=(30.0, 80.0),
         formula="gamma + 10 log10(cos(phi))",
         source="Long, Radar Reflectivity of Land and Sea, 3rd edition, Artech House (2001)",
-        remark="The law describes the plateau between steep and grazing incidence. The ends of the plateau depend on "
-        "the terrain; 30 to 80 deg is a convention of radcal, not a figure of the source. gamma has no default bounds.",
+        remark="The law describes the plateau between steep and grazing incidence, whose ends depend on the terrain; "
+        "30 to 80 deg is a convention of radcal.",
     ),
     "tabulated": Law(
         tabulated,
@@ -163,8 +162,7 @@ CURVES: dict[str, Law] = {
         needs=("angles_deg",),
         formula="curve through sigma0 at the angles of the material's angles_deg",
         source="Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300-304 (PCHIP)",
-        remark="The law has one parameter for each angle: sigma0 in dB at that angle. The curve has no overshoot "
-        "between two angles and is constant beyond the first and the last. The law has no default bounds. Where the "
+        remark="The curve has no overshoot between two angles and is constant beyond the first and the last. Where the "
         "target is one density of all angles, a rising curve can have the same density as the true, falling one, and "
         "only the bounds exclude it.",
     ),

@@ -117,9 +117,8 @@ SOIL: dict[str, Law] = {
         source="Oh, Sarabandi and Ulaby, IEEE Trans. Geosci. Remote Sens. 30 (1992) 370-381",
         remark="The law is for bare soil. In its formula, sqrt(p) = 1 - (2 phi / pi)^(1 / (3 G0)) exp(-ks) and "
         "q = 0.23 sqrt(G0) (1 - exp(-ks)); G are Fresnel reflectivities (h and v at incidence phi, 0 at nadir), k is "
-        "the wavenumber, s the rms height. The surfaces measured for the law had ks of 0.1 to 6, kl of 2.6 to 19.7 "
-        "(l is the correlation length, on which the law does not depend) and volumetric moistures of 0.09 to 0.31 "
-        "(permittivities of 5 to 18 by Topp et al., 1980), at 1.5 to 9.5 GHz. In moist soil the imaginary part of the "
-        "permittivity hardly affects the backscatter, so that a calibration does not determine it.",
+        "the wavenumber, s the rms height. The surfaces measured for the law had ks of 0.1 to 6 and volumetric "
+        "moistures of 0.09 to 0.31 (permittivities of 5 to 18 by Topp et al., 1980), at 1.5 to 9.5 GHz. A "
+        "calibration does not determine the imaginary part of the permittivity of moist soil.",
     ),
 }

@@ -19,7 +19,7 @@ _RUNS: Mapping[str, str] = {
     "materials": "those with changed parameters: a new start is a new reference run, new bounds are a new design; "
     "all for a new law or another material's parameters",
     "measurement": "none of the design; the registration run, and infill towards the new target",
-    "registration": "none of the design; the registration run where it is new, and infill towards the new target",
+    "registration": "none of the design; the registration run, and infill towards the new target",
     "objective": "further draws of speckle in the design where `simulator.draws` is not configured; infill for the new "
     "objective",
     "target": "none of the design, which is larger with normalisation `image` (`design.size: auto`); the registration "
@@ -40,11 +40,12 @@ def reruns_table() -> str:
     Returns
     -------
     str
-        Table in Markdown, with one row for each top-level key of the configuration that a run or a result reads.
+        Table in Markdown, with the top-level keys of the configuration that a run or a result reads.
     """
     keys = [field.alias or name for name, field in Case.model_fields.items()]
+    named = {text: [f"`{key}`" for key in keys if _RUNS.get(key) == text] for text in _RUNS.values()}
     lines = ["| key | new runs of the simulator |", "|---|---|"]
-    return "\n".join(lines + [f"| `{key}` | {_RUNS[key]} |" for key in keys if key in _RUNS]) + "\n"
+    return "\n".join(lines + [f"| {', '.join(names)} | {text} |" for text, names in named.items()]) + "\n"
 
 
 if __name__ == "__main__":
