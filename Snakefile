@@ -4,6 +4,7 @@ snakemake --cores 2                                     the default case
 snakemake --cores 2 --configfile config/mine.yaml       a case of your own
 snakemake --cores 2 reference                           one run, to test the setup
 snakemake --cores 2 design                              the initial runs only
+snakemake --cores 2 products                            products of the calibrated laws (section products)
 """
 
 import atexit

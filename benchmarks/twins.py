@@ -44,6 +44,7 @@ from radcal.config.stages import STAGES
 from radcal.errors import RadcalError
 from radcal.ground.patches import patches_seen
 from radcal.measurement.sources import make_measurement
+from radcal.measurement.synthetic import make_synthetic
 from radcal.objectives import make_objectives, objective_class
 from radcal.objectives.history import History
 from radcal.radar.geometry import Geometry
@@ -52,6 +53,7 @@ from radcal.registration.registered import Registered
 from radcal.scene.builtin import builtin_scene
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
+from radcal.sections.measurement import Synthetic
 from radcal.seeds import derived_rng, derived_seed, draw_seeds
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
@@ -100,6 +102,8 @@ class Twin:
         Whether the elevations of the case are in feet.
     elsewhere : bool
         Whether the image shows another place.
+    focused : bool
+        Whether the image is focused from radcal's own raw signals, which the simulator of the runs does not share.
     """
 
     seed: int
@@ -112,6 +116,7 @@ class Twin:
     depression_deg: float | None = None
     feet: bool = False
     elsewhere: bool = False
+    focused: bool = False
 
     def but(self, **changed: Any) -> Twin:
         """Twin with other changes of the image."""
@@ -359,6 +364,7 @@ KINDS: dict[str, Callable[[np.random.Generator, Twin], Twin]] = {
     "depression_2": lambda rng, twin: replace(twin, depression_deg=45.0 + either(rng, 2.0, 2.0)),
     "feet": lambda _, twin: replace(twin, feet=True),
     "elsewhere": lambda _, twin: replace(twin, elsewhere=True),
+    "focused": lambda _, twin: replace(twin, focused=True),
     "everything": everything,
     "priors": from_priors,
 }
@@ -424,6 +430,14 @@ def measured_image(made: Twin, curve: Curve, rng: np.random.Generator) -> NDArra
     return form_image(imaged(whole, crop), flight, b.case.radar, curves, made.changes, rng)
 
 
+def focused_image(b: Bench, x: Sequence[float], seed: int) -> NDArray[np.float64]:
+    """Power of an image of a hidden law that is focused from raw signals of the scene."""
+    synthetic = Synthetic(product="focused", parameters={b.material: list(x)}, seed=seed, warp_px=0.0)
+    simulator = BuiltinSimulator(b.geometry, b.case.radar, b.case.laws)
+    image_db = make_synthetic(STAGES["measurement"].of(b.case), synthetic, b.geometry, simulator, b.scene).image_db
+    return np.asarray(10.0 ** (image_db.astype(np.float64) / 10.0))
+
+
 def twin(kind: str, seed: int, save: Path | None = None) -> dict[str, Any]:
     """One finished twin: what is wrong in it, the hidden law, and what its calibration says.
 
@@ -433,7 +447,10 @@ def twin(kind: str, seed: int, save: Path | None = None) -> dict[str, Any]:
     made, x, curve = hidden(kind, seed)
     row: dict[str, Any] = {"kind": kind, "seed": seed, "wrong": asdict(made), "hidden": list(x)}
     b = bench(made.declared, made.feet)
-    power = measured_image(made, curve, derived_rng(seed, "outside", kind, "image"))
+    if made.focused:
+        power = focused_image(b, x, derived_seed(seed, "outside", kind, "image", bits=31))
+    else:
+        power = measured_image(made, curve, derived_rng(seed, "outside", kind, "image"))
     phi = np.radians(np.linspace(*np.percentile(b.incidence(b.material), [5.0, 95.0]), ANGLES))
     row |= {"angles_deg": np.degrees(phi).tolist(), "truth_db": curve(phi).tolist()}
     row["formed_s"] = round(time.time() - began, 2)

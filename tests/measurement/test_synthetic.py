@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from radcal.errors import MeasurementError
+from radcal.errors import ConfigError, MeasurementError
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.synthetic import check_synthetic, relabelled, roughened, textured, varied
 from radcal.radar.projection import make_geometry
@@ -217,3 +217,42 @@ def test_settings_that_no_image_can_have_are_refused_without_a_run(radar):
         check_synthetic(radar, Synthetic(resolution_factor=0.4), (300, 260))
     with pytest.raises(MeasurementError, match=r"warp_px is 50: the displacement field folds"):
         check_synthetic(radar, Synthetic(warp_px=50.0), (220, 200))
+
+
+def test_a_focused_image_has_the_level_of_the_simulator_and_speckle_of_its_own(build_scene, build_case):
+    """Flat ground of two constant laws; laws, level and looks are those of the case, the displacement follows."""
+    material = np.where(np.arange(40) < 20, 1, 2).astype(np.uint8) * np.ones((40, 1), dtype=np.uint8)
+    flat = build_scene(lambda east, north: 0.0 * east, names=("dyke", "grass"), material=material)
+    law = {"law": "constant_gamma", "parameters": [-14.0]}
+    dyke = {"calibrate": True, "law": "constant_gamma", "bounds": [[-30, 0]], "start": [-20.0]}
+    radar = {"altitude_m": 1000.0, "nesz_db": -50.0, "looks": 2}
+
+    def made(parameters, **keys):
+        of_law = {} if "laws" in keys else {"dyke": [parameters]}
+        hidden = {"synthetic": {"parameters": of_law, "warp_px": 0, "seed": 3, **keys}}
+        case = build_case(radar=radar, materials={"dyke": dyke, "grass": law}, measurement=hidden)
+        at = make_geometry(flat, case.radar)
+        return at, make_measurement(case, at, BuiltinSimulator(at, case.radar, case.laws), flat)
+
+    at, fast = made(-8.0)
+    _, found = made(-8.0, product="focused", offset_db=0.5)
+    for name, gamma in (("dyke", -8.0), ("grass", -14.0)):
+        pixels = at.pixels(name, 3)
+        sigma0 = gamma + 10.0 * np.log10(np.cos(np.radians(at.incidence_deg.ravel()[pixels]))).mean()
+        # three pixels count as one
+        error = 10.0 / np.log(10.0) * np.sqrt(3.4 / pixels.size / 2.0)
+        assert mean_db(found, pixels) - 0.5 == pytest.approx(sigma0, abs=3.0 * error)
+        assert 3.0 * error < 1.0
+        both = np.corrcoef(fast.image_db.ravel()[pixels], found.image_db.ravel()[pixels])[0, 1]
+        assert abs(both) < 3.0 * np.sqrt(3.4 / pixels.size)
+    _, other = made(-8.0, product="focused", laws={"dyke": {"law": "constant_gamma", "parameters": [-17.0]}})
+    assert mean_db(other, at.pixels("dyke", 3)) == pytest.approx(mean_db(found, at.pixels("dyke", 3)) - 9.5, abs=0.01)
+
+
+def test_a_focused_image_needs_level_ground_and_no_gains_of_pixels(make, build_case):
+    with pytest.raises(MeasurementError, match=r"radar.radiometry is sigma0_local, expected sigma0_ref, beta0 or"):
+        make(product="focused")
+    for key, value in (("texture_db", 1.0), ("fields_db", {"dyke": 1.0})):
+        hidden = {"synthetic": {"parameters": {"dyke": TRUTH}, "product": "focused", key: value}}
+        with pytest.raises(ConfigError, match=rf"product: is focused, which has no {key}: leave that key out"):
+            build_case(measurement=hidden)

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import get_args
 
 import h5py
 import numpy as np
@@ -16,7 +17,9 @@ from radcal.cli import app
 from radcal.config import Radar, load_forward
 from radcal.errors import ConfigError
 from radcal.newcase.forward_case import forward_case
+from radcal.products import PRODUCTS, applied
 from radcal.products.simulated import forward
+from radcal.sections.ppi import Products
 from radcal.seeds import noise_seed
 from radcal.storage.runs import RunStore
 
@@ -214,3 +217,24 @@ def test_members_have_files_and_quantiles(tmp_path, case, monkeypatch):
     np.testing.assert_allclose(np.diff(table.field_db[table["pass"] == 2]), 2.0, atol=0.01)
     assert np.diff(table.lake_db[table["pass"] == 1]).max() < 0.6  # the brighter field reaches over the border
     assert "\n1     field_db" in done.stdout
+
+
+def test_a_case_can_ask_for_each_product():
+    assert sorted(get_args(get_args(Products.model_fields["make"].annotation)[0])) == sorted(PRODUCTS)
+
+
+def test_products_are_made_with_the_laws_of_the_calibration(tmp_path, case, monkeypatch):
+    """As of the command with calibrated.yaml, and again into the same folder."""
+    law = {"law": "constant_gamma", "parameters": [-8.0]}
+    found = {"field": law, "lake": {**law, "parameters": [-19.0]}}
+    monkeypatch.setattr(applied, "calibrated_materials", lambda archive: found)
+    monkeypatch.setattr(applied, "members_of", lambda archive, other, count: [other] * count)
+    asked = load_forward([case], {"simulator": {}})
+    asked = asked.model_copy(update={"products": Products(make=["intensity", "complex"], draws=2)})
+    for _ in range(2):
+        lines = applied.made_with(None, asked, tmp_path / "products", tmp_path / "runs")
+    assert simulate(case, "--materials", write_materials(tmp_path, **found)).exit_code == 0
+    made = (tmp_path / "products/intensity/simulated.tif").read_bytes()
+    assert made == (tmp_path / "results/small/simulated/simulated.tif").read_bytes()
+    assert (tmp_path / "products/complex/draws/2/complex_pass2.h5").is_file()
+    assert sum("members of the posterior" in line for line in lines) == 2

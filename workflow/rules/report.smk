@@ -133,6 +133,29 @@ rule export:
         "../scripts/export.py"
 
 
+# Products of the calibrated laws, made on demand alone: `snakemake --cores 2 products`.
+rule products:
+    input:
+        every_pass(SIMULATOR),
+        archive=rules.archive.output.archive,
+    output:
+        **outputs("products", folder=directory),
+    log:
+        f"{OUT}/logs/products.log",
+    benchmark:
+        f"{OUT}/benchmarks/products.tsv"
+    retries: 0
+    resources:
+        **resources("products", runs=(1 + CASE.products.draws) * len(PASSES)),
+    params:
+        case=STAGES["products"].params(CASE),
+        runs=f"{OUT}/runs",
+    message:
+        words("products")
+    script:
+        "../scripts/products.py"
+
+
 rule report:
     input:
         archive=rules.archive.output.archive,

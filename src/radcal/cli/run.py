@@ -49,9 +49,9 @@ def main(
 
     The cases are checked first; a fault in one is reported in one sentence, and none is run. Then Snakemake runs the
     workflow of one case after the other, up to the TARGETS if any are named: reference (one run, to test the setup),
-    registration, target, design (the initial runs), all (the default), any other stage of docs/architecture.md outside
-    the loop of iterations, or a file below results/. A case that fails does not stop the next one. Stop the command at
-    any time: the same command continues.
+    registration, target, design (the initial runs), all (the default), products (of the calibrated laws), any other
+    stage of docs/architecture.md outside the loop of iterations, or a file below results/. A case that fails does not
+    stop the next one. Stop the command at any time: the same command continues.
 
     Results go to results/<case> below the current folder, or below the folder of --results.
 

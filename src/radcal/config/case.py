@@ -32,7 +32,7 @@ from radcal.sections.measurement import (
     SyntheticMeasurement,
 )
 from radcal.sections.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
-from radcal.sections.ppi import Gmti, Ppi
+from radcal.sections.ppi import Gmti, Ppi, Products
 from radcal.sections.radar import Radar, Signals
 from radcal.sections.scene import BuiltinScene, SceneConfig
 from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
@@ -74,6 +74,7 @@ class Case(Part):
     # a default_factory, so that jobs of a calibration do not build its validator
     ppi: Ppi = Field(default_factory=Ppi)
     gmti: Gmti = Field(default_factory=Gmti)
+    products: Products = Field(default_factory=Products)
     measurements: Measurements = Field(
         default_factory=_synthetic_measurement, description="the measured image in a file, or a synthetic one"
     )

@@ -11,7 +11,7 @@ from radcal.laws import EXTERNAL, OF_PASS, Law
 from radcal.sections.base import Section
 from radcal.sections.materials import Material
 from radcal.sections.measurement import MeasurementConfig, RegistrationConfig
-from radcal.sections.ppi import Gmti, Ppi
+from radcal.sections.ppi import Gmti, Ppi, Products
 from radcal.sections.radar import Radar, Signals
 from radcal.sections.scene import SceneConfig
 from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
@@ -60,6 +60,7 @@ class Part(Section):
         materials: dict[str, Material]
         ppi: Ppi
         gmti: Gmti
+        products: Products
         measurements: list[MeasurementConfig]
         colours: dict[str, str] | None
         registration: RegistrationConfig

@@ -65,7 +65,7 @@ _TARGET = (*_RUNS, "objective", "target", "validation")
 _TRAIN = (*_RUNS, "objective", "surrogate")
 # stop.json holds stop, and no calibration reads the sections of products
 _PRODUCTS = ("gmti", "ppi", "signals")
-_ARCHIVE = tuple(name for name in Case.model_fields if name not in ("replace", "stop", *_PRODUCTS))
+_ARCHIVE = tuple(name for name in Case.model_fields if name not in ("replace", "stop", "products", *_PRODUCTS))
 FORWARD = ("case", "scene", *_PRODUCTS, *_RUNS)
 """Sections that a forward run reads."""
 
@@ -142,7 +142,7 @@ def _twice(case: Case) -> bool:
 
 
 def _never(_: Case) -> bool:
-    """For files that are removed when they have been used."""
+    """For files that are removed when they have been used, or made on demand."""
     return False
 
 
@@ -194,6 +194,7 @@ STAGES: Mapping[str, Stage] = {
         "archive of all runs", _ARCHIVE, _REGISTRATION,
         {"archive": "calibration.h5", "table": "runs.csv", "checksum": "table.json"}, {"calibration": 13}),
     "export": Stage("exports", _RUNS, _IMAGE, {"folder": "export", "checksums": "export.json"}),
+    "products": Stage("products", (*FORWARD, "products"), _IMAGE, {"folder": "products"}, only_if=_never),
     "report": Stage(
         "figures and report", (), _PAGE,
         {"figures": "figures", "page": "report.html", "checksums": "report.json"}),

@@ -6,7 +6,7 @@ image is formed by the built-in simulator itself, from a changed scene, geometry
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from radcal.bands import WIDTH_FACTOR
 from radcal.config import Radar
 from radcal.config.part import Part
+from radcal.config.stages import model_of
 from radcal.errors import MeasurementError
 from radcal.ground.patches import patches_seen
 from radcal.image.model import Measurement
@@ -27,11 +28,17 @@ from radcal.registration.displacement import invert, warp
 from radcal.scene.model import Scene
 from radcal.sections.measurement import Synthetic
 from radcal.seeds import derived_rng, measurement_seed
+from radcal.signals.focus import focused
+from radcal.signals.history import converted, raw_signal
+from radcal.signals.platform import collection
+from radcal.signals.scatterers import scatterers
 from radcal.simulators.base import Simulator
 from radcal.simulators.builtin import BuiltinSimulator
+from radcal.simulators.forward import Forward
 from radcal.speckle.texture import order_of_texture, texture_db
 
 _WARP_SIGMA_PX = 60.0  # smoothing of a synthetic displacement field
+_ALONG_THE_GROUND = ("sigma0_local", "gamma0_rtc")
 _PATCH_CELLS = 4.0  # correlation length of patches with a wrong label
 
 
@@ -66,9 +73,13 @@ def make_synthetic(
     hidden = {name: material.start_parameters for name, material in case.materials.items()}
     hidden.update({name: x for name, x in synthetic.parameters.items() if name in hidden})
     hidden.update({name: law.parameters for name, law in synthetic.laws.items()})
-    if synthetic.disturbed:
-        simulator = _other_simulator(case, synthetic, geometry, scene)
-    image_db = simulator.run(hidden, measurement_seed(case.simulator, synthetic.seed))
+    seed = measurement_seed(case.simulator, synthetic.seed)
+    if synthetic.product == "focused":
+        image_db = _focused_db(case, synthetic, geometry, scene, hidden, seed)
+    elif synthetic.disturbed:
+        image_db = _other_simulator(case, synthetic, geometry, scene).run(hidden, seed)
+    else:
+        image_db = simulator.run(hidden, seed)
     field, inverse = _displacements(synthetic, (image_db.shape[0], image_db.shape[1]))
     if inverse is not None:
         image_db = warp(image_db, inverse)  # nearest pixels, because interpolation would smooth the speckle
@@ -117,20 +128,62 @@ def _displacements(
         ) from None
 
 
+def _other_ground(
+    radar: Radar, synthetic: Synthetic, geometry: Geometry, scene: Scene | None
+) -> tuple[Geometry, Scene]:
+    """Geometry and scene with the relief and the wrong labels of the synthetic measurement."""
+    if scene is None:
+        raise MeasurementError(
+            "measurement.synthetic: relief, fields, wrong labels and raw signals need the scene, which is missing."
+        )
+    if synthetic.relief_m > 0 or synthetic.wrong_labels > 0:
+        scene = relabelled(scene, synthetic.wrong_labels, derived_rng(synthetic.seed, "measurement", "labels"))
+        if synthetic.relief_m > 0:
+            rng, k = derived_rng(synthetic.seed, "measurement", "relief"), refinement(scene.cell_m, radar)
+            scene = roughened(scene, synthetic.relief_m, synthetic.relief_length_m, k, rng)
+        geometry = make_geometry(scene, radar, onto=geometry)
+    return geometry, scene
+
+
+def _focused_db(
+    case: Part,
+    synthetic: Synthetic,
+    geometry: Geometry,
+    scene: Scene | None,
+    hidden: Mapping[str, Sequence[float]],
+    seed: int,
+) -> NDArray[np.float32]:
+    """Mean power of the looks of an image focused from raw signals of the disturbed scene, pass and laws [dB]."""
+    radar = _other_pass(case.radar, synthetic)
+    if radar.radiometry in _ALONG_THE_GROUND:
+        raise MeasurementError(
+            f"radar.radiometry is {radar.radiometry}, expected sigma0_ref, beta0 or gamma0 for "
+            "measurement.synthetic.product: focused, whose pixels are not divided by the area of the ground."
+        )
+    geometry, scene = _other_ground(radar, synthetic, geometry, scene)
+    materials = {
+        name: (one.with_law(synthetic.laws[name]) if name in synthetic.laws else one).model_copy(
+            update={"calibrate": False, "parameters": list(hidden[name]), "start": None}
+        )
+        for name, one in case.materials.items()
+    }
+    flown = model_of("seed", "signals", "radars", "materials").model_validate(
+        {"seed": synthetic.seed, "radar": radar, "materials": materials}
+    )
+    one = collection(flown, scene)
+    found = scatterers(flown, scene, seed, one.facet_m)
+    signal = np.concatenate([converted(block, one.bits) for block in raw_signal(one, found, seed)])
+    none = np.empty((0, 0), np.float32)
+    looks = focused(one, signal, Forward(flown, scene, geometry, none, "", seed, False, lambda: iter(())))
+    power = np.mean(np.abs(looks) ** 2, axis=0, dtype=np.float64)
+    return np.asarray(10.0 * np.log10(np.maximum(power, np.finfo(np.float32).tiny)), np.float32)
+
+
 def _other_simulator(case: Part, synthetic: Synthetic, geometry: Geometry, scene: Scene | None) -> BuiltinSimulator:
     """Built-in simulator of the disturbed scene, pass and laws."""
     radar = _other_pass(case.radar, synthetic)
     if synthetic.relief_m > 0 or synthetic.wrong_labels > 0 or synthetic.fields_db:
-        if scene is None:
-            raise MeasurementError(
-                "measurement.synthetic: relief, fields and wrong labels need the scene, which is missing."
-            )
-        if synthetic.relief_m > 0 or synthetic.wrong_labels > 0:
-            scene = relabelled(scene, synthetic.wrong_labels, derived_rng(synthetic.seed, "measurement", "labels"))
-            if synthetic.relief_m > 0:
-                rng, k = derived_rng(synthetic.seed, "measurement", "relief"), refinement(scene.cell_m, radar)
-                scene = roughened(scene, synthetic.relief_m, synthetic.relief_length_m, k, rng)
-            geometry = make_geometry(scene, radar, onto=geometry)
+        geometry, scene = _other_ground(radar, synthetic, geometry, scene)
         geometry = varied(geometry, scene, synthetic.fields_db, synthetic.seed)
     if synthetic.texture_db > 0:
         rng = derived_rng(synthetic.seed, "measurement", "texture")

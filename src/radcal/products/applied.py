@@ -23,7 +23,7 @@ from radcal.posterior.result import WHOLE_DEG, Posterior, Predicted
 from radcal.products.applied_bins import PredictionBins, by_constant_db, predictive_db
 from radcal.products.export import gray_scale, ground_layers
 from radcal.products.geotiff import Layer, write_layers
-from radcal.products.simulated import forward
+from radcal.products.simulated import forward, simulate
 from radcal.products.tables import aligned, calibrated_materials, write_csv
 from radcal.registration.registered import registered_as
 from radcal.results.archive import Archive, read_finished
@@ -114,6 +114,30 @@ def members_of(archive: Archive, other: Part, count: int) -> list[Part]:
             law = OtherLaw(law="tabulated", angles_deg=WHOLE_DEG.tolist(), parameters=curve)
             materials[name] = drawn[name].with_law(law).model_copy(update={"parameters": curve, "start": None})
     return [other.model_copy(update={"materials": materials}) for materials in each]
+
+
+def made_with(archive: Archive, case: Part, folder: str | Path, runs: str | Path) -> list[str]:
+    """Make the products that the section ``products`` names, with the laws of ``calibrated.yaml``, as of a command.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of the case.
+    case : Part
+        Sections of a forward run, and ``products``.
+    folder, runs : path
+        Folder in which each product has one of its name, and folder of the run store.
+
+    Returns
+    -------
+    list of str
+        Lines of :func:`.simulated.simulate`.
+    """
+    found = {name: Material.model_validate(one) for name, one in calibrated_materials(archive).items()}
+    changed = case.model_copy(update={"materials": found})
+    members = members_of(archive, changed, case.products.draws)
+    made = (simulate(changed, Path(folder) / name, runs, True, name, members) for name in case.products.make)
+    return [line for lines in made for line in lines]
 
 
 def simulated_x(archive: Archive, name: str) -> list[float]:

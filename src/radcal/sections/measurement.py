@@ -19,6 +19,7 @@ from radcal.sections.radar import Radiometry
 from radcal.tables import read_table
 
 RADIOMETRY_EXPECTED = f"expected {', '.join(get_args(Radiometry)[:-1])} or {get_args(Radiometry)[-1]}"
+_OF_PIXELS = ("texture_db", "fields_db")
 _SOURCE = "source of the measured image: synthetic or file; each source has its own keys"
 
 
@@ -74,6 +75,20 @@ class Synthetic(Section):
     wrong_labels: Annotated[Real, Field(ge=0, le=0.5)] = Field(
         0.0, description="share of cells with a wrong material, on borders and in patches"
     )
+
+    product: Literal["intensity", "focused"] = Field(
+        "intensity",
+        description="image of the simulator, or focused from raw signals with the defaults of section signals",
+        exclude_if=lambda value: value == "intensity",
+    )
+
+    @field_validator("product")
+    @classmethod
+    def _not_of_pixels(cls, product: str, info: ValidationInfo) -> str:
+        # they are gains of the fast image's pixels
+        if product == "focused" and (wrong := [key for key in _OF_PIXELS if info.data.get(key)]):
+            raise ValueError(f"is focused, which has no {wrong[0]}: leave that key out")
+        return product
 
     @property
     def disturbed(self) -> tuple[str, ...]:

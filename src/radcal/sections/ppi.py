@@ -1,4 +1,4 @@
-"""Sections ``ppi`` and ``gmti``: surveillance radar on a mast, and channels of a radar for moving targets."""
+"""Sections ``ppi``, ``gmti``, ``products``: radar on a mast, channels for moving targets, what the workflow makes."""
 
 from __future__ import annotations
 
@@ -131,3 +131,14 @@ class Gmti(Section):
         if self.training < 2 * (size := self.channels * self.pulses):
             raise Wrong("training_gates", f" is {self.training}, expected at least {2 * size}: 2 x channels x pulses")
         return self
+
+
+class Products(Section):
+    """What ``radcal run CASE products`` simulates with the calibrated laws (docs/predictions.md)."""
+
+    make: Annotated[
+        list[Literal["intensity", "complex", "gmti", "iq", "focused", "ppi"]], Field(min_length=1, max_length=6)
+    ] = Field(["intensity"], description="products, as of radcal simulate --product")
+    draws: Annotated[Integer, Field(ge=0, le=400)] = Field(
+        0, description="number of draws from the posterior that are simulated, too"
+    )
