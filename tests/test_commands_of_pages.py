@@ -31,6 +31,7 @@ config/mine.yaml --dry-run
 config/mine.yaml --set 'materials.dyke.start=[-16.2, 2.1, 17.0, 4.6]'
 config/mine.yaml --set stop.law_db=0.02
 config/mine.yaml design
+config/mine.yaml products
 config/mine.yaml reference
 config/mine.yaml registration
 config/segura.yaml
