@@ -12,8 +12,8 @@ ROOT = Path(__file__).resolve().parents[1]
 HEAD = """# Keys of a case
 
 A case is one YAML file with the keys that differ from the defaults. Defaults are in bold; a key without one takes no
-value, or one that depends on other keys, as its description says. In a path, `*` stands for a name. A number outside of
-its limits (`0..64`) probably has a wrong unit or digit, and is refused.
+value, or one that depends on other keys, as its description says. A key without values in brackets takes text. In a
+path, `*` stands for a name. A number outside of its limits (`0..64`) is refused.
 
 Editors with the YAML language server complete keys, if the first line gives the path of the schema from the folder of
 the case. They mark variants of other distributions, which radcal accepts.
@@ -106,12 +106,13 @@ def keys(section: dict[str, Any], headings: dict[str, str], described: dict[str,
     for key, schema in section["properties"].items():
         if "const" in schema:
             continue
-        admitted = [text] if (text := values(schema, headings)) else []
+        admitted = [text] if (text := values(schema, headings)) not in ("", "text") else []
         if key in section.get("required", ()):
             admitted.append("required")
         elif "default" in schema:
             admitted.append(f"**{json.dumps(schema['default'])}**")
-        line = f"- `{key}` ({'; '.join(admitted)}): {linked(schema['description'])}"
+        limited = f" ({'; '.join(admitted)})" if admitted else ""
+        line = f"- `{key}`{limited}: {linked(schema['description'])}"
         if described.setdefault(line, heading) != heading:
             shared.setdefault(described[line], []).append(f"`{key}`")
         else:

@@ -15,22 +15,19 @@ _RUNS: Mapping[str, str] = {
     "seed": "all, because design and speckle change",
     "scene": "all, where the scene differs",
     "radar": "all; none for `looks`, `nesz_db` and resolutions where an external program does not receive them",
-    "simulator": "none for `keep_images`; all where the simulator's identity changes (its program, its files)",
-    "materials": "those with changed parameters: a new start is a new reference run, new bounds are a new design; "
-    "all for a new law or another material's parameters",
-    "measurement": "none of the design; the registration run, and infill towards the new target",
-    "registration": "none of the design; the registration run, and infill towards the new target",
-    "objective": "further draws of speckle in the design where `simulator.draws` is not configured; infill for the new "
-    "objective",
-    "target": "none of the design, which is larger with normalisation `image` (`design.size: auto`); the registration "
-    "run, and infill towards the new target",
-    "validation": "none of the design; the registration run, and infill towards the new target",
-    "design": "those by which a larger design, or another sampler, differs",
-    "surrogate": "those by which the design without a baseline is larger (`design.size: auto`); infill where the "
-    "proposals differ",
-    "optimiser": "none of the design; infill where the proposals differ",
+    "simulator": "all where its program or files change; none for `keep_images`",
+    "materials": "a reference run for a new start, a design for new bounds; all for a new law or another material's "
+    "parameters",
+    "measurement": "the registration run and infill",
+    "registration": "the registration run and infill",
+    "objective": "further draws of speckle in the design without `simulator.draws`; infill",
+    "target": "the registration run and infill; a larger design with normalisation `image`",
+    "validation": "the registration run and infill",
+    "design": "those that the earlier design lacks",
+    "surrogate": "infill where proposals differ; a larger design without a baseline",
+    "optimiser": "infill where proposals differ",
     "uncertainty": "none",
-    "stop": "none; more infill where the new settings ask for it",
+    "stop": "more infill where the new settings ask for it",
 }
 
 

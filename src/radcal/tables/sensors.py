@@ -32,6 +32,7 @@ class _Value:
 
     value: Any
     source: str
+    note: str = ""
     ground_range: bool = False
 
 
@@ -84,7 +85,7 @@ def sensors() -> dict[str, Sensor]:
     table = read_table("sensors")
 
     def read(value: Any, source: str, note: str = "", ground_range: bool = False) -> _Value:
-        return _Value(value, table["sources"][source] + note, ground_range)
+        return _Value(value, table["sources"][source], note, ground_range)
 
     found = {}
     for name, one in table["sensors"].items():
@@ -94,6 +95,11 @@ def sensors() -> dict[str, Sensor]:
     return found
 
 
+def _noted(item: _Value) -> str:
+    """Note on a value, in brackets."""
+    return f" ({item.note})" if item.note else ""
+
+
 def sensors_table() -> str:
     """Markdown table of all values by sensor and source."""
     lines = ["| `radar.sensor` | values | source |", "|---|---|---|"]
@@ -101,9 +107,12 @@ def sensors_table() -> str:
         texts: dict[str, list[str]] = {}
         for key, item in sensor.values.items():
             value = f"{item.value:g}" if isinstance(item.value, float) else str(item.value)
-            texts.setdefault(item.source, []).append(f"`{key}` {value}{' in ground range' * item.ground_range}")
+            ground = " in ground range" * item.ground_range
+            texts.setdefault(item.source, []).append(f"`{key}` {value}{ground}{_noted(item)}")
         if sensor.incidence is not None:
             between = "{:g} to {:g}".format(*sensor.incidence.value)
-            texts.setdefault(sensor.incidence.source, []).append(f"incidence of the product {between} degrees")
+            texts.setdefault(sensor.incidence.source, []).append(
+                f"incidence {between} degrees{_noted(sensor.incidence)}"
+            )
         lines += [f"| `{name}` | {', '.join(values)} | {source} |" for source, values in texts.items()]
     return "\n".join(lines) + "\n"
