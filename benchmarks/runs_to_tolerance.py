@@ -31,7 +31,9 @@ from searches import READINGS, Results, Row, calibrated, quartiles, runs_to
 RADCAL: dict[str, dict[str, Any]] = {
     "radcal": {"design": {"size": 0}},  # the fewest runs
     "radcal_default": {},
+    "radcal_2": {"design": {"size": 0}, "infill": {"batch": 2}},
     "radcal_black_box": {"surrogate": {"baseline": False}},
+    "radcal_black_box_2": {"surrogate": {"baseline": False}, "infill": {"batch": 2}},
     "paper": {
         "design": {"sampler": "monte_carlo", "size": 800},
         "surrogate": {"outputs": "direct", "training": "smt"},
@@ -39,11 +41,13 @@ RADCAL: dict[str, dict[str, Any]] = {
         "stop": {"max_runs": 1200, "stagnation_runs": 400},
     },
 }
+ITERATIONS = {"radcal": (0, 1), "radcal_2": (0, 2), "radcal_black_box": (8, 1), "radcal_black_box_2": (8, 2)}
+"""Runs of the design, and of each iteration, of the methods whose iterations are counted."""
 TARGETS = ("reachable", "speckled")
 _HEADS = (
     *("reached, rms", "median (most)"),
     *("reached, mean square", "median (most)"),
-    *("lowest rms, median (largest)", "own CPU time [s]"),
+    *("iterations, rms, median", "lowest rms, median (largest)", "own CPU time [s]"),
 )
 
 
@@ -110,8 +114,11 @@ def tables(results: Results, methods: Sequence[str]) -> dict[str, Any]:
             own_s = float(np.median([row["own_s"] for row in rows]))
             cells = [cell for read in one.values() for cell in (f"{read['success']} of {read['n']}", in_words(read))]
             spread = f"{np.median(lowest):.1e} ({max(lowest):.1e})"
+            iterations = iterations_to(rows, method)
+            cells.append("-" if iterations is None else f"{iterations:g}")
             print(f"| `{method}` | {' | '.join(cells)} | {spread} | {own_s:.3g} |")
             mine = {**one["rms"], "mean_square": one["mean_square"], "own_s": own_s, "lowest_rms": max(lowest)}
+            mine["iterations"] = iterations
             found[method].update(mine if target == "reachable" else {target: mine})
     return found
 
@@ -121,6 +128,14 @@ def of_reading(rows: Sequence[Row], rms: float) -> dict[str, Any]:
     runs = [runs_to(row, rms) for row in rows]
     reached = [one for one in runs if np.isfinite(one)]
     return {"success": len(reached), "n": len(runs), "median": quartiles(runs)[1], "worst": max(reached, default=None)}
+
+
+def iterations_to(rows: Sequence[Row], method: str) -> float | None:
+    """Median number of iterations until the tolerance, read as a bound on the rms; None where they are not counted."""
+    if method not in ITERATIONS:
+        return None
+    design, batch = ITERATIONS[method]
+    return quartiles(np.ceil((runs_to(row, READINGS["rms"]) - design) / batch) for row in rows)[1]
 
 
 def in_words(read: Row) -> str:

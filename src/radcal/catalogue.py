@@ -268,6 +268,8 @@ _OF_SEARCH: Mapping[str, str] = {
     "search_goes_on": "{about}: {standing} so far",
     "search_stagnated": "{about}: {standing}, without improvement for {counted_idle}",
     "search_out_of_runs": "{about}: {standing} at the maximum of {counted_runs}",
+    "search_out_of_time": "{about}: {standing} after {hours:.2g} h of the simulator: stop.max_hours leaves too "
+    "little for a further run",
     "rms_before_infill": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} before any infill run",
     "rms_reached": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} after {counted_runs}",
     "rms_unreachable": "{about}: {standing}, after {counted_runs}; even less two standard errors, the surrogate "
@@ -334,6 +336,7 @@ STEPS: Mapping[str, tuple[str, str, str]] = {
         "",
     ),
     "max_runs": ("more runs", "continue with more runs", "stop.max_runs: {max_runs}"),
+    "max_hours": ("more time", "continue for longer", "stop.max_hours: {max_hours:g}"),
     "stagnation": ("more patience", "continue for longer without improvement", "stop.stagnation_runs: {idle}"),
     "unreachable": ("wider bounds", "widen materials.{about}.bounds: no law inside them reaches the target", ""),
     "running": ("continue", "repeat the command that began the case", ""),

@@ -34,6 +34,7 @@ STANDINGS = {
     "determined": "determined",
 }
 """Words for the standing of a material, those that need action first."""
+_MOVES = " (the best law predicted differs from that of the best run by {moved_db:.2g} dB)"
 _ABOVE = "rms {rms:.2g}, above the tolerance {tolerance:.2g}"
 _NAMED = 4  # most materials named in a headline
 _STEPS = ("depression", "relief", "place", "radiometry", "fixed_law", "fixed_law_and_image", "level")
@@ -95,7 +96,8 @@ def _numbers(finding: Finding) -> dict[str, float | str]:
     """Numbers of a finding, with the texts of its intervals and counts."""
     numbers = dict(finding.numbers)
     numbers |= {f"counted_{key}": _runs(int(numbers[key])) for key in ("runs", "idle") if key in numbers}
-    numbers["standing"] = (_ABOVE if "tolerance" in numbers else "stop criterion not met").format(**numbers)
+    standing = _ABOVE if "tolerance" in numbers else "stop criterion not met" + _MOVES * ("moved_db" in numbers)
+    numbers["standing"] = standing.format(**numbers)
     if "least_nesz_db" in numbers:
         low, high = f"{numbers['least_nesz_db']:.1f}", f"{numbers['largest_nesz_db']:.1f}"
         numbers["nesz"] = low if low == high else f"{low} to {high}"
@@ -197,7 +199,7 @@ def step(name: str, findings: Sequence[Finding], reason: str, **numbers: float |
     reason : str
         Why its search ended (:data:`radcal.results.reasons.REASONS`).
     **numbers
-        Numbers and names for the texts of the catalogue: ``case``, ``max_runs`` and ``idle``.
+        Numbers and names for the texts of the catalogue: ``case``, ``max_runs``, ``max_hours`` and ``idle``.
     """
     codes = [one.code for one in findings if one.about == name and one.code in (*_STATES, "refuted")]
     code = "refuted" if "refuted" in codes else reason if reason in STEPS else next(iter(codes), "undetermined")

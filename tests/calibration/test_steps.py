@@ -77,10 +77,10 @@ def test_steps_from_files_in_two_processes_are_those_from_memory_in_one(parts, c
     write_trainings(tmp_path / "surrogate.h5", trained[1])
     read = read_trainings(tmp_path / "surrogate.h5")
     proposals = propose_all(read, objectives, start, STAGES["propose"].of(case), 0, case.stop, 2)
-    assert proposals == dict(history.infill[0].proposals)
+    assert proposals == [dict(history.infill[0].proposals)]
     write_proposals(tmp_path / "proposals.json", proposals)
     read = read_proposals(tmp_path / "proposals.json")
-    verified, ahead = verify(read, again, objectives, runner, STAGES["verify"].of(case), start, 0, 2)
+    (verified,), ahead = verify(read, again, objectives, runner, STAGES["verify"].of(case), start, 0, 2)
     assert replace(verified, seconds=0.0) == replace(history.infill[0], seconds=0.0)
     # the next iteration has the training of the verification, in the same bits, and trains what was left out
     after, train = History([*start.runs, verified]), STAGES["train"].of(case)
@@ -108,7 +108,7 @@ def test_an_ended_material_repeats_its_best(parts, calibrated, made):
     last = replace(runs[-1], index=len(history.infill), scores=away)
     going = History([*runs[:-1], replace(runs[-1], scores=scores), last])
     trained = train_all(going, STAGES["train"].of(case), made[0])
-    found = propose_all(trained, made[0], going, STAGES["propose"].of(case), len(going.infill), case.stop)
+    (found,) = propose_all(trained, made[0], going, STAGES["propose"].of(case), len(going.infill), case.stop)
     assert found["field"].mode == "ended"
     assert found["field"].parameters == history.best("field").parameters
     assert found["lake"].mode != "ended"

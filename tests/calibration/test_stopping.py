@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 from calibration_samples import make_run
 
-from radcal.calibration.stopping import decide
+from radcal.calibration.stopping import decide, runs_left
 from radcal.config import Stop
 from radcal.findings import Finding
 from radcal.objectives.history import History, Proposal
@@ -75,6 +75,42 @@ def test_stagnation_counts_runs_without_a_better_point(objective, step):
     assert reason(history([0.3, 0.31, 0.32]), objective, stagnation_runs=3) is None
     assert reason(history([0.3, 0.31, 0.275]), "classes", stagnation_runs=2) == "stagnation"
     assert reason(history([0.3, 0.3, 0.3]), objective, stagnation_runs=2) == "stagnation", "equal is no better"
+
+
+def test_an_iteration_of_several_runs_is_judged_by_its_best():
+    def of(*iterations):
+        return History(
+            [*history([]).runs, *(run("infill", k, {"dyke": r}) for k, rms in enumerate(iterations) for r in rms)]
+        )
+
+    for rms in ((9e-4, 0.2), (0.2, 9e-4)):
+        found = judged(of((0.1, 0.1), rms))
+        assert (found.reason, found.materials["dyke"].finding.numbers["runs"]) == ("rms", 6)
+        assert reason(of((0.1, 0.1), rms, (0.5, 0.5)), max_runs=6) == "rms"
+    assert reason(of((0.3, 0.31), (0.32, 0.29)), stagnation_runs=2) is None
+    assert reason(of((0.3, 0.31), (0.32, 0.31)), stagnation_runs=3) == "stagnation"
+    # a maximum amid an iteration
+    assert reason(of((0.1, 0.1), (0.2, 9e-4)), max_runs=5) == "max_runs"
+    assert reason(of((0.1, 0.1), (9e-4, 0.2)), max_runs=5) == "rms"
+
+
+def test_the_budget_of_time_ends_the_search_before_it_is_exceeded():
+    """Every run takes half a second."""
+    stop = Stop(max_hours=3.0 / 3600.0, max_runs=9)
+    assert [runs_left(history([0.1] * k), stop) for k in (0, 1, 4)] == [4, 3, 0]
+    assert runs_left(history([0.1] * 2), Stop(max_runs=5)) == 1
+    found = judged(history([0.1] * 4), max_hours=3.0 / 3600.0)
+    assert (found.reason, found.converged) == ("max_hours", False)
+    numbers = {"rms": 0.1, "tolerance": 1e-3, "hours": 3.0 / 3600.0}
+    assert found.materials["dyke"].finding == Finding("search_out_of_time", "note", "dyke", numbers)
+    assert "above the tolerance 0.001 after 0.00083 h of the simulator" in sentence(found.materials["dyke"].finding)
+    assert reason(history([0.1] * 3), max_hours=3.0 / 3600.0) is None
+    assert reason(history([0.1] * 4 + [9e-4]), max_hours=3.0 / 3600.0) == "max_hours", "the last one does not count"
+    assert reason(history([0.1] * 4), max_hours=3.0 / 3600.0, max_runs=6) == "max_runs"
+    # what is left of a law
+    found = judged(of_law([50.0]), "classes", max_runs=2).materials["dyke"].finding
+    assert found.numbers == {"runs": 2, "moved_db": 1.0}
+    assert "(the best law predicted differs from that of the best run by 1 dB) at the maximum of 2" in sentence(found)
 
 
 def test_unreachable_needs_a_floor_near_the_best():

@@ -18,7 +18,7 @@ WORKFLOW = Path(__file__).resolve().parents[2] / "workflow"
 
 @pytest.mark.parametrize("rule", [name for name, stage in STAGES.items() if stage.reads])
 def test_a_job_has_the_sections_of_its_stage_and_no_others(rule):
-    row, case = STAGES[rule], case_from(flat() | measured() | {"materials": FIXED, "seed": 7})
+    row, case = STAGES[rule], case_from(flat() | measured() | {"materials": FIXED, "seed": 7, "infill": {"batch": 2}})
     stage, params = row.model, row.params(case)
     assert yaml.safe_load(yaml.safe_dump(params)) == params  # plain data
     # a job's params are compared as they are printed, in the order of the whole case

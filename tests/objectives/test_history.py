@@ -127,17 +127,20 @@ def test_files_round_trip_to_the_last_bit(tmp_path):
     write_runs(tmp_path / "a.json", runs[:2])
     write_runs(tmp_path / "b.json", runs[2:])
     assert list(read_runs([tmp_path / "a.json", tmp_path / "b.json"]).runs) == runs
-    write_proposals(tmp_path / "p.json", {"dyke": proposal})
-    assert read_proposals(tmp_path / "p.json") == {"dyke": proposal}
+    both = [{"dyke": proposal}, {"dyke": replace(proposal, mode="exploit")}]
+    write_proposals(tmp_path / "p.json", both)
+    assert read_proposals(tmp_path / "p.json") == both
+    write_json(tmp_path / "p.json", read_json(tmp_path / "p.json")[0])  # as an earlier version wrote it
+    assert read_proposals(tmp_path / "p.json") == both[:1]
 
 
 def test_a_file_of_a_newer_version_is_named(tmp_path):
     file = tmp_path / "proposal.json"
-    write_proposals(file, {"dyke": Proposal([1.0, 2.0], "exploit")})
+    write_proposals(file, [{"dyke": Proposal([1.0, 2.0], "exploit")}])
     data = read_json(file)
-    data["dyke"]["front"]["colour"] = 3
+    data[0]["dyke"]["front"]["colour"] = 3
     write_json(file, data)
-    said = r"proposal\.json: has the key 'dyke\.front\.colour', which radcal \d\S* does not know: another version"
+    said = r"proposal\.json: has the key '0\.dyke\.front\.colour', which radcal \d\S* does not know: another version"
     with pytest.raises(StoreError, match=said):
         read_proposals(file)
 

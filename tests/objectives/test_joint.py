@@ -181,8 +181,8 @@ def test_the_front_of_two_passes_is_kept(found, tmp_path):
     order = np.argsort(sums[:, 0])
     assert (np.diff(sums[order, 1]) < 0.0).all()
     assert sums.sum(axis=1).argmin() == 0
-    write_proposals(tmp_path / "proposal.json", {"field": proposal})
-    assert read_proposals(tmp_path / "proposal.json") == {"field": proposal}
+    write_proposals(tmp_path / "proposal.json", [{"field": proposal}])
+    assert read_proposals(tmp_path / "proposal.json") == [{"field": proposal}]
 
     ended = replace(proposal, mode="ended", front=Front())
     infill = [replace(run, kind="infill", proposals={"field": one, "lake": ended}) for one in (proposal, ended)]

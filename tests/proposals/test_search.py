@@ -12,6 +12,7 @@ from radcal.config import Optimiser
 from radcal.objectives.density import UNREACHABLE_SHARE, Density
 from radcal.proposals.lattice import corners, lattice
 from radcal.proposals.search import Search
+from radcal.seeds import derived_seed
 
 QUICK = Optimiser(population=20, evaluations=100)
 PIXELS = np.random.default_rng(0).normal(3.0, 1.5, 300)
@@ -45,6 +46,20 @@ class Exact:
 
     def standard_error(self, unit):
         return np.full_like(self.predict(unit), self.error)
+
+
+class Uncertain(Exact):
+    """A surrogate that knows the truth, with draws off by standard errors as :meth:`.Surrogate.drawn` makes them."""
+
+    shift = np.zeros(3)
+
+    def drawn(self, seed):
+        draw = Uncertain(self.parameters, self.error)
+        draw.shift = np.random.default_rng(seed).standard_normal(3)
+        return draw
+
+    def predict(self, unit):
+        return super().predict(unit) + self.shift * self.error
 
 
 def dp_of(mean, log_sd, skewness):
@@ -143,6 +158,25 @@ def test_two_standard_errors_are_taken_in_favour():
         assert found.cost(u, 2.0)[0] == pytest.approx(found.cost([[0.3 + left / 10, 0.4, 0.3 / 0.9]])[0], abs=1e-12)
         mirrored = u * [0.25 / 0.35, 1.0, 1.0]
         assert found.distance(mirrored, 2.0)[0] == pytest.approx(found.distance(u, 2.0)[0], abs=1e-12)
+
+
+def test_a_batch_is_spread_by_the_error_of_the_surrogate():
+    """The first is the proposal alone; the others reach the target if the prediction errs, and say what it predicts."""
+    best = make_score(0.5, [0.5, 0.5, 0.5])
+
+    def of(error):
+        wide = Uncertain(error=error)
+        found = search(REACHABLE, wide).batch(3, QUICK, 1, best)
+        assert found[0] == search(REACHABLE, wide).propose(QUICK, 1, best)
+        assert [one.floor for one in found[1:]] == [None, None]
+        for one in found:
+            np.testing.assert_array_equal(one.statistics, wide.predict(wide.unit(one.parameters))[0])
+        return np.array([one.statistics for one in found])[:, 0]
+
+    off = of(0.02) - np.array([3.0, 0.4, 0.3])
+    draws = [np.random.default_rng(derived_seed(1, "batch", k)).standard_normal(3) for k in (1, 2)]
+    np.testing.assert_allclose(off, [np.zeros(3), *(-0.02 * draw for draw in draws)], atol=1e-6)
+    np.testing.assert_allclose(of(0.01) - np.array([3.0, 0.4, 0.3]), 0.5 * off, atol=1e-6)
 
 
 def test_failures_keep_every_other_proposal_near_the_best():

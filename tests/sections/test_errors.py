@@ -41,7 +41,7 @@ def test_misspelt_keys_are_refused_with_the_nearest(data, key, near):
 def test_key_like_no_other_is_refused_with_all_known():
     text = message({"stop": {"xyzzy": 1}})
     assert "unknown key stop.xyzzy" in text
-    assert "known: at_sampling_error, law_db, max_runs, rms, stagnation_runs" in text
+    assert "known: at_sampling_error, law_db, max_hours, max_runs, rms, stagnation_runs" in text
 
 
 def test_keys_of_another_source_are_not_known():

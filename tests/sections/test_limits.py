@@ -93,7 +93,8 @@ FIRST = {
     "design": {"size": 4, "chunk": 3},
     "surrogate": {"training": "posterior"},
     "optimiser": {"population": 50, "evaluations": 700},
-    "stop": {"rms": 1e-4, "max_runs": 150, "stagnation_runs": 15, "law_db": 0.1},
+    "infill": {"batch": 3},
+    "stop": {"rms": 1e-4, "max_runs": 150, "max_hours": 8.0, "stagnation_runs": 15, "law_db": 0.1},
     "uncertainty": {
         "known_db": 1.2,
         "noise_db": 1.5, "level_db": 0.4,

@@ -49,6 +49,7 @@ CHANGES = {
     "design": {"sampler": "latin_hypercube"},
     "surrogate": {"baseline": False},
     "optimiser": {"evaluations": 900},
+    "infill": {"batch": 2},
     "uncertainty": {"known_db": 2.5},
     "stop": {"rms": 2e-3},
 }
@@ -141,6 +142,24 @@ def test_commands_of_snakemake_behave(finished):
     ended(finished, "all", *CASE, cores=1)
     assert finished.contents() == before
     assert finished.summary()["materials"] == summary["materials"]
+
+
+def test_runs_of_an_iteration_are_jobs_that_keep_what_they_made(project):
+    """Two proposals at once, of which a first command makes only the second; three runs are left of the maximum."""
+    project.write(design={"size": 6}, infill={"batch": 2}, stop={"rms": 1e-9, "max_runs": 9})
+    ended(project, "results/tiny/iterations/0/runs/1.json", *CASE)
+    first = project.records()
+    assert len(first) == 1 + 6 + 1
+    said = ended(project, "results/tiny/final.json", *CASE)
+    assert re.findall(r"run +(\d+) \(iteration (\d+)\)", said) == [("8", "1"), ("9", "2")]
+    after = project.records()
+    assert {name: after[name] for name in first} == first
+    infill = read_runs([project.out() / f"iterations/{k}/verified.json" for k in (0, 1)]).infill
+    assert [run.index for run in infill] == [0, 0, 1]
+    assert len({run.keys[0] for run in infill}) == 3
+    assert f"{infill[1].keys[0]}.h5" in first
+    lists = [json.loads((project.out() / f"iterations/1/runs/{j}.json").read_text())["data"] for j in (0, 1)]
+    assert [len(one) for one in lists] == [1, 0]
 
 
 def content(path):

@@ -1,14 +1,18 @@
 # The loop: train(k), propose(k), verify(k), and on to k + 1 until the stop settings are met.
 
+from functools import cache
+from pathlib import Path
+
 from snakemake.exceptions import IncompleteCheckpointException
 from snakemake.io import checkpoint_target
 
-from radcal.objectives.history import read_runs
+from radcal.objectives.history import History, read_runs
 from radcal.calibration.stopping import decide
 
 
 wildcard_constraints:
     k="[0-9]+",
+    j="[0-9]+",
 
 
 def verification(k):
@@ -22,16 +26,29 @@ def verification(k):
         raise
 
 
+# Several rules ask for the iterations, and again after each one: a file is read once, and a decision made once. A file
+# that is made again has another time.
+@cache
+def runs_of(path, time_ns):
+    """Scored runs of a file of this time."""
+    return read_runs([path]).runs
+
+
+@cache
+def ends_with(*made):
+    """Whether the search ends with the runs of files, given with their times."""
+    history = History(run for one in made for run in runs_of(*one))
+    return decide(history, CASE.calibrated, CASE.stop, CASE.objective).ended
+
+
 def verified(wildcards):
     """Files of the verified iterations until the search ends; an exception makes Snakemake make a missing file."""
-    files = [checkpoints.scores.get().output.scores]
-    k = 0
-    while not decide(
-        read_runs(files), CASE.calibrated, CASE.stop, CASE.objective
-    ).ended:
-        files.append(verification(k).verified)
-        k += 1
-    return files[1:]
+    files, made = [checkpoints.scores.get().output.scores], []
+    while True:
+        made.append((str(files[-1]), Path(files[-1]).stat().st_mtime_ns))
+        if ends_with(*made):
+            return files[1:]
+        files.append(verification(len(files) - 1).verified)
 
 
 def trained_last(wildcards):
@@ -118,6 +135,39 @@ rule propose:
         "../scripts/propose.py"
 
 
+# The runs of an iteration of several proposals, side by side; verify then finds them in the run store.
+rule infill_run:
+    input:
+        every_pass(SIMULATOR),
+        scene=rules.scene.output.scene,
+        geometry=every_pass(rules.geometry.output.geometry),
+        proposal=rules.propose.output.proposal,
+    output:
+        **outputs("infill_run"),
+    log:
+        f"{OUT}/logs/iterations/{{k}}/runs/{{j}}.log",
+    benchmark:
+        f"{OUT}/benchmarks/iterations/{{k}}/infill_run_{{j}}.tsv"
+    resources:
+        **resources("infill_run", runs=len(PASSES)),
+    params:
+        case=STAGES["infill_run"].params(CASE),
+        runs=f"{OUT}/runs",
+    message:
+        words("infill_run")
+    script:
+        "../scripts/infill_run.py"
+
+
+SIDE_BY_SIDE = (
+    expand(
+        rules.infill_run.output.index, j=range(CASE.infill.batch), allow_missing=True
+    )
+    if STAGES["infill_run"].is_needed(CASE)
+    else []
+)
+
+
 checkpoint verify:
     input:
         every_pass(SIMULATOR),
@@ -127,6 +177,7 @@ checkpoint verify:
         scores=f"{OUT}/scores.json",
         earlier=earlier,
         proposal=rules.propose.output.proposal,
+        made=SIDE_BY_SIDE,
     output:
         **outputs("verify", trained=update),
     log:

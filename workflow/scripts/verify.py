@@ -1,4 +1,4 @@
-"""Simulate the proposals of all materials in one run and score this run."""
+"""Simulate the proposals of all materials and score their runs, which other jobs may have made already."""
 
 from radcal.calibration.steps import progress_line, verify
 from radcal.config import Stop
@@ -15,9 +15,9 @@ with job(snakemake) as case:
     history = read_runs([snakemake.input.scores, *snakemake.input.earlier])
     targets, k = read_targets(*snakemake.input.target), int(snakemake.wildcards.k)
     objectives = make_objectives(case, targets)
-    run, trained = verify(proposals, targets, objectives, runner, case, history, k, snakemake.threads)
+    runs, trained = verify(proposals, targets, objectives, runner, case, history, k, snakemake.threads)
     write_trainings(snakemake.output.trained, trained)
-    write_runs(snakemake.output.verified, [run])
+    write_runs(snakemake.output.verified, runs)
     stop = Stop.model_validate(snakemake.config["stop"])
-    history = History([*history.runs, run])
+    history = History([*history.runs, *runs])
     progress(progress_line(history, case.calibrated, stop, case.objective))

@@ -150,8 +150,8 @@ def calibrate(
     while not (decision := decide(history, list(targets), case.stop, case.objective)).ended:
         trainings = train_all(history, train, objectives, trained=trained)
         proposals = propose_all(trainings, objectives, history, proposal, k, case.stop)
-        run, trained = verify(proposals, targets, objectives, runner, simulation, history, k)
-        history = History([*history.runs, run])
+        runs, trained = verify(proposals, targets, objectives, runner, simulation, history, k)
+        history = History([*history.runs, *runs])
         report(history)
         k += 1
     return history, decision

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 from radcal.calibration.noise import scatter
 from radcal.calibration.scoring import score
-from radcal.calibration.stopping import decide
+from radcal.calibration.stopping import decide, runs_left
 from radcal.config import Material, Stop
 from radcal.config.part import Part
 from radcal.errors import SimulatorError
 from radcal.findings import Finding
 from radcal.objectives import Comparison, objective_class
-from radcal.objectives.history import History, Proposal, Run, Score
+from radcal.objectives.history import History, Proposal, Run
 from radcal.processes import each
 from radcal.proposals.search import Search
 from radcal.proposals.surrogate import Surrogate, Training, train_surrogate
@@ -137,6 +137,11 @@ def all_parameters(materials: Mapping[str, Material], calibrated: Parameters) ->
     return {name: list(calibrated.get(name, material.start_parameters)) for name, material in materials.items()}
 
 
+def proposed(case: Part, proposals: Mapping[str, Proposal]) -> dict[str, list[float]]:
+    """Parameters of all materials in the run that verifies the proposals of the calibrated ones."""
+    return all_parameters(case.materials, {name: proposal.parameters for name, proposal in proposals.items()})
+
+
 def _trained(name: str, objective: Comparison, history: History, case: Part) -> Training:
     """Training of one material's surrogate by all runs so far."""
     noisy = _noisy(history, case.simulator)
@@ -187,7 +192,7 @@ def propose_all(
     iteration: int,
     stop: Stop,
     processes: int = 1,
-) -> dict[str, Proposal]:
+) -> list[dict[str, Proposal]]:
     """Propose the next X of every material whose search goes on; other materials repeat their best X.
 
     Parameters
@@ -207,14 +212,17 @@ def propose_all(
 
     Returns
     -------
-    dict
-        Proposal by material.
+    list of dict
+        Proposal by material for each run of the iteration: ``infill.batch`` runs, or as many as the stop
+        settings still admit.
     """
     verdicts = decide(history, list(objectives), stop, case.objective).materials
     best = {name: history.best(name) for name in objectives}
+    count = max(min(case.infill.batch, runs_left(history, stop)), 1)
     work = {
         name: partial(
-            Search(objective, Surrogate(trainings[name], objective)).propose,
+            Search(objective, Surrogate(trainings[name], objective)).batch,
+            count,
             case.optimiser,
             derived_seed(case.seed, "propose", name, iteration),
             best[name],
@@ -224,13 +232,15 @@ def propose_all(
         if verdicts[name].reason is None
     }
     found = each(work, processes)
-    for name, proposal in found.items():
-        logger.info("%s: %s", name, proposal)
-    return {name: found.get(name) or Proposal(list(best[name].parameters), "ended") for name in objectives}
+    for name, proposals in found.items():
+        for proposal in proposals:
+            logger.info("%s: %s", name, proposal)
+    ended = {name: Proposal(list(best[name].parameters), "ended") for name in objectives}
+    return [{name: found[name][j] if name in found else ended[name] for name in objectives} for j in range(count)]
 
 
 def verify(
-    proposals: Mapping[str, Proposal],
+    proposals: Sequence[Mapping[str, Proposal]],
     targets: Targets,
     objectives: Mapping[str, Comparison],
     runner: Runner,
@@ -238,15 +248,15 @@ def verify(
     history: History,
     iteration: int,
     processes: int = 1,
-) -> tuple[Run, dict[str, Training]]:
-    """Simulate the proposals in one run, score the run, and predict the improvement that further runs may bring.
+) -> tuple[list[Run], dict[str, Training]]:
+    """Simulate the proposals, score their runs, and predict the improvement that further runs may bring.
 
-    The prediction comes from surrogates that are trained on all runs, including the new one.
+    The prediction comes from surrogates that are trained on all runs, including the new ones.
 
     Parameters
     ----------
-    proposals : mapping
-        Proposal by material.
+    proposals : sequence of mapping
+        Proposal by material, for each run of the iteration.
     targets, objectives : mapping
         Target and objective by calibrated material.
     runner : Runner
@@ -262,31 +272,37 @@ def verify(
 
     Returns
     -------
-    run : Run
-        Scored run.
+    runs : list of Run
+        Scored runs, all with the prediction.
     trained : dict
         Surrogates of the prediction by material, which the next iteration also needs (:func:`train_all`); without the
         materials whose search has no prediction.
     """
-    parameters = all_parameters(case.materials, {name: proposal.parameters for name, proposal in proposals.items()})
-    with called(f"infill run {history.count('infill') + 1}"):
-        records = run_all_draws(case, runner, parameters)
-    run = score("infill", iteration, records, parameters, targets, objectives, case.seed)
-    run = replace(run, proposals=dict(proposals))
+    runs = []
+    for number, one in enumerate(proposals, start=history.count("infill") + 1):
+        parameters = proposed(case, one)
+        with called(f"infill run {number}"):
+            records = run_all_draws(case, runner, parameters)
+        run = score("infill", iteration, records, parameters, targets, objectives, case.seed)
+        runs.append(replace(run, proposals=dict(one)))
     ahead = [name for name, objective in objectives.items() if objective.looks_ahead]
-    history = History([*history.runs, run])
+    history = History([*history.runs, *runs])
 
-    def outlook(name: str) -> tuple[Score, Training]:
+    def outlook(name: str) -> tuple[tuple[float, float | None, float | None], Training]:
         objective = objectives[name]
         training = _trained(name, objective, history, case)
         search = Search(objective, Surrogate(training, objective))
         seed = derived_seed(case.seed, "outlook", name, iteration)
-        gain, floor, moved_db = search.outlook(history.best(name), seed)
-        return replace(run.scores[name], gain=gain, floor=floor, moved_db=moved_db), training
+        return search.outlook(history.best(name), seed), training
 
     found = each({name: partial(outlook, name) for name in ahead}, processes)
-    scores = {**run.scores, **{name: score for name, (score, _) in found.items()}}
-    return replace(run, scores=scores), {name: training for name, (_, training) in found.items()}
+    for j, run in enumerate(runs):
+        seen = {
+            name: replace(run.scores[name], gain=gain, floor=floor, moved_db=moved_db)
+            for name, ((gain, floor, moved_db), _) in found.items()
+        }
+        runs[j] = replace(run, scores={**run.scores, **seen})
+    return runs, {name: training for name, (_, training) in found.items()}
 
 
 def design_line(number: int, size: int, record: Record, targets: Targets) -> str:
@@ -321,4 +337,4 @@ def progress_line(history: History, materials: Sequence[str], stop: Stop, object
     verdicts = decide(history, materials, stop, objective).materials
     ended = [name for name in materials if verdicts[name].reason in ("rms", "settled")]
     text = objective_class(objective).progress_line(history, materials, ended, stop)
-    return f"run {runs:>3} (iteration {history.count('infill')}): {text}"
+    return f"run {runs:>3} (iteration {history.iterations}): {text}"

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 from radcal.config import Stop
 from radcal.objectives import Objective, objective_class
 from radcal.objectives.base import Progress, Reason, SearchState
-from radcal.objectives.history import History
+from radcal.objectives.history import History, Kind
 
 
 @dataclass(frozen=True)
@@ -20,8 +21,8 @@ class Decision:
     materials : mapping
         State of the search by material.
     reason : str or None
-        Reason why the loop ended, the first of max_runs, stagnation, unreachable, rms and settled that applies to a
-        material; None while the loop goes on.
+        Reason why the loop ended, the first of max_runs, max_hours, stagnation, unreachable, rms and settled that
+        applies to a material; None while the loop goes on.
     """
 
     materials: Mapping[str, SearchState]
@@ -60,30 +61,57 @@ def decide(history: History, materials: Sequence[str], stop: Stop, objective: st
     """
     states = {name: _judge(history, name, stop, objective_class(objective)) for name in materials}
     reasons = {state.reason for state in states.values()}
-    order: tuple[Reason | None, ...] = (None, "max_runs", "stagnation", "unreachable", "rms", "settled")
+    order: tuple[Reason | None, ...] = (None, "max_runs", "max_hours", "stagnation", "unreachable", "rms", "settled")
     return Decision(states, next(reason for reason in order if reason in reasons))
 
 
 def _judge(history: History, name: str, stop: Stop, objective: type[Objective]) -> SearchState:
     """State of the search of one material: its infill runs are judged in order, until a criterion ends the search."""
-    design = history.count("design")
+    seconds = _seconds(history, "design")
     scores = [run.scores[name] for run in history.runs if run.kind != "infill"]
     best, idle = min(score.cost for score in scores if score.own_law), 0
     if ending := objective.ending_before_infill(name, best, stop):
         return ending
-    for k, run in enumerate(history.infill, start=1):
-        if design + k > stop.max_runs:
+    sampling, moved_db = history.rms_sampling(name), None
+    for _, iteration in groupby(history.infill, key=lambda run: run.index):
+        left, _ = _left(seconds, stop)
+        if left <= 0:
             break
-        score, proposal = run.scores[name], run.proposals[name]
-        if proposal.mode != "ended":
-            idle = 0 if best - score.cost > objective.improvement else idle + 1
-            best = min(best, score.cost)
-        sampling = history.rms_sampling(name)
-        if ending := objective.ending(Progress(name, design + k, best, idle, score, proposal, sampling), stop):
-            return ending
+        runs = list(iteration)[: stop.max_runs - len(seconds)]
+        seconds += [run.seconds for run in runs]
+        moved_db = runs[-1].scores[name].moved_db
+        for run in runs:
+            score = run.scores[name]
+            if run.proposals[name].mode != "ended":
+                idle = 0 if best - score.cost > objective.improvement else idle + 1
+                best = min(best, score.cost)
+        for run in runs:
+            progress = Progress(name, len(seconds), best, idle, run.scores[name], run.proposals[name], sampling)
+            if ending := objective.ending(progress, stop):
+                return ending
         if idle >= stop.stagnation_runs:
             return SearchState.of("stagnation", "search_stagnated", name, idle=idle, **objective.standing(best, stop))
-    if design + len(history.infill) >= stop.max_runs:
-        numbers = {**objective.standing(best, stop), "runs": stop.max_runs}
-        return SearchState.of("max_runs", "search_out_of_runs", name, **numbers)
-    return SearchState.of(None, "search_goes_on", name, **objective.standing(best, stop))
+    numbers = objective.standing(best, stop) | ({} if moved_db is None else {"moved_db": moved_db})
+    left, reason = _left(seconds, stop)
+    if left > 0:
+        return SearchState.of(None, "search_goes_on", name, **numbers)
+    if reason == "max_hours":
+        return SearchState.of(reason, "search_out_of_time", name, **numbers, hours=sum(seconds) / 3600.0)
+    return SearchState.of(reason, "search_out_of_runs", name, **numbers, runs=stop.max_runs)
+
+
+def runs_left(history: History, stop: Stop) -> int:
+    """Number of further runs within ``max_runs`` and, if each takes the mean time of the runs so far, ``max_hours``."""
+    return _left(_seconds(history, "design", "infill"), stop)[0]
+
+
+def _seconds(history: History, *kinds: Kind) -> list[float]:
+    return [run.seconds for run in history.runs if run.kind in kinds]
+
+
+def _left(seconds: Sequence[float], stop: Stop) -> tuple[int, Reason]:
+    """Number of further runs after runs of some wall times [s], and the setting that limits it."""
+    within: list[tuple[int, Reason]] = [(stop.max_runs - len(seconds), "max_runs")]
+    if stop.max_hours is not None and (spent := sum(seconds)) > 0.0:
+        within.append((int((3600.0 * stop.max_hours - spent) * len(seconds) / spent), "max_hours"))
+    return min(within, key=lambda one: one[0])

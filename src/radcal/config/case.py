@@ -35,7 +35,7 @@ from radcal.sections.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, n
 from radcal.sections.ppi import Gmti, Ppi, Products
 from radcal.sections.radar import Radar, Signals
 from radcal.sections.scene import BuiltinScene, SceneConfig
-from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
+from radcal.sections.search import Design, Infill, Optimiser, Stop, SurrogateConfig
 from radcal.sections.simulator import BuiltinSimulation, SimulatorConfig
 from radcal.sections.target import TargetConfig, Uncertainty, Validation
 from radcal.tables.sensors import sensors
@@ -90,6 +90,7 @@ class Case(Part):
     design: Design = Field(default_factory=Design)
     surrogate: SurrogateConfig = Field(default_factory=SurrogateConfig)
     optimiser: Optimiser = Field(default_factory=Optimiser)
+    infill: Infill = Field(default_factory=Infill)
     uncertainty: Uncertainty = Field(default_factory=Uncertainty)
     stop: Stop = Field(default_factory=Stop)
 

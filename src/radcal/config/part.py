@@ -14,7 +14,7 @@ from radcal.sections.measurement import MeasurementConfig, RegistrationConfig
 from radcal.sections.ppi import Gmti, Ppi, Products
 from radcal.sections.radar import Radar, Signals
 from radcal.sections.scene import SceneConfig
-from radcal.sections.search import Design, Optimiser, Stop, SurrogateConfig
+from radcal.sections.search import Design, Infill, Optimiser, Stop, SurrogateConfig
 from radcal.sections.simulator import SimulatorConfig
 from radcal.sections.target import TargetConfig, Uncertainty, Validation
 
@@ -70,6 +70,7 @@ class Part(Section):
         design: Design
         surrogate: SurrogateConfig
         optimiser: Optimiser
+        infill: Infill
         uncertainty: Uncertainty
         stop: Stop
 
@@ -87,6 +88,10 @@ class Part(Section):
         sections = self.model_dump(mode="json", include=set(names))
         if sections.get("colours", {}) is None:  # a case without colours has the jobs it had before this key existed
             del sections["colours"]
+        if sections.get("infill") == Infill().model_dump():
+            del sections["infill"]
+        if sections.get("stop", {}).get("max_hours", 0) is None:
+            del sections["stop"]["max_hours"]
         simulator = sections.get("simulator", {})
         simulator.pop("strips", None)  # the geometry has the same bits in any number of strips
         if environment := simulator.get("environment"):

@@ -84,8 +84,8 @@ class Stage:
         Resources of a job.
     outputs : mapping of str to str
         Files and folders below ``results/<case>``, by their names in the rule. A wildcard stands for the number of the
-        pass (``{p}``), of the strip (``{s}``), of the part of the design (``{chunk}``) or of the iteration (``{k}``),
-        or for the name of a calibrated material (``{material}``).
+        pass (``{p}``), of the strip (``{s}``), of the part of the design (``{chunk}``), of the iteration (``{k}``) or
+        of its run (``{j}``), or for the name of a calibrated material (``{material}``).
     schemas : mapping of str to int
         Schema number of the layout of each kind of HDF5 file among the outputs.
     only_if : callable, optional
@@ -128,6 +128,7 @@ class Stage:
             "chunk": range(len(case.passes) * case.design_parts),
             "material": case.calibrated,
             "k": range(iterations),
+            "j": range(case.infill.batch),
         }
         found = []
         for path in self.outputs.values():
@@ -181,7 +182,12 @@ STAGES: Mapping[str, Stage] = {
     "scores": Stage("scores of the design", (*_LAWS, "objective"), _LIGHT, {"scores": "scores.json"}),
     "train": Stage("train {k}", _TRAIN, _SEARCH, {"surrogate": "iterations/{k}/surrogate.h5"}, {"surrogate": 6}),
     "propose": Stage(
-        "propose {k}", (*_LAWS, "objective", "optimiser"), _SEARCH, {"proposal": "iterations/{k}/proposal.json"}),
+        "propose {k}", (*_LAWS, "objective", "optimiser", "infill"), _SEARCH,
+        {"proposal": "iterations/{k}/proposal.json"}),
+    # a single run is made by verify itself
+    "infill_run": Stage(
+        "infill run {k}.{j}", _RUNS, _RUN, {"index": "iterations/{k}/runs/{j}.json"},
+        only_if=lambda case: case.infill.batch > 1),
     "verify": Stage(
         "verify {k}", _TRAIN, _RUN,
         {"verified": "iterations/{k}/verified.json", "trained": "iterations/{k}/verified/surrogate.h5"}),

@@ -83,7 +83,8 @@ def planned_runs(case: Case, jobs: Sequence[tuple[str, Mapping[str, str]]]) -> d
     iterations = [int(words["k"]) for rule, words in jobs if rule in ("train", "propose", "verify")]
     # the jobs of the iterations are planned once the scores are known
     begun = 0 if planned["scores"] else min(iterations, default=None)
-    infill = 0 if begun is None or not planned["final_runs"] else max(case.stop.max_runs - case.design_size - begun, 0)
+    left = case.stop.max_runs - case.design_size - (begun or 0) * case.infill.batch
+    infill = 0 if begun is None or not planned["final_runs"] else max(left, 0)
     return {
         "measurement": sum(rule == "measurement" and sources[words["p"]] == "synthetic" for rule, words in jobs),
         "reference": planned["reference_run"] * reference_count(case.simulator) + planned["registration_run"],
@@ -151,7 +152,7 @@ def duration(seconds: float) -> str:
 
 
 def stored_iteration_seconds(folder: str | Path) -> float | None:
-    """Time of the jobs of an iteration (training, proposal, verification) of earlier commands [s], without their start.
+    """Time of an iteration's jobs (training to verification) of earlier commands [s], without their start.
 
     Parameters
     ----------
@@ -168,10 +169,15 @@ def stored_iteration_seconds(folder: str | Path) -> float | None:
         number = last.stem.rpartition("_")[2]
         # Snakemake does not write these files atomically, so that a file may be incomplete after a kill
         with contextlib.suppress(OSError, KeyError, TypeError, ValueError, IndexError):
-            pages = [last.with_name(f"{stage}_{number}.tsv") for stage in ("train", "propose", "verify")]
-            rows = [list(csv.DictReader(page.read_text("utf-8").splitlines(), delimiter="\t")) for page in pages]
-            found.append(sum(float(row[-1]["s"]) for row in rows))
+            own = [last.with_name(f"{stage}_{number}.tsv") for stage in ("train", "propose", "verify")]
+            runs = Path(folder, "iterations", number).glob("infill_run_*.tsv")  # side by side
+            found.append(sum(map(_job_seconds, own)) + max(map(_job_seconds, runs), default=0.0))
     return statistics.median(found) if found else None
+
+
+def _job_seconds(page: Path) -> float:
+    """Wall time in a benchmark file of Snakemake [s]."""
+    return float(list(csv.DictReader(page.read_text("utf-8").splitlines(), delimiter="\t"))[-1]["s"])
 
 
 def standing(case: Case, folder: str | Path) -> Standing:
@@ -190,10 +196,11 @@ def standing(case: Case, folder: str | Path) -> Standing:
     if (folder / "final.json").exists():
         return Standing(done, None, None)
     counts = largest_runs(case)
-    begun = len(list((folder / "iterations").glob("*/verified.json")))
-    iterations = min(max(_HALF_SEARCH_RUNS - begun, 1), counts.pop("infill") // passes - begun)
-    runs = sum(counts.values()) + passes * begun
-    expected = max(runs + passes * iterations, done)
+    batch = case.infill.batch
+    begun = batch * len(list((folder / "iterations").glob("*/verified.json")))
+    infill = min(max(_HALF_SEARCH_RUNS - begun, batch), counts.pop("infill") // passes - begun)
+    iterations, runs = -(-infill // batch), sum(counts.values()) + passes * begun
+    expected = max(runs + passes * infill, done)
     each = case.simulator.draws * (median_seconds(folder / "runs") or 0.0)
     iteration = stored_iteration_seconds(folder / "benchmarks")
     if iteration is None and each < _LONG_RUN_S:
@@ -217,7 +224,7 @@ def time_expected(case: Case, results: str | Path) -> str:
         return "time: not known before the first run, which radcal run CASE reference makes"
     each = seconds * case.simulator.draws
     iteration = stored_iteration_seconds(Path(results) / case.case / "benchmarks") or len(case.passes) * each
-    infill = case.stop.max_runs - case.design_size
+    infill = -(-(case.stop.max_runs - case.design_size) // case.infill.batch)
     others = each * sum(number for kind, number in largest_runs(case).items() if kind != "infill")
     usual, most = (duration(others + number * iteration) for number in (min(_SEARCH_RUNS, infill), infill))
     return (

@@ -28,7 +28,7 @@ Doubles = NDArray[np.float64]
 Baseline = Callable[[Doubles], Doubles]
 """Function from X to the statistics that law, speckle and noise give: shape (d,) to (n, 3), or (k, d) to (k, n, 3)."""
 
-Reason = Literal["rms", "settled", "unreachable", "stagnation", "max_runs"]
+Reason = Literal["rms", "settled", "unreachable", "stagnation", "max_runs", "max_hours"]
 
 
 @dataclass(frozen=True)

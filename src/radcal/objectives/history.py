@@ -161,7 +161,7 @@ class Run:
         from an earlier case. Registration run and reused runs train the surrogate and do not count towards
         ``stop.max_runs``.
     index : int
-        Number of the run among the runs of its kind.
+        Number of the run among the runs of its kind; of an infill run, the number of its iteration.
     keys : list of str
         Hashes that identify the run's record in each pass.
     seconds : float
@@ -208,6 +208,11 @@ class History:
         return [run for run in self.runs if run.kind == "infill"]
 
     @property
+    def iterations(self) -> int:
+        """Number of iterations, each of which has made one or several infill runs."""
+        return len({run.index for run in self.infill})
+
+    @property
     def repeat_db(self) -> list[float]:
         """Largest pixel difference between each repeated reference run and the first reference run [dB]."""
         return [run.repeat_db for run in self.runs if run.repeat_db is not None]
@@ -235,10 +240,10 @@ class History:
         return min(own, key=lambda run: run.scores[material].cost)
 
     def failures(self, material: str) -> int:
-        """Return the number of a material's verified proposals since its best run."""
+        """Return the number of iterations with verified proposals of a material since that of its best run."""
         best = self.best_run(material)
-        since = self.infill if best.kind != "infill" else self.infill[self.infill.index(best) + 1 :]
-        return sum(run.proposals[material].mode != "ended" for run in since)
+        last = best.index if best.kind == "infill" else -1
+        return len({run.index for run in self.infill if run.index > last and run.proposals[material].mode != "ended"})
 
     def training(self, material: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Training data of a material's surrogate: distinct parameters X, and the statistics of their runs.
@@ -310,11 +315,12 @@ def _of_passes(run: dict[str, Any]) -> dict[str, Any]:
     return run
 
 
-def write_proposals(path: str | Path, proposals: Mapping[str, Proposal]) -> None:
-    """Write the proposals of all materials as JSON."""
-    write_json(path, {name: asdict(proposal) for name, proposal in proposals.items()})
+def write_proposals(path: str | Path, proposals: Iterable[Mapping[str, Proposal]]) -> None:
+    """Write the proposals of all materials for the runs of an iteration as JSON."""
+    write_json(path, [{name: asdict(proposal) for name, proposal in one.items()} for one in proposals])
 
 
-def read_proposals(path: str | Path) -> dict[str, Proposal]:
-    """Read the proposals of all materials from a file of :func:`write_proposals`."""
-    return from_json(dict[str, Proposal], read_json(path), path)
+def read_proposals(path: str | Path) -> list[dict[str, Proposal]]:
+    """Read the proposals of all materials for the runs of an iteration from a file of :func:`write_proposals`."""
+    found = read_json(path)  # an earlier version of radcal wrote the proposals of its one run alone
+    return from_json(list[dict[str, Proposal]], [found] if isinstance(found, dict) else found, path)

@@ -224,6 +224,7 @@ def _materials(
     """Calibrated materials in the order of the configuration."""
     stop, found = archive.configured.stop, []
     numbers = {"case": summary["case"], "max_runs": 2 * stop.max_runs, "idle": 2 * stop.stagnation_runs}
+    numbers["max_hours"] = 2.0 * (stop.max_hours or 0.0)
     for (name, result), slug in zip(archive.materials.items(), slugs(archive.materials), strict=True):
         own, configured = summary["materials"][name], archive.configured.materials[name]
         found.append(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -17,6 +18,7 @@ from radcal.objectives.history import Front, Proposal, Score
 from radcal.proposals.lattice import SAME, corners, elsewhere, lattice
 from radcal.proposals.nsga2 import nsga2
 from radcal.proposals.surrogate import Surrogate
+from radcal.seeds import derived_seed
 
 _FAVOUR = 2.0  # standard errors by which the surrogate's statistics may err towards the target
 _STARTS = 12
@@ -256,6 +258,29 @@ class Search:
             gain = max(gain, best.cost - other[1])
             moved_db = max((value for value in both if value is not None), default=None)
         return gain, floor, moved_db
+
+    def batch(self, count: int, config: Optimiser, seed: int, best: Score, failures: int = 0) -> list[Proposal]:
+        """Choose the next ``count`` X of a material to simulate side by side, the first as :meth:`propose` does.
+
+        Each further X is chosen likewise on a draw of the surrogate (:meth:`.Surrogate.drawn`). It is thus as far from
+        the first as the surrogate is uncertain, and the runs together show how its error changes in between. Taking the
+        prediction at the first X as a run (kriging believer) would not move the best predicted X.
+
+        References
+        ----------
+        Kandasamy et al., "Parallelised Bayesian optimisation via Thompson sampling", AISTATS (2018); Ginsbourger, Le
+        Riche and Carraro, "Kriging is well-suited to parallelize optimization" (2010), for the kriging believer.
+        """
+        found = [self.propose(config, seed, best, failures)]
+        for number in range(1, count):
+            draw = derived_seed(seed, "batch", number)
+            one = Search(self.objective, self.surrogate.drawn(draw)).propose(config, draw, best, failures)
+            if one.statistics:  # predicted by the draw
+                point = self.point(one.parameters, one.looks or 0.0)
+                cost, statistics = float(self.cost(point)[0]), self.surrogate.predict(point[None, : self._d])[0]
+                one = replace(one, cost=cost, floor=None, statistics=statistics.tolist(), front=Front())
+            found.append(one)
+        return found
 
     def propose(self, config: Optimiser, seed: int, best: Score, failures: int = 0) -> Proposal:
         """Choose the next X of a material to simulate.

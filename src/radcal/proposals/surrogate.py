@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -103,7 +104,7 @@ class Surrogate:
     """
 
     def __init__(self, training: Training, objective: Comparison, surprise: NDArray[np.float64] | None = None) -> None:
-        self.training = training
+        self.training, self._shift = training, np.zeros(len(STATISTICS))
         self._surprise = np.ones(len(STATISTICS)) if surprise is None else surprise
         self.bounds, self.integer = objective.material.box, objective.material.integer
         self.parameters = training.parameters
@@ -115,6 +116,15 @@ class Surrogate:
         self._models = [
             Kriging(unit, learnt[..., k], training.scales[k], float(training.nugget[k])) for k in range(len(STATISTICS))
         ]
+
+    def drawn(self, seed: int) -> Surrogate:
+        """Draw of the surrogate: predictions are off by normal numbers of standard errors, one for each statistic.
+
+        Mean and variance at each X are those of a draw of the Gaussian process.
+        """
+        draw = copy.copy(self)
+        draw._shift = np.random.default_rng(seed).standard_normal(len(STATISTICS))
+        return draw
 
     def unit(self, parameters: ArrayLike) -> NDArray[np.float64]:
         """Parameters X, scaled by their bounds to the unit box."""
@@ -147,6 +157,8 @@ class Surrogate:
         low, high = self.bounds.T
         base = self._base(low + points * (high - low)) if baseline is None else baseline * self.training.baseline
         learnt = base + np.stack([model.mean(points) for model in self._models], -1)
+        if self._shift.any():
+            learnt = learnt + self._shift * self.standard_error(points)
         if not self.training.direct:
             return learnt
         xi, omega, alpha = np.moveaxis(learnt, -1, 0)

@@ -34,6 +34,7 @@ REASONS: Mapping[str, Words] = {
     "unreachable": Words("no parameters inside the bounds seem to reach the target", "unreachable", "unreachable"),
     "stagnation": Words("no longer getting better", "stagnation", "stagnated"),
     "max_runs": Words("maximum number of runs", "maximum of runs", "out of runs"),
+    "max_hours": Words("maximum time of the simulator", "maximum of time", "out of time"),
     "running": Words("not finished", "not finished", "unfinished"),
 }
 """Texts for each :data:`radcal.calibration.stopping.Reason`, and for ``running``, a calibration that has not ended."""

@@ -39,9 +39,14 @@ def numbered_jobs(archive: Archive) -> dict[str, int]:
     dict
         Number of chunks for the stage design, and number of iterations for train, propose and verify.
     """
-    iterations = int(np.count_nonzero(archive.runs.kind == "infill"))
+    iterations = _iterations(archive)
     chunks = len(archive.passes) * archive.configured.design_parts
     return {"design": chunks, **dict.fromkeys(("train", "propose", "verify"), iterations)}
+
+
+def _iterations(archive: Archive) -> int:
+    """Number of iterations; each has made one or several infill runs."""
+    return int(np.unique(archive.runs.index[archive.runs.kind == "infill"]).size)
 
 
 def wall_seconds(folder: str | Path, jobs: Mapping[str, int] | None = None) -> dict[str, float]:
@@ -351,7 +356,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "stop_reason": archive.decision.reason or "running",
         "tolerance": archive.configured.stop.rms,
         "runs": {**runs, "total": sum(runs.values()), "registration": again, "search": search, "reused": reused},
-        "iterations": int(np.count_nonzero(kinds == "infill")),
+        "iterations": _iterations(archive),
         "measurement": archive.registered.measurement.source,
         "looks": {
             "simulated": int(looks) if looks.is_integer() else looks,

@@ -81,6 +81,16 @@ class Optimiser(Section):
     polish: bool = Field(True, description="whether a least-squares fit on the surrogate refines NSGA-II's best point")
 
 
+class Infill(Section):
+    """Proposals of an iteration of the search."""
+
+    batch: Annotated[Integer, Field(ge=1, le=64)] = Field(
+        1,
+        description="number of runs that an iteration proposes at once and makes side by side; more need fewer "
+        "iterations and more runs",
+    )
+
+
 class Stop(Section):
     """Criteria that end the calibration loop; after a change of the criteria, no finished run is repeated."""
 
@@ -88,6 +98,11 @@ class Stop(Section):
         1.0e-5, description="tolerance of the rms difference between the densities [1/dB]; only for objective: density"
     )
     max_runs: Count = Field(200, description="largest total number of design and infill runs")
+    max_hours: Annotated[Real, Field(gt=0, le=1_000_000)] | None = Field(
+        None,
+        description="largest total time of the simulator in design and infill runs [h]; the search ends before a run "
+        "of mean time would exceed it",
+    )
     stagnation_runs: Count = Field(20, description="number of infill runs without improvement that ends the search")
     law_db: Annotated[Real, Field(gt=0, le=200)] = Field(
         0.05,

@@ -26,6 +26,7 @@ _RUNS: Mapping[str, str] = {
     "design": "those that the earlier design lacks",
     "surrogate": "infill where proposals differ; a larger design without a baseline",
     "optimiser": "infill where proposals differ",
+    "infill": "infill where proposals differ",
     "uncertainty": "none",
     "stop": "more infill where the new settings ask for it",
 }
