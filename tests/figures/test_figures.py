@@ -15,7 +15,7 @@ from matplotlib.text import Text
 from scipy import stats
 
 from radcal import skewnormal
-from radcal.figures import drawing, law_figures, map_figures, scene_figures
+from radcal.figures import drawing, map_figures, scene_figures
 from radcal.figures import figures as module
 from radcal.figures.density_figures import densities, overview
 from radcal.figures.fidelity_figures import differences, fidelity
@@ -33,8 +33,8 @@ MANY = [f"material {n}" for n in range(13)] + ["a_name_" * 8, "two words", "two_
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _no_warnings():
-    with warnings.catch_warnings():
+def _styled_without_warnings():
+    with warnings.catch_warnings(), drawing.styled():
         warnings.simplefilter("error")
         yield
 
@@ -149,32 +149,30 @@ def test_edges_of_one_material(build_archive, tmp_path):
         omega=0.02,
     )
     case = made.archive
-    with mpl.rc_context(drawing.STYLE):
-        figures = {
-            "images": module.images(case),
-            "residual": module.residual(case),
-            "densities": module.densities(case, "dyke"),
-            "law": module.law(case, "dyke"),
-            "cost": module.cost(case, "dyke"),
-            "histogram": module.histogram(case, "dyke"),
-            "quality": module.quality(case, "dyke"),
-            "scene": module.scene(case),
-            "incidence": module.incidence(case),
-        }
-        for canvas, _, _ in figures.values():
-            assert drawn(canvas) == []
+    figures = {
+        "images": module.images(case),
+        "residual": module.residual(case),
+        "densities": module.densities(case, "dyke"),
+        "law": module.law(case, "dyke"),
+        "cost": module.cost(case, "dyke"),
+        "histogram": module.histogram(case, "dyke"),
+        "quality": module.quality(case, "dyke"),
+        "scene": module.scene(case),
+        "incidence": module.incidence(case),
+    }
+    for canvas, _, _ in figures.values():
+        assert drawn(canvas) == []
     assert "measured pixels have no value" in figures["images"][1]
     assert "have a cost of 0" in figures["cost"][1]
-    assert "2 lie outside the axis" in figures["histogram"][1]
+    assert "Curves that leave the axes: 2." in figures["histogram"][1]
 
 
 @pytest.mark.slow
 def test_only_laws_with_a_curve_are_drawn(build_archive, tmp_path):
     case = build_archive(tmp_path, external=("dyke", "unused")).archive
-    with mpl.rc_context(drawing.STYLE):
-        assert module.law(case, "dyke") is None
-        assert module.law(case, "stem beans") is not None
-        _, caption, _ = module.incidence(case)
+    assert module.law(case, "dyke") is None
+    assert module.law(case, "stem beans") is not None
+    _, caption, _ = module.incidence(case)
     # levels of the law that has a curve, none of the other's
     assert re.search(r"dyke \d+ to \d+ deg; stem beans \d+ to \d+ deg, -?\d", caption)
 
@@ -187,8 +185,7 @@ def test_the_best_run_is_never_one_of_another_law(build_archive, tmp_path, other
     made = build_archive(tmp_path, shifts={"dyke": numbers, "stem beans": numbers}, floors={}, other_start=others)
     case = made.archive
     for name, material in case.materials.items():
-        with mpl.rc_context(drawing.STYLE):
-            canvas, _, _ = module.cost(case, name)
+        canvas, _, _ = module.cost(case, name)
         (best,) = [line for line in canvas.axes[0].lines if line.get_label() == "best so far"]
         start = references if name in others else 0
         np.testing.assert_array_equal(best.get_xdata(), np.arange(start, references + 4))
@@ -227,21 +224,20 @@ def test_many_materials(build_archive, tmp_path):
     assert len({slug.lower() for slug in slugs}) == len(MANY)
     assert {"two_words", "two_words_2"} <= set(slugs)
     longest = next(name for name in case.materials if name == MANY[13])
-    with mpl.rc_context(drawing.STYLE):
-        for canvas, caption, alt in (
-            module.overview(case),
-            module.images(case),
-            module.residual(case),
-            module.scene(case),
-            module.incidence(case),
-            *(
-                draw(case, longest)
-                for draw in (module.densities, module.law, module.cost, module.histogram, module.quality)
-            ),
-        ):
-            assert drawn(canvas) == []
-            assert caption
-            assert alt
+    for canvas, caption, alt in (
+        module.overview(case),
+        module.images(case),
+        module.residual(case),
+        module.scene(case),
+        module.incidence(case),
+        *(
+            draw(case, longest)
+            for draw in (module.densities, module.law, module.cost, module.histogram, module.quality)
+        ),
+    ):
+        assert drawn(canvas) == []
+        assert caption
+        assert alt
 
 
 @pytest.mark.slow
@@ -249,9 +245,8 @@ def test_images_without_a_value_or_missing(made):
     blank = np.full_like(made.archive.measured_db, np.nan)
     case = changed_measurement(made.archive, blank)
     case = replace(case, images=replace(case.images, reference_db=None))
-    with mpl.rc_context(drawing.STYLE):
-        for canvas, _, _ in (module.images(case), module.residual(case)):
-            assert drawn(canvas) == []
+    for canvas, _, _ in (module.images(case), module.residual(case)):
+        assert drawn(canvas) == []
     assert module.residual(replace(made.archive, images=Images())) is None
 
 
@@ -260,9 +255,8 @@ def test_a_start_far_from_the_measured_level_has_a_gray_scale_of_its_own(made, s
     measured = np.random.default_rng(5).normal(-12.0, 3.0, (60, 50))
     images = replace(made.archive.images, reference_db=measured + shift_db, calibrated_db=measured[::-1])
     case = replace(changed_measurement(made.archive, measured), images=images)
-    with mpl.rc_context(drawing.STYLE):
-        canvas, caption, alt = module.images(case)
-        assert drawn(canvas) == []
+    canvas, caption, alt = module.images(case)
+    assert drawn(canvas) == []
     limits = [axes.images[0].get_clim() for axes in canvas.axes[:3]]
     low, high = np.percentile(measured, [1.0, 99.5])
     np.testing.assert_allclose([limits[0], limits[2]], [[low, high]] * 2)
@@ -297,15 +291,14 @@ def test_objects_are_dots_in_the_scene(made, tmp_path):
     with h5py.File(path) as file:
         assert file["scene"].attrs["object_count"] == n
         np.testing.assert_allclose(file["scene/objects_m"], places.T[::3], rtol=1e-6)
-    with mpl.rc_context(drawing.STYLE):
-        canvas, caption, _ = module.scene(case)
-        assert not drawn(canvas)
+    canvas, caption, _ = module.scene(case)
+    assert not drawn(canvas)
     dots = [line for axes in canvas.axes for line in axes.lines if line.get_marker() == ","]
     assert len(dots) == 1
     np.testing.assert_allclose(dots[0].get_xydata(), places.T[::3] / 1000.0, rtol=1e-6)
     assert "Objects are dots" in caption
     plain, caption, _ = module.scene(made.archive)
-    assert not any(axes.lines for axes in plain.axes if axes.get_title() == "materials")
+    assert not any(axes.lines for axes in plain.axes if axes.get_title("left") == "materials")
     assert "Objects" not in caption
 
 
@@ -315,10 +308,9 @@ def test_axes_of_a_turned_scene_are_those_of_the_track(made):
     hilly = (100.0 + 4.0 * rows * np.sin(columns / 4.0)).astype(np.float32)
     view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=hilly, cell_m=15.0)
     case = replace(made.archive, scene=view)
-    with mpl.rc_context(drawing.STYLE):
-        turned, _, _ = module.scene(configured(case, radar=radar))
-        plain, caption, _ = module.scene(case)
-        assert drawn(turned) == []
+    turned, _, _ = module.scene(configured(case, radar=radar))
+    plain, caption, _ = module.scene(case)
+    assert drawn(turned) == []
     assert "no relief" not in caption
     for canvas, across, along in (
         (turned, "right of the track [km]", ("along the track, 192.5 deg [km]", "along the track [km]")),
@@ -345,24 +337,22 @@ def test_maps_show_north_flight_and_look(made, heading_deg, side, north, look):
     """A grid of heading 30 degrees points along the track, so that north lies 30 degrees to the left of its rows."""
     radar = {**json.loads(made.archive.config)["radar"], "heading_deg": heading_deg, "look_side": side}
     case = configured(made.archive, radar=radar)
-    with mpl.rc_context(drawing.STYLE):
-        canvas, _, _ = module.scene(case)
-        assert drawn(canvas) == []
-        (plan,) = [axes for axes in canvas.axes if axes.get_title("left") == "materials"]
-        for name, expected in {"N": north, "flight": (0, 1), "look": (look, 0)}.items():
-            np.testing.assert_allclose(arrows_of(plan)[name], expected, atol=1e-12)
-        for draw in (module.images, module.incidence, module.residual):
-            canvas, _, _ = draw(case)
-            found = arrows_of(canvas.axes[0])
-            # columns of an image lie along azimuth, and its rows, the first on top, along range
-            assert (tuple(found["flight"]), tuple(found["look"])) == ((1.0, 0.0), (0.0, -1.0))
+    canvas, _, _ = module.scene(case)
+    assert drawn(canvas) == []
+    (plan,) = [axes for axes in canvas.axes if axes.get_title("left") == "materials"]
+    for name, expected in {"N": north, "flight": (0, 1), "look": (look, 0)}.items():
+        np.testing.assert_allclose(arrows_of(plan)[name], expected, atol=1e-12)
+    for draw in (module.images, module.incidence, module.residual):
+        canvas, _, _ = draw(case)
+        found = arrows_of(canvas.axes[0])
+        # columns of an image lie along azimuth, and its rows, the first on top, along range
+        assert (tuple(found["flight"]), tuple(found["look"])) == ((1.0, 0.0), (0.0, -1.0))
 
 
 def test_a_scene_on_the_map_has_coordinates(made):
     placed = replace(made.archive.scene, crs="EPSG:32631", west_m=612_345.0, south_m=5_801_000.0)
-    with mpl.rc_context(drawing.STYLE):
-        canvas, caption, _ = module.scene(replace(made.archive, scene=placed))
-        plain = module.scene(made.archive)[0]
+    canvas, caption, _ = module.scene(replace(made.archive, scene=placed))
+    plain = module.scene(made.archive)[0]
     wide, high = (np.ptp(ends) for ends in (plain.axes[0].get_xlim(), plain.axes[0].get_ylim()))
     np.testing.assert_allclose(canvas.axes[0].get_xlim(), [612.345, 612.345 + wide])
     np.testing.assert_allclose(canvas.axes[0].get_ylim(), [5801.0, 5801.0 + high])
@@ -371,9 +361,8 @@ def test_a_scene_on_the_map_has_coordinates(made):
 
 def test_the_ground_is_hatched_where_its_law_is_determined(made):
     """The incidence grows from row to row; both laws are determined from 22.25 to 39.5 degrees."""
-    with mpl.rc_context(drawing.STYLE):
-        canvas, caption, _ = module.incidence(made.archive)
-        assert drawn(canvas) == []
+    canvas, caption, _ = module.incidence(made.archive)
+    assert drawn(canvas) == []
     assert "Hatched: ground whose incidence" in caption
     (areas,) = [one for one in canvas.axes[0].collections if one.get_hatch() or hasattr(one, "hatches")]
     rows = areas.get_paths()[0].vertices[:, 1]
@@ -391,56 +380,43 @@ def test_the_ground_is_hatched_where_its_law_is_determined(made):
 def test_measured_levels_are_drawn(made):
     points = LevelPoints(np.array([25.0, 35.0]), np.array([-9.0, -12.0]), np.array([0.5, 0.8]))
     case = changed_material(made.archive, "dyke", posterior=posterior(points=points))
-    with mpl.rc_context(drawing.STYLE):
-        canvas, caption, _ = law(case, "dyke")
-        assert drawn(canvas) == []
-        assert "Dots" in caption
-        # bars of 95 %
-        (bars,) = [one for one in canvas.axes[0].containers if one.get_label() == "measured levels, 95 %"]
-        wanted = ((25.0, -9.98, -8.02), (35.0, -13.568, -10.432))
-        for segment, (angle, low, high) in zip(bars[2][0].get_segments(), wanted, strict=True):
-            np.testing.assert_allclose(segment, [[angle, low], [angle, high]])
-        assert "Dots" not in law(case, "stem beans")[1]
+    canvas, caption, _ = law(case, "dyke")
+    assert drawn(canvas) == []
+    assert "Dots" in caption
+    # bars of 95 %
+    (bars,) = [one for one in canvas.axes[0].containers if one.get_label() == "measured levels, 95 %"]
+    wanted = ((25.0, -9.98, -8.02), (35.0, -13.568, -10.432))
+    for segment, (angle, low, high) in zip(bars[2][0].get_segments(), wanted, strict=True):
+        np.testing.assert_allclose(segment, [[angle, low], [angle, high]])
+    assert "Dots" not in law(case, "stem beans")[1]
 
 
 def test_the_misfit_of_classes_is_drawn_beside_the_densities(made):
     costs = np.linspace(400.0, 8.0, len(made.history.runs))
     case = changed_material(configured(made.archive, objective="classes"), "dyke", cost=costs)
-    with mpl.rc_context(drawing.STYLE):
-        canvas, _, _ = cost(case, "dyke")
-        assert drawn(canvas) == []
+    canvas, _, _ = cost(case, "dyke")
+    assert drawn(canvas) == []
     upper, lower = canvas.axes
     best = [next(line for line in axes.lines if line.get_label() == "best so far") for axes in (upper, lower)]
     np.testing.assert_allclose(best[0].get_ydata(), 2.0 * costs)
     assert not any("tolerance" in str(line.get_label()) for line in lower.lines)
 
 
-def test_the_figure_of_the_runs_says_how_they_are_counted(made):
+def test_runs_after_the_end_of_a_materials_search_are_a_kind_of_their_own(made):
+    """The search of the dyke ends with its last run of the design, and one run is made for other materials."""
     material = made.archive.materials["dyke"]
-    kinds = np.array(["reference", "reused", "reused", "design", "design", "infill", "infill", "infill"])
-    case = replace(made.archive, runs=replace(made.archive.runs, kind=kinds))
-
-    def proposed(*modes):
-        return replace(material, fidelity=replace(material.fidelity, mode=modes))
-
-    ended = proposed("exploit", "ended", "ended")
-    title, words = law_figures._run_words(case, ended)
-    assert title == ", search ended after run 5"
-    assert words.startswith(" Run 0 is the reference run, runs 1 to 2 are from an earlier case, run 3 the first of the")
-    assert "ended after run 5 (runs of design and infill until then: 3); the runs after it (grey)" in words
-    twice = kinds.astype("<U12")
-    twice[1] = "registration"
-    again = replace(case, runs=replace(case.runs, kind=twice))
-    said = " Run 0 is the reference run, run 1 the registration run, run 2 is from an earlier case, run 3 the first of"
-    assert law_figures._run_words(again, ended)[1].startswith(said)
-    title, words = law_figures._run_words(case, proposed("exploit", "explore", "exploit"))
-    assert title == ""
-    assert "ended" not in words
+    case = changed_material(made.archive, "dyke", fidelity=replace(material.fidelity, mode=("exploit", "ended")))
+    canvas, caption, _ = cost(case, "dyke")
+    dots = {one.get_label(): one.get_offsets().data[:, 0].tolist() for one in canvas.axes[0].collections}
+    assert dots["infill after it ended"] == [6.0]
+    assert dots["infill"] == [5.0]
+    assert canvas.axes[0].get_title("left").endswith("search ended after run 5")
+    assert "The runs after the end of this material's search" in caption
+    assert "search ended" not in cost(made.archive, "dyke")[0].axes[0].get_title("left")
 
 
 def test_densities_of_a_histogram_are_those_of_design_runs(made):
-    with mpl.rc_context(drawing.STYLE):
-        canvas, _, _ = module.histogram(made.archive, "dyke")
+    canvas, _, _ = module.histogram(made.archive, "dyke")
     curves = [line for line in canvas.axes[0].lines if line.get_color() == drawing.DESIGN]
     found = [np.average(line.get_xdata(), weights=line.get_ydata()) for line in curves]
     dp = [run.scores["dyke"].dp for run in made.history.runs if run.kind == "design"]
@@ -452,8 +428,7 @@ def test_quantiles_and_their_band_are_scipys(made):
     material = made.archive.materials["dyke"]
     xi, omega, alpha = material.target.dp
     fitted = stats.skewnorm(alpha, xi, omega)
-    with mpl.rc_context(drawing.STYLE):
-        canvas, _, _ = module.quality(made.archive, "dyke")
+    canvas, _, _ = module.quality(made.archive, "dyke")
     (axes,) = canvas.axes
     (dots,) = [line for line in axes.lines if line.get_label() == "measured pixels"]
     n = material.target.values_db.size
@@ -485,9 +460,8 @@ def test_the_front_is_drawn_with_the_runs_and_the_chosen_one(made):
     names = ("pass 1", "pass 2", "pass 4")
     found = SearchFront(names, np.ones((3, 4)), np.full(3, 2.5), predicted, verified)
     case = changed_material(case, "dyke", front=found, best=count - 1)
-    with mpl.rc_context(drawing.STYLE):
-        canvas, caption, _ = front(case, "dyke")
-        assert drawn(canvas) == []
+    canvas, caption, _ = front(case, "dyke")
+    assert drawn(canvas) == []
     assert "of which 5 lie outside of the axes" in caption
     for axes, other in zip(canvas.axes, (1, 2), strict=True):
         (line,) = axes.lines
@@ -506,8 +480,7 @@ def test_the_front_is_drawn_with_the_runs_and_the_chosen_one(made):
 
 def test_the_truth_is_subtracted_from_the_law_found(made):
     material = made.archive.materials["dyke"]
-    with mpl.rc_context(drawing.STYLE):
-        canvas, _, _ = law(made.archive, "dyke")
+    canvas, _, _ = law(made.archive, "dyke")
     line = canvas.axes[1].lines[0]
     curve, phi = made.archive.configured.laws["dyke"], np.radians(line.get_xdata())
     gap = curve(phi, made.history.runs[material.best].scores["dyke"].parameters) - curve(phi, HIDDEN)
@@ -517,8 +490,7 @@ def test_the_truth_is_subtracted_from_the_law_found(made):
 
 def test_speckle_of_the_mean_over_a_window_is_said(made):
     """Of two images of 4 looks: the root of twice trigamma(4), 0.284, in dB, over 9."""
-    with mpl.rc_context(drawing.STYLE):
-        _, caption, _ = module.residual(made.archive)
+    _, caption, _ = module.residual(made.archive)
     assert "deviation of 0.36 dB, and more where" in caption
 
 
@@ -539,9 +511,8 @@ def test_residuals_are_means_where_a_quarter_of_the_window_has_values():
 def test_a_scene_without_relief_has_plans_of_materials_and_heights_only(made, rise_m, heights, slopes):
     level = np.tile(120.0 + rise_m * np.arange(30.0), (20, 1)).astype(np.float32)
     view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=level, cell_m=15.0, step=1)
-    with mpl.rc_context(drawing.STYLE):
-        canvas, caption, _ = scene_figures.scene(replace(made.archive, scene=view))
-        assert drawn(canvas) == []
+    canvas, caption, _ = scene_figures.scene(replace(made.archive, scene=view))
+    assert drawn(canvas) == []
     assert f"heights from {heights}. Slopes are {slopes}" in caption
     assert "no relief is drawn" in caption
     assert [axes.get_title("left") for axes in canvas.axes][:2] == ["materials", "elevation"]
@@ -582,10 +553,9 @@ def test_predicted_and_verified_misfit_have_the_scale_of_the_figure_of_the_runs(
     found = proposals([9.0, 7.5], values)
     costs = np.where(made.archive.runs.kind == "infill", [*[9.0] * 5, 8.0, 7.0], 9.0)
     case = changed_material(made.archive, "dyke", fidelity=found, cost=costs)
-    with mpl.rc_context(drawing.STYLE):
-        canvas, caption, _ = fidelity(configured(case, objective="classes"), "dyke")
-        assert drawn(canvas) == []
-        density, words, _ = fidelity(case, "dyke")
+    canvas, caption, _ = fidelity(configured(case, objective="classes"), "dyke")
+    assert drawn(canvas) == []
+    density, words, _ = fidelity(case, "dyke")
     upper, other = canvas.axes[0], density.axes[0]
     assert upper.get_ylabel() == "squared residuals,\npriors included"
     assert caption.startswith("Above: squared residuals, priors included, as the surrogate predicted it")
@@ -599,8 +569,7 @@ def test_an_infill_run_without_prediction_is_left_out_and_named(made):
     first, second = np.flatnonzero(made.archive.runs.kind == "infill")
     for mode, repeated in (("ended", True), ("exploit", False)):
         case = changed_material(made.archive, "dyke", fidelity=proposals([9.0, np.nan], values, mode))
-        with mpl.rc_context(drawing.STYLE):
-            canvas, caption, _ = fidelity(case, "dyke")
+        canvas, caption, _ = fidelity(case, "dyke")
         for line in canvas.axes[0].lines:
             np.testing.assert_array_equal(line.get_xdata(), [first])
         assert f"Without prediction, and not drawn: run {second}" in caption
@@ -611,8 +580,7 @@ def test_held_out_cells_are_drawn_as_measured_and_as_each_predicts_them(made):
     assert held_out(made.archive, "dyke") is None
     cells = held_cells()
     case = changed_material(made.archive, "dyke", posterior=posterior(held=cells))
-    with drawing.styled():
-        canvas, caption, alt = held_out(case, "dyke")
+    canvas, caption, alt = held_out(case, "dyke")
     (axes,) = canvas.axes
     drawn = {line.get_label(): line for line in axes.lines}
     assert {label: line.get_ydata().tolist() for label, line in drawn.items()} == {

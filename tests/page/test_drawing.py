@@ -5,7 +5,7 @@ import json
 import pytest
 from browser import NEEDS_BROWSER, Browser
 
-from radcal.page.interactive import embedded_library, script
+from radcal.page.plots import embedded_library, script
 
 pytestmark = NEEDS_BROWSER
 PANELS = {

@@ -11,21 +11,9 @@ import scipy
 from numpy.typing import NDArray
 
 from radcal import skewnormal
+from radcal.figures import drawing
 from radcal.figures.colours import colour_of, head
-from radcal.figures.drawing import (
-    DESIGN,
-    FOUND,
-    PALE,
-    START,
-    TARGET,
-    Array,
-    Drawn,
-    add_legend,
-    mark,
-    new_canvas,
-    short,
-    shortened,
-)
+from radcal.figures.drawing import Array, Drawn, add_legend, mark, new_canvas, short, shortened
 from radcal.results.archive import Archive, MaterialResult
 from radcal.results.reasons import REASONS
 
@@ -68,13 +56,12 @@ class _Densities:
         self._low, self._high = mean - 4.0 * sd, mean + 4.0 * sd
         self._limits = (mean - 14.0 * sd, mean + 14.0 * sd)
         inside = values[(values > self._limits[0]) & (values < self._limits[1])]
-        self.outside = 0
-        self.clipped = 0
+        self.leaving = 0
         peak = float(skewnormal.density(self._grid(self._dp), self._dp).max())
         if inside.size:
             bins = int(np.clip(np.sqrt(inside.size), 8, 36))
             heights, edges = np.histogram(inside, bins=bins, density=True)
-            axes.stairs(heights, edges, fill=True, color=PALE, label="measured pixels")
+            axes.stairs(heights, edges, fill=True, color=drawing.PALE, label="measured pixels")
             peak = max(peak, float(heights.max()))
             self._low, self._high = min(self._low, inside.min()), max(self._high, inside.max())
         self._cap = 2.2 * peak
@@ -88,7 +75,7 @@ class _Densities:
     def draw(self, dp: Array, label: str | None, style: Mapping[str, Any]) -> None:
         mean, sd = _reach(dp)
         if mean + sd < self._limits[0] or mean - sd > self._limits[1]:
-            self.outside += 1
+            self.leaving += 1
             self._axes.plot([], [], label=label, **style)
             return
         self._low = max(self._limits[0], min(self._low, mean - 3.0 * sd))
@@ -97,7 +84,7 @@ class _Densities:
         values = skewnormal.density(grid, dp)
         top = float(values.max())
         grid, values = grid[values > 2e-4 * top], values[values > 2e-4 * top]
-        self.clipped += top > self._cap
+        self.leaving += top > self._cap
         self._tops.append(min(top, self._cap))
         self._axes.plot(grid, values, label=label, **style)
 
@@ -106,14 +93,7 @@ class _Densities:
 
     def remark(self) -> str:
         """Sentence on the number of densities that lie outside the axes or are higher than the axes."""
-        parts = []
-        if self.outside:
-            parts.append(f"{self.outside} lie outside the axis" if self.outside > 1 else "one lies outside the axis")
-        if self.clipped:
-            parts.append(
-                f"{self.clipped} are higher than the axis" if self.clipped > 1 else "one is higher than the axis"
-            )
-        return f" Of the curves, {' and '.join(parts)}." if parts else ""
+        return f" Curves that leave the axes: {self.leaving}." if self.leaving else ""
 
 
 def histogram(case: Archive, name: str) -> Drawn:
@@ -126,8 +106,8 @@ def histogram(case: Archive, name: str) -> Drawn:
     chosen = np.random.default_rng(_SEED).choice(design, size=min(10, design.size), replace=False)
     for n, run in enumerate(np.sort(chosen)):
         label = f"{chosen.size} runs of the design" if n == 0 else None
-        panel.draw(material.dp[run], label, {"color": DESIGN, "linewidth": 1.1, "alpha": 0.9})
-    panel.draw(material.target.dp, "target: fitted skew normal", TARGET | {"linewidth": 3.2})
+        panel.draw(material.dp[run], label, {"color": drawing.DESIGN, "linewidth": 1.1, "alpha": 0.9})
+    panel.draw(material.target.dp, "target: fitted skew normal", drawing.TARGET | {"linewidth": 3.2})
     panel.finish()
     head(axes, case, name)
     axes.set(xlabel=f"backscatter [{case.levels.unit}]", ylabel=f"density [1/{case.levels.unit}]")
@@ -162,9 +142,9 @@ def densities(case: Archive, name: str) -> Drawn:
 
 def _before_after(axes: Axes, material: MaterialResult) -> _Densities:
     panel = _Densities(axes, material)
-    panel.draw(material.target.dp, "target", TARGET | {"linewidth": 4.5})
-    panel.draw(material.dp[0], "start", START)
-    panel.draw(material.dp[material.best], "calibrated", FOUND)
+    panel.draw(material.target.dp, "target", drawing.TARGET | {"linewidth": 4.5})
+    panel.draw(material.dp[0], "start", drawing.START)
+    panel.draw(material.dp[material.best], "calibrated", drawing.FOUND)
     panel.finish()
     return panel
 
@@ -179,7 +159,7 @@ def overview(case: Archive) -> Drawn:
     outside = 0
     for axes, (name, material) in zip(grid, case.materials.items(), strict=False):
         panel = _before_after(axes, material)
-        outside += bool(panel.outside or panel.clipped)
+        outside += bool(panel.leaving)
         reason = case.decision.materials[name].reason or "running"
         width = 88 // columns
         lines = textwrap.wrap(shortened(name, 2 * width - 4), width)
@@ -229,12 +209,23 @@ def quality(case: Archive, name: str) -> Drawn:
     rank = np.arange(1, m + 1)
     shares = np.stack([scipy.special.betaincinv(rank, m + 1 - rank, tail) for tail in (0.025, 0.975)])
     axes.fill_between(
-        quantile((rank - 0.5) / m), *quantile(shares), color=DESIGN, alpha=0.35, linewidth=0, label="95 % of samples"
+        quantile((rank - 0.5) / m),
+        *quantile(shares),
+        color=drawing.DESIGN,
+        alpha=0.35,
+        linewidth=0,
+        label="95 % of samples",
     )
     ends = np.array([expected[0], expected[-1]])
-    axes.plot(ends, ends, label="fitted skew normal", **TARGET | {"linewidth": 1.6})
+    axes.plot(ends, ends, label="fitted skew normal", **drawing.TARGET | {"linewidth": 1.6})
     axes.plot(
-        expected, values, color=FOUND["color"], marker=".", markersize=4, linestyle="none", label="measured pixels"
+        expected,
+        values,
+        color=drawing.FOUND["color"],
+        marker=".",
+        markersize=4,
+        linestyle="none",
+        label="measured pixels",
     )
     head(axes, case, name, f"distance {short(material.target.goodness.ks)}, p = {short(material.target.goodness.ad_p)}")
     unit = case.levels.unit

@@ -38,13 +38,17 @@ PALE = "#D0D0D0"
 DESIGN = "#56B4E9"
 MUTED = "#7A7A7A"
 
+SIGMA0 = "\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]"
+"""Label of the axis of sigma0."""
+
+_EDGE: dict[str, Any] = {"edgecolors": "black", "linewidths": 0.4}
 # label and style of the runs of each kind
 RUNS: dict[str, tuple[str, dict[str, Any]]] = {
-    "reference": ("reference (start)", {"color": START["color"], "marker": "s", "s": 62}),
-    "registration": ("registration run", {"color": HIDDEN["color"], "marker": "P", "s": 44}),
-    "reused": ("earlier case", {"color": MUTED, "marker": "D", "s": 26}),
-    "design": ("design", {"color": DESIGN, "marker": "o", "s": 30}),
-    "infill": ("infill", {"color": FOUND["color"], "marker": "^", "s": 40}),
+    "reference": ("reference (start)", {"color": START["color"], "marker": "s", "s": 62, **_EDGE}),
+    "registration": ("registration run", {"color": HIDDEN["color"], "marker": "P", "s": 44, **_EDGE}),
+    "reused": ("earlier case", {"color": MUTED, "marker": "D", "s": 26, **_EDGE}),
+    "design": ("design", {"color": DESIGN, "marker": "o", "s": 30, **_EDGE}),
+    "infill": ("infill", {"color": FOUND["color"], "marker": "^", "s": 40, **_EDGE}),
 }
 
 STYLE: Any = {

@@ -35,7 +35,7 @@ def front(case: Archive, name: str) -> Drawn | None:
             x, y = runs[(case.runs.kind == kind) & np.isfinite(runs).all(axis=1)].T
             # a kind without a run inside the axes has no place in the legend, either
             if ((x >= left) & (x <= right) & (y >= bottom) & (y <= top)).any():
-                axes.scatter(x, y, label=label, edgecolors="black", linewidths=0.4, zorder=3, **style)
+                axes.scatter(x, y, label=label, zorder=3, **style)
         x, y = runs[[material.best]].T
         axes.scatter(
             x, y, label="chosen run", marker="o", s=190, facecolors="none", edgecolors="black", linewidths=1.6, zorder=4

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -24,27 +24,20 @@ _BOXCAR = 9  # side of the blocks over which the residual is averaged [pixels]
 _BEYOND = 0.1  # share of a simulated image beyond the measured image's gray scale, and
 _MOVED = 0.25  # difference of the medians in parts of this scale, above which the simulated image has its own scale
 _ARROW = 30.0  # length of an arrow [points]
+_LEAST_SHARE = 1e-3  # of pixels with a value, below which a mean has none
 _MISSING = "#F6E9D8"  # pixels without a value
 _MARGIN = 0.08  # ground around the calibrated materials in the compared images, as a share of their larger extent
 _COMPARED = 1024  # largest number of pixels per side of the compared images
 _LARGEST = 1600  # largest number of pixels per side of an image in a figure; larger images are averaged
 
 
-def _power(image_db: NDArray[Any]) -> tuple[Array, NDArray[np.bool_]]:
-    """Linear power, 0 for missing pixels, and mask of the pixels with a value."""
+def _averaged(image_db: NDArray[Any], average: Callable[[Array], Array]) -> Array:
+    """Image [dB] averaged in power over the pixels with a value; NaN where there are none."""
     valid = np.isfinite(image_db)
-    return np.where(valid, 10.0 ** (np.where(valid, image_db, 0.0).astype(np.float64) / 10.0), 0.0), valid
-
-
-def _db(power: Array, valid: NDArray[np.bool_]) -> Array:
-    good = valid & (power > 0)
-    return np.where(good, 10.0 * np.log10(np.where(good, power, 1.0)), np.nan)
-
-
-def _blocks(values: NDArray[Any], k: int) -> NDArray[Any]:
-    """Sums over blocks of k x k pixels; an incomplete block at the end is dropped."""
-    rows, columns = values.shape[0] // k, values.shape[1] // k
-    return np.asarray(values[: rows * k, : columns * k].reshape(rows, k, columns, k).sum(axis=(1, 3)))
+    power = np.where(valid, 10.0 ** (np.where(valid, image_db, 0.0).astype(np.float64) / 10.0), 0.0)
+    share, total = average(valid.astype(np.float64)), average(power)
+    known = (share > _LEAST_SHARE) & (total > 0.0)
+    return np.asarray(10.0 * np.log10(np.divide(total, share, out=np.full(share.shape, np.nan), where=known)))
 
 
 def _factor(shape: tuple[int, ...], largest: int | None = None) -> int:
@@ -53,13 +46,14 @@ def _factor(shape: tuple[int, ...], largest: int | None = None) -> int:
 
 
 def _shown(image_db: NDArray[Any], largest: int | None = None) -> NDArray[Any]:
-    """Image for a figure, averaged in power over blocks of pixels if the image is large."""
+    """Image for a figure, averaged over blocks of pixels if it is large; an incomplete block at the end is dropped."""
     k = _factor(image_db.shape, largest)
-    if k == 1:
-        return image_db
-    power, valid = _power(image_db)
-    count = _blocks(valid.astype(np.float64), k)
-    return _db(_blocks(power, k) / np.maximum(count, 1.0), count > 0)
+    rows, columns = (n // k for n in image_db.shape)
+
+    def blocks(values: Array) -> Array:
+        return np.asarray(values[: rows * k, : columns * k].reshape(rows, k, columns, k).mean(axis=(1, 3)))
+
+    return image_db if k == 1 else _averaged(image_db, blocks)
 
 
 def panels_for(shape: tuple[int, ...], n: int, below: float = 0.0) -> tuple[Canvas, list[Axes], bool, Aspect]:
@@ -132,20 +126,15 @@ def image_extent(shape: tuple[int, ...]) -> tuple[float, float, float, float]:
 
 def images(case: Archive) -> Drawn:
     """Figure of the measured image and of the simulated images before (start) and after calibration."""
-    kept = case.images
-    titled = {"measured": case.measured_db, "start": kept.reference_db, "calibrated": kept.calibrated_db}
-    there = {title: image for title, image in titled.items() if image is not None}
-    first = there["measured"]
-    common = _gray_scale(first)
-    own = "start" in there and _unreadable(there["start"], first)
-    canvas, panels, stacked, aspect = panels_for(first.shape, len(there))
+    each = _compared(case)
+    first, own = case.measured_db, any(one.own_scale for one in each)
+    canvas, panels, stacked, aspect = panels_for(first.shape, len(each))
     extent = image_extent(first.shape)
-    for panel, (title, image) in zip(panels, there.items(), strict=True):
-        alone = own and title == "start"
-        low, high = _gray_scale(image) if alone else common
-        shown = panel.imshow(_shown(image), cmap="gray", vmin=low, vmax=high, aspect=aspect, extent=extent)
-        panel.set_title(f"start, own scale:\n{low:.0f} to {high:.0f} dB" if alone else title)
-        if not alone:
+    for panel, one in zip(panels, each, strict=True):
+        ends: dict[str, Any] = {"vmin": one.low_db, "vmax": one.high_db}
+        shown = panel.imshow(_shown(one.image_db), cmap="gray", aspect=aspect, extent=extent, **ends)
+        panel.set_title(f"start, own scale:\n{one.low_db:.0f} to {one.high_db:.0f} dB" if one.own_scale else one.title)
+        if not one.own_scale:
             of_bar = shown
     add_arrows(panels[0])
     bar = canvas.colorbar(of_bar, ax=panels, extend="both", fraction=0.05, pad=0.02, aspect=30)
@@ -169,42 +158,52 @@ def images(case: Archive) -> Drawn:
 
 @dataclass(frozen=True)
 class Shot:
-    """One of the images that the page shows at the same place: the ground of the calibrated materials.
+    """Measured, starting or calibrated image with its gray scale.
 
     Attributes
     ----------
     title : str
         ``measured``, ``start`` or ``calibrated``.
+    image_db : ndarray, shape (rows, columns)
+        The image [dB]; rows along slant range, near range on top.
     low_db, high_db : float
         Ends of the gray scale [dB].
-    pixels : ndarray of uint8, shape (rows, columns, 3)
-        Red, green and blue; rows along slant range, near range on top.
+    own_scale : bool
+        Whether the scale is not that of the measured image.
     """
 
     title: str
+    image_db: NDArray[Any]
     low_db: float
     high_db: float
-    pixels: NDArray[np.uint8]
+    own_scale: bool
+
+    @property
+    def pixels(self) -> NDArray[np.uint8]:
+        """Red, green and blue of the image, averaged to at most 1,024 pixels per side, shape (rows, columns, 3)."""
+        values = _shown(self.image_db, _COMPARED)
+        gray = np.nan_to_num(255.0 * np.clip((values - self.low_db) / (self.high_db - self.low_db), 0.0, 1.0))
+        missing = [int(_MISSING[k : k + 2], 16) for k in (1, 3, 5)]
+        return np.round(np.where(np.isfinite(values)[..., None], gray[..., None], missing)).astype(np.uint8)
 
 
-def shots(case: Archive) -> list[Shot]:
-    """Measured, starting and calibrated image of the calibrated materials, in the gray scale of the measured one.
+def _compared(case: Archive, where: tuple[slice, slice] = (slice(None), slice(None))) -> list[Shot]:
+    """Measured, starting and calibrated image in the gray scale of the measured one.
 
     A start that would be nearly black or white there has a scale of its own. Images that are not archived are left out.
     """
-    kept, where = case.images, _around_calibrated(case)
+    kept, found = case.images, []
     each = {"measured": case.measured_db, "start": kept.reference_db, "calibrated": kept.calibrated_db}
     cut = {title: image[where] for title, image in each.items() if image is not None}
-    found = []
     for title, image in cut.items():
-        alone = title == "start" and _unreadable(image, cut["measured"])
-        low, high = _gray_scale(image if alone else cut["measured"])
-        values = _shown(image, _COMPARED)
-        gray = np.nan_to_num(255.0 * np.clip((values - low) / (high - low), 0.0, 1.0))
-        missing = [int(_MISSING[k : k + 2], 16) for k in (1, 3, 5)]
-        pixels = np.where(np.isfinite(values)[..., None], gray[..., None], missing)
-        found.append(Shot(title, low, high, np.round(pixels).astype(np.uint8)))
+        own = title == "start" and _unreadable(image, cut["measured"])
+        found.append(Shot(title, image, *_gray_scale(image if own else cut["measured"]), own))
     return found
+
+
+def shots(case: Archive) -> list[Shot]:
+    """The images that the page shows at the same place: the ground of the calibrated materials."""
+    return _compared(case, _around_calibrated(case))
 
 
 def _around_calibrated(case: Archive) -> tuple[slice, slice]:
@@ -284,9 +283,7 @@ def registration(case: Archive) -> Drawn | None:
 
 def _levelled(image_db: NDArray[Any]) -> Array:
     """Image averaged over 5 x 5 pixels, shifted to zero median, and divided by half the width of the middle 68 %."""
-    power, valid = _power(image_db)
-    count = scipy.ndimage.uniform_filter(valid.astype(np.float64), 5)
-    smooth = _db(scipy.ndimage.uniform_filter(power, 5) / np.maximum(count, 1e-9), count > 0.02)
+    smooth = _averaged(image_db, lambda values: scipy.ndimage.uniform_filter(values, 5))
     low, middle, high = np.nanpercentile(smooth, [16.0, 50.0, 84.0])
     return np.asarray((smooth - middle) / max(0.5 * float(high - low), 1e-6))
 
@@ -323,10 +320,8 @@ def residual(case: Archive) -> Drawn | None:
         extent=image_extent(material.shape), interpolation="nearest",
     )  # fmt: skip
     right.set_title("materials")
-    places: list[tuple[int, int]] = []
     for number in present:
-        places.append(_middle(material == number, places))
-        row, column = places[-1]
+        row, column = _middle(material == number)
         right.text(
             column, row, str(number), ha="center", va="center", fontsize=10.0, fontweight="bold",
             bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "black", "linewidth": 0.6},
@@ -362,18 +357,12 @@ def _smoothed(pixels: NDArray[Any], incidence_deg: NDArray[Any] | None) -> NDArr
     return np.where(enough, total / np.where(enough, share, 1.0), np.nan)
 
 
-def _middle(inside: NDArray[np.bool_], taken: Sequence[tuple[int, int]] = ()) -> tuple[int, int]:
-    """Row and column of a point far inside a region and far from the points in ``taken``."""
+def _middle(inside: NDArray[np.bool_]) -> tuple[int, int]:
+    """Row and column of the point of a region that is farthest from its border."""
     k = max(1, max(inside.shape) // 400)
     coarse = inside[k // 2 :: k, k // 2 :: k]
     if not coarse.any():
         k, coarse = 1, inside
     depth = scipy.ndimage.distance_transform_cdt(np.pad(coarse, 1), metric="taxicab")[1:-1, 1:-1]
-    rows, columns = np.nonzero(depth >= 0.6 * depth.max())
-    merit = depth[rows, columns] / depth.max()
-    merit = merit - 0.2 * np.hypot((rows - rows.mean()) / coarse.shape[0], (columns - columns.mean()) / coarse.shape[1])
-    for row, column in taken:
-        gap = np.hypot((rows - row / k) / coarse.shape[0], (columns - column / k) / coarse.shape[1])
-        merit = merit - 2.0 * np.maximum(0.0, 1.0 - gap / 0.08)
-    best = int(np.argmax(merit))
-    return int(rows[best]) * k + k // 2, int(columns[best]) * k + k // 2
+    row, column = np.unravel_index(int(np.argmax(depth)), depth.shape)
+    return int(row) * k + k // 2, int(column) * k + k // 2

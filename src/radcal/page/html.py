@@ -19,7 +19,7 @@ from radcal.figures.drawing import slugs
 from radcal.figures.figures import Figure
 from radcal.figures.map_figures import shots
 from radcal.forecast.runs_and_time import duration
-from radcal.page.interactive import Interactive, embedded_library, interactive, script
+from radcal.page.plots import Interactive, embedded_library, interactive, script
 from radcal.page.provenance import Provenance
 from radcal.results.archive import Archive, MaterialResult
 from radcal.results.law_notes import at_bound
@@ -206,16 +206,7 @@ def _ending(summary: Mapping[str, Any], materials: Sequence[_Shown]) -> str:
 def _yaml(text: str) -> str:
     import yaml
 
-    class Dumper(yaml.SafeDumper):
-        pass
-
-    Dumper.add_representer(
-        list,
-        lambda dumper, value: dumper.represent_sequence(
-            "tag:yaml.org,2002:seq", value, flow_style=not any(isinstance(item, dict) for item in value)
-        ),
-    )
-    return yaml.dump(json.loads(text), Dumper=Dumper, sort_keys=False, width=100, allow_unicode=True)
+    return yaml.safe_dump(json.loads(text), sort_keys=False, default_flow_style=None, width=100, allow_unicode=True)
 
 
 def _materials(

@@ -1,24 +1,55 @@
-"""Traces and layouts of the interactive figures; colours, labels and numbers are those of the static figures.
+"""Interactive figures of ``report.html``: traces and layouts of plotly.js, from ``calibration.h5`` alone.
+
+Colours, labels and numbers are those of the static figures.
 
 The script of the page adds what all figures share: fonts, and the colours of text and grid in light and dark mode.
 """
 
 from __future__ import annotations
 
+import base64
+import gzip
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
 from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from radcal.figures import law_figures
-from radcal.figures.drawing import BAND, FOUND, HIDDEN, MUTED, SAMPLING, START, TOLERANCE, Array, short
+from radcal.figures.chart import Chart, Curve
+from radcal.figures.drawing import BAND, FOUND, HIDDEN, MUTED, START, Array, short, slugs
+from radcal.figures.law_figures import cost_chart, kinds, law_chart, positive, squares, texts
 from radcal.inference.moments import STATISTICS
 from radcal.posterior.cells import STEP_DEG
-from radcal.posterior.result import Curve
-from radcal.results.archive import Archive, MaterialResult
+from radcal.results.archive import Archive
 from radcal.results.bin_statistics import BinStatistics
+
+
+@dataclass(frozen=True)
+class Interactive:
+    """Interactive figure of one material.
+
+    Attributes
+    ----------
+    name : str
+        Unique name: kind of the figure and material, as ``law-dyke``.
+    material : str
+        Material that the figure shows.
+    title, caption, alt : str
+        Texts for the report: heading, explanation, and description for readers who cannot see the figure.
+    spec : dict
+        Traces ``data`` and ``layout`` of plotly.js, which JSON can express.
+    """
+
+    name: str
+    material: str
+    title: str
+    caption: str
+    alt: str
+    spec: dict[str, Any]
+
 
 Trace = dict[str, Any]
 Drawn = tuple[str, list[Trace], dict[str, Any]]
@@ -26,11 +57,12 @@ Drawn = tuple[str, list[Trace], dict[str, Any]]
 Pair = tuple[dict[str, Any], dict[str, Any]]  # horizontal and vertical axis of a panel
 
 _INK = "#000000"  # the script replaces it by the colour of the text in dark mode
-_SYMBOLS = {"s": "square", "P": "cross", "D": "diamond", "o": "circle", "^": "triangle-up"}
+_SYMBOLS = {"_": "line-ew-open", "s": "square", "P": "cross", "D": "diamond", "o": "circle", "^": "triangle-up"}
 _DASHES = {"-": "solid", "-.": "dashdot"}
 _DIVERGING = [[0.0, "#0072B2"], [0.5, "#F5F5F5"], [1.0, "#D55E00"]]
 _INCIDENCE = "local incidence [deg]"
 _UNITS = ("mean [dB]", "log sd", "skewness")
+_SMOOTH = 100  # points that a smooth line needs
 _MOST_PARAMETERS = 8  # of a corner plot
 _MOST_POINTS = 6000  # in all panels of a corner plot
 
@@ -61,9 +93,9 @@ def _bars(sd: ArrayLike, **more: Any) -> dict[str, Any]:
     return {"type": "data", "array": _numbers(sd), "color": _INK, "thickness": 1.2, "width": 0, **more}
 
 
-def _histogram(name: str, values: ArrayLike, edges: Array, colour: str, density: bool = True, **more: Any) -> Trace:
-    """Bars of counts, or of a density."""
-    heights = np.histogram(values, edges, density=density)[0]
+def _histogram(name: str, values: ArrayLike, edges: Array, colour: str, **more: Any) -> Trace:
+    """Bars of a density."""
+    heights = np.histogram(values, edges, density=True)[0]
     middles = _numbers(0.5 * (edges[1:] + edges[:-1]))
     return {"type": "bar", "name": name, "x": middles, "y": _numbers(heights), "marker": {"color": colour}, **more}
 
@@ -72,60 +104,73 @@ def _axis(title: str, **more: Any) -> dict[str, Any]:
     return {"title": {"text": title}, **more}
 
 
+def _of_curve(curve: Curve) -> list[Trace]:
+    """Traces of a curve of a static figure; a band has two."""
+    style, name = curve.style, curve.label.removeprefix("_")
+    each = slice(None, None, 1 if {"marker", "drawstyle"} & set(style) else 1 + curve.x.size // _SMOOTH)
+    x, y = curve.x[each], curve.y[..., each]
+    more: Trace = {"legendgroup": name, "showlegend": curve.label == name}
+    if curve.text:
+        more["text"] = list(curve.text[each])
+    elif curve.label == name:  # a law is thin where it tells its numbers
+        more["hoverinfo"] = "skip"
+    if curve.y.ndim == 2:
+        shape, line = "hv" if "step" in style else "linear", {**style, "linewidth": 0}
+        red, green, blue = bytes.fromhex(style["color"][1:])
+        fill = {"fill": "tonexty", "fillcolor": f"rgba({red}, {green}, {blue}, {style.get('alpha', 1.0)})"}
+        low, high = (_line(name, x, edge, line, shape, **more) for edge in y)
+        return [low | {"showlegend": False}, high | fill]
+    if "marker" not in style:
+        return [_line(name, x, y, style, "hv" if "drawstyle" in style else "linear", **more)]
+    size = {"size": 1.3 * style["s"] ** 0.5} if "s" in style else {}
+    bars = {} if curve.error is None else {"error_y": _bars(curve.error)}
+    return [_points(name, x, y, style["color"], _SYMBOLS[style["marker"]], **size, **bars, **more)]
+
+
+def _of_chart(chart: Chart) -> Drawn:
+    """Caption, traces and layout of a static figure."""
+    traces: list[Trace] = []
+    named: set[str] = set()
+    shapes: list[dict[str, Any]] = []
+    layout: dict[str, Any] = {"height": round(95 * chart.height), "shapes": shapes}
+    gap, top, whole = 0.08, 1.0, sum(panel.share for panel in chart.panels)
+    for number, panel in enumerate(chart.panels, start=1):
+        key = f"{number}" if number > 1 else ""
+        for one in (one for curve in panel.curves for one in _of_curve(curve)):
+            traces.append({**one, "yaxis": f"y{key}", "showlegend": one["showlegend"] and one["name"] not in named})
+            named |= {one["name"]} if one["showlegend"] else set()
+        foot = max(top - panel.share / whole * (1.0 - gap * (len(chart.panels) - 1)), 0.0)
+        axis = _axis(panel.y_label.replace("\n", "<br>"), domain=[foot, top])
+        if panel.log:
+            axis |= {"type": "log", "nticks": 4}
+        if panel.limits is not None:
+            axis["range"] = np.log10(panel.limits).tolist() if panel.log else list(panel.limits)
+        layout[f"yaxis{key}"], top = axis, foot - gap
+    shade = {"type": "rect", "y0": 0, "y1": 1, "yref": "paper", "fillcolor": MUTED, "opacity": 0.12, "layer": "below"}
+    shapes += [{**shade, "line": {"width": 0}, "x0": low, "x1": high} for low, high in chart.shaded]
+    if chart.determined is not None:
+        low, high = chart.determined
+        bar = {"type": "line", "y0": 0.015, "y1": 0.015, "yref": "y domain", "name": "determined", "showlegend": True}
+        shapes.append({**bar, "line": {"width": 5, "color": BAND["color"]}, "x0": low, "x1": high})
+    layout["xaxis"] = _axis(chart.x_label, range=chart.limits, anchor=f"y{key}")
+    return chart.caption, traces, layout
+
+
 def _law(case: Archive, name: str) -> Drawn | None:
     """Band of sigma0, laws and measured levels over the incidence angle, and histogram of the incidence."""
-    if not case.configured.laws[name].has_curve:
-        return None
-    material, laws = case.materials[name], law_figures.laws_of(case, name)
-    seen, edges = law_figures.angle_axis(case, name)
-    posterior, angles = material.posterior, np.linspace(edges[0], edges[-1], 121)
-    # the gap of a NaN keeps the passes apart
-    inside = np.concatenate([[*np.linspace(low, high, 41), np.nan] for low, high in seen.tolist()])
-    of_angle = np.isfinite(inside)
-    traces = [] if posterior.curve is None else _band(posterior.curve, angles)
-    for label, curve, x, style in laws:
-        thin, thick, group = style | {"linewidth": 0.8}, style | {"linewidth": 2.6}, {"legendgroup": label}
-        traces.append(_line(label, angles, curve(np.radians(angles), x), thin, showlegend=False, **group))
-        inside_db = np.full(inside.shape, np.nan)
-        inside_db[of_angle] = curve(np.radians(inside[of_angle]), x)  # a formula refuses NaN
-        traces.append(_line(label, inside, inside_db, thick, hoverinfo="skip", **group))
-    if (points := posterior.points) is not None:
-        levels = _points("measured levels, 95 %", points.incidence_deg, points.level_db, _INK)
-        traces.append({**levels, "error_y": _bars(1.96 * points.error_db)})
-    lowest = min(value for one in traces for value in one["y"] if value is not None)
-    limits = law_figures.limits(laws, inside[of_angle], lowest)
-    level = _axis(law_figures.SIGMA0, domain=[0.24, 1.0], **({"range": list(limits)} if limits else {}))
-    pixels = _histogram("pixels", material.target.incidence_deg, edges, MUTED, density=False, yaxis="y2")
-    shade = {"type": "rect", "y0": 0, "y1": 1, "yref": "paper", "fillcolor": MUTED, "opacity": 0.12, "layer": "below"}
-    shapes = [{**shade, "line": {"width": 0}, "x0": low, "x1": high} for low, high in seen.tolist()]
-    if (known := posterior.known_between_deg) is not None:
-        bar = {"type": "line", "y0": 0.245, "y1": 0.245, "yref": "paper", "name": "determined", "showlegend": True}
-        shapes.append({**bar, "line": {"width": 5, "color": BAND["color"]}, "x0": known[0], "x1": known[1]})
-    below = {"yaxis2": _axis("pixels", domain=[0.0, 0.16]), "shapes": shapes, "bargap": 0}
-    layout = {
-        "height": 520,
-        "xaxis": _axis(_INCIDENCE, range=[edges[0], edges[-1]], anchor="y2"),
-        "yaxis": level,
-        **below,
-    }
-    return law_figures.law_caption(case, name), [*traces, {**pixels, "showlegend": False}], layout
+    chart = law_chart(case, name)
+    return None if chart is None else _of_chart(chart)
 
 
-def _band(curve: Curve, angles: Array) -> list[Trace]:
-    """The 90 % bands of the material and of its fields, and the median."""
-    found = []
-    for edges, alpha, label in (
-        ((curve.p05_db, curve.p95_db), 0.15, "90 % band of the material"),
-        ((curve.field_p05_db, curve.field_p95_db), 0.3, "its fields in this image"),
-    ):
-        low, high = (np.interp(angles, curve.incidence_deg, edge) for edge in edges)
-        none, group = BAND | {"linewidth": 0}, {"legendgroup": label, "hoverinfo": "skip"}
-        fill = {"fill": "tonexty", "fillcolor": f"rgba(123, 63, 158, {alpha})"}
-        found.append(_line(label, angles, low, none, showlegend=False, **group))
-        found.append(_line(label, angles, high, none, **fill, **group))
-    low, middle, high = curve.at(angles)
-    text = [f"90 % band: {a:.2f} to {b:.2f} dB" for a, b in zip(low, high, strict=True)]
-    return [*found, _line("median", angles, middle, BAND, text=text)]
+def _cost(case: Archive, name: str) -> Drawn:
+    """Misfit of each run to the target, with the surrogate's predictions of the infill runs."""
+    fidelity, (caption, traces, layout) = case.materials[name].fidelity, _of_chart(cost_chart(case, name))
+    if fidelity is not None and np.isfinite(fidelity.cost).any():
+        predicted = fidelity.cost * (2.0 if case.bins else 1.0)
+        at = np.flatnonzero(case.runs.kind == "infill")
+        traces.append(_points("predicted", at, predicted, START["color"], "diamond-open", size=11))
+        caption += " Diamonds: cost that the surrogate predicted for each infill run."
+    return caption, traces, layout
 
 
 def _panels(traces: Sequence[list[Trace]], axes: Sequence[Pair]) -> tuple[list[Trace], dict[str, Any]]:
@@ -221,81 +266,22 @@ def _sensitivity(case: Archive, name: str) -> Drawn | None:
     return caption, *_panels(heats, [(_axis(one), _axis("", autorange="reversed")) for one in STATISTICS])
 
 
-def _cost_of(case: Archive, material: MaterialResult) -> tuple[Array, str]:
-    """Cost of each run as it is drawn, positive, and its label."""
-    if case.bins:
-        return np.maximum(2.0 * material.cost, 1e-3), "squared residuals, priors included"
-    limits = [case.configured.stop.rms, material.target.rms_sampling]
-    return _positive(material.rms, limits), f"densities, rms [1/{case.levels.unit}]"
-
-
-def _positive(rms: Array, others: Sequence[float] = ()) -> Array:
-    """Values for a logarithmic axis, with a third of the smallest positive one in place of 0."""
-    every = np.array([*rms, *others])
-    return np.where(rms > 0.0, rms, min(every[every > 0.0], default=3.0) / 3.0)
-
-
-def _cost(case: Archive, name: str) -> Drawn:
-    """Misfit of each run to the target, with the surrogate's predictions of the infill runs."""
-    material, caption = case.materials[name], law_figures.cost_caption(case, name)
-    (shown, label), fidelity, error = _cost_of(case, material), material.fidelity, material.target.rms_sampling
-    ends = [-0.5, max(shown.size - 0.5, 1.0)]
-    traces = _each_run(case, name, shown)
-    if fidelity is not None and np.isfinite(fidelity.cost).any():
-        predicted = fidelity.cost * (2.0 if case.bins else 1.0)
-        at = np.flatnonzero(case.runs.kind == "infill")
-        traces.append(_points("predicted", at, predicted, START["color"], "diamond-open", size=11))
-        caption += " Diamonds: cost that the surrogate predicted for each infill run."
-    words = f"sampling error of {material.target.values_db.size:,} pixels"
-    sampling = [_line(words, ends, [error, error], SAMPLING, hoverinfo="skip")] if error > 0.0 else []
-    log = {"type": "log", "nticks": 4}
-    layout: dict[str, Any] = {"height": 420, "yaxis": _axis(label.replace(", ", ",<br>"), **log)}
-    layout["xaxis"] = _axis("run (0: reference)", range=ends)
-    if case.bins:
-        lower = [one | {"showlegend": False} for one in _each_run(case, name, _positive(material.rms))]
-        traces += [one | {"yaxis": "y2"} for one in (*lower, *sampling)]
-        layout["yaxis"]["domain"], layout["xaxis"]["anchor"] = [0.54, 1.0], "y2"
-        label = f"densities, rms [1/{case.levels.unit}]"
-        return caption, traces, layout | {"height": 560, "yaxis2": _axis(label, domain=[0.0, 0.46], **log)}
-    tolerance, floor = case.configured.stop.rms, law_figures.floors(case, material)
-    traces += [_line(f"tolerance {short(tolerance)}", ends, [tolerance] * 2, TOLERANCE, hoverinfo="skip"), *sampling]
-    if (at := np.flatnonzero(floor > 0.0)).size:
-        traces.append(_points("lower bound by the surrogate", at, floor[at], MUTED, "line-ew-open", size=11))
-    return caption, traces, layout
-
-
-def _texts(case: Archive, name: str, which: NDArray[np.intp]) -> list[str]:
-    """Number and X of some runs."""
-    names, parameters = case.configured.materials[name].parameter_names, case.materials[name].parameters
-    each = [", ".join(f"{one} {x:.4g}" for one, x in zip(names, parameters[run], strict=True)) for run in which]
-    other = np.asarray(np.isnan(parameters[which]).any(axis=1))
-    return [f"run {run}: {'another law' if of else x}" for run, x, of in zip(which, each, other, strict=True)]
-
-
-def _each_run(case: Archive, name: str, shown: Array) -> list[Trace]:
-    """One value for each run by its kind, with X as text, and the smallest value up to each run."""
-    own = np.flatnonzero(np.isfinite(case.materials[name].parameters).all(axis=1))
-    best = np.minimum.accumulate(shown[own])
-    traces = [_line("best so far", own, best, {"color": _INK}, "hv", hoverinfo="skip")]
-    for label, which, style in law_figures.kinds(case, case.materials[name]):
-        look = {"size": 1.3 * style["s"] ** 0.5, "text": _texts(case, name, which)}
-        traces.append(_points(label, which, shown[which], style["color"], _SYMBOLS[style["marker"]], **look))
-    return traces
-
-
 def _parallel(case: Archive, name: str) -> Drawn:
     """Parameters, looks and cost of all runs with the calibrated law as parallel coordinates."""
     material, settings = case.materials[name], case.configured.materials[name]
-    cost, label = _cost_of(case, material)
+    cost, label = squares(material), "squared residuals, priors included"
+    if not case.bins:
+        cost = positive(material.rms, [case.configured.stop.rms, material.target.rms_sampling])
+        label = f"densities, rms [1/{case.levels.unit}]"
     values = np.column_stack([material.parameters, material.looks, np.log10(cost)])
     ends = np.array([*settings.box, *([np.nanmin(one), np.nanmax(one)] for one in values.T[-2:])])
     unit = (values - ends[:, 0]) / np.maximum(np.ptp(ends, axis=1), 1e-12)
     place, traces = np.arange(len(ends)), []
     best = ("best run", np.array([material.best]), {"color": _INK})
-    for words, which, style in (*law_figures.kinds(case, material), best):
+    for words, which, style in (*kinds(case, material), best):
         x = np.tile([*place, np.nan], which.size)  # the gap of a NaN ends each run
         rows = np.column_stack([unit[which], np.full(which.size, np.nan)]).ravel()
-        text = np.repeat(_texts(case, name, which), place.size + 1).tolist()
+        text = np.repeat(texts(case, name, which), place.size + 1).tolist()
         traces.append(_line(words, x, rows, {"color": style["color"]}, text=text, hoverinfo="text"))
     names = [*settings.parameter_names, "looks", "log10 cost"]
     ticks = [f"{one}<br>{low:.3g} to<br>{high:.3g}" for one, (low, high) in zip(names, ends, strict=True)]
@@ -375,3 +361,32 @@ PLOTS: Sequence[tuple[str, str, str, Callable[[Archive, str], Drawn | None]]] = 
     ("parallel", "Parameters of all runs", "Parallel coordinates of the runs of {}.", _parallel),
 )
 """Kind, title, description for readers who cannot see the figure, and function of each figure of a material."""
+
+
+def interactive(archive: Archive) -> list[Interactive]:
+    """Interactive figures of a calibration, material by material; a figure without data is left out.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of a calibration; the images are not read.
+    """
+    found = []
+    for name, slug in zip(archive.materials, slugs(archive.materials), strict=True):
+        for kind, title, alt, draw in PLOTS:
+            if (drawn := draw(archive, name)) is not None:
+                caption, data, layout = drawn
+                spec = {"data": data, "layout": layout}
+                found.append(Interactive(f"{kind}-{slug}", name, title, caption, alt.format(name), spec))
+    return found
+
+
+def embedded_library() -> str:
+    """plotly.js, compressed by gzip and written in base64; the same bytes every time."""
+    text = files("plotly").joinpath("package_data/plotly.min.js").read_bytes()
+    return base64.b64encode(gzip.compress(text, 9, mtime=0)).decode("ascii")
+
+
+def script() -> str:
+    """Script of the page that draws the interactive figures (``interactive.js``)."""
+    return files("radcal.page").joinpath("interactive.js").read_text(encoding="utf-8")

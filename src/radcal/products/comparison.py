@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import ConfigError
-from radcal.figures.drawing import FOUND, START, law_panels
+from radcal.figures.drawing import FOUND, SIGMA0, START, law_panels
 from radcal.posterior.result import Curve
 from radcal.products.tables import aligned
 from radcal.results.archive import Archive, MaterialResult, read_finished
@@ -143,7 +143,7 @@ def compare(folders: Sequence[str | Path], figure: str | Path) -> list[str]:
     for one, other, letter in ((first, second, "A"), (second, first, "B")):
         if alone := [name for name in one.materials if name not in other.materials]:
             lines.append(f"only in {letter}: {', '.join(alone)}")
-    with law_panels(figure, shared, "\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} [dB]") as panels:
+    with law_panels(figure, shared, SIGMA0) as panels:
         for axes, name in panels:
             for archive, letter, style in ((first, "A", START), (second, "B", FOUND)):
                 if (band := _band(archive, name)) is not None:
