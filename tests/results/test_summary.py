@@ -131,13 +131,6 @@ def test_displacements_and_their_error_are_lengths(build_archive, tmp_path):
     assert found["uncertainty_px"] == pytest.approx(0.2)
 
 
-def test_law_difference_of_the_archive(made):
-    dyke = made.archive.materials["dyke"]
-    hidden = dyke.parameters[dyke.best] - [2.5, 0.0, 0.0, 0.0]
-    archive = changed_material(made.archive, "dyke", hidden=hidden)
-    assert summarise(archive)["materials"]["dyke"]["law_difference_db"] == pytest.approx(2.5)
-
-
 def test_numbers_are_finite_or_null(made):
     archive = changed_target(made.archive, "dyke", rms_sampling=float("nan"))
     rms = archive.materials["stem beans"].rms.copy()

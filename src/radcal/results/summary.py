@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radcal import skewnormal
 from radcal.findings import Finding
@@ -23,6 +22,9 @@ from radcal.results.archive import Archive, MaterialResult
 from radcal.results.law_notes import found_words
 from radcal.words import beside_headline, headline, next_steps, remarks, sentence, verdict
 
+_FORM = ("noticed", "refuted", "noticed_db")
+_DENSITY, _CENTRED = ("xi", "omega", "alpha"), ("mean", "sd", "skewness")
+_POSTERIOR = ("known_half_width_db", "sampled", "r_hat", "cells", "fields", "looks")
 _LEVELS = ("normalisation", "offset_db", "offset_error_db", "scale", "unit")
 
 
@@ -128,48 +130,31 @@ def _posterior(material: MaterialResult, names: Sequence[str]) -> dict[str, Any]
     """Posterior of a law: incidence at which sigma0 is determined, curve, parameters, and error of the form."""
     known = material.posterior
     curve, form = known.curve, known.form
-
-    def named(values: NDArray[np.float64]) -> dict[str, float]:
-        return dict(zip(names, map(float, values), strict=True))
-
+    parameters = {key: getattr(known, key) for key in ("parameters_p05", "parameters_p95", "parameters_model")}
     return {
         "identified": None if curve is None else known.known_between_deg is not None,
-        "known_between_deg": None if known.known_between_deg is None else list(known.known_between_deg),
-        "sigma0_curve": None if curve is None else {key: values.tolist() for key, values in vars(curve).items()},
+        "known_between_deg": known.known_between_deg,
+        "sigma0_curve": None if curve is None else vars(curve),
         "levels": _levels(known) if material.level_only else None,
-        "parameters_p05": named(known.parameters_p05),
-        "parameters_p95": named(known.parameters_p95),
-        "parameters_model": None if known.parameters_model is None else named(known.parameters_model),
-        "misfit": None
-        if form is None
-        else {
-            "form_rms_db": form.rms_db.tolist(),
-            "noticed": form.noticed,
-            "refuted": form.refuted,
-            "noticed_db": form.noticed_db,
-        },
+        **{key: None if x is None else dict(zip(names, x, strict=True)) for key, x in parameters.items()},
+        "misfit": None if form is None else {"form_rms_db": form.rms_db, **{key: getattr(form, key) for key in _FORM}},
         "validation": None if known.held is None else _validation(known.held),
         "fields_left_out": None if known.left_out is None else _validation(known.left_out),
         "posterior": {
-            "known_half_width_db": known.known_half_width_db,
-            "sampled": known.sampled,
+            **{key: getattr(known, key) for key in _POSTERIOR},
             "effective_sample_size": known.ess,
-            "r_hat": known.r_hat,
-            "cells": known.cells,
-            "fields": known.fields,
-            "looks": known.looks,
-            "field_sd_db": known.between_db.tolist(),
-            "cell_sd_db": known.within_db.tolist(),
+            "field_sd_db": known.between_db,
+            "cell_sd_db": known.within_db,
         },
     }
 
 
-def _levels(known: Posterior) -> list[dict[str, float]]:
+def _levels(known: Posterior) -> list[dict[str, Any]]:
     """Sigma0 at the middle incidence of each pass; empty for a law without a curve."""
     if known.curve is None:
         return []
     keys = ("incidence_deg", "p05_db", "median_db", "p95_db")
-    return [dict(zip(keys, map(float, (deg, *known.curve.at(deg))), strict=True)) for deg in known.middles_deg]
+    return [dict(zip(keys, (deg, *known.curve.at(deg)), strict=True)) for deg in known.middles_deg]
 
 
 def _validation(held: HeldOut) -> dict[str, Any]:
@@ -184,11 +169,7 @@ def _validation(held: HeldOut) -> dict[str, Any]:
 
 
 def _finding(finding: Finding) -> dict[str, Any]:
-    return {**vars(finding), "numbers": dict(finding.numbers), "text": sentence(finding, prefix=False)}
-
-
-def _theta(dp: NDArray[np.float64]) -> dict[str, float]:
-    return dict(zip(("xi", "omega", "alpha"), map(float, dp), strict=True))
+    return {**vars(finding), "text": sentence(finding, prefix=False)}
 
 
 def _material(archive: Archive, name: str, material: MaterialResult) -> dict[str, Any]:
@@ -200,42 +181,42 @@ def _material(archive: Archive, name: str, material: MaterialResult) -> dict[str
     # a reference run with another law is never within the tolerance
     within = np.flatnonzero((rms <= archive.configured.stop.rms) & np.isfinite(x).all(axis=1))
     summary = {
-        "parameters": dict(zip(names, map(float, x[best]), strict=True)),
-        "bounds": np.array(configured.box).tolist(),
+        "parameters": dict(zip(names, x[best], strict=True)),
+        "bounds": np.array(configured.box),
         "law": configured.law,
         **({"formula": configured.formula} if configured.formula is not None else {}),
         "start_law": configured.at_start.law,
         "stop_reason": ending.reason or "running",
         "sentence": sentence(ending.finding),
-        "looks": float(material.looks[best]),
+        "looks": material.looks[best],
         "looks_nominal": float(archive.configured.radar.looks),
         "incidence_error_deg": target.incidence_error_deg,
         **_posterior(material, names),
         "fits": material.fits,
         "level_only": material.level_only,
-        "target": _theta(target.dp),
-        "calibrated": _theta(dp),
-        "rms": float(rms[best]),
-        "mse": float(rms[best] ** 2),
-        "rms_start": float(rms[0]),
+        "target": dict(zip(_DENSITY, target.dp, strict=True)),
+        "calibrated": dict(zip(_DENSITY, dp, strict=True)),
+        "rms": rms[best],
+        "mse": rms[best] ** 2,
+        "rms_start": rms[0],
         "rms_final": skewnormal.density_rms(simulated.calibrated_dp, target.dp),
         "rms_fresh": skewnormal.density_rms(simulated.fresh_dp, target.dp) if simulated.differ else None,
         "rms_sampling": target.rms_sampling,
         "effective_pixels": target.effective,
-        "left_out": dict(target.left_out),
+        "left_out": target.left_out,
         "measured_looks": target.looks,
         "textured": material.textured,
-        "target_error": dict(zip(("mean", "sd", "skewness"), map(float, target.cp_error), strict=True)),
-        "target_interval": dict(zip(("mean", "sd", "skewness"), target.cp_interval.tolist(), strict=True)),
+        "target_error": dict(zip(_CENTRED, target.cp_error, strict=True)),
+        "target_interval": dict(zip(_CENTRED, target.cp_interval, strict=True)),
         # goodness of fit of the density to the measured pixels
-        "fit": dict(vars(target.goodness)),
+        "fit": vars(target.goodness),
         "hellinger": skewnormal.hellinger(dp, target.dp),
         "ks": skewnormal.kolmogorov_smirnov(dp, target.dp),
         # the reference run is not counted, so that the number is zero where it is within the tolerance already
         "runs_to_tolerance": int(np.count_nonzero(counted[: within[0] + 1])) if within.size else None,
     }
     if material.hidden is not None:
-        summary["hidden"] = dict(zip(names, map(float, material.hidden), strict=True))
+        summary["hidden"] = dict(zip(names, material.hidden, strict=True))
         # external laws have no curve to compare
         if law.has_curve:
             summary["law_difference_db"] = law.largest_difference_db(x[best], material.hidden, target.incidence_deg)
@@ -285,7 +266,7 @@ def _pass_law(archive: Archive, number: str, name: str, law: Law) -> dict[str, A
     """Law of a material over the incidence of one pass, from 5 to 95 % of the pixels of its target."""
     one, material = archive.passes[number], archive.materials[name]
     target, hidden = material.targets[number], one.registered.measurement.hidden.get(name)
-    low, high = (float(end) for end in np.quantile(target.incidence_deg.astype(np.float64), [0.05, 0.95]))
+    low, high = np.quantile(target.incidence_deg.astype(np.float64), [0.05, 0.95])
     curve = material.posterior.curve
     difference_db = None
     if hidden is not None and law.has_curve:
@@ -294,7 +275,7 @@ def _pass_law(archive: Archive, number: str, name: str, law: Law) -> dict[str, A
         "low_deg": low,
         "high_deg": high,
         "rms": one.rms.get(name),
-        "half_width_db": None if curve is None else float(curve.half_widths_over(low, high).max()),
+        "half_width_db": None if curve is None else curve.half_widths_over(low, high).max(),
         "pixels": target.pixels.size,
         "difference_db": difference_db,
     }
@@ -311,10 +292,12 @@ def _final_runs(archive: Archive) -> dict[str, int]:
 
 
 def _finite(value: Any) -> Any:
-    """Plain data, with None in place of NaN and infinite numbers."""
+    """Plain data: lists in place of arrays, and None in place of NaN and infinite numbers."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
     if isinstance(value, Mapping):
         return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
+    if isinstance(value, Sequence) and not isinstance(value, str):
         return [_finite(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
@@ -358,10 +341,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "runs": {**runs, "total": sum(runs.values()), "registration": again, "search": search, "reused": reused},
         "iterations": _iterations(archive),
         "measurement": archive.registered.measurement.source,
-        "looks": {
-            "simulated": int(looks) if looks.is_integer() else looks,
-            "measured": archive.measured_looks,
-        },
+        "looks": {"simulated": int(looks) if looks.is_integer() else looks, "measured": archive.measured_looks},
         "simulator": json.loads(archive.simulator),
         "notes": list(map(sentence, _notes(archive))),
         "warnings": _warnings(archive),
@@ -369,25 +349,17 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "findings": [_finding(one) for one in (*archive.findings, *_notes(archive), *archive.law_notes)],
         "law_notes": list(map(sentence, archive.law_notes)),
         "registration": _registration(archive.registered),
-        "levels": {
-            **{key: getattr(archive.levels, key) for key in _LEVELS},
-            "sentence": sentence(archive.levels.finding),
-        },
+        "levels": {key: getattr(archive.levels, key) for key in _LEVELS}
+        | {"sentence": sentence(archive.levels.finding)},
         "fixed_laws": {
-            "levels_db": archive.image.levels_db.tolist(),
-            "errors_db": {name: error.tolist() for name, error in archive.image.laws_db.items()},
-            "radiometry": [
-                {**vars(one), "found": one.found, "materials": list(one.materials)}
-                for one in archive.image.radiometry.values()
-            ],
+            "levels_db": archive.image.levels_db,
+            "errors_db": archive.image.laws_db,
+            "radiometry": [{**vars(one), "found": one.found} for one in archive.image.radiometry.values()],
         },
         "wall_seconds": dict(seconds or {}),
         "versions": json.loads(archive.versions),
         "materials": {
-            name: {
-                **_material(archive, name, material),
-                "verdict": verdict(name, archive.findings),
-            }
+            name: {**_material(archive, name, material), "verdict": verdict(name, archive.findings)}
             for name, material in archive.materials.items()
         },
     }
