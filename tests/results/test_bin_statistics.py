@@ -31,7 +31,7 @@ def made(kind=Bins, shift=0.0, box=BOX, priors=True, spread=(1.3, 0.4)):
     values = LAW(np.radians(angle), X) + shift + 10.0 * np.log10(rng.gamma(4.0, 0.25, 600))
     target = make_target(values, angle, patch=np.arange(600) // 75, block=np.arange(600) // 25)
     classes = make_classes(values, angle, 3).compared(1)
-    bins = ClassTarget(classes, Spread(*spread), 1, True, priors, 0.0, np.array(X), 4.0)
+    bins = ClassTarget(classes, Spread(*spread), True, priors, 0.0, np.array(X), 4.0)
     return kind(make_material(replace(target, classes=bins), box, LAW, priors=priors))
 
 

@@ -15,17 +15,17 @@ from radcal.targets.target_fit import HELD_OUT
 
 
 def test_ground_is_held_out_in_whole_blocks(parts):
-    _, _, geometry, _, targets = parts
+    case, _, geometry, _, targets = parts
     columns = geometry.shape[1]
-    for target in targets.values():
+    for name, target in targets.items():
         assert set((target.pixels // columns // 20) % 2) == {0}
-        assert target.left_out[HELD_OUT] == target.kept_out.values_db.size
-        assert set(target.kept_out.block % 4) == {2, 3}
-        assert np.unique(target.patch).tolist() == np.unique(target.kept_out.patch).tolist() == [1]
+        out = (geometry.pixels(name, case.target.margin_px) // columns // 20) % 2
+        assert 0.9 * np.count_nonzero(out) < target.left_out[HELD_OUT] <= np.count_nonzero(out)
+        assert np.unique(target.patch).tolist() == [1]
 
 
 def test_the_law_found_without_a_simulator_is_nearly_right(parts):
-    *_, targets = parts
+    case, *_, targets = parts
     angle = np.radians(np.linspace(21.5, 43.5, 40))
     for name, truth in TRUTH.items():
         first = targets[name].classes.first
@@ -33,7 +33,7 @@ def test_the_law_found_without_a_simulator_is_nearly_right(parts):
     assert targets["lake"].classes.first_looks == pytest.approx(2.5, rel=0.2)
     # a run has K draws of speckle, the difference 1 + 1/K times the variance of the measured statistics
     bins = targets["field"].classes
-    share = bins.draws / (bins.draws + 1.0)
+    share = case.simulator.draws / (case.simulator.draws + 1.0)
     count, together = bins.classes.count, bins.classes.pairs[0]
     assert count.sum() ** 2 / (count @ together @ count) == pytest.approx(share * targets["field"].effective, rel=1e-9)
 

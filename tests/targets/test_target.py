@@ -122,7 +122,7 @@ def test_fewer_pixels_than_wanted_are_all_taken(geometry, measurement):
 
 def test_a_material_seen_at_one_incidence_is_level_only(geometry, measurement):
     targets = Targets({name: make_target(name, geometry, measurement, CONFIG, 1) for name in ("dyke", "grass")})
-    assert not any("level only" in line for line in targets.warnings())
+    assert not any("level only" in line for line in targets.sentences())
     narrow = replace(targets["grass"], incidence_deg=np.linspace(38.92, 39.07, 500, dtype=np.float32))
     (line,) = [line for line in Targets({**targets, "grass": narrow}).sentences() if "level only" in line]
     # 5 and 95 % of a range of 0.15 degrees
@@ -132,8 +132,6 @@ def test_a_material_seen_at_one_incidence_is_level_only(geometry, measurement):
     doubtful = SimpleNamespace(incidence_error_deg=span / 3.0, classes=SimpleNamespace(size=4))
     assert replace(targets["dyke"], classes=doubtful).level_only
     assert replace(narrow, classes=doubtful).seen == f"38.93 to 39.06 deg, error {span / 3.0:.2g} deg"
-    precise = SimpleNamespace(incidence_error_deg=7.2e-5, classes=SimpleNamespace(size=4))
-    assert replace(narrow, classes=precise).seen == "38.93 to 39.06 deg, error < 0.01 deg"
     assert not targets["dyke"].level_only
 
 
@@ -156,7 +154,6 @@ def test_round_trip_is_exact(geometry, measurement, tmp_path):
         levels,
         3.5,
     )
-    assert targets["dyke"].kept_out is not None
     write_targets(tmp_path / "targets.h5", targets)
     back = read_targets(tmp_path / "targets.h5")
     assert list(back) == ["grass", "dyke"]

@@ -82,7 +82,6 @@ def bin_targets(
     for name, found in fit_laws(measured, methods).items():
         classes = ClassTarget(
             classes=found.classes.compared(case.simulator.draws),
-            draws=case.simulator.draws,
             spread=found.spread,
             free_looks=found.method.free_looks,
             priors=case.target.priors,

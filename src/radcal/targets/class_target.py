@@ -22,8 +22,6 @@ class ClassTarget:
         of speckle (:meth:`radcal.ground.bins.Classes.compared`).
     spread : Spread
         Between-field and within-field standard deviation, pooled over the materials [dB].
-    draws : int
-        Number K of draws of speckle in each run.
     free_looks : bool
         Whether the effective number of looks of the material is estimated together with the law.
     priors : bool
@@ -42,7 +40,6 @@ class ClassTarget:
 
     classes: Classes
     spread: Spread
-    draws: int
     free_looks: bool
     priors: bool
     incidence_error_deg: float

@@ -21,8 +21,6 @@ from radcal.storage.records import read_item, write_item
 from radcal.targets.class_target import ClassTarget
 from radcal.words import sentence
 
-_UNLIKELY = 0.01  # smallest p-value that the number of bootstrap samples can resolve
-_SMALL_DEG = 0.01  # a smaller error of the incidence is not stated as a number
 _TEXTURED = 0.7  # a textured material has fewer looks than this share of the looks of homogeneous areas
 
 
@@ -65,8 +63,6 @@ class Target:
         Connected area of the material (patch), and part of a block of the image, of each pixel.
     correlation : Correlation or None
         Correlation of the material's pixels; None for independent pixels.
-    kept_out : Ground or None
-        Held-out pixels, to which no law is fitted; None without validation.
     noise_db : float
         Mean noise-equivalent backscatter that the simulator adds at these pixels [dB]; -inf where no noise is known.
     classes : ClassTarget or None
@@ -91,7 +87,6 @@ class Target:
     patch: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     block: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     correlation: Correlation | None = None
-    kept_out: Ground | None = None
     noise_db: float = float("-inf")
     classes: ClassTarget | None = None
 
@@ -120,12 +115,10 @@ class Target:
 
     @property
     def seen(self) -> str:
-        """Text of the 5 and 95 % quantiles of the local incidence, and of its standard error if it is known."""
+        """Text of the 5 and 95 % quantiles of the local incidence, and of its standard error if there is one."""
         low, high = np.percentile(self.incidence_deg.astype(np.float64), [5.0, 95.0])
-        error = (
-            f"{self.incidence_error_deg:.2g} deg" if self.incidence_error_deg >= _SMALL_DEG else f"< {_SMALL_DEG:g} deg"
-        )
-        return f"{low:.2f} to {high:.2f} deg" + f", error {error}" * (self.incidence_error_deg > 0.0)
+        error = f", error {self.incidence_error_deg:.2g} deg" if self.incidence_error_deg > 0.0 else ""
+        return f"{low:.2f} to {high:.2f} deg{error}"
 
     @property
     def cp(self) -> NDArray[np.float64]:
@@ -198,7 +191,7 @@ class Targets(dict[str, Target]):
         return {name: target.score(pixels_db[name], mapping) for name, target in self.items()}
 
     def sentences(self) -> list[str]:
-        """Lines for the terminal about levels, the target of each material, and warnings."""
+        """Lines for the terminal about levels, the target of each material, and materials without a law to be found."""
         levels = self.levels
         lines = [f"levels: {sentence(levels.finding)}"] if levels.normalisation != "none" or levels.references else []
         for name, target in self.items():
@@ -207,28 +200,11 @@ class Targets(dict[str, Target]):
             classes = f", {target.classes.classes.size} incidence-angle bins" if target.classes is not None else ""
             moments = f"mean {mean:.2f} {unit}, standard deviation {sd:.2f} {unit}, skewness {skewness:.2f}"
             lines.append(f"{size}, {moments}{classes}")
-        return [*lines, *self.warnings()]
-
-    def warnings(self) -> list[str]:
-        """Warnings on materials whose values do not follow a skew normal, or for which no law can be determined."""
-        lines = []
-        if level_only := {name: target for name, target in self.items() if target.level_only}:
+        if level_only := [f"{name} ({target.seen})" for name, target in self.items() if target.level_only]:
             lines.append(
                 f"level only, seen at one incidence (5 to 95 % of the pixels within {LEAST_SPAN_DEG:g} deg, less the "
-                "incidence's error), so that no law can be known from this pass alone: "
-                f"{', '.join(f'{name} ({target.seen})' for name, target in level_only.items())}."
+                f"incidence's error), so that no law can be known from this pass alone: {', '.join(level_only)}."
             )
-        for name, target in self.items():
-            if target.goodness.ad_p <= _UNLIKELY:
-                lines.append(
-                    f"target of {name}: a skew normal describes its pixels only roughly (Kolmogorov-Smirnov distance "
-                    f"{target.goodness.ks:.3f}, p {target.goodness.ad_p:.2g}): mixed ground, or incidence?"
-                )
-            if self.textured(name):
-                lines.append(
-                    f"target of {name}: its neighbours have the speckle of {target.looks:.1f} looks, the image's "
-                    f"homogeneous areas {self.looks:.1f}: texture, buildings or point targets."
-                )
         return lines
 
 

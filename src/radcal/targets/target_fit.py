@@ -15,7 +15,7 @@ from radcal.config.part import Part
 from radcal.errors import MeasurementError
 from radcal.ground.correlation import estimate_correlation
 from radcal.ground.goodness import goodness_of_fit
-from radcal.ground.ground import Blocks, Ground
+from radcal.ground.ground import Blocks
 from radcal.ground.levels import Levels, image_levels, offset_levels
 from radcal.ground.patches import label_patches, patches_seen
 from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, point_targets
@@ -121,10 +121,8 @@ def make_target(
     """
     blocks = Blocks.of(validation, geometry.shape[0])
     part = blocks.parts_of(np.arange(geometry.incidence_deg.size), geometry.shape[1])
-    out = np.zeros(part.shape, dtype=np.bool_)
     if validation is not None and validation.holds_out:
-        out = ~blocks.kept(part, validation.keep)
-        flags = {**(flags or {}), HELD_OUT: out.reshape(geometry.shape)}
+        flags = {**(flags or {}), HELD_OUT: ~blocks.kept(part, validation.keep).reshape(geometry.shape)}
     eligible = eligible_pixels(name, geometry, measurement, config, uncertainty_px, flags)
     rng = derived_rng(seed, "target", name)
     drawn = np.sort(rng.choice(eligible.pixels, size=min(config.pixels, eligible.pixels.size), replace=False))
@@ -133,12 +131,6 @@ def make_target(
     fit = skewnormal.fit(values, penalised)
     correlation = estimate_correlation(measurement.image_db, eligible.pixels, geometry.incidence_deg)
     effective = correlation.effective(drawn)
-    patches = fields_of(name, geometry, scene)
-    held_out = None
-    if out.any():
-        others = {reason: flag for reason, flag in (flags or {}).items() if reason != HELD_OUT}
-        with_it = eligible_pixels(name, geometry, measurement, config, uncertainty_px, others).pixels
-        held_out = _ground(with_it[out[with_it]], geometry, measurement, levels, patches, part)
     return Target(
         pixels=drawn,
         order=np.searchsorted(geometry.pixels(name), drawn),
@@ -155,25 +147,9 @@ def make_target(
         penalised=penalised,
         left_out=eligible.masked,
         looks=local_looks(measurement.image_db, eligible.pixels, radar) if radar is not None else float("nan"),
-        patch=patches[drawn],
+        patch=fields_of(name, geometry, scene)[drawn],
         block=part[drawn],
         correlation=correlation,
-        kept_out=held_out,
-    )
-
-
-def _ground(
-    pixels: NDArray[np.int64], geometry: Geometry, measurement: Measurement, levels: Levels | None,
-    patches: NDArray[np.int64], parts: NDArray[np.int64],
-) -> Ground:  # fmt: skip
-    """Ground of given pixels; ``patches`` and ``parts`` hold the patch and block part of every pixel of the image."""
-    return Ground(
-        values_db=Levels.apply(measurement.image_db.ravel()[pixels], (levels or Levels()).measured),
-        incidence_deg=geometry.incidence_deg.ravel()[pixels].astype(np.float64),
-        patch=patches[pixels],
-        block=parts[pixels],
-        pixels=pixels,
-        correlation=estimate_correlation(measurement.image_db, pixels, geometry.incidence_deg),
     )
 
 
