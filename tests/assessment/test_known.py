@@ -1,4 +1,4 @@
-"""Findings of the assessment: codes and numbers, in the order to act on them."""
+"""Findings of the assessment: codes and numbers in the order to act on them, their sentences, and the headline."""
 
 from types import SimpleNamespace
 
@@ -17,9 +17,24 @@ from assessment_samples import (
 from calibration_samples import make_target
 
 from radcal.assessment.known import image_findings, law_findings, material_findings
+from radcal.assessment.registration_check import moved_finding
+from radcal.catalogue import _OF_MODEL
 from radcal.config import Uncertainty
+from radcal.findings import Finding
 from radcal.ground.pixels import IN_THE_NOISE
 from radcal.targets.target import Targets
+from radcal.words import degrees, headline, next_steps, sentence, verdict
+
+WRONG = {"1": made_radiometry(0.97)}
+UNCHECKED = {"1": NOTHING_SHOWN}
+ONE = {"laws_db": {"lake": np.array([0.9, 1.3, 1.8])}, "apart_db": {"lake": np.array([1.4, 2.0, 2.5])}}
+LAW_OFF = {"laws_db": {"water": np.array([1.2, 1.9, 2.6]), "wood": np.array([-0.5, -0.1, 0.4])}}
+TOO_BRIGHT = {"levels_db": np.array([[0.8, 1.4, 2.0]])}
+OF_OTHERS = {  # codes that registrations, levels of targets and the check before any run give
+    *("depression", "geometry_unchecked", "relief", "place"),
+    *("level_found", "level_subtracted", "level_of_image", "images_mapped", "all_images_mapped", "fixed_level"),
+}
+WIDE = {"known_between_deg": None, "known_half_width_db": None, "curve": made_curve(2.3)}
 
 
 def case(*declared, normalisation="none", **uncertainty):
@@ -77,7 +92,7 @@ def test_radiometry_then_fixed_laws_then_the_level():
         levels_db=np.array([[0.8, 1.4, 2.0], [-0.2, 0.0, 0.3]]),
         laws_db={"water": np.array([1.2, 1.9, 2.6]), "wood": np.array([-0.5, -0.1, 0.4])},
         radiometry={
-            "1": made_radiometry(0.9),
+            "1": made_radiometry(0.97),
             "2": made_radiometry(0.3, -1),
         },
         sampled=False,
@@ -91,7 +106,7 @@ def test_radiometry_then_fixed_laws_then_the_level():
         ("level", "note", "pass 2"),
         ("not_sampled", "warning", "fixed laws"),
     ]
-    numbers = {"chance_percent": 90.0, "exponent": 0.1, "error": 0.2}
+    numbers = {"chance_percent": 97.0, "exponent": 0.1, "error": 0.2}
     assert found[0].numbers == {**numbers, "declared": "sigma0_local", "other": "sigma0_ref"}
     assert found[0].do == "radar.radiometry: sigma0_ref"
     assert found[1].numbers == {**numbers, "chance_percent": 30.0, "declared": "beta0", "other": "sigma0_local"}
@@ -111,7 +126,7 @@ def test_radiometry_then_fixed_laws_then_the_level():
     ],
 )
 def test_the_radiometry_that_is_meant(declared, term, meant):
-    found = of_image(made_image(radiometry={"1": made_radiometry(0.9, term)}), declared)
+    found = of_image(made_image(radiometry={"1": made_radiometry(0.97, term)}), declared)
     assert found[0].numbers["other"] == meant
 
 
@@ -231,3 +246,163 @@ def test_a_law_of_the_search_outside_of_the_band():
     assert below.numbers == {"beyond_db": pytest.approx(2.5 * 24.0 / 40.0 - 1.0), "cause": "cause unknown"}
     assert list(law_findings("dyke", made_posterior(), LINE, LINE_X + [0.9, 0.9], ())) == []
     assert list(law_findings("dyke", made_posterior(curve=None), LINE, away, ())) == []
+
+
+def image_found(**changes):
+    return of_image(made_image(**changes), level_db=0.45)
+
+
+def material_found(name="dyke", refused=False, spread_deg=12.0, left_out=None, **changes):
+    angle = np.linspace(32.0 - spread_deg, 32.0 + spread_deg, 50)
+    target = make_target(np.linspace(-9.0, -5.0, 50), angle, left_out=left_out or {})
+    return list(material_findings(case(), name, made_posterior(**changes), Targets({name: target}), refused))
+
+
+def every():
+    """At least one finding of each code that the assessment gives."""
+    yield from image_found(radiometry=WRONG, sampled=False, **LAW_OFF)
+    yield from image_found(radiometry=UNCHECKED, laws_db={}, apart_db={})
+    yield from image_found(radiometry={"1": made_radiometry(0.3)}, **TOO_BRIGHT)
+    yield from image_found(**ONE)
+    yield from material_found(sampled=False, left_out={IN_THE_NOISE: 20})
+    yield from material_found(form=made_form(noticed=True), **WIDE)
+    yield from material_found(form=made_form(noticed=True, refuted=True), refused=True)
+    yield from material_found(form=made_form(noticed_db=float("inf")), curve=None)
+    yield from material_found(spread_deg=0.0)
+    yield from material_found(cells=0, curve=None, form=None)
+    yield from law_findings("dyke", made_posterior(), LINE, LINE_X + 9.0, ())
+    yield Finding("another_law", "warning", "dyke", {"difference_db": 3.21, "law": "mangia"}, "materials.dyke.law")
+    yield Finding("texture", "note", "dyke", {"looks": 2.75, "looks_nominal": 4.0})
+    yield moved_finding("dyke", 0.81, 0.34, 1.42, 0.7)
+
+
+def test_every_code_has_a_sentence_for_its_numbers():
+    found = list(every())
+    assert {one.code for one in found} == set(_OF_MODEL) - OF_OTHERS
+    for one in found:
+        said = sentence(one)
+        assert said.endswith(".")
+        assert "{" not in said
+        assert "nan" not in said
+        assert one.about in said
+        assert said.startswith(f"{one.severity}: ") is (one.severity != "note")
+        assert sentence(one, prefix=False).startswith(f"{one.about}: ")
+        if one.do and one.severity != "note":
+            assert one.do in said
+
+
+@pytest.mark.parametrize(
+    ("finding", "said"),
+    [
+        (
+            image_found(radiometry=WRONG)[0],
+            "refusal: pass 1: by the fixed materials the image is sigma0_ref, not sigma0_local as the case says "
+            "(against sigma0_local it goes with the ground area to the power +0.10, standard error 0.20); the "
+            "bands are given for sigma0_ref: set radar.radiometry: sigma0_ref.",
+        ),
+        (
+            material_found()[0],
+            "dyke: sigma0 is determined to +-1.2 dB (90 %) between 23 and 39 degrees, if scene, geometry and pixels "
+            "are what the case says.",
+        ),
+        (
+            material_found(left_out={IN_THE_NOISE: 20})[-1],
+            "warning: dyke: 29% of its pixels are masked, because they are in the noise (target.snr_db); the pixels "
+            "that remain near the noise are the brighter ones.",
+        ),
+    ],
+)  # fmt: skip
+def test_sentences(finding, said):
+    assert sentence(finding) == said
+
+
+def test_the_verdict_on_a_material():
+    found = [*image_found(), *material_found(sampled=False), *material_found("rest", **WIDE)]
+    assert verdict("dyke", found) == (
+        "dyke: sigma0 is determined to +-1.2 dB (90 %) between 23 and 39 degrees, if scene, geometry and pixels are "
+        "what the case says; the law is not refuted (a bump of 1.4 dB would be noticed in 9 of 10 images)."
+    )
+    assert verdict("rest", found).startswith("rest: sigma0 is determined at no angle: ")
+
+
+def test_the_headline_of_one_material():
+    alone = material_found()
+    assert headline(["dyke"], [*image_found(), *alone], True) == verdict("dyke", alone)
+    unfinished = headline(["dyke"], [*image_found(), *alone], False)
+    assert unfinished == f"{verdict('dyke', alone)} The search is not finished."
+
+
+def test_the_headline_says_what_is_unchecked():
+    found = [*image_found(radiometry=UNCHECKED, laws_db={}, apart_db={}), *material_found()]
+    assert headline(["dyke"], found, True).endswith("images). Unchecked: radiometry, level.")
+
+
+def test_a_refusal_comes_first_and_takes_the_rest_away():
+    found = [*image_found(radiometry=WRONG, **LAW_OFF), *material_found(refused=True)]
+    said = headline(["dyke"], found, True)
+    assert said.startswith("pass 1: by the fixed materials the image is sigma0_ref")
+    assert (
+        "set radar.radiometry: sigma0_ref. dyke: sigma0 is determined at no angle, because the image is refused" in said
+    )
+    assert "water" not in said
+    assert said.count("refused") == 1
+
+
+def test_the_first_thing_to_act_on_is_in_the_headline():
+    said = headline(["dyke"], [*image_found(**LAW_OFF, **TOO_BRIGHT), *material_found()], True)
+    assert " water: the image minus its fixed law is +1.90 dB" in said
+    assert "a level of" not in said
+
+
+def test_the_headline_of_several_materials_counts_them():
+    found = [
+        *image_found(),
+        *material_found("dyke"),
+        *material_found("rest", **WIDE),
+        *material_found("road", form=made_form(noticed=True, refuted=True)),
+        *material_found("pond", spread_deg=0.0, form=None),
+        *material_found("ditch", cells=0, curve=None, form=None),
+    ]
+    assert headline(["dyke", "rest", "road", "pond", "ditch"], found, False) == (
+        "sigma0 of 5 materials: 2 are determined at some angles (dyke, road), 1 is determined at no angle (rest), 1 is "
+        "seen at one incidence alone (pond), 1 is without enough pixels side by side (ditch), laws refuted: road. "
+        "The search is not finished."
+    )
+    many = [one for k in range(5) for one in material_found(f"field {k}")]
+    assert (
+        headline([f"field {k}" for k in range(5)], many, True)
+        == "sigma0 of 5 materials: 5 are determined at some angles."
+    )
+    refused = [*image_found(radiometry=WRONG), *material_found("dyke", True), *material_found("rest", True)]
+    assert headline(["dyke", "rest"], refused, True).endswith(
+        "sigma0 of 2 materials: 2 are determined at no angle, because an image is refused (dyke, rest)."
+    )
+
+
+def test_next_steps_are_sorted_by_importance():
+    found = [
+        *image_found(radiometry=WRONG, **TOO_BRIGHT, **LAW_OFF)[::-1],
+        *material_found(left_out={IN_THE_NOISE: 20}),
+        Finding("another_law", "warning", "dyke", {"difference_db": 3.2, "law": "mangia"}, "materials.dyke.law"),
+    ]
+    assert next_steps(found) == [
+        "set radar.radiometry: sigma0_ref",
+        "check materials.water.parameters",
+        "check the absolute calibration of the image",
+    ]
+    assert next_steps(image_found()) == []
+    assert next_steps(image_found(**ONE)) == ["check materials.lake.parameters and the calibration of the image"]
+    assert not any("offset" in step for step in next_steps(found))
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "said"),
+    [
+        (10.0, 25.0, "10 and 25"),
+        (10.25, 25.75, "11 and 25"),
+        (14.75, 15.25, "14.75 and 15.25"),
+        (14.9, 16, "15 and 16"),
+    ],
+)
+def test_degrees_are_rounded_into_the_interval(low, high, said):
+    assert degrees(low, high) == f"between {said} degrees"

@@ -31,18 +31,26 @@ class NoSimulator:
         raise AssertionError("called")
 
 
+@pytest.fixture(scope="module")
+def file_case(build_case):
+    """Tiny case whose measurement is a file."""
+
+    def made(path, scale="db", radiometry="sigma0_local", **sections):
+        file = {"source": "file", "path": str(path), "scale": scale, "radiometry": radiometry}
+        return build_case(measurement=file, **sections)
+
+    return made
+
+
 @pytest.fixture
-def read(tmp_path, geometry, build_case):
+def read(tmp_path, geometry, file_case):
     """Write values as GeoTIFF and read them as the measurement of the tiny case."""
 
     def read(values, scale="db", **sections):
         path = tmp_path / "measured.tif"
         if values is not None:
             write_raster(path, values)
-        case = build_case(
-            measurement={"source": "file", "path": str(path), "scale": scale, "radiometry": "sigma0_local"}, **sections
-        )
-        return make_measurement(case, geometry, NoSimulator())
+        return make_measurement(file_case(path, scale, **sections), geometry, NoSimulator())
 
     return read
 
@@ -78,11 +86,9 @@ def test_findings_tell_what_is_unusable(read, image_db):
         read(power, "power", radar={**coarse, "range_resolution_m": 4000.0, "range_spacing_m": 5.0})
 
 
-def test_variable_in_the_path(geometry, build_case, image_db, tmp_path, monkeypatch):
+def test_variable_in_the_path(geometry, file_case, image_db, tmp_path, monkeypatch):
     write_raster(tmp_path / "a.tif", image_db)
-    case = build_case(
-        measurement={"source": "file", "path": "${RADCAL_TEST_DATA}/a.tif", "scale": "db", "radiometry": "sigma0_local"}
-    )
+    case = file_case("${RADCAL_TEST_DATA}/a.tif")
     monkeypatch.delenv("RADCAL_TEST_DATA", raising=False)
     with pytest.raises(ConfigError, match=r"measurement\.path is .*RADCAL_TEST_DATA is not set: type export"):
         make_measurement(case, geometry, NoSimulator())
@@ -212,7 +218,7 @@ def test_measurement_file_round_trip(tmp_path, image_db):
 
 
 @pytest.mark.parametrize("look_side", ["right", "left"])
-def test_an_image_on_the_map_is_seen_where_its_ground_lies(tmp_path, scene, radar, build_case, look_side):
+def test_an_image_on_the_map_is_seen_where_its_ground_lies(tmp_path, scene, radar, file_case, look_side):
     on_map = replace(scene, crs="EPSG:32631", transform=(5.0, 0.0, 600_000.0, 0.0, 5.0, 5_780_000.0))
     seen = radar.model_copy(update={"look_side": look_side})
     geometry = make_geometry(on_map, seen)
@@ -222,10 +228,7 @@ def test_an_image_on_the_map_is_seen_where_its_ground_lies(tmp_path, scene, rada
     values[12:19, 12:17] = np.nan
     transform = rasterio.Affine(1.0, 0.0, 600_000.0 - 10.0, 0.0, -1.0, 5_780_000.0 + 210.0)
     path = write_raster(tmp_path / "map.tif", values, crs="EPSG:32631", transform=transform)
-    case = build_case(
-        measurement={"source": "file", "path": str(path), "scale": "db", "radiometry": "sigma0_ref"},
-        radar={"altitude_m": 1000.0, "look_side": look_side},
-    )
+    case = file_case(path, radiometry="sigma0_ref", radar={"altitude_m": 1000.0, "look_side": look_side})
     measurement = make_measurement(case, geometry, NoSimulator(), on_map)
     # mean row and column of the facets that fall into each pixel, from the geometry of a plane far enough away
     known = np.isfinite(geometry.ground[0])
@@ -254,15 +257,13 @@ def test_an_image_on_the_map_is_seen_where_its_ground_lies(tmp_path, scene, rada
 
 @pytest.mark.parametrize("name", ["angle", "incidenceAngleFromEllipsoid", "localIncidenceAngle"])
 @pytest.mark.parametrize(("turned_deg", "expected"), [(0.9, None), (-9.7, "54.7"), (4.4, "40.6")])
-def test_a_band_of_incidence_angles_is_compared(tmp_path, build_scene, build_case, name, turned_deg, expected):
+def test_a_band_of_incidence_angles_is_compared(tmp_path, build_scene, file_case, name, turned_deg, expected):
     """Ground that rises by 3 degrees towards the radar's far side, 900 to 1100 m from a track of 1000 m."""
     slope = build_scene(lambda east, _: np.tan(np.radians(3.0)) * east)
     on_map = replace(slope, crs="EPSG:32631", transform=(5.0, 0.0, 6e5, 0.0, 5.0, 5.78e6))
-    case = build_case(
-        measurement={"source": "file", "path": str(tmp_path / "a.tif"), "scale": "db", "radiometry": "sigma0_ref"},
-        radar={"altitude_m": 1000.0, "nesz_db": -60.0},
-        materials={"dyke": {"calibrate": True}},
-    )
+    quiet = {"altitude_m": 1000.0, "nesz_db": -60.0}
+    materials = {"dyke": {"calibrate": True}}
+    case = file_case(tmp_path / "a.tif", radiometry="sigma0_ref", radar=quiet, materials=materials)
     angle = np.degrees(np.arctan((902.5 + 5.0 * np.arange(40.0)) / 1000.0)) + turned_deg
     angle += -3.0 if name.startswith("local") else 0.0
     speckle = 10.0 * np.log10(np.random.default_rng(6).gamma(4.0, 0.25, (40, 40))) - 12.0
@@ -291,7 +292,7 @@ def test_a_band_of_incidence_angles_is_compared(tmp_path, build_scene, build_cas
 
 
 @pytest.mark.parametrize(("scale", "copied"), [("db", True), ("power", True), ("db", False)])
-def test_a_copy_of_the_elevation_is_no_image(tmp_path, scene, radar, build_case, scale, copied):
+def test_a_copy_of_the_elevation_is_no_image(tmp_path, scene, radar, file_case, scale, copied):
     """Heights of -12 to -8 m, and an image with these levels in dB whose brightness follows the heights."""
     on_map = replace(scene, crs="EPSG:32631", transform=(5.0, 0.0, 6e5, 0.0, 5.0, 5.78e6))
     low = replace(on_map, elevation_m=scene.elevation_m - 10.0 if scale == "db" else scene.elevation_m + 30.0)
@@ -300,10 +301,7 @@ def test_a_copy_of_the_elevation_is_no_image(tmp_path, scene, radar, build_case,
     where = {"crs": "EPSG:32631", "transform": rasterio.Affine(5.0, 0.0, 6e5, 0.0, -5.0, 5.78e6 + 200.0)}
     values = (low.elevation_m + (0.0 if copied else speckle))[::-1].astype(np.float32)
     path = write_raster(tmp_path / "copy.tif", values, **where)
-    case = build_case(
-        measurement={"source": "file", "path": str(path), "scale": scale, "radiometry": "sigma0_local"},
-        radar={"altitude_m": 1000.0, "nesz_db": -60.0, "radiometry": "sigma0_local"},
-    )
+    case = file_case(path, scale, radar={"altitude_m": 1000.0, "nesz_db": -60.0, "radiometry": "sigma0_local"})
     if not copied:
         assert np.isfinite(make_measurement(case, geometry, NoSimulator(), low).image_db).any()
         return
@@ -337,7 +335,7 @@ def speckle():
         ("power", "negative db", "negative, which power cannot be: .*set measurement.scale: db"),
     ],
 )
-def test_a_wrong_scale_is_told(speckle, tmp_path, build_case, declared, held, words):
+def test_a_wrong_scale_is_told(speckle, tmp_path, file_case, declared, held, words):
     geometry, power = speckle
     values = {
         "power": power / 3.0,
@@ -346,38 +344,35 @@ def test_a_wrong_scale_is_told(speckle, tmp_path, build_case, declared, held, wo
         "negative db": 10 * np.log10(power) - 20,
     }[held]
     write_raster(tmp_path / "a.tif", values.astype(np.float32))
-    case = build_case(
-        measurement={"source": "file", "path": str(tmp_path / "a.tif"), "scale": declared, "radiometry": "sigma0_local"}
-    )
     with pytest.raises(MeasurementError, match=words):
-        make_measurement(case, geometry, NoSimulator())
+        make_measurement(file_case(tmp_path / "a.tif", declared), geometry, NoSimulator())
 
 
-def test_the_right_scale_says_the_looks(speckle, tmp_path, build_case):
+def test_the_right_scale_says_the_looks(speckle, tmp_path, file_case):
     geometry, power = speckle
     write_raster(tmp_path / "a.tif", power.astype(np.float32))
-    file = {"source": "file", "path": str(tmp_path / "a.tif"), "scale": "power", "radiometry": "sigma0_local"}
-    (_, found) = make_measurement(build_case(measurement=file), geometry, NoSimulator()).findings
+    power = (tmp_path / "a.tif", "power")
+    (_, found) = make_measurement(file_case(*power), geometry, NoSimulator()).findings
     assert (found.code, found.numbers["declared"]) == ("looks", 4)
     assert 3.0 <= found.numbers["looks"] < 5.0
-    other = build_case(measurement=file, radar={"looks": 8, "radiometry": "sigma0_local"})
+    other = file_case(*power, radar={"looks": 8, "radiometry": "sigma0_local"})
     assert make_measurement(other, geometry, NoSimulator()).findings[1].code == "looks_fewer"
 
 
-def test_a_speckle_filtered_image_is_called_that(speckle, tmp_path, build_case):
+def test_a_speckle_filtered_image_is_called_that(speckle, tmp_path, file_case):
     geometry, power = speckle
     write_raster(tmp_path / "a.tif", uniform_filter(power, 3).astype(np.float32))
-    file = {"source": "file", "path": str(tmp_path / "a.tif"), "scale": "power", "radiometry": "sigma0_ref"}
+    power = (tmp_path / "a.tif", "power", "sigma0_ref")
     with pytest.raises(
         MeasurementError,
         match=r"^measurement\.path: a\.tif is speckle-filtered: .* that of 1\d\.?\d* looks .*; radar\.looks is 4, and "
         r".* use the image before filtering, or set radar\.looks: 1\d ",
     ):
-        make_measurement(build_case(measurement=file, radar={"looks": 4}), geometry, NoSimulator())
-    findings = make_measurement(build_case(measurement=file, radar={"looks": 14}), geometry, NoSimulator()).findings
+        make_measurement(file_case(*power, radar={"looks": 4}), geometry, NoSimulator())
+    findings = make_measurement(file_case(*power, radar={"looks": 14}), geometry, NoSimulator()).findings
     assert (findings[2].code, findings[2].severity) == ("smoothed", "warning")
     coarse = {"range_resolution_m": 1.8, "azimuth_resolution_m": 7.0, "azimuth_spacing_m": 5.0, "looks": 14}
-    numbers = make_measurement(build_case(measurement=file, radar=coarse), geometry, NoSimulator()).findings[2].numbers
+    numbers = make_measurement(file_case(*power, radar=coarse), geometry, NoSimulator()).findings[2].numbers
     assert (numbers["range_declared_m"], numbers["azimuth_declared_m"]) == (1.8, 7.0)
 
 
