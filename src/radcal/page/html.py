@@ -32,7 +32,6 @@ from radcal.words import STANDINGS, Step, asked_steps, beside_headline, ends, re
 if TYPE_CHECKING:
     from PIL import Image
 
-_AGREE = 1.4  # largest ratio of rms to sampling error at which two densities count as equal
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MINUS = "\N{MINUS SIGN}"
 _TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPACE}"
@@ -173,16 +172,6 @@ def _who(found: Sequence[_Shown], total: int) -> str:
     return _listed([m.name for m in found]) if len(found) <= 4 else f"{len(found)} of {total} materials"
 
 
-def _criterion(materials: Sequence[_Shown]) -> str:
-    """Sentences on the stop criterion of laws that are compared by incidence-angle bin."""
-    missed, count = [m for m in materials if not m.reason.met], len(materials)
-    text = (
-        "Laws that meet the stop criterion (the surrogate of all runs predicts no law that is clearly better and "
-        f"differs by more than stop.law_db): {count - len(missed)} of {count}."
-    )
-    return f"{text} Better laws of {_who(missed, count)} may exist." if missed else text
-
-
 def _ending(summary: Mapping[str, Any], materials: Sequence[_Shown]) -> str:
     """Sentence that says how the search ended, and after how many runs."""
     runs = f"{summary['runs']['design'] + summary['runs']['infill']} runs"
@@ -273,7 +262,6 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure], 
         configured=archive.configured,
         objective=OBJECTIVES[archive.configured.objective],
         search=_ending(summary, materials),
-        criterion=_criterion(materials),
         refused=any(one.severity == "refusal" for one in archive.findings),
         asked=asked_steps(archive.findings)[:1],
         warnings=beside_headline(summary["warnings"], archive.findings),
@@ -282,7 +270,6 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure], 
         materials=materials,
         ranked=sorted(materials, key=lambda m: urgency.index(m.standing)),
         determined={one.about: one.numbers for one in archive.findings if one.code == "determined"},
-        agreeing=[m.name for m in materials if _agrees(m.summary)],
         differences_db={m.name: _difference_db(m.name, summary) for m in materials},
         overall=[figure for figure in figures if figure.material is None and figure.name != "images"],
         shots=shots(archive),
@@ -297,8 +284,3 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure], 
     )
     with atomic(page) as partial:
         partial.write_text(text, encoding="utf-8")
-
-
-def _agrees(summary: Mapping[str, Any]) -> bool:
-    """Whether the density of a material's best run agrees with its target as well as samples of one density do."""
-    return summary["rms"] is not None and bool(summary["rms"] <= _AGREE * summary["rms_sampling"])

@@ -48,12 +48,12 @@ _MASK: Classes = {
 
 @dataclass(frozen=True)
 class PassImages:
-    """Images of a pass [dB], None for an image that is not known, and description of the measured image."""
+    """Images of a pass [dB], and description of the measured image."""
 
     radar: Radar
     geometry: Geometry
-    measured_db: NDArray[np.float32] | None
-    calibrated_db: NDArray[np.float32] | None
+    measured_db: NDArray[np.float32]
+    calibrated_db: NDArray[np.float32]
     description: str
 
 
@@ -91,6 +91,7 @@ def pass_images(
         if number > 0:
             key = index[2 * number + 1].key
             calibrated_db = record_of(store, final, key, case.calibrated, image=True).image_db
+        assert calibrated_db is not None  # noqa: S101 - the archive holds that of the first pass
         text = f"measured image, {'registered' if image.applied else 'not registered'}"
         if level.normalisation != "none":
             text += ", after subtraction of its assumed level"
@@ -149,24 +150,22 @@ def write_export(
         files += simulator.write_input(folder / _INPUT, parameters, seed)
     for number, one in enumerate(images, start=1):
         tags = {"case": archive.configured.case, "radiometry": one.radar.radiometry}
-        measured, calibrated, layers = one.measured_db, one.calibrated_db, dict[str, Layer]()
-        gray = gray_scale(calibrated if measured is None else measured)
-        if measured is not None:
-            layers["measured"] = Layer(measured, "dB", one.description, tags, gray=gray)
-        if calibrated is not None:
-            text = "simulated image with the laws of the search and textures"
-            layers["calibrated"] = Layer(calibrated, "dB", text, tags, gray=gray)
-        if measured is not None and calibrated is not None:
-            layers["difference"] = Layer(calibrated - measured, "dB", "calibrated minus measured image", tags)
-        layers |= ground_layers(one.geometry, tags, case.materials)
+        gray = gray_scale(one.measured_db)
+        text = "simulated image with the laws of the search and textures"
+        layers = {
+            "measured": Layer(one.measured_db, "dB", one.description, tags, gray=gray),
+            "calibrated": Layer(one.calibrated_db, "dB", text, tags, gray=gray),
+            "difference": Layer(one.calibrated_db - one.measured_db, "dB", "calibrated minus measured image", tags),
+            **ground_layers(one.geometry, tags, case.materials),
+        }
         files += write_layers(folder, number, layers, scene, one.geometry)
     return files
 
 
-def gray_scale(image_db: NDArray[np.float32] | None) -> tuple[float, float] | None:
+def gray_scale(image_db: NDArray[np.float32]) -> tuple[float, float] | None:
     """Levels of an image that are shown in black and in white [dB]: its 1 % and 99 % quantile; None without pixels."""
-    finite = np.empty(0) if image_db is None else image_db[np.isfinite(image_db)]
-    if finite.size == 0:
+    finite = image_db[np.isfinite(image_db)]
+    if not finite.size:
         return None
     black, white = np.quantile(finite, [0.01, 0.99])
     return float(black), float(white)
