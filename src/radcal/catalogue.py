@@ -300,7 +300,6 @@ _OF_ADVICE: Mapping[str, str] = {
     "band_none": "{about}: no pass of the table is expected to narrow the band by a tenth; the best narrows it "
     + _TO_DB,
     "bands_best": _NARROWS + "the bands most, " + _TO_RATIO,
-    "bands_best_of_each": _NARROWS + "the band of each material most, and all bands " + _TO_RATIO,
     "bands_alike": _ALIKE + "the bands " + _TO_RATIO,
     "bands_none": "{about}: no pass of the table is expected to narrow the bands by a tenth; the best narrows them "
     + _TO_RATIO,

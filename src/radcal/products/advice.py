@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -350,33 +350,27 @@ def judged(ratios: Sequence[float]) -> tuple[str | int, list[int]]:
 
 
 def best_passes(rows: Sequence[Advised]) -> list[Finding]:
-    """Findings on the best further pass: for each material, and once if it is the same for all materials."""
-    passes = list(_passes(rows))
-    each = []
+    """Findings on the best further pass for each material and, where there are several, for all of them together."""
+    passes, found = list(_passes(rows)), list[Finding]()
+    names = [each[0].name for each in passes]
     for of_one in zip(*passes, strict=True):
         low, high = of_one[0].over_deg
         now_db, after_db = of_one[0].now_db, min(row.after_db for row in of_one)
         numbers = {"now_db": now_db, "after_db": after_db, "over_from_deg": low, "over_to_deg": high}
-        ratios = [row.after_db / row.now_db for row in of_one]
-        each.append(_best(of_one[0].material, "band", passes, ratios, **numbers))
-    if len(each) == 1:
-        return each[0][1]
-    best, common = _best(_ALL, "bands", passes, [common_ratio(one) for one in passes])
-    if isinstance(best, int) and {one for one, _ in each} == {best}:
-        common[0] = replace(common[0], code="bands_best_of_each")
-        each = [(best, of_one[1:]) for _, of_one in each]
-    return [*(one for _, of_one in each for one in of_one), *common]
+        found += _best(of_one[0].material, "band", names, [row.after_db / row.now_db for row in of_one], **numbers)
+    common = [common_ratio(one) for one in passes]
+    return found if len(passes[0]) == 1 else found + _best(_ALL, "bands", names, common)
 
 
 def _best(
-    about: str, code: str, passes: Sequence[Sequence[Advised]], ratios: Sequence[float], **numbers: float
-) -> tuple[str | int, list[Finding]]:
-    """First result of :func:`judged`, and findings: the best pass, and those as good as it."""
+    about: str, code: str, names: Sequence[str], ratios: Sequence[float], **numbers: float | str
+) -> list[Finding]:
+    """Findings on the best pass, and on those as good as it, by :func:`judged`."""
     best, equal = judged(ratios)
-    smallest = min(ratios)
+    numbers["ratio"] = min(ratios)
     if isinstance(best, str):
-        return best, [Finding(f"{code}_{best}", "note", about, {**numbers, "ratio": smallest})]
-    names = [each[0].name for each in passes]
-    also = Finding("passes_equal", "note", about, {"names": ", ".join(names[k] for k in equal)})
-    found = Finding(f"{code}_best", "note", about, {**numbers, "ratio": smallest, "name": names[best]})
-    return best, [found, *[also] * bool(equal)]
+        return [Finding(f"{code}_{best}", "note", about, numbers)]
+    found = [Finding(f"{code}_best", "note", about, {**numbers, "name": names[best]})]
+    if equal:
+        found.append(Finding("passes_equal", "note", about, {"names": ", ".join(names[k] for k in equal)}))
+    return found
