@@ -137,7 +137,7 @@ def test_findings_on_the_image_come_before_those_on_each_material(parts, found):
 def test_a_refused_image_leaves_sigma0_determined_nowhere(parts):
     """The band stays; the radiometry that is declared is the default's."""
     *rest, image = parts[0]
-    wrong = replace(image, radiometry={"1": made_radiometry(0.96, -1)})
+    wrong = replace(image, radiometry={"1": made_radiometry(0.97, -1)})
     found = conclude(*rest, wrong)
     assert codes(found)[0] == ("radiometry", "refusal", "pass 1")
     assert ("withheld", "refusal", "area") in codes(found)

@@ -104,7 +104,7 @@ def test_an_external_law_has_names_and_no_curve(build_archive, tmp_path):
 
 
 def test_missing_reference_run_is_a_sentence(made, tmp_path):
-    with pytest.raises(StoreError, match="missing, damaged or without"):
+    with pytest.raises(StoreError, match="missing, damaged or"):
         made.gathered(tmp_path / "calibration.h5", runs=tmp_path / "nowhere")
     assert list(tmp_path.iterdir()) == []
 

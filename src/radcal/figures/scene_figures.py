@@ -159,11 +159,9 @@ def incidence(case: Archive) -> Drawn | None:
     for name in list(case.materials)[:_LISTED]:
         inside = (material == case.names.index(name) + 1) & np.isfinite(angle)
         if inside.any():
-            angles = _span_deg(*np.percentile(angle[inside], [5.0, 95.0]))
             s = expected[inside][np.isfinite(expected[inside])]
-            ends = dict.fromkeys(f"{v:.1f}" for v in np.percentile(s, [5.0, 95.0])) if s.size else ()
-            level = f", {' to '.join(ends)} dB" * bool(ends)
-            spans.append(f"{name} {angles}{level}")
+            level = f", {_ends(s, 1)} dB" if s.size else ""
+            spans.append(f"{name} {_ends(angle[inside], 0)} deg{level}")
     more = f", and {len(case.materials) - _LISTED} more" if len(case.materials) > _LISTED else ""
     listed = f"From 5 to 95 %: {'; '.join(spans)}{more}."
     if hatched:
@@ -193,10 +191,9 @@ def _hatch_determined(panel: Axes, case: Archive, angle: NDArray[Any], material:
     return True
 
 
-def _span_deg(low: float, high: float) -> str:
-    """Text of two angles with as few decimals as make them differ, at most two."""
-    texts = ((f"{low:.{digits}f}", f"{high:.{digits}f}") for digits in (0, 1, 2))
-    return " to ".join(next((each for each in texts if each[0] != each[1]), (f"{low:.2f}", f"{high:.2f}"))) + " deg"
+def _ends(values: NDArray[Any], digits: int) -> str:
+    """Text of the 5 and 95 % quantile of values, or of one if they have the same text."""
+    return " to ".join(dict.fromkeys(f"{v:.{digits}f}" for v in np.percentile(values, [5.0, 95.0])))
 
 
 def _scale(values: NDArray[Any]) -> tuple[float, float]:

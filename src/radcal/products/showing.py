@@ -23,7 +23,6 @@ from radcal.words import beside_headline
 _FILES = {"report.html": "report", "export": "exports", "summary.json": "summary", "runs.csv": "table of runs"}
 
 _SEVERAL = re.compile("{(k|chunk|material)}")  # wildcards of files of which a pass has several
-_RECENT_LOGS = 20
 _AGAIN = "type the command that began the case again (radcal run with its YAML file): finished runs are kept"
 
 
@@ -106,12 +105,6 @@ def _running(folder: Path) -> list[str]:
         return []
     place = "" if found.host == socket.gethostname() else f" on {found.host}"
     lines = [f"running now: process {found.process}{place}, for {duration(time.time() - found.since)}."]
-    logs = sorted((folder / "logs").rglob("*.log"), key=lambda path: path.stat().st_mtime)
-    recent = [path for path in logs[-_RECENT_LOGS:] if path.stat().st_mtime >= found.since]
-    if recent:
-        names = ", ".join(path.relative_to(folder / "logs").with_suffix("").as_posix() for path in recent[:-4:-1])
-        ago = duration(max(0.0, time.time() - recent[-1].stat().st_mtime))
-        lines.append(f"jobs that wrote a log last: {names} ({ago} ago).")
     latest = max((folder / "logs").rglob("*.progress"), key=lambda path: path.stat().st_mtime, default=None)
     if latest is not None and latest.stat().st_mtime >= found.since:
         lines.append(f"last progress: {latest.read_text('utf-8', 'replace')}")

@@ -131,7 +131,6 @@ class SceneView:
         Floats | None,
         About("centres of objects (of many, every n-th), east and north of the south-west corner", "m", "objects, 2"),
     ] = None
-    object_count: Annotated[int, About("number of objects in the scene")] = 0
     crs: Annotated[str | None, About("coordinate reference system, if the grid points to its north")] = None
     west_m: Annotated[float, About("coordinate of the south-west corner in this system", "m")] = 0.0
     south_m: Annotated[float, About("coordinate of the south-west corner in this system", "m")] = 0.0

@@ -197,10 +197,10 @@ def _place(scene: Scene) -> dict[str, Any]:
 def _scene(scene: Scene) -> SceneView:
     """Scene, reduced to the resolution of the figures."""
     step = -(-max(scene.material.shape) // _LARGEST_SCENE)
-    objects_m, count = None, len(scene.objects or ())
-    if scene.objects is not None and count:
+    objects_m = None
+    if scene.objects:
         middles_m = np.stack([scene.objects.x_m, scene.objects.y_m], axis=1)
-        objects_m = middles_m[:: -(-count // _MOST_OBJECTS)].astype(np.float32)
+        objects_m = middles_m[:: -(-len(scene.objects) // _MOST_OBJECTS)].astype(np.float32)
     elevation_m = scene.elevation_m
     return SceneView(
         step=step,
@@ -208,7 +208,6 @@ def _scene(scene: Scene) -> SceneView:
         material=scene.material[::step, ::step].astype(np.uint8),
         elevation_m=None if elevation_m is None else elevation_m[::step, ::step].astype(np.float32),
         objects_m=objects_m,
-        object_count=count,
         **_place(scene),
     )
 
