@@ -16,7 +16,7 @@ from radcal.storage.lock import CaseLock
 from radcal.storage.records import write_json
 from radcal.words import sentence
 
-PATHS = [path.format(p=1, k=0, chunk=0, s=1, material="dyke") for path in OUTPUTS]
+PATHS = [path.format(p=1, k=0, j=0, chunk=0, s=1, material="dyke") for path in OUTPUTS]
 
 
 @pytest.fixture
