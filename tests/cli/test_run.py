@@ -124,7 +124,12 @@ def test_stages_are_targets(clone, started):
 
 def test_a_stage_of_several_passes_is_made_in_each():
     case = SimpleNamespace(
-        case="two", passes=(1, 2), calibrated=("a", "b"), design_parts=2, design=SimpleNamespace(reuse=None)
+        case="two",
+        passes=(1, 2),
+        calibrated=("a", "b"),
+        design_parts=2,
+        design=SimpleNamespace(reuse=None),
+        infill=SimpleNamespace(batch=1),
     )
     files = files_of_stages(["target", "design_chunk"], case, Path("found"))
     assert files[:2] == ["found/two/passes/1/target.h5", "found/two/passes/2/target.h5"]
