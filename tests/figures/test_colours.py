@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from archives import configured
+from skimage.color import rgb2lab
 
 from radcal.figures.colours import FILLS, colour_of, colours_of, head, material_colours
 from radcal.figures.drawing import new_canvas
@@ -27,8 +28,16 @@ def deuteranopic(colour):
 
 
 def test_unknown_names_keep_the_order_of_the_palette():
-    names = [f"material {k}" for k in range(20)]
-    assert material_colours(names) == [FILLS[k % len(FILLS)] for k in range(20)]
+    names = [f"material {k}" for k in range(35)]
+    assert material_colours(names) == [*FILLS, *FILLS[:3]]
+
+
+def test_colours_of_the_palette_differ():
+    """By more than 12 in CIELAB (CIE 1976), where 2.3 is just noticeable; white is no material, black an object."""
+    colours = np.array([[int(one[k : k + 2], 16) for k in (1, 3, 5)] for one in (*FILLS, "#FFFFFF", "#000000")])
+    found = rgb2lab(colours[None] / 255.0)[0]
+    apart = np.linalg.norm(found[:, None] - found, axis=2)[np.triu_indices(len(found), 1)]
+    assert apart.min() > 12.0
 
 
 def test_names_have_their_usual_colours():

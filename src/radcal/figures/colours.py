@@ -15,10 +15,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
-# sixteen colours of different lightness; the map also has numbers, so that nothing depends on colour alone
+# Sixteen colours of different lightness; the map also has numbers, so that nothing depends on colour alone. Sixteen
+# more differ by 28 or more in CIELAB from each other, from the first sixteen, white and black.
 FILLS = (
     "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7", "#8C8C8C",
     "#332288", "#B7E1B0", "#882255", "#FBD5A5", "#B4C7F0", "#6B4A1B", "#D9D9D9", "#117777",
+    "#69870F", "#87000F", "#A596FF", "#00F0F0", "#FF7878", "#004B0F", "#3C2D5A", "#5AF0A5",
+    "#964BA5", "#B4963C", "#A55A5A", "#96D269", "#FFA569", "#FFA5FF", "#69784B", "#0F3C4B",
 )  # fmt: skip
 
 # usual colours of kinds of ground, and darker or lighter ones for further materials of a kind. The kinds differ in

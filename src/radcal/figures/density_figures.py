@@ -163,11 +163,8 @@ def overview(case: Archive) -> Drawn:
         reason = case.decision.materials[name].reason or "running"
         width = 88 // columns
         lines = textwrap.wrap(shortened(name, 2 * width - 4), width)
-        axes.set_title(
-            "\n".join(line.replace("$", r"\$") for line in lines)
-            + f"\nrms {short(material.rms[material.best])}: {REASONS[reason].label}",
-            fontsize=10.0,
-        )
+        lines += textwrap.wrap(f"rms {short(material.rms[material.best])}: {REASONS[reason].label}", 100 // columns)
+        axes.set_title("\n".join(line.replace("$", r"\$") for line in lines), fontsize=10.0)
         mark(axes, colour_of(case, name))
         axes.tick_params(labelsize=9.5)
     for axes in grid[n:]:
