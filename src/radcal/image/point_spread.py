@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +39,9 @@ _RESAMPLED = 2.355 * math.sqrt(1.0 / 12.0 + 1.0 / 6.0)
 # trial widths in pixel spacings: from sampling far below the bandwidth to filters far wider than any window
 _WIDTHS = np.geomspace(0.4, 30.0, 600)
 
+Semivariances = Callable[[Any], NDArray[np.float64]]
+"""Semivariances of some of the windows or tiles, given as an index."""
+
 
 @dataclass(frozen=True)
 class Width:
@@ -62,14 +66,13 @@ class Width:
     at_least: bool = False
 
     @classmethod
-    def of(
-        cls, seen: NDArray[np.float64], again: Sequence[NDArray[np.float64]], start: float, way: str, radar: Radar
-    ) -> Width:
+    def of(cls, semivariances: Semivariances, draws: NDArray[np.int64], start: float, way: str, radar: Radar) -> Width:
         """Width from semivariances, and its error from those of bootstrap samples; ``start`` is a first guess."""
+        seen = semivariances(slice(None))
         spacing, resolution = getattr(radar, f"{way}_spacing_m"), getattr(radar, f"{way}_resolution_m")
         expected = _expected(seen.size)
         width = _width(seen, expected, start)
-        scatter = float(np.std([_width(one, expected, start) for one in again]))
+        scatter = float(np.std([_width(semivariances(draw), expected, start) for draw in draws]))
         error = spacing * float(np.hypot(scatter, _SHAPE * width))
         far = bool(np.ceil(_FAR * width) > seen.size - 1)  # the largest distances are correlated, too
         return cls(width * spacing, error, _correlation_length(seen, resolution / spacing), far)
@@ -164,14 +167,13 @@ def _of_windows(windows: NDArray[np.float64], radar: Radar) -> PointSpread | Non
     usual = (sill > _HOMOGENEOUS[0] * mode) & (sill < _HOMOGENEOUS[1] * mode)
     if np.count_nonzero(usual) < _WINDOWS[0]:
         return None
-    rng = np.random.default_rng(0)  # seed of the bootstrap only: the estimate itself is not random
-    found = []
-    for semivariances, way in zip(both, _WAYS, strict=True):
-        each = semivariances[usual]
-        draws = rng.integers(len(each), size=(_DRAWS, len(each)))
-        start = getattr(radar, f"{way}_resolution_m") / getattr(radar, f"{way}_spacing_m")
-        found.append(Width.of(each.mean(axis=0), [each[draw].mean(axis=0) for draw in draws], start, way, radar))
-    return PointSpread(found[0], found[1], int(np.count_nonzero(usual)))
+    each = [semivariances[usual] for semivariances in both]
+    starts = [getattr(radar, f"{way}_resolution_m") / getattr(radar, f"{way}_spacing_m") for way in _WAYS]
+    return _spread([partial(_mean, one) for one in each], [len(one) for one in each], starts, radar)
+
+
+def _mean(semivariances: NDArray[np.float64], draw: Any) -> NDArray[np.float64]:
+    return np.asarray(semivariances[draw].mean(axis=0))
 
 
 def _of_small_areas(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> PointSpread | None:
@@ -179,17 +181,20 @@ def _of_small_areas(image_db: NDArray[np.float32], material: NDArray[np.uint8], 
     both = pairs_of_areas(image_db, material)
     if both is None:
         return None
+    # the first guess is one pixel, because a guess beyond the distances would make them all count as correlated
+    found = _spread([one.semivariances for one in both], [len(one.sums) for one in both], [_NARROW, _NARROW], radar)
+    # a limit would not tell whether the image is finer than the resolutions
+    return None if found.range.at_least or found.azimuth.at_least else found
+
+
+def _spread(both: Sequence[Semivariances], sizes: Sequence[int], starts: Sequence[float], radar: Radar) -> PointSpread:
+    """Point spread from semivariances along each axis, with those of bootstrap samples of windows or tiles."""
     rng = np.random.default_rng(0)  # seed of the bootstrap only: the estimate itself is not random
-    found = []
-    for pairs, way in zip(both, _WAYS, strict=True):
-        tiles = len(pairs.sums)
-        draws = rng.integers(tiles, size=(_DRAWS, tiles))
-        # the first guess is one pixel, because a guess beyond the distances would make them all count as correlated
-        width = Width.of(pairs.semivariances(), [pairs.semivariances(draw) for draw in draws], _NARROW, way, radar)
-        if width.at_least:  # a limit would not tell whether the image is finer than the resolutions
-            return None
-        found.append(width)
-    return PointSpread(found[0], found[1], len(both[0].sums))
+    along, across = (
+        Width.of(semivariances, rng.integers(size, size=(_DRAWS, size)), start, way, radar)
+        for semivariances, size, start, way in zip(both, sizes, starts, _WAYS, strict=True)
+    )
+    return PointSpread(along, across, sizes[0])
 
 
 def _windows(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> NDArray[np.float64]:

@@ -18,8 +18,6 @@ from radcal.errors import MeasurementError
 from radcal.findings import Finding
 from radcal.image.base import Facts, Grid, Reader, ReadImage, image_file
 from radcal.image.georeference import (
-    GeoreferencedImage,
-    Places,
     check_spacing,
     map_pixel_m,
     places_on_ground,
@@ -161,14 +159,11 @@ class RasterReader(ArrayReader):
         findings = Finding("file_around_scene", "note", self.name, around), self._angle(grid, place)
         return ReadImage(*read, findings, resampled=True, pixel_m=map_pixel_m(pixel_m, self.radar))
 
-    def georeferenced(self, band: int | None, places: Places) -> GeoreferencedImage:
-        """Numbers of a band around places, with CRS and transform; what another format on the map reads in its way."""
-        return read_georeferenced(self.path, self.config.model_copy(update={"band": band}), places)
-
     def _band_at_ground(self, grid: Grid, place: Place, band: int | None) -> tuple[NDArray[Any], NDArray[Any]]:
         """Numbers of a band around the scene, and on the ground that each pixel of the scene's image shows."""
         ground = grid.geometry.ground
-        image = self.georeferenced(band, partial(places_on_ground, *place, ground))
+        config = self.config.model_copy(update={"band": band})
+        image = read_georeferenced(self.path, config, partial(places_on_ground, *place, ground))
         return image.values, values_at_ground(image, *place, ground)
 
     def _check_no_heights(self, values: NDArray[Any], grid: Grid) -> None:

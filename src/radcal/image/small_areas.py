@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 import scipy
@@ -41,7 +42,7 @@ class Pairs:
     sums: Doubles
     counts: Doubles
 
-    def semivariances(self, tiles: NDArray[np.int64] | None = None) -> Doubles:
+    def semivariances(self, tiles: Any) -> Doubles:
         r"""Semivariances of the power of speckle, relative to those of uncorrelated pixels, shape (distances,).
 
         They are derived from the semivariances of dB values, in which the level of an area cancels. If the power of
@@ -51,16 +52,15 @@ class Pairs:
 
         Parameters
         ----------
-        tiles : ndarray of int, optional
-            Numbers of the tiles, each as often as it counts; by default each tile counts once.
+        tiles : ndarray of int, or slice
+            Numbers of the tiles, each as often as it counts.
 
         References
         ----------
         Lancaster, "The structure of bivariate distributions", Ann. Math. Statist. 29 (1958): the bivariate gamma
         distribution in Laguerre polynomials, from whose coefficients of the logarithm the series follows.
         """
-        sums, counts = (self.sums, self.counts) if tiles is None else (self.sums[tiles], self.counts[tiles])
-        of_log = sums.sum(axis=0) / np.maximum(counts.sum(axis=0), 1.0)
+        of_log = self.sums[tiles].sum(axis=0) / np.maximum(self.counts[tiles].sum(axis=0), 1.0)
         sill = float(of_log[-2:].mean())
         power, log = _correlations(looks_of_log_variance(sill))
         seen = 1.0 - of_log / sill
