@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 
 from radcal.ground import patches
-from radcal.ground.patches import (
-    Residuals,
-    Spread,
-    label_patches,
-    make_cells,
-    patches_seen,
-    spreads,
-)
+from radcal.ground.patches import Residuals, Spread, label_patches, make_cells, patches_seen, spreads
 
 
 def covariance(patch, sampling, spread):

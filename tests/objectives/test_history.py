@@ -7,15 +7,7 @@ from calibration_samples import make_score
 from radcal.calibration.stopping import decide
 from radcal.config import Stop
 from radcal.errors import StoreError
-from radcal.objectives.history import (
-    History,
-    Proposal,
-    Run,
-    read_proposals,
-    read_runs,
-    write_proposals,
-    write_runs,
-)
+from radcal.objectives.history import History, Proposal, Run, read_proposals, read_runs, write_proposals, write_runs
 from radcal.storage.records import read_json, write_json
 
 

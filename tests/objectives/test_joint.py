@@ -11,14 +11,7 @@ from radcal.inference.shared_fields import together
 from radcal.measurement.sources import make_measurement
 from radcal.objectives import make_objectives, objective_class
 from radcal.objectives.base import PredictedPoints
-from radcal.objectives.history import (
-    Front,
-    History,
-    read_proposals,
-    read_runs,
-    write_proposals,
-    write_runs,
-)
+from radcal.objectives.history import Front, History, read_proposals, read_runs, write_proposals, write_runs
 from radcal.objectives.joint import Joint
 from radcal.proposals.search import Search
 from radcal.proposals.surrogate import Surrogate, train_surrogate

@@ -66,10 +66,7 @@ def test_what_of_an_hdf5_file_lies_elsewhere(tmp_path):
     layout = h5py.VirtualLayout((2, 3), "f4")
     layout[...] = h5py.VirtualSource(str(tmp_path / "other.h5"), "x", (2, 3))
     kinds = {
-        "link": (
-            lambda group: group.__setitem__("x", h5py.ExternalLink("other.h5", "/")),
-            "'g/x' is a link",
-        ),
+        "link": (lambda group: group.__setitem__("x", h5py.ExternalLink("other.h5", "/")), "'g/x' is a link"),
         "storage": (
             lambda group: group.create_dataset("x", (2, 3), "f4", external=[(str(tmp_path / "raw"), 0, 24)]),
             "'g/x' keeps its numbers in another file",

@@ -7,15 +7,7 @@ from registration_samples import displaced, speckled
 from scipy.stats import rankdata
 from threadpoolctl import threadpool_limits
 
-from radcal.registration.gefolki import (
-    Level,
-    _halved,
-    _step,
-    find_flow,
-    local_correlation,
-    pyramid,
-    rank_transform,
-)
+from radcal.registration.gefolki import Level, _halved, _step, find_flow, local_correlation, pyramid, rank_transform
 from radcal.registration.spline_field import Prior
 
 SHAPE = (240, 260)

@@ -13,14 +13,7 @@ from radcal.image.model import Measurement
 from radcal.measurement.synthetic import smooth_warp
 from radcal.radar.projection import make_geometry
 from radcal.registration.displacement import warp
-from radcal.registration.geometry_check import (
-    checked,
-    depression,
-    geometry_findings,
-    place,
-    range_line,
-    relief,
-)
+from radcal.registration.geometry_check import checked, depression, geometry_findings, place, range_line, relief
 from radcal.registration.registered import Registered
 from radcal.words import sentence
 

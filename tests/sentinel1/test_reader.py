@@ -10,26 +10,12 @@ import pytest
 import yaml
 from affine import Affine
 from pyproj import Transformer
-from safe_product import (
-    LINES,
-    NAME,
-    PIXELS,
-    STEM,
-    digital_numbers,
-    divisor,
-    noise,
-    place_of,
-    write_product,
-)
+from safe_product import LINES, NAME, PIXELS, STEM, digital_numbers, divisor, noise, place_of, write_product
 
 from radcal.config import FileMeasurement, Radar, case_from
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError, MeasurementError
-from radcal.image.acquisition import (
-    contradictions,
-    differences,
-    radar_section,
-)
+from radcal.image.acquisition import contradictions, differences, radar_section
 from radcal.image.base import Grid
 from radcal.measurement.sources import make_measurement
 from radcal.radar.projection import make_geometry

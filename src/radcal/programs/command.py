@@ -209,12 +209,7 @@ class CommandSimulator:
             for name, material in self._materials.items()
             for key, x in material.handed(parameters[name]).items()
         }
-        values |= {
-            SEED: noise_seed,
-            "output": str(output),
-            "folder": str(folder),
-            "geometry": str(self._geometry_path),
-        }
+        values |= {SEED: noise_seed, "output": str(output), "folder": str(folder), "geometry": str(self._geometry_path)}
         values["python"] = str(executable_path("{python}", "simulator.command", {}))
         texts: dict[str, bytes] = {}
         if config.input is not None:

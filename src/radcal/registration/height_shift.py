@@ -118,11 +118,7 @@ def height_findings(registered: Registered, geometry: Geometry, scene: Scene, ra
     found = height_shift(registered, geometry, scene, radar)
     if found is None or not found.doubtful:
         return []
-    numbers = {
-        "m_per_m": found.m_per_m,
-        "error_m_per_m": found.error,
-        "ellipsoid_m_per_m": found.ellipsoid,
-    }
+    numbers = {"m_per_m": found.m_per_m, "error_m_per_m": found.error, "ellipsoid_m_per_m": found.ellipsoid}
     return [Finding("height_shift", "warning", registered.measurement.source, numbers)]
 
 

@@ -104,9 +104,7 @@ class GroundRange:
         time = self._zero_doppler(place)
         slant = np.linalg.norm(place - self._orbit(time), axis=-1)
         ground = between(  # counted from the first pixel of a line [m]
-            self.conversion_s,
-            time,
-            lambda k, there: polyval(slant[there] - self.near_m[k], self.coefficients[k]),
+            self.conversion_s, time, lambda k, there: polyval(slant[there] - self.near_m[k], self.coefficients[k])
         )
         line, pixel = time / self.line_s, ground / self.range_spacing_m
         rows, columns = self.shape

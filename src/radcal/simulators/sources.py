@@ -51,11 +51,7 @@ def make_runner(
 
 
 def runner_of(
-    case: Part,
-    identity: str,
-    geometries: Sequence[Geometry],
-    paths: Sequence[str | Path],
-    runs: str | Path,
+    case: Part, identity: str, geometries: Sequence[Geometry], paths: Sequence[str | Path], runs: str | Path
 ) -> Runner:
     """Runner as of :func:`make_runner`, from the identity of the scene and the geometry of each pass.
 

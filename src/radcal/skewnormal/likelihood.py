@@ -48,9 +48,7 @@ class Fit:
     penalised: bool = False
 
 
-def _unpack(
-    u: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _unpack(u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Direct parameters (xi, omega, alpha) as functions of u = (mean, log sd, v), with first and second derivatives.
 
     The skewness is the largest possible skewness times tanh v.

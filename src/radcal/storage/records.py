@@ -73,10 +73,7 @@ class _Partial(io.FileIO):
 
 @contextlib.contextmanager
 def write_hdf5(
-    path: str | Path,
-    kind: str,
-    protected: bool = False,
-    alike: Callable[[h5py.File], bool] = lambda _: False,
+    path: str | Path, kind: str, protected: bool = False, alike: Callable[[h5py.File], bool] = lambda _: False
 ) -> Iterator[h5py.File]:
     """Yield a new HDF5 file, which is written to ``path`` with checksum and provenance after the ``with`` block.
 

@@ -88,9 +88,7 @@ def indexed(
             yield replace(record_of(store, file, run.key, materials, image), draws=draws), run.parameters
 
 
-def in_all_passes(
-    passes: Iterable[Iterable[tuple[Record, Parameters]]],
-) -> Iterator[tuple[list[Record], Parameters]]:
+def in_all_passes(passes: Iterable[Iterable[tuple[Record, Parameters]]]) -> Iterator[tuple[list[Record], Parameters]]:
     """Records of each run in all passes, from the records of all runs in each pass.
 
     Raises
