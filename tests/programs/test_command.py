@@ -19,7 +19,7 @@ from raster_files import write_raster
 from radcal.config import case_from
 from radcal.errors import ConfigError, SimulatorError
 from radcal.programs import command as module
-from radcal.programs.command import CommandPlan, CommandSimulator, toml_text
+from radcal.programs.command import CommandSimulator, toml_text
 from radcal.programs.command_plan import changed_links
 
 MATERIALS = {
@@ -53,8 +53,8 @@ def make(tmp_path, geometry, radar):
             "timeout_s": 60,
         } | changes
         case = case_from({"simulator": simulator, "materials": MATERIALS, "measurement": SYNTHETIC})
-        plan = CommandPlan(case.simulator, case.materials)
-        return CommandSimulator(plan, case.materials, radar, geometry, "geometry.h5", tmp_path / "work")
+        part = SimpleNamespace(simulator=case.simulator, materials=case.materials, radar=radar)
+        return CommandSimulator(part, geometry, tmp_path / "geometry.h5")
 
     return make
 
@@ -63,7 +63,7 @@ SYNTHETIC = {"source": "synthetic", "synthetic": {"parameters": {}}}
 
 
 def folders(tmp_path):
-    return sorted(path.name for path in (tmp_path / "work").iterdir())
+    return sorted(path.name for path in (tmp_path / "external").iterdir())
 
 
 @pytest.mark.parametrize(
@@ -116,10 +116,10 @@ def test_input_files_templates_and_arguments_say_the_same(make, tmp_path, radar)
         keep_folders=True,
     )
     simulator.run(X, 2**63 - 1)
-    (folder,) = (tmp_path / "work").iterdir()
+    (folder,) = (tmp_path / "external").iterdir()
     arguments = json.loads((folder / "arguments.json").read_text())
     assert float(arguments[0].removeprefix("--s=")) == 1e-17
-    assert arguments[1:] == [str(2**63 - 1), str(Path("geometry.h5").absolute()), "a b; $HOME"]
+    assert arguments[1:] == [str(2**63 - 1), str(tmp_path / "geometry.h5"), "a b; $HOME"]
     assert (folder / "sub/t.inp").read_text() == "mv 0.1\ns  1.00e-17\n10.0 14.0 6.0 4.0"
     data = json.loads((folder / "input.json").read_text())
     assert data["parameters"] == {"dyke": {"mv": 0.1, "s": 1e-17}, "grass": dict(zip(GRASS, X["grass"], strict=True))}
@@ -235,10 +235,10 @@ def test_failures_end_in_one_sentence_and_keep_the_folder(make, tmp_path, script
     for word in words:
         assert word in message
     (kept,) = folders(tmp_path)
-    assert f"kept as {tmp_path / 'work' / kept}." in message
+    assert f"kept as {tmp_path / 'external' / kept}." in message
     assert kept.startswith("failed-")
     assert ".partial" not in message
-    assert {"radcal.stdout", "radcal.stderr", "sim.py", "input.json"} <= set(os.listdir(tmp_path / "work" / kept))
+    assert {"radcal.stdout", "radcal.stderr", "sim.py", "input.json"} <= set(os.listdir(tmp_path / "external" / kept))
 
 
 def test_a_program_that_takes_its_folder_away(make, tmp_path):
@@ -275,7 +275,7 @@ def test_a_raw_file_of_another_size_is_refused_before_any_run(make, geometry, tm
         ConfigError, match=rf"^simulator\.output\.shape is \[{columns}, {rows}\], the scene's image has"
     ):
         make(output=raw)
-    assert not (tmp_path / "work").exists()
+    assert not (tmp_path / "external").exists()
 
 
 def test_an_image_without_a_value_is_told_with_the_parameters_of_its_run(make):
@@ -474,7 +474,7 @@ def test_a_version_command_that_fails_is_told(make, monkeypatch, code, words):
 def test_refused_before_any_run(make, tmp_path, changes, words):
     with pytest.raises(ConfigError, match=words):
         make(**changes)
-    assert not (tmp_path / "work").exists()
+    assert not (tmp_path / "external").exists()
 
 
 def test_numbers_in_the_environment_are_text(make):
@@ -499,11 +499,8 @@ def test_whole_parameters_are_handed_over_without_a_decimal_point(tmp_path, rada
         "measurement": SYNTHETIC,
     }
     case = case_from(data)
-    plan = CommandPlan(case.simulator, case.materials)
-    CommandSimulator(plan, case.materials, radar, geometry, "geometry.h5", tmp_path / "work").run(
-        {**X, "dyke": [0.1, 3.0]}, 30
-    )
-    (folder,) = (tmp_path / "work").iterdir()
+    CommandSimulator(case, geometry, tmp_path / "geometry.h5").run({**X, "dyke": [0.1, 3.0]}, 30)
+    (folder,) = (tmp_path / "external").iterdir()
     assert (folder / "t.inp").read_text() == "0.1 3|   3 4"
     assert json.loads((folder / "arguments.json").read_text()) == ["3", "2"]
     written = json.loads((folder / "input.json").read_text())

@@ -17,12 +17,12 @@ import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from radcal.config import CommandSimulation, Material, Radar
+from radcal.config import CommandSimulation
 from radcal.config.inputs import executable_path
 from radcal.config.part import Part
 from radcal.errors import ConfigError, SimulatorError, StoreError, WrongNumbers
 from radcal.programs.command_plan import CommandPlan, check_image_shape
-from radcal.programs.placeholders import SEED, argument
+from radcal.programs.placeholders import SEED
 from radcal.programs.process import output_tail, run_program
 from radcal.reading.arrays import read_array
 from radcal.reading.images import NOT_FINITE, ImageFile, Values, reading, to_db
@@ -50,18 +50,12 @@ class CommandSimulator:
 
     Parameters
     ----------
-    plan : CommandPlan
-        Program with its files and placeholders.
-    materials : mapping
-        Materials by name, with the names of their parameters.
-    radar : Radar
-        Pass; its description may be written into the input file.
+    case : Part
+        Program, materials and pass, whose description may be written into the input file.
     geometry : Geometry
         Image grid and pixels of the materials.
     geometry_path : path
         Path of the geometry file, which the program may read.
-    work : path
-        Folder in which a subfolder is created for each run.
 
     Raises
     ------
@@ -69,31 +63,19 @@ class CommandSimulator:
         The configured size of a raw file is not that of the image.
     """
 
-    def __init__(
-        self,
-        plan: CommandPlan,
-        materials: Mapping[str, Material],
-        radar: Radar,
-        geometry: Geometry,
-        geometry_path: str | Path,
-        work: str | Path,
-    ) -> None:
-        check_image_shape(plan.config, geometry.shape)
-        self._plan = plan
-        self._config = plan.config
-        self._materials = materials
-        self._calibrated = [name for name, material in materials.items() if material.calibrate]
-        self._radar = radar
-        self._geometry = geometry
+    def __init__(self, case: Part, geometry: Geometry, geometry_path: str | Path) -> None:
+        assert isinstance(case.simulator, CommandSimulation)  # noqa: S101 - the kind of this class
+        check_image_shape(case.simulator, geometry.shape)
+        self._config, self._plan = case.simulator, CommandPlan(case.simulator, case.materials)
+        self._materials, self._radar, self._geometry = case.materials, case.radar, geometry
+        self._calibrated = [name for name, material in case.materials.items() if material.calibrate]
         self._geometry_path = Path(geometry_path).absolute()
-        self._work = Path(work)
+        self._work = case_folder(geometry_path) / "external"
 
     @classmethod
     def of(cls, case: Part, geometry: Geometry, geometry_path: str | Path) -> CommandSimulator:
         """Simulator of the configured program and pass."""
-        assert isinstance(case.simulator, CommandSimulation)  # noqa: S101 - the kind of this class
-        plan, work = CommandPlan(case.simulator, case.materials), case_folder(geometry_path) / "external"
-        return cls(plan, case.materials, case.radar, geometry, geometry_path, work)
+        return cls(case, geometry, geometry_path)
 
     @cached_property
     def identity(self) -> Mapping[str, Any]:
@@ -289,10 +271,7 @@ class CommandSimulator:
         key = "simulator.version_command"
         program = executable_path(words[0], key, self._config.environment)
         with self._folder(key) as folder:
-            texts = [argument(text, key).checked({"folder": "", "python": ""}) for text in words[1:]]
-            python = str(executable_path("{python}", key, {}))
-            command = [str(program), *(text.filled({"folder": str(folder), "python": python}) for text in texts)]
-            ended = run_program(command, folder, self._config.environment, _VERSION_SECONDS)
+            ended = run_program([str(program), *words[1:]], folder, self._config.environment, _VERSION_SECONDS)
             if ended.code != 0:
                 expected = "" if ended.code is None else ", expected 0"
                 raise SimulatorError(f"{program.name} {ended}{expected}, {output_tail(folder)}")
