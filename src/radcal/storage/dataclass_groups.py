@@ -112,29 +112,14 @@ def put(group: h5py.Group, value: Any) -> None:
     for entry in _entries(type(value)):
         if (one := getattr(value, entry.name)) is not None:
             _put(group, entry.name, one, entry.kind, entry.about)
-    described = {entry.name: entry.about for entry in _entries(type(value)) if entry.about is not None}
-    _attach_scales(group, {name: (about.labels, about.scale) for name, about in described.items()})
-
-
-def _attach_scales(group: h5py.Group, fields: Mapping[str, tuple[list[str], bool]]) -> None:
-    """Turn some datasets of a group into dimension scales, and attach each scale to the dimensions with its label.
-
-    Parameters
-    ----------
-    group : h5py.Group
-        Group that contains the datasets.
-    fields : mapping
-        For each dataset, by its name: labels of its dimensions, and whether the dataset is a scale, which has one
-        dimension. A dataset may be absent from the group.
-    """
-    held = {name: labels for name, (labels, _) in fields.items() if isinstance(group.get(name), h5py.Dataset)}
-    for name, (labels, is_scale) in fields.items():
-        if not is_scale or name not in held:
-            continue
-        group[name].make_scale(labels[0])
-        for other, theirs in held.items():
-            for place, label in enumerate(theirs):
-                if label == labels[0] and other != name:
+    # each scale, which has one dimension, belongs to all dimensions of the group's datasets with its label
+    held = {one.name: one.about for one in _entries(type(value)) if isinstance(group.get(one.name), h5py.Dataset)}
+    abouts = {name: about for name, about in held.items() if about is not None}
+    for name, scale in ((name, about) for name, about in abouts.items() if about.scale):
+        group[name].make_scale(scale.labels[0])
+        for other, about in abouts.items():
+            for place, label in enumerate(about.labels):
+                if label == scale.labels[0] and other != name:
                     group[other].dims[place].attach_scale(group[name])
 
 
