@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from runner_samples import Counting, X
 from scipy.special import polygamma
 
 from radcal.config import SyntheticMeasurement, load
@@ -20,24 +21,6 @@ from radcal.simulators.texturing import textured as pixels_with_texture
 from radcal.speckle.texture import texture_order
 from radcal.storage.files import digest
 from radcal.storage.runs import RunStore
-
-X = {"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [10.0, 14.0, 6.0, 4.0]}
-
-
-class Counting:
-    """Simulator of an image that depends on X and the seed; counts its runs."""
-
-    def __init__(self, shape):
-        self.shape, self.calls = shape, 0
-
-    @property
-    def identity(self):
-        return {"kind": "counting"}
-
-    def run(self, parameters, noise_seed):
-        self.calls += 1
-        noise = np.random.default_rng(noise_seed).standard_normal(self.shape)
-        return (noise + parameters["dyke"][0]).astype(np.float32)
 
 
 class Builtin(Counting):
