@@ -29,8 +29,9 @@ from radcal.config import case_from
 from radcal.radar.projection import make_geometry
 from radcal.scene.sources import make_scene
 from radcal.signals.focus import focused
-from radcal.signals.history import echoes, raw_signal
+from radcal.signals.history import echoes
 from radcal.signals.platform import LIGHT_MPS, Collection, collection, pattern
+from radcal.signals.record import RawSignal
 from radcal.signals.scatterers import Scatterers, scatterers
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.forward import Forward
@@ -119,7 +120,7 @@ def clutter(draws: int) -> dict[str, Any]:
     for seed in range(draws):
         made = Forward(started, scene, geometry, expected, "", seed, False, lambda: iter(()))
         found = scatterers(started, scene, seed, one.facet_m)
-        looks.append(focused(one, np.concatenate(list(raw_signal(one, found, seed))), made)[0])
+        looks.append(focused(one, RawSignal(one, found, seed)[:], made)[0])
     power = np.mean(np.abs(looks) ** 2, axis=0)
     inner = np.zeros(power.shape, dtype=bool)
     inner[20:-20, 20:-20] = True

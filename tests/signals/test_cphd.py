@@ -20,10 +20,16 @@ def read(path):
 
 
 @pytest.mark.parametrize(
-    ("signals", "side"),
-    [({}, "right"), ({"bits": 8, "motion_m": 0.12}, "left"), ({"bits": 12, "motion_m": 0.3}, "right")],
+    ("signals", "side", "odd"),
+    [
+        ({}, "right", 1),
+        ({"bits": 8, "motion_m": 0.12}, "left", 0),
+        ({"bits": 12, "motion_m": 0.3}, "right", 1),
+        ({"mode": "spotlight", "squint_deg": 10.0}, "left", 0),
+        ({"squint_deg": -20.0}, "right", 1),
+    ],
 )
-def test_the_checker_finds_no_error_and_the_file_has_the_signal(forward_of, tmp_path, signals, side):
+def test_the_checker_finds_no_error_and_the_file_has_the_signal(forward_of, tmp_path, signals, side, odd):
     made = forward_of(signals=signals, radar={"look_side": side, "heading_deg": 0.0, "looks": 1})
     (path,) = write_iq(tmp_path / "iq", made)
     with path.open("rb") as file:
@@ -34,13 +40,24 @@ def test_the_checker_finds_no_error_and_the_file_has_the_signal(forward_of, tmp_
         for name, found in checker.failures().items()
     }
     assert {name: texts for name, texts in wrong.items() if texts} == {}
-    _, signal, vectors = read(path)
+    tree, signal, vectors = read(path)
     if signal.dtype.names:
         signal = signal["real"].astype(float) + 1j * signal["imag"]
     one = collection(made.case, made.scene)
     assert signal.shape == (len(one.track_m), one.samples)
-    assert one.samples % 2 == (one.bits != 8)  # with and without a frequency in the middle
+    assert one.samples % 2 == odd  # with and without a frequency in the middle
     assert np.unique(vectors["AmpSF"]).size == (1 if one.bits is None else len(vectors))
+    # at its middle time a place is seen in the middle of the band, or all places are, where the beam follows one
+    helper, place = cphd.XmlHelper(tree), np.array([40.0, -60.0]) * (one.spot_m is None)
+    plane = "{*}SceneCoordinates/{*}ReferenceSurface/{*}Planar/{*}"
+    axes = np.array([helper.load(plane + axis) for axis in ("uIAX", "uIAY")])
+    corner = helper.load("{*}SceneCoordinates/{*}IARP/{*}ECF") + place @ axes
+    poly = helper.load("{*}Dwell/{*}CODTime/{*}CODTimePoly")
+    pulse = np.polynomial.polynomial.polyval2d(*place, poly) * one.prf_hz
+    line = corner - vectors["TxPos"][round(pulse)]
+    along = vectors["TxVel"].mean(axis=0)
+    sine = line @ along / np.linalg.norm(line) / np.linalg.norm(along)
+    assert sine == pytest.approx(one.middle_sine, abs=0.02 * one.sines + one.speed_mps / one.prf_hz / one.range_m)
 
 
 @pytest.mark.parametrize(("side", "heading"), [("right", 0.0), ("left", 0.0)])

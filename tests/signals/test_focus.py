@@ -2,15 +2,17 @@
 
 import numpy as np
 import pytest
-from signals_samples import at, collection, ground
+from signals_samples import at, collection, ground, nominal
 
 from radcal.bands import WIDTH_FACTOR
-from radcal.signals.focus import backprojected, cell_area_m2, range_profiles
-from radcal.signals.history import raw_signal
+from radcal.signals.focus import backprojected, cell_area_m2
 from radcal.signals.platform import nesz
+from radcal.signals.record import RawSignal
 from radcal.signals.scatterers import Scatterers
+from radcal.signals.wavenumber import omega_k
 from radcal.speckle.response import taylor_weights
 
+OMEGA_K = [("X band, 0.5 m", "omega_k"), ("X band, 0.5 m, squint of 20 degrees", "omega_k")]
 FINE = 40  # samples of a cut per resolution cell
 
 CASES = {
@@ -20,6 +22,12 @@ CASES = {
         "carrier_hz": 1.3e9, "slant_m": 9000.0, "range_m": 0.75, "azimuth_m": 0.75, "swath_m": 60.0, "bend_m": 2.0,
     },
     # a product of 10, with the beam and the pulses of four looks
+    "X band, 0.5 m, squint of 20 degrees": {
+        "range_m": 0.5, "azimuth_m": 0.5, "swath_m": 120.0, "squint_deg": 20.0,
+    },
+    "X band, spotlight of 0.3 m": {
+        "range_m": 0.3, "azimuth_m": 0.3, "swath_m": 80.0, "spot": True, "antenna_m": 1.5, "bend_m": 0.3,
+    },
     "default, 3.5 m": {"range_m": 2.0, "azimuth_m": 3.5, "swath_m": 200.0, "antenna_m": 1.48},
 }  # fmt: skip
 
@@ -49,31 +57,44 @@ def ideal(cells):
     return np.cos(2.0 * np.pi * WIDTH_FACTOR * np.multiply.outer(cells, frequency)) @ taylor_weights(frequency)
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_point_targets_have_place_width_sidelobes_phase_and_amplitude_of_the_closed_form(name):
-    """Six targets at other heights, near to far and start to end."""
+@pytest.mark.parametrize(("name", "focusing"), [*((name, "backprojection") for name in CASES), *OMEGA_K])
+def test_point_targets_have_place_width_sidelobes_phase_and_amplitude_of_the_closed_form(name, focusing):
+    """Six targets at other heights, near to far and start to end; cuts along and across the middle line of sight."""
     one = collection(**CASES[name])
+    squint, plain = one.middle_sine, not CASES[name].keys() & {"spot", "squint_deg"}
+    cosine = np.sqrt(1.0 - squint**2)
     resolution = np.array([CASES[name]["azimuth_m"], CASES[name]["range_m"]])
     swath, height = CASES[name]["swath_m"], [0.0, 8.0, -5.0, 15.0, 3.0, -9.0]
-    azimuth = [5.3, 95.1, 50.2, 20.7, 71.9, 88.4]
-    slant = one.range_m + np.array([-0.49, 0.48, 0.0, 0.31, -0.22, 0.13]) * swath
+    azimuth = np.array([5.3, 95.1, 50.2, 20.7, 71.9, 88.4])
+    slant = nominal(one) + np.array([-0.49, 0.48, 0.0, 0.31, -0.22, 0.13]) * swath
     place = np.array([at(one, x, r, z) for x, r, z in zip(azimuth, slant, height, strict=True)])
     amplitude = (np.array([1.0, 2.0, 0.5, 1.5, 1.0, 3.0]) * np.exp(1j * np.arange(6.0))).astype(np.complex64)
     away = np.arange(-8 * FINE, 8 * FINE + 1) / FINE
     shape = lobes(ideal(away))
-    product = one.band**2 * one.wavelength_m * one.range_m / 2.0
-    profiles = range_profiles(one, np.concatenate(list(raw_signal(one, Scatterers.sorted(place, amplitude), 1))))
+    product = one.band**2 * one.wavelength_m * nominal(one) / 2.0
+    signal = RawSignal(one, Scatterers.sorted(place, amplitude), 1)[:]
     for k in range(6):
-        (peak,) = backprojected(one, profiles, place[k : k + 1])[0]
+
+        def image(azimuth_m, slant_m, height_m=height[k]):
+            if focusing == "omega_k":
+                return omega_k(one, signal, azimuth_m, slant_m)[0].ravel()
+            cut = np.broadcast_arrays(azimuth_m, slant_m)
+            return backprojected(one, signal, np.array([at(one, x, r, height_m) for x, r in zip(*cut, strict=True)]))[0]
+
+        (peak,) = image(azimuth[k : k + 1], slant[k : k + 1])
         assert abs(np.degrees(np.angle(peak / amplitude[k]))) < 0.5
         assert 20.0 * np.log10(abs(peak / amplitude[k])) == pytest.approx(0.0, abs=0.01)
         for axis in (0, 1):
-            steps = np.zeros((len(away), 2))
-            steps[:, axis] = away * resolution[axis]
-            cut = np.array([at(one, azimuth[k] + x, slant[k] + r, height[k]) for x, r in steps])
-            offset, width, highest, rest = lobes(backprojected(one, profiles, cut)[0])
+            line = np.array([cosine**2, -squint * cosine] if axis == 0 else [squint, cosine]) * resolution[axis]
+            x, r = azimuth[k] + away * line[0], slant[k] + away * line[1]
+            if focusing == "omega_k":  # on a grid: along the track and in slant range
+                x, r = azimuth[k] + away * resolution[0], slant[k] + away * resolution[1]
+                x, r = (x, slant[k : k + 1]) if axis == 0 else (azimuth[k : k + 1], r)
+            offset, width, highest, rest = lobes(image(x, r))
             long = axis == 1 or product >= 200.0
             assert abs(offset) < 0.01 * FINE
+            if not plain:
+                continue
             assert width == pytest.approx(shape[1], rel=0.005 if long else 0.02)
             if long:
                 assert highest == pytest.approx(shape[2], abs=0.5)
@@ -83,7 +104,10 @@ def test_point_targets_have_place_width_sidelobes_phase_and_amplitude_of_the_clo
 
 def grid(one, swath_m, step_m):
     """Places of an even grid of azimuth and slant range in the middle of the swath, and their shape."""
-    azimuth, slant = np.arange(20.0, 80.0, step_m[0]), one.range_m + np.arange(-0.3 * swath_m, 0.3 * swath_m, step_m[1])
+    azimuth, slant = (
+        np.arange(20.0, 80.0, step_m[0]),
+        nominal(one) + np.arange(-0.3 * swath_m, 0.3 * swath_m, step_m[1]),
+    )
     return np.array([at(one, x, r) for r in slant for x in azimuth])
 
 
@@ -108,8 +132,8 @@ def test_noise_of_the_image_is_that_of_the_radar_equation(looks, slant_m):
     assert 10.0 * np.log10(nesz(one, slant_m, 45.0)) == pytest.approx(expected, abs=0.01)
     nothing, levels = Scatterers(np.empty((0, 3)), np.empty(0, np.complex64)), []
     for seed in range(8):
-        profiles = range_profiles(one, np.concatenate(list(raw_signal(one, nothing, seed))))
-        image = backprojected(one, profiles, grid(one, 300.0, (3.5, 2.0)))
+        signal = RawSignal(one, nothing, seed)[:]
+        image = backprojected(one, signal, grid(one, 300.0, (3.5, 2.0)))
         levels.append(np.mean(np.abs(image) ** 2) / cell_area_m2(one, np.array(45.0)))
     assert 10.0 * np.log10(np.mean(levels)) == pytest.approx(expected, abs=0.1)
 
@@ -122,8 +146,8 @@ def test_level_of_even_ground_is_its_sigma0_in_every_look():
         one = collection(swath_m=150.0, looks=2)
         area = 120.0 * 150.0 / np.sin(np.radians(45.0))
         found = ground(one, n, (-10.0, 110.0), 150.0, seed, relief_m=0.0, rcs_m2=sigma0 * area / n)
-        profiles = range_profiles(one, np.concatenate(list(raw_signal(one, found, seed))))
-        image = backprojected(one, profiles, grid(one, 150.0, (3.5, 2.0)))
+        signal = RawSignal(one, found, seed)[:]
+        image = backprojected(one, signal, grid(one, 150.0, (3.5, 2.0)))
         levels.append(np.mean(np.abs(image) ** 2, axis=1) / cell_area_m2(one, np.array(45.0)))
         correlation = abs(np.mean(image[0] * image[1].conj())) / np.mean(np.abs(image) ** 2)
         assert correlation < 4.0 / np.sqrt(image.shape[1])

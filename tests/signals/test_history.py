@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from signals_samples import collection, ground
 
-from radcal.signals.history import converted, echoes, quantised, raw_signal, turned
+from radcal.signals.history import converted, echoes, quantised, turned
 from radcal.signals.platform import LIGHT_MPS
+from radcal.signals.record import RawSignal
 from radcal.signals.scatterers import Scatterers
 
 
@@ -48,7 +49,7 @@ def test_bits_do_not_depend_on_the_number_of_threads(monkeypatch):
     signals = []
     for threads in (1, 3):
         monkeypatch.setattr("radcal.compiled._config.NUMBA_NUM_THREADS", threads)
-        signals.append(np.concatenate(list(raw_signal(one, found, 7))))
+        signals.append(RawSignal(one, found, 7)[:])
     np.testing.assert_array_equal(*signals)
     assert len(signals[0]) == len(one.track_m)
 
@@ -56,7 +57,7 @@ def test_bits_do_not_depend_on_the_number_of_threads(monkeypatch):
 def test_receiver_noise_has_its_power_and_is_white():
     one = collection(noise_m2=0.3, length_m=300.0)
     nothing = Scatterers(np.empty((0, 3)), np.empty(0, np.complex64))
-    noise = np.concatenate(list(raw_signal(one, nothing, 3)))
+    noise = RawSignal(one, nothing, 3)[:]
     n = noise.size
     assert np.mean(np.abs(noise) ** 2) == pytest.approx(0.3, rel=5.0 / np.sqrt(n))
     for shifted in (noise[1:] * noise[:-1].conj(), noise[:, 1:] * noise[:, :-1].conj(), noise**2):

@@ -12,17 +12,18 @@ from radcal.errors import ConfigError
 from radcal.radar.projection import lit_facets
 from radcal.radar.reflectivity import law_tables, reflectivity
 from radcal.scene.objects import Objects, Walls
-from radcal.signals.focus import backprojected, focused, image_places, range_profiles, write_focused
-from radcal.signals.history import raw_signal
+from radcal.signals.focus import backprojected, check, focused, image_places, write_focused
+from radcal.signals.history import raw_block
 from radcal.signals.platform import collection, nesz, pattern
+from radcal.signals.record import RawSignal, signal_of
 from radcal.signals.scatterers import Scatterers, scatterers
 from radcal.simulators.builtin import BuiltinSimulator
 
 GRASS, DYKE = {"law": "constant_gamma", "parameters": [-40.0]}, {"law": "constant_gamma", "start": [-40.0]}
 
 
-def signal_of(made, one):
-    return np.concatenate(list(raw_signal(one, scatterers(made.case, made.scene, made.seed, one.facet_m), made.seed)))
+def raw_of(made, one):
+    return RawSignal(one, scatterers(made.case, made.scene, made.seed, one.facet_m), made.seed)[:]
 
 
 @pytest.mark.parametrize("side", ["right", "left"])
@@ -113,7 +114,7 @@ def test_focused_rows_of_a_box_are_those_of_the_fast_image(with_box):
     for found in draws:
         bright = np.abs(found.amplitude) > 1e-2
         some = Scatterers(found.place_m[bright], found.amplitude[bright])
-        signal = np.concatenate(list(raw_signal(one, some, 1)))
+        signal = RawSignal(one, some, 1)[:]
         total = total + np.sum(np.abs(focused(one, signal, made)) ** 2, axis=(0, 2)) / 200.0
     simulator = BuiltinSimulator(made.geometry, made.case.radar, made.case.laws)
     expected = np.sum(10.0 ** (simulator.expected(made.case.start_parameters) / 10.0), axis=1)
@@ -121,11 +122,13 @@ def test_focused_rows_of_a_box_are_those_of_the_fast_image(with_box):
     np.testing.assert_allclose(total, expected, atol=0.08 * expected.max())
 
 
-@pytest.mark.parametrize("motion_m", [0.0, 0.5])
-def test_cross_section_of_an_object_is_that_of_the_focused_image(forward_of, with_point, motion_m):
-    """A point at a height above the ground, on dark ground, also with motion errors."""
+@pytest.mark.parametrize(
+    "signals", [{}, {"motion_m": 0.5}, {"mode": "spotlight", "motion_m": 0.3}, {"squint_deg": -20.0}]
+)
+def test_cross_section_of_an_object_is_that_of_the_focused_image(forward_of, with_point, signals):
+    """A point at a height above the ground, on dark ground, also with motion errors, spotlight and squint."""
     made = forward_of(
-        with_point(131.0, 92.3, 25.0, 4.0), signals={"motion_m": motion_m}, radar={"nesz_db": -60.0, "looks": 2},
+        with_point(131.0, 92.3, 25.0, 4.0), signals=signals, radar={"nesz_db": -60.0, "looks": 2},
         materials={"dyke": {**DYKE, "calibrate": True, "bounds": [[-50, 0]]}, "grass": GRASS},
     )  # fmt: skip
     one = collection(made.case, made.scene)
@@ -133,9 +136,9 @@ def test_cross_section_of_an_object_is_that_of_the_focused_image(forward_of, wit
     brightest = int(np.abs(found.amplitude).argmax())
     place = found.place_m[brightest]
     assert place[0] == pytest.approx(92.3, abs=1e-6)
-    slant = np.hypot(place[1], one.track_m[0, 2] - place[2]) if motion_m == 0.0 else None
-    profiles = range_profiles(one, signal_of(made, one))
-    looks = backprojected(one, profiles, place[None])[:, 0]
+    slant = np.hypot(place[1], one.track_m[0, 2] - place[2]) if signals == {} else None
+    signal = raw_of(made, one)
+    looks = backprojected(one, signal, place[None])[:, 0]
     np.testing.assert_allclose(20.0 * np.log10(np.abs(looks)), 25.0, atol=0.1)
     assert np.abs(np.degrees(np.angle(looks / found.amplitude[brightest]))).max() < 1.0
     if slant is not None:  # where the fast image has it
@@ -152,7 +155,7 @@ def test_levels_of_the_focused_image_are_those_of_the_fast_image(forward_of, tmp
     for seed in range(3):
         made = forward_of(seed=seed, radar={"looks": 4, "nesz_db": -25.0})
         one = collection(made.case, made.scene)
-        draws.append(focused(one, signal_of(made, one), made))
+        draws.append(focused(one, raw_of(made, one), made))
     power = np.mean(np.abs(draws) ** 2, axis=(0, 1))
     simulator = BuiltinSimulator(made.geometry, made.case.radar, made.case.laws)
     expected = 10.0 ** (simulator.expected(made.case.start_parameters) / 10.0)
@@ -214,6 +217,8 @@ def test_no_echo_of_the_swath_leaves_the_window_and_no_pulse_folds_into_the_band
         ({"signals": {"prf_hz": 50.0}}, r"signals\.prf_hz is 50, below the band of the beam .* expected at least \d+"),
         ({"signals": {"prf_hz": 2e6}}, r"prf_hz is 2e\+06: the swath of \d+ m .* unambiguous range of 75 m, expected"),
         ({"signals": {"antenna_m": 9.0}}, r"signals\.antenna_m is 9, whose beam is too narrow .* expected at most"),
+        ({"signals": {"mode": "spotlight", "antenna_m": 9.0}}, r"antenna_m is 9, .* narrow for the scene, expected at"),
+        ({"signals": {"squint_deg": 60.0, "antenna_m": 0.6}}, r"squint_deg is 60: .* most 0\.9"),
         ({"radar": {"incidence_deg": 35.0, "altitude_m": 5e5}}, r"radar\.earth is curved, expected flat"),
         ({"radar": {"band": "Q"}}, r"radar\.band is 'Q', which names no known band, expected radar\.frequency_ghz"),
     ],
@@ -222,6 +227,52 @@ def test_a_radar_that_does_not_suit_the_scene_is_told(forward_of, sections, sent
     made = forward_of(**sections)
     with pytest.raises(ConfigError, match=sentence):
         collection(made.case, made.scene)
+
+
+@pytest.mark.parametrize(
+    ("signals", "sentence"),
+    [({"mode": "spotlight"}, r"signals\.mode is spotlight: .*"), ({"motion_m": 0.2}, r"signals\.motion_m is 0\.2: .*")],
+)
+def test_omega_k_is_for_straight_tracks(forward_of, signals, sentence):
+    made = forward_of(signals={"focusing": "omega_k", **signals})
+    with pytest.raises(ConfigError, match=sentence + r"straight track .*, expected backprojection"):
+        check(made.case, made.scene)
+
+
+def test_a_killed_simulation_continues_and_needs_no_more_memory_for_more_pulses(forward_of, tmp_path, monkeypatch):
+    """The second of two blocks ends the first command; the next one simulates only what is missing."""
+    made, numbers = forward_of(radar={"looks": 2}), []
+    whole = write_focused(tmp_path / "whole", made)
+
+    def ended(one, found, seed, number):
+        numbers.append(number)
+        if len(numbers) == 2:
+            raise KeyboardInterrupt
+        return raw_block(one, found, seed, number)
+
+    monkeypatch.setattr("radcal.signals.record.raw_block", ended)
+    with pytest.raises(KeyboardInterrupt):
+        write_focused(tmp_path / "focused", made)
+    (folder,) = tmp_path.glob(".focused-*")
+    assert [path.name for path in folder.iterdir()] == [f"pulses-{numbers[0]}.npy"]
+    found = write_focused(tmp_path / "focused", made)
+    one = collection(made.case, made.scene)
+    assert sorted(numbers) == sorted([*range(-(-len(one.track_m) // 64)), numbers[1]])
+    with h5py.File(whole[0]) as first, h5py.File(found[0]) as second:
+        np.testing.assert_array_equal(first["looks"][()], second["looks"][()])
+    assert not list(tmp_path.glob(".*"))
+    raw = RawSignal(one, scatterers(made.case, made.scene, made.seed, one.facet_m), made.seed)
+    np.testing.assert_array_equal(raw[60:70], raw[:][60:70])
+
+
+def test_the_folder_of_a_killed_simulation_with_other_settings_is_removed(forward_of, tmp_path):
+    folders = []
+    for bits in (None, 8):
+        with pytest.raises(KeyboardInterrupt), signal_of(tmp_path / "iq", forward_of(signals={"bits": bits})) as raw:
+            raw[:64]
+            folders.append(raw.folder)
+            raise KeyboardInterrupt
+    assert list(tmp_path.iterdir()) == folders[1:]
 
 
 def test_a_scene_without_relief_is_refused(forward_of):

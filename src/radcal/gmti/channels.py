@@ -79,6 +79,10 @@ def interval_of(case: Part, one: Collection) -> Interval:
         The swath is longer than the unambiguous range, or has too few gates for the detector.
     """
     config = case.gmti
+    if one.spot_m is not None or one.middle_sine != 0.0:
+        raise ConfigError(
+            "signals: moving targets are found in stripmap at zero Doppler, expected no squint_deg or mode."
+        )
     unambiguous, swath = LIGHT_MPS / (2.0 * config.prf_hz), LIGHT_MPS / (2.0 * one.step_hz)
     if swath > unambiguous:
         raise ConfigError(

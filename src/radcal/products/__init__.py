@@ -43,7 +43,7 @@ PRODUCTS: Mapping[str, Product | None] = {
     "focused": Product(
         "the complex looks of an image focused from raw signals, as HDF5, and its picture",
         "radcal.signals.focus:write_focused",
-        "radcal.signals.platform:check",
+        "radcal.signals.focus:check",
     ),
     "ppi": Product(
         "one turn of a surveillance radar on a mast (section ppi), as HDF5 and PNG",

@@ -266,6 +266,17 @@ _Positive = Annotated[Real, Field(gt=0, le=1e9)]
 class Signals(Section):
     """Radar of the raw signals of ``radcal simulate --product iq`` and of the image focused from them."""
 
+    mode: Literal["stripmap", "spotlight"] = Field(
+        "stripmap", description="whether the beam keeps its direction, or follows the scene's middle"
+    )
+    squint_deg: Annotated[Real, Field(ge=-60, le=60)] = Field(
+        0.0, description="angle from zero Doppler in the middle of beam and processed band, positive ahead [deg]"
+    )
+    focusing: Literal["backprojection", "omega_k"] = Field(
+        "backprojection",
+        description="how product focused makes its image: by back-projection, for any track, or by omega-k, for "
+        "straight ones, with the package finufft of radcal[signals]",
+    )
     speed_mps: Annotated[Real, Field(ge=1, le=1e4)] = Field(100.0, description="speed of the platform [m/s]")
     prf_hz: _Positive | None = Field(
         None, description="pulse rate [Hz]; by default 1.1 times the least for which no echo folds into the image"
@@ -273,7 +284,7 @@ class Signals(Section):
     antenna_m: Length | None = Field(
         None,
         description="length of the antenna along the track [m]; by default 8 dB down at the edges of the band for "
-        "radar.azimuth_resolution_m and radar.looks",
+        "radar.azimuth_resolution_m and radar.looks, in spotlight mode at the corners of the scene",
     )
     gain_db: Annotated[Real, Field(ge=0, le=100)] = Field(30.0, description="gain of the antenna, one way [dB]")
     pulse_us: _Positive = Field(10.0, description="length of the transmitted chirp [us]")

@@ -7,21 +7,23 @@ NGA.STND.0068-1, "Compensated Phase History Data (CPHD) design and implementatio
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.lib.recfunctions import unstructured_to_structured
 from numpy.typing import NDArray
 
 from radcal.config.part import Part
 from radcal.errors import ConfigError
 from radcal.scene.crs import transformer
 from radcal.scene.model import Scene
-from radcal.signals.history import quantised, raw_signal
-from radcal.signals.platform import LIGHT_MPS, Collection, collection
-from radcal.signals.scatterers import scatterers
+from radcal.signals.history import BLOCK, quantised
+from radcal.signals.platform import LIGHT_MPS, Collection, collection, tangent
+from radcal.signals.record import Signal, signal_of
 from radcal.simulators.forward import Forward
 from radcal.storage.files import atomic
 
@@ -122,7 +124,7 @@ def _named(letters: Sequence[str], values: Doubles) -> dict[str, float]:
     return dict(zip(letters, map(float, values), strict=True))
 
 
-def _vector_parameters(one: Collection, site: _Site, dtype: Any, scale: Doubles) -> NDArray[Any]:
+def _vector_parameters(one: Collection, site: _Site, dtype: Any) -> NDArray[Any]:
     """Parameters of each pulse; transmitter and receiver stand still between sending and receiving."""
     time, found = np.arange(len(one.track_m)) / one.prf_hz, np.zeros(len(one.track_m), dtype)
     velocity = np.gradient(one.track_m, time, axis=0)
@@ -130,7 +132,7 @@ def _vector_parameters(one: Collection, site: _Site, dtype: Any, scale: Doubles)
     found["TxTime"], found["RcvTime"] = time, time + 2.0 * one.distance_m / LIGHT_MPS
     found["TxPos"] = found["RcvPos"] = site.ecf(one.track_m)
     found["TxVel"] = found["RcvVel"] = site.turned(velocity)
-    found["SRPPos"], found["AmpSF"] = site.ecf(one.reference_m), scale
+    found["SRPPos"] = site.ecf(one.reference_m)
     closing = np.sum(velocity * (one.track_m - one.reference_m), axis=1) / one.distance_m
     found["aFDOP"] = -2.0 * closing / LIGHT_MPS
     found["aFRR1"], found["aFRR2"] = 2.0 * one.middle_hz / LIGHT_MPS, 2.0 / LIGHT_MPS
@@ -144,12 +146,13 @@ def _tree(made: Forward, one: Collection, site: _Site, layout: str) -> Any:
     from lxml import etree
     from sarkit import wgs84
 
-    case, frequency, pulses = made.case, one.frequency_hz, len(one.track_m)
+    case, frequency, pulses, spotlight = made.case, one.frequency_hz, len(one.track_m), one.spot_m is not None
     channel, toa = case.radar.polarisation, 0.5 * _USED / one.step_hz
     root = etree.Element(f"{{{_SPACE}}}CPHD", nsmap={None: _SPACE})
     _xml(root, "CollectionID", {
         "CollectorName": "radcal", "CoreName": f"{case.case}-{made.key}", "CollectType": "MONOSTATIC",
-        "RadarMode": {"ModeType": "STRIPMAP"}, "Classification": "UNCLASSIFIED", "ReleaseInfo": "UNRESTRICTED",
+        "RadarMode": {"ModeType": case.signals.mode.upper()}, "Classification": "UNCLASSIFIED",
+        "ReleaseInfo": "UNRESTRICTED",
     })  # fmt: skip
     _xml(root, "Global", {
         "DomainType": "FX", "SGN": -1,
@@ -179,12 +182,12 @@ def _tree(made: Forward, one: Collection, site: _Site, layout: str) -> Any:
     })  # fmt: skip
     _xml(data, "NumSupportArrays", 0)
     _xml(root, "Channel", {
-        "RefChId": channel, "FXFixedCPHD": True, "TOAFixedCPHD": True, "SRPFixedCPHD": False,
+        "RefChId": channel, "FXFixedCPHD": True, "TOAFixedCPHD": True, "SRPFixedCPHD": spotlight,
         "Parameters": {
-            "Identifier": channel, "RefVectorIndex": pulses // 2, "FXFixed": True, "TOAFixed": True, "SRPFixed": False,
-            "Polarization": {"TxPol": channel[0], "RcvPol": channel[1]}, "FxC": one.middle_hz,
+            "Identifier": channel, "RefVectorIndex": pulses // 2, "FXFixed": True, "TOAFixed": True,
+            "SRPFixed": spotlight, "Polarization": {"TxPol": channel[0], "RcvPol": channel[1]}, "FxC": one.middle_hz,
             "FxBW": frequency[-1] - frequency[0], "TOASaved": 2.0 * toa,
-            "DwellTimes": {"CODId": "zero Doppler", "DwellId": "processed band"},
+            "DwellTimes": {"CODId": "middle", "DwellId": "processed band"},
         },
     })  # fmt: skip
     parameters, offset = _xml(root, "PVP"), 0
@@ -193,14 +196,22 @@ def _tree(made: Forward, one: Collection, site: _Site, layout: str) -> Any:
         _xml(parameters, name, {"Offset": offset, "Size": size, "Format": layout})
         offset += size
     dwell = _xml(root, "Dwell", {"NumCODTimes": 1})
-    # a place is seen at zero Doppler when the antenna has its azimuth
-    time = (site.middle_m[0] - one.track_m[0, 0]) / one.speed_mps
-    per_axis = (0.0, 1.0 / one.speed_mps) if right else (1.0 / one.speed_mps, 0.0)
-    _polynomial(_xml(dwell, "CODTime", {"Identifier": "zero Doppler"}), "CODTimePoly", [[time, per_axis[1]],
-                [per_axis[0], 0.0]])  # fmt: skip
+    # a place is in the middle of the band when the antenna is behind it by its slant range times the squint's tangent
+    slant, slope = one.range_m * math.sqrt(1.0 - one.middle_sine**2), tangent(one.middle_sine)
+    time, along, across = (
+        site.middle_m[0] - slant * slope - one.track_m[0, 0],
+        1.0,
+        -slope * one.reference_m[0, 1] / slant,
+    )
+    seen = slant * (tangent(one.middle_sine + 0.5 * one.sines) - tangent(one.middle_sine - 0.5 * one.sines))
+    if spotlight:  # all places have the same pulses
+        along, across = 0.0, 0.0
+    per_axis = np.array([across, along] if right else [along, across]) / one.speed_mps
+    rows = [[time / one.speed_mps, per_axis[1]], [per_axis[0], 0.0]]
+    _polynomial(_xml(dwell, "CODTime", {"Identifier": "middle"}), "CODTimePoly", rows)
     _xml(dwell, "NumDwellTimes", 1)
-    seen = 2.0 * one.reach_m(one.range_m, 0.25 * one.band * one.wavelength_m) / one.speed_mps
-    _polynomial(_xml(dwell, "DwellTime", {"Identifier": "processed band"}), "DwellTimePoly", [[seen]])
+    named = _xml(dwell, "DwellTime", {"Identifier": "processed band"})
+    _polynomial(named, "DwellTimePoly", [[seen / one.speed_mps]])
     return root.getroottree()
 
 
@@ -211,7 +222,7 @@ def _polynomial(parent: Any, tag: str, coefficients: list[list[float]]) -> None:
             _xml(one, "Coef", value, exponent1=i, exponent2=j)
 
 
-def write_cphd(path: Path, made: Forward, one: Collection, signal: NDArray[np.complex64]) -> None:
+def write_cphd(path: Path, made: Forward, one: Collection, signal: Signal) -> None:
     """Write a raw signal as CPHD 1.1, as numbers of the converter if there is one.
 
     Parameters
@@ -222,28 +233,35 @@ def write_cphd(path: Path, made: Forward, one: Collection, signal: NDArray[np.co
         Forward run of the pass.
     one : Collection
         Collection.
-    signal : ndarray of complex64, shape (pulses, samples)
-        Raw signal before the converter [m].
+    signal : ndarray of complex64, shape (pulses, samples), or RawSignal
+        Raw signal before the converter [m], of which one block of pulses is in memory at once.
     """
     from sarkit import cphd
 
-    scale, layout = np.ones(len(signal)), "CF8"
-    array: NDArray[Any] = signal
+    pulses, channel, layout = len(one.track_m), made.case.radar.polarisation, "CF8"
+    kind: np.dtype[Any] = np.dtype(">c8")
+    scale = np.ones(pulses)
     if one.bits is not None:
-        numbers, scale = quantised(signal, one.bits)
-        part, layout = (np.dtype(np.int8), "CI2") if one.bits <= 8 else (np.dtype(np.int16), "CI4")
-        array = numbers.astype(part).view([("real", part), ("imag", part)])[..., 0]
+        part, layout = ("i1", "CI2") if one.bits <= 8 else (">i2", "CI4")
+        kind = np.dtype([("real", part), ("imag", part)])
     site = _site(made.case, made.scene, one)
     tree = _tree(made, one, site, layout)
-    vectors = _vector_parameters(one, site, cphd.get_pvp_dtype(tree), scale)
+    vectors = _vector_parameters(one, site, cphd.get_pvp_dtype(tree))
     tree.getroot().append(cphd.compute_reference_geometry(tree, pvps=vectors))
-    with (
-        atomic(path) as partial,
-        partial.open("wb") as file,
-        cphd.Writer(file, cphd.Metadata(xmltree=tree)) as writer,
-    ):
-        writer.write_signal(made.case.radar.polarisation, array)
-        writer.write_pvp(made.case.radar.polarisation, vectors)
+    with atomic(path) as partial, partial.open("w+b") as file:
+        writer = cphd.Writer(file, cphd.Metadata(xmltree=tree))
+        file.seek(0)
+        _, header = cphd.read_file_header(file)
+        file.seek(int(header["SIGNAL_BLOCK_BYTE_OFFSET"]))
+        for first in range(0, pulses, BLOCK):  # the writer itself takes a whole signal only
+            some = slice(first, first + BLOCK)
+            array: NDArray[Any] = signal[some]
+            if one.bits is not None:
+                numbers, scale[some] = quantised(array, one.bits)
+                array = unstructured_to_structured(numbers, kind)
+            file.write(array.astype(kind).tobytes())
+        vectors["AmpSF"] = scale
+        writer.write_pvp(channel, vectors)
 
 
 def write_iq(stem: Path, made: Forward) -> list[Path]:
@@ -261,8 +279,7 @@ def write_iq(stem: Path, made: Forward) -> list[Path]:
     list of path
         The file.
     """
-    one = collection(made.case, made.scene)
-    found = scatterers(made.case, made.scene, made.seed, one.facet_m)
     path = stem.with_suffix(".cphd")
-    write_cphd(path, made, one, np.concatenate(list(raw_signal(one, found, made.seed))))
+    with signal_of(stem, made) as signal:
+        write_cphd(path, made, signal.one, signal)
     return [path]

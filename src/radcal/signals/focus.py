@@ -1,7 +1,8 @@
-"""Focusing by back-projection onto the elevation model, for any track."""
+"""Focusing by back-projection onto the elevation model, for any track, and the product of focused images."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,16 +11,20 @@ import scipy
 from numpy.typing import NDArray
 
 from radcal.compiled import threaded
+from radcal.config.part import Part
 from radcal.radar.earth import line_of_sight
 from radcal.radar.radiometry import of_sigma0
-from radcal.signals.history import TAPS, converted, grid_kernel, raw_signal, tap_values, turned
+from radcal.scene.model import Scene
+from radcal.signals.history import BEAM, TAPS, beam_table, cell_before, converted, grid_kernel, turned
 from radcal.signals.platform import LIGHT_MPS, Collection, azimuth_weights, collection
-from radcal.signals.scatterers import scatterers
+from radcal.signals.record import Signal, kept, signal_of
+from radcal.signals.wavenumber import check_omega_k, omega_k
 from radcal.simulators.forward import Forward, write_complex
 from radcal.speckle.response import taylor_weights
 from radcal.storage.files import atomic
 
-_STRIP = 256  # columns of the image that are focused at once, which bounds the memory of the range-compressed pulses
+_STRIP = 256  # columns of the image that are focused at once
+_PULSES = 512  # pulses that are in memory at once, the same for any number of threads
 
 
 def range_profiles(one: Collection, signal: NDArray[np.complex64]) -> NDArray[np.complex64]:
@@ -34,76 +39,64 @@ def range_profiles(one: Collection, signal: NDArray[np.complex64]) -> NDArray[np
 
     Returns
     -------
-    ndarray of complex64, shape (pulses, cells)
-        Profiles: a point has at its range its amplitude in the signal.
+    ndarray of complex64, shape (pulses, cells + TAPS)
+        Profiles: a point has at its range its amplitude in the signal. The last cells repeat the first ones.
     """
     _, transform = grid_kernel(one.samples)
     frequency = np.arange(one.samples) - one.samples // 2
     weights = taylor_weights((frequency + 0.5 * (one.samples % 2 == 0)) / one.samples)
     grid = np.zeros((len(signal), transform.size), np.complex64)
     grid[:, frequency] = signal * (weights / weights.sum() / transform[frequency]).astype(np.float32)
-    return np.asarray(scipy.fft.ifft(grid, axis=1, norm="forward", overwrite_x=True), np.complex64)
+    profiles = scipy.fft.ifft(grid, axis=1, norm="forward", overwrite_x=True)
+    return np.concatenate([profiles, profiles[:, :TAPS]], axis=1)
 
 
 @threaded
 def _backproject(
-    part: Any, profiles: Any, coefficients: Any, place: Any, track: Any, distance: Any, middle: Any, turns: Any,
-    cells: Any, sines: Any, weights: Any, beam: Any, out: Any,
+    part: Any, profiles: Any, table: Any, place: Any, first: Any, last: Any, track: Any, aim: Any, distance: Any,
+    middle: Any, turns: Any, cells: Any, spot: Any, sines: Any, middle_sine: Any, weights: Any, beam: Any, widest: Any,
+    sums: Any, total: Any,
 ) -> None:  # fmt: skip
-    """Amplitudes of places: for each look the weighted mean over the pulses that see the place in the look's band.
+    """Add the weighted echoes of places in the pulses that see them in the band of a look, and the weights.
 
-    ``sines`` is the width of the processed band in sines of the angle from zero Doppler.
+    ``sines`` is the width of the processed band in sines of the angle from zero Doppler. With ``spot`` the angle is
+    that of the beam, so that all places have the same pulses; otherwise it is that of the place.
     """
-    looks, n, size = out.shape[0], profiles.shape[1], weights.size
-    taps, total = np.empty(TAPS, np.float32), np.empty(looks, np.float64)
-    real, imaginary = np.empty(looks, np.float64), np.empty(looks, np.float64)
-    half = 0.5 * sines
+    looks, n, size, narrow = sums.shape[0], profiles.shape[1] - TAPS, weights.size, 0.5 * BEAM / widest
     for i in range(part[0], part[1]):
-        total[:], real[:], imaginary[:] = 0.0, 0.0, 0.0
-        slant = np.hypot(place[i, 1], place[i, 2] - track[0, 2])
-        reach = 1.02 * slant * half / np.sqrt(1.0 - half * half) + 1.0
-        for p in range(
-            np.searchsorted(track[:, 0], place[i, 0] - reach), np.searchsorted(track[:, 0], place[i, 0] + reach)
-        ):
+        for p in range(first[i], last[i]):
             x, y, z = place[i, 0] - track[p, 0], place[i, 1] - track[p, 1], place[i, 2] - track[p, 2]
             slant = np.sqrt(x * x + y * y + z * z)
-            at = (x / slant / sines + 0.5) * size
-            if at < 0.0 or at >= size:
+            sine = x / slant
+            at = (((aim[p] if spot else sine) - middle_sine) / sines + 0.5) * size
+            lit = (sine - aim[p]) * narrow + 0.5 * BEAM
+            if at < 0.0 or at >= size or lit <= 0.0 or lit >= BEAM:
                 continue
-            k = int(at)
-            look = k * looks // size
-            loss = slant / middle
-            weight = weights[k] / beam[k] * loss * loss
+            k, m = int(at), int(lit)
+            look, loss = k * looks // size, slant / middle
+            weight = weights[k] * loss * loss / (beam[m] + (lit - m) * (beam[m + 1] - beam[m]))
             away = slant - distance[p]
-            q = away * cells
-            below = int(np.floor(q))
-            tap_values(q - below, coefficients, taps)
-            below = (below - TAPS // 2 + 1) % n
+            below, row, share = cell_before(away * cells, n)
             a = b = np.float32(0.0)
             for j in range(TAPS):
-                value = profiles[p, below + j if below + j < n else below + j - n]
-                a += taps[j] * value.real
-                b += taps[j] * value.imag
+                tap = table[row, j] + share * (table[row + 1, j] - table[row, j])
+                value = profiles[p, below + j]
+                a += tap * value.real
+                b += tap * value.imag
             cosine, sine = turned(turns * away)
-            real[look] += weight * (a * cosine - b * sine)
-            imaginary[look] += weight * (a * sine + b * cosine)
-            total[look] += weights[k]
-        for look in range(looks):
-            if total[look] > 0.0:
-                out[look, i] = complex(real[look], imaginary[look]) / total[look]
+            sums[look, i] += complex(weight * (a * cosine - b * sine), weight * (a * sine + b * cosine))
+            total[look, i] += weights[k]
 
 
-def backprojected(
-    one: Collection, profiles: NDArray[np.complex64], place_m: NDArray[np.float64]
-) -> NDArray[np.complex64]:
+def backprojected(one: Collection, signal: Signal, place_m: NDArray[np.float64]) -> NDArray[np.complex64]:
     """Complex looks of places.
 
     Parameters
     ----------
     one : Collection
         Collection with a track that advances in azimuth.
-    profiles : ndarray of complex64, shape (pulses, cells)
-        Range-compressed pulses of :func:`range_profiles`.
+    signal : ndarray of complex64, shape (pulses, samples), or RawSignal
+        Raw signal, of which some hundred pulses are in memory at once.
     place_m : ndarray, shape (n, 3)
         Azimuth, ground range and elevation of the places [m].
 
@@ -112,15 +105,31 @@ def backprojected(
     ndarray of complex64, shape (looks, n)
         Amplitude: a point scatterer has at its place its own amplitude, with its phase [m].
     """
-    weights, beam = azimuth_weights(one)
-    coefficients, transform = grid_kernel(one.samples)
-    out = np.zeros((one.looks, len(place_m)), np.complex64)
-    _backproject(
-        len(place_m), profiles, coefficients, np.ascontiguousarray(place_m), one.track_m, one.distance_m, one.range_m,
-        2.0 * one.carrier_hz / LIGHT_MPS, 2.0 * one.step_hz / LIGHT_MPS * transform.size,
-        0.5 * one.band * one.wavelength_m, weights, beam, out,
-    )  # fmt: skip
-    return out
+    weights, _ = azimuth_weights(one)
+    beam, widest = beam_table(one)
+    table, transform = grid_kernel(one.samples)
+    place_m = np.ascontiguousarray(place_m)
+    sums, total = np.zeros((one.looks, len(place_m)), np.complex128), np.zeros((one.looks, len(place_m)))
+    a, b = pulses_of(one, place_m)
+    for first in range(int(a.min()), int(b.max()), _PULSES):
+        some = slice(first, min(first + _PULSES, int(b.max())))
+        low, high = (np.clip(ends, some.start, some.stop) - some.start for ends in (a, b))
+        profiles = range_profiles(one, converted(signal[some], one.bits))
+        _backproject(
+            len(place_m), profiles, table, place_m, low, high, one.track_m[some], one.aim[some], one.distance_m[some],
+            one.range_m, 2.0 * one.carrier_hz / LIGHT_MPS, 2.0 * one.step_hz / LIGHT_MPS * transform.size,
+            one.spot_m is not None, one.sines, one.middle_sine, weights, beam, widest, sums, total,
+        )  # fmt: skip
+    return np.asarray(np.divide(sums, total, out=np.zeros_like(sums), where=total > 0.0), np.complex64)
+
+
+def pulses_of(one: Collection, place_m: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """First pulse that sees each place in the processed band, and the pulse after the last, shape (n,)."""
+    slant = np.hypot(place_m[:, 1] - one.track_m[0, 1], place_m[:, 2] - one.track_m[0, 2])
+    ends = [one.places_m(0.98 * float(slant.min()), 1.02 * float(slant.max()), one.sines)[k] for k in (1, 0)]
+    margin = (-1.0, 1.0)
+    a, b = (np.searchsorted(one.track_m[:, 0], place_m[:, 0] - end + m) for end, m in zip(ends, margin, strict=True))
+    return a, b
 
 
 def cell_area_m2(one: Collection, flat_incidence_deg: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -142,6 +151,7 @@ def cell_area_m2(one: Collection, flat_incidence_deg: NDArray[np.float64]) -> ND
     bandwidth = one.samples * one.step_hz
     down = np.mean(taylor_weights((np.arange(one.samples) + 0.5) / one.samples - 0.5) ** 2)
     energy = down * LIGHT_MPS / (2.0 * bandwidth) * np.mean(weights**2) * one.looks / one.band
+    energy *= math.sqrt(1.0 - one.middle_sine**2)  # range and azimuth are not at right angles
     return np.asarray(energy / np.sin(np.radians(flat_incidence_deg)))
 
 
@@ -164,17 +174,19 @@ def image_places(made: Forward) -> NDArray[np.float64]:
     return np.stack([azimuth, np.sqrt(slant**2 - below**2), height], axis=2)
 
 
-def focused(one: Collection, signal: NDArray[np.complex64], made: Forward) -> NDArray[np.complex64]:
+def focused(one: Collection, signal: Signal, made: Forward, folder: Path | None = None) -> NDArray[np.complex64]:
     """Complex looks of a pass, focused from a raw signal on the pixels of the fast image.
 
     Parameters
     ----------
     one : Collection
         Collection.
-    signal : ndarray of complex64, shape (pulses, samples)
-        Raw signal.
+    signal : ndarray of complex64, shape (pulses, samples), or RawSignal
+        Raw signal before the converter.
     made : Forward
         Forward run of the pass.
+    folder : path, optional
+        Folder in which finished strips of the image are kept.
 
     Returns
     -------
@@ -184,17 +196,30 @@ def focused(one: Collection, signal: NDArray[np.complex64], made: Forward) -> ND
     place, radar = image_places(made), made.case.radar
     rows, columns = made.geometry.shape
     looks = np.empty((one.looks, rows, columns), np.complex64)
-    sine = 0.25 * one.band * one.wavelength_m
     for first in range(0, columns, _STRIP):
         part = place[:, first : first + _STRIP]
-        reach = 1.02 * one.reach_m(float(np.hypot(part[..., 1], one.track_m[0, 2] - part[..., 2]).max()), sine) + 2.0
-        a, b = np.searchsorted(one.track_m[:, 0], [part[0, 0, 0] - reach, part[0, -1, 0] + reach])
-        some = one.pulses(a, b)
-        found = backprojected(some, range_profiles(some, signal[a:b]), part.reshape(-1, 3))
-        looks[:, :, first : first + _STRIP] = found.reshape(one.looks, rows, -1)
+
+        def strip(part: NDArray[np.float64] = part) -> NDArray[np.complex64]:
+            if made.case.signals.focusing == "backprojection":
+                return backprojected(one, signal, part.reshape(-1, 3)).reshape(one.looks, *part.shape[:2])
+            slant = np.hypot(part[:, 0, 1], one.track_m[0, 2] - part[:, 0, 2])
+            ends = pulses_of(one, part.reshape(-1, 3))
+            some = slice(int(ends[0].min()), int(ends[1].max()))
+            raw = converted(signal[some], one.bits)
+            return omega_k(one.pulses(some.start, some.stop), raw, part[0, :, 0], slant)
+
+        done = strip() if folder is None else kept(folder / f"columns-{first}.npy", strip)
+        looks[:, :, first : first + _STRIP] = done
     level = of_sigma0(radar.radiometry, made.geometry.flat_incidence_deg)
     level /= cell_area_m2(one, made.geometry.flat_incidence_deg)
     return looks * np.sqrt(level).astype(np.float32)[:, None]
+
+
+def check(case: Part, scene: Scene) -> None:
+    """Raise the errors of :func:`collection` and of the way of focusing, before anything is simulated."""
+    collection(case, scene)
+    if case.signals.focusing == "omega_k":
+        check_omega_k(case)
 
 
 def write_focused(stem: Path, made: Forward) -> list[Path]:
@@ -214,13 +239,11 @@ def write_focused(stem: Path, made: Forward) -> list[Path]:
     """
     from PIL import Image
 
-    one = collection(made.case, made.scene)
-    found = scatterers(made.case, made.scene, made.seed, one.facet_m)
-    blocks = [converted(block, one.bits) for block in raw_signal(one, found, made.seed)]
-    looks = focused(one, np.concatenate(blocks), made)
+    with signal_of(stem, made) as signal:
+        looks = focused(signal.one, signal, made, signal.folder)
     paths = [stem.with_suffix(suffix) for suffix in (".h5", ".png")]
     phases = "of the range to the scatterers, -4 pi R / wavelength, relative to the back-projected pixel; speckle alike"
-    write_complex(paths[0], made, "focused", looks, one.looks, phases)
+    write_complex(paths[0], made, "focused", looks, len(looks), phases)
     level = np.log10(np.maximum(np.mean(np.abs(looks) ** 2, axis=0), np.finfo(np.float32).tiny))
     black, white = np.quantile(level, [0.01, 0.99])
     gray = np.clip((level - black) / max(white - black, 1e-6) * 255.0, 0.0, 255.0).astype(np.uint8)

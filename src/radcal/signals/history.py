@@ -12,7 +12,6 @@ semicircle' kernel", SIAM J. Sci. Comput. 41 (2019).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
@@ -28,11 +27,13 @@ from radcal.speckle.gaussian import gaussian_row, seed_words
 
 TAPS = 6
 """Cells of the grid over which an impulse is spread; the error of the sum is then below 1e-5 of its rms."""
-_DEGREE = 7  # of the polynomials that stand for the kernel between cells
+_PARTS = 512  # of a cell, between which the kernel is interpolated
 _SHAPE = 2.30 * TAPS  # of the kernel, for a grid of twice the number of frequencies
-_BLOCK = 64  # pulses at once: the same for any number of threads, so that all sums have the same bits
+BLOCK = 64
+"""Pulses at once: the same for any number of threads, so that all sums have the same bits."""
 _LOAD = 5.0  # full scale of the converter, in rms of I or Q: 6e-7 of the values of a Gaussian signal are clipped
-_BEAM = 4096  # intervals of the table of the beam
+BEAM = 4096
+"""Intervals of the table of the beam, from null to null."""
 
 _F = np.float32
 # sin and cos of up to an eighth of a turn (Moshier, Cephes library, single precision, 1992)
@@ -56,20 +57,9 @@ def turned(turns: Any) -> Any:
     return (-cosine, -sine) if quadrant & 2 else (cosine, sine)
 
 
-@njit(inline="always")
-def tap_values(offset: Any, coefficients: Any, taps: Any) -> None:
-    """Values of the kernel at the cells around a place at ``offset`` (0 to 1) behind a cell, written to ``taps``."""
-    s = _F(2.0 * offset - 1.0)
-    for j in range(TAPS):
-        taps[j] = coefficients[_DEGREE, j]
-    for d in range(_DEGREE - 1, -1, -1):
-        for j in range(TAPS):
-            taps[j] = taps[j] * s + coefficients[d, j]
-
-
 @cache
 def grid_kernel(samples: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Kernel of the grid of a number of frequencies.
+    """Kernel of the grid of a number of frequencies, as a table.
 
     Parameters
     ----------
@@ -78,41 +68,50 @@ def grid_kernel(samples: int) -> tuple[NDArray[np.float32], NDArray[np.float64]]
 
     Returns
     -------
-    coefficients : ndarray of float32, shape (degree + 1, TAPS)
-        Polynomial of each tap in the place between two cells, -1 to 1.
+    table : ndarray of float32, shape (parts + 1, TAPS)
+        Values of the kernel at the cells around a place, by the place's distance from the cell before it.
     transform : ndarray, shape (cells,)
         Fourier transform of the kernel at the frequencies of an FFT of the grid.
     """
     cells = scipy.fft.next_fast_len(2 * samples)
-    place = 0.5 + 0.5 * np.cos(np.pi * (np.arange(40) + 0.5) / 40)
-    away = (np.arange(TAPS)[:, None] - TAPS / 2 + 1.0 - place) * 2.0 / TAPS
-    values = np.exp(_SHAPE * (np.sqrt(np.maximum(1.0 - away**2, 0.0)) - 1.0))
-    coefficients = np.polynomial.polynomial.polyfit(2.0 * place - 1.0, values.T, _DEGREE)
+    place = np.arange(_PARTS + 1)[:, None] / _PARTS
+    away = (np.arange(TAPS) - TAPS / 2 + 1.0 - place) * 2.0 / TAPS
+    table = np.exp(_SHAPE * (np.sqrt(np.maximum(1.0 - away**2, 0.0)) - 1.0)).astype(np.float32)
     nodes, weights = np.polynomial.legendre.leggauss(200)
     kernel = np.exp(_SHAPE * (np.sqrt(1.0 - nodes**2) - 1.0)) * weights * TAPS / 2.0
     turns = np.multiply.outer(np.fft.fftfreq(cells), 0.5 * TAPS * nodes)
-    return np.ascontiguousarray(coefficients, np.float32), np.cos(2.0 * np.pi * turns) @ kernel
+    return table, np.cos(2.0 * np.pi * turns) @ kernel
+
+
+@njit(inline="always")
+def cell_before(cells: Any, n: Any) -> Any:
+    """First cell of the kernel around a place in a grid of ``n`` cells, and row and share of its place in the table."""
+    below = np.floor(cells)
+    at = (cells - below) * _PARTS
+    row = int(at)
+    return (int(below) - TAPS // 2 + 1) % n, row, _F(at - row)
 
 
 @threaded
 def _spread(
-    part: Any, place: Any, amplitude: Any, first: Any, last: Any, track: Any, distance: Any, middle: Any, turns: Any,
-    cells: Any, beam: Any, widest: Any, coefficients: Any, grid: Any,
+    part: Any, place: Any, amplitude: Any, first: Any, last: Any, track: Any, aim: Any, distance: Any, middle: Any,
+    turns: Any, cells: Any, beam: Any, widest: Any, table: Any, grid: Any,
 ) -> None:  # fmt: skip
     """Add the echoes of the scatterers that each pulse sees to the pulse's cells of range; real and imaginary parts.
 
-    ``turns`` and ``cells`` are the turns of the carrier's phase and the cells of the grid per metre of slant range.
+    ``turns`` and ``cells`` are the turns of the carrier's phase and the cells of the grid per metre of slant range. The
+    last cells of the grid, as many as the kernel has, stand for its first ones.
     """
-    n, narrow = grid.shape[1], 0.5 * _BEAM / widest
-    taps = np.empty(TAPS, np.float32)
+    n, narrow = grid.shape[1] - TAPS, 0.5 * BEAM / widest
     for p in range(part[0], part[1]):
+        line = grid[p]
         for i in range(first[p], last[p]):
             x, y, z = place[i, 0] - track[p, 0], place[i, 1] - track[p, 1], place[i, 2] - track[p, 2]
             slant = np.sqrt(x * x + y * y + z * z)
             inverse = 1.0 / slant
-            at = x * inverse * narrow + 0.5 * _BEAM
+            at = (x * inverse - aim[p]) * narrow + 0.5 * BEAM
             k = int(at)
-            if at <= 0.0 or k >= _BEAM:
+            if at <= 0.0 or k >= BEAM:
                 continue
             loss = middle * inverse
             gain = _F(loss * loss) * (beam[k] + _F(at - k) * (beam[k + 1] - beam[k]))
@@ -120,18 +119,19 @@ def _spread(
             cosine, sine = turned(-turns * away)
             real, imaginary = gain * amplitude[i].real, gain * amplitude[i].imag
             real, imaginary = real * cosine - imaginary * sine, real * sine + imaginary * cosine
-            q = away * cells
-            below = int(np.floor(q))
-            tap_values(q - below, coefficients, taps)
-            below -= TAPS // 2 - 1
-            while below < 0:
-                below += n
-            while below >= n:
-                below -= n
+            below, row, share = cell_before(away * cells, n)
             for j in range(TAPS):
-                cell = below + j if below + j < n else below + j - n
-                grid[p, cell, 0] += taps[j] * real
-                grid[p, cell, 1] += taps[j] * imaginary
+                tap = table[row, j] + share * (table[row + 1, j] - table[row, j])
+                line[below + j, 0] += tap * real
+                line[below + j, 1] += tap * imaginary
+
+
+def beam_table(one: Collection) -> tuple[NDArray[np.float32], float]:
+    """Two-way amplitude of the beam at even sines around its middle, from null to null, and the sine of its null."""
+    widest = one.wavelength_m / one.antenna_m
+    return pattern(np.linspace(-1.0, 1.0, BEAM + 1) * widest, one.antenna_m, one.wavelength_m).astype(
+        np.float32
+    ), widest
 
 
 def echoes(one: Collection, found: Scatterers, first: int, last: int) -> NDArray[np.complex64]:
@@ -152,21 +152,23 @@ def echoes(one: Collection, found: Scatterers, first: int, last: int) -> NDArray
         Sum over the scatterers of the amplitude, times the two-way beam, times (``range_m`` / R)^2, with the phase
         -4 pi f (R - R_0) / c, where R_0 is the distance to the pulse's reference point [m].
     """
-    coefficients, transform = grid_kernel(one.samples)
+    table, transform = grid_kernel(one.samples)
     pulses, n = slice(first, last), transform.size
-    widest = one.wavelength_m / one.antenna_m
-    track = one.track_m[pulses]
-    farthest = np.abs(found.place_m - one.track_m[0]).max(axis=0)[1:] if len(found.place_m) else np.zeros(2)
-    reach = 1.01 * one.reach_m(float(np.hypot(*farthest)), widest) + 1.0
-    beam = pattern(np.linspace(-1.0, 1.0, _BEAM + 1) * widest, one.antenna_m, one.wavelength_m).astype(np.float32)
-    grid = np.zeros((last - first, n, 2), np.float32)
+    track, (beam, widest) = one.track_m[pulses], beam_table(one)
+    across = np.abs(found.place_m[:, 1:] - one.track_m[0, 1:]) if len(found.place_m) else np.zeros((1, 2))
+    away = (0.99 * float(np.hypot(*across.min(axis=0))), 1.01 * float(np.hypot(*across.max(axis=0))))
+    behind, ahead = one.places_m(*away, 2.0 * widest)
+    grid = np.zeros((last - first, n + TAPS, 2), np.float32)
     _spread(
-        last - first, found.place_m, found.amplitude, np.searchsorted(found.place_m[:, 0], track[:, 0] - reach),
-        np.searchsorted(found.place_m[:, 0], track[:, 0] + reach), track, one.distance_m[pulses], one.range_m,
-        2.0 * one.carrier_hz / LIGHT_MPS, 2.0 * one.step_hz / LIGHT_MPS * n, beam, widest, coefficients, grid,
+        last - first, found.place_m, found.amplitude,
+        np.searchsorted(found.place_m[:, 0], track[:, 0] + behind - 1.0),
+        np.searchsorted(found.place_m[:, 0], track[:, 0] + ahead + 1.0), track, one.aim[pulses],
+        one.distance_m[pulses], one.range_m, 2.0 * one.carrier_hz / LIGHT_MPS, 2.0 * one.step_hz / LIGHT_MPS * n, beam,
+        widest, table, grid,
     )  # fmt: skip
+    grid[:, :TAPS] += grid[:, n:]
     below = one.samples // 2  # frequencies below the middle, which an FFT has at its end
-    spectrum = scipy.fft.fft(grid.view(np.complex64)[..., 0], axis=1, overwrite_x=True) / transform.astype(np.float32)
+    spectrum = scipy.fft.fft(grid.view(np.complex64)[:, :n, 0], axis=1) / transform.astype(np.float32)
     return np.concatenate([spectrum[:, n - below :], spectrum[:, : one.samples - below]], axis=1)
 
 
@@ -213,8 +215,8 @@ def converted(signal: NDArray[np.complex64], bits: int | None) -> NDArray[np.com
     return np.asarray((numbers * scale[:, None, None]).astype(np.float32).view(np.complex64)[..., 0])
 
 
-def raw_signal(one: Collection, found: Scatterers, seed: int) -> Iterator[NDArray[np.complex64]]:
-    """Raw signal of a collection in blocks of pulses, with noise, before the converter.
+def raw_block(one: Collection, found: Scatterers, seed: int, number: int) -> NDArray[np.complex64]:
+    """Raw signal of one block of pulses, with noise, before the converter.
 
     Parameters
     ----------
@@ -224,15 +226,16 @@ def raw_signal(one: Collection, found: Scatterers, seed: int) -> Iterator[NDArra
         Scatterers.
     seed : int
         Noise seed.
+    number : int
+        Number of the block, of ``BLOCK`` pulses.
 
-    Yields
-    ------
+    Returns
+    -------
     ndarray of complex64, shape (pulses, samples)
         Signal [m]; its bits do not depend on the number of threads.
     """
-    for first in range(0, len(one.track_m), _BLOCK):
-        last = min(first + _BLOCK, len(one.track_m))
-        signal = echoes(one, found, first, last)
-        if one.noise_m2 > 0.0:
-            signal += _noise(one, seed, first, last)
-        yield signal
+    first, last = number * BLOCK, min((number + 1) * BLOCK, len(one.track_m))
+    signal = echoes(one, found, first, last)
+    if one.noise_m2 > 0.0:
+        signal += _noise(one, seed, first, last)
+    return signal

@@ -1,4 +1,4 @@
-"""Stripmap collection: where the radar is at each pulse, its frequencies, its beam and its noise."""
+"""Collection: where the radar is at each pulse, where its beam points, its frequencies and its noise."""
 
 from __future__ import annotations
 
@@ -23,21 +23,22 @@ from radcal.speckle.response import taylor_weights
 LIGHT_MPS = 299_792_458.0
 _NOISE_W_PER_HZ = 1.380649e-23 * 290.0  # thermal noise at the standard temperature of noise figures
 _GUARD = 1.1  # ratio of the pulse rate to the least one, and of the window of slant range to the swath
-_LONGEST = 3.2  # largest product of antenna and processed band, at whose edges the beam is 25 dB down; 4 at its nulls
+_LONGEST = 0.8  # largest place in the beam, from its middle to its null, of what is focused; it is 25 dB down there
+_WIDEST = 0.9  # largest sine of an angle from zero Doppler
 
 Doubles = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Collection:
-    """Pulses, frequencies, beam and noise of a stripmap collection.
+    """Pulses, frequencies, beam and noise of a collection.
 
     Attributes
     ----------
     track_m : ndarray, shape (pulses, 3)
         Position of the antenna at each pulse [m].
     reference_m : ndarray, shape (pulses, 3)
-        Ground point at each pulse whose echo has the phase 0: in the middle of the swath, at zero Doppler [m].
+        Ground point at each pulse whose echo has the phase 0: in the middle of the swath, where the beam points [m].
     prf_hz, speed_mps : float
         Pulse rate and speed of the platform.
     carrier_hz, step_hz : float
@@ -51,11 +52,15 @@ class Collection:
     looks : int
         Number of looks, which are equal parts of the processed band.
     range_m : float
-        Slant range in the middle of the swath at which amplitudes are the square root of the cross-section [m].
+        Distance to the middle of the swath, at which amplitudes are the square root of the cross-section [m].
     noise_m2 : float
         Mean power of the noise in a sample, as the cross-section with this power at ``range_m`` [m2].
     bits : int or None
         Bits of the analogue-to-digital conversion of each real number; None for none.
+    middle_sine : float
+        Sine of the angle from zero Doppler in the middle of the processed band, positive ahead.
+    spot_m : ndarray, shape (3,), or None
+        Place to which the beam points at all pulses (spotlight); None for a beam of constant direction (stripmap).
     """
 
     track_m: Doubles
@@ -71,6 +76,8 @@ class Collection:
     range_m: float
     noise_m2: float
     bits: int | None = None
+    middle_sine: float = 0.0
+    spot_m: Doubles | None = None
 
     @property
     def wavelength_m(self) -> float:
@@ -92,6 +99,19 @@ class Collection:
         """Distance from the antenna to the reference point of each pulse, shape (pulses,)."""
         return np.asarray(np.linalg.norm(self.track_m - self.reference_m, axis=1))
 
+    @cached_property
+    def aim(self) -> Doubles:
+        """Sine of the angle from zero Doppler at which the beam points, shape (pulses,)."""
+        if self.spot_m is None:
+            return np.full(len(self.track_m), self.middle_sine)
+        line = self.spot_m - self.track_m
+        return np.asarray(line[:, 0] / np.linalg.norm(line, axis=1))
+
+    @property
+    def sines(self) -> float:
+        """Width of the processed band, in sines of the angle from zero Doppler."""
+        return 0.5 * self.band * self.wavelength_m
+
     @property
     def facet_m(self) -> float:
         """Largest length of a facet along the track: looks are independent only if they resolve no facet."""
@@ -101,9 +121,30 @@ class Collection:
         """Collection of the pulses from ``first`` to ``last - 1`` alone."""
         return replace(self, track_m=self.track_m[first:last], reference_m=self.reference_m[first:last])
 
-    def reach_m(self, slant_m: float, sine: float) -> float:
-        """Distance along the track over which a place is seen at angles from zero Doppler up to a sine [m]."""
-        return slant_m * sine / math.sqrt(1.0 - sine**2)
+    def places_m(self, near_m: float, far_m: float, sines: float) -> tuple[float, float]:
+        """Places along the track, relative to the antenna, that are seen in a band of sines around the beam's middle.
+
+        Parameters
+        ----------
+        near_m, far_m : float
+            Least and largest slant range at zero Doppler [m].
+        sines : float
+            Width of the band.
+
+        Returns
+        -------
+        first, last : float
+            Place farthest behind, and farthest ahead [m]; without bounds if the beam follows a place.
+        """
+        if self.spot_m is not None:
+            return -math.inf, math.inf
+        low, high = (tangent(self.middle_sine + side * sines) for side in (-0.5, 0.5))
+        return min(low * near_m, low * far_m), max(high * near_m, high * far_m)
+
+
+def tangent(sine: float) -> float:
+    """Tangent of an angle by its sine."""
+    return sine / math.sqrt(1.0 - sine**2)
 
 
 def pattern(sine: Doubles, antenna_m: float, wavelength_m: float) -> Doubles:
@@ -140,10 +181,12 @@ def azimuth_weights(one: Collection, size: int = 4096) -> tuple[Doubles, Doubles
     Returns
     -------
     weights, beam : ndarray, shape (size,)
-        Weights of mean 1, and two-way amplitude of the beam.
+        Weights of mean 1, and two-way amplitude of the beam on a place in the middle of the scene.
     """
     place = (np.arange(size) + 0.5) / size
-    beam = pattern((place - 0.5) * one.band * one.wavelength_m / 2.0, one.antenna_m, one.wavelength_m)
+    beam = np.ones(size)
+    if one.spot_m is None:
+        beam = pattern((place - 0.5) * one.sines, one.antenna_m, one.wavelength_m)
     return taylor_weights(place * one.looks % 1.0 - 0.5), beam
 
 
@@ -155,7 +198,7 @@ def nesz(one: Collection, slant_m: float, incidence_deg: float) -> float:
     one : Collection
         Collection.
     slant_m : float
-        Slant range [m].
+        Slant range at zero Doppler [m].
     incidence_deg : float
         Incidence on level ground there [deg].
 
@@ -166,10 +209,10 @@ def nesz(one: Collection, slant_m: float, incidence_deg: float) -> float:
         division by the beam raises the noise alone.
     """
     weights, beam = azimuth_weights(one)
-    loss = np.mean((weights / beam) ** 2) / np.mean(weights**2)
-    pulses = 0.5 * one.band * one.wavelength_m * slant_m * one.prf_hz / one.speed_mps
-    cells = 2.0 * one.samples * one.step_hz / LIGHT_MPS * one.band * np.sin(np.radians(incidence_deg))
-    return float(one.noise_m2 * (slant_m / one.range_m) ** 4 * loss * cells / (pulses * one.samples))
+    loss, cosine = np.mean((weights / beam) ** 2) / np.mean(weights**2), math.sqrt(1.0 - one.middle_sine**2)
+    pulses = one.sines * slant_m / cosine**3 * one.prf_hz / one.speed_mps
+    cells = 2.0 * one.samples * one.step_hz / LIGHT_MPS * one.band / cosine * np.sin(np.radians(incidence_deg))
+    return float(one.noise_m2 * (slant_m / cosine / one.range_m) ** 4 * loss * cells / (pulses * one.samples))
 
 
 def collection(case: Part, scene: Scene) -> Collection:
@@ -192,52 +235,42 @@ def collection(case: Part, scene: Scene) -> Collection:
         raise ConfigError("scene.source: the scene has no elevation, expected one with elevation for raw signals.")
     if radar.earth != "flat":
         raise ConfigError(f"radar.earth is {radar.earth}, expected flat for raw signals.")
-    looks, carrier = math.ceil(radar.looks), carrier_hz(radar)
-    wavelength, band = LIGHT_MPS / carrier, math.ceil(radar.looks) * WIDTH_FACTOR / radar.azimuth_resolution_m
-    antenna = signals.antenna_m or 2.0 / band
-    if antenna * band > _LONGEST:
-        raise ConfigError(
-            f"signals.antenna_m is {antenna:g}, whose beam is too narrow for radar.looks {radar.looks:g} of "
-            f"radar.azimuth_resolution_m {radar.azimuth_resolution_m:g}, expected at most {_LONGEST / band:.3g}."
-        )
-    least_hz = signals.speed_mps * (0.5 * band + 2.0 / antenna)
-    prf = signals.prf_hz or _GUARD * least_hz
-    if prf < least_hz:
-        raise ConfigError(
-            f"signals.prf_hz is {prf:g}, below the band of the beam that folds into the image, expected at least "
-            f"{math.ceil(least_hz)} at signals.speed_mps {signals.speed_mps:g}."
-        )
-    seen, (lines, cells) = line_of_sight(radar), scene.elevation_m.shape
-    mean, half = float(scene.elevation_m.mean()), 0.5 * cells * scene.cell_m
-    height = 0.0 if scene.objects is None else float(scene.objects.height_m.max(initial=0.0))
-    top, bottom = float(scene.elevation_m.max()) + height, float(scene.elevation_m.min())
-    near = math.hypot(seen.height_m + mean - top, seen.ground_m - half)
-    far = math.hypot(seen.height_m + mean - bottom, seen.ground_m + half)
-    if far - near > LIGHT_MPS / (2.0 * prf):
-        raise ConfigError(
-            f"signals.prf_hz is {prf:g}: the swath of {far - near:.0f} m in slant range is beyond the unambiguous "
-            f"range of {LIGHT_MPS / (2.0 * prf):.0f} m, expected at most {LIGHT_MPS / (2.0 * (far - near)):.0f}."
-        )
-    middle = math.hypot(seen.height_m, seen.ground_m)
-    outermost = wavelength / antenna
-    around = max(middle - near, far / math.sqrt(1.0 - outermost**2) - middle) + 5.0 * signals.motion_m
-    around = _GUARD * around + 8.0 * radar.range_resolution_m
+    looks, carrier, ground = math.ceil(radar.looks), carrier_hz(radar), _swath(radar, scene)
+    wavelength, band = LIGHT_MPS / carrier, looks * WIDTH_FACTOR / radar.azimuth_resolution_m
+    squint, spotlight = math.sin(math.radians(signals.squint_deg)), signals.mode == "spotlight"
+    cosine, length = math.sqrt(1.0 - squint**2), ground.length_m
+    antenna, prf = _antenna_and_prf(case, ground, wavelength, 0.25 * band * wavelength)
+    spacing, ends = signals.speed_mps / prf, [tangent(squint + side * 0.25 * band * wavelength) for side in (-1, 1)]
+    ranges = (ground.middle_m,) if spotlight else (ground.near_m, ground.far_m)
+    first, last = (0.5 * length, 0.5 * length) if spotlight else (0.0, length)
+    along = np.arange(
+        first - max(r * ends[1] for r in ranges), last - min(r * ends[0] for r in ranges) + spacing, spacing
+    )
+    track = np.stack([along, np.zeros_like(along), np.full_like(along, ground.track_m)], axis=1)
+    aimed = np.full_like(along, 0.5 * length) if spotlight else along + ground.middle_m * tangent(squint)
+    reference = np.stack([aimed, np.full_like(along, ground.across_m), np.full_like(along, ground.mean_m)], axis=1)
+    distance = np.linalg.norm(track - reference, axis=1)
+    if spotlight:
+        places = np.linspace(0.0, length, 9)[:, None] - along
+        away = np.array([np.hypot(places, r) - distance for r in (ground.near_m, ground.far_m)])
+    else:
+        wide = wavelength / antenna
+        least, most = max(abs(squint) - wide, 0.0), abs(squint) + wide
+        away = np.array([ground.near_m / math.sqrt(1.0 - least**2), ground.far_m / math.sqrt(1.0 - most**2)])
+        away -= distance[0]
+    track[:, 1:] += _motion(along.size, signals.motion_m, signals.motion_length_m / spacing, case.seed)
+    around = _GUARD * (np.abs(away).max() + 5.0 * signals.motion_m) + 8.0 * radar.range_resolution_m
     bandwidth = 0.5 * LIGHT_MPS * WIDTH_FACTOR / radar.range_resolution_m
     samples = math.ceil(4.0 * around * bandwidth / LIGHT_MPS)
-    reach = far * 0.25 * band * wavelength / math.sqrt(1.0 - (0.25 * band * wavelength) ** 2)
-    spacing = signals.speed_mps / prf
-    along = np.arange(-reach, lines * scene.cell_m + reach + spacing, spacing)
-    track = np.stack([along, np.zeros_like(along), np.full_like(along, mean + seen.height_m)], axis=1)
-    reference = np.stack([along, np.full_like(along, seen.ground_m), np.full_like(along, mean)], axis=1)
-    track[:, 1:] += _motion(along.size, signals.motion_m, signals.motion_length_m / spacing, case.seed)
+    middle = ground.middle_m / cosine
     one = Collection(
         track, reference, prf, signals.speed_mps, carrier, bandwidth / samples, samples, antenna, band, looks, middle,
-        1.0, signals.bits,
+        1.0, signals.bits, squint, reference[0] if spotlight else None,
     )  # fmt: skip
     if signals.power_w is None:
         incidence = 90.0 - radar.depression_deg
         floor = noise_floor_db(radar.model_copy(update={"radiometry": "sigma0_ref"}), incidence)
-        return replace(one, noise_m2=10.0 ** (float(floor) / 10.0) / nesz(one, middle, incidence))
+        return replace(one, noise_m2=10.0 ** (float(floor) / 10.0) / nesz(one, ground.middle_m, incidence))
     density = _NOISE_W_PER_HZ * 10.0 ** (signals.noise_figure_db / 10.0)
     # power of the echo of 1 m2 at the middle of the swath, times the length of the pulse: its energy
     gain = 10.0 ** (signals.gain_db / 10.0)
@@ -245,9 +278,65 @@ def collection(case: Part, scene: Scene) -> Collection:
     return replace(one, noise_m2=density * samples / energy)
 
 
-def check(case: Part, scene: Scene) -> None:
-    """Raise the errors of :func:`collection`, before anything is simulated."""
-    collection(case, scene)
+@dataclass(frozen=True)
+class _Swath:
+    """Slant ranges of a scene at zero Doppler, its height and the track's, its ground range and its length [m]."""
+
+    near_m: float
+    middle_m: float
+    far_m: float
+    mean_m: float
+    track_m: float
+    across_m: float
+    length_m: float
+
+
+def _swath(radar: Radar, scene: Scene) -> _Swath:
+    assert scene.elevation_m is not None  # noqa: S101 - collection() has refused it
+    seen, (lines, cells) = line_of_sight(radar), scene.elevation_m.shape
+    mean, half = float(scene.elevation_m.mean()), 0.5 * cells * scene.cell_m
+    height = 0.0 if scene.objects is None else float(scene.objects.height_m.max(initial=0.0))
+    top, bottom = float(scene.elevation_m.max()) + height, float(scene.elevation_m.min())
+    near = math.hypot(seen.height_m + mean - top, seen.ground_m - half)
+    far = math.hypot(seen.height_m + mean - bottom, seen.ground_m + half)
+    middle = math.hypot(seen.height_m, seen.ground_m)
+    return _Swath(near, middle, far, mean, mean + seen.height_m, seen.ground_m, lines * scene.cell_m)
+
+
+def _antenna_and_prf(case: Part, ground: _Swath, wavelength: float, half: float) -> tuple[float, float]:
+    """Length of the antenna [m] and pulse rate [Hz] for a band of ``half`` in sines to either side of its middle."""
+    signals, squint = case.signals, math.sin(math.radians(case.signals.squint_deg))
+    edge, what = half, "radar.looks and radar.azimuth_resolution_m"
+    if signals.mode == "spotlight":  # the beam holds the scene, whose corners are the farthest from its middle
+        along = ground.middle_m * tangent(squint) + np.array([[-0.5], [0.5]]) * ground.length_m
+        edge = float(np.abs(along / np.hypot(along, [ground.near_m, ground.far_m]) - squint).max())
+        what = "the scene"
+    antenna = signals.antenna_m or 0.5 * wavelength / edge
+    if antenna * edge > _LONGEST * wavelength:
+        raise ConfigError(
+            f"signals.antenna_m is {antenna:g}, whose beam is too narrow for {what}, expected at most "
+            f"{_LONGEST * wavelength / edge:.3g}."
+        )
+    widest = abs(squint) + max(half, wavelength / antenna)
+    if widest > _WIDEST:
+        raise ConfigError(
+            f"signals.squint_deg is {signals.squint_deg:g}: the sine of the largest angle from zero Doppler in band "
+            f"and beam is {widest:.2f}, expected at most {_WIDEST:g}."
+        )
+    least_hz = 2.0 * signals.speed_mps * (edge / wavelength + 1.0 / antenna)
+    prf = signals.prf_hz or _GUARD * least_hz
+    if prf < least_hz:
+        raise ConfigError(
+            f"signals.prf_hz is {prf:g}, below the band of the beam that folds into the image, expected at least "
+            f"{math.ceil(least_hz)} at signals.speed_mps {signals.speed_mps:g}."
+        )
+    swath = (ground.far_m - ground.near_m) / math.sqrt(1.0 - squint**2)
+    if swath > LIGHT_MPS / (2.0 * prf):
+        raise ConfigError(
+            f"signals.prf_hz is {prf:g}: the swath of {swath:.0f} m in slant range is beyond the unambiguous "
+            f"range of {LIGHT_MPS / (2.0 * prf):.0f} m, expected at most {LIGHT_MPS / (2.0 * swath):.0f}."
+        )
+    return antenna, prf
 
 
 def _motion(pulses: int, rms_m: float, length: float, seed: int) -> Doubles:

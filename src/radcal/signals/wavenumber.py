@@ -1,0 +1,96 @@
+"""Focusing in the domain of wavenumbers (omega-k), for straight tracks."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from radcal.config.part import Part
+from radcal.errors import ConfigError
+from radcal.signals.platform import LIGHT_MPS, Collection, azimuth_weights, pattern
+from radcal.speckle.response import taylor_weights
+
+_ERROR = 1e-6  # relative error of the Fourier transform at uneven wavenumbers
+
+
+def check_omega_k(case: Part) -> None:
+    """Raise an error if a pass cannot be focused by :func:`omega_k`, or if its package is missing."""
+    signals = case.signals
+    if signals.mode != "stripmap" or signals.motion_m > 0.0:
+        key = "mode is spotlight" if signals.mode != "stripmap" else f"motion_m is {signals.motion_m:g}"
+        raise ConfigError(
+            f"signals.focusing is omega_k and signals.{key}: omega-k is for a straight track with a beam of constant "
+            "direction, expected backprojection."
+        )
+    if find_spec("finufft") is None:
+        raise ConfigError(
+            "signals.focusing is omega_k, which needs the package finufft: install radcal[signals], or choose "
+            "backprojection."
+        )
+
+
+def omega_k(
+    one: Collection, signal: NDArray[np.complex64], azimuth_m: NDArray[np.float64], slant_m: NDArray[np.float64]
+) -> NDArray[np.complex64]:
+    """Complex looks on an even grid of azimuth and slant range.
+
+    Parameters
+    ----------
+    one : Collection
+        Collection with a straight track and a beam of constant direction.
+    signal : ndarray of complex64, shape (pulses, samples)
+        Raw signal.
+    azimuth_m, slant_m : ndarray, shape (columns,) and (rows,)
+        Azimuth, and slant range at zero Doppler, both evenly spaced [m].
+
+    Returns
+    -------
+    ndarray of complex64, shape (looks, rows, columns)
+        Amplitude: a point scatterer has at its place its own amplitude, with its phase [m]. Weights and beam belong
+        to frequencies, not to pulses as in back-projection, so that they are right for any time-bandwidth product.
+
+    Notes
+    -----
+    A point of range r has the spectrum exp(-i (k_x x + k_r r)) along the track with k_r^2 = k^2 - k_x^2, times the
+    constants of the stationary phase, the square root of 2 pi r / (k cos^3) and -45 degrees. The image is the sum over
+    all k_x and k at uneven k_r: the adjoint of a nonuniform Fourier transform.
+
+    References
+    ----------
+    Cumming and Wong, "Digital Processing of Synthetic Aperture Radar Data" (2005), chapter 8.
+    """
+    import finufft
+
+    spacing = float(one.track_m[1, 0] - one.track_m[0, 0])
+    wave = 4.0 * np.pi / LIGHT_MPS * one.frequency_hz
+    along = 2.0 * np.pi * np.fft.fftfreq(len(signal), spacing)[:, None]
+    period = 2.0 * np.pi / spacing
+    along = along + period * np.round((wave * one.middle_sine - along) / period)
+    away = along / wave - one.middle_sine
+    azimuth, _ = azimuth_weights(one)
+    part = np.floor((away / one.sines + 0.5) * azimuth.size).astype(np.int64)
+    spectrum = scipy.fft.fft(signal, axis=0)
+    down = taylor_weights((np.arange(one.samples) + 0.5) / one.samples - 0.5)
+    rows, columns = slant_m.size, azimuth_m.size
+    steps = [(places[-1] - places[0]) / max(places.size - 1, 1) for places in (azimuth_m, slant_m)]
+    looks = np.empty((one.looks, rows, columns), np.complex64)
+    for look in range(one.looks):
+        chosen = (part >= 0) & (part < azimuth.size) & (part * one.looks // azimuth.size == look)
+        pulse, sample = np.nonzero(chosen)
+        k, k_x = wave[sample], along[pulse, sample]
+        weights = azimuth[part[pulse, sample]] * down[sample]
+        k_r = np.sqrt(k**2 - k_x**2)
+        cosine = k_r / k
+        beam = pattern(away[pulse, sample], one.antenna_m, one.wavelength_m)
+        gain = weights / weights.sum() / beam * np.sqrt(k / (2.0 * np.pi * cosine)) * spacing
+        phase = k_x * (azimuth_m[columns // 2] - one.track_m[0, 0]) + k_r * slant_m[rows // 2]
+        phase += 0.25 * np.pi - k * one.distance_m[0]
+        strengths = spectrum[pulse, sample] * gain * np.exp(1j * phase)
+        turns = [np.remainder(k_r * steps[1], 2.0 * np.pi), np.remainder(k_x * steps[0], 2.0 * np.pi)]
+        # one thread, so that sums have a fixed order
+        image = finufft.nufft2d1(*turns, strengths, (rows, columns), eps=_ERROR, isign=1, nthreads=1)
+        looks[look] = image * (slant_m**1.5 / one.range_m**2)[:, None]
+    return looks
