@@ -1,4 +1,4 @@
-"""Speed of the phase history against a plain sum, and levels of a focused image against the fast image.
+"""Speed of the phase history, point targets and looks, and levels of a focused image against the fast image.
 
     python benchmarks/signals.py [--quick]
 
@@ -7,7 +7,10 @@ frequencies; it is taken at fewer pulses. The time of 56 km2 (X band, slant rang
 1 m and of half a cell, all pulses in the main lobe of the beam) is by proportion. Levels are those of the default case
 at one look: mean power of each material in the focused image over the expectation of the fast image, its standard
 error (of as many independent pixels as the area of the response leaves), the autocorrelation of the amplitude on even
-ground, and its equivalent number of looks. Without ``--quick`` the mean is over four draws.
+ground, and its equivalent number of looks. Without ``--quick`` the mean is over four draws. Point targets are six in
+each case, from near to far and from start to end: largest error of place (cells of resolution), phase and amplitude.
+Looks are four of even ground on facets of the default case: largest correlation between two, and equivalent number of
+looks of their mean.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ import argparse
 import json
 import os
 import time
+from dataclasses import replace
 from typing import Any
 
 os.environ["NUMBA_NUM_THREADS"] = "1"  # before numba is imported
@@ -27,12 +31,14 @@ from radcal.bands import WIDTH_FACTOR
 from radcal.compiled import njit
 from radcal.config import case_from
 from radcal.radar.projection import make_geometry
+from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
-from radcal.signals.focus import focused
+from radcal.signals.focus import backprojected, focused
 from radcal.signals.history import echoes
 from radcal.signals.platform import LIGHT_MPS, Collection, collection, pattern
 from radcal.signals.record import RawSignal
 from radcal.signals.scatterers import Scatterers, scatterers
+from radcal.signals.wavenumber import omega_k
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.forward import Forward
 from radcal.speckle.response import speckle_correlation
@@ -108,6 +114,81 @@ def speed(facets: int) -> dict[str, float]:
     }
 
 
+POINTS: dict[str, tuple[float, dict[str, Any], dict[str, Any]]] = {
+    "X band, 0.5 m": (0.5, {}, {}),
+    "X band, 0.5 m, omega-k": (0.5, {}, {"focusing": "omega_k"}),
+    "X band, 0.5 m, squint of 20 degrees": (0.5, {}, {"squint_deg": 20.0}),
+    "X band, 0.5 m, squint of 20 degrees, omega-k": (0.5, {}, {"squint_deg": 20.0, "focusing": "omega_k"}),
+    "X band, 0.3 m, spotlight": (0.3, {}, {"mode": "spotlight"}),
+    "L band, 0.75 m, bent track": (0.75, {"band": "L", "altitude_m": 6400.0}, {"motion_m": 1.0}),
+    "X band, 3.5 m": (3.5, {}, {}),
+    "X band, 3.5 m, omega-k": (3.5, {}, {"focusing": "omega_k"}),
+}
+
+
+def points() -> dict[str, dict[str, float]]:
+    """Largest errors of six point targets in each case."""
+    ground, found = np.ones((24, 24), np.uint8), {}
+    scene = Scene("flat", ("dyke",), ground, np.zeros(ground.shape), 5.0)
+    for name, (cell, radar, signals) in POINTS.items():
+        sizes = {f"{axis}_{what}_m": share * cell for axis in ("range", "azimuth")
+                 for what, share in (("resolution", 1.0), ("spacing", 0.5))}  # fmt: skip
+        one = collection(case_from({"radar": {"looks": 1, **sizes, **radar}, "signals": signals}).at_start, scene)
+        one = replace(one, noise_m2=0.0)
+        place = one.reference_m[0] + np.zeros((6, 3))
+        place[:, 0], place[:, 2] = [5.0, 115.0, 60.0, 30.0, 80.0, 100.0], [0.0, 8.0, -5.0, 15.0, 3.0, -9.0]
+        place[:, 1] += [-50.0, 50.0, 0.0, 30.0, -20.0, 10.0]
+        amplitude = np.exp(1j * np.arange(6.0)).astype(np.complex64)
+        signal = RawSignal(one, Scatterers.sorted(place, amplitude), 1)[:]
+        away, errors = np.arange(-1.0, 1.001, 0.05) * cell, []
+        for at, truth in zip(place, amplitude, strict=True):
+            peak, shift = 0.0j, []
+            for axis in (0, 1):
+                if signals.get("focusing"):
+                    slant = np.hypot(at[1], one.track_m[0, 2] - at[2])
+                    grid = (at[0] + away, np.array([slant])) if axis == 0 else (at[:1], slant + away)
+                    cut = omega_k(one, signal, *grid)[0].ravel()
+                else:
+                    line = at + np.zeros((away.size, 3))
+                    line[:, axis] += away
+                    cut = backprojected(one, signal, line)[0]
+                peak = cut[away.size // 2]
+                m = int(np.abs(cut[1:-1]).argmax()) + 1
+                a, b, c = np.abs(cut[m - 1 : m + 2]) ** 2
+                shift.append(away[m] / cell + 0.025 * (a - c) / (a - 2.0 * b + c))
+            degrees = np.degrees(np.angle(peak / truth))
+            errors.append([*np.abs(shift), abs(degrees), abs(20.0 * np.log10(abs(peak / truth)))])
+        names = ("azimuth_cells", "range_cells", "phase_deg", "amplitude_db")
+        found[name] = dict(zip(names, map(float, np.max(errors, axis=0)), strict=True))
+    return found
+
+
+def looks_of_even_ground(draws: int) -> dict[str, float]:
+    """Largest correlation between two of four looks, and equivalent number of looks of their mean."""
+    length, images = 400.0, []
+    ground = np.ones((int(length / 5.0), 12), np.uint8)
+    one = collection(case_from({}).at_start, Scene("flat", ("dyke",), ground, np.zeros(ground.shape), 5.0))
+    height, middle = one.track_m[0, 2], one.range_m
+    along, slant = np.arange(-60.0, length + 60.0, one.facet_m), middle + np.arange(-24.0, 24.0, 1.0)
+    image = np.arange(15.0, length - 15.0, 2.5), middle + np.arange(-18.0, 18.0, 1.5)
+    facets, pixels = (
+        np.stack([x.ravel(), np.sqrt(r.ravel() ** 2 - height**2), np.zeros(x.size)], axis=1)
+        for x, r in (np.meshgrid(along, slant, indexing="ij"), np.meshgrid(*image))
+    )
+    for seed in range(draws):
+        drawn = np.random.default_rng(seed).standard_normal((2, len(facets)))
+        signal = RawSignal(one, Scatterers(facets, (drawn[0] + 1j * drawn[1]).astype(np.complex64)), seed)[:]
+        images.append(backprojected(one, signal, pixels))
+    looks = np.concatenate(images, axis=1)
+    power = np.abs(looks) ** 2
+    correlation = np.abs(looks @ looks.conj().T) / power.mean() / looks.shape[1]
+    mean = power.mean(axis=0)
+    return {
+        "correlation": float((correlation - np.diag(np.diag(correlation))).max()),
+        "looks": float(mean.mean() ** 2 / mean.var()),
+    }
+
+
 def clutter(draws: int) -> dict[str, Any]:
     """Levels, autocorrelation and looks of the focused default case at one look."""
     case = case_from({"radar": {"looks": 1}})
@@ -116,11 +197,14 @@ def clutter(draws: int) -> dict[str, Any]:
     started = case.at_start
     simulator = BuiltinSimulator(geometry, case.radar, started.laws)
     expected = 10.0 ** (simulator.expected(started.start_parameters) / 10.0)
-    one, looks = collection(started, scene), []
+    one, looks, others = collection(started, scene), [], []
+    other = case_from({"radar": {"looks": 1}, "signals": {"focusing": "omega_k"}}).at_start
     for seed in range(draws):
         made = Forward(started, scene, geometry, expected, "", seed, False, lambda: iter(()))
         found = scatterers(started, scene, seed, one.facet_m)
-        looks.append(focused(one, RawSignal(one, found, seed)[:], made)[0])
+        signal = RawSignal(one, found, seed)[:]
+        looks.append(focused(one, signal, made)[0])
+        others.append(focused(one, signal, replace(made, case=other))[0])
     power = np.mean(np.abs(looks) ** 2, axis=0)
     inner = np.zeros(power.shape, dtype=bool)
     inner[20:-20, 20:-20] = True
@@ -140,11 +224,22 @@ def clutter(draws: int) -> dict[str, Any]:
         (2, case.radar.azimuth_spacing_m, case.radar.azimuth_resolution_m),
     ):
         for lag in (1, 2, 3):
-            pairs = (field * np.roll(field, lag, axis).conj())[:, even].mean() / (np.abs(field) ** 2)[:, even].mean()
             ideal = np.sqrt(speckle_correlation(np.array([lag * spacing / resolution])))[0]
-            lags[f"{'range' if axis == 1 else 'azimuth'} {lag}"] = [float(abs(pairs)), float(ideal)]
+            lags[f"{'range' if axis == 1 else 'azimuth'} {lag}"] = [
+                *(
+                    _correlation(one / np.sqrt(expected), lag, axis, even)
+                    for one in (np.array(looks), np.array(others))
+                ),
+                float(ideal),
+            ]
     each = np.abs(field[:, even]) ** 2
     return {"levels_db": levels, "correlation": lags, "looks": float(each.mean() ** 2 / each.var())}
+
+
+def _correlation(field: Any, lag: int, axis: int, even: Any) -> float:
+    """Autocorrelation of a complex image at a lag along an axis, over some pixels."""
+    pairs = (field * np.roll(field, lag, axis).conj())[:, even].mean()
+    return float(abs(pairs / (np.abs(field) ** 2)[:, even].mean()))
 
 
 def main() -> None:
@@ -153,12 +248,17 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true")
     quick = parser.parse_args().quick
     fast, found = speed(20_000 if quick else 200_000), clutter(1 if quick else 4)
+    targets, even = points(), looks_of_even_ground(4 if quick else 12)
     print(f"{fast['pairs_per_s']:.3g} pairs of pulse and facet a CPU second, {fast['ratio']:.0f} times a plain sum,")
     print(f"relative rms {fast['relative_rms']:.1e}, exponent {fast['exponent']:.2f}")
     print("material    focused over fast [dB]   standard error [dB]")
     for name, (level, standard) in found["levels_db"].items():
         print(f"{name:12s} {level:+20.3f} {standard:20.3f}")
-    print(json.dumps({"speed": fast, **found}))
+    print("point targets: largest errors")
+    for name, errors in targets.items():
+        print(f"{name:46s}", "  ".join(f"{key} {value:.4f}" for key, value in errors.items()))
+    print(f"four looks: correlation {even['correlation']:.3f}, their mean has {even['looks']:.2f} looks")
+    print(json.dumps({"speed": fast, **found, "points": targets, "four_looks": even}))
 
 
 if __name__ == "__main__":

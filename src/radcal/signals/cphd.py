@@ -8,8 +8,8 @@ NGA.STND.0068-1, "Compensated Phase History Data (CPHD) design and implementatio
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,7 @@ from radcal.storage.files import atomic
 _SPACE = "http://api.nsgreg.nga.mil/schema/cphd/1.1.0"
 _INVENTED_UTC = "2026-01-01T00:00:00Z"  # start of collections over the built-in scene
 _BUILTIN = (36.6244, -84.1825)  # latitude and longitude of the middle of the built-in scene, in its elevation model
-_USED = 0.9  # share of the window of slant range in which the swath lies
+_USED = 0.9  # share of the window of slant range that holds the swath: the standard wants 1.1 times its samples
 # vector parameters: name, number of values
 _VECTOR = (
     ("TxTime", 1), ("TxPos", 3), ("TxVel", 3), ("RcvTime", 1), ("RcvPos", 3), ("RcvVel", 3), ("SRPPos", 3),
@@ -75,13 +75,13 @@ def _origin(case: Part, scene: Scene) -> tuple[float, float]:
     raise ConfigError("signals.origin is missing, expected latitude and longitude: the scene is not on a map.")
 
 
-def _start_utc(case: Part) -> str:
+def _start_utc(case: Part) -> datetime:
     """Start of the collection."""
-    if case.signals.start_utc is not None:
-        return str(case.signals.start_utc)
-    if case.scene.source == "builtin":
-        return _INVENTED_UTC
-    raise ConfigError("signals.start_utc is missing, expected the date and time of the first pulse for a CPHD file.")
+    if case.signals.start_utc is None and case.scene.source != "builtin":
+        raise ConfigError(
+            "signals.start_utc is missing, expected the date and time of the first pulse for a CPHD file."
+        )
+    return datetime.fromisoformat(case.signals.start_utc or _INVENTED_UTC)
 
 
 def check_iq(case: Part, scene: Scene) -> None:
@@ -105,25 +105,6 @@ def _site(case: Part, scene: Scene, one: Collection) -> _Site:
     return _Site(wgs84.geodetic_to_cartesian(llh), azimuth, side * right, wgs84.up(llh), middle)
 
 
-def _xml(parent: Any, tag: str, value: Any = None, **attributes: object) -> Any:
-    """Add an element, with the elements of a mapping, those of a list of mappings, or the text of a value."""
-    from lxml import etree
-
-    one = etree.SubElement(parent, f"{{{_SPACE}}}{tag}", {key: str(text) for key, text in attributes.items()})
-    if isinstance(value, Mapping):
-        for key, item in value.items():
-            _xml(one, key, item)
-    elif isinstance(value, bool):
-        one.text = str(value).lower()
-    elif value is not None:
-        one.text = repr(float(value)) if isinstance(value, float) else str(value)
-    return one
-
-
-def _named(letters: Sequence[str], values: Doubles) -> dict[str, float]:
-    return dict(zip(letters, map(float, values), strict=True))
-
-
 def _vector_parameters(one: Collection, site: _Site, dtype: Any) -> NDArray[Any]:
     """Parameters of each pulse; transmitter and receiver stand still between sending and receiving."""
     time, found = np.arange(len(one.track_m)) / one.prf_hz, np.zeros(len(one.track_m), dtype)
@@ -144,82 +125,79 @@ def _vector_parameters(one: Collection, site: _Site, dtype: Any) -> NDArray[Any]
 def _tree(made: Forward, one: Collection, site: _Site, layout: str) -> Any:
     """Metadata of a CPHD file, but for its reference geometry."""
     from lxml import etree
-    from sarkit import wgs84
+    from sarkit import cphd, wgs84
 
     case, frequency, pulses, spotlight = made.case, one.frequency_hz, len(one.track_m), one.spot_m is not None
     channel, toa = case.radar.polarisation, 0.5 * _USED / one.step_hz
+    # axes of the image plane: the second lies to the left of the first, seen from above
+    right = case.radar.look_side == "right"
+    axes = np.array([site.ground, site.azimuth] if right else [site.azimuth, site.ground])
+    ny, nx = made.scene.material.shape
+    half = 0.5 * made.scene.cell_m * np.array([nx, ny] if right else [ny, nx], dtype=np.float64)
+    corners = site.origin_m + np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]]) * half @ axes
+
+    def linear(value: float, across: float, along: float) -> Doubles:
+        """Coefficients of a time in the image plane: value [m], and slopes in ground range and azimuth."""
+        first, second = (across, along) if right else (along, across)
+        return np.array([[value, second], [first, 0.0]]) / one.speed_mps
+
+    # a place is in the middle of the band when the antenna is behind it by its slant range times the squint's tangent
+    slant = one.range_m * math.sqrt(1.0 - one.middle_sine**2)
+    low, middle, high = (tangent(one.middle_sine + part * one.sines) for part in (-0.5, 0.0, 0.5))
+    slope, when = one.reference_m[0, 1] / slant, site.middle_m[0] - slant * middle - one.track_m[0, 0]
+    dwell = linear(slant * (high - low), (high - low) * slope, 0.0)
+    time = linear(when, -middle * slope, 1.0)
+    if spotlight:  # all places have the same pulses
+        dwell, time = dwell[:1, :1], time[:1, :1]
     root = etree.Element(f"{{{_SPACE}}}CPHD", nsmap={None: _SPACE})
-    _xml(root, "CollectionID", {
+    tree, offsets = cphd.ElementWrapper(root), np.cumsum([0, *(size for _, size in _VECTOR)])
+    tree["CollectionID"] = {
         "CollectorName": "radcal", "CoreName": f"{case.case}-{made.key}", "CollectType": "MONOSTATIC",
         "RadarMode": {"ModeType": case.signals.mode.upper()}, "Classification": "UNCLASSIFIED",
         "ReleaseInfo": "UNRESTRICTED",
-    })  # fmt: skip
-    _xml(root, "Global", {
+    }  # fmt: skip
+    tree["Global"] = {
         "DomainType": "FX", "SGN": -1,
         "Timeline": {"CollectionStart": _start_utc(case), "TxTime1": 0.0, "TxTime2": (pulses - 1) / one.prf_hz},
         "FxBand": {"FxMin": frequency[0], "FxMax": frequency[-1]}, "TOASwath": {"TOAMin": -toa, "TOAMax": toa},
-    })  # fmt: skip
-    # axes of the image plane: the second lies to the left of the first, seen from above
-    right = case.radar.look_side == "right"
-    axes = (site.ground, site.azimuth) if right else (site.azimuth, site.ground)
-    ny, nx = made.scene.material.shape
-    half = 0.5 * made.scene.cell_m * np.array([nx, ny] if right else [ny, nx], dtype=np.float64)
-    places = _xml(root, "SceneCoordinates", {"EarthModel": "WGS_84"})
-    llh = wgs84.cartesian_to_geodetic(site.origin_m)
-    _xml(places, "IARP", {"ECF": _named("XYZ", site.origin_m), "LLH": _named(("Lat", "Lon", "HAE"), llh)})
-    planar = {name: _named("XYZ", axis) for name, axis in zip(("uIAX", "uIAY"), axes, strict=True)}
-    _xml(places, "ReferenceSurface", {"Planar": planar})
-    _xml(places, "ImageArea", {"X1Y1": _named("XY", -half), "X2Y2": _named("XY", half)})
-    corners = _xml(places, "ImageAreaCornerPoints")
-    for number, signs in enumerate(((-1, -1), (-1, 1), (1, 1), (1, -1)), start=1):
-        corner = site.origin_m + half * np.array(signs) @ np.stack(axes)
-        _xml(corners, "IACP", _named(("Lat", "Lon"), wgs84.cartesian_to_geodetic(corner)[:2]), index=number)
-    data = _xml(root, "Data", {"SignalArrayFormat": layout, "NumBytesPVP": 8 * sum(n for _, n in _VECTOR)})
-    _xml(data, "NumCPHDChannels", 1)
-    _xml(data, "Channel", {
-        "Identifier": channel, "NumVectors": pulses, "NumSamples": one.samples, "SignalArrayByteOffset": 0,
-        "PVPArrayByteOffset": 0,
-    })  # fmt: skip
-    _xml(data, "NumSupportArrays", 0)
-    _xml(root, "Channel", {
+    }  # fmt: skip
+    tree["SceneCoordinates"] = {
+        "EarthModel": "WGS_84",
+        "IARP": {"ECF": site.origin_m, "LLH": wgs84.cartesian_to_geodetic(site.origin_m)},
+        "ReferenceSurface": {"Planar": dict(zip(("uIAX", "uIAY"), axes, strict=True))},
+        "ImageArea": {"X1Y1": -half, "X2Y2": half},
+        "ImageAreaCornerPoints": wgs84.cartesian_to_geodetic(corners)[:, :2],
+    }
+    tree["Data"] = {
+        "SignalArrayFormat": layout, "NumBytesPVP": 8 * int(offsets[-1]), "NumCPHDChannels": 1,
+        "Channel": [{
+            "Identifier": channel, "NumVectors": pulses, "NumSamples": one.samples, "SignalArrayByteOffset": 0,
+            "PVPArrayByteOffset": 0,
+        }],
+        "NumSupportArrays": 0,
+    }  # fmt: skip
+    tree["Channel"] = {
         "RefChId": channel, "FXFixedCPHD": True, "TOAFixedCPHD": True, "SRPFixedCPHD": spotlight,
-        "Parameters": {
+        "Parameters": [{
             "Identifier": channel, "RefVectorIndex": pulses // 2, "FXFixed": True, "TOAFixed": True,
             "SRPFixed": spotlight, "Polarization": {"TxPol": channel[0], "RcvPol": channel[1]}, "FxC": one.middle_hz,
             "FxBW": frequency[-1] - frequency[0], "TOASaved": 2.0 * toa,
             "DwellTimes": {"CODId": "middle", "DwellId": "processed band"},
-        },
-    })  # fmt: skip
-    parameters, offset = _xml(root, "PVP"), 0
-    for name, size in _VECTOR:
-        layout = "F8" if size == 1 else "X=F8;Y=F8;Z=F8;"
-        _xml(parameters, name, {"Offset": offset, "Size": size, "Format": layout})
-        offset += size
-    dwell = _xml(root, "Dwell", {"NumCODTimes": 1})
-    # a place is in the middle of the band when the antenna is behind it by its slant range times the squint's tangent
-    slant, slope = one.range_m * math.sqrt(1.0 - one.middle_sine**2), tangent(one.middle_sine)
-    time, along, across = (
-        site.middle_m[0] - slant * slope - one.track_m[0, 0],
-        1.0,
-        -slope * one.reference_m[0, 1] / slant,
-    )
-    seen = slant * (tangent(one.middle_sine + 0.5 * one.sines) - tangent(one.middle_sine - 0.5 * one.sines))
-    if spotlight:  # all places have the same pulses
-        along, across = 0.0, 0.0
-    per_axis = np.array([across, along] if right else [along, across]) / one.speed_mps
-    rows = [[time / one.speed_mps, per_axis[1]], [per_axis[0], 0.0]]
-    _polynomial(_xml(dwell, "CODTime", {"Identifier": "middle"}), "CODTimePoly", rows)
-    _xml(dwell, "NumDwellTimes", 1)
-    named = _xml(dwell, "DwellTime", {"Identifier": "processed band"})
-    _polynomial(named, "DwellTimePoly", [[seen / one.speed_mps]])
+        }],
+    }  # fmt: skip
+    tree["PVP"] = {
+        name: {
+            "Offset": int(offset),
+            "Size": size,
+            "dtype": np.dtype("f8" if size == 1 else [(x, "f8") for x in "XYZ"]),
+        }
+        for (name, size), offset in zip(_VECTOR, offsets[:-1], strict=True)
+    }
+    tree["Dwell"] = {
+        "NumCODTimes": 1, "CODTime": [{"Identifier": "middle", "CODTimePoly": time}],
+        "NumDwellTimes": 1, "DwellTime": [{"Identifier": "processed band", "DwellTimePoly": dwell}],
+    }  # fmt: skip
     return root.getroottree()
-
-
-def _polynomial(parent: Any, tag: str, coefficients: list[list[float]]) -> None:
-    one = _xml(parent, tag, order1=len(coefficients) - 1, order2=len(coefficients[0]) - 1)
-    for i, line in enumerate(coefficients):
-        for j, value in enumerate(line):
-            _xml(one, "Coef", value, exponent1=i, exponent2=j)
 
 
 def write_cphd(path: Path, made: Forward, one: Collection, signal: Signal) -> None:
