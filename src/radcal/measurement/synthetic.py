@@ -29,8 +29,8 @@ from radcal.scene.model import Scene
 from radcal.sections.measurement import Synthetic
 from radcal.seeds import derived_rng, measurement_seed
 from radcal.signals.focus import focused
-from radcal.signals.history import converted, raw_signal
 from radcal.signals.platform import collection
+from radcal.signals.record import RawSignal
 from radcal.signals.scatterers import scatterers
 from radcal.simulators.base import Simulator
 from radcal.simulators.builtin import BuiltinSimulator
@@ -171,8 +171,7 @@ def _focused_db(
         {"seed": synthetic.seed, "radar": radar, "materials": materials}
     )
     one = collection(flown, scene)
-    found = scatterers(flown, scene, seed, one.facet_m)
-    signal = np.concatenate([converted(block, one.bits) for block in raw_signal(one, found, seed)])
+    signal = RawSignal(one, scatterers(flown, scene, seed, one.facet_m), seed)
     none = np.empty((0, 0), np.float32)
     looks = focused(one, signal, Forward(flown, scene, geometry, none, "", seed, False, lambda: iter(())))
     power = np.mean(np.abs(looks) ** 2, axis=0, dtype=np.float64)
