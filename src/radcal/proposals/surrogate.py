@@ -148,15 +148,11 @@ class Surrogate:
             return np.zeros((len(parameters), *self._shape))
         return self._baseline(parameters) * self.training.baseline
 
-    def predict(self, unit: ArrayLike, baseline: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-        """Predicted statistics, shape (m, n, 3), at points of the unit box, shape (m, d).
-
-        ``baseline`` holds the baseline's statistics at the points, shape (m, n, 3), if they have been computed.
-        """
+    def predict(self, unit: ArrayLike) -> NDArray[np.float64]:
+        """Predicted statistics, shape (m, n, 3), at points of the unit box, shape (m, d)."""
         points = np.atleast_2d(np.asarray(unit, dtype=np.float64))
         low, high = self.bounds.T
-        base = self._base(low + points * (high - low)) if baseline is None else baseline * self.training.baseline
-        learnt = base + np.stack([model.mean(points) for model in self._models], -1)
+        learnt = self._base(low + points * (high - low)) + np.stack([model.mean(points) for model in self._models], -1)
         if self._shift.any():
             learnt = learnt + self._shift * self.standard_error(points)
         if not self.training.direct:
