@@ -12,14 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.calibration.scoring import score, score_reference
-from radcal.calibration.steps import (
-    all_parameters,
-    propose_all,
-    reference_runs,
-    run_all_draws,
-    train_all,
-    verify,
-)
+from radcal.calibration.steps import all_parameters, propose_all, reference_runs, run_all_draws, train_all, verify
 from radcal.calibration.stopping import Decision, decide
 from radcal.config import Case
 from radcal.config.stages import STAGES
@@ -40,11 +33,7 @@ from radcal.targets.target_fit import laws_of_image
 
 
 def register_rounds(
-    case: Case,
-    runner: Runner,
-    geometry: Geometry,
-    measurement: Measurement,
-    scene: Scene,
+    case: Case, runner: Runner, geometry: Geometry, measurement: Measurement, scene: Scene
 ) -> tuple[Registered, tuple[list[Record], Parameters] | None]:
     """Register the measured image onto the reference run and, if configured, onto the registration run.
 

@@ -16,11 +16,7 @@ _UNLIKELY = 6.635  # chi-squared of one degree of freedom that is exceeded once 
 
 
 def noise_variance(
-    first: ArrayLike,
-    again: ArrayLike,
-    statistics: Statistics,
-    rng: np.random.Generator,
-    effective: float | None = None,
+    first: ArrayLike, again: ArrayLike, statistics: Statistics, rng: np.random.Generator, effective: float | None = None
 ) -> NDArray[np.float64]:
     """Variance of the statistics among runs of equal X, estimated from the same pixels of two runs.
 

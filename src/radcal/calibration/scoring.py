@@ -182,11 +182,7 @@ def score_reference(
 
 
 def _repeat_variance(
-    case: Part,
-    first: Sequence[Record],
-    again: Sequence[Record],
-    targets: Targets,
-    objectives: Mapping[str, Comparison],
+    case: Part, first: Sequence[Record], again: Sequence[Record], targets: Targets, objectives: Mapping[str, Comparison]
 ) -> dict[str, list[list[float]]]:
     found: dict[str, list[NDArray[np.float64]]] = {name: [] for name in targets}
     for number, one in enumerate(targets.passes):

@@ -209,7 +209,7 @@ def values_at_ground(
     if not inside.any():
         raise MeasurementError(
             f"measurement.path: {image.path} ({image.crs.name}) covers no place of the scene's image, which lies "
-            f"{_span(x, y)} in its coordinates: expected an image of the same area.",
+            f"{_span(x, y)} in its coordinates: expected an image of the same area."
         )
     found = np.full(inside.shape, np.nan, dtype=image.values.dtype)
     found[inside] = image.values[at_row[inside].astype(np.int64), at_column[inside].astype(np.int64)]

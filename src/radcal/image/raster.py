@@ -17,13 +17,7 @@ from radcal.config.inputs import vrt_folders
 from radcal.errors import MeasurementError
 from radcal.findings import Finding
 from radcal.image.base import Facts, Grid, Reader, ReadImage, image_file
-from radcal.image.georeference import (
-    check_spacing,
-    map_pixel_m,
-    places_on_ground,
-    read_georeferenced,
-    values_at_ground,
-)
+from radcal.image.georeference import check_spacing, map_pixel_m, places_on_ground, read_georeferenced, values_at_ground
 from radcal.reading.arrays import is_raster, read_array
 from radcal.reading.rasters import open_raster
 from radcal.scene.crs import crs_of, horizontal, pixel_size_m
