@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,58 +42,46 @@ def _of_looks(case: Archive, material: MaterialResult, runs: NDArray[np.intp]) -
     return f"{_TEXTURED} The effective looks that the search found for these runs are {found}."
 
 
-class _Densities:
-    """Axes that show the target density and other densities.
+def _draw(axes: Axes, material: MaterialResult, curves: Sequence[tuple[Array, str | None, Mapping[str, Any]]]) -> int:
+    """Draw the histogram of the measured pixels, and densities of given label and style.
 
-    The limits of the axes lie near the target density, so that other densities may be cut off.
+    The limits of the axes lie near the target density. Returns the number of densities that leave the axes.
     """
+    mean, sd = _reach(material.target.dp)
+    low, high = mean - 14.0 * sd, mean + 14.0 * sd
+    values = material.target.values_db[np.isfinite(material.target.values_db)].astype(np.float64)
+    inside = values[(values > low) & (values < high)]
+    peak, ends = float(_density(material.target.dp)[1].max()), [mean - 4.0 * sd, mean + 4.0 * sd]
+    if inside.size:
+        bins = int(np.clip(np.sqrt(inside.size), 8, 36))
+        heights, edges = np.histogram(inside, bins=bins, density=True)
+        axes.stairs(heights, edges, fill=True, color=drawing.PALE, label="measured pixels")
+        peak = max(peak, float(heights.max()))
+        ends += [inside.min(), inside.max()]
+    cap, tops, leaving = 2.2 * peak, [peak], 0
+    for dp, label, style in curves:
+        middle, width = _reach(dp)
+        grid, density = _density(dp)
+        top, there = float(density.max()), low - width <= middle <= high + width
+        shown = (density > 2e-4 * top) & there
+        axes.plot(grid[shown], density[shown], label=label, **style)
+        leaving += not there or top > cap
+        if there:
+            ends += [middle - 3.0 * width, middle + 3.0 * width]
+            tops.append(min(top, cap))
+    axes.set(xlim=(max(low, min(ends)), min(high, max(ends))), ylim=(0.0, 1.06 * max(tops)))
+    return leaving
 
-    def __init__(self, axes: Axes, material: MaterialResult) -> None:
-        self._axes = axes
-        self._dp = material.target.dp
-        mean, sd = _reach(self._dp)
-        values = material.target.values_db[np.isfinite(material.target.values_db)].astype(np.float64)
-        self._low, self._high = mean - 4.0 * sd, mean + 4.0 * sd
-        self._limits = (mean - 14.0 * sd, mean + 14.0 * sd)
-        inside = values[(values > self._limits[0]) & (values < self._limits[1])]
-        self.leaving = 0
-        peak = float(skewnormal.density(self._grid(self._dp), self._dp).max())
-        if inside.size:
-            bins = int(np.clip(np.sqrt(inside.size), 8, 36))
-            heights, edges = np.histogram(inside, bins=bins, density=True)
-            axes.stairs(heights, edges, fill=True, color=drawing.PALE, label="measured pixels")
-            peak = max(peak, float(heights.max()))
-            self._low, self._high = min(self._low, inside.min()), max(self._high, inside.max())
-        self._cap = 2.2 * peak
-        self._tops = [peak]
 
-    @staticmethod
-    def _grid(dp: Array) -> Array:
-        mean, sd = _reach(dp)
-        return np.linspace(mean - 6.0 * sd, mean + 6.0 * sd, 601)
+def _density(dp: Array) -> tuple[Array, Array]:
+    """Values and density over six standard deviations on both sides of the mean."""
+    mean, sd = _reach(dp)
+    grid = np.linspace(mean - 6.0 * sd, mean + 6.0 * sd, 601)
+    return grid, skewnormal.density(grid, dp)
 
-    def draw(self, dp: Array, label: str | None, style: Mapping[str, Any]) -> None:
-        mean, sd = _reach(dp)
-        if mean + sd < self._limits[0] or mean - sd > self._limits[1]:
-            self.leaving += 1
-            self._axes.plot([], [], label=label, **style)
-            return
-        self._low = max(self._limits[0], min(self._low, mean - 3.0 * sd))
-        self._high = min(self._limits[1], max(self._high, mean + 3.0 * sd))
-        grid = self._grid(dp)
-        values = skewnormal.density(grid, dp)
-        top = float(values.max())
-        grid, values = grid[values > 2e-4 * top], values[values > 2e-4 * top]
-        self.leaving += top > self._cap
-        self._tops.append(min(top, self._cap))
-        self._axes.plot(grid, values, label=label, **style)
 
-    def finish(self) -> None:
-        self._axes.set(xlim=(self._low, self._high), ylim=(0.0, 1.06 * max(self._tops)))
-
-    def remark(self) -> str:
-        """Sentence on the number of densities that lie outside the axes or are higher than the axes."""
-        return f" Curves that leave the axes: {self.leaving}." if self.leaving else ""
+def _remark(leaving: int) -> str:
+    return f" Curves that leave the axes: {leaving}." if leaving else ""
 
 
 def histogram(case: Archive, name: str) -> Drawn:
@@ -101,21 +89,20 @@ def histogram(case: Archive, name: str) -> Drawn:
     material = case.materials[name]
     canvas = new_canvas(6.2, 4.2)
     axes = canvas.subplots()
-    panel = _Densities(axes, material)
     design = np.flatnonzero(case.runs.kind == "design")
-    chosen = np.random.default_rng(_SEED).choice(design, size=min(10, design.size), replace=False)
-    for n, run in enumerate(np.sort(chosen)):
-        label = f"{chosen.size} runs of the design" if n == 0 else None
-        panel.draw(material.dp[run], label, {"color": drawing.DESIGN, "linewidth": 1.1, "alpha": 0.9})
-    panel.draw(material.target.dp, "target: fitted skew normal", drawing.TARGET | {"linewidth": 3.2})
-    panel.finish()
+    chosen = np.sort(np.random.default_rng(_SEED).choice(design, size=min(10, design.size), replace=False))
+    thin = {"color": drawing.DESIGN, "linewidth": 1.1, "alpha": 0.9}
+    labels = [f"{chosen.size} runs of the design", *[None] * 9]
+    curves = [(material.dp[run], label, thin) for run, label in zip(chosen, labels, strict=False)]
+    target = (material.target.dp, "target: fitted skew normal", drawing.TARGET | {"linewidth": 3.2})
+    leaving = _draw(axes, material, [*curves, target])
     head(axes, case, name)
     axes.set(xlabel=f"backscatter [{case.levels.unit}]", ylabel=f"density [1/{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 3)
     caption = (
         f"Grey: the {material.target.values_db.size:,} measured pixels of {name}. Black: the skew normal fitted to "
         f"them, which is the target. Thin: the densities of {chosen.size} of the {design.size} runs of the design, "
-        f"drawn at random (seed {_SEED}).{_of_looks(case, material, np.sort(chosen))}{panel.remark()}"
+        f"drawn at random (seed {_SEED}).{_of_looks(case, material, chosen)}{_remark(leaving)}"
     )
     alt = f"Histogram of {name}'s measured backscatter, its fitted density and those of some runs."
     return canvas, caption, alt
@@ -126,7 +113,7 @@ def densities(case: Archive, name: str) -> Drawn:
     material = case.materials[name]
     canvas = new_canvas(6.2, 4.2)
     axes = canvas.subplots()
-    panel = _before_after(axes, material)
+    leaving = _before_after(axes, material)
     head(axes, case, name, f"rms {short(material.rms[material.best])} 1/{case.levels.unit}")
     axes.set(xlabel=f"backscatter [{case.levels.unit}]", ylabel=f"density [1/{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 4)
@@ -134,19 +121,17 @@ def densities(case: Archive, name: str) -> Drawn:
         "Density of the backscatter at the starting parameters (orange, dashed), by the law of the search (blue) and "
         "in the measurement (black: fitted; grey: its pixels). Where blue lies on black the distributions agree."
         + _of_looks(case, material, np.array([0, material.best]))
-        + panel.remark()
+        + _remark(leaving)
     )
     alt = f"Densities of {name}'s backscatter: target, start and calibrated."
     return canvas, caption, alt
 
 
-def _before_after(axes: Axes, material: MaterialResult) -> _Densities:
-    panel = _Densities(axes, material)
-    panel.draw(material.target.dp, "target", drawing.TARGET | {"linewidth": 4.5})
-    panel.draw(material.dp[0], "start", drawing.START)
-    panel.draw(material.dp[material.best], "calibrated", drawing.FOUND)
-    panel.finish()
-    return panel
+def _before_after(axes: Axes, material: MaterialResult) -> int:
+    """Draw the densities of target, start and calibrated run; number of those that leave the axes."""
+    target = (material.target.dp, "target", drawing.TARGET | {"linewidth": 4.5})
+    found = (material.dp[material.best], "calibrated", drawing.FOUND)
+    return _draw(axes, material, [target, (material.dp[0], "start", drawing.START), found])
 
 
 def overview(case: Archive) -> Drawn:
@@ -158,8 +143,7 @@ def overview(case: Archive) -> Drawn:
     grid = canvas.subplots(rows, columns, squeeze=False).ravel()
     outside = 0
     for axes, (name, material) in zip(grid, case.materials.items(), strict=False):
-        panel = _before_after(axes, material)
-        outside += bool(panel.leaving)
+        outside += bool(_before_after(axes, material))
         reason = case.decision.materials[name].reason or "running"
         width = 88 // columns
         lines = textwrap.wrap(shortened(name, 2 * width - 4), width)
