@@ -12,7 +12,6 @@ _STATISTICS = (("mean", "#0072B2", "o"), ("log sd", "#D55E00", "s"), ("skewness"
 _MOST = 6.0  # largest difference drawn [standard deviations]; larger differences are drawn at this value
 _NARROW = 0.13
 _REPEATED = ", made for other materials after the search of this material had ended, with its best X"
-_EACH = 8  # largest number of runs with a tick for each run
 
 
 def differences(found: Fidelity) -> Array:
@@ -65,12 +64,7 @@ def fidelity(case: Archive, name: str) -> Drawn | None:
         )  # fmt: skip
     lower.set(ylim=(-_MOST - 0.5, _MOST + 0.5), xlabel="run (0: reference)")
     lower.set_ylabel("verified - predicted\n[standard deviations]")
-    from matplotlib.ticker import MaxNLocator
-
-    if len(runs) <= _EACH:
-        lower.set_xticks(runs)
-    else:
-        lower.xaxis.set_major_locator(MaxNLocator(integer=True))
+    lower.locator_params(axis="x", integer=True)
     lower.set_xlim(runs.min() - 0.6, runs.max() + 0.6)
     handles = [axes.get_legend_handles_labels() for axes in (upper, lower)]
     add_legend(canvas, (handles[0][0] + handles[1][0], handles[0][1] + handles[1][1]), 3)
