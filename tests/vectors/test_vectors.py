@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pyogrio
 import pytest
 import shapely
 import yaml
-from pyproj import Transformer
+from pyproj import CRS, Transformer
 from raster_files import write_raster
 from rasterio.transform import from_origin
 
@@ -23,9 +24,12 @@ from radcal.config.inputs import input_files
 from radcal.errors import SceneError
 from radcal.findings import Finding
 from radcal.scene.base import scene_size
+from radcal.scene.grid import Grid
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.sections.scene import VectorScene
+from radcal.vectors.features import NUMBERS, objects_of
+from radcal.vectors.mapping import VectorMapping
 
 UTM, WEST, SOUTH, CELL, SIZE = "EPSG:32631", 600_000.0, 5_780_000.0, 10.0, 60
 MAPPING: dict[str, Any] = {
@@ -165,6 +169,18 @@ def test_points_and_footprints_are_boxes(tmp_path: Path, build: Any) -> None:
     assert found(scene, "features_large")[0].numbers == {"features": 1, "codes": "building=* (1)"}
     assert found(scene, "features_unmapped")[0].numbers == {"features": 1, "codes": "building=no (1)"}
     assert scene.material[30, 30] == 1 + scene.names.index("roof")
+
+
+def test_heights_above_the_datum_need_a_height() -> None:
+    """Of boxes on ground at 700 m: above the ground, above the datum, and above the datum without a height."""
+    grid = Grid(CRS.from_user_input(UTM), WEST, SOUTH, CELL, SIZE, SIZE)
+    numbers = {**dict.fromkeys(NUMBERS, 5.0), "base_m": [2.0, 704.0, np.nan], "absolute": [0.0, 1.0, 1.0]}
+    shapes = shapely.points(WEST + np.array([100.0, 200.0, 300.0]), SOUTH + 100.0)
+    features = pd.DataFrame({"shape": shapes, "class": "", "highway": "", "building": "yes", "natural": "", **numbers})
+    mapping = VectorMapping.model_validate(MAPPING)
+    found = objects_of(features, grid, np.full((SIZE, SIZE), 700.0), mapping, None, [])
+    assert found is not None
+    assert found.height_m.tolist() == [7.0, 9.0, 5.0]
 
 
 def test_classes_have_roofs_or_tables_of_cross_sections(tmp_path: Path, build: Any) -> None:

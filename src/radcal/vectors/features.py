@@ -151,7 +151,8 @@ def objects_of(
     row = (y / grid.cell_m).astype(int).clip(max=grid.rows - 1)
     column = (x / grid.cell_m).astype(int).clip(max=grid.columns - 1)
     ground = ground_m[row, column]
-    base = np.nan_to_num(of["base_m"])[small] - np.where(of["absolute"][small] > 0, ground, 0.0)
+    # a shape without heights stands on the ground, also where heights are those above the datum
+    base = np.nan_to_num(of["base_m"][small] - np.where(of["absolute"][small] > 0, ground, 0.0))
     kinds, kind = np.unique([classes[k].kind or key for k, key in zip(which, keys, strict=True)], return_inverse=True)
     found = cross_sections(tables, "scene.cross_sections")
     names = list(dict.fromkeys(one.name for one in found.values()))
