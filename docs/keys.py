@@ -133,7 +133,7 @@ def main() -> None:
     for name, heading in headings.items():
         print(f"\n## {heading}\n")
         if "." not in heading:  # the list above describes the others
-            print(models[name]["description"].partition("\n")[0].replace("``", "`"), end="\n\n")
+            print(linked(models[name]["description"].partition("\n")[0].replace("``", "`")), end="\n\n")
         print(keys(models[name], headings, described, heading))
 
 

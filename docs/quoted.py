@@ -42,8 +42,10 @@ def said(folder: Path) -> list[str]:
     lines = [summary["verdict"]]
     lines += [text for one in summary["materials"].values() for text in (one["verdict"], one["sentence"]) if text]
     for path in sorted(folder.glob("logs/**/*.log")):
-        if path.stem != "summary":
-            lines += re.findall(r"(?m)^.{23} [A-Z]+ \w+: (.*)$", path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        if path.stem == "summary":  # without earlier verdicts
+            text = text.rpartition(summary["verdict"])[2]
+        lines += re.findall(r"(?m)^.{23} [A-Z]+ \w+: (.*)$", text)
     return lines
 
 

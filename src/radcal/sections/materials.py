@@ -121,7 +121,7 @@ class Material(Section):
 
     calibrate: bool = Field(False, description="whether radcal calibrates the law parameters of this material")
     law: str = Field(DEFAULT_LAW, description="backscatter law (docs/laws.md)")
-    angles_deg: Knots | None = Field(None, description="incidence angles of the knots of a tabulated law [deg]")
+    angles_deg: Knots | None = Field(None, description="knots of a tabulated law [deg]")
     formula: str | None = Field(
         None, description="sigma0 [dB] as a formula of phi [rad] and the parameters (law: formula; docs/laws.md)"
     )

@@ -118,7 +118,7 @@ def default_synthetic() -> Synthetic:
 
 
 class SyntheticMeasurement(Section):
-    """Measured image that the simulator makes from hidden parameters."""
+    """Image simulated from hidden parameters."""
 
     source: Literal["synthetic"] = Field("synthetic", description=_SOURCE)
     synthetic: Synthetic = Field(
@@ -227,7 +227,7 @@ def _method(name: str) -> str:
 
 
 class RegistrationConfig(Section):
-    """Method and limits of the registration of the measured image onto the simulated image."""
+    """Registration of the measured image onto the simulated one."""
 
     method: Annotated[
         str, AfterValidator(_method), WithJsonSchema({"enum": ["gefolki", "ilk", "none"], "type": "string"})

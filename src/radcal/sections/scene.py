@@ -121,7 +121,7 @@ class SceneSection(Section):
 
 
 class BuiltinScene(SceneSection):
-    """Four square kilometres of SRTM terrain with seven materials; one of the materials is the dyke."""
+    """Four square kilometres of SRTM terrain with seven materials, among them the dyke."""
 
     source: Literal["builtin"] = Field("builtin", description=_SOURCE)
     seed: Seed = Field(1, description="seed of the fields and of the terrain's fine relief")
@@ -136,7 +136,7 @@ class BuiltinScene(SceneSection):
 
 
 class SlantRangeScene(SceneSection):
-    """Raster of material ids over flat ground in slant-range geometry: rows are slant range, columns are azimuth."""
+    """Raster of material ids over flat ground: rows are slant range, columns azimuth."""
 
     rasters = ("labels",)
     tables = ("names",)
@@ -202,7 +202,7 @@ class GridScene(SceneSection):
 
 
 class RasterScene(GridScene):
-    """Georeferenced rasters of elevation and materials, which radcal resamples to one grid."""
+    """Georeferenced rasters of elevation and materials."""
 
     rasters = ("elevation", "materials")
     tables = ("names",)
@@ -232,7 +232,7 @@ class RasterScene(GridScene):
 
 
 class VectorScene(GridScene):
-    """Raster of elevation, and lines, areas and points that are drawn as materials and objects by a mapping."""
+    """Raster of elevation, and features drawn as materials and objects by a mapping."""
 
     rasters = ("elevation",)
     tables = ("materials", "names", "cross_sections")
@@ -251,7 +251,7 @@ class VectorScene(GridScene):
 
 
 class CdbScene(SceneSection):
-    """OGC CDB 1.x database: elevation, raster material and features, which radcal resamples to one grid."""
+    """OGC CDB 1.x database."""
 
     tables = ("materials", "cross_sections")
     folders = ("root",)

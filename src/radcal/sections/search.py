@@ -29,7 +29,7 @@ class Design(Section):
 
 
 class SurrogateConfig(Section):
-    """Outputs and training of the kriging models that predict the statistics of a run."""
+    """Kriging models that predict the statistics of a run."""
 
     outputs: Literal["centred", "direct"] = Field(
         "centred",
@@ -63,7 +63,7 @@ class SurrogateConfig(Section):
 
 
 class Optimiser(Section):
-    """Settings of NSGA-II on the surrogate, and of the least-squares fit that starts from NSGA-II's best point."""
+    """Search on the surrogate: NSGA-II, then least squares from its best point."""
 
     objective: Literal["theta", "rms"] = Field(
         "theta",
@@ -92,7 +92,7 @@ class Infill(Section):
 
 
 class Stop(Section):
-    """Criteria that end the calibration loop; after a change of the criteria, no finished run is repeated."""
+    """Criteria that end the search; after a change, no finished run is repeated."""
 
     rms: Annotated[Real, Field(gt=0, le=100)] = Field(
         1.0e-5, description="tolerance of the rms difference between the densities [1/dB]; only for objective: density"

@@ -71,7 +71,7 @@ class PythonSimulation(Section):
 
 
 class BuiltinSimulation(PythonSimulation):
-    """Settings of radcal's built-in simulator."""
+    """Built-in simulator."""
 
     own = True
     kind: Literal["builtin"] = Field("builtin", description=_KIND)
@@ -197,7 +197,7 @@ class Output(Section):
 
 
 class CommandSimulation(Section):
-    """Settings of an external program, which radcal starts once for each run, in a separate folder."""
+    """External program, started once for each run, in a folder of its own."""
 
     own: ClassVar[bool] = False
     only_parameters: ClassVar[bool] = True

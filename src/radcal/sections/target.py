@@ -15,7 +15,7 @@ Error = Annotated[Real, Field(ge=0, le=20)]
 
 
 class TargetConfig(Section):
-    """Pixels, level and incidence-angle bins of the measured image that runs are compared with."""
+    """What runs are compared with."""
 
     pixels: Annotated[
         Integer,
@@ -69,7 +69,7 @@ class TargetConfig(Section):
 
 
 class Uncertainty(Section):
-    """Uncertainty budget of a law, half-width of the 90 % band up to which it counts as known, and sampler settings."""
+    """Uncertainty budget of a law, and its sampler."""
 
     known_db: Annotated[Real, Field(gt=0, le=20)] = Field(
         1.5, description="half-width of the 90 % band up to which sigma0 counts as determined [dB]"
@@ -120,7 +120,7 @@ class Uncertainty(Section):
 
 
 class Validation(Section):
-    """Blocks of the image that are held out of the target; the calibrated laws then predict the blocks' levels."""
+    """Blocks of the image that are held out, and whose levels the laws then predict."""
 
     rows: Count = Field(20, description="image rows of a block, which is calibrated on or held out as a whole")
     columns: Count | None = Field(None, description="image columns of a block; by default all")
