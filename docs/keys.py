@@ -15,8 +15,7 @@ A case is one YAML file with the keys that differ from the defaults. Defaults ar
 value, or one that depends on other keys, as its description says. A key without values in brackets takes text. In a
 path, `*` stands for a name. A number outside of its limits (`0..64`) is refused.
 
-Editors with the YAML language server complete keys, if the first line gives the path of the schema from the folder of
-the case. They mark variants of other distributions, which radcal accepts.
+Editors with the YAML language server complete keys, if the first line gives the path of the schema:
 
     # yaml-language-server: $schema=schema.json
 """
