@@ -112,6 +112,5 @@ def test_no_two_materials_of_a_new_case_start_at_one_level():
     assert str(found["cropland"]) == "gamma -12 dB of farmland, moved apart from another material"
     assert str(found["open water"]) == "gamma -40 dB of sea state 3"
     assert str(found["code_7"]).startswith("gamma -9 dB of no known kind")
-    start = law_for("mangia")(np.radians([35.0]), found["cropland"].start(-38.0, -2.0))
+    start = law_for("mangia")(np.radians([35.0]), found["cropland"].start)
     assert start[0] == pytest.approx(-12.0 + 10.0 * np.log10(np.cos(np.radians(35.0))), abs=0.2)
-    assert found["open water"].start(-38.0, -2.0)[0] == -38.0

@@ -106,7 +106,7 @@ def new_materials(
     for name in listed:
         about = dict[str, str]()
         if name in chosen:
-            start = levels[name].start(-math.inf, math.inf)
+            start = levels[name].start
             # wider than about the image's levels if the start would lie near the bounds or outside
             low = math.floor(min(math.floor((start[0] - _BELOW_DB) / _STEP_DB) * _STEP_DB, x1[0]))
             high = math.ceil(max(math.ceil((start[0] + _ABOVE_DB) / _STEP_DB) * _STEP_DB, x1[1]))

@@ -46,10 +46,10 @@ class StartingLevel:
     terrain: str | None
     moved: bool
 
-    def start(self, lowest_db: float, highest_db: float) -> list[float]:
-        """Parameters of the default law that approximate the level's constant gamma, with X1 inside its bounds [dB]."""
-        first = min(max(self.gamma_db + _LINE_DB[0], lowest_db), highest_db)
-        return [round(first, 2), _LINE_DB[1], 0.0, _X4]
+    @property
+    def start(self) -> list[float]:
+        """Parameters of the default law that approximate the level's constant gamma."""
+        return [round(self.gamma_db + _LINE_DB[0], 2), _LINE_DB[1], 0.0, _X4]
 
     def __str__(self) -> str:
         kind = "of no known kind" if self.terrain is None else f"of {self.terrain}"
