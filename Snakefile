@@ -81,9 +81,8 @@ def say_last_words():
         jobs = [
             (job.rule.name, job.wildcards_dict) for layer in layers for job in layer
         ]
-        twice = sum(rule == "registration_run" for rule, _ in jobs)
         say(stages_sentence(jobs))
-        say(runs_sentence(planned_runs(CASE, jobs), CASE.simulator.draws, twice))
+        say(runs_sentence(planned_runs(CASE, jobs), CASE.simulator.draws))
 
 
 localrules:

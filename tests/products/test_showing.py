@@ -55,7 +55,7 @@ def test_registration_runs_are_counted_apart(folder):
     data = json.loads((folder / "summary.json").read_text())
     data["runs"] |= {"reference": 3, "registration": 2}
     (folder / "summary.json").write_text(json.dumps(data))
-    assert "besides 3 reference (2 of them for the registration), 1 final; end" in show(folder)[7]
+    assert "besides 1 reference, 2 registration, 1 final; end" in show(folder)[7]
 
 
 def test_warnings_are_shown(folder):

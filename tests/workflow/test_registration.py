@@ -44,7 +44,7 @@ def test_the_image_is_registered_again_onto_a_run_of_the_laws_found(project, mon
     write_raster(project.folder / "labels.tif", labels)
     project.write(**CASE)
     done = project.run("--configfile", "tiny.yaml", "--dry-run")
-    most = "at most 11 simulator runs would be made (1 measurement, 2 reference (1 of them for the registration), "
+    most = "at most 11 simulator runs would be made (1 measurement, 1 reference, 1 registration, "
     assert most in done.stdout
     assert "1 design, at most 5 infill, at most 2 final" in done.stdout
     done = project.run("--configfile", "tiny.yaml")

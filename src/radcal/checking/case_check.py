@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,12 +15,11 @@ from radcal.config.stages import STAGES
 from radcal.errors import ConfigError, MissingSign, RadcalError
 from radcal.findings import Finding, of_pass
 from radcal.forecast.memory_and_time import memory_mb, values_of
-from radcal.forecast.runs_and_time import largest_runs, runs_sentence, time_expected
+from radcal.forecast.runs_and_time import largest_runs, runs_sentence, standing
 from radcal.ground.one_incidence import Bounces, bounces_on, bounces_outside
 from radcal.posterior.cells import CellMeans
 from radcal.programs.command_plan import check_command, check_image_shape
 from radcal.reading.base import reader_of
-from radcal.scene.base import scene_size
 from radcal.sections.measurement import starts_as_truth
 from radcal.session.replacement import check_replacement
 from radcal.words import sentence
@@ -58,8 +56,8 @@ class CaseCheck:
         Rows and columns of the simulated image; None if the check has not made the geometry of any pass.
     memory_mb : mapping
         Largest memory [MB] that a job of each stage requests.
-    time : str
-        Line on the expected time; empty with problems.
+    search : str
+        Line on the runs so far and on those expected; empty with problems.
     refused : list of str
         Reasons why ``radcal run`` would refuse this case beside its earlier results.
     unseen : tuple of str
@@ -73,7 +71,7 @@ class CaseCheck:
     sections: list[str] = field(default_factory=list)
     shape: tuple[int, int] | None = None
     memory_mb: Mapping[str, int] = field(default_factory=dict)
-    time: str = ""
+    search: str = ""
     refused: list[str] = field(default_factory=list)
     unseen: tuple[str, ...] = _OF_SCENE
 
@@ -90,12 +88,11 @@ class CaseCheck:
             lines.append("  the case has no section measurement and no material with calibrate: true: radcal simulate")
             lines.append("  makes its image; radcal run needs both of them, and radcal apply --to it a measurement")
             return [*lines, *self.remarks()]
-        twice = len(self.case.passes) * self.case.registers_twice
-        lines.append(f"  {runs_sentence(largest_runs(self.case), self.case.simulator.draws, twice)}")
+        lines.append(f"  {runs_sentence(largest_runs(self.case), self.case.simulator.draws)}")
         if self.memory_mb:
             stage = max(self.memory_mb, key=lambda name: self.memory_mb[name])
             lines.append(f"  memory: at most {self.memory_mb[stage]:,} MB are requested for a job ({stage})")
-        return [*lines, *[f"  {self.time}"] * bool(self.time), *self.remarks()]
+        return [*lines, *[f"  {self.search}"] * bool(self.search), *self.remarks()]
 
     def warnings(self) -> list[str]:
         """Lines of the warnings, which are not in the lines of the summary."""
@@ -149,17 +146,14 @@ def check_case(
         refused += [("design.reuse", error) for error in _refused(check_reuse, case, results)]
     problems += dict.fromkeys(loaded.at(key, error) for key, error in refused)
     found = CaseCheck(problems, case, loaded.forward)
-    if not problems:
-        _check_stages(found, case, say)
-    if found.shape is None and not found.sections:
-        _add_products(found, case)
+    _check_stages(found, case, say)
     if found.problems or found.forward:
         return found
     found.findings += starts_as_truth(case.calibrated, [one.measurement for one in case.passes])
     if found.shape is not None:
         replaced = _refused(check_replacement, case, Path(results) / case.case, input_files(case))
         found.refused = list(map(str, replaced))
-    found.time = time_expected(case, results)
+    found.search = f"search: {standing(case, Path(results) / case.case)}."
     return found
 
 
@@ -172,31 +166,49 @@ def _refused(check: Callable[..., Any], *arguments: Any) -> list[RadcalError]:
 
 
 def _check_stages(found: CaseCheck, case: Case, say: Say) -> None:
-    """Make scene, geometry and measured images in memory, as the workflow does, and add what they find or refuse."""
+    """Make scene, geometry and measured images in memory, as the workflow does, and add what they find or refuse.
+
+    Where the case has problems already, or its images would be large, only annotations of its images are read.
+    """
     from radcal.scene.sources import make_scene
 
+    whole = not found.problems
+    images = [one.measurement for one in case.passes if isinstance(one.measurement, FileMeasurement)]
+    annotated = any(reader_of(image.path).gives_acquisition for image in images)
+    if not (whole or annotated):
+        return
     try:
         values = values_of(case)
-        found.memory_mb = {name: memory_mb(name, values) for name, stage in STAGES.items() if stage.only_if is None}
-        if max(values.values()) > _LARGEST:
+        if whole:
+            found.memory_mb = {name: memory_mb(name, values) for name, stage in STAGES.items() if stage.only_if is None}
+        if whole and max(values.values()) > _LARGEST:
             found.findings.append(Finding("scene_large", "note", "scene"))
-            found.unseen = ()
+            whole, found.unseen = False, ()
+        if values["scene"] > _LARGEST or not (whole or annotated):
             return
         say("scene ...")
-        scene = make_scene(case.scene, list(case.materials), case.radar.heading_deg)
+        scene = make_scene(case.scene, list(case.materials) if whole else None, case.radar.heading_deg)
     except RadcalError as error:
-        found.problems.append(str(error))
-        found.unseen = _OF_SCENE[1:]
+        if whole:
+            found.problems.append(str(error))
+            found.unseen = _OF_SCENE[1:]
         return
-    found.findings += scene.findings
     cells, refused, bounces = list[dict[str, CellMeans]](), list[RadcalError](), list[dict[str, Bounces]]()
+    found.findings += scene.findings if whole else ()
     for number, one in enumerate(case.passes, start=1):
         own = list[Finding]()
         try:
-            cells.append(_check_pass(found, one, scene, number, own, refused, bounces, say))
+            # before the geometry, because that cannot be made if section radar is wrong
+            about, sections = _of_file(one, scene)
+            own += about
+            found.sections += sections
+            if whole:
+                cells.append(_check_pass(found, one, scene, number, own, refused, bounces, say))
         except RadcalError as error:
             refused.append(error)
         found.findings += of_pass(own, number, len(case.passes))
+    if not whole:  # the list has what was refused already, or its cause
+        return
     found.findings += bounces_outside(bounces)
     whole = len(cells) == len(case.passes)
     if whole and all(cells):
@@ -222,14 +234,11 @@ def _check_pass(
     """Make geometry, measured image and start image of a pass, add what they find to ``own``, and return the cells.
 
     The pass's double bounces are added to ``bounces``. The cells are those of the image before registration; without a
-    measured image there are none.
+    measured image there are none. At first, ``own`` has the findings of the image's annotation.
     """
     from radcal.radar.projection import make_geometry
 
-    # before the geometry, because that cannot be made if section radar is wrong
-    about, sections = _of_file(one, scene)
-    own += about
-    found.sections += sections
+    annotation = len(own)
     say(f"pass {number}: geometry of {' x '.join(map(str, scene.material.shape))} cells ...")
     geometry = make_geometry(scene, one.radar)
     if number == 1:
@@ -242,7 +251,7 @@ def _check_pass(
     say(f"pass {number}: measured image for {geometry.shape[0]} x {geometry.shape[1]} pixels ...")
     measured = _measured(one, geometry, scene, number)
     if measured is not None:  # it has the findings of its annotation
-        own[:] = [*own[len(about) :], *measured.findings]
+        own[:] = [*own[annotation:], *measured.findings]
     own += outlook(one, geometry, measured)
     if measured is None:
         return {}
@@ -264,22 +273,6 @@ def _measured(one: Case, geometry: Geometry, scene: Scene, number: int) -> Measu
             return None
         simulator = make_simulator(stage, geometry, "")
     return make_measurement(stage, geometry, simulator, scene, partly=number > 1)
-
-
-def _add_products(found: CaseCheck, case: Case) -> None:
-    """Add findings and sections ``radar`` from annotations, for a case whose images could not be made."""
-    from radcal.scene.sources import make_scene
-
-    images = [(one, one.measurement) for one in case.passes if isinstance(one.measurement, FileMeasurement)]
-    products = [one for one, image in images if reader_of(image.path).gives_acquisition]
-    with contextlib.suppress(RadcalError):  # the list has these problems already, or their cause
-        size = scene_size(case.scene) if products else None
-        if size is not None and max(size.cells, size.resampled) <= _LARGEST:
-            scene = make_scene(case.scene, None, case.radar.heading_deg)
-            for one in products:
-                about, sections = _of_file(one, scene)
-                found.findings += about
-                found.sections += sections
 
 
 def _of_file(one: Case, scene: Scene) -> tuple[list[Finding], list[str]]:

@@ -19,7 +19,7 @@ def main(cases: CaseFiles, settings: Settings = None, results: Results = Path("r
     All wrong keys, missing files and values that are still to be decided (FILL_IN) are listed at once, with line and
     expected value. If there are none, scene, geometry and measured image are made in memory by the functions of their
     stages, and what these refuse or find is printed; nothing is written. If all is well, the command prints how many
-    simulator runs the case may take, in which time (once it has stored a run) and with how much memory. Warnings come
+    simulator runs the case may take, in which time (as far as stored runs show) and with how much memory. Warnings come
     first; they do not keep a case from being run.
 
     With a product such as a Sentinel-1 SAFE folder it prints section radar as the annotation gives it, even with

@@ -16,9 +16,6 @@ from radcal.sections.simulator import SimulatorConfig
 from radcal.storage.runs import median_seconds
 
 _FINAL_RUNS = 2  # of each pass: one with the noise seed of all runs, one with another noise seed
-# infill runs within which 63 of the 64 searches with a baseline in docs/evidence/runs.md ended (one took 17);
-# of 20 searches without a baseline, half ended within 8
-_SEARCH_RUNS = 16
 # infill runs of half of the searches of the workflow in docs/evidence/runs.md
 _HALF_SEARCH_RUNS = 6
 _LONG_RUN_S = 60.0  # a run beside which the other time of an iteration does not count
@@ -56,10 +53,11 @@ def reference_count(simulator: SimulatorConfig) -> int:
 
 
 def largest_runs(case: Case) -> dict[str, int]:
-    """Largest number of simulator runs of a case over all passes, for each kind: reference, design, infill, final."""
+    """Largest number of simulator runs of a case over all passes, by kind; ``registration`` is onto fitted laws."""
     passes = len(case.passes)
     return {
-        "reference": passes * (reference_count(case.simulator) + case.registers_twice),
+        "reference": passes * reference_count(case.simulator),
+        "registration": passes * case.registers_twice,
         "design": passes * case.design_size,
         "infill": passes * (case.stop.max_runs - case.design_size),
         "final": passes * _FINAL_RUNS,
@@ -87,7 +85,8 @@ def planned_runs(case: Case, jobs: Sequence[tuple[str, Mapping[str, str]]]) -> d
     infill = 0 if begun is None or not planned["final_runs"] else max(left, 0)
     return {
         "measurement": sum(rule == "measurement" and sources[words["p"]] == "synthetic" for rule, words in jobs),
-        "reference": planned["reference_run"] * reference_count(case.simulator) + planned["registration_run"],
+        "reference": planned["reference_run"] * reference_count(case.simulator),
+        "registration": planned["registration_run"],
         "design": sum(min(case.design.chunk, case.design_size - first) for first in firsts),
         "infill": len(case.passes) * infill,
         "final": len(case.passes) * _FINAL_RUNS * planned["final_runs"],
@@ -102,27 +101,20 @@ def stages_sentence(jobs: Sequence[tuple[str, Mapping[str, str]]]) -> str:
     return f"stages in their order: {listed or 'none'}{search}."
 
 
-def runs_in_words(counts: Mapping[str, int], registration: int = 0, most: Container[str] = ()) -> str:
+def runs_in_words(counts: Mapping[str, int], most: Container[str] = ()) -> str:
     """Text of numbers of simulator runs by kind, without the kinds that have no run.
 
     Parameters
     ----------
     counts : mapping
         Number of runs by kind, as in :func:`largest_runs`.
-    registration : int
-        Number of the reference runs onto which the image is registered again.
     most : container of str
         Kinds whose number is an upper limit.
     """
-    among = f" ({registration} of them for the registration)" if registration else ""
-    return ", ".join(
-        f"{'at most ' * (kind in most)}{count} {kind}{among * (kind == 'reference')}"
-        for kind, count in counts.items()
-        if count
-    )
+    return ", ".join(f"{'at most ' * (kind in most)}{count} {kind}" for kind, count in counts.items() if count)
 
 
-def runs_sentence(counts: Mapping[str, int], draws: int = 1, registration: int = 0) -> str:
+def runs_sentence(counts: Mapping[str, int], draws: int = 1) -> str:
     """Sentence on the largest number of simulator runs.
 
     Parameters
@@ -131,10 +123,8 @@ def runs_sentence(counts: Mapping[str, int], draws: int = 1, registration: int =
         Largest number of runs by kind.
     draws : int
         Number of speckle draws in each run.
-    registration : int
-        Number of the reference runs onto which the image is registered again.
     """
-    kinds = runs_in_words(counts, registration, ("infill", "final"))
+    kinds = runs_in_words(counts, ("infill", "final"))
     if not kinds:
         return "no simulator run would be made."
     each = f", each of {draws} speckle draws" if draws > 1 else ""
@@ -207,28 +197,3 @@ def standing(case: Case, folder: str | Path) -> Standing:
         return Standing(done, expected, None)
     left_s = max(runs - done, counts["final"]) * each + iterations * (iteration or passes * each)
     return Standing(done, expected, left_s)
-
-
-def time_expected(case: Case, results: str | Path) -> str:
-    """Line on the time of a calibration, from the stored runs and iterations of the case; without them, that says so.
-
-    Parameters
-    ----------
-    case : Case
-        Configuration of the case.
-    results : path
-        Folder that contains the results folders of all cases.
-    """
-    seconds = median_seconds(Path(results) / case.case / "runs")
-    if seconds is None:
-        return "time: not known before the first run, which radcal run CASE reference makes"
-    each = seconds * case.simulator.draws
-    iteration = stored_iteration_seconds(Path(results) / case.case / "benchmarks") or len(case.passes) * each
-    infill = -(-(case.stop.max_runs - case.design_size) // case.infill.batch)
-    others = each * sum(number for kind, number in largest_runs(case).items() if kind != "infill")
-    usual, most = (duration(others + number * iteration) for number in (min(_SEARCH_RUNS, infill), infill))
-    return (
-        f"time: about {usual} with {min(_SEARCH_RUNS, infill)} iterations, within which most searches end "
-        f"(docs/right_law.md), at most {most} with {infill} (a run takes {duration(each)}, an iteration "
-        f"{duration(iteration)})"
-    )

@@ -152,7 +152,8 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
     ]
     lines += beside_headline(summary.get("warnings", []), [Finding(**one) for one in kept])
     search = runs["design"] + runs["infill"]
-    others = runs_in_words({kind: runs[kind] for kind in ("reference", "final")}, runs.get("registration", 0))
+    again = runs.get("registration", 0)
+    others = runs_in_words({"reference": runs["reference"] - again, "registration": again, "final": runs["final"]})
     return [
         *lines,
         f"simulator runs of the search: {search} ({runs['design']} design, {runs['infill']} infill{reused}), besides "
