@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from raster_files import write_raster
-from rasterio.transform import Affine, from_origin
+from rasterio.transform import from_origin
 from typer.testing import CliRunner
 
 from radcal.cli import app
@@ -51,24 +51,15 @@ def refused(text):
     [
         (SLANT_RANGE, "- case: mine\n- case: other\n", "holds list, expected keys and values"),
         ("radar: {looks: 4, nesz_db: -40}", "radar:", "line 3: radar is empty, expected keys and values"),
-        ("looks: 4", "looks: .nan", "line 3: radar.looks is nan, expected greater than or equal to 1"),
-        ("looks: 4,", "looks: '4,5',", "line 3: radar.looks is '4,5', expected a number, for example looks: 4.4"),
-        ("looks: 4", "looks: &l [4]", "line 3: radar.looks is [4], expected a number"),
+        ("looks: 4,", "looks: '4,5',", "line 3: radar.looks is '4,5', expected a number."),
         ("{looks: 4,", "{polarisation: [VV, VH],", "line 3: radar.polarisation is ['VV', 'VH'], expected 'HH', 'HV'"),
         ("radar:", "r\u0430dar:", "line 3: unknown key r\u0430dar (did you mean 'radar'?)"),
-        ("case: mine", "case: 2024-05-01", "line 2: case is 2024-05-01, expected a text"),
-        ("deg: 20", "deg: 20 deg", "line 4: scene.near_incidence_deg is '20 deg', expected a number, for example"),
+        ("deg: 20", "deg: 20 deg", "line 4: scene.near_incidence_deg is '20 deg', expected a number."),
         ("labels.tif", "https://a.org/b.tif", "line 4: scene.labels: the file https:/a.org/b.tif does not exist in"),
-        ("labels.tif", "/vsizip/a.zip/b.tif", "line 4: scene.labels: the file /vsizip/a.zip/b.tif does not exist"),
-        ("image.npy", "C:\\data\\image.npy", "line 5: measurement.path: the file C:\\data\\image.npy does not exist"),
-        ("scale: power, ", "", "line 5: measurement.scale is missing, expected its value, for example scale: power"),
+        ("scale: power, ", "", "line 5: measurement.scale is missing, expected scale of the numbers in"),
         ("{source: file, path", "[]\ncolours: {a", "line 6: colours: unknown key, expected a key colour in each"),
-        ("calibrate: true", "calibrate: always", "line 7: materials.field.calibrate is 'always', expected true or"),
-        ("[[-40, 0],", "[[-40, -20, 0],", "line 7: materials.field.bounds.0 is [-40, -20, 0], expected at most 2"),
         ("  lake:", "  lake/2:", "line 6: materials: name 'lake/2' is not made of letters, digits, blanks, _ and -"),
         ("{kind: builtin}", "!!set {kind}", "line 9: simulator is {'kind'}, expected keys and values"),
-        ("simulator: {kind: builtin}", "objective: yes", "line 9: objective is true, expected a text"),
-        ("simulator: {kind: builtin}", "stop: {max_runs: .inf}", "line 9: stop.max_runs is inf, expected a finite"),
         ("{kind: builtin}", OUTSIDE.replace("sim.py", "3"), "line 9: simulator.command.1 is 3, expected a text"),
         ("{kind: builtin}", OUTSIDE.replace("{python}", "/tmp"), "line 9: simulator.command: /tmp is not a file"),
         ("{kind: builtin}", OUTSIDE.replace("i.h5", "../i.h5"), "line 9: simulator.output.file: is '../i.h5', exp"),
@@ -97,15 +88,10 @@ def half(name):
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
-        ("names.json", '{"1": "field", "1": "meadow"}', "scene.names: names.json is not a JSON object of id and name"),
         ("names.json", '{"1": "field", "2": ', 'such as {"1": "grass"} (Expecting value: line 1 column 21 (char 20))'),
         ("names.json", '{"1.0": "field", "2": "lake"}', "(invalid literal for int() with base 10: '1.0')"),
         ("names.json", "[" * 100_000, "(maximum recursion depth exceeded"),
         ("names.json", '{"1": 7, "2": "lake"}', "materials.field: not in the scene, which has 7, lake"),
-        ("labels.tif", np.full((60, 50), 300, np.uint16), "scene.labels: labels.tif holds uint16 from 300 to 300"),
-        ("labels.tif", np.full((60, 50), 1.5), "scene.labels: labels.tif holds float64"),
-        ("image.npy", np.ones((60, 50, 2)), "image.npy holds an array of shape (60, 50, 2), expected an image"),
-        ("image.npy", np.zeros((60, 50), "f4,f4"), "image.npy holds [('f0', '<f4'), ('f1', '<f4')], expected real num"),
         ("image.npy", np.full((60, 50), np.nan), "measurement.path: image.npy holds no finite number, expected an im"),
     ],
 )  # fmt: skip
@@ -124,9 +110,6 @@ def test_wrong_files(name, content, said):
     ("values", "crs", "transform", "said"),
     [
         (90 + 1j, "EPSG:32631", MAP, "holds complex64, expected heights as real numbers"),
-        (90_000.0, "EPSG:32631", MAP, "holds heights from 90000 to 90000 m, expected -1000 to 9000"),
-        (90.0, "EPSG:32631", Affine(20, 8, 6e5, 8, -20, 5.8e6), "is rotated against its coordinate axes: warp it"),
-        (90.0, "EPSG:4978", MAP, "has no geographic or projected coordinate reference system, expected one"),
     ],
 )
 @pytest.mark.usefixtures("folder")

@@ -20,7 +20,7 @@ from config_samples import (
 )
 from pydantic import ValidationError
 
-from radcal.config import Case, FileMeasurement, RasterScene, SlantRangeScene, SyntheticMeasurement, case_from
+from radcal.config import Case, FileMeasurement, SyntheticMeasurement, case_from
 from radcal.errors import ConfigError
 from radcal.sections.scene import BuiltinScene
 
@@ -48,16 +48,20 @@ MANGIA_AT, OH_AT = {"law": "mangia", "parameters": X}, {"law": "oh1992", "parame
 BAD = [
     # laws
     (truth([-1, -2], GAMMA), ["measurement.synthetic.parameters.dyke has 2 numbers, law 'constant_gamma' takes 1"]),
-    (dyke(**GAMMA), ["measurement.synthetic.parameters.dyke is missing", "'mangia'", "is 'constant_gamma'"]),
+    (
+        dyke(**GAMMA),
+        [
+            "synthetic.parameters.dyke is missing",
+            "law 'constant_gamma' of materials.dyke",
+            "default is for law 'mangia'",
+        ],
+    ),
     (truth([-1], {"law": "constant_gamma"}), ["materials.dyke: bounds is missing", "no default", "gamma"]),
     (truth(X + X[:2], {"law": "ulaby_dobson"}), ["materials.dyke: bounds is missing", "P1, P2, P3, P4, P5, P6"]),
     (dyke(law="ulaby_dobson", bounds=[[0, 1]] * 2 + [[0, 101]] + [[0, 1]] * 3), ["P3", "is 101", "-100 to 100"]),
     ({"materials": {"dyke": {"law": "ulaby_dobson"}}}, ["materials.dyke", "6 numbers", "P6)"]),
     (dyke(law="tabulated", bounds=[[-30, 0]] * 3), ["materials.dyke: angles_deg is missing", "'tabulated'"]),
     (dyke(**{**TABLE, "angles_deg": [20, 20, 60]}), ["materials.dyke: angles_deg is [20.0, 20.0, 60.0]", "increasing"]),
-    (dyke(**{**TABLE, "angles_deg": [20]}), ["materials.dyke.angles_deg is [20]", "at least 2"]),
-    (dyke(**{**TABLE, "angles_deg": [20, 40, 91]}), ["materials.dyke.angles_deg.2 is 91"]),
-    (dyke(**{**TABLE, "bounds": [[-30, 0]] * 2}), ["materials.dyke: bounds has 2 intervals, law 'tabulated' takes 3"]),
     (dyke(angles_deg=[20, 40]), ["materials.dyke: angles_deg is given, law is 'mangia', which does not take it"]),
     (truth([8, 1, 1], OH), ["radar.frequency_ghz is missing: law 'oh1992' of materials.dyke depends on it"]),
     (
@@ -68,7 +72,6 @@ BAD = [
     (truth([8, 1, 1], {**OH, "bounds": [[5, 9], [-1, 1], [1, 2]]}, frequency_ghz=9.6), ["bounds", "permittivity_imag"]),
     ({"radar": {"frequency_ghz": 5.4}}, ["radar: frequency_ghz is 5.4, which is not in band 'X'"]),
     # starts of another law
-    (dyke(start={"law": "constant_gamma"}), ["materials.dyke.start.parameters is missing"]),
     (dyke(start={"law": "constant_gamma", "parameters": [1, 2]}), ["materials.dyke.start", "2 numbers", "takes 1"]),
     (dyke(start={"law": "gamma", "parameters": [1]}), ["materials.dyke.start: law is 'gamma', expected one of"]),
     (dyke(law="x" * 10_000), ["materials.dyke: law is 'xxx", "xxx', expected one of constant_gamma"]),
@@ -78,7 +81,10 @@ BAD = [
         {**dyke(start=OH_AT), **synthetic(parameters={"dyke": X})},
         ["radar.frequency_ghz is missing", "materials.dyke.start depends"],
     ),
-    ({**dyke(start=OTHER_START), **synthetic(parameters={})}, ["synthetic.parameters.dyke is missing", "dyke.start"]),
+    (
+        {**dyke(start=OTHER_START), **synthetic(parameters={})},
+        ["synthetic.parameters.dyke is missing", "its start is of another law"],
+    ),
     (
         {**dyke(start=OTHER_START), **synthetic(parameters={"dyke": X}), "design": {"size": 0}},
         ["design.size is 0", "at least 1"],
@@ -88,27 +94,14 @@ BAD = [
     # top level
     ({"case": "a b"}, ["case", "'a b'", "a letter"]),
     ({"case": "a" * 101}, ["case", "has 101 letters", "at most 100"]),
-    ({"case": "../up"}, ["case", "'../up'"]),
     ({"case": "1st"}, ["case", "'1st'"]),
-    ({"case": ""}, ["case", "''"]),
-    ({"case": 3}, ["case is 3"]),
     ({"case": "new\n"}, ["case"]),
-    ({"seed": -1}, ["seed is -1"]),
     ({"seed": 1.5}, ["seed is 1.5"]),
-    ({"seed": "one"}, ["seed is 'one'"]),
     ({"seed": None}, ["seed is empty"]),
     ({1: 2}, ["1"]),
-    ({"stop": [1, 2]}, ["stop is [1, 2]"]),
-    ({"scene": "builtin"}, ["scene is 'builtin'"]),
     # radar
     ({"radar": {"frequency_ghz": 435, "band": "P"}}, ["not in band 'P': correct one of them (in MHz? 0.435 GHz)"]),
     ({"radar": {"altitude_m": 0}}, ["radar.altitude_m is 0", "greater than or equal to 1"]),
-    ({"radar": {"altitude_m": "high"}}, ["radar.altitude_m is 'high'"]),
-    ({"radar": {"altitude_m": float("inf")}}, ["radar.altitude_m is inf"]),
-    ({"radar": {"depression_deg": 90}}, ["radar.depression_deg is 90", "less than 85"]),
-    ({"radar": {"look_side": "up"}}, ["radar.look_side is 'up'", "'right' or 'left'"]),
-    ({"radar": {"polarisation": "hh"}}, ["radar.polarisation is 'hh'", "'HH'"]),
-    ({"radar": {"heading_deg": 360}}, ["radar.heading_deg is 360", "less than 360"]),
     ({"radar": {"heading_deg": 192}}, ["radar.heading_deg is 192, expected none with scene.source: builtin"]),
     ({"radar": {"incidence_deg": 35, "depression_deg": 50}}, ["depression_deg (50) and incidence_deg (35) are both"]),
     (
@@ -116,23 +109,15 @@ BAD = [
         ["incidence_deg is 35 and earth is flat", "depression_deg: 55"],
     ),
     ({"radar": {"incidence_deg": 38.5, "altitude_m": 693}}, ["altitude_m is 693", "expected metres: 693000"]),
-    ({"radar": {"earth": "round"}}, ["radar.earth is 'round'"]),
     ({"radar": {"earth": "curved", "altitude_m": 693e3, "depression_deg": 25}}, ["depression_deg is 25", "larger"]),
     ({"radar": {"sensor": "sentinel2"}}, ["radar.sensor is 'sentinel2'", "'sentinel1_iw_grdh'"]),
     ({"radar": {"sensor": "sentinel1_iw_grdh", "polarisation": "VV"}}, ["incidence_deg and nesz_db are missing"]),
-    ({"radar": {"nesz_db": [[30, -20]]}}, ["radar.nesz_db is [[30, -20]]", "at least 2"]),
     ({"radar": {"nesz_db": [[30, -20], [20, -18]]}}, ["radar.nesz_db", "[30.0, 20.0], expected increasing angles"]),
-    ({"radar": {"nesz_db": [[30, -20], [95, -18]]}}, ["radar.nesz_db.1.0 is 95", "less than 90"]),
     ({"radar": {"nesz_db": [[30, -20], [40]]}}, ["radar.nesz_db.1.1 is missing"]),
-    ({"radar": {"radiometry": "beta"}}, ["radar.radiometry is 'beta'", "'sigma0_local'"]),
     # scene
     ({"scene": {"source": "buitlin"}}, ["scene.source is 'buitlin'", "'builtin'", "'slant_range'"]),
     (flat(near_incidence_deg=50), ["scene", "near_incidence_deg (50)", "far_incidence_deg (40)"]),
-    (flat(labels=7), ["scene.labels is 7"]),
-    ({"scene": {"source": "slant_range"}}, ["scene.labels is missing"]),
     ({"scene": {"source": "raster"}}, ["scene.elevation is missing"]),
-    (mapped(crs=32631), ["scene.crs is 32631"]),
-    (mapped(bounds=[0, 1, 2]), ["scene.bounds.3 is missing"]),
     (mapped(bounds=[0, 2, 1, 1]), ["scene", "bounds are [0, 2, 1, 1]", "south < north"]),
     # materials
     ({"materials": {"dyke": None}}, ["materials.dyke is empty"]),
@@ -141,37 +126,23 @@ BAD = [
     ({"materials": {"fen" + "ab" * 20: {"calibrate": True}}}, ["materials", "ends with 20 times 'ab', expected"]),
     ({"materials": {"grass": {"parameters": X}}}, ["materials", "calibrate: true"]),
     ({"materials": {"grass": {}}}, ["materials.grass", "needs parameters", "X1"]),
-    ({"materials": {"grass": {"parameters": [1, 2]}}}, ["materials.grass", "2 numbers", "takes 4"]),
-    (dyke(law="mangy"), ["materials.dyke", "'mangy'", "mangia"]),
-    (dyke(calibrate="maybe"), ["materials.dyke.calibrate is 'maybe'"]),
     (dyke(parameters=X), ["materials.dyke", "start and bounds, not parameters"]),
     (dyke(bounds=[[0, 1]] * 3), ["materials.dyke", "3 intervals", "takes 4"]),
-    (dyke(bounds=[[0, 1]] * 5), ["materials.dyke", "5 intervals", "takes 4"]),
     (dyke(bounds=[[0, 1]] * 3 + [[2, 1]]), ["materials.dyke", "X4", "[2, 1]", "lower < upper"]),
-    (dyke(bounds=[[0, 1]] * 3 + [[1, 1]]), ["materials.dyke", "X4", "[1, 1]"]),
-    (dyke(bounds=[[0, 1, 2]] * 4), ["materials.dyke.bounds.0", "[0, 1, 2]"]),
-    (dyke(bounds="wide"), ["materials.dyke.bounds is 'wide'"]),
     (dyke(start=[1, 2, 3]), ["materials.dyke", "start has 3 numbers", "takes 4"]),
     (dyke(start=[1, 2, 3, 51]), ["materials.dyke", "start of X4 is 51", "[0, 50]"]),
     # measurement
-    ({"measurement": {"source": "satellite"}}, ["measurement.source is 'satellite'", "'file'", "'synthetic'"]),
     (mapped() | measured(path="./a.tif", band=1), ["measurement.path and scene.elevation", "a.tif"]),
     (mapped() | measured(path="b.tif"), ["measurement.path and scene.materials are the same file b.tif, expected"]),
     (flat() | measured(path="ids.tif"), ["measurement.path and scene.labels", "ids.tif"]),
-    (measured(scale="dB"), ["measurement.scale is 'dB'", "'db', 'power', 'amplitude' or 'complex'"]),
-    (measured(scale=None), ["measurement.scale is empty"]),
     ({"measurement": {"source": "file", "path": "a.tif"}}, ["measurement.scale is missing"]),
-    ({"measurement": {"source": "file", "scale": "db"}}, ["measurement.path is missing"]),
     (
         {"measurement": {"source": "file", "path": "a.tif", "scale": "db"}},
         ["measurement.radiometry is missing: a.tif", "sigma0_ref"],
     ),
-    (measured(radiometry="sigma0"), ["measurement.radiometry is 'sigma0'", "'gamma0_rtc'"]),
-    (measured(polarisation="HH "), ["measurement.polarisation is 'HH '", "'HH', 'HV', 'VH' or 'VV'"]),
     (measured(polarisation="HV"), ["measurement.polarisation is HV, radar.polarisation is HH", "never mixed"]),
     (measured(carrier_band="C"), ["measurement.carrier_band is C, radar.band is X", "never mixed"]),
     (synthetic(parameters={"dyke": [1, 2]}), ["measurement.synthetic.parameters.dyke", "2 numbers", "takes 4"]),
-    (synthetic(parameters={"dyke": [1, 2, 3, "x"]}), ["measurement.synthetic.parameters.dyke.3 is 'x'"]),
     (synthetic(laws={"dkye": MANGIA_AT}), ["synthetic.laws.dkye", "'dyke'"]),
     (synthetic(parameters={"dyke": X}, laws={"dyke": MANGIA_AT}), ["synthetic.laws.dyke and measurement", "both"]),
     (synthetic(laws={"dyke": OH_AT}), ["radar.frequency_ghz is missing", "synthetic.laws.dyke"]),
@@ -186,20 +157,14 @@ BAD = [
     ({"radar": None}, ["some.yaml: radar is empty, expected keys and values."]),
     ({"radar": [4]}, ["radar is 4, expected keys and values."]),
     ({"materials": {}}, ["materials is {}, expected at least 1 item, not 0."]),
-    ({"materials": ["dyke"]}, ["materials is ['dyke'], expected keys and values."]),
-    (dyke(bounds=[0, 1]), ["bounds.0 is 0, expected a list, for example bounds: [[-20, -10]] (and 1 more"]),
+    (dyke(bounds=[0, 1]), ["bounds.0 is 0, expected a list (and 1 more"]),
     (dyke(bounds=[[0, 1, 2]] * 4), ["bounds.0 is [0, 1, 2], expected at most 2 items, not 3 (and 3 more"]),
     ({"\x1b[31mred\n": 1}, ["unknown key \\x1b[31mred\\n (known: "]),
     ({"stop": {"[rms": 1}}, ["unknown key stop.[rms (did you mean 'rms'?)"]),
     ({"seed": [0] * 9000}, ["seed is [" + "0, " * 18 + "0,..., expected an integer."]),
     # the rest
-    ({"simulator": {"kind": "emprise"}}, ["simulator.kind is 'emprise'", "'builtin'"]),
     ({"registration": {"method": "magic"}}, ["registration.method is 'magic'", "'none'"]),
-    ({"target": {"pixels": 49}}, ["target.pixels is 49", "50"]),
-    ({"design": {"sampler": "halton"}}, ["design.sampler is 'halton'", "'sobol'", "'latin_hypercube'"]),
     ({"case": "dune", "design": {"reuse": "dune"}}, ["design.reuse is 'dune', this case itself"]),
-    ({"surrogate": {"training": "hot"}}, ["surrogate.training is 'hot'", "'posterior'"]),
-    ({"surrogate": {"baseline": "law"}}, ["surrogate.baseline is 'law'"]),
     ({"surrogate": {"training": "smt"}}, ["surrogate.training smt, which objective: classes does not use"]),
     ({"surrogate": {"baseline": False}, "stop": {"max_runs": 7}}, ["stop.max_runs is 7", "design.size (8)"]),
 ]
@@ -217,28 +182,11 @@ def test_bad_values_are_refused_in_a_sentence(data, words):
     [
         ({"seed": True}, "seed"),
         ({"radar": {"looks": True}}, "radar.looks"),
-        ({"radar": {"frequency_ghz": True}}, "radar.frequency_ghz"),
-        ({"target": {"pixels": True}}, "target.pixels"),
-        ({"stop": {"stagnation_runs": True}}, "stop.stagnation_runs"),
         (dyke(bounds=[[True, 50.0], *[[0.0, 50.0]] * 3]), "materials.dyke.bounds.0.0"),
-        (dyke(start=[True, 10.0, 10.0, 10.0]), "materials.dyke.start.0"),
-        (synthetic(parameters={"dyke": [*X[:3], True]}), "measurement.synthetic.parameters.dyke.3"),
     ],
 )
 def test_yes_and_no_are_no_numbers(data, key):
     assert message(data).startswith(f"some.yaml: {key} is true, expected a number")
-
-
-def test_each_union_member_is_read():
-    assert case_from(flat()).scene == SlantRangeScene(
-        source="slant_range", labels="ids.tif", names="a.json", near_incidence_deg=20, far_incidence_deg=40
-    )
-    assert case_from(mapped(bounds=[0, 1, 2, 3])).scene == RasterScene(
-        source="raster", elevation="a.tif", materials="b.tif", names="a.json", bounds=(0, 1, 2, 3)
-    )
-    assert case_from(measured()).measurement == FileMeasurement(
-        source="file", path="a.tif", scale="db", radiometry="sigma0_ref"
-    )
 
 
 def test_measurement_of_the_same_pass():
@@ -258,16 +206,10 @@ def test_calibrated_materials_keep_the_order_of_the_file():
     assert case.calibrated == names
 
 
-@pytest.mark.parametrize(
-    ("path", "value"),
-    [(("seed",), 2), (("stop", "rms"), 1e-3), (("radar", "looks"), 1), (("scene", "seed"), 4), (("nothing",), 1)],
-)
-def test_configuration_is_frozen(path, value):
-    section = Case()
-    for name in path[:-1]:
-        section = getattr(section, name)
-    with pytest.raises(ValidationError):
-        setattr(section, path[-1], value)
+def test_configuration_is_frozen():
+    for section, name in ((Case(), "seed"), (Case().stop, "rms"), (Case(), "nothing")):
+        with pytest.raises(ValidationError):
+            setattr(section, name, 2)
 
 
 def test_the_default_truth_does_not_bind_other_materials():
@@ -300,23 +242,10 @@ def test_laws_know_the_pass():
     assert float(case.laws["dyke"](0.6, [8, 1, 1])) != float(higher.laws["dyke"](0.6, [8, 1, 1]))
 
 
-def test_an_image_may_be_a_further_band_of_the_elevation():
-    assert case_from(mapped() | measured(band=2)).measurement == FileMeasurement(
-        path="a.tif", scale="db", radiometry="sigma0_ref", band=2
-    )
-
-
 def test_a_low_track_is_no_orbit():
     assert case_from({"radar": {"depression_deg": 40, "altitude_m": 693}}).radar.altitude_m == 693
     assert case_from({"radar": {"incidence_deg": 50, "altitude_m": 2100}}).radar.altitude_m == 2100
     assert case_from({"radar": {"incidence_deg": 50, "altitude_m": 150}}).radar.altitude_m == 150
-
-
-def test_a_measurement_of_another_radiometry_is_refused():
-    file = {"source": "file", "path": "a.tif", "scale": "power", "radiometry": "gamma0"}
-    with pytest.raises(ConfigError, match=r"measurement\.radiometry is gamma0, radar\.radiometry is sigma0_ref: set"):
-        case_from({"measurement": file})
-    assert case_from({"measurement": file, "radar": {"radiometry": "gamma0"}}).radar.radiometry == "gamma0"
 
 
 @pytest.mark.parametrize("path", ["a.nitf", "a.NTF", "b/a.sicd", "${IMAGE}"])
@@ -332,12 +261,6 @@ def test_a_file_that_may_say_its_radiometry_is_not_asked_for_it(path):
         ({"objective": "classes", "target": {"normalisation": "image"}}, r"normalisation is image, .* none or offset"),
         ({"validation": {}, "target": {"normalisation": "image"}}, r"validation is .* is image, .* none or offset"),
         ({"validation": {"rows": 20, "means": 3}}, r"means is 3, expected a divisor of rows \(20\)"),
-        ({"validation": {"keep": "all"}}, r"validation\.keep is 'all', expected 'even', 'odd', 'both' or 'fields'"),
-        ({"validation": {"row": 20}}, r"unknown key validation\.row \(did you mean 'rows'"),
-        ({"target": {"incidence_classes": 0}}, r"target\.incidence_classes is 0, expected"),
-        ({"design": {"size": "many"}}, r"design\.size is 'many', expected"),
-        ({"target": {"looks": 3}}, r"target\.looks is 3, expected 'free' or 'nominal'"),
-        ({"target": {"incidence_error_deg": -1}}, r"target\.incidence_error_deg is -1, expected"),
     ],
 )
 def test_wrong_objectives_end_in_a_sentence(changes, words):
@@ -407,19 +330,6 @@ def test_the_image_is_registered_twice_where_laws_can_be_fitted_without_a_run(ch
     assert case_from(changes).registers_twice is twice
 
 
-@pytest.mark.parametrize(
-    "earlier", [{"training": "warm"}, {"retrain_every": 5}, {"training": "warm", "retrain_every": 1}]
-)
-def test_keys_of_an_earlier_version_are_read_with_a_warning(earlier):
-    with pytest.warns(FutureWarning, match=r"surrogate\.training: warm and surrogate\.retrain_every have no effect"):
-        case = case_from({"surrogate": earlier})
-    assert case == case_from({})
-    with pytest.warns(FutureWarning):
-        assert case_from({"objective": "density", "surrogate": {"retrain_every": 5, "training": "smt"}}).surrogate == (
-            case_from({"objective": "density", "surrogate": {"training": "smt"}}).surrogate
-        )
-
-
 TWO_PASSES = {
     "radar": [{"depression_deg": 45}, {"depression_deg": 30, "polarisation": "VV"}],
     "measurement": [{}, {"synthetic": {"seed": 5}}],
@@ -446,10 +356,8 @@ def test_lists_of_radar_and_measurement_are_passes():
             "radar.*.heading_deg are 10, 12, expected the same heading in all passes",
         ),
         ({"measurement": {}}, "measurement: found radar of 2 and measurement of 1, expected lists of equal length"),
-        ({"radar": [{}, {"depression_deg": 2}]}, "radar.2.depression_deg is 2, expected greater than 5."),
         ({"radar": [{}, {"depresion_deg": 2}]}, "unknown key radar.2.depresion_deg (did you mean 'depression_deg'?)."),
         ({"measurement": [{}, {"source": "fil"}]}, "measurement.2.source is 'fil', expected 'synthetic', 'file'."),
-        ({"measurement": [{}, {"synthetic": {"warp_px": -2}}]}, "measurement.2.synthetic.warp_px is -2, expected"),
         (
             {
                 "measurement": [

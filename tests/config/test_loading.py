@@ -2,9 +2,9 @@
 
 import pytest
 import yaml
-from config_samples import FIXED, X, synthetic, write
+from config_samples import FIXED, X, write
 
-from radcal.config import Case, SyntheticMeasurement, load, load_forward
+from radcal.config import Case, load, load_forward
 from radcal.errors import ConfigError
 
 
@@ -41,29 +41,6 @@ def test_override_reaches_into_materials_and_lists(tmp_path):
     assert list(case.materials) == ["dyke", "grass"]
 
 
-def test_override_of_a_measurement_keeps_its_other_keys(tmp_path):
-    path = write(tmp_path, yaml.safe_dump(synthetic(seed=5, offset_db=1.0)))
-    measurement = load([path], {"measurement": '{"synthetic": {"warp_px": 2.0}}'}).measurement
-    assert isinstance(measurement, SyntheticMeasurement)
-    assert (measurement.synthetic.seed, measurement.synthetic.offset_db, measurement.synthetic.warp_px) == (5, 1.0, 2.0)
-
-
-@pytest.mark.parametrize(
-    ("overrides", "words"),
-    [
-        ({"stop": '{"rms": '}, ["--config stop", "not valid"]),
-        ({"stop": '{"rsm": 1}'}, ["stop.rsm", "'rms'"]),
-        ({"stop": "1e-4"}, ["stop is '1e-4'"]),
-        ({"sede": 3}, ["sede", "'seed'"]),
-    ],
-)
-def test_bad_overrides(tmp_path, overrides, words):
-    with pytest.raises(ConfigError) as caught:
-        load([write(tmp_path, "seed: 3\n")], overrides)
-    for word in words:
-        assert word in str(caught.value)
-
-
 @pytest.mark.parametrize(
     ("overrides", "said"),
     [
@@ -82,11 +59,6 @@ def test_a_mistake_has_the_place_of_its_key(tmp_path, monkeypatch, overrides, sa
     with pytest.raises(ConfigError) as caught:
         load(["case.yaml"], overrides)
     assert str(caught.value).startswith(said)
-
-
-def test_a_file_that_is_no_yaml_is_refused_with_its_line(tmp_path):
-    with pytest.raises(ConfigError, match=r"case\.yaml, line 3: not a YAML file"):
-        load([write(tmp_path, "seed: 3\nradar: [1, 2\n")])
 
 
 def test_how_many_more_mistakes_there_are_is_told(tmp_path):

@@ -1,7 +1,5 @@
 """The default case as YAML."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +8,7 @@ import yaml
 from config_samples import COMMAND, FIXED, synthetic
 
 from radcal.config import Case, SyntheticMeasurement, case_from, load
-from radcal.config.writing import _inline, default_case, default_yaml
+from radcal.config.writing import default_case, default_yaml
 
 
 def test_default_yaml_is_the_default_case(tmp_path):
@@ -61,17 +59,3 @@ def test_levels_and_bounds_of_the_default_case_are_physical():
 def test_shipped_config_is_the_default_case():
     shipped = Path(__file__).parents[2] / "config" / "config.yaml"
     assert shipped.read_text() == default_yaml()
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(4.0, "4"), (693_000.0, "693000"), (1_234_567.0, "1234567.0"), (1e-5, "1.0e-05"), (0.25, "0.25"), (True, "true")],
-)
-def test_numbers_are_written_with_all_their_digits(value, text):
-    assert _inline(value) == text
-    assert yaml.safe_load(text) == value
-
-
-def test_module_writes_the_default_yaml():
-    done = subprocess.run([sys.executable, "-m", "radcal.config"], capture_output=True, text=True, check=True)
-    assert done.stdout == default_yaml()

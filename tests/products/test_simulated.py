@@ -150,7 +150,9 @@ def test_all_mistakes_of_a_file_of_materials_are_told_at_once(tmp_path, case):
         "radcal: materials.shore: not in the scene (known: field, lake).",
     ]
     open_ones = write_materials(tmp_path, field={**law, "parameters": ["FILL_IN"]}, lake={"parameters": "FILL_IN"})
-    assert simulate(case, "--materials", open_ones).stderr.count(".parameters is FILL_IN, expected its value") == 2
+    assert (
+        simulate(case, "--materials", open_ones).stderr.count(".parameters is FILL_IN, expected fixed parameters") == 2
+    )
     assert simulate(case, "--materials", tmp_path / "names.json").stderr.endswith(
         f"--materials: {tmp_path}/names.json has no section materials, expected one, as calibrated.yaml has it.\n"
     )
@@ -164,7 +166,7 @@ def test_values_to_be_decided_are_told_but_those_that_are_not_read(tmp_path, cas
     assert "materials.lake.parameters is FILL_IN" in lake
     law = {"law": "constant_gamma", "parameters": [-8]}
     (line,) = simulate(case, "--materials", write_materials(tmp_path, lake=law)).stderr.splitlines()
-    assert line.startswith(f"radcal: {case}, line 4: materials.field.parameters is FILL_IN, expected its value")
+    assert line.startswith(f"radcal: {case}, line 4: materials.field.parameters is FILL_IN, expected fixed parameters")
     case.write_text("materials: [field]\n")
     done = simulate(case, "--materials", write_materials(tmp_path, lake=law))
     assert done.stderr == f"radcal: {case}, line 1: materials is ['field'], expected keys and values.\n"

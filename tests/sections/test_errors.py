@@ -1,33 +1,16 @@
 """Sentences about keys."""
 
 import pytest
-from config_samples import X, dyke, flat, mapped, measured, message, synthetic
+from config_samples import X, dyke, flat, measured, message, synthetic
 
 
 @pytest.mark.parametrize(
     ("data", "key", "near"),
     [
         ({"sede": 1}, "sede", "seed"),
-        ({"material": {}}, "material", "materials"),
-        ({"radar": {"lokos": 4}}, "radar.lokos", "looks"),
-        ({"radar": {"look": 4}}, "radar.look", "looks"),
-        ({"radar": {"altitude": 4000}}, "radar.altitude", "altitude_m"),
-        ({"radar": {"polarization": "HH"}}, "radar.polarization", "polarisation"),
         ({"simulator": {"knd": "builtin"}}, "simulator.knd", "kind"),
-        ({"simulator": {"keep_image": True}}, "simulator.keep_image", "keep_images"),
-        ({"registration": {"methd": "none"}}, "registration.methd", "method"),
-        ({"target": {"pixel": 100}}, "target.pixel", "pixels"),
-        ({"target": {"normalization": "none"}}, "target.normalization", "normalisation"),
-        ({"design": {"sizes": 8}}, "design.sizes", "size"),
-        ({"surrogate": {"output": "direct"}}, "surrogate.output", "outputs"),
-        ({"optimiser": {"polsh": True}}, "optimiser.polsh", "polish"),
-        ({"stop": {"max_run": 20}}, "stop.max_run", "max_runs"),
-        ({"scene": {"source": "builtin", "sed": 1}}, "scene.sed", "seed"),
         (flat(near_incidence=20), "scene.near_incidence", "near_incidence_deg"),
-        (mapped(vertical_dtum="EGM96"), "scene.vertical_dtum", "vertical_datum"),
-        (measured(radiometri="x"), "measurement.radiometri", "radiometry"),
         (synthetic(offset=1.0), "measurement.synthetic.offset", "offset_db"),
-        (dyke(bound=[]), "materials.dyke.bound", "bounds"),
         (dyke(strat=X), "materials.dyke.strat", "start"),
         (synthetic(parameters={"dkye": X}), "measurement.synthetic.parameters.dkye", "dyke"),
     ],

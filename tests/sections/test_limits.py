@@ -57,63 +57,9 @@ def numbers(annotation, metadata, path):
 
 FOUND = sorted(set(numbers(Case, [], "")))
 
-LAW = {"calibrate": True, "law": "tabulated", "angles_deg": [20, 40], "bounds": [[-30, 0]] * 2, "start": [-9.0, -8.0]}
-SECOND = {
-    "calibrate": True,
-    "law": "tabulated",
-    "angles_deg": [20, 50],
-    "bounds": [[-30, 0]] * 2,
-    "start": {"law": "tabulated", "angles_deg": [10, 60], "parameters": [-7.0, -6.0]},
-}
-CURVE = {"corner": [[0, 10.0], [90, 5.0]]}
-FIRST = {
-    "seed": 3,
-    "scene": {
-        "source": "builtin", "seed": 1,
-        "objects": {"generate": {"trees": 5, "cars": 4, "buildings": 3, "seed": 2}},
-    },
-    "radar": {
-        "altitude_m": 5000, "depression_deg": 40, "band": "X", "frequency_ghz": 9.6, "range_resolution_m": 2,
-        "azimuth_resolution_m": 3, "range_spacing_m": 1.5, "azimuth_spacing_m": 2.5, "looks": 3, "nesz_db": -25,
-    },
-    "materials": {"a": LAW, "b": SECOND, "c": {"law": "constant_gamma", "parameters": [-10.0], "looks": 1.5}},
-    "measurement": {
-        "source": "synthetic",
-        "synthetic": {
-            "parameters": {"a": [-9, -8], "b": [-7, -6]}, "seed": 2, "offset_db": 1.0, "warp_px": 2,
-            "laws": {"c": {"law": "tabulated", "angles_deg": [15, 55], "parameters": [-9.0, -12.0]}},
-            "relief_m": 0.4, "relief_length_m": 3.0, "resolution_factor": 1.2, "looks": 2, "nesz_db": -26.0,
-            "texture_db": 1.5, "texture_length_m": 12.0, "wrong_labels": 0.02,
-            "fields_db": {"a": 0.7},
-        },
-    },
-    "registration": {"max_displacement_px": 10},
-    "target": {"pixels": 900, "margin_px": 2, "snr_db": 1.0, "incidence_classes": 4, "incidence_error_deg": 1.0},
-    "validation": {"rows": 20, "columns": 30, "means": 10},
-    "design": {"size": 4, "chunk": 3},
-    "surrogate": {"training": "posterior"},
-    "optimiser": {"population": 50, "evaluations": 700},
-    "infill": {"batch": 3},
-    "stop": {"rms": 1e-4, "max_runs": 150, "max_hours": 8.0, "stagnation_runs": 15, "law_db": 0.1},
-    "uncertainty": {
-        "known_db": 1.2,
-        "noise_db": 1.5, "level_db": 0.4,
-        "field_db": 0.6,
-        "fixed_law_db": 0.9, "fixed_slope": 0.3, "form_db": 0.4, "area": 0.15,
-        "point_spread": 0.2,
-        "incidence_error": 0.4,
-        "incidence_floor_deg": 0.3,
-        "walkers": 64,
-        "steps": 3000,
-    },
-}  # fmt: skip
-RASTERS = {
-    "source": "raster", "elevation": "a.tif", "materials": "b.tif", "names": "c.json", "cell_m": 2.0,
-    "bounds": [0, 1, 2000, 2001], "elevation_error_m": 0.5, "objects": {"path": "d.csv", "aspect": CURVE},
-}  # fmt: skip
-FLAT = {
-    "source": "slant_range", "labels": "a.tif", "names": "a.json", "near_incidence_deg": 20, "far_incidence_deg": 40,
-}  # fmt: skip
+DEFAULT = Case().model_dump(mode="json", exclude_none=True)
+DEFAULT["materials"] = {"dyke": DEFAULT["materials"]["dyke"]}
+DEFAULT["measurement"]["synthetic"]["parameters"] = {"dyke": [-24, 10, 14, 5]}
 PROGRAM = {
     "kind": "command", "command": ["./sim"], "timeout_s": 60, "retries": 3, "retry_wait_s": 2.0,
     "accept_exit_codes": [0, 1], "seed_bits": 31, "draws": 2,
@@ -121,42 +67,28 @@ PROGRAM = {
         "file": "a.raw", "scale": "db", "format": "raw", "dtype": "float32", "shape": [80, 90], "header_bytes": 8,
     },
 }  # fmt: skip
-PRODUCTS = {
-    "scene": {
-        "source": "builtin",
-        "objects": {"path": "d.csv", "permittivity": {"wall": 5.0, "ground": 8.0}},
+CASES = {
+    "default": DEFAULT,
+    "orbit": {
+        "scene": {
+            "source": "raster", "elevation": "a.tif", "materials": "b.tif", "names": "c.json", "cell_m": 2.0,
+            "bounds": [0, 1, 2000, 2001], "elevation_error_m": 0.5,
+        },
+        "radar": {
+            "altitude_m": 7e5, "incidence_deg": 35.0, "heading_deg": 192.0, "looks": 4.4,
+            "nesz_db": [[20, -30], [50, -25]],
+        },
     },
-    "simulator": {"kind": "builtin", "strips": 2},
-    "ppi": {
-        "site_m": [900.0, 800.0], "mast_m": 25.0, "range_m": 1200.0, "gate_m": 10.0, "pulses": 4, "rotation_rpm": 20.0,
-        "prf_hz": 4000.0, "power_w": 2e4, "pulse_us": 0.2, "gain_db": 30.0, "losses_db": 2.0, "noise_figure_db": 4.0,
-        "azimuth_beam_deg": 1.5, "elevation_beam_deg": 20.0, "tilt_deg": -3.0, "stc_m": 400.0, "false_alarms": 1e-4,
-        "training_gates": 16, "guard_gates": 1, "land": {"water": [[0, -30, 2.0]]},
-    },
-    "signals": {
-        "antenna_m": 4.0, "speed_mps": 110.0, "prf_hz": 300.0, "pulse_us": 3.0, "gain_db": 28.0, "power_w": 900.0,
-        "noise_figure_db": 4.0, "bits": 6, "motion_m": 0.3, "motion_length_m": 200.0, "origin": [50.0, 8.0],
-    },
-    "gmti": {
-        "channels": 3, "spacing_m": 0.5, "pulses": 16, "prf_hz": 2500.0, "false_alarms": 1e-5, "training_gates": 100,
-    },
-}  # fmt: skip
-CASES = [
-    FIRST,
-    PRODUCTS,
-    {"scene": RASTERS, "radar": {"nesz_db": [[20, -30], [50, -25]]}},
-    {
-        "scene": {key: value for key, value in RASTERS.items() if key != "objects"},
-        "radar": {"altitude_m": 7e5, "incidence_deg": 35.0, "heading_deg": 192.0, "looks": 4.4},
-    },
-    {
-        "scene": FLAT,
+    "program": {
+        "scene": {
+            "source": "slant_range", "labels": "a.tif", "names": "a.json", "near_incidence_deg": 20,
+            "far_incidence_deg": 40,
+        },
         "materials": {"a": {"calibrate": True, "law": "external", "names": ["p"], "bounds": [[0, 9]], "start": [4]}},
         "measurement": {"source": "file", "path": "a.tif", "scale": "db", "radiometry": "sigma0_ref", "band": 2},
         "simulator": PROGRAM,
     },
-    {"simulator": PROGRAM | {"output": {"file": "a.tif", "scale": "db", "band": 2}}},
-]
+}  # fmt: skip
 
 
 def places(data, at=()):
@@ -168,20 +100,6 @@ def places(data, at=()):
         yield at
 
 
-def general(place):
-    """The path of a number as its annotation has it."""
-    parts = ["*" if isinstance(part, int) else part for part in place]
-    for k, part in enumerate(parts[:-1]):
-        hidden = "synthetic" in parts[:k] and "laws" not in parts[:k]
-        if (
-            part == "aspect"
-            or (part in ("materials", "land") and k < 2)
-            or (part in ("parameters", "laws", "fields_db") and hidden)
-        ):
-            parts[k + 1] = "*"
-    return ".".join(parts)
-
-
 def replaced(data, place, value):
     copied = copy.deepcopy(data)
     inner = copied
@@ -191,17 +109,10 @@ def replaced(data, place, value):
     return dict(copied)
 
 
-def test_the_cases_hold_every_number_there_is():
-    assert {general(place) for case in CASES for place in places(case)} == {
-        path
-        for path, _, _ in FOUND
-        if ".conditions." not in path  # which no law of radcal's own has
-    }
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("case", CASES, ids=["all", "products", "rasters", "orbit", "program", "band"])
-def test_wild_numbers_are_taken_or_refused_in_a_sentence(case):
+@pytest.mark.parametrize("name", CASES)
+def test_wild_numbers_are_taken_or_refused_in_a_sentence(name):
+    case = CASES[name]
     assert case_from(case)
     taken = refused = 0
     for place in places(case):
@@ -249,10 +160,6 @@ def test_limits_are_said_as_they_are(data, said):
     with pytest.raises(ConfigError) as caught:
         case_from(data)
     assert str(caught.value).endswith(said)
-
-
-def test_seeds_reach_to_their_limit():
-    assert case_from({"seed": 2**63 - 1}).seed == 2**63 - 1
 
 
 def test_every_number_has_both_limits_and_the_page_says_which():

@@ -152,12 +152,6 @@ def test_a_start_and_a_hidden_law_may_be_formulas():
     ("keys", "words"),
     [
         ({"formula": "a.b + b"}, "materials.dyke: formula: found 'a.b' in 'a.b + b', expected numbers, names"),
-        ({"formula": "a + c"}, "found 'c' in 'a + c', expected one of a, b, phi"),
-        ({"formula": None}, "formula is missing, law is 'formula'"),
-        ({"names": ["a", "b", "c"]}, "names: 'c' does not occur in the formula 'a + b*cos(phi)'"),
-        ({"units": ["dB"]}, "units has 1 entries, names 2"),
-        ({"bounds": None}, "bounds is missing, law 'formula' has no default: expected [lower, upper] for each of a, b"),
-        ({"bounds": [[0, 1]]}, "bounds has 1 interval, law 'formula' takes 2 (names: a, b)"),
         ({"bounds": [[0, 1], [0, 2000]]}, "bounds of b are [0, 2000], expected within +-1000"),
         ({"integer": True}, "integer is for parameters of law: external"),
         (

@@ -37,22 +37,13 @@ def sentences() -> Iterator[None]:
 
 
 def overrides(words: Sequence[str] | None) -> dict[str, Any]:
-    """Settings of the option ``--set``, parsed and merged section by section.
-
-    Parameters
-    ----------
-    words : sequence of str or None
-        Settings as typed, each ``key=value``.
+    """Settings of the option ``--set``, each ``key=value``, parsed and merged section by section.
 
     Raises
     ------
     ConfigError
         A setting is not of the form ``key=value``, or a key is given twice.
     """
-    from radcal.config.yaml_file import check_words, merged, setting
+    from radcal.config.yaml_file import settings
 
-    check_words(words or [], "--set")
-    data: dict[str, Any] = {}
-    for word in words or []:
-        data = merged(data, setting(word, "--set"))
-    return data
+    return settings(words or [], "--set")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Self
 
@@ -136,9 +136,8 @@ class Case(Part):
 
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> Self:
-        counts = {"radar": len(self.radars), "measurement": len(self.measurements)}
-        if len(set(counts.values())) > 1 or 0 in counts.values():
-            lengths = " and ".join(f"{name} of {count}" for name, count in counts.items())
+        if not len(self.radars) == len(self.measurements) > 0:
+            lengths = f"radar of {len(self.radars)} and measurement of {len(self.measurements)}"
             wrong = f": found {lengths}, expected lists of equal length, with one item for each pass"
             raise Wrong("measurement", wrong)
         if found := {str(one): one for one in self._contradictions()}:
@@ -202,10 +201,8 @@ class Case(Part):
     def _in_pass(self) -> Iterator[Wrong]:
         """Sentences on settings of one pass that contradict the laws or the measured image of this pass."""
         measurement = self.measurement
-        # default hidden parameters belong to the default case; without hidden parameters a material keeps its start
         if isinstance(measurement, SyntheticMeasurement):
-            if measurement.synthetic.is_written:
-                yield from self._in_hidden(measurement.synthetic)
+            yield from self._in_hidden(measurement.synthetic)
             yield from self._in_truth(measurement.synthetic)
             yield from self._in_mismatch(measurement.synthetic)
         yield from self._in_sampling()
@@ -230,18 +227,27 @@ class Case(Part):
                 )
 
     def _in_hidden(self, synthetic: Synthetic) -> Iterator[Wrong]:
-        """Sentences on hidden parameters of unknown materials, and on hidden parameters that do not fit their law."""
-        for name, x in synthetic.parameters.items():
-            key = f"measurement.synthetic.parameters.{name}"
-            if name not in self.materials:
-                yield Wrong(key, f": no such material{nearest(name, self.materials)}")
-                continue
-            material = self.materials[name]
-            try:
-                check_parameters(key, x, material.unbound_law)
-                material.check_whole(key, x)
-            except Wrong as error:
-                yield error
+        """Sentences on keys of unknown materials, and on hidden parameters that do not fit their law."""
+        # default hidden parameters belong to the default case; without hidden parameters a material keeps its start
+        hidden = synthetic.parameters if synthetic.is_written else {}
+        sections: dict[str, Iterable[str]] = {
+            "parameters": hidden,
+            "laws": synthetic.laws,
+            "fields_db": synthetic.fields_db,
+        }
+        for section, names_of in sections.items():
+            for name in names_of:
+                if name not in self.materials:
+                    key = f"measurement.synthetic.{section}.{name}"
+                    yield Wrong(key, f": no such material{nearest(name, self.materials)}")
+        for name, x in hidden.items():
+            if (material := self.materials.get(name)) is not None:
+                key = f"measurement.synthetic.parameters.{name}"
+                try:
+                    check_parameters(key, x, material.unbound_law)
+                    material.check_whole(key, x)
+                except Wrong as error:
+                    yield error
 
     def _in_whole_box(self) -> Iterator[Wrong]:
         """Sentence on bounds with fewer combinations of integer parameters than design and reference run need."""
@@ -265,16 +271,11 @@ class Case(Part):
                 f" is {target.incidence_classes}, which objective: {self.objective} does not "
                 f"use, expected objective: {' or '.join(names(bins=True))}",
             )
-        for key, found in (
-            ("validation", "configured" if self.validation is not None else None),
-            ("objective", self.objective if traits.bins else None),
-        ):
-            if target.normalisation == "image" and found is not None:
-                yield Wrong(
-                    key,
-                    f" is {found} and target.normalisation is image, whose values are not in dB, expected "
-                    "normalisation none or offset",
-                )
+        in_db = {"validation": "configured"} if self.validation is not None else {}
+        in_db |= {"objective": self.objective} if traits.bins else {}
+        for key, found in in_db.items() if target.normalisation == "image" else ():
+            wrong = f" is {found} and target.normalisation is image, whose values are not in dB, expected "
+            yield Wrong(key, wrong + "normalisation none or offset")
         if traits.bins and (self.surrogate.outputs, self.surrogate.training) != ("centred", "posterior"):
             yield Wrong(
                 "surrogate.outputs",
@@ -294,36 +295,23 @@ class Case(Part):
     def _in_truth(self, synthetic: Synthetic) -> Iterator[Wrong]:
         """Sentences on calibrated laws for which the synthetic measurement has no hidden parameters."""
         for name, material in self.materials.items():
-            key = f"measurement.synthetic.parameters.{name}"
-            if name in synthetic.laws:
+            by_default = name in synthetic.parameters and not synthetic.is_written
+            if name in synthetic.laws or (name in synthetic.parameters and material.law == DEFAULT_LAW):
                 continue
-            if name in synthetic.parameters and (synthetic.is_written or material.law == DEFAULT_LAW):
-                continue
-            if name in synthetic.parameters:
+            if by_default or (name not in synthetic.parameters and material.starts_with_another_law):
                 yield Wrong(
-                    key,
-                    f" is missing: its default is for law {DEFAULT_LAW!r}, materials.{name}.law is {material.law!r}",
-                )
-            if material.starts_with_another_law:
-                yield Wrong(
-                    key,
-                    f" is missing: hidden parameters are of law {material.law!r}, and "
-                    f"materials.{name}.start is of another law",
+                    f"measurement.synthetic.parameters.{name}",
+                    f" is missing, expected hidden parameters of law {material.law!r} of materials.{name}: "
+                    + (f"the default is for law {DEFAULT_LAW!r}" if by_default else "its start is of another law"),
                 )
 
     def _in_mismatch(self, synthetic: Synthetic) -> Iterator[Wrong]:
         """Sentences on mismatches of a synthetic measurement that scene, pass, laws or simulator do not support."""
         key = "measurement.synthetic"
         for name, hidden in synthetic.laws.items():
-            if name not in self.materials:
-                yield Wrong(f"{key}.laws.{name}", f": no such material{nearest(name, self.materials)}")
-                continue
             if synthetic.is_written and name in synthetic.parameters:
                 yield Wrong(f"{key}.laws.{name}", f" and {key}.parameters.{name} are both given, expected one of them")
             yield from self._without_pass(f"{key}.laws.{name}", hidden)
-        for name in synthetic.fields_db:
-            if name not in self.materials:
-                yield Wrong(f"{key}.fields_db.{name}", f": no such material{nearest(name, self.materials)}")
         if synthetic.disturbed and not self.simulator.own:
             yield Wrong(
                 f"{key}.{synthetic.disturbed[0]}",

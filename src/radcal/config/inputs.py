@@ -119,52 +119,48 @@ def missing_inputs(case: Case, files: dict[str, Path]) -> list[tuple[str, Config
     missing = []
     for key, source in _sources(case):
         try:
-            files |= source()
+            files |= source(key)
         except ConfigError as error:
             missing.append((key, error))
     return missing
 
 
-def _sources(case: Case) -> Iterator[tuple[str, Callable[[], dict[str, Path]]]]:
+def _sources(case: Case) -> Iterator[tuple[str, Callable[[str], dict[str, Path]]]]:
     """Configuration keys, each with the function that finds its input files."""
     scene = case.scene
-    for name in (*scene.rasters, *scene.tables):
-        key, path = f"scene.{name}", getattr(scene, name)
-        if name in scene.rasters:
-            yield key, partial(_found, path, key, scene, "a raster", _with_raster)
-        elif path is not None:
-            yield key, partial(_found, path, key, scene, "a file", _with_vectors)
-    for name in scene.folders:
-        key = f"scene.{name}"
-        yield key, partial(_found, getattr(scene, name), key, scene, "a database", _with_files(scene), True)
-    if scene.on_ground and scene.on_ground.path:
-        key = "scene.objects.path"
-        yield key, partial(_found, scene.on_ground.path, key, scene, "vectors", _with_vectors)
-    if scene.on_ground and scene.on_ground.cross_sections:
-        key = "scene.objects.cross_sections"
-        yield key, partial(_found, scene.on_ground.cross_sections, key, scene)
+    of_scene: list[tuple[str, str | None, str, Callable[..., list[Path]], bool]] = [
+        *((name, getattr(scene, name), "a raster", _with_raster, False) for name in scene.rasters),
+        *((name, getattr(scene, name), "a file", _with_vectors, False) for name in scene.tables),
+        *((name, getattr(scene, name), "a database", partial(_in_folder, scene), True) for name in scene.folders),
+    ]
+    if scene.on_ground:
+        of_scene.append(("objects.path", scene.on_ground.path, "vectors", _with_vectors, False))
+        of_scene.append(("objects.cross_sections", scene.on_ground.cross_sections, "a file", _with_vectors, False))
+    for name, text, called, files, folder in of_scene:
+        if text is not None:
+            yield f"scene.{name}", partial(_found, text, scene, called, files, folder)
     for number, one in enumerate(case.passes, start=1):
         if isinstance(image := one.measurement, FileMeasurement):
             key = f"measurement.{number}.path" if len(case.radars) > 1 else "measurement.path"
             reader = reader_of(image.path)
-            files = partial(reader.files, polarisation=one.radar.polarisation)
-            yield key, partial(_found, image.path, key, image, reader.called, files, reader.folder)
+            of_pass = partial(reader.files, polarisation=one.radar.polarisation)
+            yield key, partial(_found, image.path, image, reader.called, of_pass, reader.folder)
     if isinstance(case.simulator, CommandSimulation):
         yield "simulator", partial(_simulator_files, case.simulator)
 
 
 def _found(
     text: str,
-    key: str,
     config: SceneSection | FileMeasurement,
-    called: str = "a file",
-    files: Callable[..., list[Path]] | None = None,
-    folder: bool = False,
+    called: str,
+    files: Callable[..., list[Path]],
+    folder: bool,
+    key: str,
 ) -> dict[str, Path]:
     """Path of a key, and paths of the other files that are read with it, by a function of path and VRT folders."""
     path = expand_path(text, key, folder=folder)
     try:
-        first, *others = files(path, folders=vrt_folders(config)) if files is not None else [path]
+        first, *others = files(path, folders=vrt_folders(config))
     except ValueError as error:
         raise ConfigError(f"{key}: {path} cannot be read as {called} ({error}).") from None
     return {key: first} | {f"{key}.{k}": other for k, other in enumerate(others)}
@@ -174,12 +170,11 @@ def _with_raster(path: Path, folders: Sequence[Path]) -> list[Path]:
     return [path, *raster_files(path, folders)]
 
 
-def _with_files(scene: SceneSection) -> Callable[..., list[Path]]:
-    return lambda path, folders: scene.files_in(path)  # noqa: ARG005 - a folder has no mosaics
+def _in_folder(scene: SceneSection, path: Path, folders: Sequence[Path]) -> list[Path]:  # noqa: ARG001 - of mosaics
+    return scene.files_in(path)
 
 
-def _with_vectors(path: Path, folders: Sequence[Path]) -> list[Path]:
-    del folders
+def _with_vectors(path: Path, folders: Sequence[Path]) -> list[Path]:  # noqa: ARG001 - of mosaics
     return [path, *vector_files(path)]
 
 
@@ -219,15 +214,15 @@ def vrt_folders(config: SceneSection | FileMeasurement) -> tuple[Path, ...]:
     return tuple(expand_path(text, f"{section}.vrt_folders.{k}", folder=True) for k, text in enumerate(folders))
 
 
-def _simulator_files(config: CommandSimulation) -> dict[str, Path]:
+def _simulator_files(config: CommandSimulation, key: str) -> dict[str, Path]:
     files = {}
     if config.command[0] != "{python}":
-        files["simulator.command"] = executable_path(config.command[0], "simulator.command", config.environment)
+        files[f"{key}.command"] = executable_path(config.command[0], f"{key}.command", config.environment)
     for k, item in enumerate(config.templates):
-        files[f"simulator.templates.{k}"] = expand_path(item.template, f"simulator.templates.{k}.template")
+        files[f"{key}.templates.{k}"] = expand_path(item.template, f"{key}.templates.{k}.template")
     for k, text in enumerate(config.files):
-        files[f"simulator.files.{k}"] = expand_path(text, f"simulator.files.{k}")
+        files[f"{key}.files.{k}"] = expand_path(text, f"{key}.files.{k}")
     for k, text in enumerate(config.links):
-        for n, path in enumerate(files_below(expand_path(text, f"simulator.links.{k}", folder=True))):
-            files[f"simulator.links.{k}.{n}"] = path
+        for n, path in enumerate(files_below(expand_path(text, f"{key}.links.{k}", folder=True))):
+            files[f"{key}.links.{k}.{n}"] = path
     return files

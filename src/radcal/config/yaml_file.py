@@ -113,29 +113,37 @@ def read_value(text: str, origin: str) -> Any:
         raise ConfigError(f"{origin}={shown(text)}: not valid JSON or YAML ({fault}).") from None
 
 
-def setting(word: str, origin: str) -> dict[str, Any]:
-    """Convert a setting ``section.key=value`` to nested data.
+def settings(words: Sequence[str], origin: str = "--config") -> dict[str, Any]:
+    """Convert settings ``section.key=value`` of the command line to nested data.
 
     Parameters
     ----------
-    word : str
-        Setting such as ``stop.rms=1e-6``; the names between the dots may contain blanks.
+    words : sequence of str
+        Settings such as ``stop.rms=1e-6``; the names between the dots may contain blanks.
     origin : str
         Name of the option, for error messages.
 
     Raises
     ------
     ConfigError
-        The word is not of the form ``key=value``.
+        A word is not of the form ``key=value``, a value is neither JSON nor YAML, or a key is given twice, of which the
+        last value would silently replace the first.
     """
-    key, equals, text = word.partition("=")
-    parts = key.split(".")
-    if not equals or not all(part.strip() for part in parts):
-        raise ConfigError(f"{origin} {shown(word)}: expected KEY=VALUE such as stop.rms=1e-6.")
-    value = read_value(text, f"{origin} {key}")
-    for part in reversed(parts):
-        value = {part: value}
-    return dict(value)
+    given, data = set[str](), dict[str, Any]()
+    for word in words:
+        key, equals, text = word.partition("=")
+        parts = key.split(".")
+        if not equals or not all(part.strip() for part in parts):
+            raise ConfigError(f"{origin} {shown(word)}: expected KEY=VALUE such as stop.rms=1e-6.")
+        value = read_value(text, f"{origin} {key}")
+        for part in reversed(parts):
+            value = {part: value}
+        for name, _ in leaves(value):
+            if name in given:
+                raise ConfigError(f"{origin}: {shown(name)} is given twice, expected once.")
+            given.add(name)
+        data = merged(data, value)
+    return data
 
 
 def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
@@ -145,29 +153,6 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
         below = both.get(key)
         both[key] = merged(below, value) if isinstance(value, Mapping) and isinstance(below, Mapping) else value
     return both
-
-
-def check_words(words: Sequence[str], origin: str = "--config") -> None:
-    """Refuse command-line settings that give a key twice, because the last value would silently replace the first.
-
-    Parameters
-    ----------
-    words : sequence of str
-        Settings as typed on the command line, each ``key=value``.
-    origin : str
-        Name of the option, for error messages.
-
-    Raises
-    ------
-    ConfigError
-        A key occurs twice, or a value is neither JSON nor YAML.
-    """
-    given: set[str] = set()
-    for word in words:
-        for key, _ in leaves(setting(word, origin)):
-            if key in given:
-                raise ConfigError(f"{origin}: {shown(key)} is given twice, expected once.")
-            given.add(key)
 
 
 def leaves(data: Mapping[Any, Any], above: str = "") -> Iterator[tuple[str, Any]]:

@@ -29,7 +29,7 @@ from radcal.newcase.template import TEMPLATE
 from radcal.reading.base import reader_of
 from radcal.reading.vectors import ENDINGS
 from radcal.scene.names import read_names
-from radcal.sections.base import EXAMPLES, FILL_IN, check_case_name, with_undecided
+from radcal.sections.base import FILL_IN, check_case_name, with_undecided
 from radcal.storage.files import atomic
 from radcal.tables.landcover import landcovers
 from radcal.tables.sensors import Sensor, sensors
@@ -330,7 +330,6 @@ class NewCase:
             parts = [line.comment if value == FILL_IN or not read else "", read]
             if value == FILL_IN:
                 self.undecided.append(key)
-                parts += [f"for example {name}: {EXAMPLES[key]}"] * (key in EXAMPLES)
             self._comments[key] = "; ".join(part for part in parts if part)
         return filled
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
 from radcal.errors import ConfigError
+from radcal.sections.limits import Count
 
 _LONGEST_NAME = 100  # file systems allow names of 255 bytes, and the names of some files contain the name of the case
 
@@ -60,37 +60,18 @@ def with_tag(section: str, kind: str) -> BeforeValidator:
 # key of a case file that names another file; before the sections are checked, that file's materials replace the key
 MATERIALS_FROM = "materials_from"
 
-EXAMPLES: Mapping[str, str] = {
-    "scene.elevation": "data/dem.tif",
-    "scene.materials": "data/landcover.tif",
-    "scene.labels": "data/labels.tif",
-    "scene.names": "data/names.json",
-    "scene.vertical_datum": "EGM2008",
-    "scene.near_incidence_deg": "22.5",
-    "scene.far_incidence_deg": "41",
-    "materials.bounds": "[[-20, -10]]",
-    "materials.parameters": "[-15]",
-    "measurement.path": "data/image.tif",
-    "measurement.band": "1",
-    "measurement.scale": "power",
-    "measurement.radiometry": "gamma0",
-    "radar.radiometry": "gamma0",
-    "radar.polarisation": "VV",
-    "radar.frequency_ghz": "5.405",
-    "radar.altitude_m": "3500",
-    "radar.depression_deg": "48",
-    "radar.incidence_deg": "38.5",
-    "radar.heading_deg": "192.5",
-    "radar.look_side": "left",
-    "radar.range_resolution_m": "2.7",
-    "radar.azimuth_resolution_m": "22",
-    "radar.range_spacing_m": "2.3",
-    "radar.azimuth_spacing_m": "14",
-    "radar.looks": "4.4",
-    "radar.nesz_db": "-24",
-}
-"""Example of a value for each key, for error messages."""
-
+# keys that several sections have
+VrtFolders = Annotated[
+    list[str] | None,
+    Field(description="further folders with source files of a VRT, besides its own"),
+]
+Band = Annotated[
+    Count | None, Field(description="number of the raster band, from 1; required if the raster has several bands")
+]
+Dataset = Annotated[
+    str | None,
+    Field(description="name of the array in an npz, mat or HDF5 file; required if the file has several arrays"),
+]
 
 FILL_IN = "FILL_IN"  # mark of a missing value in a case that radcal new has written; the user must replace it
 

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from radcal.sections.base import EXAMPLES, FILL_IN, MATERIALS_FROM, PASSES, TAGS, UNDECIDED
+from radcal.sections.base import FILL_IN, MATERIALS_FROM, PASSES, TAGS, UNDECIDED
 
 MISSING = "missing_because"  # type of the error for a missing key, with a reason in the message
 
@@ -131,30 +131,29 @@ def _of_key(detail: ErrorDetails, root: type[BaseModel]) -> Mistake:
     if kind == "extra_forbidden":
         *above, last = place
         key = f"{_dotted(above)}.{last}".lstrip(".")
-        return Mistake(key, f"unknown key {key}{nearest(str(last), _known_keys(above, root))}")
-    if kind in ("missing", MISSING):
-        return Mistake(key, f"{key} is missing" + (f": {detail['msg']}" if kind == MISSING else f", {_expected(key)}"))
+        known = sorted({*_fields(above, root)} | (set() if above else {MATERIALS_FROM}))
+        return Mistake(key, f"unknown key {key}{nearest(str(last), known)}")
+    if kind == MISSING:
+        return Mistake(key, f"{key} is missing: {detail['msg']}")
+    if kind == "missing":
+        return Mistake(key, f"{key} is missing, expected {_meaning(place, root)}")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         tag = context["discriminator"].strip("'")
         key, value = f"{key}.{tag}", value.get(tag) if isinstance(value, dict) else value
     if value is UNDECIDED:
         material = "the name of a material of the scene in its place, for example crops: {calibrate: true}"
-        what = material if place[-1] == FILL_IN else "its value"
-        return Mistake(key, f"{key} is {FILL_IN}, {_expected(key, what)}", True)
-    if kind in _EXPECTED:
-        expected = _expected(key, _EXPECTED[kind])
-    else:
-        words = context.get("expected_tags") or re.sub(r"^\w+ should (be |have |match )?", "", detail["msg"])
-        expected = f"expected {words.replace(' after validation', '')}"
+        what = material if place[-1] == FILL_IN else _meaning(place, root)
+        return Mistake(key, f"{key} is {FILL_IN}, expected {what}", True)
+    words = context.get("expected_tags") or re.sub(r"^\w+ should (be |have |match )?", "", detail["msg"])
+    expected = _EXPECTED.get(kind, words.replace(" after validation", ""))
     text = str(value).lower() if isinstance(value, bool) else str(value) if isinstance(value, date) else repr(value)
-    return Mistake(key, f"{key} is {'empty' if value is None else shown(text)}, {expected}")
+    return Mistake(key, f"{key} is {'empty' if value is None else shown(text)}, expected {expected}")
 
 
-def _expected(key: str, what: str = "its value") -> str:
-    """Words on what a key needs, with an example."""
-    names = [name for name in key.split(".") if not name.isdigit()]
-    example = EXAMPLES.get(f"{names[0]}.{names[-1]}")
-    return f"expected {what}" + (f", for example {names[-1]}: {example}" if example else "")
+def _meaning(place: Sequence[int | str], root: type[BaseModel]) -> str:
+    """First clause of the description of a key, for one that needs a value."""
+    field = _fields(place[:-1], root).get(str(place[-1]))
+    return "its value" if field is None or not field.description else field.description.partition(";")[0]
 
 
 def key_in_list(key: str, number: int) -> str:
@@ -174,15 +173,15 @@ def _dotted(location: Sequence[int | str]) -> str:
     return ".".join(str(part) for part in place if part not in _ALTERNATIVES and "[" not in str(part))
 
 
-def _known_keys(section: Sequence[int | str], root: type[BaseModel]) -> list[str]:
-    """Allowed keys of the section at a location."""
+def _fields(section: Sequence[int | str], root: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Fields of the section at a location, by their keys."""
     models = [root]
     for part in section:
         fields = [field for model in models for name, field in _by_key(model).items() if part == name]
         inside = [model for field in fields for model in _models_in(field.annotation)]
         of_kind = [model for model in models if part in [field.default for field in model.model_fields.values()]]
         models = inside or of_kind or models
-    return sorted({key for model in models for key in _by_key(model)} | (set() if section else {MATERIALS_FROM}))
+    return {key: field for model in models for key, field in _by_key(model).items()}
 
 
 def _by_key(model: type[BaseModel]) -> dict[str, FieldInfo]:

@@ -12,9 +12,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 from pydantic_core import PydanticCustomError
 
 ALL_PIXELS = 2**31 - 1  # number that stands for "all": more pixels than any material has
-LONGEST_S = (
-    30 * 86_400.0
-)  # longest run, and longest total wait between the attempts of a run; clusters grant no longer times
+# longest run, and longest total wait between the attempts of a run; clusters grant no longer times
+LONGEST_S = 30 * 86_400.0
 
 
 def _not_bool(value: object) -> object:

@@ -11,9 +11,9 @@ from pydantic_core import PydanticCustomError, PydanticKnownError
 from radcal.findings import Finding, of_pass
 from radcal.plugins import Plugins
 from radcal.reading.base import reader_of
-from radcal.sections.base import Section, with_tag
+from radcal.sections.base import Band, Dataset, Section, VrtFolders, with_tag
 from radcal.sections.errors import MISSING
-from radcal.sections.limits import Count, Decibels, Length, Looks, Parameter, Real, Seed
+from radcal.sections.limits import Decibels, Length, Looks, Parameter, Real, Seed
 from radcal.sections.materials import OtherLaw
 from radcal.sections.radar import Radiometry
 from radcal.tables import read_table
@@ -101,7 +101,7 @@ def within(parameters: Sequence[float], bounds: object) -> bool:
     """Whether parameters lie inside bounds; false if ``bounds`` has a wrong form, which a model refuses later."""
     try:
         box = [(float(low), float(high)) for low, high in bounds]  # type: ignore[attr-defined]
-    except (TypeError, ValueError):
+    except (OverflowError, TypeError, ValueError):
         return False
     return len(box) == len(parameters) and all(
         low <= value <= high for value, (low, high) in zip(parameters, box, strict=True)
@@ -159,19 +159,13 @@ class FileMeasurement(Section):
     scale: Literal["db", "power", "amplitude", "complex"] = Field(
         description="scale of the numbers in the file; required unless its name gives it (docs/products.md)"
     )
-    band: Count | None = Field(
-        None, description="number of the raster band, from 1; required if the raster has several bands"
-    )
-    dataset: str | None = Field(
-        None, description="name of the array in an npz, mat or HDF5 file; required if the file has several arrays"
-    )
+    band: Band = None
+    dataset: Dataset = None
     polarisation: Literal["HH", "HV", "VH", "VV"] | None = Field(
         None, description="transmitted and received polarisation; must equal radar.polarisation"
     )
     carrier_band: str | None = Field(None, description="frequency band; must equal radar.band")
-    vrt_folders: list[str] | None = Field(
-        None, description="further folders with source files of a VRT, besides its own"
-    )
+    vrt_folders: VrtFolders = None
     radiometry: Radiometry | None = Field(
         None,
         validate_default=True,

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import (
     Discriminator,
     Field,
+    ModelWrapValidatorHandler,
     SerializerFunctionWrapHandler,
     Tag,
     field_validator,
@@ -36,29 +37,8 @@ _LATER: Mapping[str, object] = {"sensor": None, "incidence_deg": None, "earth": 
 _Elevation = Annotated[Real, Field(gt=5, lt=85)]
 
 
-_DEPRESSION_DEG = 45.0
 _ORBITS_KM = (160.0, 2000.0)  # altitudes of low orbits
 _STEEPEST = 85.0  # incidence [deg], as the limit of incidence_deg
-
-
-def _number(value: object) -> float | None:
-    """Value of a key as a finite number, before pydantic checks the value; None if it is not a finite number."""
-    try:
-        number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError, OverflowError):
-        return None
-    return number if math.isfinite(number) else None
-
-
-def _centre_incidence_deg(data: Mapping[str, Any]) -> float:
-    """Incidence at the scene's centre [deg], from the keys of a pass before pydantic checks them."""
-    incidence, depression = _number(data.get("incidence_deg")), _number(data.get("depression_deg"))
-    if incidence is not None:
-        return incidence
-    depression = _DEPRESSION_DEG if depression is None else depression
-    altitude = _number(data.get("altitude_m")) if data.get("earth") == "curved" else None
-    curved = math.nan if altitude is None else incidence_deg(depression, altitude)
-    return 90.0 - depression if math.isnan(curved) else curved
 
 
 class Radar(Section):
@@ -68,7 +48,7 @@ class Radar(Section):
         None, description="sensor and product that give the defaults of the other keys (docs/sensors.md)"
     )
     altitude_m: Altitude = Field(4000.0, description="height of the track above the scene's mean elevation [m]")
-    depression_deg: _Elevation = Field(_DEPRESSION_DEG, description="depression angle to the scene's centre [deg]")
+    depression_deg: _Elevation = Field(45.0, description="depression angle to the scene's centre [deg]")
     incidence_deg: _Elevation | None = Field(
         None,
         description="incidence on level ground at the scene's centre [deg]; for orbits, instead of depression_deg",
@@ -112,19 +92,22 @@ class Radar(Section):
         "gamma0_rtc (terrain-flattened)",
     )
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _presets(cls, data: object) -> object:
-        """Data with the sensor's values for missing keys, and with a curved earth if ``incidence_deg`` is given."""
+    def _presets(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        """Pass with the sensor's values for missing keys, and with a curved earth if ``incidence_deg`` is given."""
         if not isinstance(data, dict):
-            return data
+            return handler(data)
         if data.get("incidence_deg") is not None and data.get("earth") is None:
             data = {**data, "earth": "curved"}
         name = data.get("sensor")
         sensor = sensors().get(name) if isinstance(name, str) else None
         if sensor is None:
-            return data
-        return {**sensor.values_at(_centre_incidence_deg({**sensor.values_at(90.0), **data})), **data}
+            return handler(data)
+        # lengths in slant range need the incidence, which the other keys give
+        first = handler({**sensor.values_at(90.0), **data})
+        angle = first.centre_incidence_deg
+        return first if math.isnan(angle) else handler({**sensor.values_at(angle), **data})
 
     @model_validator(mode="after")
     def _asked(self) -> Self:

@@ -12,7 +12,7 @@ from pydantic import Field, SerializeAsAny, model_validator
 from radcal.plugins import HasSection, Plugins, with_foreign
 from radcal.reading.cdb import BASE_MATERIALS, cdb_files
 from radcal.reading.vectors import ENDINGS
-from radcal.sections.base import Section, with_tag
+from radcal.sections.base import Section, VrtFolders, with_tag
 from radcal.sections.errors import Wrong
 from radcal.sections.limits import Coordinate, Decibels, Integer, Length, Real, Seed
 from radcal.tables.landcover import LandCover
@@ -87,6 +87,11 @@ class SceneObjects(Section):
         return self
 
 
+Objects = Annotated[
+    SceneObjects | None, Field(description="objects on the ground, such as buildings and trees (docs/objects.md)")
+]
+
+
 class SceneSection(Section):
     """Section ``scene`` of one source; the model of a source adds its keys.
 
@@ -130,9 +135,7 @@ class BuiltinScene(SceneSection):
         description="enclosed: ridged fields between hedges, tall forest, a dyke of varying slope; open: level fields "
         "and a dyke of one slope",
     )
-    objects: SceneObjects | None = Field(
-        None, description="objects on the ground, such as buildings and trees (docs/objects.md)"
-    )
+    objects: Objects = None
 
 
 class SlantRangeScene(SceneSection):
@@ -151,9 +154,7 @@ class SlantRangeScene(SceneSection):
         description="local incidence angle at the last row [deg]"
     )
 
-    vrt_folders: list[str] | None = Field(
-        None, description="further folders with source files of a VRT, besides its own"
-    )
+    vrt_folders: VrtFolders = None
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -188,12 +189,8 @@ class GridScene(SceneSection):
         0.0,
         description="standard error of a height relative to its neighbours [m]; rounding to whole metres is added",
     )
-    vrt_folders: list[str] | None = Field(
-        None, description="further folders with source files of a VRT, besides its own"
-    )
-    objects: SceneObjects | None = Field(
-        None, description="objects on the ground, such as buildings and trees (docs/objects.md)"
-    )
+    vrt_folders: VrtFolders = None
+    objects: Objects = None
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from radcal.sections.base import CaseName, Section
 from radcal.sections.limits import Count, Integer, Real
@@ -45,21 +44,6 @@ class SurrogateConfig(Section):
         True,
         description="whether law, speckle and noise predict each run, and kriging only the error",
     )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _earlier_keys(cls, data: Any) -> Any:
-        """Data without the obsolete ``retrain_every`` and ``training: warm``, which only cause a warning."""
-        if not isinstance(data, dict) or ("retrain_every" not in data and data.get("training") != "warm"):
-            return data
-        warnings.warn(
-            "surrogate.training: warm and surrogate.retrain_every have no effect any more: length scales are found "
-            "from all runs in every iteration (training: posterior)",
-            FutureWarning,
-            stacklevel=2,
-        )
-        kept = {key: value for key, value in data.items() if key != "retrain_every"}
-        return {**kept, "training": "posterior"} if kept.get("training") == "warm" else kept
 
 
 class Optimiser(Section):

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import AfterValidator, BeforeValidator, Field, SerializeAsAny, model_validator
 
 from radcal.plugins import HasSection, Plugins, with_foreign
-from radcal.sections.base import Section, with_tag
+from radcal.sections.base import Band, Dataset, Section, with_tag
 from radcal.sections.errors import Wrong
 from radcal.sections.limits import LONGEST_S, Count, Integer, RetryWait, Timeout
 
@@ -19,6 +19,9 @@ _ONLY_MASKS = frozenset({"looks", "nesz_db", "range_resolution_m", "azimuth_reso
 
 _DRAWS = "number of speckle draws per run, whose statistics are averaged"
 Draws = Annotated[Integer, Field(ge=1, le=64)]
+KeepImages = Annotated[
+    bool, Field(description="whether records of runs hold the whole image, not only pixels of calibrated materials")
+]
 
 
 class PythonSimulation(Section):
@@ -44,10 +47,7 @@ class PythonSimulation(Section):
     seedless: ClassVar[bool] = False
     seed_bits: ClassVar[int | None] = None
     kind: str = Field(description=_KIND)
-    keep_images: bool = Field(
-        False,
-        description="whether records of runs hold the whole image, not only pixels of calibrated materials",
-    )
+    keep_images: KeepImages = False
     draws: Draws = Field(1, description=_DRAWS)
     strips: Annotated[Integer, Field(ge=1, le=1000)] = Field(
         1,
@@ -165,12 +165,8 @@ class Output(Section):
     format: Literal["npy", "npz", "mat", "hdf5", "raster", "raw"] | None = Field(
         None, description="format of the file; by default derived from the file's ending"
     )
-    band: Count | None = Field(
-        None, description="number of the raster band, from 1; required if the raster has several bands"
-    )
-    dataset: str | None = Field(
-        None, description="name of the array in an npz, mat or HDF5 file; required if the file has several arrays"
-    )
+    band: Band = None
+    dataset: Dataset = None
     dtype: RawType | None = Field(None, description="type of the numbers in a raw file, stored row by row")
     byte_order: Literal["little", "big"] | None = Field(None, description="byte order of a raw file; little by default")
     shape: tuple[Count, Count] | None = Field(
@@ -246,10 +242,7 @@ class CommandSimulation(Section):
         description="whether the program uses no seed; the rms with fresh speckle is then not reported",
     )
     draws: Draws = Field(1, description=_DRAWS)
-    keep_images: bool = Field(
-        False,
-        description="whether records of runs hold the whole image, not only pixels of calibrated materials",
-    )
+    keep_images: KeepImages = False
     keep_folders: bool = Field(
         False, description="whether folders of successful runs are kept, as those of failed runs are"
     )

@@ -16,7 +16,7 @@ from radcal.config import Case
 from radcal.config.inputs import check_reuse
 from radcal.config.loading import load_with_inputs
 from radcal.config.stages import OUTPUTS
-from radcal.config.yaml_file import check_words
+from radcal.config.yaml_file import settings
 from radcal.errors import RadcalError, StoreError
 from radcal.forecast.runs_and_time import standing
 from radcal.programs.command_plan import check_command
@@ -67,7 +67,7 @@ def open_session(
     guard(logger)
     results = os.environ.get(RESULTS) or _RESULTS
     try:
-        check_words(words)
+        settings(words)
         case, inputs = load_with_inputs(files, config)
         case = with_seed_bits(case, results)
         check_command(case)
@@ -173,7 +173,7 @@ class Session:
         self._started = remote
         # before the first job starts, an existing file of failures belongs to an earlier command
         self.messages = Messages(lambda: self._started and self._failure.exists())
-        settings = {
+        environment = {
             CASE: case.case,
             COMMAND: os.environ.get(COMMAND) if remote else _command_line(sys.argv),
             PASSES: str(len(case.passes)),
@@ -185,7 +185,7 @@ class Session:
             # a remote job keeps the start time of the process that submitted it
             STARTED: os.environ.get(STARTED, str(time.time())) if remote else str(time.time()),
         }
-        for name, value in settings.items():
+        for name, value in environment.items():
             os.environ.pop(name, None)
             if value is not None:
                 os.environ[name] = value
