@@ -91,16 +91,6 @@ def test_a_run_that_another_process_holds_is_waited_for(tmp_path):
             assert other.stdout.readline() == "done\n"
 
 
-def test_a_claim_dies_with_its_process(tmp_path):
-    code = (
-        "import os; from radcal.storage.lock import claimed\n"
-        f"with claimed({str(tmp_path)!r}, 'ab12'):\n os.kill(os.getpid(), 9)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -9
-    with claimed(tmp_path, "ab12"):
-        pass
-
-
 def test_a_job_is_killed_with_what_started_it(tmp_path):
     job = (
         "from radcal.session.jobs import die_with_parent; import time\n"

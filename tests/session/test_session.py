@@ -38,13 +38,6 @@ def test_a_command_opens_the_session_of_its_case(tmp_path):
     ("text", "words", "said"),
     [
         ("stop: {rmss: 1}", [], "mine.yaml, line 1: unknown key stop.rmss (did you mean 'rms'?)"),
-        ("seed: 1", ["seed=1", "seed=2"], "--config: seed is given twice"),
-        (
-            "measurement: {source: file, path: no.tif, scale: db, radiometry: sigma0_ref}",
-            [],
-            "mine.yaml, line 1: measurement.path: the file no.tif does not exist",
-        ),
-        ("design: {reuse: earlier}", [], "design.reuse is 'earlier', which has no runs in results/earlier/runs"),
         (
             "simulator: {kind: command, command: [./no], output: {file: i.npy, scale: db}}",
             [],

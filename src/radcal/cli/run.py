@@ -11,7 +11,7 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -74,7 +74,6 @@ def main(
     here = Path.cwd()
     with sentences():
         folder = workflow_folder(here)
-        check_folder(folder, targets)
         if "{" in str(results) or "}" in str(results):
             raise ConfigError(f"--results is {str(results)!r}, expected a folder without braces in its name.")
         changes = overrides(settings)
@@ -119,48 +118,13 @@ def sorted_words(words: Sequence[str]) -> tuple[list[Path], list[str], list[str]
     return cases, [word for word, case in zip(ours, is_case, strict=True) if not case], list(words[first:])
 
 
-def check_folder(folder: Path, targets: Iterable[str] = ()) -> None:
-    """Raise an error if a folder does not contain radcal's workflow, or if the workflow lacks a target.
-
-    Parameters
-    ----------
-    folder : path
-        Folder in which Snakemake will run.
-    targets : iterable of str
-        Names of rules, or paths of files below ``results/``.
-
-    Raises
-    ------
-    ConfigError
-        The folder has no Snakefile of radcal, or a target is neither a rule outside the loop nor a path with a slash.
-    """
-    from radcal.config.stages import STAGES
-    from radcal.errors import ConfigError
-    from radcal.sections.errors import nearest
-    from radcal.session.workflow_files import holds_workflow
-
-    if not holds_workflow(folder):
-        raise ConfigError(f"{folder} is not the folder of radcal's workflow, with Snakefile, workflow and config.")
-    first = {name: next(iter(stage.outputs.values())) for name, stage in STAGES.items()}
-    looped = {name: path for name, path in first.items() if "{k}" in path}
-    rules = sorted({*STAGES, *_MILESTONES} - looped.keys())
-    for target in targets:
-        if target in looped:
-            raise ConfigError(
-                f"the target {target!r} is made in each iteration, expected a file of one iteration, such as "
-                f"results/CASE/{looped[target].format(k=0)}, or one of {', '.join(rules)}."
-            )
-        if target not in rules and "/" not in target:
-            raise ConfigError(f"there is no target {target!r}{nearest(target, rules)}.")
-
-
 def files_of_stages(targets: Sequence[str], case: Case, results: Path) -> list[str]:
     """Targets for Snakemake: the outputs of each stage, because a rule with wildcards is no target for Snakemake.
 
     Parameters
     ----------
     targets : sequence of str
-        Targets that :func:`check_folder` has accepted.
+        Names of stages, or paths of files below ``results/``.
     case : Case
         The case.
     results : path
@@ -169,14 +133,26 @@ def files_of_stages(targets: Sequence[str], case: Case, results: Path) -> list[s
     Raises
     ------
     ConfigError
-        A target is the rule ``reuse``, and the case names no earlier case.
+        A target is neither a stage outside the loop nor a path with a slash, or is the stage ``reuse`` of a case that
+        names no earlier case.
     """
     from radcal.config.stages import STAGES
     from radcal.errors import ConfigError
+    from radcal.sections.errors import nearest
 
+    first = {name: next(iter(stage.outputs.values())) for name, stage in STAGES.items()}
+    looped = {name: path for name, path in first.items() if "{k}" in path}
+    rules = sorted({*STAGES, *_MILESTONES} - looped.keys())
     found = []
     for target in targets:
-        if case.design.reuse is None and Path(target).name in ("reuse", *STAGES["reuse"].outputs.values()):
+        if target in looped:
+            raise ConfigError(
+                f"the target {target!r} is made in each iteration, expected a file of one iteration, such as "
+                f"results/CASE/{looped[target].format(k=0)}, or one of {', '.join(rules)}."
+            )
+        if target not in rules and "/" not in target:
+            raise ConfigError(f"there is no target {target!r}{nearest(target, rules)}.")
+        if case.design.reuse is None and Path(target).name in ("reuse", first["reuse"]):
             raise ConfigError(
                 f"the target {target!r} takes runs of an earlier case, and design.reuse of case {case.case} is "
                 "missing, expected the earlier case's name: --set design.reuse=NAME."

@@ -162,7 +162,6 @@ _ENDING = (*_UNDONE, "Shutting down", "WorkflowError:\nAt least one job did not 
 _INTERRUPTED = "Terminating processes on user request"
 _TERMINATED = "Will exit after finishing currently running jobs"  # after SIGTERM
 _KILLED = "died with <Signals.SIGTERM"
-_WILDCARDS = "Target rules may not contain wildcards"
 
 
 class Messages:
@@ -188,8 +187,7 @@ class Messages:
     def filter(self, record: logging.LogRecord) -> bool:
         """Whether a log record is printed.
 
-        One sentence replaces Snakemake's text about write-protected outputs, one its text about a target that is a rule
-        with a file for each pass or iteration, and one its text about SIGTERM.
+        One sentence replaces Snakemake's text about write-protected outputs, and one its text about SIGTERM.
         """
         text = str(record.msg)
         # class name of an exception, in records of Snakemake's event ERROR
@@ -204,13 +202,6 @@ class Messages:
         if exception == "ProtectedOutputException":
             files = re.findall(r"(?m)^\s+(\S.*)$", text.partition("affected files:")[2])
             record.msg = f"radcal: {write_protected(files[0] if files else 'a result')}"
-            return True
-        if _WILDCARDS in text:
-            record.msg = (
-                "radcal: to snakemake, this target has no single file: type radcal run CASE TARGET, such as "
-                "radcal run config/mine.yaml registration, or name its file, such as "
-                "results/CASE/passes/1/registered.h5."
-            )
             return True
         failed = exception in ("RuleException", "WorkflowError") or text.startswith(_AFTERMATH)
         explained = failed and (self.interrupted or self._explained())
