@@ -6,9 +6,22 @@ from dataclasses import replace
 import numpy as np
 
 from radcal.calibration.stopping import Decision
+from radcal.findings import Finding
 from radcal.posterior.effects import Shared
 from radcal.posterior.radiometry import Radiometry
 from radcal.posterior.result import Curve, FormError, Image, Posterior
+
+RADIOMETRY = Finding(
+    "radiometry", "refusal", "pass 1",
+    {"exponent": 0.93, "error": 0.1, "declared": "sigma0_local", "other": "sigma0_ref"},
+    "radar.radiometry: sigma0_ref",
+)  # fmt: skip
+
+
+def determined(name="dyke", **numbers):
+    """Finding that sigma0 of a material is determined."""
+    known = {"half_width_db": 1.5, "from_deg": 22.25, "to_deg": 39.5, "field_half_width_db": 0.9, "systematic_db": 0.4}
+    return Finding("determined", "note", name, {**known, **numbers})
 
 
 def changed_material(archive, name, **changes):

@@ -1,5 +1,7 @@
 """Sentences of findings."""
 
+from archives import RADIOMETRY
+
 from radcal.findings import Finding
 from radcal.words import beside_headline, remarks, sentence, state, widths
 
@@ -13,13 +15,6 @@ NOT_REFUTED = Finding("not_refuted", "note", "dyke", {"rms_db": 0.1, "p05_db": 0
 LEVEL = Finding("level", "note", "pass 1", {"level_db": 0.1, "p05_db": -0.2, "p95_db": 0.4})
 WATER = Finding(
     "fixed_law", "warning", "water", {"error_db": 2.0, "p05_db": 1.4, "p95_db": 2.7}, "materials.water.parameters"
-)
-RADIOMETRY = Finding(
-    "radiometry",
-    "refusal",
-    "pass 1",
-    {"exponent": 0.93, "error": 0.1, "declared": "sigma0_local", "other": "sigma0_ref"},
-    "radar.radiometry: sigma0_ref",
 )
 
 

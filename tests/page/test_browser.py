@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from archives import changed_findings, ended
+from archives import changed_findings, determined, ended
 from browser import NEEDS_BROWSER, Browser
 from PIL import Image
 
@@ -43,10 +43,7 @@ DRAWN = "[...document.querySelectorAll('[data-plot]')].filter((one) => one.check
 def pages(made, tmp_path_factory):
     """Reports of one material and of two, one of which is not determined."""
     folder = tmp_path_factory.mktemp("report")
-    known = {"half_width_db": 1.5, "from_deg": 22.25, "to_deg": 39.5, "field_half_width_db": 0.9, "systematic_db": 0.4}
-    two = changed_findings(
-        made.archive, Finding("determined", "note", "dyke", known), Finding("without_cells", "warning", "stem beans")
-    )
+    two = changed_findings(made.archive, determined(), Finding("without_cells", "warning", "stem beans"))
     one = ended(replace(two, materials={"dyke": two.materials["dyke"]}), "rms")
     found = {}
     for name, archive in (("one", one), ("two", two)):

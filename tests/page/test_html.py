@@ -10,7 +10,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from archives import changed_findings, changed_material, configured, ended, image, posterior
+from archives import RADIOMETRY, changed_findings, changed_material, configured, determined, ended, image, posterior
 from assessment_samples import held_cells
 from PIL import Image
 
@@ -139,21 +139,6 @@ LEVEL_ONLY = Finding(
 def settled(archive):
     """As after a calibration in classes."""
     return ended(configured(archive, objective="classes"), "settled", **dict.fromkeys(archive.materials, "settled"))
-
-
-def determined(name, **numbers):
-    """Finding that sigma0 of a material is determined."""
-    known = {"half_width_db": 1.5, "from_deg": 22.25, "to_deg": 39.5, "field_half_width_db": 0.9, "systematic_db": 0.4}
-    return Finding("determined", "note", name, {**known, **numbers})
-
-
-RADIOMETRY = Finding(
-    "radiometry",
-    "refusal",
-    "pass 1",
-    {"exponent": 0.93, "error": 0.1, "declared": "sigma0_local", "other": "sigma0_ref"},
-    "radar.radiometry: sigma0_ref",
-)
 
 
 def only_dyke(archive, *findings, **changes):

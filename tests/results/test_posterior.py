@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from archives import changed_findings, changed_material, posterior, without_curve
+from archives import changed_findings, changed_material, determined, posterior, without_curve
 from assessment_samples import held_cells
 
 from radcal.config.stages import OUTPUTS
@@ -17,13 +17,6 @@ from radcal.results.archive import read_archive, write_archive
 from radcal.results.law_notes import found_words
 from radcal.results.summary import sentences, summarise
 from radcal.storage.records import write_json
-
-DETERMINED = Finding(
-    "determined",
-    "note",
-    "dyke",
-    {"half_width_db": 1.5, "from_deg": 22.25, "to_deg": 39.5, "field_half_width_db": 0.9, "systematic_db": 0.4},
-)
 
 
 def shown(archive, folder):
@@ -109,7 +102,7 @@ def test_the_summary_holds_the_level_of_a_material_seen_at_one_incidence(made):
 
 
 def test_the_figure_shows_both_bands_and_where_sigma0_is_determined(made):
-    archive = changed_findings(changed_material(made.archive, "dyke", posterior=posterior()), DETERMINED)
+    archive = changed_findings(changed_material(made.archive, "dyke", posterior=posterior()), determined())
     canvas, caption, _ = law(archive, "dyke")
     upper, middle, _ = canvas.axes
     for axes, of_law in ((upper, 0.0), (middle, 1.0)):
