@@ -75,7 +75,7 @@ def main(results: Path) -> None:
             print(f"{page}: not compared, because not all of {', '.join(cases)} are calibrated")
             continue
         sentences = [sentence for case in cases for sentence in said(results / case)]
-        found = quotes(ROOT / page)
+        found = [quote for quote in quotes(ROOT / page) if not quote.startswith("note: ")]  # of radcal check
         wrong += [
             f"not said by {', '.join(cases)}: {page}: {quote}" for quote in found if not is_said(quote, sentences)
         ]
