@@ -195,6 +195,13 @@ def test_failures_keep_every_other_proposal_near_the_best():
     assert np.abs(np.array(found.propose(QUICK, 1, best, 1).parameters) - best.parameters).max() > 0.5
 
 
+def test_a_trust_region_never_vanishes():
+    """After hundreds of iterations without improvement, which a large stop.stagnation_runs admits."""
+    best = make_score(0.5, [0.5, 0.5, 0.5])
+    found = search(REACHABLE).propose(QUICK, 1, best, failures=301)
+    assert search(REACHABLE).objective.promising(np.array([found.cost]), best.cost).all()
+
+
 def test_of_several_as_good_the_best_known_is_proposed():
     """Two X have the target's statistics: the one whose standard errors are smaller."""
 

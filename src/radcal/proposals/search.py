@@ -22,6 +22,7 @@ from radcal.seeds import derived_seed
 
 _FAVOUR = 2.0  # standard errors by which the surrogate's statistics may err towards the target
 _STARTS = 12
+_SMALLEST = 1e-9  # radius of a trust region; least squares need bounds that differ
 _SCREENED = 1024
 _BRANCHES = 4  # roundings of whole-number parameters from which the search continues
 _CERTAIN = 1e-14  # sum of squares that counts as zero
@@ -358,7 +359,7 @@ class Search:
             return proposal(first, "exploit")
         there, *others = self._starts(best)
         if failures % 2 == 1:
-            point = self.polish(there, radius=0.5 ** ((failures + 1) // 2 + 1))
+            point = self.polish(there, radius=max(0.5 ** ((failures + 1) // 2 + 1), _SMALLEST))
             if self._promising([point], best).any() and self._fresh(point):
                 return proposal(point, "exploit")
         near = [self.polish(start) for start in (first, there, *others)]
