@@ -10,7 +10,7 @@ from radcal.signals.platform import nesz
 from radcal.signals.record import RawSignal
 from radcal.signals.scatterers import Scatterers
 from radcal.signals.wavenumber import omega_k
-from radcal.speckle.response import taylor_weights
+from radcal.speckle.response import speckle_correlation, taylor_weights
 
 OMEGA_K = [("X band, 0.5 m", "omega_k"), ("X band, 0.5 m, squint of 20 degrees", "omega_k")]
 FINE = 40  # samples of a cut per resolution cell
@@ -152,3 +152,40 @@ def test_level_of_even_ground_is_its_sigma0_in_every_look():
         correlation = abs(np.mean(image[0] * image[1].conj())) / np.mean(np.abs(image) ** 2)
         assert correlation < 4.0 / np.sqrt(image.shape[1])
     np.testing.assert_allclose(10.0 * np.log10(np.mean(levels, axis=0)), -12.0, atol=0.15)
+
+
+def even_ground(draws, azimuth_m, **keys):
+    """Images by both ways of level ground, whose facets are as long as the collection allows; places by grid."""
+    images = {"backprojection": [], "omega_k": []}
+    one = collection(slant_m=5657.0, length_m=400.0, swath_m=60.0, azimuth_m=3.5, range_m=2.0, **keys)
+    along, slant = np.arange(-60.0, 460.0, one.facet_m), nominal(one) + np.arange(-29.0, 29.0, 1.0)
+    facets = np.array([at(one, x, r) for x in along for r in slant])
+    image = azimuth_m, nominal(one) + np.arange(-24.0, 24.0, 2.0)
+    pixels = np.array([at(one, x, r) for r in image[1] for x in image[0]])
+    for seed in range(draws):
+        drawn = np.random.default_rng(seed).standard_normal((2, len(facets)))
+        signal = RawSignal(one, Scatterers(facets, (drawn[0] + 1j * drawn[1]).astype(np.complex64)), seed)[:]
+        found = backprojected(one, signal, pixels)
+        images["backprojection"].append(found.reshape(one.looks, -1, azimuth_m.size))
+        images["omega_k"].append(omega_k(one, signal, *image))
+    return {name: np.array(each) for name, each in images.items()}
+
+
+def test_four_looks_are_independent():
+    """Amplitudes correlate by 0.03 at most, and the mean of the looks has four equivalent looks."""
+    for image in even_ground(12, np.arange(15.0, 385.0, 2.5), looks=4).values():
+        looks = np.moveaxis(image, 1, 0).reshape(4, -1)
+        power = np.abs(looks) ** 2
+        correlation = np.abs(looks @ looks.conj().T) / power.mean() / looks.shape[1]
+        assert (correlation - np.diag(np.diag(correlation))).max() < 0.03
+        mean = power.mean(axis=0)
+        assert mean.mean() ** 2 / mean.var() == pytest.approx(4.0, abs=0.1)
+
+
+def test_autocorrelation_along_the_track_is_that_of_the_weights():
+    """At a product of 10, where weights of angles, as of back-projection, are not quite those of frequencies."""
+    for name, image in even_ground(40, np.arange(15.0, 385.0, 2.5)).items():
+        for lag in (1, 2, 3):
+            pairs = np.mean(image[..., lag:] * image[..., :-lag].conj()) / np.mean(np.abs(image) ** 2)
+            expected = np.sqrt(speckle_correlation(np.array([lag * 2.5 / 3.5])))[0]
+            assert abs(pairs) == pytest.approx(expected, abs=0.01 if name == "omega_k" else 0.015)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from signals_samples import collection, ground
 
+from radcal.signals.focus import backprojected
 from radcal.signals.history import converted, echoes, quantised, turned
 from radcal.signals.platform import LIGHT_MPS
 from radcal.signals.record import RawSignal
@@ -46,11 +47,13 @@ def test_cosine_and_sine_of_turns_are_those_of_single_precision():
 def test_bits_do_not_depend_on_the_number_of_threads(monkeypatch):
     one = collection(noise_m2=0.5)
     found = ground(one, 500, (-40.0, 140.0), 190.0, 2)
-    signals = []
+    signals, images = [], []
     for threads in (1, 3):
         monkeypatch.setattr("radcal.compiled._config.NUMBA_NUM_THREADS", threads)
         signals.append(RawSignal(one, found, 7)[:])
+        images.append(backprojected(one, signals[-1], found.place_m[:50]))
     np.testing.assert_array_equal(*signals)
+    np.testing.assert_array_equal(*images)
     assert len(signals[0]) == len(one.track_m)
 
 
