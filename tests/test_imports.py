@@ -13,6 +13,7 @@ LATE = ("matplotlib", "pandas", "platypus", "pyogrio", "rasterio", "scipy.stats"
 LATE += ("scipy.linalg", "scipy.ndimage", "scipy.optimize", "snakemake")
 # numba takes half a second: for those that compute geometry or simulate
 SIMULATE = {
+    "products",
     "frame",
     "geometry",
     "strip",
