@@ -255,7 +255,9 @@ _OF_MODEL: Mapping[str, str] = {
 _OF_PRODUCTS: Mapping[str, str] = {
     "gmti_detections": "{about}: {found:.0f} of {movers:.0f} movers are among the {reports:.0f} detections (rms error "
     "along the track {along_m:.0f} m); without movers {alarms:.1e} of the tests are alarms (asked are {asked:.1e} in "
-    "uniform clutter); the least detectable radial velocity is {least_mps:.1f} m/s",
+    "uniform clutter); the least detectable radial velocity is {least_mps:.1f} m/s; displaced phase centres alone "
+    "leave {dpca_db:.1f} dB of the ground's power",
+    "file_left_out": "{about}: no file is written: {why}",
     "ppi_extrapolated": "{about}: the mast sees it at a median incidence of {median_deg:.1f} deg, {percent:.0f} % "
     "outside of the {low_deg:.1f} to {high_deg:.1f} deg at which its law {law!r} is known; there it is extrapolated",
     "ppi_detections": "{about}: without objects the detector reports {alarms:.1e} of the cells (asked are {asked:.1e} "

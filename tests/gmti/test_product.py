@@ -90,7 +90,8 @@ def test_training_gates_are_every_second_one_around_a_gate():
 def test_movers_are_found_and_reported(case, moving, tmp_path):
     made = Forward(case, moving, None, None, "key", 1, False, None)
     check(case, moving)
-    geojson, picture, found = write(tmp_path / "gmti", made)
+    geojson, picture, packets, found = write(tmp_path / "gmti", made)
+    assert packets.name == "gmti.4607"
     assert (geojson.name, picture.name) == ("gmti.geojson", "gmti.png")
     assert isinstance(found, Finding)
     assert (found.numbers["movers"], found.numbers["found"]) == (1.0, 1.0)
@@ -101,6 +102,18 @@ def test_movers_are_found_and_reported(case, moving, tmp_path):
     assert best["east_m"] == pytest.approx(120.0, abs=6.0)
     assert best["velocity_mps"] == pytest.approx(SPEED * np.sqrt(0.5), abs=1.5)
     assert features[0]["geometry"] is None
+
+
+def test_displaced_phase_centres_cancel_the_ground_where_they_meet(build_case, moving, tmp_path):
+    """Receivers two ways apart; else the echoes of two places are as unlike as their differences are strong."""
+    left = []
+    for number, spacing in enumerate((2.0 * 100.0 / 2000.0, 4.0)):
+        radar = {"altitude_m": 1000.0, "nesz_db": -70.0}
+        case = build_case(gmti=GMTI | {"spacing_m": spacing}, radar=radar)
+        made = Forward(case, moving, None, None, "key", 1, False, None)
+        left.append(write(tmp_path / f"gmti{number}", made)[-1].numbers["dpca_db"])
+    assert left[0] < -25.0
+    assert left[1] == pytest.approx(10.0 * np.log10(2.0), abs=1.5)
 
 
 @pytest.mark.parametrize(

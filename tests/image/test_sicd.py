@@ -60,7 +60,7 @@ def xyz(name, vector):
 
 def xml_of(
     *, shape=SHAPE, first=(0, 0), scp=(9, 5), side="R", pixel_type="RE32F_IM32F", table=None, radiometric=None,
-    polarisation="V:V", frequency_ghz=(9.4, 9.8), plane="SLANT", reference_frequency="",
+    polarisation="V:V", frequency_ghz=(9.4, 9.8), plane="SLANT", reference_frequency="", cone_deg=90,
 ):  # fmt: skip
     """A schema-valid SICD XML of a level flight to the north, looking east (R) or west (L)."""
     east = 1.0 if side == "R" else -1.0
@@ -104,7 +104,7 @@ def xml_of(
     <AzAutofocus>NO</AzAutofocus><RgAutofocus>NO</RgAutofocus></ImageFormation>
     <SCPCOA><SCPTime>1</SCPTime>{xyz("ARPPos", (EARTH_M + HEIGHT_M, -east * GROUND_M, 0))}{xyz("ARPVel", (0, 0, 100))}
     {xyz("ARPAcc", (0, 0, 0))}<SideOfTrack>{side}</SideOfTrack><SlantRange>{SLANT_M}</SlantRange>
-    <GroundRange>{GROUND_M}</GroundRange><DopplerConeAng>90</DopplerConeAng><GrazeAng>{SLOPE_DEG}</GrazeAng>
+    <GroundRange>{GROUND_M}</GroundRange><DopplerConeAng>{cone_deg}</DopplerConeAng><GrazeAng>{SLOPE_DEG}</GrazeAng>
     <IncidenceAng>{90 - SLOPE_DEG}</IncidenceAng><TwistAng>0</TwistAng><SlopeAng>{SLOPE_DEG}</SlopeAng>
     <AzimAng>0</AzimAng><LayoverAng>0</LayoverAng></SCPCOA>
     {f"<Radiometric>{levels}</Radiometric>" if levels else ""}</SICD>"""
@@ -467,3 +467,13 @@ def test_radiometry_of_relative_levels_is_configured(measure):
     findings = measure({"radiometry": "beta0"}, radiometry="beta0", radiometric={}).findings
     assert findings[1].code == "levels_relative"
     assert measure({}, radiometry="sigma0_ref").findings[1].code == "levels_sigma0"
+
+
+@pytest.mark.parametrize("cone_deg", [84.9, 95.1, 130.0])
+def test_a_squinted_collection_is_refused(tmp_path, cone_deg):
+    assert read(write(tmp_path / "near.nitf", pixels_of("RE32F_IM32F"), cone_deg=94.9)).image_db.shape == SHAPE
+    path = write(tmp_path / "squinted.nitf", pixels_of("RE32F_IM32F"), cone_deg=cone_deg)
+    with pytest.raises(
+        MeasurementError, match=rf"DopplerConeAng is {cone_deg:g}, expected 85 to 95 degrees: images of"
+    ):
+        read(path)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from radcal.config.part import Part
 from radcal.figures.drawing import HIDDEN, new_canvas, styled
 from radcal.findings import Finding
-from radcal.gmti.adaptive import Complex, Interval, covariance, kelly, kelly_threshold, least_velocity_mps
+from radcal.gmti.adaptive import Complex, Interval, covariance, dpca, kelly, kelly_threshold, least_velocity_mps
 from radcal.gmti.channels import Dwell, dwells, interval_of, movers_of
+from radcal.gmti.stanag import write_stanag
 from radcal.processes import one_thread
 from radcal.scene.model import Scene
 from radcal.signals.platform import Collection, collection, pattern
@@ -26,6 +27,7 @@ Array = NDArray[np.floating[Any]]
 _COUNTED = 8  # one gate in so many counts the false alarms without movers
 _GUARD = 2  # gates on either side of a detection that report nothing else
 _DIRECTIONS, _FINER = 5, 9  # directions across the beam; points of the finer grid around a detection
+_SHOWN_S = 10.0  # way of the movers on the map
 _NEAR_M, _NEAR_MPS = 5.0, 2.0  # differences in slant range and radial velocity to the mover that was detected
 
 
@@ -35,8 +37,8 @@ class Report:
 
     Attributes
     ----------
-    east_m, north_m : float
-        Place to the east and to the north of the corner of the scene's grid [m].
+    east_m, north_m, height_m : float
+        Place to the east and to the north of the corner of the scene's grid, and elevation of the ground there [m].
     range_m, velocity_mps : float
         Slant range, and radial velocity, positive towards the radar.
     eta : float
@@ -47,6 +49,7 @@ class Report:
 
     east_m: float
     north_m: float
+    height_m: float
     range_m: float
     velocity_mps: float
     eta: float
@@ -141,26 +144,31 @@ def detections(
         u, v = sine[coarse] + du, speed[coarse] + dv
         finer = kelly(echoes[:, gate : gate + 1], sums[gate], interval.steering(u, v))[0]
         k = int(finer.argmax())
-        east, north = _place(scene, case, one, dwell.antenna_m, dwell.range_m[gate], u[k])
-        reports.append(Report(east, north, float(dwell.range_m[gate]), float(v[k]), float(finer[k]), number))
+        place = _place(scene, case, one, dwell.antenna_m, dwell.range_m[gate], u[k])
+        reports.append(Report(*place, float(dwell.range_m[gate]), float(v[k]), float(finer[k]), number))
     return reports, float((alone > least).mean())
 
 
 def _place(
     scene: Scene, case: Part, one: Collection, antenna_m: Array, range_m: float, sine: float
-) -> tuple[float, float]:
-    """Place in the scene's grid of a slant range and direction, on the ground [m]."""
+) -> tuple[float, float, float]:
+    """Place in the scene's grid of a slant range and direction, on the ground, and its elevation [m]."""
     assert scene.elevation_m is not None  # noqa: S101 - collection() has refused it
     (ny, nx), cell = scene.material.shape, scene.cell_m
     height, north = float(scene.elevation_m.mean()), float(antenna_m[0] + range_m * sine)
     east = 0.0
     for _ in range(5):  # the height at the place changes the place
         square = range_m**2 * (1.0 - sine**2) - (antenna_m[2] - height) ** 2
-        across = np.sqrt(max(square, 0.0)) - one.reference_m[0, 1] + 0.5 * nx * cell
-        east = float(nx * cell - across if case.radar.look_side == "left" else across)
+        east = float(_east_m(scene, case, one, np.sqrt(max(square, 0.0))))
         row, column = (int(np.clip(at / cell, 0, n - 1)) for at, n in ((north, ny), (east, nx)))
         height = float(scene.elevation_m[row, column])
-    return east, north
+    return east, north, height
+
+
+def _east_m(scene: Scene, case: Part, one: Collection, ground_m: Any) -> Any:
+    """Place east of the corner of the scene's grid, from that in ground range [m]."""
+    away, half = ground_m - one.reference_m[0, 1], 0.5 * scene.material.shape[1] * scene.cell_m
+    return half - away if case.radar.look_side == "left" else half + away
 
 
 def _least_velocity(dwell: Dwell, interval: Interval, one: Collection) -> float:
@@ -190,11 +198,20 @@ def write(stem: Path, made: Forward) -> list[Path | Finding]:
     one = collection(case, scene)
     interval, movers = interval_of(case, one), movers_of(case, scene, one)
     reports, alarms, slowest, found, off = list[Report](), list[float](), list[float](), set[int](), list[float]()
+    seen = list[tuple[Array, Array, list[float]]]()
+    left = list[float]()  # share of the ground's power that the differences of displaced phase centres leave
     for number, dwell in enumerate(dwells(case, scene, one, movers, made.seed), start=1):
         slowest.append(_least_velocity(dwell, interval, one))
+        power = [np.mean(np.abs(each) ** 2) for each in (dpca(dwell.ground, interval), dwell.ground)]
+        left.append(float(power[0] / power[1]))
         with one_thread():
             some, share = detections(dwell, number, interval, case, scene, one, slowest[-1])
         reports += some
+        # the same mirror image leads from the grid to ground range
+        half, mean = 0.5 * scene.material.shape[1] * scene.cell_m, one.reference_m[0, 1]
+        side = -1.0 if case.radar.look_side == "left" else 1.0
+        places = [(each.north_m, mean + side * (each.east_m - half), each.height_m) for each in some]
+        seen.append((dwell.antenna_m, np.array(places), [each.velocity_mps for each in some]))
         alarms.append(share)
         slant, sine, velocity = movers.seen(dwell.antenna_m)
         for each in some:
@@ -212,11 +229,15 @@ def write(stem: Path, made: Forward) -> list[Path | Finding]:
         "asked": case.gmti.false_alarms,
         "alarms": float(np.mean(alarms)),
         "least_mps": float(np.median(slowest)),
+        "dpca_db": float(10.0 * np.log10(np.mean(left))),
     }
     paths = [stem.with_suffix(".geojson"), stem.with_suffix(".png")]
     _write_geojson(paths[0], reports, scene, made)
-    _write_picture(paths[1], reports, scene)
-    return [*paths, Finding("gmti_detections", "note", "gmti", numbers)]
+    ends_m = [movers.place_m + seconds * movers.velocity_mps for seconds in (0.0, _SHOWN_S)]
+    east = np.stack([_east_m(scene, case, one, place[:, 1]) for place in ends_m])
+    _write_picture(paths[1], reports, scene, east, np.stack([place[:, 0] for place in ends_m]))
+    stanag = write_stanag(stem.with_suffix(".4607"), made, one, seen, 0.4 * one.wavelength_m / one.antenna_m)
+    return [*paths, *stanag, Finding("gmti_detections", "note", "gmti", numbers)]
 
 
 def _write_geojson(path: Path, reports: list[Report], scene: Scene, made: Forward) -> None:
@@ -239,23 +260,18 @@ def _write_geojson(path: Path, reports: list[Report], scene: Scene, made: Forwar
         partial.write_text(json.dumps(written, indent=1), encoding="utf-8")
 
 
-def _write_picture(path: Path, reports: list[Report], scene: Scene) -> None:
-    """Write a map of the detections over the materials, with the paths of the movers in 10 s."""
+def _write_picture(path: Path, reports: list[Report], scene: Scene, east_m: Array, north_m: Array) -> None:
+    """Write a map of the detections over the materials, with the first and last places of the movers' paths."""
     ny, nx = scene.material.shape
     with styled():
         canvas = new_canvas(7.0, 6.4)
         plan = canvas.subplots()
         extent = (0.0, nx * scene.cell_m / 1e3, 0.0, ny * scene.cell_m / 1e3)
         plan.imshow(scene.material, cmap="Greys", alpha=0.35, origin="lower", extent=extent, interpolation="nearest")
-        if scene.objects is not None and scene.objects.moving.any():
-            moving = scene.objects.some(scene.objects.moving)
-            assert moving.speed_mps is not None  # noqa: S101 - they move
-            bearing = np.radians(moving.heading_deg)
-            x, y = moving.x_m / 1e3, moving.y_m / 1e3
-            way = moving.speed_mps * 10.0 / 1e3
-            ends = np.stack([x, x + way * np.sin(bearing)]), np.stack([y, y + way * np.cos(bearing)])
-            plan.plot(*ends, color=HIDDEN["color"], linewidth=2.0)
-            plan.plot(x, y, "o", color=HIDDEN["color"], markersize=5, label="mover, and its way in 10 s")
+        if east_m.size:
+            plan.plot(east_m / 1e3, north_m / 1e3, color=HIDDEN["color"], linewidth=2.0)
+            label = f"mover, and its way in {_SHOWN_S:.0f} s"
+            plan.plot(east_m[0] / 1e3, north_m[0] / 1e3, "o", color=HIDDEN["color"], markersize=5, label=label)
         shown = plan.scatter(
             [one.east_m / 1e3 for one in reports], [one.north_m / 1e3 for one in reports], marker="x", s=36,
             c=[one.velocity_mps for one in reports], cmap="coolwarm", linewidths=1.6, label="detection",

@@ -30,6 +30,7 @@ _LEAST_HEADER_BYTES = 388 + 439  # of a file and its first image: MIL-STD-2500C,
 _HEADER_BYTES = 1_000_000  # a NITF header gives its length in six digits
 _LENGTH = slice(342, 354)  # of the file, in its header: MIL-STD-2500C, table A-1
 _LINEAR = frozenset("HV")
+_SQUINT_DEG = 5.0  # largest angle from zero Doppler
 _POLYNOMIALS = (  # each with its quantity, and the angle that converts it to sigma0
     ("SigmaZeroSFPoly", "sigma0", None),
     ("BetaZeroSFPoly", "beta0", "SlopeAng"),
@@ -95,6 +96,12 @@ class SicdReader(Reader):
         with self._opened(grid) as (reader, xml):
             pixel_type = _needed(xml, "ImageData/PixelType")
             backwards = _flown_backwards(xml)
+            cone = float(_needed(xml, "SCPCOA/DopplerConeAng"))
+            if not abs(cone - 90.0) <= _SQUINT_DEG:
+                raise ValueError(
+                    f"its SCPCOA/DopplerConeAng is {cone:g}, expected {90 - _SQUINT_DEG:g} to {90 + _SQUINT_DEG:g} "
+                    "degrees: images of squinted collections cannot be compared with the simulated one"
+                )
             power = _power(reader.read_image(), pixel_type, _value(xml, "ImageData/AmpTable"))
             factor, level = _level(xml, path.name)
             plane, polarisation, frequency_hz = _needed(xml, "Grid/ImagePlane"), _polarisation(xml), _frequency_hz(xml)

@@ -26,6 +26,7 @@ from radcal.scene.model import Scene, write_scene
 from radcal.scene.sources import make_scene
 from radcal.sections.errors import nearest
 from radcal.seeds import noise_seed
+from radcal.signals.sicd import write_sicd
 from radcal.simulators.forward import Forward, write_complex
 from radcal.simulators.runner import Runner
 from radcal.simulators.sources import runner_of
@@ -224,8 +225,8 @@ def _spread(
     return [f"{len(members)} members of the posterior:", *aligned(table), *(f"  {file}" for file in files)]
 
 
-def write_looks(stem: Path, made: Forward) -> list[Path]:
-    """Write the complex looks of a pass to an HDF5 file.
+def write_looks(stem: Path, made: Forward) -> list[Path | Finding]:
+    """Write the complex looks of a pass to an HDF5 file, and as SICD.
 
     Parameters
     ----------
@@ -236,8 +237,8 @@ def write_looks(stem: Path, made: Forward) -> list[Path]:
 
     Returns
     -------
-    list of path
-        The file.
+    list of path or Finding
+        The files (:func:`.sicd.write_sicd`).
     """
     phases = (
         "random, independent in each look and in each pixel before the impulse response: they hold neither the "
@@ -245,4 +246,4 @@ def write_looks(stem: Path, made: Forward) -> list[Path]:
     )
     path = stem.with_suffix(".h5")
     write_complex(path, made, "complex", made.looks(), math.ceil(made.case.radar.looks), phases)
-    return [path]
+    return [path, *write_sicd(stem, made, made.looks(), apart=False)]

@@ -42,7 +42,7 @@ Doubles = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class _Site:
+class Site:
     """Earth-centred coordinates of the scene's middle, and unit vectors along azimuth, ground range and up."""
 
     origin_m: Doubles
@@ -75,7 +75,7 @@ def _origin(case: Part, scene: Scene) -> tuple[float, float]:
     raise ConfigError("signals.origin is missing, expected latitude and longitude: the scene is not on a map.")
 
 
-def _start_utc(case: Part) -> datetime:
+def start_utc(case: Part) -> datetime:
     """Start of the collection."""
     if case.signals.start_utc is None and case.scene.source != "builtin":
         raise ConfigError(
@@ -88,10 +88,11 @@ def check_iq(case: Part, scene: Scene) -> None:
     """Raise the errors of :func:`collection`, and of a place or date that a CPHD file needs and the case lacks."""
     collection(case, scene)
     _origin(case, scene)
-    _start_utc(case)
+    start_utc(case)
 
 
-def _site(case: Part, scene: Scene, one: Collection) -> _Site:
+def site_of(case: Part, scene: Scene, one: Collection) -> Site:
+    """Place of the scene's middle on the earth, with its directions; asked for if the scene is not on a map."""
     from sarkit import wgs84
 
     assert scene.elevation_m is not None  # noqa: S101 - collection() has refused it
@@ -102,10 +103,10 @@ def _site(case: Part, scene: Scene, one: Collection) -> _Site:
     middle = np.array([0.5 * scene.elevation_m.shape[0] * scene.cell_m, one.reference_m[0, 1], mean])
     azimuth = np.cos(heading) * north + np.sin(heading) * east
     side = 1.0 if case.radar.look_side == "right" else -1.0
-    return _Site(wgs84.geodetic_to_cartesian(llh), azimuth, side * right, wgs84.up(llh), middle)
+    return Site(wgs84.geodetic_to_cartesian(llh), azimuth, side * right, wgs84.up(llh), middle)
 
 
-def _vector_parameters(one: Collection, site: _Site, dtype: Any) -> NDArray[Any]:
+def _vector_parameters(one: Collection, site: Site, dtype: Any) -> NDArray[Any]:
     """Parameters of each pulse; transmitter and receiver stand still between sending and receiving."""
     time, found = np.arange(len(one.track_m)) / one.prf_hz, np.zeros(len(one.track_m), dtype)
     velocity = np.gradient(one.track_m, time, axis=0)
@@ -122,7 +123,7 @@ def _vector_parameters(one: Collection, site: _Site, dtype: Any) -> NDArray[Any]
     return found
 
 
-def _tree(made: Forward, one: Collection, site: _Site, layout: str) -> Any:
+def _tree(made: Forward, one: Collection, site: Site, layout: str) -> Any:
     """Metadata of a CPHD file, but for its reference geometry."""
     from lxml import etree
     from sarkit import cphd, wgs84
@@ -158,7 +159,7 @@ def _tree(made: Forward, one: Collection, site: _Site, layout: str) -> Any:
     }  # fmt: skip
     tree["Global"] = {
         "DomainType": "FX", "SGN": -1,
-        "Timeline": {"CollectionStart": _start_utc(case), "TxTime1": 0.0, "TxTime2": (pulses - 1) / one.prf_hz},
+        "Timeline": {"CollectionStart": start_utc(case), "TxTime1": 0.0, "TxTime2": (pulses - 1) / one.prf_hz},
         "FxBand": {"FxMin": frequency[0], "FxMax": frequency[-1]}, "TOASwath": {"TOAMin": -toa, "TOAMax": toa},
     }  # fmt: skip
     tree["SceneCoordinates"] = {
@@ -222,7 +223,7 @@ def write_cphd(path: Path, made: Forward, one: Collection, signal: Signal) -> No
     if one.bits is not None:
         part, layout = ("i1", "CI2") if one.bits <= 8 else (">i2", "CI4")
         kind = np.dtype([("real", part), ("imag", part)])
-    site = _site(made.case, made.scene, one)
+    site = site_of(made.case, made.scene, one)
     tree = _tree(made, one, site, layout)
     vectors = _vector_parameters(one, site, cphd.get_pvp_dtype(tree))
     tree.getroot().append(cphd.compute_reference_geometry(tree, pvps=vectors))

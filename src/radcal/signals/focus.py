@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from radcal.compiled import threaded
 from radcal.config.part import Part
+from radcal.findings import Finding
 from radcal.radar.earth import line_of_sight
 from radcal.radar.radiometry import of_sigma0
 from radcal.scene.model import Scene
 from radcal.signals.history import BEAM, TAPS, beam_table, cell_before, converted, grid_kernel, turned
 from radcal.signals.platform import LIGHT_MPS, Collection, azimuth_weights, collection
 from radcal.signals.record import Signal, kept, signal_of
+from radcal.signals.sicd import write_sicd
 from radcal.signals.wavenumber import check_omega_k, omega_k
 from radcal.simulators.forward import Forward, write_complex
 from radcal.speckle.response import taylor_weights
@@ -222,7 +224,7 @@ def check(case: Part, scene: Scene) -> None:
         check_omega_k(case)
 
 
-def write_focused(stem: Path, made: Forward) -> list[Path]:
+def write_focused(stem: Path, made: Forward) -> list[Path | Finding]:
     """Simulate the raw signal of a pass and focus it; write the complex looks and a picture.
 
     Parameters
@@ -249,4 +251,4 @@ def write_focused(stem: Path, made: Forward) -> list[Path]:
     gray = np.clip((level - black) / max(white - black, 1e-6) * 255.0, 0.0, 255.0).astype(np.uint8)
     with atomic(paths[1]) as partial:
         Image.fromarray(gray).save(partial, format="PNG")
-    return paths
+    return [*paths, *write_sicd(stem, made, looks, apart=True)]

@@ -1,0 +1,213 @@
+"""SICD 1.4 files of complex images: sensor independent complex data of the NGA, on the grid of slant range and azimuth.
+
+References
+----------
+NGA.STND.0024-1, "Sensor Independent Complex Data (SICD), Volume 1, Design & Implementation Description Document",
+version 1.4.0 (2023).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from radcal.errors import ConfigError
+from radcal.findings import Finding
+from radcal.radar.earth import line_of_sight
+from radcal.radar.radiometry import of_sigma0
+from radcal.signals.cphd import Site, site_of, start_utc
+from radcal.signals.platform import LIGHT_MPS, Collection, collection
+from radcal.simulators.forward import Forward
+from radcal.storage.files import atomic
+
+_SPACE = "urn:SICD:1.4.0"
+_LEVEL_GROUND = ("sigma0_ref", "sigma0", "beta0", "gamma0")  # radiometries of areas on level ground
+
+Doubles = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Where the middle pixel of an image lies, and when and from where it is seen at zero Doppler."""
+
+    pixel: tuple[int, int]  # row and column of the file
+    place_m: Doubles  # in azimuth, ground range and elevation
+    antenna_m: Doubles
+    along: float  # direction of the columns: 1 along the flight, -1 against it
+    seconds: float
+
+    @property
+    def slant_m(self) -> float:
+        return float(np.linalg.norm(self.antenna_m - self.place_m))
+
+
+def write_sicd(stem: Path, made: Forward, looks: Iterable[NDArray[np.complex64]], apart: bool) -> list[Path | Finding]:
+    """Write each look of a pass as SICD, whose squared magnitude is sigma0 on level ground.
+
+    Parameters
+    ----------
+    stem : path
+        Path of the files without suffix; those of several looks end in ``_look<k>``.
+    made : Forward
+        Forward run of the pass.
+    looks : iterable of ndarray of complex64, shape (slant range, azimuth)
+        Looks in the radiometry of the pass. In sigma0_local and gamma0_rtc, which no polynomial of the file converts,
+        the file has no radiometric calibration.
+    apart : bool
+        Whether the looks are parts of the azimuth band of one aperture, from behind to ahead; otherwise they all have
+        zero Doppler in the middle.
+
+    Returns
+    -------
+    list of path or Finding
+        The files, or why there are none: a finding on a place or a date that the case lacks, or on its scene.
+    """
+    try:
+        one = collection(made.case, made.scene)
+        if apart and (one.middle_sine or one.spot_m is not None):
+            raise ConfigError("signals: with squint or in spotlight mode, expected stripmap at zero Doppler.")
+        site, began = site_of(made.case, made.scene, one), start_utc(made.case)
+    except ConfigError as error:
+        return [Finding("file_left_out", "note", "SICD", {"why": str(error)})]
+    paths, grid = list[Path | Finding](), _grid_of(made, one)
+    level = 1.0 / of_sigma0(made.case.radar.radiometry, made.geometry.flat_incidence_deg)
+    for k, look in enumerate(looks):
+        pixels = (look * np.sqrt(level).astype(np.float32)[:, None]).astype(np.complex64)
+        tree = _tree(made, one, site, grid, began, _band(one, k) if apart else _band(one, None))
+        path = stem.with_name(stem.name + f"_look{k + 1}" * (one.looks > 1) + ".nitf")
+        paths.append(path)
+        _write(path, tree, pixels if grid.along > 0 else pixels[:, ::-1], f"{made.case.case}-{made.key}")
+    return paths
+
+
+def _grid_of(made: Forward, one: Collection) -> _Grid:
+    """Grid whose middle pixel lies on the ground, at the height of the ground nearest to it in the image."""
+    radar, scene, seen, (rows, columns) = made.case.radar, made.scene, made.geometry.ground, made.geometry.shape
+    assert scene.elevation_m is not None  # noqa: S101 - collection() has refused it
+    row, column = rows // 2, columns // 2
+    lit = np.argwhere(np.isfinite(seen[0]))
+    nearest = lit[np.argmin(((lit - [row, column]) ** 2).sum(axis=1))]
+    below = scipy.ndimage.map_coordinates(scene.elevation_m, seen[:, *nearest][:, None], order=1, mode="nearest")
+    height = float(below[0])
+    sight = line_of_sight(radar)
+    antenna = np.array([(column + 0.5) * radar.azimuth_spacing_m, 0.0, scene.elevation_m.mean() + sight.height_m])
+    slant = sight.slant_range_m(made.geometry.flat_incidence_deg[0]) + row * radar.range_spacing_m
+    place = np.array([antenna[0], np.sqrt(slant**2 - (antenna[2] - height) ** 2), height])
+    along = 1.0 if radar.look_side == "right" else -1.0
+    seconds = float((antenna[0] - one.track_m[0, 0]) / one.speed_mps)
+    return _Grid((row, column if along > 0 else columns - 1 - column), place, antenna, along, seconds)
+
+
+def _band(one: Collection, look: int | None) -> tuple[float, float]:
+    """Middle and width of a look's band of azimuth frequencies [1/m], along the flight."""
+    width = one.band / one.looks
+    return (0.0 if look is None else (look - 0.5 * (one.looks - 1)) * width), width
+
+
+def _tree(made: Forward, one: Collection, site: Site, grid: _Grid, began: datetime, band: tuple[float, float]) -> Any:
+    """Metadata of a look."""
+    from lxml import etree
+    from sarkit import sicd, wgs84
+
+    radar, speed = made.case.radar, one.speed_mps
+    (rows, columns), (row, column) = made.geometry.shape, grid.pixel
+    line = grid.place_m - grid.antenna_m
+    unit = line / grid.slant_m
+    scp, velocity = site.ecf(grid.place_m[None])[0], site.turned(np.array([[speed, 0.0, 0.0]]))[0]
+    start = site.ecf((grid.antenna_m - [grid.seconds * speed, 0.0, 0.0])[None])[0]
+    ends = np.array([(0, 0), (0, columns - 1), (rows - 1, columns - 1), (rows - 1, 0)]) - grid.pixel
+    slant = grid.slant_m + ends[:, 0] * radar.range_spacing_m
+    corners = np.stack([
+        grid.place_m[0] + grid.along * ends[:, 1] * radar.azimuth_spacing_m,
+        np.sqrt(slant**2 - line[2] ** 2),
+        np.full(4, grid.place_m[2]),
+    ], axis=1)  # fmt: skip
+    duration, frequency = (len(one.track_m) - 1) / one.prf_hz, one.frequency_hz
+    middle, width = grid.along * band[0], band[1]
+    sine = 0.5 * one.wavelength_m * band[0]
+    # a pixel is seen in the middle of the look's band before or after its zero Doppler
+    seen = [[grid.seconds - sine * grid.slant_m / speed, grid.along / speed], [-sine / speed, 0.0]]
+    bandwidth = 2.0 * (frequency[-1] - frequency[0] + one.step_hz) / LIGHT_MPS
+
+    def axis(
+        vector: Doubles, spacing: float, resolution: float, wide: float, centre: float, at: float
+    ) -> dict[str, Any]:
+        low, high = at - 0.5 * wide, at + 0.5 * wide
+        if max(-low, high) > 0.5 / spacing:  # the band is folded by the spacing of the pixels
+            low, high = -0.5 / spacing, 0.5 / spacing
+        return {
+            "UVectECF": vector, "SS": spacing, "ImpRespWid": resolution, "Sgn": -1, "ImpRespBW": wide, "KCtr": centre,
+            "DeltaK1": low, "DeltaK2": high, "DeltaKCOAPoly": np.array([[at]]),
+            "WgtType": {"WindowName": "TAYLOR"},
+        }  # fmt: skip
+
+    root = etree.Element(f"{{{_SPACE}}}SICD", nsmap={None: _SPACE})
+    channel = ":".join(radar.polarisation)
+    whole = {"NumRows": rows, "NumCols": columns}
+    taken = {"Min": frequency[0], "Max": frequency[-1]}
+    sicd.ElementWrapper(root).from_dict({
+        "CollectionInfo": {
+            "CollectorName": "radcal", "CoreName": f"{made.case.case}-{made.key}", "CollectType": "MONOSTATIC",
+            "RadarMode": {"ModeType": "STRIPMAP"}, "Classification": "UNCLASSIFIED",
+        },
+        "ImageData": {
+            "PixelType": "RE32F_IM32F", **whole, "FirstRow": 0, "FirstCol": 0, "FullImage": whole,
+            "SCPPixel": np.array([row, column]),
+        },
+        "GeoData": {
+            "EarthModel": "WGS_84", "SCP": {"ECF": scp, "LLH": wgs84.cartesian_to_geodetic(scp)},
+            "ImageCorners": wgs84.cartesian_to_geodetic(site.ecf(corners))[:, :2],
+        },
+        "Grid": {
+            "ImagePlane": "SLANT", "Type": "RGZERO", "TimeCOAPoly": np.array(seen),
+            "Row": axis(site.turned(unit[None])[0], radar.range_spacing_m, radar.range_resolution_m, bandwidth,
+                        2.0 * one.middle_hz / LIGHT_MPS, 0.0),
+            "Col": axis(grid.along * velocity / speed, radar.azimuth_spacing_m, radar.azimuth_resolution_m, width, 0.0,
+                        middle),
+        },
+        "Timeline": {"CollectStart": began, "CollectDuration": duration},
+        "Position": {"ARPPoly": np.stack([start, velocity])},
+        "RadarCollection": {
+            "TxFrequency": taken, "TxPolarization": radar.polarisation[0],
+            "RcvChannels": {"@size": "1", "ChanParameters": [{"@index": "1", "TxRcvPolarization": channel}]},
+        },
+        "ImageFormation": {
+            "RcvChanProc": {"NumChanProc": 1, "ChanIndex": [1]}, "TxRcvPolarizationProc": channel, "TStartProc": 0.0,
+            "TEndProc": duration, "TxFrequencyProc": {"MinProc": frequency[0], "MaxProc": frequency[-1]},
+            "ImageFormAlgo": "RMA", "STBeamComp": "SV", "ImageBeamComp": "NO", "AzAutofocus": "NO", "RgAutofocus": "NO",
+        },
+        "RMA": {
+            "RMAlgoType": "RG_DOP", "ImageType": "INCA",
+            "INCA": {
+                "TimeCAPoly": np.array([grid.seconds, grid.along / speed]), "R_CA_SCP": grid.slant_m,
+                "FreqZero": one.middle_hz, "DRateSFPoly": np.array([[1.0]]),
+            },
+        },
+    })  # fmt: skip
+    tree = root.getroottree()
+    at = [each.tag for each in root].index(f"{{{_SPACE}}}ImageFormation") + 1
+    root.insert(at, sicd.compute_scp_coa(tree))
+    if radar.radiometry in _LEVEL_GROUND:
+        sicd.ElementWrapper(root)["Radiometric"] = {"SigmaZeroSFPoly": np.array([[1.0]])}
+    return tree
+
+
+def _write(path: Path, tree: Any, pixels: NDArray[np.complex64], title: str) -> None:
+    from sarkit import sicd
+
+    security = sicd.NitfSecurityFields(clas="U")
+    metadata = sicd.NitfMetadata(
+        xmltree=tree,
+        file_header_part=sicd.NitfFileHeaderPart(ostaid="radcal", ftitle=title[:80], security=security),
+        im_subheader_part=sicd.NitfImSubheaderPart(isorce="radcal", security=security),
+        de_subheader_part=sicd.NitfDeSubheaderPart(security=security),
+    )
+    with atomic(path) as partial, partial.open("wb") as file, sicd.NitfWriter(file, metadata) as writer:
+        writer.write_image(np.ascontiguousarray(pixels))
