@@ -250,7 +250,7 @@ def test_a_focused_image_has_the_level_of_the_simulator_and_speckle_of_its_own(b
 
 
 def test_a_focused_image_needs_level_ground_and_no_gains_of_pixels(make, build_case):
-    with pytest.raises(MeasurementError, match=r"radar.radiometry is sigma0_local, expected sigma0_ref, beta0 or"):
+    with pytest.raises(ConfigError, match=r"radar.radiometry is sigma0_local, expected sigma0_ref, beta0 or"):
         make(product="focused")
     for key, value in (("texture_db", 1.0), ("fields_db", {"dyke": 1.0})):
         hidden = {"synthetic": {"parameters": {"dyke": TRUTH}, "product": "focused", key: value}}

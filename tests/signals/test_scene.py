@@ -276,6 +276,12 @@ def test_the_folder_of_a_killed_simulation_with_other_settings_is_removed(forwar
     assert list(tmp_path.iterdir()) == folders[1:]
 
 
+def test_pixels_divided_by_the_area_of_the_ground_are_not_focused(forward_of):
+    made = forward_of(radar={"radiometry": "gamma0_rtc"})
+    with pytest.raises(ConfigError, match=r"radar\.radiometry is gamma0_rtc, expected sigma0_ref, beta0 or gamma0 for"):
+        check(made.case, made.scene)
+
+
 def test_a_scene_without_relief_is_refused(forward_of):
     made = forward_of(signals={"motion_m": 1.0})
     with pytest.raises(ConfigError, match=r"scene\.source: the scene has no elevation, expected one"):

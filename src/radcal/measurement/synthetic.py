@@ -28,7 +28,7 @@ from radcal.registration.displacement import invert, warp
 from radcal.scene.model import Scene
 from radcal.sections.measurement import Synthetic
 from radcal.seeds import derived_rng, measurement_seed
-from radcal.signals.focus import focused
+from radcal.signals.focus import check, focused
 from radcal.signals.platform import collection
 from radcal.signals.record import RawSignal
 from radcal.signals.scatterers import scatterers
@@ -38,7 +38,6 @@ from radcal.simulators.forward import Forward
 from radcal.speckle.texture import order_of_texture, texture_db
 
 _WARP_SIGMA_PX = 60.0  # smoothing of a synthetic displacement field
-_ALONG_THE_GROUND = ("sigma0_local", "gamma0_rtc")
 _PATCH_CELLS = 4.0  # correlation length of patches with a wrong label
 
 
@@ -155,11 +154,6 @@ def _focused_db(
 ) -> NDArray[np.float32]:
     """Mean power of the looks of an image focused from raw signals of the disturbed scene, pass and laws [dB]."""
     radar = _other_pass(case.radar, synthetic)
-    if radar.radiometry in _ALONG_THE_GROUND:
-        raise MeasurementError(
-            f"radar.radiometry is {radar.radiometry}, expected sigma0_ref, beta0 or gamma0 for "
-            "measurement.synthetic.product: focused, whose pixels are not divided by the area of the ground."
-        )
     geometry, scene = _other_ground(radar, synthetic, geometry, scene)
     materials = {
         name: (one.with_law(synthetic.laws[name]) if name in synthetic.laws else one).model_copy(
@@ -170,6 +164,7 @@ def _focused_db(
     flown = model_of("seed", "signals", "radars", "materials").model_validate(
         {"seed": synthetic.seed, "radar": radar, "materials": materials}
     )
+    check(flown, scene)
     one = collection(flown, scene)
     signal = RawSignal(one, scatterers(flown, scene, seed, one.facet_m), seed)
     none = np.empty((0, 0), np.float32)

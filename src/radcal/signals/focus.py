@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from radcal.compiled import threaded
 from radcal.config.part import Part
+from radcal.errors import ConfigError
 from radcal.findings import Finding
 from radcal.radar.earth import line_of_sight
 from radcal.radar.radiometry import of_sigma0
@@ -25,6 +26,7 @@ from radcal.simulators.forward import Forward, write_complex
 from radcal.speckle.response import taylor_weights
 from radcal.storage.files import atomic
 
+_ALONG_THE_GROUND = ("sigma0_local", "gamma0_rtc")
 _STRIP = 256  # columns of the image that are focused at once
 _PULSES = 512  # pulses that are in memory at once, the same for any number of threads
 
@@ -219,6 +221,11 @@ def focused(one: Collection, signal: Signal, made: Forward, folder: Path | None 
 
 def check(case: Part, scene: Scene) -> None:
     """Raise the errors of :func:`collection` and of the way of focusing, before anything is simulated."""
+    if case.radar.radiometry in _ALONG_THE_GROUND:
+        raise ConfigError(
+            f"radar.radiometry is {case.radar.radiometry}, expected sigma0_ref, beta0 or gamma0 for a focused image, "
+            "whose pixels are not divided by the area of the ground."
+        )
     collection(case, scene)
     if case.signals.focusing == "omega_k":
         check_omega_k(case)
