@@ -18,8 +18,8 @@ def cells_of(area, names=("water", "wood"), seed=1, **keys):
     return {name: seen_cells(rng, 120, area=area, added_db=1.5 * (-1) ** k, **keys) for k, name in enumerate(names)}
 
 
-def shown(cells, declared):
-    image = image_of_fixed({name: observed(one) for name, one in cells.items()}, [0.0], CONFIG, declared=declared)
+def shown(cells, declared, config=CONFIG):
+    image = image_of_fixed({name: observed(one) for name, one in cells.items()}, [0.0], config, declared=declared)
     return image.radiometry["1"]
 
 
@@ -45,16 +45,16 @@ def test_the_area_term_that_an_image_lacks_or_has_too_much(declared, area, found
     assert 0.005 < one.error < 0.1
 
 
-def test_errors_of_slope_and_form_are_not_taken_for_the_area():
+@pytest.mark.parametrize(("slope", "form_db", "found"), [(0.2, 0.5, 0), (0.0, 0.0, -1)])
+def test_errors_of_slope_and_form_are_not_taken_for_the_area(slope, form_db, found):
     """Where the area changes with the incidence alone, a law whose slope is wrong looks like the other radiometry."""
     cells = cells_of(0.0, relief_db=0.02)
-
-    def tilted(one):
-        along = 0.08 * (one.incidence_deg - 37.0)
-        return replace(one, area_db=one.area_db - along, measured_db=one.measured_db + along)
-
-    one = shown({**cells, "water": tilted(cells["water"]), "wood": replace(cells["wood"])}, "sigma0_ref")
-    assert (one.found, one.error > 0.1) == (0, True)
+    along = 0.08 * (cells["water"].incidence_deg - 37.0)
+    measured = cells["water"].measured_db + along
+    cells["water"] = replace(cells["water"], area_db=cells["water"].area_db - along, measured_db=measured)
+    config = CONFIG.model_copy(update={"fixed_slope": slope, "form_db": form_db or 1e-3})
+    one = shown(cells, "sigma0_ref", config)
+    assert (one.found, one.error > 0.1) == (found, found == 0)
 
 
 def test_too_few_materials_or_too_little_relief_check_nothing():

@@ -244,12 +244,11 @@ def image_from(
         chances = dict(zip(chances, share.mean(axis=0).tolist(), strict=True))
         alone = scales.effects(at, np.zeros(scales.common), rng, _ANY_AREA)[:, 1:-1:4]
         exponent, error = alone.mean(axis=0), alone.std(axis=0)
-        columns, kept = list(chances), likely(chances)
-        each = []
-        for terms, chance in kept.items():
-            column = columns.index(terms)
-            expected = scales.expected[column]
-            each.append(scales.given(at[_evenly(share[:, column])], chance, expected, rng))
+        kept, column = likely(chances), {terms: number for number, terms in enumerate(chances)}
+        each = [
+            scales.given(at[_evenly(share[:, column[terms]])], chance, scales.expected[column[terms]], rng)
+            for terms, chance in kept.items()
+        ]
     else:
         kept, each = chances, [scales.from_priors()]
     taken = mixed(list(kept.values()), [len(levels) for _, levels, _ in each])
