@@ -18,7 +18,7 @@ from stanag4607 import (
 
 from radcal.findings import Finding
 from radcal.gmti.stanag import write_stanag
-from radcal.signals.cphd import site_of
+from radcal.signals.places import site_of
 from radcal.signals.platform import collection
 from radcal.simulators.forward import Forward
 

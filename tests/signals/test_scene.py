@@ -12,8 +12,8 @@ from radcal.errors import ConfigError
 from radcal.radar.projection import lit_facets
 from radcal.radar.reflectivity import law_tables, reflectivity
 from radcal.scene.objects import Objects, Walls
-from radcal.signals.focus import backprojected, check, focused, image_places, write_focused
-from radcal.signals.history import raw_block
+from radcal.signals.focus import backprojected, check, focused, write_focused
+from radcal.signals.places import image_places
 from radcal.signals.platform import collection, nesz, pattern
 from radcal.signals.record import RawSignal, signal_of
 from radcal.signals.scatterers import Scatterers, scatterers
@@ -242,23 +242,25 @@ def test_omega_k_is_for_straight_tracks(forward_of, signals, sentence):
 
 def test_a_killed_simulation_continues_and_needs_no_more_memory_for_more_pulses(forward_of, tmp_path, monkeypatch):
     """The second of two blocks ends the first command; the next one simulates only what is missing."""
-    made, numbers = forward_of(radar={"looks": 2}), []
+    made, numbers, block = forward_of(radar={"looks": 2}), [], RawSignal.block
     whole = write_focused(tmp_path / "whole", made)
 
-    def ended(one, found, seed, number):
+    def ended(raw, number):
         numbers.append(number)
         if len(numbers) == 2:
             raise KeyboardInterrupt
-        return raw_block(one, found, seed, number)
+        return block(raw, number)
 
-    monkeypatch.setattr("radcal.signals.record.raw_block", ended)
+    monkeypatch.setattr(RawSignal, "block", ended)
     with pytest.raises(KeyboardInterrupt):
         write_focused(tmp_path / "focused", made)
     (folder,) = tmp_path.glob(".focused-*")
-    assert [path.name for path in folder.iterdir()] == [f"pulses-{numbers[0]}.npy"]
+    assert [path.name for path in folder.iterdir()] == [f"pulses-{numbers[0]}.h5"]
+    (kept,) = folder.iterdir()
+    kept.write_bytes(kept.read_bytes()[:-9])  # damaged: made again
     found = write_focused(tmp_path / "focused", made)
     one = collection(made.case, made.scene)
-    assert sorted(numbers) == sorted([*range(-(-len(one.track_m) // 64)), numbers[1]])
+    assert sorted(numbers) == sorted([*range(-(-len(one.track_m) // 64)), *numbers[:2]])
     with h5py.File(whole[0]) as first, h5py.File(found[0]) as second:
         np.testing.assert_array_equal(first["looks"][()], second["looks"][()])
     assert not list(tmp_path.glob(".*"))

@@ -11,7 +11,7 @@ from sarkit.verification import SicdConsistency
 from radcal.config import FileMeasurement
 from radcal.findings import Finding
 from radcal.radar.radiometry import of_sigma0
-from radcal.signals.cphd import site_of
+from radcal.signals.places import site_of
 from radcal.signals.platform import collection
 from radcal.signals.sicd import write_sicd
 

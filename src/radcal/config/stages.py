@@ -213,6 +213,7 @@ OUTPUTS = [path for stage in STAGES.values() for path in stage.outputs.values()]
 """Outputs of all stages below ``results/<case>``, with wildcards in braces."""
 
 SCHEMAS: Mapping[str, int] = {kind: number for stage in STAGES.values() for kind, number in stage.schemas.items()} | {
-    "run": 2  # of the run store, no rule's output
+    "run": 2,  # of the run store, no rule's output
+    "signal_part": 1,  # of a product that is being made; raised when the signal of the same settings changes
 }
 """Schema number of the layout of each kind of HDF5 file, by the name of the kind."""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from radcal.errors import ConfigError
 from radcal.findings import Finding
-from radcal.signals.cphd import site_of, start_utc
+from radcal.signals.places import site_of, start_utc
 from radcal.signals.platform import Collection
 from radcal.simulators.forward import Forward
 from radcal.storage.files import atomic

@@ -166,7 +166,7 @@ def _focused_db(
     )
     check(flown, scene)
     one = collection(flown, scene)
-    signal = RawSignal(one, scatterers(flown, scene, seed, one.facet_m), seed)
+    signal = RawSignal(one, scatterers(flown, scene, seed, one.facet_m), seed)[:]
     none = np.empty((0, 0), np.float32)
     looks = focused(one, signal, Forward(flown, scene, geometry, none, "", seed, False, lambda: iter(())))
     power = np.mean(np.abs(looks) ** 2, axis=0, dtype=np.float64)

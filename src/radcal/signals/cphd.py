@@ -8,8 +8,6 @@ NGA.STND.0068-1, "Compensated Phase History Data (CPHD) design and implementatio
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +16,15 @@ from numpy.lib.recfunctions import unstructured_to_structured
 from numpy.typing import NDArray
 
 from radcal.config.part import Part
-from radcal.errors import ConfigError
-from radcal.scene.crs import transformer
 from radcal.scene.model import Scene
 from radcal.signals.history import BLOCK, quantised
+from radcal.signals.places import Site, origin, site_of, start_utc
 from radcal.signals.platform import LIGHT_MPS, Collection, collection, tangent
 from radcal.signals.record import Signal, signal_of
 from radcal.simulators.forward import Forward
 from radcal.storage.files import atomic
 
 _SPACE = "http://api.nsgreg.nga.mil/schema/cphd/1.1.0"
-_INVENTED_UTC = "2026-01-01T00:00:00Z"  # start of collections over the built-in scene
-_BUILTIN = (36.6244, -84.1825)  # latitude and longitude of the middle of the built-in scene, in its elevation model
 _USED = 0.9  # share of the window of slant range that holds the swath: the standard wants 1.1 times its samples
 # vector parameters: name, number of values
 _VECTOR = (
@@ -41,69 +36,11 @@ _VECTOR = (
 Doubles = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Site:
-    """Earth-centred coordinates of the scene's middle, and unit vectors along azimuth, ground range and up."""
-
-    origin_m: Doubles
-    azimuth: Doubles
-    ground: Doubles
-    up: Doubles
-    middle_m: Doubles  # coordinates of the scene's middle in azimuth, ground range and elevation
-
-    def ecf(self, place_m: Doubles) -> Doubles:
-        """Earth-centred coordinates of places in the tangent plane at the scene's middle, shape (n, 3) [m]."""
-        return np.asarray(self.origin_m + self.turned(place_m - self.middle_m))
-
-    def turned(self, vector: Doubles) -> Doubles:
-        """Earth-centred components of vectors, shape (n, 3)."""
-        return np.asarray(vector @ np.stack([self.azimuth, self.ground, self.up]))
-
-
-def _origin(case: Part, scene: Scene) -> tuple[float, float]:
-    """Latitude and longitude of the scene's middle [deg]."""
-    if case.signals.origin is not None:
-        return case.signals.origin
-    if scene.crs is not None and scene.transform is not None:
-        ny, nx = scene.material.shape
-        a, b, c, d, e, f = scene.transform
-        east, north = a * nx / 2 + b * ny / 2 + c, d * nx / 2 + e * ny / 2 + f
-        longitude, latitude = transformer(scene.crs, "EPSG:4326").transform(east, north)
-        return float(latitude), float(longitude)
-    if case.scene.source == "builtin":
-        return _BUILTIN
-    raise ConfigError("signals.origin is missing, expected latitude and longitude: the scene is not on a map.")
-
-
-def start_utc(case: Part) -> datetime:
-    """Start of the collection."""
-    if case.signals.start_utc is None and case.scene.source != "builtin":
-        raise ConfigError(
-            "signals.start_utc is missing, expected the date and time of the first pulse for a CPHD file."
-        )
-    return datetime.fromisoformat(case.signals.start_utc or _INVENTED_UTC)
-
-
 def check_iq(case: Part, scene: Scene) -> None:
     """Raise the errors of :func:`collection`, and of a place or date that a CPHD file needs and the case lacks."""
     collection(case, scene)
-    _origin(case, scene)
+    origin(case, scene)
     start_utc(case)
-
-
-def site_of(case: Part, scene: Scene, one: Collection) -> Site:
-    """Place of the scene's middle on the earth, with its directions; asked for if the scene is not on a map."""
-    from sarkit import wgs84
-
-    assert scene.elevation_m is not None  # noqa: S101 - collection() has refused it
-    mean, heading = float(scene.elevation_m.mean()), np.radians(case.radar.heading_deg)
-    llh = np.array([*_origin(case, scene), mean])
-    north, east = wgs84.north(llh), wgs84.east(llh)
-    right = np.cos(heading) * east - np.sin(heading) * north
-    middle = np.array([0.5 * scene.elevation_m.shape[0] * scene.cell_m, one.reference_m[0, 1], mean])
-    azimuth = np.cos(heading) * north + np.sin(heading) * east
-    side = 1.0 if case.radar.look_side == "right" else -1.0
-    return Site(wgs84.geodetic_to_cartesian(llh), azimuth, side * right, wgs84.up(llh), middle)
 
 
 def _vector_parameters(one: Collection, site: Site, dtype: Any) -> NDArray[Any]:

@@ -14,10 +14,10 @@ from radcal.compiled import threaded
 from radcal.config.part import Part
 from radcal.errors import ConfigError
 from radcal.findings import Finding
-from radcal.radar.earth import line_of_sight
 from radcal.radar.radiometry import of_sigma0
 from radcal.scene.model import Scene
 from radcal.signals.history import BEAM, TAPS, beam_table, cell_before, converted, grid_kernel, turned
+from radcal.signals.places import image_places
 from radcal.signals.platform import LIGHT_MPS, Collection, azimuth_weights, collection
 from radcal.signals.record import Signal, kept, signal_of
 from radcal.signals.sicd import write_sicd
@@ -159,25 +159,6 @@ def cell_area_m2(one: Collection, flat_incidence_deg: NDArray[np.float64]) -> ND
     return np.asarray(energy / np.sin(np.radians(flat_incidence_deg)))
 
 
-def image_places(made: Forward) -> NDArray[np.float64]:
-    """Azimuth, ground range and elevation of the pixels of a pass, shape (rows, columns, 3) [m].
-
-    A pixel lies on the ground that the fast image has there. Where it has none, the elevation is that of the nearest
-    pixel with ground.
-    """
-    radar, geometry, scene = made.case.radar, made.geometry, made.scene
-    assert scene.elevation_m is not None  # noqa: S101 - collection() has refused it
-    bare = np.isnan(geometry.ground[0])
-    nearest = scipy.ndimage.distance_transform_edt(bare, return_distances=False, return_indices=True)
-    height = scipy.ndimage.map_coordinates(scene.elevation_m, geometry.ground[:, *nearest], order=1, mode="nearest")
-    rows, columns = geometry.shape
-    first = line_of_sight(radar).slant_range_m(geometry.flat_incidence_deg[0])
-    slant = first + np.arange(rows)[:, None] * radar.range_spacing_m
-    below = scene.elevation_m.mean() + line_of_sight(radar).height_m - height
-    azimuth = np.broadcast_to((np.arange(columns) + 0.5) * radar.azimuth_spacing_m, (rows, columns))
-    return np.stack([azimuth, np.sqrt(slant**2 - below**2), height], axis=2)
-
-
 def focused(one: Collection, signal: Signal, made: Forward, folder: Path | None = None) -> NDArray[np.complex64]:
     """Complex looks of a pass, focused from a raw signal on the pixels of the fast image.
 
@@ -212,7 +193,7 @@ def focused(one: Collection, signal: Signal, made: Forward, folder: Path | None 
             raw = converted(signal[some], one.bits)
             return omega_k(one.pulses(some.start, some.stop), raw, part[0, :, 0], slant)
 
-        done = strip() if folder is None else kept(folder / f"columns-{first}.npy", strip)
+        done = strip() if folder is None else kept(folder / f"columns-{first}.h5", strip)
         looks[:, :, first : first + _STRIP] = done
     level = of_sigma0(radar.radiometry, made.geometry.flat_incidence_deg)
     level /= cell_area_m2(one, made.geometry.flat_incidence_deg)

@@ -172,7 +172,7 @@ def echoes(one: Collection, found: Scatterers, first: int, last: int) -> NDArray
     return np.concatenate([spectrum[:, n - below :], spectrum[:, : one.samples - below]], axis=1)
 
 
-def _noise(one: Collection, seed: int, first: int, last: int) -> NDArray[np.complex64]:
+def receiver_noise(one: Collection, seed: int, first: int, last: int) -> NDArray[np.complex64]:
     """Thermal noise of some pulses, shape (last - first, samples), by the number of the pulse."""
     n = one.samples
     key, place, out = seed_words(derived_seed(seed, "receiver")), np.arange(n, dtype=np.uint32), []
@@ -213,29 +213,3 @@ def converted(signal: NDArray[np.complex64], bits: int | None) -> NDArray[np.com
         return signal
     numbers, scale = quantised(signal, bits)
     return np.asarray((numbers * scale[:, None, None]).astype(np.float32).view(np.complex64)[..., 0])
-
-
-def raw_block(one: Collection, found: Scatterers, seed: int, number: int) -> NDArray[np.complex64]:
-    """Raw signal of one block of pulses, with noise, before the converter.
-
-    Parameters
-    ----------
-    one : Collection
-        Collection.
-    found : Scatterers
-        Scatterers.
-    seed : int
-        Noise seed.
-    number : int
-        Number of the block, of ``BLOCK`` pulses.
-
-    Returns
-    -------
-    ndarray of complex64, shape (pulses, samples)
-        Signal [m]; its bits do not depend on the number of threads.
-    """
-    first, last = number * BLOCK, min((number + 1) * BLOCK, len(one.track_m))
-    signal = echoes(one, found, first, last)
-    if one.noise_m2 > 0.0:
-        signal += _noise(one, seed, first, last)
-    return signal

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.signals.history import BLOCK, raw_block
+from radcal.errors import DamagedError
+from radcal.signals.history import BLOCK, echoes, receiver_noise
 from radcal.signals.platform import Collection, collection
 from radcal.signals.scatterers import Scatterers, scatterers
 from radcal.simulators.forward import Forward
-from radcal.storage.files import atomic, digest
-
-_VERSION = 1  # raised when the signal of the same settings changes
+from radcal.storage.files import digest
+from radcal.storage.records import read_hdf5, write_hdf5
 
 
 @dataclass(frozen=True)
@@ -46,15 +46,22 @@ class RawSignal:
 
     def __getitem__(self, pulses: slice) -> NDArray[np.complex64]:
         first, last, _ = pulses.indices(len(self))
-        blocks = [self._block(number) for number in range(first // BLOCK, -(-last // BLOCK))]
+        blocks = [self._kept(number) for number in range(first // BLOCK, -(-last // BLOCK))]
         start = first % BLOCK
         return np.concatenate(blocks)[start : start + last - first]
 
-    def _block(self, number: int) -> NDArray[np.complex64]:
-        def made() -> NDArray[np.complex64]:
-            return raw_block(self.one, self.found, self.seed, number)
+    def block(self, number: int) -> NDArray[np.complex64]:
+        """Pulses of one block, with noise, before the converter; the bits do not depend on the number of threads."""
+        first, last = number * BLOCK, min((number + 1) * BLOCK, len(self))
+        pulses = echoes(self.one, self.found, first, last)
+        if self.one.noise_m2 > 0.0:
+            pulses += receiver_noise(self.one, self.seed, first, last)
+        return pulses
 
-        return made() if self.folder is None else kept(self.folder / f"pulses-{number}.npy", made)
+    def _kept(self, number: int) -> NDArray[np.complex64]:
+        if self.folder is None:
+            return self.block(number)
+        return kept(self.folder / f"pulses-{number}.h5", lambda: self.block(number))
 
 
 Signal = NDArray[np.complex64] | RawSignal
@@ -62,13 +69,13 @@ Signal = NDArray[np.complex64] | RawSignal
 
 
 def kept(path: Path, make: Callable[[], NDArray[np.complex64]]) -> NDArray[np.complex64]:
-    """Array of a file, which is made and written first if it is missing."""
+    """Array of a file, which is made and written first if it is missing or damaged."""
     if path.exists():
-        stored: NDArray[np.complex64] = np.load(path, allow_pickle=False)
-        return stored
+        with contextlib.suppress(DamagedError), read_hdf5(path, "signal_part") as file:
+            return np.asarray(file["values"][()])
     made = make()
-    with atomic(path) as partial, partial.open("wb") as file:
-        np.save(file, made)
+    with write_hdf5(path, "signal_part") as file:
+        file["values"] = made
     return made
 
 
@@ -90,7 +97,7 @@ def signal_of(stem: Path, made: Forward) -> Iterator[RawSignal]:
         continues a killed one, and a command with others removes its files.
     """
     one, start = collection(made.case, made.scene), f".{stem.name}-"
-    described = [_VERSION, made.key, made.seed, made.case.seed, made.case.signals.model_dump(mode="json")]
+    described = [made.key, made.seed, made.case.seed, made.case.signals.model_dump(mode="json")]
     folder = stem.parent / f"{start}{digest(described)}"
     for former in stem.parent.glob(f"{start}*"):
         if former != folder:

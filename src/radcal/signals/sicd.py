@@ -15,14 +15,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from radcal.errors import ConfigError
 from radcal.findings import Finding
 from radcal.radar.earth import line_of_sight
 from radcal.radar.radiometry import of_sigma0
-from radcal.signals.cphd import Site, site_of, start_utc
+from radcal.signals.places import Site, image_places, site_of, start_utc
 from radcal.signals.platform import LIGHT_MPS, Collection, collection
 from radcal.simulators.forward import Forward
 from radcal.storage.files import atomic
@@ -88,20 +87,14 @@ def write_sicd(stem: Path, made: Forward, looks: Iterable[NDArray[np.complex64]]
 
 
 def _grid_of(made: Forward, one: Collection) -> _Grid:
-    """Grid whose middle pixel lies on the ground, at the height of the ground nearest to it in the image."""
-    radar, scene, seen, (rows, columns) = made.case.radar, made.scene, made.geometry.ground, made.geometry.shape
-    assert scene.elevation_m is not None  # noqa: S101 - collection() has refused it
+    """Grid whose middle pixel lies on the ground."""
+    assert made.scene.elevation_m is not None  # noqa: S101 - collection() has refused it
+    radar, (rows, columns) = made.case.radar, made.geometry.shape
     row, column = rows // 2, columns // 2
-    lit = np.argwhere(np.isfinite(seen[0]))
-    nearest = lit[np.argmin(((lit - [row, column]) ** 2).sum(axis=1))]
-    below = scipy.ndimage.map_coordinates(scene.elevation_m, seen[:, *nearest][:, None], order=1, mode="nearest")
-    height = float(below[0])
-    sight = line_of_sight(radar)
-    antenna = np.array([(column + 0.5) * radar.azimuth_spacing_m, 0.0, scene.elevation_m.mean() + sight.height_m])
-    slant = sight.slant_range_m(made.geometry.flat_incidence_deg[0]) + row * radar.range_spacing_m
-    place = np.array([antenna[0], np.sqrt(slant**2 - (antenna[2] - height) ** 2), height])
+    place = image_places(made)[row, column]
+    antenna = np.array([place[0], 0.0, made.scene.elevation_m.mean() + line_of_sight(radar).height_m])
     along = 1.0 if radar.look_side == "right" else -1.0
-    seconds = float((antenna[0] - one.track_m[0, 0]) / one.speed_mps)
+    seconds = float((place[0] - one.track_m[0, 0]) / one.speed_mps)
     return _Grid((row, column if along > 0 else columns - 1 - column), place, antenna, along, seconds)
 
 
