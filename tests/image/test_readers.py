@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import pickle
 import signal
 import warnings
 import zipfile
@@ -240,13 +241,32 @@ def test_what_inflates_beyond_its_size_ends_in_a_sentence(tmp_path, monkeypatch)
         read_image(tmp_path / "a.h5", FileMeasurement(path="a.h5", scale="power", radiometry="sigma0_ref"), (40, 30))
 
 
-def test_pickled_objects_are_never_loaded(tmp_path):
-    np.save(tmp_path / "a.npy", np.array([{"a": 1}], dtype=object))
-    with pytest.raises(MeasurementError, match=r"holds an array of shape \(1,\), expected an image"):
-        read(tmp_path / "a.npy")
-    np.save(tmp_path / "a.npy", np.full((2, 3), {"a": 1}, dtype=object))
-    with pytest.raises(MeasurementError, match="holds object, expected real numbers"):
-        read(tmp_path / "a.npy")
+class Loaded:
+    """Object that ends the test if it is unpickled."""
+
+    def __reduce__(self):
+        return pytest.fail, ("a pickle was loaded",)
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.npz"])
+@pytest.mark.parametrize(
+    ("shape", "sentence"),
+    [((1,), r"holds an array of shape \(1,\), expected an image"), ((2, 3), "holds object, expected real numbers")],
+)
+def test_pickled_objects_are_never_loaded(tmp_path, name, shape, sentence):
+    WRITERS[name.replace("a.", "image.")](tmp_path / name, np.full(shape, Loaded(), dtype=object))
+    with pytest.raises(MeasurementError, match=sentence):
+        read(tmp_path / name)
+
+
+def test_a_bare_pickle_is_no_array(tmp_path):
+    content = pickle.dumps(Loaded())
+    (tmp_path / "a.npy").write_bytes(content)
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.writestr("a.npy", content)
+    for name in ("a.npy", "a.npz"):
+        with pytest.raises(MeasurementError, match=r"^measurement\.path: .* cannot be read as"):
+            read(tmp_path / name)
 
 
 @pytest.mark.parametrize("name", WRITERS)
