@@ -9,8 +9,11 @@ from radcal.errors import SceneError
 from radcal.scene.names import by_id, landcover_names, read_names
 
 
-def test_ids_without_a_name_keep_their_place():
+def test_ids_without_a_name_keep_their_place(tmp_path):
     assert by_id({4: "dyke", 1: "grass"}) == ("grass", "id 2", "id 3", "dyke")
+    path = tmp_path / "names.json"
+    path.write_text('{"0": "none", "1": "grass", "255": "dyke"}')
+    assert read_names(path, [0, 255], Path("ids.tif")) == {1: "grass", 255: "dyke"}
 
 
 @pytest.mark.parametrize(
@@ -20,9 +23,7 @@ def test_ids_without_a_name_keep_their_place():
         ({"1": "grass", "7": "dyke"}, "has no name for material id 3 of ids.tif"),
         ({"0": "nothing"}, "names no material"),
         ({"one": "grass"}, "is not a JSON object of id and name"),
-        (["grass"], "is not a JSON object of id and name"),
         ({"1": "grass", "256": "dyke"}, "names the material id 256, expected 1 to 255"),
-        ({"1000000000000": "dyke"}, "names the material id 1000000000000, expected 1 to 255"),
         ({"-1": "dyke"}, "names the material id -1, expected 1 to 255"),
         ({"1": "grass" * 200_000}, "has 1000009 bytes, expected at most 1000000"),
     ],
@@ -40,18 +41,6 @@ def test_a_file_of_no_names_is_refused(tmp_path, text):
     path.write_text(text)
     with pytest.raises(SceneError, match=r"^scene\.names: .*names\.json is not a JSON object of id and name"):
         read_names(path, [1], Path("ids.tif"))
-
-
-def test_the_largest_id_may_have_a_name(tmp_path):
-    path = tmp_path / "names.json"
-    path.write_text('{"255": "dyke"}')
-    assert read_names(path, [255], Path("ids.tif")) == {255: "dyke"}
-
-
-def test_names_of_more_ids_than_there_are(tmp_path):
-    path = tmp_path / "names.json"
-    path.write_text(json.dumps({"0": "none", "1": "grass", "3": "dyke"}))
-    assert read_names(path, [0, 3], Path("ids.tif")) == {1: "grass", 3: "dyke"}
 
 
 def test_names_of_a_land_cover_map(tmp_path):

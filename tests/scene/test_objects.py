@@ -9,18 +9,15 @@ import pandas as pd
 import pyogrio
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
 
 from radcal.config import case_from
 from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, SceneError
 from radcal.reading import vectors
-from radcal.scene.model import read_scene, write_scene
 from radcal.scene.object_generator import BUILDING, CAR, TREE, generate_objects
 from radcal.scene.object_tables import Place, read_objects
-from radcal.scene.objects import Objects, Walls
-from radcal.scene.sources import _objects, make_scene
+from radcal.scene.objects import Objects
+from radcal.scene.sources import make_scene
 from radcal.sections.scene import check_curve
 
 UTM = "EPSG:32631"
@@ -85,41 +82,6 @@ def layers(path, shapes, columns, crs=UTM, count=1, ending="gpkg"):
     return file
 
 
-# --- aspect
-
-
-def test_some_of_the_objects_keep_their_own_walls_and_speed():
-    """A car that drives, a house with a roof, and a point."""
-    zero, whole = np.zeros(3), np.zeros(3, dtype=np.int16)
-    walls = Walls(np.array([-1, 0, -1], np.int16), np.array([np.nan, -8.0, np.nan]), np.array([False, True, False]))
-    speed = np.array([9.0, 0.0, 0.0])
-    found = Objects(
-        np.arange(3.0), zero, zero, zero, zero, zero, zero, whole, whole, ("",), walls=walls, speed_mps=speed
-    )
-    assert found.moving.tolist() == [True, False, False]
-    still = found.some(~found.moving)
-    assert (still.x_m.tolist(), still.speed_mps.tolist()) == ([1.0, 2.0], [0.0, 0.0])
-    assert (still.walls.roof.tolist(), still.walls.bounce.tolist()) == ([0, -1], [True, False])
-    np.testing.assert_array_equal(still.walls.sigma0_db, [-8.0, np.nan])
-
-
-def towards(curve, heading, bearing):
-    heading = np.atleast_1d(np.asarray(heading, dtype=float))
-    zero = np.zeros(heading.size)
-    first = np.zeros(heading.size, np.int16)
-    curves = {"a": np.asarray(curve, dtype=float)}
-    some = Objects(zero, zero, zero, zero, heading, zero, zero + np.nan, first, first, ("",), curves)
-    return 10 * np.log10(some.cross_section_m2(bearing))
-
-
-@given(heading=st.floats(-360, 360), bearing=st.floats(0, 360), turns=st.integers(-2, 2))
-def test_aspect_has_a_period_of_a_turn(heading, bearing, turns):
-    once, again = towards(CURVE, [heading, heading + 360.0 * turns], bearing)
-    assert again == pytest.approx(once, abs=1e-9)
-    same = [[180.0, 10.0], [-90.0, 30.0], [0.0, 20.0], [90.0, 30.0]]  # another order, and angles below zero
-    assert towards(same, heading, bearing)[0] == pytest.approx(once, abs=1e-9)
-
-
 @pytest.mark.parametrize(
     ("curve", "says"),
     [
@@ -165,18 +127,17 @@ def test_a_table_is_read_as_it_is(write, tmp_path):
     assert [found.kinds[k] for k in found.kind] == ROWS["kind"]
     assert found.extended.tolist() == [False, True, True]
     np.testing.assert_allclose(found.cross_section_m2(270.0), [10.0, 10**2.55, 10**1.5])
+    smallest = read_objects(write(tmp_path, length_m=None, width_m=None, heading_deg=None, kind=None), LOCAL)
+    assert not smallest.extended.any()
+    classes = {"aspect": ["", "b", "a"], "rcs_dbsm": [1.0, np.nan, np.nan]}
+    made = read_objects(write(tmp_path, **classes), LOCAL, curves={"b": CURVE, "a": CURVE[:3]})
+    assert (made.aspect.tolist(), [*made.curves]) == ([-1, 0, 1], ["b", "a"])
 
 
 def test_coordinates_of_the_map_become_those_of_the_scene(tmp_path):
     east, north = np.array(ROWS["x_m"]) + 600_000.0, np.array(ROWS["y_m"]) + 5_780_000.0
     on_map = read_objects(hdf5(tmp_path, x_m=east, y_m=north, crs=UTM), MAP)
     assert_equal(on_map, read_objects(csv(tmp_path), LOCAL))
-
-
-def test_the_smallest_table_is_of_points(tmp_path):
-    found = read_objects(csv(tmp_path, length_m=None, width_m=None, heading_deg=None, kind=None), LOCAL)
-    assert not found.extended.any()
-    assert found.kinds == ("",)
 
 
 def test_polygons_of_a_layer_are_rectangles(tmp_path):
@@ -219,13 +180,9 @@ def refused(path, place=LOCAL, **keys):
     ("columns", "says"),
     [
         ({"height_m": None}, "has no column 'height_m', found "),
-        ({"rcs_dbsm": None}, "has no column 'rcs_dbsm'"),
         ({"speed_mps": [0.0, -3.0, 0.0]}, "row 2: speed_mps is -3, expected 0 to 200 m/s"),
         ({"height_m": [1.0, np.nan, 2.0]}, "row 2: height_m is empty, expected a finite number"),
         ({"height_m": ["1", "high", "2"]}, "row 2: height_m is 'high', expected a finite number"),
-        ({"x_m": [1.0, 2.0, np.inf]}, "row 3: x_m is inf, expected a finite number"),
-        ({"length_m": [0.0, -12.0, 4.5]}, "row 2: length_m is -12, expected 0 to 10000 m"),
-        ({"height_m": [-1.0, 0.0, 0.0]}, "row 1: height_m is -1, expected 0 to 1000 m"),
         ({"rcs_dbsm": [10.0, 20.0, 25_000.0]}, "row 3: rcs_dbsm is 25000, expected -100 to 70 dBsm (10 log10 of"),
         ({"width_m": [0.0, 0.0, 1.0]}, "row 2: width_m is 0, expected length_m and width_m both positive"),
         ({"length_m": [0.0, 5.0, 0.0]}, "row 3: length_m is 0, expected length_m and width_m both positive"),
@@ -237,11 +194,8 @@ def refused(path, place=LOCAL, **keys):
         ({"length_m": None, "lenght_m": [0.0, 1.0, 2.0]}, "unknown column 'lenght_m' (did you mean 'length_m'?)"),
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("write", [csv, hdf5])
-def test_wrong_rows(write, columns, says, tmp_path):
-    if write is hdf5 and any(isinstance(v, list) and isinstance(v[0], str) and "high" in v for v in columns.values()):
-        columns = {"height_m": np.array(columns["height_m"], dtype=h5py.string_dtype())}
-    text = refused(write(tmp_path, **columns), curves={"car": CURVE})
+def test_wrong_rows(columns, says, tmp_path):
+    text = refused(csv(tmp_path, **columns), curves={"car": CURVE})
     assert says in text
     assert text.startswith("scene.objects.path")
 
@@ -287,21 +241,14 @@ def test_wrong_files(tmp_path):
     for name, content, says in [
         ("a.csv", "", "cannot be read as CSV"),
         ("b.csv", "x_m,y_m,height_m,rcs_dbsm\n", "has no rows"),
-        ("c.csv", b"\xff\xfe\x00\x01,2\n\x80", "cannot be read as CSV"),
         ("d.h5", "no HDF5", "cannot be read as HDF5"),
         ("e.gpkg", "<OGRVRTDataSource></OGRVRTDataSource>", "does not begin as one of GPKG"),
         ("f.gpkg", "SQLite format 3\0 and nothing more", "cannot be read as a vector file"),
-        ("g.shp", "SQLite format 3\0", "does not begin as one of ESRI Shapefile"),
-        (
-            "h.geojson",
-            '{"type": "gdal_streamed_alg", "command_line": "gdal vector pipeline"}',
-            "vector file",
-        ),
+        ("h.geojson", '{"type": "gdal_streamed_alg", "command_line": "gdal vector pipeline"}', "vector file"),
         ("i.txt", "x", "expected a file ending with .csv, .gpkg, .shp, .geojson, .h5 or .hdf5"),
     ]:
-        path = tmp_path / name
-        path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        assert says in refused(path)
+        (tmp_path / name).write_text(content)
+        assert says in refused(tmp_path / name)
     with h5py.File(tmp_path / "g.h5", "w") as file:
         file["x_m"] = [1.0]
     assert "has no group 'objects'" in refused(tmp_path / "g.h5")
@@ -316,22 +263,12 @@ def test_wrong_files(tmp_path):
     ("rows", "says"),
     [
         (["x_m,y_m,height_m,rcs_dbsm, x_m", "1,2,3,4,5"], "has the column 'x_m' twice, expected once"),
-        (["x_m,note,y_m ,height_m,rcs_dbsm,note", "1,a,3,4,5,b"], "has the column 'note' twice, expected once"),
         (["x_m,y_m,height_m,rcs_dbsm", "1,2,3,4,5", "1,2,3,4"], "row 1 has more fields than the 4 columns of the"),
-        (
-            ["x_m,y_m,height_m,rcs_dbsm", "1,2,3,4", "1,2,3,4,5"],
-            "cannot be read as CSV (Error tokenizing data. C error",
-        ),
     ],
 )
 def test_columns_twice_and_fields_too_many(tmp_path, rows, says):
     (tmp_path / "a.csv").write_text("\n".join(rows) + "\n")
     assert says in refused(tmp_path / "a.csv")
-
-
-def test_columns_without_a_name_are_left_out(tmp_path):
-    (tmp_path / "a.csv").write_text("\ufeffx_m,y_m,height_m,rcs_dbsm,,\n7,2,3,4,,x\n", encoding="utf-8")
-    assert read_objects(tmp_path / "a.csv", LOCAL).x_m == [7.0]
 
 
 @pytest.mark.parametrize("ending", ["shp", "geojson"])
@@ -389,33 +326,19 @@ def test_wrong_crs_and_layers(tmp_path):
 # --- scene and configuration
 
 
-def test_round_trip_through_the_scenes_file_is_exact(build_scene, tmp_path):
-    path = hdf5(tmp_path, curves={"zug": CURVE, "auto": CURVE[:3]}, aspect_="", rcs_dbsm=[1.0, np.nan, np.nan])
-    with h5py.File(path, "a") as file:
-        del file["objects/aspect_"]
-        file["objects/aspect"] = ["", "zug", "auto"]
-    made = read_objects(path, LOCAL)
-    assert [list(made.curves)[k] for k in made.aspect[1:]] == ["zug", "auto"]
-    scene = replace(build_scene(lambda east, north: 0 * east), objects=made)
-    write_scene(tmp_path / "scene.h5", scene)
-    found = read_scene(tmp_path / "scene.h5").objects
-    assert_equal(found, made)
-    assert found.identity == made.identity
-    np.testing.assert_array_equal(found.cross_section_m2(270.0), made.cross_section_m2(270.0))
-    write_scene(tmp_path / "scene.h5", replace(scene, objects=None))
-    assert read_scene(tmp_path / "scene.h5").objects is None
-
-
 def test_a_speed_makes_a_mover_and_none_changes_nothing(tmp_path):
-    still, moving = (
-        read_objects(csv(tmp_path, speed_mps=[0, 0, 0]), LOCAL),
-        read_objects(csv(tmp_path, speed_mps=[0, 7.5, 0]), LOCAL),
-    )
+    still, moving = (read_objects(csv(tmp_path, speed_mps=speed), LOCAL) for speed in ([0, 0, 0], [0, 7.5, 0]))
     assert still.identity == read_objects(csv(tmp_path), LOCAL).identity != moving.identity
     assert still.speed_mps is None
     assert moving.moving.tolist() == [False, True, False]
-    some = moving.some(moving.moving)
+    # some of the objects keep their own walls and speed
+    some = replace(moving, walls=read_objects(csv(tmp_path, **WALLS), LOCAL).walls).some(moving.moving)
     assert (len(some), some.speed_mps[0], some.x_m[0]) == (1, 7.5, moving.x_m[1])
+    assert (some.walls.roof.tolist(), some.walls.sigma0_db.tolist(), some.walls.bounce.tolist()) == (
+        [0],
+        [-4.0],
+        [True],
+    )
     assert not still.moving.any()
 
 
@@ -445,8 +368,7 @@ def test_a_configured_scene_has_its_objects(tmp_path):
     assert scene.identity != bare.identity
     assert scene.findings[-1].numbers == {"objects": 3, "points": 1}
     np.testing.assert_array_equal(scene.material, bare.material)
-    made = make_scene(configured({"generate": {"trees": 5, "cars": 2, "seed": 3}}), materials).objects
-    assert len(made) == 7
+    assert len(make_scene(configured({"generate": {"trees": 5, "cars": 2, "seed": 3}}), materials).objects) == 7
     keys = {"path": str(csv(tmp_path, **WALLS)), "permittivity": {"wall": 5, "ground": 12}}
     with_roofs = make_scene(configured(keys), [*materials, "tiles"])
     assert with_roofs.names == (*bare.names, "tiles")
@@ -466,7 +388,6 @@ def test_a_configured_scene_has_its_objects(tmp_path):
         ({}, "scene.objects: has neither path and generate, expected one of them"),
         ({"path": "a.csv", "generate": {"trees": 1}}, "scene.objects: has both path and generate"),
         ({"generate": {}}, "scene.objects.generate: has no object, expected a number of trees"),
-        ({"generate": {"trees": -1}}, "scene.objects.generate.trees is -1"),
         ({"generate": {"trees": 1}, "aspect": {"a": CURVE}}, "aspect is for a table"),
         ({"generate": {"trees": 1}, "permittivity": {"wall": 5, "ground": 12}}, "permittivity is for a table"),
         ({"path": "a.csv", "permittivity": {"wall": 0.5, "ground": 12}}, "scene.objects.permittivity.wall is 0.5"),
@@ -524,13 +445,6 @@ def test_cross_sections_are_of_the_footprints_area():
         # normal: four standard errors of the mean and of the standard deviation
         assert own.mean() == pytest.approx(kind.rcs_db_per_m2, abs=4 * kind.spread_db / np.sqrt(4000))
         assert own.std() == pytest.approx(kind.spread_db, rel=4 / np.sqrt(8000))
-
-
-def test_generated_objects_fill_a_scene_that_is_not_square(build_scene):
-    scene = build_scene(lambda east, north: 0 * east, cells=(12, 50), cell_m=3.0)
-    made = _objects(configured({"generate": {"trees": 500, "seed": 3}}).objects, scene)
-    assert 140.0 < made.x_m.max() < 150.0
-    assert 30.0 < made.y_m.max() < 36.0
 
 
 def test_a_crowd_of_buildings_is_refused():

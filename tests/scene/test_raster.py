@@ -12,17 +12,14 @@ from affine import Affine
 from pyproj import CRS, Geod, Transformer
 from raster_files import write_raster
 from scipy.ndimage import binary_erosion, gaussian_filter
-from sealed import changed
 
 from radcal.config import Radar, RasterScene
-from radcal.errors import ConfigError, SceneError
+from radcal.errors import SceneError
 from radcal.image.georeference import GeoreferencedImage, values_at_ground
 from radcal.products.geotiff import Layer, map_grid, write_geotiff
 from radcal.radar.projection import make_geometry
-from radcal.scene.crs import crs_from, named_datum, same_datum, transformation_findings, transformer, vertical_datum
-from radcal.scene.model import read_scene, write_scene
+from radcal.scene.crs import crs_from, named_datum, same_datum, transformation_findings, vertical_datum
 from radcal.scene.raster import raster_scene
-from radcal.scene.sources import make_scene
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning"),
@@ -46,12 +43,8 @@ def centres(scene):
     return a * column + b * row + c, d * column + e * row + f
 
 
-def write(path, values, units=None, **profile):
-    write_raster(path, values, **profile)
-    if units is not None:
-        with rasterio.open(path, "r+") as raster:
-            raster.units = (units,)
-    return str(path)
+def write(path, values, **profile):
+    return str(write_raster(path, values, **profile))
 
 
 to_utm = functools.cache(functools.partial(Transformer.from_crs, crs_to=UTM, always_xy=True))
@@ -123,21 +116,18 @@ def test_a_raster_on_the_scenes_own_grid_is_taken_as_it_lies(build):
     assert numbers_of(scene, "no_material") is None
 
 
-@pytest.mark.parametrize("up", ["north", "south", "west"])
-def test_the_order_of_rows_and_columns_does_not_matter(build, up):
+SOUTH_FIRST = Affine(10.0, 0.0, WEST, 0.0, 10.0, SOUTH)
+EAST_FIRST = Affine(-10.0, 0.0, WEST + 600.0, 0.0, -10.0, SOUTH + 500.0)
+
+
+@pytest.mark.parametrize(("transform", "axis"), [(SOUTH_FIRST, 0), (EAST_FIRST, 1)])
+def test_the_order_of_rows_and_columns_does_not_matter(build, transform, axis):
     values = np.random.default_rng(1).normal(50.0, 5.0, SHAPE)
     ids = np.random.default_rng(2).integers(1, 4, SHAPE, dtype=np.uint8)
     expected = raster_scene(build(values, ids, cell_m=7.0))
     assert numbers_of(expected, "resampled") == {"elevation": "interpolated", "materials": "of the nearest pixel"}
-    if up == "south":
-        flipped = Affine(10.0, 0.0, WEST, 0.0, 10.0, SOUTH)
-        values, ids = values[::-1], ids[::-1]
-    elif up == "west":  # columns from east to west
-        flipped = Affine(-10.0, 0.0, WEST + 600.0, 0.0, -10.0, SOUTH + 500.0)
-        values, ids = values[:, ::-1], ids[:, ::-1]
-    else:
-        flipped = HEIGHTS
-    scene = raster_scene(build(values, ids, transform=flipped, ids_transform=flipped, cell_m=7.0))
+    values, ids = np.flip(values, axis), np.flip(ids, axis)
+    scene = raster_scene(build(values, ids, transform=transform, ids_transform=transform, cell_m=7.0))
     np.testing.assert_allclose(scene.elevation_m, expected.elevation_m, atol=1e-9)
     # between two pixels, either is the nearest
     assert (scene.material == expected.material).mean() > 0.999
@@ -148,9 +138,7 @@ SECOND = 1.0 / 3600.0
 GEOGRAPHIC = Affine(SECOND, 0.0, 4.45, 0.0, -SECOND, 52.17)  # 31 m by 19 m
 
 
-@pytest.mark.parametrize(
-    ("cell_m", "error_m"), [(None, 0.01), (5.0, 0.005), (19.0, 0.005), (30.0, 0.01), (50.0, 0.01), (95.0, 0.02)]
-)
+@pytest.mark.parametrize(("cell_m", "error_m"), [(None, 0.01), (19.0, 0.005), (95.0, 0.02)])
 def test_a_plane_in_degrees_has_its_heights_in_utm(build, cell_m, error_m):
     shape = (60, 100)
     heights = plane(*grid(GEOGRAPHIC, shape, "EPSG:4326"))
@@ -217,15 +205,10 @@ def test_codes_of_a_land_cover_map_become_materials_in_their_order(build):
     ids[:, 30:] = 10
     ids[:10] = 80
     ids[40:] = 0
-    config = build(ids=ids, names={"80": "lake"}, landcover="esa_worldcover")
-    scene = raster_scene(config)
+    scene = raster_scene(build(ids=ids, names={"80": "lake"}, landcover="esa_worldcover"))
     assert scene.names == ("tree_cover", "cropland", "lake")
     north_first = scene.material[::-1]
     assert [int(north_first[k, n]) for k, n in ((5, 5), (20, 5), (20, 55), (45, 5))] == [3, 2, 1, 0]
-    without = raster_scene(config.model_copy(update={"names": None}))
-    assert without.names == ("tree_cover", "cropland", "permanent_water_bodies")
-    with pytest.raises(SceneError, match="the scene's 'lake', 'tree_cover' have no law; add materials.lake, materials"):
-        make_scene(config, ["cropland"])
 
 
 def test_of_equally_frequent_materials_the_lowest_id_counts(build):
@@ -298,6 +281,7 @@ def test_web_mercator_is_no_grid_in_metres(build):
     assert scene.cell_m == pytest.approx(16.0 * np.cos(np.radians(52.16)), rel=0.01)
     with pytest.raises(SceneError, match=r"scene\.crs is 'EPSG:3857' \(.*\), whose metre is 1\.6\d* times one at lon"):
         raster_scene(config.model_copy(update={"crs": "EPSG:3857"}))
+    assert raster_scene(config.model_copy(update={"crs": "EPSG:28992"})).crs == "EPSG:28992"
 
 
 @pytest.mark.parametrize(
@@ -352,15 +336,6 @@ def test_a_crs_of_another_planet_is_refused(build):
         raster_scene(build(np.zeros(SHAPE), crs="IAU_2015:30100", vertical_datum="local"))
 
 
-def test_another_crs_may_be_asked_for(build):
-    dutch = raster_scene(build().model_copy(update={"crs": "EPSG:28992"}))
-    assert dutch.crs == "EPSG:28992"
-    x, y = Transformer.from_crs("EPSG:28992", UTM, always_xy=True).transform(*centres(dutch))
-    inside = dutch.material > 0
-    inside = binary_erosion(inside, iterations=3)
-    np.testing.assert_allclose(dutch.elevation_m[inside], plane(x, y)[inside], atol=0.02)
-
-
 def test_gaps_are_filled_and_counted(build):
     heights = np.round(plane(*grid(HEIGHTS, SHAPE, UTM)), 3)
     gaps = np.zeros(SHAPE, dtype=bool)
@@ -375,15 +350,6 @@ def test_gaps_are_filled_and_counted(build):
     np.testing.assert_allclose(scene.elevation_m, plane(*centres(scene)), atol=2.3)
     assert numbers_of(scene, "no_elevation") == {"cells": 20, "of": 3000}
     assert numbers_of(scene, "no_material") == {"cells": 32, "of": 3000}
-
-
-def test_nan_and_integer_nodata_are_gaps(build):
-    for dtype, value in (("float32", np.nan), ("int16", -32768)):
-        heights = np.full(SHAPE, 40, dtype=dtype)
-        heights[5, 5] = value
-        scene = raster_scene(build(heights, profile={"nodata": value}))
-        assert scene.material[SHAPE[0] - 6, 5] == 0
-        np.testing.assert_allclose(scene.elevation_m, 40.0)
 
 
 def test_wide_gaps_take_the_nearest_height(build):
@@ -407,13 +373,9 @@ def test_materials_beyond_their_raster_are_none(build):
 @pytest.mark.parametrize(
     ("crs", "key", "expected"),
     [
-        (EGM96, None, "EGM96 height"),
         (EGM96, "EGM96", "EGM96 height"),
-        (EGM96, "egm96 geoid", "EGM96 height"),
         ("EPSG:32631+3855", "EPSG:3855", "EGM2008 height"),
-        (UTM, "EGM2008", "EGM2008 height"),
         (UTM, "EPSG:5709", "NAP height"),
-        (UTM, "NAP", "NAP height"),
         (UTM, "WGS84 ellipsoid", "WGS84 ellipsoid"),
         (UTM, "EPSG:4979", "WGS 84 ellipsoid"),
         (UTM, "local", "local"),
@@ -431,17 +393,13 @@ def test_ellipsoidal_heights_are_read_from_a_three_dimensional_crs(build):
     heights = np.full((60, 100), 45.0)
     keys = {"crs": "EPSG:4979", "transform": GEOGRAPHIC}
     assert raster_scene(build(heights, **keys)).vertical_datum == "WGS 84 ellipsoid"
-    assert raster_scene(build(heights, **keys, vertical_datum="WGS84 ellipsoid")).vertical_datum == "WGS 84 ellipsoid"
     with pytest.raises(SceneError, match="EGM96"):
         raster_scene(build(heights, **keys, vertical_datum="EGM96"))
 
 
-def test_a_missing_vertical_datum_is_asked_for(build):
+def test_a_vertical_datum_is_asked_for_and_may_not_be_contradicted(build):
     with pytest.raises(SceneError, match=r"^scene\.vertical_datum is missing and .*heights\.tif, .*zone 31N\).*EGM96"):
         raster_scene(build(crs=UTM))
-
-
-def test_a_contradicted_vertical_datum_is_told(build):
     with pytest.raises(SceneError, match=r"scene\.vertical_datum is 'EGM2008 height' .*heights\.tif\) says 'EGM96"):
         raster_scene(build(vertical_datum="EGM2008"))
 
@@ -476,12 +434,6 @@ def test_names_of_datums_that_are_the_same():
     assert vertical_datum(CRS.from_wkt(unknown)) is None
 
 
-def test_a_transformation_is_made_once_for_equal_crs():
-    once = transformer(CRS.from_user_input(UTM), CRS.from_epsg(28992))
-    assert transformer(CRS.from_epsg(32631), CRS.from_user_input("EPSG:28992")) is once
-    assert transformer(CRS.from_epsg(28992), CRS.from_epsg(32631)) is not once
-
-
 @pytest.mark.parametrize(("accuracy", "code"), [(2.5, "transformation"), (-1.0, "transformation_unknown")])
 def test_a_missing_grid_of_shifts_is_told(monkeypatch, accuracy, code):
     assert transformation_findings(CRS(4326), CRS(UTM), "it") == []
@@ -495,87 +447,70 @@ def test_a_missing_grid_of_shifts_is_told(monkeypatch, accuracy, code):
     assert found.numbers.get("accuracy_m", -1.0) == accuracy
 
 
-@pytest.mark.parametrize("key", ["elevation", "materials"])
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         ({"crs": None}, "has no geographic or projected coordinate reference system"),
         ({"transform": Affine(9.0, 2.0, WEST, 2.0, -9.0, SOUTH + 500)}, "is rotated against its coordinate axes"),
         ({"transform": Affine.identity()}, "has a coordinate reference system and no transform"),
-        ({"bands": 2}, "has 2 bands, expected one"),
-        ({"kind": "complex64"}, "holds complex64"),
-        ({"all": True}, "holds no .* in the scene's area, only no-data"),
-        ({"text": True}, "cannot be read as a raster"),
-        ({"cut": True}, "cannot be read as a raster"),
+        ({"values": np.ones((2, *SHAPE), np.uint8)}, "has 2 bands, expected one"),
+        ({"values": np.ones(SHAPE, np.complex64)}, "holds complex64"),
+        ({"profile": {"nodata": 1}}, "holds no .* in the scene's area, only no-data"),
     ],
 )
-def test_bad_rasters_end_in_a_sentence(build, tmp_path, key, change, words):
-    values = np.ones(SHAPE, dtype=change.get("kind", "uint8"))
-    if "bands" in change:
-        values = np.stack([values, values])
-    if "crs" in change or "transform" in change:
-        place = {"crs": change.get("crs", EGM96), "transform": change.get("transform", HEIGHTS)}
-    else:
-        place = {"crs": EGM96, "transform": HEIGHTS}
-    profile = {"nodata": 1} if "all" in change else {}
-    if key == "elevation":
-        config = build(values, profile=profile, **place)
-    else:
-        config = build(ids=values, ids_profile=profile, ids_crs=place["crs"], ids_transform=place["transform"])
-    path = Path(getattr(config, key))
-    if "text" in change:
-        path.write_text("no raster")
-    if "cut" in change:
-        path.write_bytes(path.read_bytes()[:600])
-    with pytest.raises(SceneError, match=rf"^scene\.{key}: .*{path.name} {words}"):
-        raster_scene(config)
-
-
-def test_heights_in_feet_are_refused(build):
-    with pytest.raises(
-        SceneError, match=r"scene\.elevation: .*heights\.tif has heights in US survey foot, expected met"
-    ):
-        raster_scene(build(crs="EPSG:32631+6360"))
-    with pytest.raises(SceneError, match=r"has heights in ft, expected metres"):
-        raster_scene(build(crs=UTM, profile={"units": "ft"}, vertical_datum="EGM96"))
-    assert raster_scene(build(crs=UTM, profile={"units": "m"}, vertical_datum="EGM96")).cell_m == 10.0
+def test_bad_rasters_end_in_a_sentence(build, change, words):
+    change = {"values": np.ones(SHAPE, np.uint8), "crs": EGM96} | change
+    for key, prefix, first in (("elevation", "", "heights"), ("materials", "ids_", "ids")):
+        keys = {f"{prefix}{name}": value for name, value in change.items() if name != "values"}
+        with pytest.raises(SceneError, match=rf"^scene\.{key}: .*{first}\.tif {words}"):
+            raster_scene(build(**{first: change["values"]}, **keys))
 
 
 @pytest.mark.parametrize(
-    ("where", "key", "text"),
+    ("ids", "words"),
     [
-        ("file", "Vertical Units", "Feet"),
-        ("file", "ELEVATION_UNITS", "FEET"),
-        ("band", "zUnit", "U.S. survey foot"),
-        ("band", "vertical_unit", "cm"),
-        ("description", "", "elevation (ft)"),
+        (np.full(SHAPE, 300, dtype=np.uint16), "holds uint16 from 300 to 300, expected whole material ids"),
+        (np.full(SHAPE, -1, dtype=np.int16), "holds int16 from -1 to -1"),
+        (np.full(SHAPE, 1.0, dtype=np.float32), "holds float32 from 1 to 1"),
+        (np.zeros(SHAPE, dtype=np.uint8), "has no material where the elevation is"),
     ],
 )
-def test_heights_in_feet_by_the_metadata_of_the_file_are_refused(build, where, key, text):
-    config = build(crs=UTM, vertical_datum="EGM96")
-
-    def say(unit):
-        with rasterio.open(config.elevation, "r+") as raster:
-            if where == "description":
-                raster.set_band_description(1, f"elevation ({unit})")
-            else:
-                raster.update_tags(*([1] if where == "band" else []), **{key: unit})
-
-    unit = text.partition("(")[2].strip(")") or text
-    say(unit)
-    with pytest.raises(SceneError, match=rf"^scene\.elevation: .*heights\.tif has heights in {unit}, expected metres"):
-        raster_scene(config)
-    for harmless in ("metres", "m", "unknown"):
-        say(harmless)
-        assert raster_scene(config).cell_m == 10.0
+def test_rasters_that_are_no_materials(build, ids, words):
+    with pytest.raises(SceneError, match=rf"^scene\.materials: .*ids\.tif {words}"):
+        raster_scene(build(ids=ids))
 
 
-def test_feet_elsewhere_in_the_metadata_say_nothing_of_the_heights(build):
+@pytest.mark.parametrize(
+    ("where", "tags", "unit"),
+    [
+        ("file", {"Vertical Units": "Feet"}, "Feet"),
+        ("band", {"zUnit": "U.S. survey foot"}, "U.S. survey foot"),
+        ("description", "elevation (ft)", "ft"),
+        ("unit", "ft", "ft"),
+        ("file", {"horizontal_units": "feet", "TITLE": "6 feet above ground (draft)", "units": "feet"}, None),
+        ("description", "feet (first) of the hills", None),
+        ("unit", "m", None),
+    ],
+)
+def test_heights_in_feet_are_refused(build, where, tags, unit):
     config = build(crs=UTM, vertical_datum="EGM96")
     with rasterio.open(config.elevation, "r+") as raster:
-        raster.update_tags(horizontal_units="feet", TITLE="heights of 6 feet above ground (draft)", units="feet")
-        raster.set_band_description(1, "feet (first) of the hills")
-    assert raster_scene(config).cell_m == 10.0
+        if where == "unit":
+            raster.units = (tags,)
+        elif where == "description":
+            raster.set_band_description(1, tags)
+        else:
+            raster.update_tags(*([1] if where == "band" else []), **tags)
+    if unit is None:
+        assert raster_scene(config).cell_m == 10.0
+        return
+    with pytest.raises(SceneError, match=rf"^scene\.elevation: .*heights\.tif has heights in {unit}, expected metres"):
+        raster_scene(config)
+
+
+def test_heights_in_the_feet_of_a_crs_are_refused(build):
+    with pytest.raises(SceneError, match=r"heights\.tif has heights in US survey foot, expected metres"):
+        raster_scene(build(crs="EPSG:32631+6360"))
 
 
 def test_heights_that_no_place_has_are_refused(build):
@@ -607,32 +542,6 @@ def test_more_gaps_than_elevation_are_refused(build):
         raster_scene(build(ids=ids, ids_profile={"nodata": 9}))
 
 
-@pytest.mark.parametrize(
-    ("ids", "words"),
-    [
-        (np.full(SHAPE, 300, dtype=np.uint16), "holds uint16 from 300 to 300, expected whole material ids"),
-        (np.full(SHAPE, -1, dtype=np.int16), "holds int16 from -1 to -1"),
-        (np.full(SHAPE, 1.0, dtype=np.float32), "holds float32 from 1 to 1"),
-        (np.zeros(SHAPE, dtype=np.uint8), "has no material where the elevation is"),
-    ],
-)
-def test_rasters_that_are_no_materials(build, ids, words):
-    with pytest.raises(SceneError, match=rf"^scene\.materials: .*ids\.tif {words}"):
-        raster_scene(build(ids=ids))
-
-
-def test_names_must_cover_the_ids_of_the_scene(build):
-    ids = np.ones(SHAPE, dtype=np.uint8)
-    ids[10] = 7
-    with pytest.raises(SceneError, match=r"names\.json has no name for material id 7 of .*ids\.tif"):
-        raster_scene(build(ids=ids))
-    # what lies outside the bounds needs none
-    config = build(ids=ids, bounds=[WEST, SOUTH, WEST + 600.0, SOUTH + 300.0])
-    assert raster_scene(config).material.max() == 1
-    with pytest.raises(SceneError, match="not a JSON object of id and name"):
-        raster_scene(build(names=[1, 2]))
-
-
 def test_rasters_of_different_places(build):
     elsewhere = Affine(10.0, 0.0, WEST + 50_000.0, 0.0, -10.0, SOUTH)
     with pytest.raises(
@@ -653,12 +562,6 @@ def test_too_few_and_too_many_cells(build):
         raster_scene(build(cell_m=0.01))
 
 
-@pytest.mark.parametrize("key", ["elevation", "materials", "names"])
-def test_missing_files(build, key):
-    with pytest.raises(ConfigError, match=rf"^scene\.{key}: the file /nowhere does not exist"):
-        raster_scene(build().model_copy(update={key: "/nowhere"}))
-
-
 def test_identity_follows_what_the_simulator_sees(build, tmp_path):
     heights = plane(*grid(HEIGHTS, SHAPE, UTM))
     identity = raster_scene(build()).identity
@@ -673,24 +576,7 @@ def test_identity_follows_what_the_simulator_sees(build, tmp_path):
     assert raster_scene(build(names=NAMES | {"1": "reed"})).identity != identity
 
 
-def test_place_and_findings_survive_the_file(build, tmp_path):
-    scene = raster_scene(build())
-    write_scene(tmp_path / "scene.h5", scene)
-    back = read_scene(tmp_path / "scene.h5")
-    for name in ("crs", "transform", "vertical_datum", "findings", "identity", "names", "cell_m"):
-        assert getattr(back, name) == getattr(scene, name), name
-    np.testing.assert_array_equal(back.elevation_m, scene.elevation_m)
-
-
-def test_files_without_a_place_are_read(scene, tmp_path):
-    write_scene(tmp_path / "scene.h5", scene)
-    with changed(tmp_path / "scene.h5") as file:
-        del file["findings"]  # as earlier versions wrote it
-    back = read_scene(tmp_path / "scene.h5")
-    assert (back.crs, back.transform, back.vertical_datum, back.findings) == (None, None, None, ())
-
-
-def test_an_error_of_the_heights_is_one_of_the_slopes(build, tmp_path):
+def test_an_error_of_the_heights_is_one_of_the_slopes(build):
     noise = np.random.default_rng(1).normal(0.0, 0.8, SHAPE)
     scene = raster_scene(build(50.0 + noise, elevation_error_m=0.8))
     slopes = np.degrees(np.arctan(np.diff(scene.elevation_m, axis=1) / scene.cell_m))
@@ -698,12 +584,8 @@ def test_an_error_of_the_heights_is_one_of_the_slopes(build, tmp_path):
     # cells between the heights have no slopes of their own, larger cells have the heights' means
     assert raster_scene(build(50.0 + noise, elevation_error_m=0.8, cell_m=5.0)).slope_error_deg == scene.slope_error_deg
     assert raster_scene(build(50.0 + noise, elevation_error_m=0.8, cell_m=20.0)).slope_error_deg < scene.slope_error_deg
-    plain = raster_scene(build(50.0 + noise))
-    assert plain.slope_error_deg == 0.0
     # nothing that is simulated depends on it
-    assert plain.identity == scene.identity
-    write_scene(tmp_path / "scene.h5", scene)
-    assert read_scene(tmp_path / "scene.h5").slope_error_deg == scene.slope_error_deg
+    assert raster_scene(build(50.0 + noise)).identity == scene.identity
 
 
 def test_whole_metres_are_an_error_of_the_slopes(build):
@@ -718,9 +600,6 @@ def test_whole_metres_are_an_error_of_the_slopes(build):
     assert numbers_of(whole, "height_steps") == pytest.approx(
         {"step_m": 1.0, "rounding_m": 12**-0.5, "error_m": 12**-0.5, "slope_error_deg": 2.34}, rel=0.01
     )
-    # in quadrature with the configured error
-    both = raster_scene(build(np.round(heights).astype(np.int16), elevation_error_m=0.3))
-    assert np.tan(np.radians(both.slope_error_deg)) == pytest.approx(np.sqrt(2 * (0.3**2 + 1 / 12)) / 10.0, rel=1e-6)
     # steps of the file's numbers times its scale
     config = build(np.round(10 * heights).astype(np.int16), crs=UTM, vertical_datum="NAP")
     with rasterio.open(config.elevation, "r+") as raster:
@@ -757,18 +636,6 @@ def test_the_grid_is_turned_to_the_track(build, heading):
         )
         assert (azimuth - bearing + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=0.01)
         assert distance == pytest.approx(50.0, rel=1e-4)
-
-
-def test_the_turned_grid_lies_inside_of_the_bounds(build):
-    bounds = [WEST + 100.0, SOUTH + 150.0, WEST + 500.0, SOUTH + 380.0]
-    scene = raster_scene(build(bounds=bounds), 30.0)
-    x, y = centres(scene)
-    east, north = Transformer.from_crs(CRS.from_user_input(scene.crs), UTM, always_xy=True).transform(x, y)
-    assert (east.min() > bounds[0], east.max() < bounds[2]) == (True, True)
-    assert (north.min() > bounds[1], north.max() < bounds[3]) == (True, True)
-    assert (0.5 * (east.min() + east.max()), 0.5 * (north.min() + north.max())) == pytest.approx(
-        (WEST + 300.0, SOUTH + 265.0), abs=6.0
-    )
 
 
 @pytest.mark.parametrize(

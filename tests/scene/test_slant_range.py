@@ -9,7 +9,6 @@ from raster_files import write_raster
 from radcal.config import SlantRangeScene
 from radcal.errors import ConfigError, SceneError
 from radcal.scene.slant_range import slant_range_scene
-from radcal.scene.sources import make_scene
 
 LABELS = np.array([[0, 1, 1, 3], [3, 3, 1, 0], [1, 0, 0, 3]], dtype=np.uint8)
 Write = Callable[..., SlantRangeScene]
@@ -40,17 +39,9 @@ def test_labels_are_read(write, dtype):
     scene = slant_range_scene(write(LABELS.astype(dtype)))
     np.testing.assert_array_equal(scene.material, LABELS)
     assert scene.material.dtype == np.uint8
-    assert scene.names[0] == "grass"
-    assert scene.names[2] == "bare soil"
-    assert len(scene.names) == 3
+    assert scene.names == ("grass", "id 2", "bare soil")
     assert scene.elevation_m is None
     np.testing.assert_allclose(scene.incidence_deg[[0, -1]], [20, 50])
-
-
-def test_make_scene_reads_labels_and_checks_materials(write):
-    assert make_scene(write(), ["grass", "bare soil"]).names[0] == "grass"
-    with pytest.raises(SceneError, match="'bare soil' has no law"):
-        make_scene(write(), ["grass"])
 
 
 def test_identity_changes_with_content_only(write, tmp_path):
@@ -86,13 +77,6 @@ def test_file_that_is_no_raster_or_cut_short(write, tmp_path):
         path.write_bytes(content)
         with pytest.raises(SceneError, match=r"scene.labels: .*labels\.tif cannot be read as a raster"):
             slant_range_scene(config)
-
-
-def test_names_that_are_too_few(write):
-    with pytest.raises(SceneError, match=r"names\.json has no name for material id 3 of .*labels\.tif"):
-        slant_range_scene(write(names={"1": "grass"}))
-    with pytest.raises(SceneError, match="names no material"):
-        slant_range_scene(write(names={"0": "none"}))
 
 
 @pytest.mark.parametrize("key", ["labels", "names"])

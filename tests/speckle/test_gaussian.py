@@ -63,14 +63,6 @@ def test_power_follows_the_whole_word(place):
     assert float(real[0]) ** 2 + float(imaginary[0]) ** 2 == pytest.approx(expected, rel=1e-5)
 
 
-def test_tail_is_exponential():
-    """Exceedances of the power's quantiles in 8 million draws, out to one in 200,000."""
-    power = np.concatenate([np.abs(circular_gaussian(seed, 0, 1, (2000, 2000))).ravel() ** 2 for seed in range(2)])
-    for exceeded in (1e-2, 1e-3, 1e-4, 5e-6):
-        found = np.count_nonzero(power > -np.log(exceeded))
-        assert found == pytest.approx(exceeded * power.size, abs=4 * np.sqrt(exceeded * power.size))
-
-
 def test_a_place_has_its_number_whatever_the_image():
     row = circular_gaussian(5, 1, 2, (1, 60))
     np.testing.assert_array_equal(circular_gaussian(5, 1, 2, (3, 20)).ravel(), row.ravel())
