@@ -10,7 +10,9 @@ error (of as many independent pixels as the area of the response leaves), the au
 ground, and its equivalent number of looks. Without ``--quick`` the mean is over four draws. Point targets are six in
 each case, from near to far and from start to end: largest error of place (cells of resolution), phase and amplitude.
 Looks are four of even ground on facets of the default case: largest correlation between two, and equivalent number of
-looks of their mean.
+looks of their mean. Tracks are those of drawn detections: 20 movers of 5 to 15 m/s on 2 x 2 km, 40 scans of 2 s,
+standard error 15 m, probability of detection 0.9, 5 false alarms a scan. Completeness is the share of movers and scans
+with a track within 45 m, spurious the mean number of tracks of a scan without a mover within 45 m.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ from scipy.ndimage import uniform_filter
 from radcal.bands import WIDTH_FACTOR
 from radcal.compiled import njit
 from radcal.config import case_from
+from radcal.gmti.tracks import tracked
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
@@ -45,6 +48,7 @@ from radcal.speckle.response import speckle_correlation
 
 SWATH_M, SLANT_M, LONG_M = 600.0, 11_000.0, 40.0
 AREA_M2 = 56e6
+MOVERS, SCANS, ERROR_M = 20, 40, 15.0
 
 
 @njit()
@@ -242,6 +246,39 @@ def _correlation(field: Any, lag: int, axis: int, even: Any) -> float:
     return float(abs(pairs / (np.abs(field) ** 2)[:, even].mean()))
 
 
+def tracks(seeds: int) -> dict[str, float]:
+    """Completeness and spurious tracks, and rms errors of the tracks' and detections' places [m]."""
+    met, spurious, off, off_detected = list[float](), list[float](), list[float](), list[float]()
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        heading, speed = rng.uniform(0.0, 2.0 * np.pi, MOVERS), rng.uniform(5.0, 15.0, MOVERS)
+        seconds = 2.0 * np.arange(SCANS)
+        way = seconds[:, None, None] * (speed[:, None] * np.stack([np.sin(heading), np.cos(heading)], axis=1))
+        true, scans = rng.uniform(0.0, 2000.0, (MOVERS, 2)) + way, []
+        for k in range(SCANS):
+            seen = true[k, rng.random(MOVERS) < 0.9]
+            error = ERROR_M * rng.standard_normal(seen.shape)
+            off_detected += (error**2).sum(axis=1).tolist()
+            alarms = rng.uniform(0.0, 2000.0, (rng.poisson(5.0), 2))
+            scans.append((float(seconds[k]), np.concatenate([seen + error, alarms])))
+        near = np.zeros((SCANS, MOVERS), dtype=bool)
+        wrong = np.zeros(SCANS)
+        for track in tracked(scans, [ERROR_M, ERROR_M]):
+            for k, place in zip((track.seconds / 2.0).astype(int), track.place_m, strict=True):
+                away = np.linalg.norm(true[k] - place, axis=1)
+                near[k] |= away < 3.0 * ERROR_M
+                wrong[k] += away.min() >= 3.0 * ERROR_M
+                off += [float(away.min() ** 2)] * bool(away.min() < 3.0 * ERROR_M)
+        met.append(float(near.mean()))
+        spurious.append(float(wrong.mean()))
+    return {
+        "completeness": float(np.mean(met)),
+        "spurious": float(np.mean(spurious)),
+        "rms_m": float(np.sqrt(np.mean(off))),
+        "rms_detections_m": float(np.sqrt(np.mean(off_detected))),
+    }
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -258,7 +295,9 @@ def main() -> None:
     for name, errors in targets.items():
         print(f"{name:46s}", "  ".join(f"{key} {value:.4f}" for key, value in errors.items()))
     print(f"four looks: correlation {even['correlation']:.3f}, their mean has {even['looks']:.2f} looks")
-    print(json.dumps({"speed": fast, **found, "points": targets, "four_looks": even}))
+    followed = tracks(2 if quick else 10)
+    print("tracks: " + ", ".join(f"{key} {value:.3f}" for key, value in followed.items()))
+    print(json.dumps({"speed": fast, **found, "points": targets, "four_looks": even, "tracks": followed}))
 
 
 if __name__ == "__main__":

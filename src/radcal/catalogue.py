@@ -257,6 +257,8 @@ _OF_PRODUCTS: Mapping[str, str] = {
     "along the track {along_m:.0f} m); without movers {alarms:.1e} of the tests are alarms (asked are {asked:.1e} in "
     "uniform clutter); the least detectable radial velocity is {least_mps:.1f} m/s; displaced phase centres alone "
     "leave {dpca_db:.1f} dB of the ground's power",
+    "gmti_tracks": "{about}: {followed:.0f} of {movers:.0f} movers have a track in half of the {scans:.0f} scans or "
+    "more (rms error of its places {rms_m:.0f} m); {right:.0f} of the {tracks:.0f} tracks follow a mover",
     "file_left_out": "{about}: no file is written: {why}",
     "ppi_extrapolated": "{about}: the mast sees it at a median incidence of {median_deg:.1f} deg, {percent:.0f} % "
     "outside of the {low_deg:.1f} to {high_deg:.1f} deg at which its law {law!r} is known; there it is extrapolated",

@@ -17,7 +17,7 @@ from stanag4607 import (
 )
 
 from radcal.findings import Finding
-from radcal.gmti.stanag import write_stanag
+from radcal.gmti.stanag import Seen, write_stanag
 from radcal.signals.places import site_of
 from radcal.signals.platform import collection
 from radcal.simulators.forward import Forward
@@ -36,8 +36,9 @@ def written(build_case, scene, path, **signals):
     one = collection(case, scene)
     middle = np.array([0.0, one.reference_m[0, 1], scene.elevation_m.mean()])
     antenna = np.array([[40.0, 0.0, 3000.0], [140.0, 0.0, 3000.0]])
-    nothing = (antenna[1], np.zeros((0, 3)), [])
-    return write_stanag(path, made, one, [(antenna[0], PLACES + middle, [6.5, -3.21]), nothing], 0.02), made, one
+    some = Seen(1, 1, antenna[0], PLACES + middle, [6.5, -3.21])
+    nothing = Seen(1, 2, antenna[1], np.zeros((0, 3)), [])
+    return write_stanag(path, made, one, [some, nothing], 0.02), made, one
 
 
 def read(path):

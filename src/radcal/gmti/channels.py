@@ -40,6 +40,10 @@ class Movers:
     velocity_mps: Array
     amplitude: NDArray[np.complex64]
 
+    def after(self, seconds: float) -> Movers:
+        """Movers some seconds later."""
+        return replace(self, place_m=self.place_m + seconds * self.velocity_mps)
+
     def seen(self, antenna_m: Array) -> tuple[Array, Array, Array]:
         """Slant range [m], sine of the angle from zero Doppler, and radial velocity [m/s] from an antenna's place."""
         line = self.place_m - antenna_m
@@ -53,6 +57,8 @@ class Dwell:
 
     Attributes
     ----------
+    number, scan : int
+        Numbers of the dwell and of the scan, from 1.
     antenna_m : ndarray, shape (3,)
         Mean place of the phase centres of all pulses and receivers [m].
     range_m : ndarray, shape (gates,)
@@ -63,6 +69,8 @@ class Dwell:
         Echoes of standing ground and objects with noise, and of movers.
     """
 
+    number: int
+    scan: int
     antenna_m: Array
     range_m: Array
     noise_m2: float
@@ -141,7 +149,10 @@ def _weights(samples: int) -> Array:
 
 
 def dwells(case: Part, scene: Scene, one: Collection, movers: Movers, seed: int) -> Iterator[Dwell]:
-    """Echoes of all dwells, whose beams touch where their two-way power is 4 dB down.
+    """Echoes of all dwells, whose beams touch where their two-way power is 4 dB down, in all scans.
+
+    The dwells of a scan are simulated at one time. A later scan looks from the same places at the same ground with
+    other noise, after the movers have moved on.
 
     Parameters
     ----------
@@ -171,14 +182,15 @@ def dwells(case: Part, scene: Scene, one: Collection, movers: Movers, seed: int)
         antenna, reference = np.tile(one.track_m[0], (along.size, 1)), np.tile(one.reference_m[0], (along.size, 1))
         antenna[:, 0] = reference[:, 0] = first + along
         each = replace(one, track_m=antenna, reference_m=reference, prf_hz=interval.prf_hz)
-        rng = derived_rng(seed, "gmti", "noise", number)
-        drawn = rng.standard_normal((2, along.size, one.samples)) * np.sqrt(0.5 * one.noise_m2)
-        ground = echoes(each, found, 0, along.size) + (drawn[0] + 1j * drawn[1])
-        moved = []
-        for k in range(interval.pulses):
-            t = (k - 0.5 * (interval.pulses - 1)) / interval.prf_hz
-            now = Scatterers.sorted(movers.place_m + t * movers.velocity_mps, movers.amplitude)
-            moved.append(echoes(each, now, k * interval.channels, (k + 1) * interval.channels))
+        standing_still = echoes(each, found, 0, along.size)
         distance = each.distance_m[0] + gate * LIGHT_MPS / (2.0 * one.samples * one.step_hz)
-        ground, moving = (_compressed(signal) for signal in (ground, np.concatenate(moved)))
-        yield Dwell(antenna.mean(axis=0), distance, noise, ground, moving)
+        for scan in range(case.gmti.scans):
+            rng = derived_rng(seed, "gmti", "noise", number, *[scan] * (scan > 0))
+            drawn = rng.standard_normal((2, along.size, one.samples)) * np.sqrt(0.5 * one.noise_m2)
+            ground, moved = standing_still + (drawn[0] + 1j * drawn[1]), []
+            for k in range(interval.pulses):
+                t = scan * case.gmti.revisit_s + (k - 0.5 * (interval.pulses - 1)) / interval.prf_hz
+                now = Scatterers.sorted(movers.place_m + t * movers.velocity_mps, movers.amplitude)
+                moved.append(echoes(each, now, k * interval.channels, (k + 1) * interval.channels))
+            ground, moving = (_compressed(signal) for signal in (ground, np.concatenate(moved)))
+            yield Dwell(number + 1, scan + 1, antenna.mean(axis=0), distance, noise, ground, moving)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -14,11 +16,12 @@ from radcal.config.part import Part
 from radcal.figures.drawing import HIDDEN, new_canvas, styled
 from radcal.findings import Finding
 from radcal.gmti.adaptive import Complex, Interval, covariance, dpca, kelly, kelly_threshold, least_velocity_mps
-from radcal.gmti.channels import Dwell, dwells, interval_of, movers_of
-from radcal.gmti.stanag import write_stanag
+from radcal.gmti.channels import Dwell, Movers, dwells, interval_of, movers_of
+from radcal.gmti.stanag import Seen, write_stanag
+from radcal.gmti.tracks import Track, tracked
 from radcal.processes import one_thread
 from radcal.scene.model import Scene
-from radcal.signals.platform import Collection, collection, pattern
+from radcal.signals.platform import LIGHT_MPS, Collection, collection, pattern
 from radcal.simulators.forward import Forward
 from radcal.storage.files import atomic
 
@@ -27,7 +30,8 @@ Array = NDArray[np.floating[Any]]
 _COUNTED = 8  # one gate in so many counts the false alarms without movers
 _GUARD = 2  # gates on either side of a detection that report nothing else
 _DIRECTIONS, _FINER = 5, 9  # directions across the beam; points of the finer grid around a detection
-_SHOWN_S = 10.0  # way of the movers on the map
+_SHOWN_S = 10.0  # least way of the movers on the map
+_ON_TRACK_M = 30.0  # from a mover to its track
 _NEAR_M, _NEAR_MPS = 5.0, 2.0  # differences in slant range and radial velocity to the mover that was detected
 
 
@@ -43,8 +47,8 @@ class Report:
         Slant range, and radial velocity, positive towards the radar.
     eta : float
         Kelly's statistic, 0 to 1.
-    dwell : int
-        Number of the dwell.
+    dwell, scan : int
+        Numbers of the dwell and of the scan.
     """
 
     east_m: float
@@ -54,6 +58,7 @@ class Report:
     velocity_mps: float
     eta: float
     dwell: int
+    scan: int
 
 
 def check(case: Part, scene: Scene) -> None:
@@ -96,7 +101,7 @@ def _statistic(echoes: Complex, sums: Complex, vectors: Complex) -> Array:
 
 
 def detections(
-    dwell: Dwell, number: int, interval: Interval, case: Part, scene: Scene, one: Collection, least_mps: float = 0.0
+    dwell: Dwell, interval: Interval, case: Part, scene: Scene, one: Collection, least_mps: float = 0.0
 ) -> tuple[list[Report], float]:
     """Detections of one dwell, at most one in five neighbouring gates, and the share of false alarms.
 
@@ -104,8 +109,6 @@ def detections(
     ----------
     dwell : Dwell
         Echoes.
-    number : int
-        Number of the dwell.
     interval : Interval
         Pulses and channels.
     case, scene, one : Part, Scene, Collection
@@ -145,7 +148,9 @@ def detections(
         finer = kelly(echoes[:, gate : gate + 1], sums[gate], interval.steering(u, v))[0]
         k = int(finer.argmax())
         place = _place(scene, case, one, dwell.antenna_m, dwell.range_m[gate], u[k])
-        reports.append(Report(*place, float(dwell.range_m[gate]), float(v[k]), float(finer[k]), number))
+        reports.append(
+            Report(*place, float(dwell.range_m[gate]), float(v[k]), float(finer[k]), dwell.number, dwell.scan)
+        )
     return reports, float((alone > least).mean())
 
 
@@ -198,29 +203,27 @@ def write(stem: Path, made: Forward) -> list[Path | Finding]:
     one = collection(case, scene)
     interval, movers = interval_of(case, one), movers_of(case, scene, one)
     reports, alarms, slowest, found, off = list[Report](), list[float](), list[float](), set[int](), list[float]()
-    seen = list[tuple[Array, Array, list[float]]]()
+    seen = list[Seen]()
     left = list[float]()  # share of the ground's power that the differences of displaced phase centres leave
-    for number, dwell in enumerate(dwells(case, scene, one, movers, made.seed), start=1):
+    for dwell in dwells(case, scene, one, movers, made.seed):
         slowest.append(_least_velocity(dwell, interval, one))
         power = [np.mean(np.abs(each) ** 2) for each in (dpca(dwell.ground, interval), dwell.ground)]
         left.append(float(power[0] / power[1]))
         with one_thread():
-            some, share = detections(dwell, number, interval, case, scene, one, slowest[-1])
+            some, share = detections(dwell, interval, case, scene, one, slowest[-1])
         reports += some
-        # the same mirror image leads from the grid to ground range
-        half, mean = 0.5 * scene.material.shape[1] * scene.cell_m, one.reference_m[0, 1]
-        side = -1.0 if case.radar.look_side == "left" else 1.0
-        places = [(each.north_m, mean + side * (each.east_m - half), each.height_m) for each in some]
-        seen.append((dwell.antenna_m, np.array(places), [each.velocity_mps for each in some]))
+        places = np.array([(each.north_m, _ground_m(each, case, scene, one), each.height_m) for each in some])
+        seen.append(Seen(dwell.scan, dwell.number, dwell.antenna_m, places, [each.velocity_mps for each in some]))
         alarms.append(share)
-        slant, sine, velocity = movers.seen(dwell.antenna_m)
+        now = movers.after((dwell.scan - 1) * case.gmti.revisit_s)
+        slant, sine, velocity = now.seen(dwell.antenna_m)
         for each in some:
             near = np.abs(slant - each.range_m) < _NEAR_M
             near &= np.abs(velocity - each.velocity_mps) < _NEAR_MPS
             near &= np.abs(sine) < interval.wavelength_m / one.antenna_m
             for k in np.flatnonzero(near):
                 found.add(int(k))
-                off.append(each.north_m - movers.place_m[k, 0])
+                off.append(each.north_m - now.place_m[k, 0])
     numbers = {
         "movers": float(len(movers.amplitude)),
         "found": float(len(found)),
@@ -232,36 +235,126 @@ def write(stem: Path, made: Forward) -> list[Path | Finding]:
         "dpca_db": float(10.0 * np.log10(np.mean(left))),
     }
     paths = [stem.with_suffix(".geojson"), stem.with_suffix(".png")]
-    _write_geojson(paths[0], reports, scene, made)
-    ends_m = [movers.place_m + seconds * movers.velocity_mps for seconds in (0.0, _SHOWN_S)]
+    features = [(asdict(each), [(each.east_m, each.north_m)]) for each in reports]
+    _write_geojson(paths[0], "Point", features, made)
+    followed, tracks = list[Path | Finding](), list[Track]()
+    if case.gmti.scans > 1:
+        followed, tracks = _tracks(stem.with_name(f"{stem.name}_tracks.geojson"), reports, movers, interval, made, one)
+    shown_s = max(_SHOWN_S, case.gmti.revisit_s * (case.gmti.scans - 1))
+    ends_m = [movers.after(seconds).place_m for seconds in (0.0, shown_s)]
     east = np.stack([_east_m(scene, case, one, place[:, 1]) for place in ends_m])
-    _write_picture(paths[1], reports, scene, east, np.stack([place[:, 0] for place in ends_m]))
+    north = np.stack([place[:, 0] for place in ends_m])
+    _write_picture(paths[1], reports, tracks, scene, east, north, shown_s)
     stanag = write_stanag(stem.with_suffix(".4607"), made, one, seen, 0.4 * one.wavelength_m / one.antenna_m)
-    return [*paths, *stanag, Finding("gmti_detections", "note", "gmti", numbers)]
+    return [*paths, *stanag, Finding("gmti_detections", "note", "gmti", numbers), *followed]
 
 
-def _write_geojson(path: Path, reports: list[Report], scene: Scene, made: Forward) -> None:
-    """Write detections as GeoJSON (RFC 7946), with places in longitude and latitude if the scene is on the map."""
-    places: list[Any] = [None] * len(reports)
+def _ground_m(report: Report, case: Part, scene: Scene, one: Collection) -> float:
+    """Ground range of a detection, to whose east the same mirror image leads [m]."""
+    half, side = 0.5 * scene.material.shape[1] * scene.cell_m, -1.0 if case.radar.look_side == "left" else 1.0
+    return float(one.reference_m[0, 1] + side * (report.east_m - half))
+
+
+def _tracks(
+    path: Path, reports: Sequence[Report], movers: Movers, interval: Interval, made: Forward, one: Collection
+) -> tuple[list[Path | Finding], list[Track]]:
+    """Write the tracks through the detections of all scans as GeoJSON.
+
+    The radial velocity gives that to the east, because the beam looks across the track. The standard errors of place
+    and velocity are a quarter of gate, velocity resolution and beam.
+    """
+    if importlib.util.find_spec("stonesoup") is None:
+        why = "the package stonesoup is missing: type pip install 'radcal[tracking]'."
+        return [Finding("file_left_out", "note", "tracks", {"why": why})], []
+    case, scene = made.case, made.scene
+    gate, beam = LIGHT_MPS / (2.0 * one.samples * one.step_hz), 0.8 * one.range_m * one.wavelength_m / one.antenna_m
+    slow = 0.5 * interval.wavelength_m * interval.prf_hz / interval.pulses
+    side = 1.0 if case.radar.look_side == "left" else -1.0
+    plots = list[tuple[float, Array]]()
+    for scan in range(case.gmti.scans):
+        kept = list[Report]()
+        for each in sorted((one for one in reports if one.scan == scan + 1), key=lambda one: -one.eta):
+            if not any(
+                abs(each.range_m - other.range_m) < (_GUARD + 1) * gate
+                and abs(each.velocity_mps - other.velocity_mps) < slow
+                and abs(each.north_m - other.north_m) < beam
+                for other in kept
+            ):  # neighbouring dwells see a mover, too
+                kept.append(each)
+        rows = [(r.east_m, side * r.velocity_mps * r.range_m / _ground_m(r, case, scene, one), r.north_m) for r in kept]
+        plots.append((scan * case.gmti.revisit_s, np.array(rows).reshape(-1, 3)))
+    steep = one.range_m / one.reference_m[0, 1]
+    tracks = tracked(plots, [0.25 * steep * gate, 0.25 * steep * slow, 0.25 * beam])
+    features = [
+        (
+            {"track": k, **{name: value.tolist() for name, value in vars(each).items()}},
+            each.place_m.tolist(),
+        )
+        for k, each in enumerate(tracks, start=1)
+    ]
+    _write_geojson(path, "LineString", features, made)
+    return [path, Finding("gmti_tracks", "note", "gmti", _followed(tracks, movers, plots, made, one))], tracks
+
+
+def _followed(
+    tracks: Sequence[Track], movers: Movers, plots: Sequence[tuple[float, Array]], made: Forward, one: Collection
+) -> dict[str, float]:
+    """Number of movers near a track in half of the scans or more, and of tracks near a mover in half of theirs."""
+    met, right, squares = np.zeros((len(movers.amplitude), len(plots)), np.bool_), 0, list[float]()
+    for track in tracks:
+        near = 0
+        for seconds, place in zip(track.seconds, track.place_m, strict=True):
+            now = movers.after(seconds).place_m
+            true = np.stack([_east_m(made.scene, made.case, one, now[:, 1]), now[:, 0]], axis=1)
+            away = np.linalg.norm(true - place, axis=1)
+            at = round(float(seconds) / made.case.gmti.revisit_s)
+            met[:, at] |= away < _ON_TRACK_M
+            near += bool((away < _ON_TRACK_M).any())
+            squares += (away[away < _ON_TRACK_M] ** 2).tolist()
+        right += 2 * near >= len(track.seconds)
+    return {
+        "movers": float(len(movers.amplitude)),
+        "scans": float(len(plots)),
+        "followed": float((2 * met.sum(axis=1) >= len(plots)).sum()),
+        "tracks": float(len(tracks)),
+        "right": float(right),
+        "rms_m": float(np.sqrt(np.mean(squares))) if squares else 0.0,
+    }
+
+
+def _write_geojson(
+    path: Path, kind: str, features: Sequence[tuple[dict[str, Any], Sequence[Sequence[float]]]], made: Forward
+) -> None:
+    """Write properties and places as GeoJSON (RFC 7946), in longitude and latitude if the scene is on the map."""
+    scene, geometries = made.scene, list[Any]([None] * len(features))
     if scene.crs is not None and scene.transform is not None:
         from radcal.scene.crs import transformer
 
-        a, b, c, d, e, f = scene.transform
-        column = np.array([one.east_m for one in reports]) / scene.cell_m
-        row = np.array([one.north_m for one in reports]) / scene.cell_m
-        ends = transformer(scene.crs, "OGC:CRS84").transform(a * column + b * row + c, d * column + e * row + f)
-        places = [{"type": "Point", "coordinates": [float(x), float(y)]} for x, y in zip(*ends, strict=True)]
-    features = [
-        {"type": "Feature", "geometry": place, "properties": asdict(one)}
-        for place, one in zip(places, reports, strict=True)
+        (a, b, c, d, e, f), onto = scene.transform, transformer(scene.crs, "OGC:CRS84")
+        for k, (_, places) in enumerate(features):
+            column, row = np.array(places).T / scene.cell_m
+            ends = onto.transform(a * column + b * row + c, d * column + e * row + f)
+            line = np.stack(ends, axis=1).tolist()
+            geometries[k] = {"type": kind, "coordinates": line[0] if kind == "Point" else line}
+    written = [
+        {"type": "Feature", "geometry": geometry, "properties": properties}
+        for geometry, (properties, _) in zip(geometries, features, strict=True)
     ]
-    written = {"type": "FeatureCollection", "case": made.case.case, "run": made.key, "features": features}
     with atomic(path) as partial:
-        partial.write_text(json.dumps(written, indent=1), encoding="utf-8")
+        found = {"type": "FeatureCollection", "case": made.case.case, "run": made.key, "features": written}
+        partial.write_text(json.dumps(found, indent=1), encoding="utf-8")
 
 
-def _write_picture(path: Path, reports: list[Report], scene: Scene, east_m: Array, north_m: Array) -> None:
-    """Write a map of the detections over the materials, with the first and last places of the movers' paths."""
+def _write_picture(
+    path: Path,
+    reports: Sequence[Report],
+    tracks: Sequence[Track],
+    scene: Scene,
+    east_m: Array,
+    north_m: Array,
+    shown_s: float,
+) -> None:
+    """Write a map of detections and tracks over the materials, with the first and last places of the movers' paths."""
     ny, nx = scene.material.shape
     with styled():
         canvas = new_canvas(7.0, 6.4)
@@ -270,11 +363,14 @@ def _write_picture(path: Path, reports: list[Report], scene: Scene, east_m: Arra
         plan.imshow(scene.material, cmap="Greys", alpha=0.35, origin="lower", extent=extent, interpolation="nearest")
         if east_m.size:
             plan.plot(east_m / 1e3, north_m / 1e3, color=HIDDEN["color"], linewidth=2.0)
-            label = f"mover, and its way in {_SHOWN_S:.0f} s"
+            label = f"mover, and its way in {shown_s:.0f} s"
             plan.plot(east_m[0] / 1e3, north_m[0] / 1e3, "o", color=HIDDEN["color"], markersize=5, label=label)
+        for k, track in enumerate(tracks):
+            plan.plot(*track.place_m.T / 1e3, color="black", linewidth=1.2, zorder=3, label="_" * (k > 0) + "track")
+        size, width = (10, 0.8) if tracks else (36, 1.6)
         shown = plan.scatter(
-            [one.east_m / 1e3 for one in reports], [one.north_m / 1e3 for one in reports], marker="x", s=36,
-            c=[one.velocity_mps for one in reports], cmap="coolwarm", linewidths=1.6, label="detection",
+            [one.east_m / 1e3 for one in reports], [one.north_m / 1e3 for one in reports], marker="x", s=size,
+            c=[one.velocity_mps for one in reports], cmap="coolwarm", linewidths=width, label="detection",
         )  # fmt: skip
         canvas.colorbar(shown, ax=plan, fraction=0.046, pad=0.02).set_label("velocity towards the radar [m/s]")
         plan.set(xlabel="east [km]", ylabel="north [km]", title="Moving targets", xlim=extent[:2], ylim=extent[2:])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -30,8 +31,31 @@ _JOB = 1
 Array = NDArray[np.floating[Any]]
 
 
+@dataclass(frozen=True)
+class Seen:
+    """Detections of one dwell.
+
+    Attributes
+    ----------
+    scan, number : int
+        Numbers of the scan and of the dwell in it, from 1.
+    antenna_m : ndarray, shape (3,)
+        Place of the antenna along the track, in ground range and in elevation [m].
+    places_m : ndarray, shape (n, 3)
+        Places of the detections [m].
+    velocities_mps : sequence of float
+        Radial velocities, positive towards the radar [m/s].
+    """
+
+    scan: int
+    number: int
+    antenna_m: Array
+    places_m: Array
+    velocities_mps: Sequence[float]
+
+
 def write_stanag(
-    path: Path, made: Forward, one: Collection, dwells: Sequence[tuple[Array, Array, Sequence[float]]], half_rad: float
+    path: Path, made: Forward, one: Collection, dwells: Sequence[Seen], half_rad: float
 ) -> list[Path | Finding]:
     """Write the detections of all dwells.
 
@@ -43,9 +67,8 @@ def write_stanag(
         Forward run of the pass.
     one : Collection
         Collection, which gives the times of the dwells.
-    dwells : sequence of (ndarray, ndarray, sequence of float)
-        Place of the antenna, shape (3,) [m]; places of the detections, shape (n, 3) [m]; and their radial velocities,
-        positive towards the radar [m/s].
+    dwells : sequence of Seen
+        Detections of each dwell.
     half_rad : float
         Half of the beam's width along the track [rad].
 
@@ -87,14 +110,16 @@ def write_stanag(
     # velocities that differ by it have the same Doppler frequency [cm/s]
     wrap = min(round(50.0 * one.wavelength_m * made.case.gmti.prf_hz), _UNKNOWN)
     packets = [_packet([mission.to_segment(), job.to_segment()], 0)]
-    middle_m = site.middle_m.copy()
-    for number, (antenna, places, speeds) in enumerate(dwells, start=1):
+    middle_m, last = site.middle_m.copy(), max((each.number for each in dwells), default=0)
+    for each in sorted(dwells, key=lambda each: (each.scan, each.number)):
+        antenna, places, speeds = each.antenna_m, each.places_m, each.velocities_mps
         seconds = float((antenna[0] - one.track_m[0, 0]) / one.speed_mps)
+        seconds += (each.scan - 1) * made.case.gmti.revisit_s
         midnight = (began + timedelta(seconds=seconds) - began.replace(hour=0, minute=0, second=0)).total_seconds()
         middle_m[0] = antenna[0]
         (lat, lon, high), (far_lat, far_lon, _) = placed(antenna)[0], placed(middle_m)[0]
         fields = {
-            2: (1, 2), 3: (number, 2), 4: (int(number == len(dwells)), 1), 5: (len(speeds), 2),
+            2: (each.scan, 2), 3: (each.number, 2), 4: (int(each.number == last), 1), 5: (len(speeds), 2),
             6: (round(1e3 * midnight), 4), 7: (latitude(lat), 4), 8: (longitude(lon), 4), 9: (round(100.0 * high), 4),
             15: (longitude(made.case.radar.heading_deg, 16), 2), 16: (round(1e3 * one.speed_mps), 4), 17: (0, 1),
             24: (latitude(far_lat), 4), 25: (longitude(far_lon), 4), 26: (round(half[1] * _KM), 2),
