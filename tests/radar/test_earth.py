@@ -149,18 +149,12 @@ PASSES = [
 
 
 @pytest.mark.parametrize(("latitude", "keys"), PASSES)
-def test_incidence_and_slant_range_are_those_of_the_ellipsoid(latitude, keys):
+def test_slant_range_and_azimuth_are_those_of_the_ellipsoid(latitude, keys):
     radar = orbit_pass(**keys)
     scene = make_scene(latitude, radar.heading_deg, hills)
     truth, facets = seen_from_orbit(scene, radar), facets_of(scene, radar)
     inside = (slice(1, -1), slice(1, -1))
-    found = facets.lines.incidence.astype(float) * 90.0 / 65535.0
-    slant = facets.slant_m
-    if radar.look_side == "left":
-        found, slant = found[:, ::-1], slant[:, ::-1]
-    expected = local_incidence_deg(truth)
-    assert np.ptp(expected) > 20.0
-    assert np.abs(found - expected)[inside].max() < 0.01
+    slant = facets.slant_m[:, ::-1] if radar.look_side == "left" else facets.slant_m
     # slant range from the scene's centre, in rows of Sentinel-1 GRD, which are 10 m on the ground
     middle = float(np.linalg.norm(truth.satellite - np.array(centre_in_space(scene))))
     error = (slant - facets.seen.slant_range_m(radar.incidence_deg)) - (truth.slant_m - middle)
@@ -265,14 +259,6 @@ def ends(mask):
     change[:, 1:] |= mask[:, 1:] != mask[:, :-1]
     change[:, :-1] |= mask[:, 1:] != mask[:, :-1]
     return change
-
-
-def test_a_huge_earth_is_flat():
-    level = line_of_sight(Radar(altitude_m=4000.0, depression_deg=40.0))
-    huge = line_of_sight(Radar(altitude_m=4000.0, depression_deg=40.0, earth="curved"), 1e13)
-    assert (huge.height_m, huge.ground_m) == pytest.approx((level.height_m, level.ground_m), rel=1e-6)
-    slant = np.array([6000.0, 7000.0])
-    np.testing.assert_allclose(huge.flat_incidence_deg(slant), level.flat_incidence_deg(slant), atol=1e-5)
 
 
 def test_scale_of_a_grid():

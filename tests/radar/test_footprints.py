@@ -2,11 +2,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from radcal.config import Radar
-from radcal.radar import footprints
 from radcal.radar.footprints import Boxes, raise_boxes, to_boxes_and_spots
 from radcal.radar.geometry import PointScatterers
 from radcal.radar.points import not_pure
@@ -24,13 +21,6 @@ def table(curves=None, **columns):
     values = {name: np.array(np.broadcast_to(columns.get(name, 0.0), n), dtype=float) for name in names}
     aspect = np.full(n, 0 if curves else -1, np.int16)
     return Objects(**values, aspect=aspect, kind=np.zeros(n, np.int16), curves=curves or {})
-
-
-@given(row=st.floats(0.0, 4.0), column=st.floats(0.0, 6.0))
-def test_between_cells_the_ground_is_bilinear(row, column):
-    r, c = np.mgrid[0:5, 0:7].astype(float)
-    found = footprints._between.py_func(2.0 + 3.0 * r - 5.0 * c + 0.7 * r * c, row, column)
-    assert found == pytest.approx(2.0 + 3.0 * row - 5.0 * column + 0.7 * row * column, abs=1e-9)
 
 
 @pytest.mark.parametrize("look_side", ["right", "left"])

@@ -8,7 +8,7 @@ from speckle_samples import circular_gaussian
 from radcal import compiled
 from radcal.config import Radar
 from radcal.errors import ConfigError
-from radcal.laws import LAWS, Law
+from radcal.laws import LAWS
 from radcal.radar import image
 from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.projection import make_geometry
@@ -23,25 +23,6 @@ DYKE, GRASS = [6.1, 14.2, 21.5, 3.3], [10.0, 14.0, 6.0, 4.0]
 QUIET = -200.0  # [dB] no noise at all
 
 
-def flat_image_db(looks=4, sigma0_db=0.0, nesz_db=QUIET, seed=11):
-    formation = ImageFormation(Radar(looks=looks), SHAPE, nesz_db)
-    return decibels(formation.intensity(uniform(np.full(SHAPE, 10 ** (sigma0_db / 10), dtype=np.float32)), seed))
-
-
-@pytest.mark.parametrize("looks", [1, 4])
-def test_one_material_follows_the_gamma_distribution(looks):
-    sigma0_db = -7.5
-    db = flat_image_db(looks, sigma0_db)[APART].astype(float).ravel()
-    assert db.size == N
-    power = 10 ** ((db - sigma0_db) / 10)
-    assert stats.kstest(power, stats.gamma(looks, scale=1 / looks).cdf).pvalue > 1e-3
-    assert power.mean() == pytest.approx(1.0, abs=3 / np.sqrt(looks * N))
-    # sd of the log: its own sd from the fourth cumulant of the log-gamma
-    sd = 10 / np.log(10) * np.sqrt(special.polygamma(1, looks))
-    excess = special.polygamma(3, looks) / special.polygamma(1, looks) ** 2
-    assert db.std() == pytest.approx(sd, rel=3 * np.sqrt((excess + 2) / (4 * N)))
-
-
 def log_gamma_moments(looks):
     """Mean, variance and third central moment of the log of gamma speckle, and the central moments 0 to 6."""
     k2, k3, k4, k5, k6 = (float(special.polygamma(n, looks)) for n in range(1, 6))
@@ -49,14 +30,16 @@ def log_gamma_moments(looks):
     return float(special.digamma(looks) - np.log(looks)), k2, k3, np.array(central)
 
 
-@pytest.mark.parametrize("looks", [1.4, 4.4, 7.5])
+@pytest.mark.parametrize("looks", [1.4, 4.0, 7.5])
 def test_looks_need_not_be_whole(looks):
     """Mean, variance, looks and log-moments of speckle against the gamma law, within 3 standard errors."""
     formation = ImageFormation(Radar(looks=looks), SHAPE, QUIET)
     images = []
     for seed in range(4):
         thinning = formation.thinning(seed)
-        images.append(formation.intensity(uniform(np.full(SHAPE, 0.2, dtype=np.float32)), seed) * thinning / 0.2)
+        assert (thinning is None) == (looks == 4.0)
+        image = formation.intensity(uniform(np.full(SHAPE, 0.2, dtype=np.float32)), seed)
+        images.append(image * (1.0 if thinning is None else thinning) / 0.2)
     power = np.stack(images)[(slice(None), *APART)].astype(float).ravel()
     n = power.size
     assert n == 4 * N
@@ -65,6 +48,8 @@ def test_looks_need_not_be_whole(looks):
     of_variance = np.sqrt((6 / looks + 2) / n)  # relative standard error, from the excess kurtosis 6 / L
     assert power.var() == pytest.approx(1 / looks, rel=3 * of_variance)
     assert power.mean() ** 2 / power.var() == pytest.approx(looks, rel=3 * of_variance)
+    if looks == 4.0:
+        return
     assert 3 * of_variance < 0.5 * min(looks - np.floor(looks), np.ceil(looks) - looks)  # whole looks would be noticed
     mean, variance, third, m = log_gamma_moments(looks)
     log = np.log(power)
@@ -83,22 +68,6 @@ def test_looks_need_not_be_whole(looks):
     found = np.corrcoef(image[:, 1:].ravel(), image[:, :-1].ravel())[0, 1]
     assert found == pytest.approx(expected, abs=0.01)
     assert found == pytest.approx(coherence**2, rel=0.15 if looks < 2 else 0.07)  # of whole looks
-
-
-def test_whole_looks_are_not_thinned():
-    assert ImageFormation(Radar(looks=4.0), SHAPE, QUIET).thinning(1) is None
-
-
-def test_equal_seeds_give_equal_images_bit_for_bit():
-    sigma0 = np.random.default_rng(1).random((60, 50), dtype=np.float32)
-    a, b = (ImageFormation(Radar(), sigma0.shape, -20.0) for _ in range(2))
-    first = decibels(a.intensity(uniform(sigma0), 5))
-    decibels(a.intensity(uniform(sigma0 * 2), 6))  # another run between them
-    np.testing.assert_array_equal(decibels(a.intensity(uniform(sigma0), 5)), first)
-    np.testing.assert_array_equal(decibels(b.intensity(uniform(sigma0), 5)), first)
-    assert first.dtype == np.float32
-    assert first.shape == sigma0.shape
-    assert sigma0.min() >= 0  # the input is not changed
 
 
 def test_image_is_finite_where_nothing_is_visible_and_nothing_is_noise():
@@ -120,13 +89,6 @@ def test_a_law_beyond_single_precision_ends_in_a_sentence_about_its_material():
                        r"380 dB, at an incidence of 0 degrees: X1 \+ X2 cos"):  # fmt: skip
         law_tables(("dyke", "grass"), laws, {"dyke": DYKE, "grass": [390.0, 0.0, 1.0, 5.0]})
     assert np.isfinite(law_tables(("grass",), laws, {"grass": [370.0, 0.0, 1.0, 5.0]})).all()
-
-
-def test_invisible_pixels_and_materials_without_a_law_are_dark(geometry):
-    constant = Law(lambda phi, x: np.full(np.shape(phi), x[0]), ("c",), ("dB",), ((0.0, 1.0),))
-    found = reflectivity(geometry, law_tables(geometry.names, {"grass": constant}, {"grass": [0.0]})).image.ravel()
-    assert (found[geometry.pixels("dyke")] == 0).all()
-    np.testing.assert_allclose(found[geometry.pixels("grass")], 1.0, rtol=1e-6)
 
 
 def test_the_band_limit_is_the_full_convolution():
@@ -185,14 +147,6 @@ def test_a_changed_pixel_is_formed_anew_in_all_tiles_within_reach(place):
     again = formation.intensity(cells, 5, before.copy(), tiles)
     np.testing.assert_array_equal(again, formation.intensity(cells, 5))
     assert np.count_nonzero(again != before) > 300
-
-
-def test_looks_average_in_power():
-    radar = Radar(looks=3)
-    sigma0 = uniform(np.ones((60, 50), dtype=np.float32))
-    formation = ImageFormation(radar, (60, 50), -20.0)
-    power = sum(np.abs(formation.look(sigma0, 5, k).astype(complex)) ** 2 for k in range(3)) / 3
-    np.testing.assert_allclose(decibels(formation.intensity(sigma0, 5)), 10 * np.log10(power), atol=1e-4)
 
 
 def test_noise_follows_the_rows(geometry, radar):

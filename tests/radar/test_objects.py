@@ -19,7 +19,6 @@ from radcal.radar.projection import make_geometry
 from radcal.radar.reflectivity import law_tables, reflectivity, uniform
 from radcal.scene.objects import Objects
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.speckle.response import impulse_response
 
 ALTITUDE, DEPRESSION = 500.0, 30.0
 QUIET = -200.0  # [dB] no noise at all
@@ -61,35 +60,6 @@ def of_objects(geometry):
     """What the pixels hold of objects [linear]."""
     tables = law_tables(geometry.names, {}, {})  # materials without a law are dark
     return reflectivity(geometry, tables).image.astype(float)
-
-
-@pytest.mark.parametrize("height", [5.0, 12.0])
-@pytest.mark.parametrize("look_side", ["right", "left"])
-def test_tower_lies_over_what_is_before_it_and_hides_what_is_behind(flat, height, look_side):
-    """Edges of layover and shadow against similar triangles, within a pixel."""
-    geometry = make_geometry(
-        with_objects(flat, length_m=12.0, width_m=8.0, height_m=height),
-        FINE.model_copy(update={"look_side": look_side}),
-    )
-    # heading north: 12 m along the track, from 76 to 84 m across
-    front, back = NX / 2 - 4.0, NX / 2 + 4.0
-    column = NY // 2
-    bright = np.flatnonzero(of_objects(geometry)[:, column] > 0)
-    first, last = slant(front, height) - NEAR, max(slant(front, 0.0), slant(back, height)) - NEAR
-    assert bright[0] == pytest.approx(first, abs=1.0)
-    assert bright[-1] + 1 == pytest.approx(last, abs=1.0)
-    laid = np.flatnonzero(geometry.layover[:, column])
-    assert laid[0] == pytest.approx(first, abs=1.0)
-    # the shadow ends where the ray over the far edge of the roof meets the ground
-    end = (CENTRE + 4.0) * ALTITUDE / (ALTITUDE - height) - CENTRE + NX / 2
-    dark = np.flatnonzero(~geometry.visible[:, column])
-    assert dark[0] == pytest.approx(last, abs=1.0)
-    assert dark[-1] + 1 == pytest.approx(slant(end, 0.0) - NEAR, abs=1.0)
-    assert dark.size == dark[-1] - dark[0] + 1
-    # beside it, nothing
-    assert not of_objects(geometry)[:, : column - 7].any()
-    assert geometry.visible[:, : column - 7].all()
-    assert of_objects(geometry)[:, column - 5].any()
 
 
 @pytest.mark.parametrize("radiometry", ["sigma0_local", "sigma0_ref", "beta0", "gamma0"])
@@ -142,32 +112,6 @@ def test_ground_beside_a_box_keeps_its_level_where_areas_do_not_count(flat):
     assert ground[geometry.layover & geometry.visible].max() == pytest.approx(1.0, rel=1e-5)
 
 
-def test_objects_are_no_material(flat):
-    scene = with_objects(flat, x_m=[40.3, 110.0], length_m=[0.0, 9.0], width_m=[0.0, 9.0], height_m=[2.0, 4.0])
-    geometry, bare = make_geometry(scene, FINE), make_geometry(flat, FINE)
-    assert geometry.names == ("dyke",)
-    assert geometry.shape == bare.shape
-    box = of_objects(geometry) > 0
-    assert box.any()
-    pure = np.zeros(box.size, dtype=bool)
-    pure[geometry.pixels("dyke")] = True
-    pure = pure.reshape(box.shape)
-    assert not (pure & box).any()
-    row, column = geometry.point_row[0], geometry.point_column[0]
-    near = (np.abs(np.arange(box.shape[0])[:, None] - row) <= 3.0) & (np.abs(np.arange(box.shape[1]) - column) <= 3.0)
-    assert np.count_nonzero(near) > 30
-    assert not (pure & near).any()
-    assert pure[~(near | box | geometry.shadow)].all()
-    # with a margin, pixels beside them go, too
-    margin = np.zeros(box.size, dtype=bool)
-    margin[geometry.pixels("dyke", 2)] = True
-    beside = np.roll(box, 2, axis=1) | np.roll(box, -2, axis=1)
-    assert not (margin.reshape(box.shape) & beside).any()
-    # no incidence of roofs is mixed into that of the ground
-    both = np.isfinite(geometry.incidence_deg) & geometry.visible
-    np.testing.assert_allclose(geometry.incidence_deg[both], bare.incidence_deg[both], atol=0.05)
-
-
 @pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(
@@ -190,16 +134,6 @@ def test_point_lies_at_its_place_with_its_energy(flat, x, y, z, dbsm, radiometry
     theta = np.arccos(ALTITUDE / away)
     area = {"beta0": 1.0, "gamma0": 1 / np.tan(theta)}.get(radiometry, 1 / np.sin(theta))
     assert power.sum() * area == pytest.approx(10 ** (dbsm / 10), rel=0.01)
-    # between pixels the peak is what band-limited interpolation by Fourier transform makes of the look
-    field = formation.look(dark, 3).astype(complex)
-    spectrum = np.fft.fft2(field)
-    shift = np.multiply.outer(
-        np.exp(2j * np.pi * np.fft.fftfreq(field.shape[0]) * row),
-        np.exp(2j * np.pi * np.fft.fftfreq(field.shape[1]) * column),
-    )
-    peak = np.abs(np.sum(spectrum * shift) / field.size) ** 2
-    taps = impulse_response(2.0, 1.0)
-    assert peak * area == pytest.approx(10 ** (dbsm / 10) * taps.max() ** 4, rel=0.02)
 
 
 def test_point_behind_a_wall_is_dark_and_above_it_is_not(flat):
@@ -262,20 +196,7 @@ def test_points_do_not_depend_on_tiles():
     assert np.abs(found - expected).max() < 3e-3 * np.abs(expected).max()
 
 
-def test_a_run_with_one_new_law_is_a_run_from_nothing(scene, radar):
-    made = objects(x_m=[50.0, 120.0, 111.0], y_m=[60.0, 100.0, 30.0], length_m=[0, 20.0, 0], width_m=[0, 15.0, 0],
-                   height_m=[3.0, 8.0, 0.0], rcs_dbsm=30.0)  # fmt: skip
-    geometry = make_geometry(replace(scene, objects=made), radar)
-    sims = [BuiltinSimulator(geometry, radar, dict.fromkeys(("dyke", "grass"), LAWS["mangia"])) for _ in range(2)]
-    dyke, grass = [6.1, 14.2, 21.5, 3.3], [10.0, 14.0, 6.0, 4.0]
-    sims[0].run({"dyke": dyke, "grass": grass}, 5)
-    after = sims[0].run({"dyke": dyke, "grass": [1.0, 2.0, 3.0, 4.0]}, 5)
-    np.testing.assert_array_equal(after, sims[1].run({"dyke": dyke, "grass": [1.0, 2.0, 3.0, 4.0]}, 5))
-    bare = BuiltinSimulator(make_geometry(scene, radar), radar, dict.fromkeys(("dyke", "grass"), LAWS["mangia"]))
-    assert not np.array_equal(after, bare.run({"dyke": dyke, "grass": [1.0, 2.0, 3.0, 4.0]}, 5))
-
-
-def test_an_unchanged_law_makes_no_tile_anew_with_objects(scene, radar, monkeypatch):
+def test_a_run_with_one_new_law_is_a_run_from_nothing(scene, radar, monkeypatch):
     """Objects have an id after those of the materials, which the mask of changed laws contains, too."""
     made = []
     touched = ImageFormation.touched
@@ -285,13 +206,16 @@ def test_an_unchanged_law_makes_no_tile_anew_with_objects(scene, radar, monkeypa
         return touched(self, cells, changed)
 
     monkeypatch.setattr(ImageFormation, "touched", seen)
-    tower = objects(x_m=100.0, y_m=60.0, length_m=20.0, width_m=15.0, height_m=8.0, rcs_dbsm=30.0)
-    geometry = make_geometry(replace(scene, objects=tower), radar)
-    simulator = BuiltinSimulator(geometry, radar, dict.fromkeys(("dyke", "grass"), LAWS["mangia"]))
-    for level in (10.0, 10.0, 11.0):
-        simulator.run({"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [level, 14.0, 6.0, 4.0]}, 5)
+    some = objects(x_m=[50.0, 120.0, 111.0], y_m=[60.0, 100.0, 30.0], length_m=[0, 20.0, 0], width_m=[0, 15.0, 0],
+                   height_m=[3.0, 8.0, 0.0], rcs_dbsm=30.0)  # fmt: skip
+    geometry, laws = make_geometry(replace(scene, objects=some), radar), dict.fromkeys(scene.names, LAWS["mangia"])
+    sims = [BuiltinSimulator(geometry, radar, laws) for _ in range(2)]
+    x = [{"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [level, 14.0, 6.0, 4.0]} for level in (10.0, 1.0)]
+    for parameters in (x[0], x[0], x[1]):
+        after = sims[0].run(parameters, 5)
     assert made[0] == (1, 0)
     assert made[1][1] > 0
+    np.testing.assert_array_equal(after, sims[1].run(x[1], 5))
 
 
 def test_objects_without_an_echo_leave_the_ground_as_it_is(scene, radar):
