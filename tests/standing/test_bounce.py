@@ -66,10 +66,6 @@ def test_both_orders_have_one_length_which_is_that_of_the_foot(phi_deg):
         assert inward @ foot == pytest.approx(first / 2.0, abs=1e-9)
 
 
-def test_alpha_of_walls_that_are_turned():
-    np.testing.assert_allclose(alpha_deg(45.0, np.array([0.0, 18.0, 45.0])), [0.0, 17.2, 35.3], atol=0.1)
-
-
 @pytest.mark.parametrize("polarisation", ["perpendicular", "parallel"])
 @pytest.mark.parametrize("permittivity", [2.5, 7.0])
 def test_reflection_follows_from_the_refracted_angle(polarisation, permittivity):

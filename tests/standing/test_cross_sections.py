@@ -107,10 +107,7 @@ def test_outside_of_the_table_a_pass_is_refused(aspect, keys, says, tmp_path):
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        (
-            {"elevation_deg": None},
-            "has no column 'elevation_deg', found ",
-        ),
+        ({"elevation_deg": None}, "has no column 'elevation_deg', found "),
         ({"rcs_dbsm": 95.0}, "row 1: rcs_dbsm is 95.0, expected -100 to 70"),
         ({"aspect_deg": "north"}, "row 1: aspect_deg is north, expected -180 to 360"),
         ({"elevation_deg": 100.0}, "row 1: elevation_deg is 100.0, expected -90 to 90"),
@@ -161,12 +158,6 @@ def test_tables_are_in_the_scenes_file_and_in_its_identity(tmp_path):
 def test_the_file_is_an_input_of_the_case(tmp_path):
     (tmp_path / "objects.csv").write_text("x_m,y_m,height_m,aspect\n10,20,1,corner\n")
     table = written(tmp_path, rows())
-    case = case_from(
-        {
-            "scene": {
-                "source": "builtin",
-                "objects": {"path": str(tmp_path / "objects.csv"), "cross_sections": str(table)},
-            }
-        }
-    )
+    objects = {"path": str(tmp_path / "objects.csv"), "cross_sections": str(table)}
+    case = case_from({"scene": {"source": "builtin", "objects": objects}})
     assert input_files(case)["scene.objects.cross_sections"] == table
