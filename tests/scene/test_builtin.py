@@ -1,11 +1,13 @@
+import hashlib
+
 import numpy as np
 import pytest
 
-from radcal.config import Case, Radar
+from radcal.config import Case
 from radcal.errors import SceneError
 from radcal.radar.projection import make_geometry
 from radcal.scene import builtin as module
-from radcal.scene.builtin import ROUGHNESS, builtin_scene
+from radcal.scene.builtin import MATERIALS, builtin_scene
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 
@@ -15,19 +17,20 @@ def builtin():
     return builtin_scene(1)
 
 
-@pytest.fixture(scope="module")
-def default_geometry(builtin):
-    return make_geometry(builtin, Radar(radiometry="sigma0_local"))
-
-
-def test_other_seed_other_scene(builtin):
-    other = builtin_scene(2)
-    assert other.identity != builtin.identity
-    assert (other.material != builtin.material).mean() > 0.05
-    assert not np.array_equal(other.elevation_m, builtin.elevation_m)
-    # the terrain and the dyke stay where they are
-    assert np.abs(other.elevation_m - builtin.elevation_m).max() < 15
-    np.testing.assert_array_equal(other.material == 1, builtin.material == 1)
+@pytest.mark.parametrize(
+    ("seed", "landscape", "hashes"),
+    [
+        (1, "open", ("e5c93f15c98f3767", "56175130c6f384cd")),
+        (1, "enclosed", ("21a2ac0c1e3c7d53", "e3c6466cb0ca5ccd")),
+        (2, "open", ("2147a5b9f1d1cda2", "096165c6bd0496ea")),
+    ],
+)
+def test_the_same_seed_gives_the_same_scene(seed, landscape, hashes):
+    scene = builtin_scene(seed, landscape)
+    # to the millimetre: processors with and without AVX-512 differ in the last bits of numpy's functions
+    arrays = (np.round(scene.elevation_m, 3), scene.material)
+    assert tuple(hashlib.sha256(one.tobytes()).hexdigest()[:16] for one in arrays) == hashes
+    assert (scene.names, scene.cell_m, scene.elevation_m.shape) == (MATERIALS, 5.0, (400, 400))
 
 
 @pytest.mark.parametrize("length_m", [15.0, 40.0])
@@ -39,22 +42,6 @@ def test_roughness_has_its_correlation_length(length_m):
     # about 400^2 / (pi / 2 (L / cell)^2) independent squares: an error of 1 to 3 %
     for one, two in ((field[apart:], field[:-apart]), (field[:, apart:], field[:, :-apart])):
         assert np.mean(one * two) == pytest.approx(np.exp(-1.0), abs=0.06)
-
-
-def test_ground_is_level_beside_the_dyke_and_the_terrains_elsewhere(builtin):
-    centres = (np.arange(400) + 0.5) * 5.0
-    north, east = np.meshgrid(centres, centres, indexing="ij")
-    across = east - module._dyke_axis_m(north)
-    at_dyke, own = module._terrain(module._dyke_axis_m(north), north), module._terrain(east, north)
-    grass = builtin.material == 3
-    beside = grass & (((across > -88.0) & (across < -73.0)) | ((across > 103.0) & (across < 121.0)))
-    away = grass & (np.abs(across - 50.0) > 420.0)
-    assert min(beside.sum(), away.sum()) > 1000
-    assert np.abs(at_dyke - own)[beside].mean() > 2.0  # relief that has been levelled
-    for level, where in ((at_dyke, beside), (own, away)):
-        left = (builtin.elevation_m - level)[where]
-        assert left.std() == pytest.approx(ROUGHNESS["grass"][0], rel=0.1)
-        assert abs(left.mean()) < 0.05
 
 
 def test_default_case_has_a_law_for_every_material(builtin):
@@ -92,14 +79,6 @@ def test_the_default_dyke_is_seen_over_25_degrees_beside_layover_and_shadow(encl
     assert (low, high) == pytest.approx((13.4, 40.5), abs=1.0)
     assert geometry.layover.mean() == pytest.approx(0.003, rel=0.3)
     assert geometry.shadow.mean() == pytest.approx(0.015, rel=0.3)
-
-
-def test_dyke_is_seen_between_10_and_25_degrees(default_geometry):
-    pixels = default_geometry.pixels("dyke", 1)
-    assert pixels.size > 3000
-    low, high = np.percentile(default_geometry.incidence_deg.ravel()[pixels], [5, 95])
-    assert low == pytest.approx(10.0, abs=0.5)
-    assert high == pytest.approx(25.0, abs=0.5)
 
 
 @pytest.mark.parametrize(

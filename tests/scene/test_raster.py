@@ -15,8 +15,6 @@ from scipy.ndimage import binary_erosion, gaussian_filter
 
 from radcal.config import Radar, RasterScene
 from radcal.errors import SceneError
-from radcal.image.georeference import GeoreferencedImage, values_at_ground
-from radcal.products.geotiff import Layer, map_grid, write_geotiff
 from radcal.radar.projection import make_geometry
 from radcal.scene.crs import crs_from, named_datum, same_datum, transformation_findings, vertical_datum
 from radcal.scene.raster import raster_scene
@@ -636,44 +634,5 @@ def test_the_grid_is_turned_to_the_track(build, heading):
         )
         assert (azimuth - bearing + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=0.01)
         assert distance == pytest.approx(50.0, rel=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("heading", "side", "slope_deg"), [(192.0, "right", 1), (12.0, "right", -1), (12.0, "left", 1)]
-)
-def test_a_radar_sees_the_slope_that_faces_it(build, heading, side, slope_deg):
-    """Ground that falls to the east by 0.2 faces a radar in the east."""
-    heights = 200.0 - 0.2 * (grid(HEIGHTS, SHAPE, UTM)[0] - WEST)
-    scene = raster_scene(build(heights), heading)
-    radar = Radar(altitude_m=20_000.0, depression_deg=45.0, look_side=side, heading_deg=heading)
-    incidence = np.nanmedian(make_geometry(scene, radar).incidence_deg)
-    # the slope across the track is that to the east times the cosine of 12 degrees, and of the meridian convergence
-    across, along = 0.2 * np.cos(np.radians(12.0 + 1.0)), 0.2 * np.sin(np.radians(12.0 + 1.0))
-    cosine = (1.0 + slope_deg * across) / np.sqrt(2.0 * (1.0 + across**2 + along**2))
-    assert incidence == pytest.approx(np.degrees(np.arccos(cosine)), abs=0.15)
-    with pytest.raises(SceneError, match="radar.heading_deg is 13, the scene's grid is made for"):
-        make_geometry(scene, radar.model_copy(update={"heading_deg": 13.0}))
-
-
-@pytest.mark.parametrize("heading", [0.0, 192.0])
-def test_images_keep_their_place_on_the_map(build, tmp_path, heading):
-    """A measured image on the map, resampled to slant range and exported again, shows a corner where it was."""
-    corner = (WEST + 330.0, SOUTH + 240.0)
-    scene = raster_scene(build(np.full(SHAPE, 20.0)), heading)
-    radar = Radar(altitude_m=9000.0, heading_deg=heading, range_spacing_m=5.0, range_resolution_m=8.0,
-                  azimuth_spacing_m=7.0, azimuth_resolution_m=10.0)  # fmt: skip
-    geometry = make_geometry(scene, radar)
-    fine = Affine(4.0, 0.0, WEST - 50.0, 0.0, -4.0, SOUTH + 550.0)
-    row, column = np.indices((150, 180)) + 0.5
-    x, y = fine.c + 4.0 * column, fine.f - 4.0 * row
-    values = np.where((x < corner[0]) & (y < corner[1]), 3.0, 1.0)  # bright to the south-west of the corner
-    image = GeoreferencedImage(tmp_path / "measured.tif", values, fine, CRS.from_user_input(UTM))
-    found = values_at_ground(image, scene.crs, scene.transform, geometry.ground)
-    layer = Layer(found.astype(np.float32), "1", "corner", {})
-    write_geotiff(tmp_path / "export.tif", layer, map_grid(scene, geometry))
-    with rasterio.open(tmp_path / "export.tif") as raster:
-        read, inverse = raster.read(1), ~raster.transform
-        to_file = Transformer.from_crs(UTM, CRS.from_wkt(raster.crs.to_wkt(version="WKT2_2019")), always_xy=True)
-        for east, north, value in ((-12, -12, 3.0), (12, -12, 1.0), (-12, 12, 1.0), (12, 12, 1.0)):
-            at = inverse * to_file.transform(corner[0] + east, corner[1] + north)
-            assert read[int(at[1]), int(at[0])] == value, (east, north)
+    with pytest.raises(SceneError, match=rf"radar.heading_deg is 13, the scene's grid is made for {heading:g}"):
+        make_geometry(scene, Radar(heading_deg=13.0))

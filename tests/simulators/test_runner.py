@@ -1,7 +1,6 @@
 """Runs that another process makes meanwhile, and what a record keeps."""
 
 import contextlib
-import hashlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,10 +49,6 @@ def test_runs_of_the_published_dyke_keep_their_keys(tmp_path, geometry, name):
     assert isinstance(case.measurement, SyntheticMeasurement)
     assert case.measurement.synthetic.disturbed == ()
     assert case.measurement.synthetic.parameters == {"dyke": [6.1, 14.2, 21.5, 3.3]}
-    # to the millimetre: processors with and without AVX-512 differ in the last bits of numpy's functions
-    heights = hashlib.sha256(np.round(scene.elevation_m, 3).tobytes()).hexdigest()
-    materials = hashlib.sha256(scene.material.tobytes()).hexdigest()
-    assert (heights[:16], materials[:16]) == ("e5c93f15c98f3767", "56175130c6f384cd")
 
 
 def test_the_pass_of_an_orbit_has_the_earths_radius(tmp_path, geometry, build_case):
