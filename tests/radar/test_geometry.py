@@ -144,21 +144,6 @@ def test_powers_add_in_layover(build_scene, radiometry):
     np.testing.assert_allclose(folded, expected, rtol=1e-4 if radiometry == "sigma0_local" else 0.02)
 
 
-def test_left_mirrors_right(scene, radar):
-    mirrored = replace(scene, material=scene.material[:, ::-1], elevation_m=scene.elevation_m[:, ::-1])
-    right = make_geometry(scene, radar)
-    left = make_geometry(mirrored, radar.model_copy(update={"look_side": "left"}))
-    ground = left.ground.copy()  # the scene's columns run east whichever way the radar looks
-    ground[1] = scene.material.shape[1] - 1 - ground[1]
-    np.testing.assert_allclose(ground, right.ground, atol=1e-4)
-    assert same(replace(left, ground=right.ground), right)
-    other = make_geometry(scene, radar.model_copy(update={"look_side": "left"}))
-    assert not np.array_equal(other.material, right.material)
-    # the dyke is in the west: near for a radar that looks east, far for one that looks west
-    assert right.material[5, 40] == 1
-    assert other.material[5, 40] == 2
-
-
 @pytest.mark.parametrize("look_side", ["right", "left"])
 def test_each_azimuth_line_has_the_shadow_of_its_own_wedge(build_scene, look_side):
     """Wedges of three heights beside one another, and level ground: no line is dark behind the wedge of another."""
