@@ -26,13 +26,6 @@ def test_effective_size_is_that_of_the_variance_of_the_mean():
     assert 150 < effective_sample_size(images[0].astype(np.float32), inside, drawn) < 200
 
 
-def test_a_slope_of_level_is_not_taken_for_correlation():
-    image = np.random.default_rng(0).normal(size=SHAPE) + np.linspace(0.0, 4.0, SHAPE[0])[:, None]
-    inside = np.arange(image.size)
-    drawn = np.sort(np.random.default_rng(1).choice(inside, 1000, replace=False))
-    assert effective_sample_size(image.astype(np.float32), inside, drawn) > 800
-
-
 def test_correlated_pixels_on_a_slope_of_level_stay_correlated():
     smooth = uniform_filter(np.random.default_rng(0).normal(size=SHAPE), (3, 5), mode="wrap")
     slope = 1.5 * smooth.std() * np.linspace(-1.0, 1.0, SHAPE[0])[:, None]
@@ -108,13 +101,6 @@ def test_pairs_are_those_of_all_pixels_two_by_two():
     )
 
 
-def test_groups_of_very_different_size_keep_their_own_variances():
-    """5,000 independent pixels and 30: the small eigenvalue is right, and no sign of lags that are no correlation."""
-    group = np.repeat([0, 1], [5000, 30])
-    alone = Correlation(np.eye(13)[6][:, None] * np.eye(13)[6], 503)
-    np.testing.assert_allclose(alone.pairs(np.arange(5030), group, 2), independent_pairs(group, 2), atol=1e-12)
-
-
 def exact_moving_average(shape, seed):
     """Values whose circular autocorrelation is that of means over 3 x 5 pixels to the last digit, without noise."""
     white = np.fft.fft2(np.random.default_rng(seed).normal(size=shape))
@@ -150,7 +136,3 @@ def test_pixels_of_one_level_are_equal_within_six_rows_and_columns():
     assert found == pytest.approx(1.0 / near.mean(), rel=1e-9)
     # all of a small area are one pixel
     assert effective_sample_size(np.ones(SHAPE, dtype=np.float32), np.arange(500), np.arange(7)) == 1.0
-
-
-def test_no_pixels_are_no_correlation():
-    assert np.count_nonzero(estimate_correlation(np.ones(SHAPE, dtype=np.float32), np.empty(0, dtype=int)).lags) == 1

@@ -16,14 +16,6 @@ def test_span_is_that_of_the_true_incidence():
     assert incidence_span_deg(mapped, 2.0) == pytest.approx(span, rel=0.05)
 
 
-def test_a_range_of_a_degree_is_none():
-    """Half of the pixels at either end, and the error of the map as large as a part of it."""
-    half = np.repeat([30.0, 31.0], 50)
-    assert incidence_span_deg(half) == 1.0
-    assert not seen_at_one_incidence(half)
-    assert incidence_span_deg(np.repeat([30.0, 35.0], 50), 3.0 / 3.2897) == pytest.approx(4.0)
-
-
 @pytest.mark.parametrize(
     ("low", "high", "error_deg", "expected"),
     [

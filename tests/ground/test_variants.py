@@ -4,9 +4,8 @@ import numpy as np
 from variants import agrees
 
 from radcal.ground.bins import class_cumulants, class_of, incidence_edges
-from radcal.ground.correlation import Correlation, without_trend
 from radcal.ground.levels import image_levels, median_and_range, pooled_offset
-from radcal.ground.patches import Cells, Spread, gls_mean, patch_effects, pooled
+from radcal.ground.patches import Spread, gls_mean, patch_effects, pooled
 from radcal.ground.pixels import noise_limited
 
 FIELD = np.array([0, 0, 1, 1, 1, 2])
@@ -108,11 +107,6 @@ def test_pixels_near_the_noise_by_the_sum_of_powers():
         noise_itself=noise,
         amplitude=20.0 * np.log10(10.0 ** (noise / 20.0) * (1.0 + 10.0 ** (ratio_db / 20.0))),
     )
-    speckled = np.where(
-        np.arange(81).reshape(9, 9) % 2, -12.0, -30.0
-    )  # mean of the powers -15 dB, of the decibels -21 dB
-    mask = noise_limited(speckled.astype(np.float32), np.full(9, -20.0), 1.0)
-    agrees(mask.mean(), 0.0, atol=0.05, decibel_mean=1.0)
 
 
 def test_means_of_cells_by_the_inverse_of_their_covariance():
@@ -155,51 +149,4 @@ def test_means_of_cells_by_the_inverse_of_their_covariance():
         mean=[0.75, 0.775],
         total=np.sqrt([1.73, 1.4125]),
         variance=[0.865, 0.70625],
-    )
-
-
-def test_variance_inside_cells_by_the_independent_pixels():
-    of, values = np.array([0, 0, 0, 0, 1, 1, 1, 1, 1, 1] * 4), np.random.default_rng(1).normal(-9.0, 2.0, 40)
-    values[of == 1] += 6.0  # another cell's level is no sampling variance
-    cells = Cells(of, np.array([1, 1]), np.array([0, 1]), np.bincount(of))
-    inside = np.concatenate([values[of == k] - values[of == k].mean() for k in (0, 1)])
-    pooled_variance = (inside**2).sum() / (40 - 2)
-    count = np.array([16.0, 24.0])
-    agrees(
-        cells.sampling_variance(values, 0.25),
-        pooled_variance / (count * 0.25),
-        pixels=pooled_variance / count,
-        of_all=values.var() / (count * 0.25),
-        error=np.sqrt(pooled_variance / (count * 0.25)),
-        inverse=pooled_variance * 0.25 / count,
-        biased=(inside**2).mean() / (count * 0.25),
-        one=pooled_variance * np.ones(2),
-    )
-
-
-def test_effective_number_of_pixels_by_the_sum_over_all_pairs():
-    lags = np.zeros((13, 13))
-    lags[5:8, 4:9] = [[0.0, 0.3, 0.4, 0.1, 0.0], [0.2, 0.5, 1.0, 0.5, 0.2], [0.0, 0.1, 0.4, 0.3, 0.0]]
-    row, column = np.divmod(np.arange(24), 8)
-    down, right = row[:, None] - row + 6, column[:, None] - column + 6
-    each = np.where((right >= 0) & (right < 13), lags[down, np.clip(right, 0, 12)], 0.0)
-    agrees(
-        Correlation(lags, 8).effective(np.arange(24)),
-        24.0**2 / each.sum(),
-        pixels=24.0,
-        endless=24.0 / lags.sum(),
-        squares=24.0**2 / (each**2).sum(),
-        transposed=24.0**2 / lags.T[down, np.clip(right, 0, 12)].sum(),
-        one_sided=24.0**2 / (24.0 + np.triu(each, 1).sum()),
-    )
-    angle, group = np.array([30.0, 34.0, 39.0, 41.0, 47.0, 52.0]), np.array([0, 0, 0, 1, 1, 1])
-    values = np.array([-8.0, -9.5, -9.0, -11.0, -10.0, -14.0])
-    fits = [np.polyval(np.polyfit(angle[group == k], values[group == k], 1), angle[group == k]) for k in (0, 1)]
-    agrees(
-        without_trend(values, angle, group),
-        values - np.concatenate(fits),
-        rtol=1e-6,
-        atol=1e-9,
-        level=values - np.array([values[:3].mean()] * 3 + [values[3:].mean()] * 3),
-        one_line=values - np.polyval(np.polyfit(angle, values, 1), angle),
     )
