@@ -126,6 +126,13 @@ def test_a_wrong_scale_is_named_by_the_looks_that_it_would_give(found, scale, sa
         check_looks(Looks(found, 0.9 * found, 1.1 * found, 50), 4, scale, "image.tif")
 
 
+def test_a_filtered_image_is_not_blamed_for_its_scale():
+    with pytest.raises(
+        MeasurementError, match=r"^measurement\.path: a\.tif is speckle-filtered: .*set radar\.looks: 14 "
+    ):
+        check_looks(Looks(14.0, 13.0, 15.0, 50), 4, "power", "a.tif", filtered=True)
+
+
 @pytest.mark.parametrize(("found", "scale"), [(12.0, "power"), (1.3, "amplitude")])
 def test_few_windows_refuse_no_image(found, scale):
     """Of one look the mode of 20 windows of 4 x 4 pixels has a standard error of 24 % (simulated)."""

@@ -4,22 +4,17 @@ import numpy as np
 import pytest
 import rasterio
 from raster_files import write_raster
-from scipy.ndimage import uniform_filter
 
 from radcal.config import Radar
-from radcal.errors import ConfigError, MeasurementError
+from radcal.errors import MeasurementError
 from radcal.findings import Finding
 from radcal.image.base import Grid
-from radcal.image.model import Measurement, read_measurement, write_measurement
 from radcal.image.raster import RasterReader
 from radcal.measurement.sources import make_measurement
 from radcal.measurement.synthetic import smooth_warp
-from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.projection import make_geometry
-from radcal.radar.reflectivity import uniform
-from radcal.scene.model import Scene
+from radcal.registration.displacement import invert, warp
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.storage.dataclass_groups import same
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 
@@ -35,8 +30,8 @@ class NoSimulator:
 def file_case(build_case):
     """Tiny case whose measurement is a file."""
 
-    def made(path, scale="db", radiometry="sigma0_local", **sections):
-        file = {"source": "file", "path": str(path), "scale": scale, "radiometry": radiometry}
+    def made(path, scale="db", radiometry="sigma0_local", band=None, **sections):
+        file = {"source": "file", "path": str(path), "scale": scale, "radiometry": radiometry, "band": band}
         return build_case(measurement=file, **sections)
 
     return made
@@ -86,16 +81,6 @@ def test_findings_tell_what_is_unusable(read, image_db):
         read(power, "power", radar={**coarse, "range_resolution_m": 4000.0, "range_spacing_m": 5.0})
 
 
-def test_variable_in_the_path(geometry, file_case, image_db, tmp_path, monkeypatch):
-    write_raster(tmp_path / "a.tif", image_db)
-    case = file_case("${RADCAL_TEST_DATA}/a.tif")
-    monkeypatch.delenv("RADCAL_TEST_DATA", raising=False)
-    with pytest.raises(ConfigError, match=r"measurement\.path is .*RADCAL_TEST_DATA is not set: type export"):
-        make_measurement(case, geometry, NoSimulator())
-    monkeypatch.setenv("RADCAL_TEST_DATA", str(tmp_path))
-    np.testing.assert_array_equal(make_measurement(case, geometry, NoSimulator()).image_db, image_db)
-
-
 def test_material_without_a_finite_pixel(read, geometry, image_db):
     image_db.ravel()[geometry.pixels("dyke")] = np.nan
     visible = geometry.pixels("dyke").size
@@ -103,11 +88,6 @@ def test_material_without_a_finite_pixel(read, geometry, image_db):
         MeasurementError, match=rf"materials\.dyke: all {visible} of its pixels .*\(measured\.tif\) are NaN"
     ):
         read(image_db)
-
-
-def test_other_materials_may_be_nan(read, geometry, image_db):
-    image_db.ravel()[geometry.pixels("grass")] = np.nan
-    assert np.isnan(read(image_db).image_db).any()
 
 
 def test_material_with_too_few_pixels(read, geometry, image_db):
@@ -177,44 +157,14 @@ def test_displacement_field_has_the_requested_rms_and_is_smooth(rms_px):
     assert not np.array_equal(field, smooth_warp((200, 150), rms_px, np.random.default_rng(1)))
 
 
-def test_warp_moves_the_image_by_the_requested_rms(geometry, build_case):
-    rms_px = 3.0
-
-    class Ramp:
-        """Power that says where a pixel comes from."""
-
-        def __init__(self, axis):
-            self.axis = axis
-
-        def run(self, parameters, noise_seed):
-            return (10 * np.log10(np.indices(geometry.shape)[self.axis] + 1.0)).astype(np.float32)
-
-    case = build_case(measurement={"source": "synthetic", "synthetic": {"warp_px": rms_px}})
-    moved = [
-        10 ** (make_measurement(case, geometry, Ramp(axis)).image_db.astype(float) / 10)
-        - 1
-        - np.indices(geometry.shape)[axis]
-        for axis in (0, 1)
-    ]
-    inside = np.s_[8:-8, 8:-8]
-    length = np.hypot(*moved)[inside]
-    assert np.sqrt((length**2).mean()) == pytest.approx(rms_px, rel=0.15)
-    assert length.max() < 4 * rms_px
-
-
-def test_measurement_file_round_trip(tmp_path, image_db):
-    image_db[0, 0] = np.nan
-    findings = (
-        Finding("pixels", "note", "a.tif", {"pixels": 3}),
-        Finding("looks", "warning", "Niveaux relatifs, à 9,6 GHz", {"looks": np.float64(0.1)}, "radar.looks"),
-    )
-    hidden = {"bare soil": (1.0, 2.0), "dyke": (6.1, 14.2, 21.5, 3.3)}
-    measurement = Measurement(image_db, "a.tif", hidden, findings=findings)
-    write_measurement(tmp_path / "m.h5", measurement)
-    back = read_measurement(tmp_path / "m.h5")
-    assert same(replace(back, findings=()), replace(measurement, findings=()))
-    assert back.findings == findings
-    assert list(back.hidden) == ["bare soil", "dyke"]
+def test_the_image_is_displaced_by_the_field_that_is_kept(synthetic):
+    moved = synthetic(warp_px=3.0)
+    field = moved.misregistration_px.astype(np.float64)
+    assert np.sqrt((field**2).sum(axis=0).mean()) == pytest.approx(3.0, rel=1e-5)
+    # nearest pixels, of which the field's rounding changes few
+    expected = warp(synthetic(warp_px=0.0).image_db, invert(field))
+    assert np.mean((moved.image_db == expected) | np.isnan(moved.image_db)) > 0.999
+    assert np.mean(np.isnan(moved.image_db)) < 0.2
 
 
 @pytest.mark.parametrize("look_side", ["right", "left"])
@@ -261,30 +211,24 @@ def test_a_band_of_incidence_angles_is_compared(tmp_path, build_scene, file_case
     """Ground that rises by 3 degrees towards the radar's far side, 900 to 1100 m from a track of 1000 m."""
     slope = build_scene(lambda east, _: np.tan(np.radians(3.0)) * east)
     on_map = replace(slope, crs="EPSG:32631", transform=(5.0, 0.0, 6e5, 0.0, 5.0, 5.78e6))
-    quiet = {"altitude_m": 1000.0, "nesz_db": -60.0}
+    quiet = {"altitude_m": 1000.0, "nesz_db": -60.0, "polarisation": "VV"}
     materials = {"dyke": {"calibrate": True}}
-    case = file_case(tmp_path / "a.tif", radiometry="sigma0_ref", radar=quiet, materials=materials)
+    case = file_case(tmp_path / "a.tif", radiometry="sigma0_ref", band=1, radar=quiet, materials=materials)
     angle = np.degrees(np.arctan((902.5 + 5.0 * np.arange(40.0)) / 1000.0)) + turned_deg
     angle += -3.0 if name.startswith("local") else 0.0
     speckle = 10.0 * np.log10(np.random.default_rng(6).gamma(4.0, 0.25, (40, 40))) - 12.0
     where = {"crs": "EPSG:32631", "transform": rasterio.Affine(5.0, 0.0, 6e5, 0.0, -5.0, 5.78e6 + 200.0)}
     bands = np.stack([speckle, np.broadcast_to(angle, (40, 40))]).astype(np.float32)
     write_raster(tmp_path / "a.tif", bands, ("VV", name), **where)
-    chosen = case.model_copy(
-        update={
-            "measurements": [case.measurement.model_copy(update={"band": 1})],
-            "radars": [case.radar.model_copy(update={"polarisation": "VV"})],
-        }
-    )
-    geometry = make_geometry(on_map, chosen.radar)
+    geometry = make_geometry(on_map, case.radar)
     if expected is None:
-        findings = make_measurement(chosen, geometry, NoSimulator(), on_map).findings
+        findings = make_measurement(case, geometry, NoSimulator(), on_map).findings
         (numbers,) = (one.numbers for one in findings if one.code == "incidence_of_band")
         assert (numbers["band"], numbers["name"]) == (2, name)
         assert numbers["off_deg"] == pytest.approx(-0.9, abs=0.1)
         return
     with pytest.raises(MeasurementError) as caught:
-        make_measurement(chosen, geometry, NoSimulator(), on_map)
+        make_measurement(case, geometry, NoSimulator(), on_map)
     assert str(caught.value) == (
         f"radar.depression_deg is 45, whose incidences differ by {-turned_deg:+.1f} degrees (median) from band 2 "
         f"({name}) of {tmp_path / 'a.tif'}, expected about {expected}."
@@ -311,69 +255,6 @@ def test_a_copy_of_the_elevation_is_no_image(tmp_path, scene, radar, file_case, 
         r"metres, expected backscatter: give the file of the measured image\.$",
     ):
         make_measurement(case, geometry, NoSimulator(), low)
-
-
-@pytest.fixture(scope="module")
-def speckle():
-    """Power of a large field of four looks."""
-    shape = (240, 240)
-    scene = Scene("x", ("dyke", "grass"), np.ones(shape, dtype=np.uint8), None, 1.0, np.linspace(30.0, 45.0, shape[0]))
-    scene.material[:, 200:] = 2
-    geometry = make_geometry(scene, Radar())
-    return geometry, 10 ** (
-        decibels(ImageFormation(Radar(), shape, -20.0).intensity(uniform(np.full(shape, 3.0, np.float32)), 1)) / 10
-    )
-
-
-@pytest.mark.parametrize(
-    ("declared", "held", "words"),
-    [
-        ("power", "amplitude", r"that of 1\d(\.\d)? looks .*radar.looks is 4; .* set measurement.scale: amplitude"),
-        ("power", "db", "as if its numbers were dB: check measurement.scale"),
-        ("amplitude", "power", r"radar.looks is 4; it would be that of [34](\.\d+)? .*set measurement.scale: power"),
-        ("db", "power", "looks like power: set measurement.scale: power"),
-        ("power", "negative db", "negative, which power cannot be: .*set measurement.scale: db"),
-    ],
-)
-def test_a_wrong_scale_is_told(speckle, tmp_path, file_case, declared, held, words):
-    geometry, power = speckle
-    values = {
-        "power": power / 3.0,
-        "amplitude": np.sqrt(power),
-        "db": 20.0 + 10 * np.log10(power),
-        "negative db": 10 * np.log10(power) - 20,
-    }[held]
-    write_raster(tmp_path / "a.tif", values.astype(np.float32))
-    with pytest.raises(MeasurementError, match=words):
-        make_measurement(file_case(tmp_path / "a.tif", declared), geometry, NoSimulator())
-
-
-def test_the_right_scale_says_the_looks(speckle, tmp_path, file_case):
-    geometry, power = speckle
-    write_raster(tmp_path / "a.tif", power.astype(np.float32))
-    power = (tmp_path / "a.tif", "power")
-    (_, found) = make_measurement(file_case(*power), geometry, NoSimulator()).findings
-    assert (found.code, found.numbers["declared"]) == ("looks", 4)
-    assert 3.0 <= found.numbers["looks"] < 5.0
-    other = file_case(*power, radar={"looks": 8, "radiometry": "sigma0_local"})
-    assert make_measurement(other, geometry, NoSimulator()).findings[1].code == "looks_fewer"
-
-
-def test_a_speckle_filtered_image_is_called_that(speckle, tmp_path, file_case):
-    geometry, power = speckle
-    write_raster(tmp_path / "a.tif", uniform_filter(power, 3).astype(np.float32))
-    power = (tmp_path / "a.tif", "power", "sigma0_ref")
-    with pytest.raises(
-        MeasurementError,
-        match=r"^measurement\.path: a\.tif is speckle-filtered: .* that of 1\d\.?\d* looks .*; radar\.looks is 4, and "
-        r".* use the image before filtering, or set radar\.looks: 1\d ",
-    ):
-        make_measurement(file_case(*power, radar={"looks": 4}), geometry, NoSimulator())
-    findings = make_measurement(file_case(*power, radar={"looks": 14}), geometry, NoSimulator()).findings
-    assert (findings[2].code, findings[2].severity) == ("smoothed", "warning")
-    coarse = {"range_resolution_m": 1.8, "azimuth_resolution_m": 7.0, "azimuth_spacing_m": 5.0, "looks": 14}
-    numbers = make_measurement(file_case(*power, radar=coarse), geometry, NoSimulator()).findings[2].numbers
-    assert (numbers["range_declared_m"], numbers["azimuth_declared_m"]) == (1.8, 7.0)
 
 
 def test_an_image_below_the_noise_floor_is_told_before_any_run(read, image_db):
