@@ -32,3 +32,9 @@ def smooth_field(shape, seed, length, sigma):
 def displaced(mean_db, field):
     """Mean image that is displaced by a field."""
     return map_coordinates(mean_db, np.indices(mean_db.shape) + invert(field), order=1, mode="nearest")
+
+
+def hills(shape, slope_deg):
+    """Heights of hills of some hundred metres on cells of 5 m, whose slopes have an sd."""
+    rough = gaussian_filter(np.random.default_rng(5).standard_normal(shape), 12, mode="wrap")
+    return rough * np.tan(np.radians(slope_deg)) * 5.0 / np.gradient(rough)[1].std()

@@ -1,5 +1,4 @@
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,11 +7,9 @@ from registration_samples import displaced, smooth_field, speckled
 
 from radcal.config import RegistrationConfig
 from radcal.errors import MeasurementError
-from radcal.findings import Finding
 from radcal.image.model import Measurement
 from radcal.registration import registered as module
-from radcal.registration.registered import LEAST_CONTRAST_DB, contrast_db, read_registered, register, write_registered
-from radcal.storage.dataclass_groups import same
+from radcal.registration.registered import LEAST_CONTRAST_DB, contrast_db, register
 
 SHAPE = (200, 230)
 GEFOLKI = RegistrationConfig()
@@ -43,12 +40,9 @@ def test_a_displaced_image_is_brought_back(registered):
     error = np.hypot(*(registered.displacement_px - field(4.0)))
     assert error[15:-15, 15:-15].mean() < 0.4
     length = np.hypot(*registered.displacement_px)
-    said = re.search(
-        r"registered with gefolki: moved by (\S+) pixels \(rms, at most (\S+)\) with a standard error of (\S+);",
-        registered.verdict,
-    )
-    expected = (np.sqrt(np.mean(length**2)), length.max(), np.median(registered.uncertainty_px))
-    np.testing.assert_allclose([float(number) for number in said.groups()], expected, atol=0.051)
+    numbers = np.sqrt(np.mean(length**2)), length.max(), np.median(registered.uncertainty_px)
+    said = "moved by {:.1f} pixels (rms, at most {:.1f}) with a standard error of {:.2f};"
+    assert said.format(*numbers) in registered.verdict
     # a pixel's value is a measured one: speckle keeps its statistics
     moved = registered.measurement.image_db
     assert np.isin(moved[np.isfinite(moved)], registered.unregistered_db).all()
@@ -82,22 +76,14 @@ def test_squares_are_judged_by_the_field_of_the_other_squares():
     assert other[used].mean() == pytest.approx(1.0, abs=4 * np.sqrt(2 / 256 / 24))
 
 
-def test_standard_error_of_the_squares_mean():
-    values = np.array([1.0, 2.0, 4.0, 9.0, 4.0])
-    assert module._standard_error(values) == pytest.approx(np.sqrt(38.0 / 4 / 5))
-    assert module._z(values) == pytest.approx(4.0 / np.sqrt(38.0 / 4 / 5))
-
-
 def test_an_image_in_its_place_is_left_there():
     in_place = Measurement(speckled(ground(), 31), "in_place.tif")
     found = register(FIXED, in_place, GEFOLKI)
     assert not found.applied
     assert found.measurement is in_place
     assert not found.displacement_px.any()
-    said = re.search(
-        r"did not raise the correlation of in_place\.tif .* \(correlation (\S+) before and (\S+) after,", found.verdict
-    )
-    assert float(said[2]) - float(said[1]) < 0.0015
+    before, after = map(float, re.findall(r"(\d\.\d+) (?:before|after)", found.verdict))
+    assert after - before < 0.0015
 
 
 def test_none_takes_the_image_as_it_lies():
@@ -163,19 +149,6 @@ def test_an_image_too_small_is_refused():
         register(FIXED[:40, :100], small, GEFOLKI)
 
 
-def test_file_round_trip(tmp_path, registered):
-    write_registered(tmp_path / "r.h5", registered)
-    back = read_registered(tmp_path / "r.h5")
-    assert same(back, registered)
-    assert back.found_px is back.displacement_px
-    refused = replace(
-        registered, applied=False, refused_px=2 * registered.displacement_px, findings=(Finding("place", "note", "a"),)
-    )
-    write_registered(tmp_path / "r.h5", refused)
-    assert same(read_registered(tmp_path / "r.h5"), refused)
-    assert back.applied
-
-
 def test_contrast_is_that_under_speckle_and_beside_a_trend():
     rows, columns = np.indices((250, 330))
     trend = (-0.03 * rows).astype(np.float32)
@@ -213,7 +186,6 @@ def test_a_start_without_contrast_is_blamed_and_not_the_image():
     ) as e:
         register(blank, Measurement(image, "a.tif"), RegistrationConfig())
     assert "give the materials starts that differ (materials.*.start, as radcal new writes them). If" in str(e.value)
-    assert "is it the same area" not in str(e.value)
 
 
 def test_a_significant_correlation_is_not_called_nothing(monkeypatch):
@@ -223,5 +195,4 @@ def test_a_significant_correlation_is_not_called_nothing(monkeypatch):
         MeasurementError, match=r"^registration: image\.tif agrees with the simulated image \(corr"
     ) as e:
         register(FIXED, measured(field(4.0)), GEFOLKI)
-    assert "nothing in common" not in str(e.value)
     assert "mirrored 0.900, expected at least 1.5 times as much): are starting or fixed laws wrong" in str(e.value)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.ndimage import gaussian_filter
+from registration_samples import hills
 
 from radcal.config import Radar
 from radcal.errors import MeasurementError
@@ -17,17 +17,12 @@ RADAR = Radar(
 
 
 @pytest.fixture(scope="module")
-def hills(build_scene):
-    """Two materials on hills of some hundred metres with slopes of 10 degrees (sd)."""
-    rough = gaussian_filter(np.random.default_rng(5).standard_normal((220, 220)), 12, mode="wrap")
-    rough *= np.tan(np.radians(10.0)) * 5.0 / np.gradient(rough)[1].std()
+def seen(build_scene):
+    """Two materials on hills with slopes of 10 degrees (sd), from either side."""
     material = np.where(np.add.outer(np.arange(220) // 30, np.arange(220) // 40) % 2, 1, 2).astype(np.uint8)
-    return build_scene(lambda *_: rough, cells=(220, 220), names=("dyke", "grass"), material=material)
-
-
-@pytest.fixture(scope="module")
-def seen(hills):
-    return {side: make_geometry(hills, RADAR.model_copy(update={"look_side": side})) for side in ("right", "left")}
+    rough = hills((220, 220), 10.0)
+    scene = build_scene(lambda *_: rough, cells=(220, 220), names=("dyke", "grass"), material=material)
+    return {side: make_geometry(scene, RADAR.model_copy(update={"look_side": side})) for side in ("right", "left")}
 
 
 def image_of(geometry, angle, db_per_deg):

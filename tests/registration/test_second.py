@@ -59,22 +59,14 @@ def test_a_run_that_is_more_like_the_image_takes_the_place_of_the_reference_run(
     assert again.findings == (OF_FIRST,)
     assert error_px(again, moved) < 0.6 * error_px(first, moved)
     assert same(replace(again, verdict=alone.verdict, findings=()), alone)
-    before, after = (float(np.mean(one.correlation)) for one in (first, again))
-    assert after > before
-    assert again.verdict == (
-        f"{alone.verdict} This is the second registration, onto a run of the laws found with the first one (mean local "
-        f"correlation {after:.3f}, with the reference run {before:.3f})."
-    )
+    assert again.correlation.mean() > first.correlation.mean()
+    assert again.verdict.startswith(f"{alone.verdict} This is the second registration, ")
 
 
 def test_a_run_that_is_less_like_the_image_changes_nothing_but_the_sentence(first, alone):
     again = register_again(START, alone, CONFIG)
-    numbers = f"mean local correlation {np.mean(first.correlation):.3f}, with the reference run "
-    numbers += f"{np.mean(alone.correlation):.3f}"
-    assert again.verdict == (
-        f"{alone.verdict} The image agrees less with a run of the laws found with it ({numbers}), and this "
-        "registration is kept."
-    )
+    assert again.verdict.startswith(f"{alone.verdict} The image agrees less with a run ")
+    assert f"{first.correlation.mean():.3f}, with the reference run {alone.correlation.mean():.3f})" in again.verdict
     assert same(replace(again, verdict=alone.verdict), alone)
 
 
@@ -82,5 +74,5 @@ def test_a_run_that_has_nothing_in_common_with_the_image_is_not_used(first, monk
     # the first registration has compared the image with mirrored ones
     monkeypatch.setattr(registration, "_mirrored", None)
     again = register_again(OTHER, first, CONFIG)
-    assert "The image agrees less with a run of the laws found with it (mean local correlation 0.0" in again.verdict
+    assert "The image agrees less with a run " in again.verdict
     assert same(replace(again, verdict=first.verdict), first)

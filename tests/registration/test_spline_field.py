@@ -30,18 +30,6 @@ def seen(noise, seed=5, prior=TRUE):
     return truth, Data(LATTICE, bands, (measured / noise**2)[LATTICE.order])
 
 
-def test_bands_hold_a_matrix_and_follow_the_shorter_side():
-    rows, columns = LATTICE.size
-    assert rows < columns
-    matrix = dense(LATTICE, LATTICE.precision(TRUE)[0])
-    assert LATTICE.precision(TRUE)[0].shape == (2 * (3 * rows + 3) + 2, 2 * rows * columns)
-    # components do not mix, and neighbours do
-    assert not matrix[: rows * columns, rows * columns :].any()
-    assert matrix[0, 1] != 0.0
-    assert matrix[0, columns] != 0.0
-    np.testing.assert_array_equal(dense(LATTICE, LATTICE.bands(sparse.csr_array(matrix))), matrix)
-
-
 def test_a_priors_field_has_its_spread_and_length():
     bands, log_determinant = LATTICE.precision(TRUE)
     matrix = dense(LATTICE, bands)
@@ -119,17 +107,6 @@ def test_a_prior_that_numbers_do_not_hold_is_passed_over():
     with pytest.raises(LinAlgError):
         empty.given(Prior(1e6, 1e7))
     assert not empty.best(TRUE).coefficients().any()
-
-
-@pytest.mark.parametrize("scale", [2, 4])
-def test_a_coarser_field_is_that_of_the_middles_of_its_pixels(scale):
-    """A pixel of a coarser level is as many fine ones wide, and its displacement counts in its own pixels."""
-    coefficients = np.random.default_rng(1).normal(size=(2, *LATTICE.size))
-    fine = LATTICE.field(coefficients)
-    parts = fine[:, : 150 // scale * scale, : 210 // scale * scale].reshape(2, 150 // scale, scale, 210 // scale, scale)
-    # splines are nearly straight within a pixel: their spacing is 24
-    coarse = LATTICE.field(coefficients, scale)
-    np.testing.assert_allclose(coarse, parts.mean(axis=(2, 4)) / scale, atol=0.01 * np.abs(coarse).max())
 
 
 @pytest.mark.parametrize("scale", [1, 2])
