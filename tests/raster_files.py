@@ -8,7 +8,9 @@ import rasterio
 from rasterio.errors import NotGeoreferencedWarning
 
 from radcal.config import Radar
+from radcal.errors import MeasurementError
 from radcal.reading.base import reader_of
+from radcal.reading.images import ImageFile
 
 
 def write_raster(path, values, names=(), **profile):
@@ -17,11 +19,17 @@ def write_raster(path, values, names=(), **profile):
     size = {"count": len(bands), "height": bands.shape[1], "width": bands.shape[2], "dtype": bands.dtype}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        with rasterio.open(path, "w", driver="GTiff", **size, **profile) as raster:
+        with rasterio.open(path, "w", **{"driver": "GTiff", **size, **profile}) as raster:
             raster.write(bands)
             if names:
                 raster.descriptions = tuple(names)
     return Path(path)
+
+
+def file_to_read(path, scale="power", band=None, dataset=None):
+    """File of an image with the keys that say how it is read."""
+    asked = SimpleNamespace(scale=scale, band=band, dataset=dataset)
+    return ImageFile(Path(path), asked, "measurement", "path", MeasurementError)
 
 
 def read_image(path, config, shape=None):

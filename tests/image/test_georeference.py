@@ -1,6 +1,7 @@
 """Georeferenced images of known functions of the place, seen from the scene's pixels."""
 
 import math
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -113,19 +114,16 @@ def test_gaps_and_complex_values_are_kept():
     one = image(*SAME)
     values = one.values * (1.0 + 0.5j)
     values[::2] = np.nan
-    found = values_at_ground(GeoreferencedImage(one.path, values, one.transform, one.crs), UTM, SCENE, ground_of())
+    found = values_at_ground(replace(one, values=values), UTM, SCENE, ground_of())
     number = values_at_ground(one, UTM, SCENE, ground_of())
-    expected = np.isnan(number) | (number // 200 % 2 == 0)
-    np.testing.assert_array_equal(np.isnan(found), expected)
-    np.testing.assert_array_equal(found[~expected], number[~expected] * (1.0 + 0.5j))
+    np.testing.assert_array_equal(found, np.where(number // 200 % 2 == 0, np.nan, number * (1.0 + 0.5j)))
     with pytest.raises(TypeError, match="int64, expected floating-point"):
-        values_at_ground(
-            GeoreferencedImage(one.path, one.values.astype(int), one.transform, one.crs), UTM, SCENE, ground_of()
-        )
+        values_at_ground(replace(one, values=one.values.astype(int)), UTM, SCENE, ground_of())
 
 
 def test_files_are_read_with_their_place(tmp_path):
-    crs, transform, shape = SAME
+    _, transform, shape = SAME
+    crs = "EPSG:32631+5773"  # whose heights do not matter
     values = np.arange(np.prod(shape), dtype=np.int32).reshape(shape)
     path = write_raster(tmp_path / "image.tif", np.stack([values, 2 * values]), crs=crs, transform=transform, nodata=0)
     config = CONFIG.model_copy(update={"band": 2})
@@ -161,15 +159,6 @@ def test_of_a_large_image_the_scenes_part_is_read(tmp_path):
     read = read_georeferenced(far, CONFIG, partial(places_on_ground, UTM, SCENE, ground_of()))
     with pytest.raises(MeasurementError, match="covers no place"):
         values_at_ground(read, UTM, SCENE, ground_of())
-
-
-def test_the_vertical_part_of_a_crs_does_not_matter(tmp_path):
-    _, transform, _ = SAME
-    path = write_raster(tmp_path / "image.tif", image(*SAME).values, crs="EPSG:32631+5773", transform=transform)
-    read = read_georeferenced(path, CONFIG)
-    np.testing.assert_array_equal(
-        values_at_ground(read, UTM, SCENE, ground_of()), values_at_ground(image(*SAME), UTM, SCENE, ground_of())
-    )
 
 
 def test_files_without_a_place_are_told_apart(tmp_path):

@@ -69,12 +69,6 @@ def test_small_areas_have_smaller_windows(looks):
     assert found.looks == pytest.approx(looks, rel=0.25)
 
 
-def test_too_small_materials_give_none():
-    material = np.zeros(SHAPE, dtype=np.uint8)
-    material[:40, :40] = 1
-    assert estimate_looks(speckle_db(4), material, Radar()) is None
-
-
 def log_variance(looks):
     return float((10 / np.log(10)) ** 2 * special.polygamma(1, looks))
 

@@ -69,10 +69,6 @@ def test_widths_are_those_of_the_response(looks, range_m, azimuth_m):
     assert spread.range.error_m == pytest.approx(0.05 * range_m, rel=0.2)
 
 
-def test_texture_that_is_correlated_further_does_not_count():
-    assert found(power(texture(10.0, 1.5))).range.width_m == pytest.approx(found(power()).range.width_m, rel=0.04)
-
-
 @pytest.mark.parametrize(("side", "looks"), [(3, 4), (3, 1), (5, 4)])
 def test_a_mean_divides_the_variance_by_its_growth_of_the_correlation_area(side, looks):
     """The mean over n pixels in independent cells of c pixels: looks and correlation area grow by about n / c."""
@@ -201,19 +197,6 @@ def test_resampling_from_a_map_explains_a_wider_spread():
     coarse = spread_of(22.0, 24.0, 1.1, 1.2, 3.1, 100)
     assert told(coarse, radar) == [("warning", "smoothed")]
     assert told(coarse, radar, on_map_m)[0][1] == "resolutions"
-
-
-def test_windows_of_all_levels_are_used():
-    """A material 10 dB above the other one."""
-    material = np.where(np.indices(SHAPE)[1] < 120, 1, 2).astype(np.uint8)
-    image = power(np.where(material == 1, 1.0, 10.0))
-    both, alone = (estimate_point_spread(decibels(one.astype(np.float32)), material, RADAR) for one in (image, power()))
-    assert both.windows > 0.9 * alone.windows
-    assert both.azimuth.width_m == pytest.approx(3.5, rel=0.05)
-
-
-def test_area_of_a_point_spread_is_a_product():
-    assert spread_of(3.0, 7.0, 0.1, 0.1, 1.0, 50).cells(RADAR) == pytest.approx(3.0)
 
 
 def fields(side):

@@ -4,7 +4,6 @@ import contextlib
 import os
 import pickle
 import signal
-import warnings
 import zipfile
 import zlib
 
@@ -15,7 +14,6 @@ import rasterio
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from raster_files import read_image, write_raster
-from rasterio.errors import NotGeoreferencedWarning
 from scipy.io import savemat
 
 from radcal.config import FileMeasurement
@@ -70,42 +68,6 @@ def test_every_format_and_scale_gives_the_same_db(tmp_path, name, scale):
     np.testing.assert_allclose(found, DB, atol=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("scale", "unusable", "counts"),
-    [
-        ("power", [0.0, -0.0, -0.01, np.nan, np.inf, -np.inf], (3, 2, 1)),
-        ("amplitude", [0.0, np.nan, np.inf], (2, 1, 0)),
-        ("complex", [0j, complex(np.nan, 1), complex(0, np.inf)], (2, 1, 0)),
-        ("db", [-np.inf, np.nan, np.inf, -np.inf], (2, 2, 0)),  # no power is minus infinity in dB
-    ],
-)
-def test_unusable_pixels_are_counted(tmp_path, scale, unusable, counts):
-    values = np.tile(SCALES[scale], (5, 5))
-    values[7, : len(unusable)] = unusable
-    np.save(tmp_path / "a.npy", values)
-    found = read_image(tmp_path / "a.npy", FileMeasurement(path="a.npy", scale=scale, radiometry="sigma0_ref"))
-    assert found.counts == Counts(values.size, *counts)
-    assert np.argwhere(np.isnan(found.image_db)).tolist() == [[7, k] for k in range(len(unusable))]
-    assert np.isfinite(found.image_db).sum() == values.size - len(unusable)
-    assert (found.findings, found.resampled, found.pixel_m) == ((), False, None)
-
-
-def test_scale_and_offset_of_the_band_are_heeded(tmp_path):
-    path = tmp_path / "a.tif"
-    stored = np.round((DB + 30.0) / 0.01).astype(np.int16)
-    stored[3, 4] = -9999
-    write_raster(path, np.stack([np.zeros_like(stored), stored]))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        with rasterio.open(path, "r+") as raster:
-            raster.nodata = -9999
-            raster.scales, raster.offsets = (1.0, 0.01), (0.0, -30.0)
-    image_db = read(path, "db", band=2)
-    expected = DB.copy()
-    expected[3, 4] = np.nan
-    np.testing.assert_allclose(image_db, expected, atol=0.0051)
-
-
 def test_band_and_dataset_are_chosen_by_name(tmp_path):
     write_raster(tmp_path / "two.tif", np.stack([POWER, 2 * POWER]))
     np.savez(tmp_path / "two.npz", hh=POWER, hv=2 * POWER)
@@ -118,6 +80,8 @@ def test_band_and_dataset_are_chosen_by_name(tmp_path):
         read(tmp_path / "two.tif", band=3)
     with pytest.raises(MeasurementError, match="dataset is 'vv', .* holds hh, hv"):
         read(tmp_path / "two.npz", dataset="vv")
+    with pytest.raises(MeasurementError, match=r"measurement\.dataset is 'hh', .*two\.tif is a raster"):
+        read(tmp_path / "two.tif", dataset="hh")
 
 
 @pytest.mark.parametrize(
@@ -157,13 +121,6 @@ def test_a_few_impossible_levels_are_masked_and_counted_many_refused(tmp_path):
     np.save(path, np.random.default_rng(5).normal(96, 47, (60, 50)))
     with pytest.raises(MeasurementError, match=r"most likely measurement\.scale is not db"):
         read(path, "db")
-
-
-@pytest.mark.parametrize("name", ["image.tif", "image.npy"])
-def test_a_dataset_is_not_asked_of_what_has_none(tmp_path, name):
-    WRITERS[name](tmp_path / name, POWER)
-    with pytest.raises(MeasurementError, match=rf"measurement\.dataset is 'hh', .*{name} (is a raster|holds one)"):
-        read(tmp_path / name, dataset="hh")
 
 
 def npy_header(shape, dtype="<f8"):

@@ -1,26 +1,18 @@
 """Numbers of a file to dB, with counts and limits at their boundaries."""
 
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from raster_files import file_to_read
 
 from radcal.errors import MeasurementError
-from radcal.reading.images import ImageFile, check_header, to_db
+from radcal.reading.images import check_header, to_db
 from radcal.reading.intake import LARGEST_VALUES
 
 
-@dataclass(frozen=True)
-class Asked:
-    scale: str = "power"
-    band: int | None = None
-    dataset: str | None = None
-
-
 def file(scale="power", **fields):
-    image = ImageFile(Path("image.tif"), Asked(scale), "measurement", "path", MeasurementError)
-    return replace(image, **fields)
+    return replace(file_to_read("image.tif", scale), **fields)
 
 
 @pytest.mark.parametrize(
