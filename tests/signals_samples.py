@@ -59,3 +59,13 @@ def ground(one, n, azimuth_m, swath_m, seed, relief_m=10.0, rcs_m2=1.0):
     place = np.array([at(one, x, r, z) for x, r, z in zip(rng.uniform(*azimuth_m, n), slant, heights, strict=True)])
     amplitude = (rng.standard_normal(n) + 1j * rng.standard_normal(n)) * np.sqrt(0.5 * rcs_m2)
     return Scatterers.sorted(place, amplitude.astype(np.complex64))
+
+
+def errors_of(checker):
+    """Failed checks of a file's standard, by their names."""
+    checker.check()
+    wrong = {
+        name: [one["details"] for one in found["details"] if one["severity"] == "Error" and not one["passed"]]
+        for name, found in checker.failures().items()
+    }
+    return {name: texts for name, texts in wrong.items() if texts}

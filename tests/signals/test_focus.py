@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from signals_samples import at, collection, ground, nominal
+from signals_samples import at, collection, nominal
 
 from radcal.bands import WIDTH_FACTOR
 from radcal.signals.focus import backprojected, cell_area_m2
@@ -136,22 +136,6 @@ def test_noise_of_the_image_is_that_of_the_radar_equation(looks, slant_m):
         image = backprojected(one, signal, grid(one, 300.0, (3.5, 2.0)))
         levels.append(np.mean(np.abs(image) ** 2) / cell_area_m2(one, np.array(45.0)))
     assert 10.0 * np.log10(np.mean(levels)) == pytest.approx(expected, abs=0.1)
-
-
-def test_level_of_even_ground_is_its_sigma0_in_every_look():
-    """Facets at random places with a mean cross-section that gives a sigma0 of -12 dB."""
-    sigma0, n = 10.0**-1.2, 60_000
-    levels = []
-    for seed in range(6):
-        one = collection(swath_m=150.0, looks=2)
-        area = 120.0 * 150.0 / np.sin(np.radians(45.0))
-        found = ground(one, n, (-10.0, 110.0), 150.0, seed, relief_m=0.0, rcs_m2=sigma0 * area / n)
-        signal = RawSignal(one, found, seed)[:]
-        image = backprojected(one, signal, grid(one, 150.0, (3.5, 2.0)))
-        levels.append(np.mean(np.abs(image) ** 2, axis=1) / cell_area_m2(one, np.array(45.0)))
-        correlation = abs(np.mean(image[0] * image[1].conj())) / np.mean(np.abs(image) ** 2)
-        assert correlation < 4.0 / np.sqrt(image.shape[1])
-    np.testing.assert_allclose(10.0 * np.log10(np.mean(levels, axis=0)), -12.0, atol=0.15)
 
 
 def even_ground(draws, azimuth_m, **keys):
