@@ -150,13 +150,11 @@ def test_findings_give_both_numbers():
     # an image whose speckle is hardly correlated: 1.184 times the spacings is the finest, rounded upwards
     fine = spread_of(1.2, 2.71, 0.06, 0.14, 0.9, 100)
     coarse = Radar(range_spacing_m=1.5, azimuth_spacing_m=2.3, range_resolution_m=2.2, azimuth_resolution_m=3.5)
-    finer, *limits = point_spread_findings(fine, None, coarse, "b.tif")
+    finer, of_range, of_azimuth = point_spread_findings(fine, None, coarse, "b.tif")[:3]
     assert (finer.severity, finer.code) == ("note", "resolutions")
     assert [finer.numbers[f"{way}_possible_m"] for way in ("range", "azimuth")] == [1.78, 2.74]
-    assert [(one.code, one.about, dict(one.numbers)) for one in limits[:2]] == [
-        ("spacing_limits", "radar.range_spacing_m", {"spacing_m": 1.5, "finest_m": 1.78}),
-        ("spacing_limits", "radar.azimuth_spacing_m", {"spacing_m": 2.3, "finest_m": 2.74}),
-    ]
+    assert (of_range.code, of_range.about) == ("spacing_limits", "radar.range_spacing_m")
+    assert (of_range.numbers, of_azimuth.numbers["finest_m"]) == ({"spacing_m": 1.5, "finest_m": 1.78}, 2.74)
     far = coarse.model_copy(update={"range_resolution_m": 5.1})  # 1.78 x 2.74 m are 0.27 of its cell, 1 / 3.7
     assert told(fine, far)[0] == ("warning", "resolutions")
     advised = coarse.model_copy(update={"range_resolution_m": 1.78, "azimuth_resolution_m": 2.74})

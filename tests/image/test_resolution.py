@@ -19,12 +19,9 @@ def radar(**keys):
 
 def test_a_resolution_wider_than_every_area_is_refused():
     check_resolutions(MATERIAL, radar(range_resolution_m=26.9, azimuth_resolution_m=89.0))  # 18 rows and 36 columns
-    with pytest.raises(MeasurementError) as caught:
+    said = r"^radar\.range_resolution_m is 28: no area .* wider than 27 m in slant range, .* expected at most 27 \("
+    with pytest.raises(MeasurementError, match=said):
         check_resolutions(MATERIAL, radar(range_resolution_m=28.0))
-    assert str(caught.value) == (
-        "radar.range_resolution_m is 28: no area of a single material in the image is wider than 27 m in slant range, "
-        "so that no pixel would show one material, expected at most 27 (radar.range_spacing_m is 1.5)."
-    )
     with pytest.raises(MeasurementError, match=r"^radar\.azimuth_resolution_m is 91: .* 90 m in azimuth"):
         check_resolutions(MATERIAL, radar(azimuth_resolution_m=91.0))
     # the extent of an image of one material
@@ -41,9 +38,6 @@ def test_unusual_resolutions_that_the_speckle_cannot_check_are_a_warning():
     # four times 1.184
     again, unusual = unchecked_resolutions(radar(azimuth_resolution_m=12.0), "a.tif")
     assert again == plain
-    assert (unusual.code, unusual.severity, unusual.about) == (
-        "resolution_unusual",
-        "warning",
-        "radar.azimuth_resolution_m",
-    )
+    assert (unusual.code, unusual.severity) == ("resolution_unusual", "warning")
+    assert unusual.about == "radar.azimuth_resolution_m"
     assert unusual.numbers == pytest.approx({"resolution_m": 12.0, "spacings": 4.8, "most_spacings": 4.74}, rel=0.01)

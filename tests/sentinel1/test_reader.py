@@ -12,19 +12,16 @@ from affine import Affine
 from pyproj import Transformer
 from safe_product import LINES, NAME, PIXELS, STEM, digital_numbers, divisor, noise, place_of, write_product
 
-from radcal.config import FileMeasurement, Radar, case_from
-from radcal.config.stages import STAGES
+from radcal.config import FileMeasurement, Radar
 from radcal.errors import MeasurementError
 from radcal.image.acquisition import contradictions, differences, radar_section
 from radcal.image.base import Grid
-from radcal.measurement.sources import make_measurement
 from radcal.radar.projection import make_geometry
 from radcal.reading.intake import parse_xml
 from radcal.scene.model import Scene
 from radcal.sentinel1.annotation import noise_of
 from radcal.sentinel1.overpass import open_product, overpass_of, overpass_unchecked
 from radcal.sentinel1.reader import Sentinel1Reader
-from radcal.words import sentence
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 
@@ -91,6 +88,8 @@ def test_sigma0_follows_from_the_tables(safe):
     np.testing.assert_allclose(power[shown][sure], expected[sure], rtol=1e-6)
     assert acquisition.product == NAME
     assert "noise_kept" in [one.code for one in findings]
+    facts = Sentinel1Reader(safe, config(safe), radar).facts()
+    assert (facts.on_map, facts.radiometry) == (True, "sigma0_ref")
 
 
 def test_noise_of_early_processors_has_one_table():
@@ -349,30 +348,6 @@ def test_a_scene_elsewhere_or_off_the_map_is_refused(safe):
         overpass_of(product, away, geometry.ground)
     with pytest.raises(MeasurementError, match=r"expected scene\.source: raster"):
         overpass_of(product, replace(ground, crs=None), geometry.ground)
-
-
-def case_of(path, **measurement):
-    return {
-        "scene": {"source": "raster", "elevation": "a.tif", "materials": "b.tif", "names": "c.json"},
-        "measurement": {"source": "file", "path": str(path), **measurement},
-        "materials": {"crops": {"calibrate": True, "bounds": [[-40, 10], [0, 16], [0, 22], [0, 12]]}},
-        "radar": PASS,
-    }
-
-
-@pytest.mark.parametrize("name", ["", "manifest.safe"])
-def test_a_case_reads_a_product_without_scale_and_radiometry(safe, name):
-    case = case_from(case_of(safe / name))
-    measurement = case.measurement
-    assert isinstance(measurement, FileMeasurement)
-    assert (measurement.scale, measurement.radiometry) == ("amplitude", "sigma0_ref")
-    ground = scene()
-    nothing = None
-    taken_db = make_measurement(STAGES["measurement"].of(case), make_geometry(ground, case.radar), nothing, ground)
-    assert taken_db.source == NAME
-    power, *_ = taken(safe)
-    np.testing.assert_allclose(taken_db.image_db, 10.0 * np.log10(power), atol=1e-4)
-    assert sentence(taken_db.findings[1]).startswith(f"{NAME}: S1B IW GRD VV of 2021-12-23")
 
 
 @pytest.mark.skipif("RADCAL_DATA" not in os.environ, reason="RADCAL_DATA is not set: real data are elsewhere")
