@@ -103,11 +103,6 @@ def test_a_file_without_materials(tmp_path, monkeypatch, value, words):
         load([write(tmp_path, yaml.safe_dump({"materials_from": value}))])
 
 
-def test_a_misspelt_key_of_materials(tmp_path):
-    with pytest.raises(ConfigError, match=r"unknown key material_from \(did you mean 'materials_from'\?\)"):
-        load([write(tmp_path, "material_from: a.yaml")])
-
-
 def test_a_forward_run_needs_neither_measurement_nor_calibration(tmp_path):
     keys = {"materials": CALIBRATED, "radar": [{"looks": 3}, {"look_side": "left"}], "seed": 5, "stop": {"max_runs": 0}}
     case = load_forward([write(tmp_path, yaml.safe_dump(keys))])

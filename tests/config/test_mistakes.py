@@ -4,12 +4,11 @@ from pathlib import Path
 
 import pytest
 import yaml
+from config_samples import COMMAND, measured
 
 from radcal.config import Radar, load_with_problems
 
-IMAGE = {"source": "file", "path": "a.npy", "scale": "db", "radiometry": "sigma0_ref"}
-FIELD = {"field": {"calibrate": True}}
-OUTSIDE = {"kind": "command", "command": ["./sim"], "output": {"file": "image.npy", "scale": "power"}}
+IMAGE = measured(path="a.npy")["measurement"]
 
 
 @pytest.fixture
@@ -72,16 +71,13 @@ def test_what_is_still_to_be_decided_has_its_line_and_its_meaning(tmp_path):
     ]
 
 
-@pytest.mark.parametrize(
-    ("keys", "wrong"),
-    [
-        ({"output": {"file": "image.npy", "scale": "dB"}}, "output.scale is 'dB'"),
-        ({"files": ["a/s.json", "b/s.json"]}, "files.1 and files.0 are both"),
-    ],
-)
-def test_the_kind_of_a_simulator_is_not_its_key_command(loaded, keys, wrong):
-    (problem,) = loaded({"simulator": OUTSIDE | keys}).problems
-    assert problem.partition(": simulator")[2].lstrip(".: ").startswith(wrong)
+def test_the_kind_of_a_simulator_is_not_its_key_command(loaded):
+    for key, value, wrong in (
+        ("output", {"file": "i.npy", "scale": "dB"}, ".output.scale is 'dB'"),
+        ("files", ["a/s.json", "b/s.json"], ": files.1 and files.0 are both"),
+    ):
+        (problem,) = loaded({"simulator": {**COMMAND, key: value}}).problems
+        assert problem.partition(": simulator")[2].startswith(wrong)
 
 
 def test_one_mistake_of_two_materials_is_told_of_both(loaded):

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from config_samples import COMMAND, X, dyke, flat, measured
 from jsonschema import Draft7Validator
 
 from radcal.config import case_from
@@ -15,16 +16,9 @@ from radcal.errors import ConfigError
 ROOT = Path(__file__).parents[2]
 SCHEMA = ROOT / "config/schema.json"
 CASES = [*sorted((ROOT / "config").glob("*.yaml")), *sorted((ROOT / "examples").glob("*/case.yaml"))]
-X = [1.0, 2.0, 3.0, 4.0]
-FLAT = {
-    "source": "slant_range",
-    "labels": "ids.tif",
-    "names": "a.json",
-    "near_incidence_deg": 20,
-    "far_incidence_deg": 40,
-}
-PROGRAM = {"kind": "command", "command": ["./sim", "{input}"], "output": {"file": "a.npy", "scale": "db"}}
-MEASURED = {"source": "file", "path": "a.tif", "scale": "db", "radiometry": "sigma0_ref"}
+FLAT = flat()["scene"]
+PROGRAM = {**COMMAND, "command": ["./sim", "{input}"]}
+MEASURED = measured()["measurement"]
 SOIL = {"calibrate": True, "law": "external", "names": ["mv", "s"], "bounds": [[0.0, 0.4], [0.3, 2.5]]}
 
 
@@ -103,10 +97,7 @@ def test_every_shipped_case_leads_to_the_schema_and_meets_it(path, schema):
         },
         # what YAML makes of an unquoted {input}
         {"simulator": {**PROGRAM, "command": ["./sim", {"input": None}]}},
-        {
-            "materials": {"dyke": {"calibrate": True, "start": {"law": "constant_gamma", "parameters": [-9.0]}}},
-            "measurement": MEASURED,
-        },
+        {**dyke(start={"law": "constant_gamma", "parameters": [-9.0]}), "measurement": MEASURED},
     ],
 )
 def test_what_radcal_takes_the_schema_takes(data, schema):

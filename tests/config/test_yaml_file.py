@@ -2,38 +2,18 @@ import os
 import re
 
 import pytest
+from config_samples import write
 
 from radcal.config.yaml_file import read_case_file, read_value, settings
 from radcal.errors import ConfigError
-
-
-def write(folder, content):
-    path = folder / "mine.yaml"
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    return path
 
 
 def sentence(folder, content):
     path = write(folder, content)
     with pytest.raises(ConfigError) as caught:
         read_case_file(path)
-    text = str(caught.value)
-    assert "\n" not in text
-    assert text.endswith(".")
-    assert text.startswith(str(path))
-    return text.removeprefix(str(path))
-
-
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        ("stop:\n  rms: 1\n  max_runs: 9\n  rms: 2\n", ", line 4: stop.rms is given here and in line 2, expected"),
-        ("a:\n- b: 1\n- b: 1\n  c: {d: 0,\n    d: 0}\n", ", line 5: a.1.c.d is given here and in line 4"),
-        ("a: &a {b: 1}\nc:\n  <<: *a\n  <<: *a\n", ", line 4: c.<< is given here and in line 3"),
-    ],
-)
-def test_keys_that_stand_twice_are_refused_with_both_lines(tmp_path, content, said):
-    assert sentence(tmp_path, content).startswith(said)
+    assert re.fullmatch(rf"{re.escape(str(path))}.+\.", str(caught.value))
+    return str(caught.value).removeprefix(str(path))
 
 
 def test_anchors_and_merge_keys_behave(tmp_path):
@@ -75,6 +55,9 @@ def test_aliases_of_some_thousand_values_are_read(tmp_path):
 @pytest.mark.parametrize(
     ("content", "said"),
     [
+        ("stop:\n  rms: 1\n  max_runs: 9\n  rms: 2\n", ", line 4: stop.rms is given here and in line 2, expected"),
+        ("a:\n- b: 1\n- b: 1\n  c: {d: 0,\n    d: 0}\n", ", line 5: a.1.c.d is given here and in line 4"),
+        ("a: &a {b: 1}\nc:\n  <<: *a\n  <<: *a\n", ", line 4: c.<< is given here and in line 3"),
         ("a: &a [1, *a]\n", ", line 1: the anchor that a.1 refers to contains itself."),
         ("", ": is empty, expected keys and values such as case: mine."),
         ("seed: 1\nstop:\n\trms: 1\n", ", line 3: not a YAML file (found character '\\t'"),
@@ -110,12 +93,7 @@ def test_line_ends_and_byte_order_marks_of_other_systems_are_read(tmp_path):
 
 def test_what_is_no_file_is_not_opened(tmp_path):
     os.mkfifo(tmp_path / "pipe")
-    for name, why in [
-        ("pipe", "not a regular file"),
-        ("gone", "No such file"),
-        (".", "not a regular file"),
-        ("a\0", "no name"),
-    ]:
+    for name, why in (("pipe", "not a regular file"), ("gone", "No such file"), ("a\0", "no name")):
         with pytest.raises(ConfigError, match=rf"cannot be read \({why}"):
             read_case_file(tmp_path / name)
 

@@ -18,29 +18,28 @@ def test_start_is_the_middle_of_the_bounds_unless_given():
     assert case_from({"materials": FIXED}).materials["grass"].start_parameters == X
 
 
-def test_bounds_of_absurd_size_are_refused():
-    with pytest.raises(ConfigError, match=r"bounds of X1 are \[0, 1e\+30\], expected within"):
-        case_from({"materials": {"dyke": {"calibrate": True, "bounds": [[0, 1e30]] * 4}}})
-
-
-def test_looks_belong_to_materials_with_fixed_parameters():
-    grass = {**FIXED["grass"], "looks": 2.5}
-    assert case_from({"materials": {**FIXED, "grass": grass}}).materials["grass"].looks == 2.5
-    assert "looks is 2.5 and calibrate is true, expected looks only with calibrate: false" in message(dyke(looks=2.5))
+BEYOND = "expected -1000 to 1000"
 
 
 @pytest.mark.parametrize(
     ("data", "words"),
     [
-        ({"materials": {"road": {"parameters": [1001, 0, 0, 0]}}}, "materials.road: parameters: X1 of law 'mangia' is"),
-        (synthetic(parameters={"dyke": [0, -1e30, 0, 0]}), "parameters.dyke: X2 of law 'mangia' is -1e+30, expected"),
-        (dyke(start={"law": "constant_gamma", "parameters": [2000]}), "gamma of law 'constant_gamma' is 2000,"),
+        (
+            {"materials": {"road": {"parameters": [1001, 0, 0, 0]}}},
+            ["materials.road: parameters: X1", "'mangia'", BEYOND],
+        ),
+        (synthetic(parameters={"dyke": [0, -1e30, 0, 0]}), ["parameters.dyke: X2 of law 'mangia' is -1e+30", BEYOND]),
+        (
+            dyke(start={"law": "constant_gamma", "parameters": [2000]}),
+            ["gamma of law 'constant_gamma' is 2000", BEYOND],
+        ),
+        (dyke(bounds=[[0, 1e30]] * 4), ["bounds of X1 are [0, 1e+30], expected within"]),
+        (dyke(looks=2.5), ["looks is 2.5 and calibrate is true, expected looks only with calibrate: false"]),
     ],
 )
-def test_parameters_of_absurd_size_are_refused(data, words):
+def test_numbers_that_no_material_has_are_refused(data, words):
     text = message(data)
-    assert words in text
-    assert "expected -1000 to 1000" in text
+    assert all(word in text for word in words), text
 
 
 @pytest.mark.parametrize("start", [X, {"law": "mangia", "parameters": X}])
@@ -116,9 +115,7 @@ def test_whole_parameters():
     ],
 )  # fmt: skip
 def test_what_is_not_whole_is_refused(materials, sections, words):
-    with pytest.raises(ConfigError) as caught:
-        case_from(outside({**WHOLE, **materials}, **sections))
-    assert words in str(caught.value)
+    assert words in message(outside({**WHOLE, **materials}, **sections))
 
 
 FORMULA = {"law": "formula", "formula": "a + b*cos(phi)", "names": ["a", "b"]}

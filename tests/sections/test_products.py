@@ -28,11 +28,7 @@ def test_the_name_replaces_three_keys():
 @pytest.mark.parametrize(
     ("radar", "measurement", "words"),
     [
-        (
-            None,
-            {"scale": "power"},
-            "scale is power, S1A.*tif is a HyP3 RTC product, whose scale is db: leave the key out",
-        ),
+        (None, {"scale": "power"}, "scale is power, S1A.*tif is a HyP3 RTC product, whose scale is db: leave the key"),
         (None, {"radiometry": "sigma0_ref"}, "radiometry is sigma0_ref, .* whose radiometry is gamma0_rtc"),
         (None, {"polarisation": "VH"}, "polarisation is VH, .* whose polarisation is VV"),
         ({"polarisation": "VH"}, {}, "measurement.polarisation is VV, radar.polarisation is VH"),

@@ -1,13 +1,13 @@
 """Section simulator: other people's programs."""
 
+import re
 from pathlib import Path
 
 import pytest
-from config_samples import COMMAND, NO_TRUTH, SOIL, TRUE_SOIL, WHOLE, X, outside
+from config_samples import COMMAND, NO_TRUTH, SOIL, TRUE_SOIL, WHOLE, X, message, outside
 
 from radcal.config import case_from, load
 from radcal.config.stages import STAGES
-from radcal.errors import ConfigError
 
 
 def test_unquoted_placeholders_are_what_was_meant(tmp_path):
@@ -44,9 +44,8 @@ def test_unquoted_placeholders_are_what_was_meant(tmp_path):
     ],
 )
 def test_wrong_external_simulators_end_in_a_sentence(changes, words):
-    with pytest.raises(ConfigError, match=words) as caught:
-        case_from({"simulator": COMMAND, "materials": {"soil": SOIL}, "measurement": NO_TRUTH} | changes)
-    assert "\n" not in str(caught.value)
+    text = message({"simulator": COMMAND, "materials": {"soil": SOIL}, "measurement": NO_TRUTH} | changes)
+    assert re.search(words, text)
 
 
 def test_another_program_ends_at_the_sampling_error_unless_a_tolerance_is_asked_for():
@@ -67,8 +66,8 @@ def test_the_longest_run_is_that_of_all_attempts_waits_and_draws():
     assert case_from({"simulator": {"draws": 3}}).simulator.longest_run_s == 2700
     # 2^20 - 1 waits of the first
     assert case_from(outside(WHOLE, simulator=COMMAND | {"retries": 20, "retry_wait_s": 2})).simulator.retries == 20
-    with pytest.raises(ConfigError, match=r"retry_wait_s is 3 and retries 20: .* add up to 36\.4 days"):
-        case_from(outside(WHOLE, simulator=COMMAND | {"retries": 20, "retry_wait_s": 3}))
+    said = message(outside(WHOLE, simulator=COMMAND | {"retries": 20, "retry_wait_s": 3}))
+    assert "retry_wait_s is 3 and retries 20: waits that double each time add up to 36.4 days, expected at" in said
 
 
 @pytest.mark.parametrize(("given", "told"), [(None, False), ({"radar": False}, False), ({}, True)])
