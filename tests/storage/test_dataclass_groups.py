@@ -7,9 +7,6 @@ from typing import Annotated, Any, Literal
 import h5py
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
 from radcal.errors import StoreError
@@ -52,12 +49,12 @@ class Outer:
     notes: tuple[str, ...] = field(default_factory=tuple)
 
 
+PLAIN = {"count": 3, "fixed": True, "source": "a file, näher bezeichnet", "mode": "b"}
+
+
 def example(**changed):
     values = {
-        "count": 3,
-        "fixed": True,
-        "source": "a file, näher bezeichnet",
-        "mode": "b",
+        **PLAIN,
         "shape": (4, 7),
         "names": ("Wald", "Wasser"),
         "image_db": np.arange(1200, dtype=np.float32).reshape(30, 40),
@@ -84,37 +81,14 @@ def kept(value, path):
 def test_what_was_written_is_read(tmp_path):
     written = example(other=Inner(0.25, np.array([False])), maybe_db=-7.0, notes=("one", "two"))
     found = kept(written, tmp_path / "a.h5")
-    for name in ("count", "fixed", "source", "mode", "shape", "names", "reasons", "maybe_db", "later", "notes"):
-        assert getattr(found, name) == getattr(written, name)
-        assert type(getattr(found, name)) is type(getattr(written, name))
-    assert found.image_db.dtype == np.float32
-    np.testing.assert_array_equal(found.image_db, written.image_db)
-    np.testing.assert_array_equal(found.arrays["q"], written.arrays["q"])
-    assert found.other.level_db == 0.25
-    assert list(found.curves) == ["z", "a"], "in the order in which they were written, not in that of the alphabet"
-    assert list(found.parts) == ["b", "a"]
-    assert (found.curves["a"].names, found.curves["a"].frequency_ghz, found.curves["a"].law) == (
-        ("u",),
-        1.3,
-        "external",
-    )
-    assert found.curves["z"].frequency_ghz is None
-    assert (found.curves["z"].remark, found.curves["a"].remark, found.given) == (None, "u?", None)
-    np.testing.assert_array_equal(found.curves["z"].values, [1.0, -2.0])
     assert same(found, written)
+    assert list(found.curves) == ["z", "a"], "in the order in which they were written, not in that of the alphabet"
 
 
 def test_the_file_is_what_the_table_says(tmp_path):
     kept(example(), tmp_path / "a.h5")
     with h5py.File(tmp_path / "a.h5", "r") as file:
-        assert {**file.attrs, "shape": list(file.attrs["shape"])} == {
-            "count": 3,
-            "fixed": True,
-            "source": "a file, näher bezeichnet",
-            "mode": "b",
-            "shape": [4, 7],
-            "later": 2.5,
-        }
+        assert {**file.attrs, "shape": list(file.attrs["shape"])} == {**PLAIN, "shape": [4, 7], "later": 2.5}
         assert set(file) == {"names", "image_db", "inner", "curves", "parts", "reasons", "arrays", "notes"}
         assert dict(file["image_db"].attrs) == {"description": "image of the pass", "unit": "dB"}
         assert file["image_db"].compression == "gzip"
@@ -181,23 +155,6 @@ def test_a_type_without_a_place_is_refused(tmp_path):
 
     with h5py.File(tmp_path / "a.h5", "w") as file, pytest.raises(TypeError, match=r"things: a list\[int\] has no"):
         put(file, Wrong([1]))
-
-
-@pytest.mark.slow
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40, deadline=None)
-@given(
-    values=arrays.arrays(st.sampled_from(["f8", "f4", "i8", "u2", "?"]), arrays.array_shapes(min_dims=0, min_side=0)),
-    names=st.lists(st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"])), max_size=4),
-    count=st.integers(-(2**63), 2**63 - 1),
-    level=st.floats(),
-)
-def test_any_array_text_and_number_comes_back(values, names, count, level, tmp_path):
-    found = kept(example(arrays={"q": values}, names=tuple(names), count=count, later=level), tmp_path / "a.h5")
-    np.testing.assert_array_equal(found.arrays["q"], values)
-    assert found.arrays["q"].dtype == values.dtype
-    assert found.names == tuple(names)
-    assert found.count == count
-    np.testing.assert_equal(found.later, level)
 
 
 @dataclass(frozen=True)
@@ -272,19 +229,6 @@ def test_fields_are_described_in_the_docstring(tmp_path):
         assert dict(file["low_db"].attrs)["unit"] == "dB"
         assert file["high_db"].dims[0].label == "n"
         assert dict(file["count"].attrs) == {"in shadow": 4}
-
-
-@dataclass(frozen=True)
-class Perhaps:
-    level_db: float | None
-    image: NDArray[Any] | None
-
-
-def test_none_is_read_where_the_class_has_no_default(tmp_path):
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        put(file, Perhaps(None, None))
-        assert dict(file.attrs) == {}
-        assert take(file, Perhaps) == Perhaps(None, None)
 
 
 @dataclass(frozen=True)

@@ -88,13 +88,6 @@ def test_atomic_failure_keeps_the_old_file(tmp_path):
     assert left_in(tmp_path) == ["a.txt"]
 
 
-def test_full_disk_is_a_store_error(tmp_path):
-    path = tmp_path / "a.txt"
-    with pytest.raises(StoreError, match=r"a\.txt: cannot be written \(No space left on device\)"), atomic(path):
-        raise OSError(28, "No space left on device")
-    assert left_in(tmp_path) == []
-
-
 def test_folder_in_the_way_is_a_store_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreError, match="cannot be written"), atomic(tmp_path / "file" / "a.txt"):

@@ -66,34 +66,30 @@ def test_a_run_with_the_pixels_of_another_geometry_is_made_again(runner, store, 
     assert simulator.calls == calls + 1
 
 
-def test_another_session_finds_the_run(runner, store, simulator, geometry, case):
-    key = runner.run(X, 7).key
-    tuples = {name: tuple(np.float64(v) for v in x) for name, x in reversed(X.items())}
-    assert Runner(RunStore(store.folder), simulator, geometry, "scene", case).run(tuples, 7).key == key
-    assert simulator.calls == 1
-
-
 def test_key_changes_with_all_that_changes_the_numbers(store, geometry, build_case, monkeypatch):
     monkeypatch.setitem(LAWS.builtin, "other", LAWS["mangia"])
-    simulator, case = Counting(geometry.shape), build_case()
-    radar = {"altitude_m": 1000.0}
+
+    def key(x=X, seed=7, scene="scene", version=1, **sections):
+        runner = Runner(store, Counting(geometry.shape, version), geometry, scene, build_case(**sections))
+        return digest(runner.description(x, seed))
+
+    def table(angles_deg, **radar):
+        law = {"calibrate": True, "law": "tabulated", "angles_deg": angles_deg, "bounds": [[-30, 0]] * 2}
+        x = {"dyke": [-9.0, -12.0], "grass": X["grass"]}
+        return key(x, materials={"dyke": law, "grass": grass}, radar={"altitude_m": 1000.0, **radar},
+                   measurement={"synthetic": {"parameters": {"dyke": [-9, -12]}}})  # fmt: skip
+
     grass = {"parameters": X["grass"]}
+    changes = ({"altitude_m": 1001.0}, {"looks": 3}, {"nesz_db": -21.0}, {"look_side": "left"}, {"band": "C"})
     keys = [
-        Runner(store, simulator, geometry, "scene", case).run(X, 7).key,
-        Runner(store, simulator, geometry, "scene", case).run({**X, "dyke": [6.1, 14.2, 21.5, 3.3 + 1e-15]}, 7).key,
-        Runner(store, simulator, geometry, "scene", case).run({**X, "grass": [10.0, 14.0, 6.0, 4.5]}, 7).key,
-        Runner(store, simulator, geometry, "scene", case).run({"dyke": X["grass"], "grass": X["dyke"]}, 7).key,
-        Runner(store, simulator, geometry, "scene", case).run(X, 8).key,
-        Runner(store, simulator, geometry, "other scene", case).run(X, 7).key,
-        Runner(store, Counting(geometry.shape, 2), geometry, "scene", case).run(X, 7).key,
-    ]
-    changes = [
-        {"radar": radar | change}
-        for change in ({"altitude_m": 1001.0}, {"looks": 3}, {"nesz_db": -21.0}, {"look_side": "left"}, {"band": "C"})
-    ]
-    changes.append({"materials": {"dyke": {"calibrate": True, "law": "other"}, "grass": grass}})
-    keys += [Runner(store, simulator, geometry, "scene", build_case(**change)).run(X, 7).key for change in changes]
-    assert len(set(keys)) == len(keys) == 13
+        key(), key(seed=8), key(scene="other scene"), key(version=2),
+        key({**X, "dyke": [6.1, 14.2, 21.5, 3.3 + 1e-15]}), key({**X, "grass": [10.0, 14.0, 6.0, 4.5]}),
+        key({"dyke": X["grass"], "grass": X["dyke"]}),
+        *(key(radar={"altitude_m": 1000.0, **change}) for change in changes),
+        key(materials={"dyke": {"calibrate": True, "law": "other"}, "grass": grass}),
+        table([20, 40]), table([20, 41]), table([20, 40], frequency_ghz=9.6), table([20, 40], frequency_ghz=9.65),
+    ]  # fmt: skip
+    assert len(set(keys)) == len(keys) == 17
 
 
 def test_key_of_a_run_is_that_of_earlier_versions(store, geometry, case):
@@ -122,21 +118,6 @@ def test_values_of_the_environment_are_in_the_key_and_not_in_the_record(store, g
         file.attrs["description"] = json.dumps(runner.description(X, 7))
     assert store.get(record.key, ["dyke"]) is not None
     assert "s3cr3t" not in json.dumps(store.description(record.key))
-
-
-def test_key_knows_frequency_and_knots(store, geometry, build_case):
-    def key(angles, **radar):
-        table = {"calibrate": True, "law": "tabulated", "angles_deg": angles, "bounds": [[-30, 0]] * 2}
-        case = build_case(
-            materials={"dyke": table, "grass": {"parameters": X["grass"]}},
-            measurement={"synthetic": {"parameters": {"dyke": [-9, -12]}}},
-            radar={"altitude_m": 1000.0, **radar},
-        )
-        runner = Runner(store, Counting(geometry.shape), geometry, "scene", case)
-        return digest(runner.description({"dyke": [-9.0, -12.0], "grass": X["grass"]}, 7))
-
-    keys = [key([20, 40]), key([20, 41]), key([20, 40], frequency_ghz=9.6), key([20, 40], frequency_ghz=9.65)]
-    assert len(set(keys)) == 4
 
 
 def test_a_reference_run_of_another_law_is_another_run(store, geometry, build_case):
@@ -170,21 +151,18 @@ def test_key_does_not_change_with_how_runs_are_used(store, geometry, build_case)
         {"materials": {"dyke": {"calibrate": True, "bounds": [[0, 60]] * 4, "start": [1, 1, 1, 1]}, "grass": grass}},
         {"materials": {"grass": grass, "dyke": {"calibrate": True}}},
     ]
-    keys = {Runner(store, simulator, geometry, "scene", build_case(**change)).run(X, 7).key for change in changes}
+    tuples = {name: tuple(np.float64(v) for v in x) for name, x in reversed(X.items())}
+    keys = {
+        Runner(RunStore(store.folder), simulator, geometry, "scene", build_case(**change)).run(x, 7).key
+        for change in changes
+        for x in (X, tuples)
+    }
     assert len(keys) == 1
     assert simulator.calls == 1
 
 
 def truncate(path):
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-
-
-def empty(path):
-    path.write_bytes(b"")
-
-
-def garbage(path):
-    path.write_bytes(np.random.default_rng(0).bytes(5000))
 
 
 def other_hash(path):
@@ -202,9 +180,7 @@ def no_attributes(path):
         del file.attrs["seconds"]
 
 
-@pytest.mark.parametrize(
-    "damage", [truncate, empty, garbage, other_hash, no_pixels, no_attributes], ids=lambda f: f.__name__
-)
+@pytest.mark.parametrize("damage", [truncate, other_hash, no_pixels, no_attributes], ids=lambda f: f.__name__)
 def test_damaged_record_is_set_aside_and_made_again(runner, store, simulator, damage, caplog):
     first = runner.run(X, 7)
     path = store.path(first.key)
@@ -268,7 +244,7 @@ def test_nan_where_no_calibrated_material_is_seen_is_kept(store, geometry, case)
     assert (record.pixels_db["dyke"] == 1).all()
 
 
-@pytest.mark.parametrize("shape", [(10, 10), (5,), ()])
+@pytest.mark.parametrize("shape", [(10, 10), (5,)])
 def test_image_of_another_size_leaves_no_record(store, geometry, case, shape):
     rows, columns = geometry.shape
     with pytest.raises(SimulatorError, match=rf"the simulator's image has .* expected \({rows}, {columns}\)"):
