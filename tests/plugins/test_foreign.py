@@ -135,15 +135,6 @@ def test_a_run_by_a_foreign_simulator_and_a_law_with_a_condition(installed, geom
         runner(5.0).require_looks("complex")
 
 
-def test_a_name_of_radcal_or_of_a_second_package_is_refused(installed):
-    other = installed / "other-2.0.dist-info"
-    other.mkdir()
-    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 2.0\n")
-    (other / "entry_points.txt").write_text("[radcal.registrations]\nilk = elsewhere_sar:half_px\n")
-    with pytest.raises(ConfigError, match=r"radcal\.registrations: radcal and other 2\.0 both have 'ilk'"):
-        loaded(installed)
-
-
 def test_mistakes_in_the_keys_of_another_package_are_named(installed):
     with pytest.raises(ConfigError, match=r"scene\.side is 5, expected greater than or equal to 20"):
         loaded(installed, **{"side: 40": "side: 5"})

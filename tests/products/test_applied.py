@@ -12,7 +12,6 @@ from radcal.config import RegistrationConfig, TargetConfig, Uncertainty, case_fr
 from radcal.config.loading import load_measured
 from radcal.errors import ConfigError, StoreError
 from radcal.figures.applied_figures import Prediction
-from radcal.findings import Finding
 from radcal.ground.bins import class_of, incidence_edges
 from radcal.image.model import Measurement
 from radcal.laws import LAWS, law_for
@@ -32,7 +31,6 @@ from radcal.products.applied import (
 from radcal.products.applied_bins import PredictionBins, by_constant_db, predictive_db
 from radcal.registration.registered import Registered, registered_as, write_registered
 from radcal.results.archive import write_archive
-from radcal.words import doubts
 
 LAW = law_for("tabulated", angles_deg=(20.0, 60.0))
 X = [-6.0, -16.0]
@@ -247,16 +245,6 @@ def test_table_and_conclusion_say_only_what_was_shown():
     )
 
 
-def test_what_limits_a_prediction_is_told():
-    numbers = {"p05_db": 1.2, "rms_db": 1.9, "p95_db": 3.0}
-    found = [Finding("refuted", "warning", name, numbers) for name in ("dyke", "lake")]
-    found += [Finding("not_refuted", "note", "dyke")]
-    found += [Finding("undetermined", "warning", "dyke", {"narrowest_db": 1.8, "known_db": 1.5})]
-    first, second = doubts({"dyke"}, found)
-    assert first.startswith("warning: dyke: the form of the law is refuted: it is wrong by 1.9 dB")
-    assert second.startswith("warning: dyke: sigma0 is determined at no angle")
-
-
 def archive_of(**dyke):
     """Archive of two calibrated materials, of which the dyke has effective looks."""
     values = {"parameters_model": None, "seen_deg": np.array([[38.9, 39.1]])}
@@ -269,10 +257,15 @@ def archive_of(**dyke):
     return SimpleNamespace(configured=case, laws=laws, materials=materials)
 
 
+def written(folder, materials, **overrides):
+    """File of another case, and the case."""
+    path = folder / "other.yaml"
+    path.write_text(f"case: other\nmaterials: {{{materials}}}\n")
+    return path, load_forward([path], overrides)
+
+
 def test_calibrated_materials_replace_those_of_the_other_case(tmp_path):
-    path = tmp_path / "other.yaml"
-    path.write_text("case: other\nmaterials: {dyke: {parameters: [1, 2, 3, 4]}, lake: {parameters: [4, 3, 2, 1]}}\n")
-    other = load_forward([path])
+    path, other = written(tmp_path, "dyke: {parameters: [1, 2, 3, 4]}, lake: {parameters: [4, 3, 2, 1]}")
     changed = with_laws(archive_of(), other)
     assert list(changed.materials) == ["dyke", "lake"]
     assert changed.materials["dyke"].parameters == [6.0, 14.0, 21.0, 3.0]
@@ -281,19 +274,18 @@ def test_calibrated_materials_replace_those_of_the_other_case(tmp_path):
     # the law nearest to the band's median, if there is a band
     nearest = archive_of(posterior={"parameters_model": np.array([5.0, 13.0, 20.0, 2.0])})
     assert with_laws(nearest, other).materials["dyke"].parameters == [5.0, 13.0, 20.0, 2.0]
-    path.write_text("case: other\nmaterials: {lake: {parameters: [4, 3, 2, 1]}}\n")
+    path, other = written(tmp_path, "lake: {parameters: [4, 3, 2, 1]}")
     with pytest.raises(ConfigError, match="calibrated dyke, stem beans, of which other has no material: it has lake"):
-        with_laws(archive_of(), load_forward([path]))
+        with_laws(archive_of(), other)
     assert load_measured([path]) is None
     with pytest.raises(StoreError, match=r"the calibration is not finished, expected calibration.h5"):
-        apply(tmp_path, load_forward([path]), None, tmp_path / "out", tmp_path / "runs")
+        apply(tmp_path, other, None, tmp_path / "out", tmp_path / "runs")
 
 
 def test_members_have_the_levels_of_the_draws(tmp_path):
     """Each has a draw of law and error of its form, raised to mean power by the spreads of fields and cells."""
-    path = tmp_path / "other.yaml"
-    path.write_text("case: other\nmaterials: {dyke: {parameters: [1, 2, 3, 4]}, lake: {parameters: [4, 3, 2, 1]}}\n")
-    other, rng = load_forward([path]), np.random.default_rng(3)
+    _, other = written(tmp_path, "dyke: {parameters: [1, 2, 3, 4]}, lake: {parameters: [4, 3, 2, 1]}")
+    rng = np.random.default_rng(3)
     x = np.array([-20.0, 8.0, 12.0, 4.0]) + rng.normal(0.0, 2.0, (60, 4))
     form, field, cell = rng.normal(0.0, 0.5, (60, 91)), rng.uniform(0.5, 2.0, 60), rng.uniform(0.5, 2.0, 60)
     archive = archive_of(posterior={"draws": KeptDraws(x, field, cell, form, np.zeros(60)), "curve": ()})
@@ -314,8 +306,6 @@ def test_members_have_the_levels_of_the_draws(tmp_path):
 
 
 def test_members_of_a_law_that_depends_on_the_pass_need_its_pass(tmp_path):
-    path = tmp_path / "other.yaml"
-    path.write_text("case: other\nradar: {polarisation: VV}\nmaterials: {dyke: {parameters: [1, 2, 3, 4]}}\n")
     draws = KeptDraws(np.ones((9, 4)), np.ones(9), np.ones(9), np.ones((9, 91)), np.ones(9))
     found = archive_of(posterior={"draws": draws, "curve": ()})
     oh = {"calibrate": True, "law": "oh1992"}
@@ -323,18 +313,18 @@ def test_members_of_a_law_that_depends_on_the_pass_need_its_pass(tmp_path):
     sections = {"radar": {"frequency_ghz": 9.6}, "materials": {"dyke": oh}, "measurement": hidden}
     found.configured = case_from({"case": "small", **sections})
     found.laws["dyke"] = np.array([9.0, 1.5, 1.0])
-    other = load_forward([path], {"radar": {"frequency_ghz": 9.6}})
+    radar = {"polarisation": "VV", "frequency_ghz": 9.6}
+    _, other = written(tmp_path, "dyke: {parameters: [1, 2, 3, 4]}", radar=radar)
     with pytest.raises(ConfigError, match=r"radar.polarisation: --draws has laws of dyke at HH of small alone"):
         members_of(found, other, 2)
 
 
-@pytest.mark.parametrize("config", ["no JSON", "[1]", "{}", '{"materials": {"dyke": {"law": "none"}}}'])
+@pytest.mark.parametrize("config", ["no JSON", '{"materials": {"dyke": {"law": "none"}}}'])
 def test_other_contents_under_a_right_checksum_are_one_sentence(made, tmp_path, config):
     write_archive(tmp_path / "calibration.h5", replace(made.archive, config=config))
-    other = tmp_path / "other.yaml"
-    other.write_text("case: other\nmaterials: {dyke: {parameters: [1, 2, 3, 4]}}\n")
+    _, other = written(tmp_path, "dyke: {parameters: [1, 2, 3, 4]}")
     with pytest.raises(StoreError, match=r"calibration\.h5: holds other contents than radcal writes"):
-        apply(tmp_path, load_forward([other]), None, tmp_path / "out", tmp_path / "runs")
+        apply(tmp_path, other, None, tmp_path / "out", tmp_path / "runs")
 
 
 def test_the_law_is_taken_at_the_incidence_of_each_part():

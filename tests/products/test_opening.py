@@ -125,19 +125,16 @@ def test_posterior_for_arviz(made, tmp_path):
     assert found.attrs["case"] == "small"
 
 
-def test_without_pystac_the_message_says_what_to_install(folder, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pystac", None)
-    with pytest.raises(ImportError, match=r"to_stac\(\) needs .* pip install 'radcal\[stac\]'"):
-        radcal.open(folder).to_stac()
-
-
-def test_without_xarray_the_message_says_what_to_install(folder, monkeypatch):
-    monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(ImportError, match=r"to_arviz\(\) needs .* pip install 'radcal\[arviz\]'"):
-        radcal.open(folder).to_arviz()
+def test_without_an_optional_library_the_message_says_what_to_install(folder, monkeypatch):
+    results = radcal.open(folder)
+    for library in ("pystac", "xarray"):
+        monkeypatch.setitem(sys.modules, library, None)
+    for call, extra in ((results.to_stac, "stac"), (results.to_arviz, "arviz")):
+        with pytest.raises(ImportError, match=rf"to_{extra}\(\) needs .* pip install 'radcal\[{extra}\]'"):
+            call()
     with pytest.raises(ImportError, match=r"image\('measured'\) needs .* pip install 'radcal\[xarray\]'"):
-        radcal.open(folder).image("measured")
-    assert radcal.open(folder).array("measured").shape == (40, 30)
+        results.image("measured")
+    assert results.array("measured").shape == (40, 30)
 
 
 def test_what_is_missing_is_named(folder, tmp_path):

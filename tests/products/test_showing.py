@@ -9,12 +9,10 @@ from typer.testing import CliRunner
 from radcal.cli import app
 from radcal.config.stages import OUTPUTS
 from radcal.errors import StoreError
-from radcal.findings import Finding
 from radcal.products.showing import results_folder, show
 from radcal.results.summary import summarise
 from radcal.storage.lock import CaseLock
 from radcal.storage.records import write_json
-from radcal.words import sentence
 
 PATHS = [path.format(p=1, k=0, j=0, chunk=0, s=1, material="dyke") for path in OUTPUTS]
 
@@ -51,34 +49,15 @@ def test_a_finished_case(folder, made):
     ]
 
 
-def test_registration_runs_are_counted_apart(folder):
-    data = json.loads((folder / "summary.json").read_text())
-    data["runs"] |= {"reference": 3, "registration": 2}
-    (folder / "summary.json").write_text(json.dumps(data))
+def test_registration_runs_are_counted_apart_and_a_summary_without_runs_is_one_sentence(folder):
+    file = folder / "summary.json"
+    data = json.loads(file.read_text())
+    file.write_text(json.dumps(data | {"runs": data["runs"] | {"reference": 3, "registration": 2}}))
     assert "besides 1 reference, 2 registration, 1 final; end" in show(folder)[7]
-
-
-def test_warnings_are_shown(folder):
-    data = json.loads((folder / "summary.json").read_text())
-    level = Finding("level", "warning", "pass 1", {"level_db": 2.0, "p05_db": 1.6, "p95_db": 2.4})
-    changed = {
-        "warnings": ["warning: no relief", sentence(level)],
-        "findings": [json.loads(level.json()) | {"text": sentence(level, prefix=False)}],
-    }
-    (folder / "summary.json").write_text(json.dumps(data | changed))
-    lines = show(folder)
-    # what the headline tells is not repeated
-    assert lines[5] == "warning: no relief"
-    assert lines[6].startswith("simulator runs")
-
-
-def test_a_value_at_a_bound_is_printed_as_the_bound(folder):
-    data = json.loads((folder / "summary.json").read_text())
-    dyke = data["materials"]["dyke"]
-    dyke["bounds"][1:3] = [[0.0, 20.0], [2.0, 25.0]]
-    dyke["parameters"] |= {"X2": 5.202e-22, "X3": 24.999}
-    (folder / "summary.json").write_text(json.dumps(data))
-    assert "X2 0 (at its lower bound; 5 to 95 %: 2 to 3.9), X3 25 (at its upper bound; 5 to 95" in show(folder)[1]
+    del data["runs"]
+    file.write_text(json.dumps(data))
+    with pytest.raises(StoreError, match=r"summary\.json: holds other contents .* \(KeyError: 'runs'\)"):
+        show(folder)
 
 
 def test_an_unfinished_case_says_what_is_missing(folder):
@@ -131,11 +110,3 @@ def test_a_case_is_found_by_name_folder_or_file(folder, tmp_path):
     failed = CliRunner().invoke(app, ["show", "gone"])
     assert (failed.exit_code, failed.stdout) == (1, "")
     assert failed.stderr.startswith("radcal: gone: there is no folder")
-
-
-def test_a_summary_without_runs_is_one_sentence(folder):
-    summary = json.loads((folder / "summary.json").read_text())
-    del summary["runs"]
-    (folder / "summary.json").write_text(json.dumps(summary))
-    with pytest.raises(StoreError, match=r"summary\.json: holds other contents .* \(KeyError: 'runs'\)"):
-        show(folder)

@@ -158,20 +158,6 @@ def test_all_mistakes_of_a_file_of_materials_are_told_at_once(tmp_path, case):
     )
 
 
-def test_values_to_be_decided_are_told_but_those_that_are_not_read(tmp_path, case):
-    text = case.read_text().replace("[-20, 8, 6, 4]", "[FILL_IN]").replace("[-30, 5, 20, 9]", "[FILL_IN]")
-    case.write_text(f"{text}measurement: {{path: FILL_IN}}\n")
-    field, lake = simulate(case).stderr.splitlines()
-    assert ", line 4: materials.field.parameters is FILL_IN, expected" in field
-    assert "materials.lake.parameters is FILL_IN" in lake
-    law = {"law": "constant_gamma", "parameters": [-8]}
-    (line,) = simulate(case, "--materials", write_materials(tmp_path, lake=law)).stderr.splitlines()
-    assert line.startswith(f"radcal: {case}, line 4: materials.field.parameters is FILL_IN, expected fixed parameters")
-    case.write_text("materials: [field]\n")
-    done = simulate(case, "--materials", write_materials(tmp_path, lake=law))
-    assert done.stderr == f"radcal: {case}, line 1: materials is ['field'], expected keys and values.\n"
-
-
 def test_laws_of_a_land_cover_map_are_those_of_the_case(tmp_path):
     case = tmp_path / "map.yaml"
     scene = {"source": "raster", "elevation": "a.tif", "materials": "b.tif", "landcover": "nlcd", "vertical_datum": "x"}
