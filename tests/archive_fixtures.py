@@ -59,18 +59,9 @@ class Made:
         case = STAGES["archive"].of(at.case)
         each = [posterior() if case.laws[name].has_curve else without_curve() for name in at.targets]
         archive = archive_of(
-            case,
-            at.stop,
-            at.history,
-            at.scene,
-            at.geometry,
-            at.passes or [at.registered],
-            at.targets,
-            at.runs,
-            at.final,
-            each,
-            at.image,
-        )
+            case, at.stop, at.history, at.scene, at.geometry, at.passes or [at.registered], at.targets, at.runs,
+            at.final, each, at.image,
+        )  # fmt: skip
         write_archive(path, archive)
         return read_archive(path)
 
@@ -200,14 +191,10 @@ def make_archive(
     if moved:
         field = np.full((2, *shape), 1.5, dtype=np.float32)
         registered = replace(
-            registered,
-            method="gefolki",
-            applied=True,
-            verdict="registered with gefolki: moved.",
-            displacement_px=field,
-            uncertainty_px=np.full(shape, 0.2, dtype=np.float32),
+            registered, method="gefolki", applied=True, verdict="registered with gefolki: moved.",
+            displacement_px=field, uncertainty_px=np.full(shape, 0.2, dtype=np.float32),
             measurement=replace(measurement, misregistration_px=field + 0.5),
-        )
+        )  # fmt: skip
     RunStore(folder / "runs").put(record(runs[0].keys[0]), {})
     final = (record(runs[-1].keys[0]), record("fresh"))
     scene = Scene("made up", geometry.names, material, np.hypot(*np.indices(shape)), 5.0)

@@ -79,36 +79,20 @@ def posterior(**changes):
     """Posterior of a law with four parameters, determined between two angles, with changes to its fields."""
     angle, four = np.arange(86.0), np.array([1.0, 2.0, 3.0, 4.0])
     curve = Curve(
-        incidence_deg=angle,
-        median_db=-4.0 - 0.2 * angle,
-        p05_db=-5.0 - 0.21 * angle,
-        p95_db=-3.2 - 0.18 * angle,
-        systematic_db=np.full(86, 0.4),
-        field_median_db=-4.1 - 0.2 * angle,
-        field_p05_db=-4.6 - 0.205 * angle,
-        field_p95_db=-3.7 - 0.19 * angle,
-    )
+        incidence_deg=angle, systematic_db=np.full(86, 0.4),
+        median_db=-4.0 - 0.2 * angle, p05_db=-5.0 - 0.21 * angle, p95_db=-3.2 - 0.18 * angle,
+        field_median_db=-4.1 - 0.2 * angle, field_p05_db=-4.6 - 0.205 * angle, field_p95_db=-3.7 - 0.19 * angle,
+    )  # fmt: skip
     keys = {
-        "sampled": True,
-        "ess": 812.0,
-        "r_hat": 1.01,
-        "steps": 1500,
-        "cells": 210,
-        "fields": 7,
-        "parameters_p05": four,
-        "parameters_p50": four + 0.7,
-        "parameters_p95": four + 1.9,
-        "looks": 3.0,
+        "sampled": True, "ess": 812.0, "r_hat": 1.01, "steps": 1500, "cells": 210, "fields": 7, "looks": 3.0,
+        "parameters_p05": four, "parameters_p50": four + 0.7, "parameters_p95": four + 1.9,
         "between_db": np.array([0.21, 0.3, 0.39]),
         "within_db": np.array([0.1, 0.15, 0.2]),
-        "seen_deg": np.array([[21.0, 44.0]]),
-        "parameters_model": four + 0.8,
-        "curve": curve,
-        "known_between_deg": (22.25, 39.5),
-        "known_half_width_db": 1.5,
+        "seen_deg": np.array([[21.0, 44.0]]), "parameters_model": four + 0.8, "curve": curve,
+        "known_between_deg": (22.25, 39.5), "known_half_width_db": 1.5,
         "form": FormError(np.array([0.06, 0.25, 0.7]), noticed=False, refuted=False, noticed_db=1.4),
         **changes,
-    }
+    }  # fmt: skip
     return Posterior(**keys)
 
 

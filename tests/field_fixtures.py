@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from calibration_samples import BOUNDS, TRUTH
+from config_samples import flat
 
 from radcal.calibration.loop import calibrate
 from radcal.config import case_from
 from radcal.inference.misfit import BinMisfit
 from radcal.measurement.sources import make_measurement
 from radcal.radar.projection import make_geometry
-from radcal.registration.registered import Registered
+from radcal.registration.registered import register
 from radcal.scene.model import Scene
 from radcal.scene.slant_range import flat_incidence_deg
 from radcal.simulators.builtin import BuiltinSimulator
@@ -28,13 +29,7 @@ def parts():
     scene = Scene("tiny", ("field", "lake"), material, None, 1.0, flat_incidence_deg(20.0, 45.0, 90))
     case = case_from(
         {
-            "scene": {
-                "source": "slant_range",
-                "labels": "-",
-                "names": "-",
-                "near_incidence_deg": 20,
-                "far_incidence_deg": 45,
-            },
+            **flat(far_incidence_deg=45),
             "objective": "classes",
             "materials": {name: {"calibrate": True, "bounds": BOUNDS} for name in TRUTH},
             # displacements are not what is looked at here, and no registration would find them
@@ -56,16 +51,7 @@ def parts():
     lake = geometry.material == 2
     u = np.random.default_rng(1).random(int(lake.sum()))
     image[lake] += texture_db(u, texture_order(4.0, 2.5)).astype(np.float32)
-    registered = Registered(
-        measurement=replace(measurement, image_db=image),
-        unregistered_db=image,
-        displacement_px=np.zeros((2, *image.shape), dtype=np.float32),
-        uncertainty_px=np.zeros(image.shape, dtype=np.float32),
-        correlation=np.ones(image.shape, dtype=np.float32),
-        method="none",
-        applied=False,
-        verdict="",
-    )
+    registered = register(image, replace(measurement, image_db=image), case.registration)
     targets = make_targets(case, geometry, registered, image, BinMisfit)
     return case, simulator, geometry, scene, targets
 

@@ -12,19 +12,8 @@ SCRIPTS = sorted((Path(__file__).resolve().parents[1] / "workflow/scripts").glob
 LATE = ("matplotlib", "pandas", "platypus", "pyogrio", "rasterio", "scipy.stats", "skimage", "sklearn", "smt")
 LATE += ("scipy.linalg", "scipy.ndimage", "scipy.optimize", "snakemake")
 # numba takes half a second: for those that compute geometry or simulate
-SIMULATE = {
-    "products",
-    "frame",
-    "geometry",
-    "strip",
-    "reference",
-    "design_chunk",
-    "verify",
-    "final_runs",
-    "measurement",
-    "reuse",
-    "simulator",
-}
+SIMULATE = {"products", "frame", "geometry", "strip", "measurement", "simulator"}
+SIMULATE |= {"reference", "design_chunk", "verify", "final_runs", "reuse"}
 
 
 @pytest.mark.slow
