@@ -5,8 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from workflow_project import COLUMNS, ROWS, make_case, tiny_case, write_raster
 
+from radcal.checking.case_check import check_case
 from radcal.config import case_from, input_files
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
@@ -41,12 +43,10 @@ def check(case):
     check_replacement(case, OUT, input_files(case))
 
 
+STEEPER = {"scene": {**tiny_case()["scene"], "near_incidence_deg": 16.0}}
 CHANGED = [
     ({"radar": {"looks": 3}}, r"another geometry \(radar\.looks is 4 there, 3 here\), which stays as it is"),
-    (
-        {"scene": {**tiny_case()["scene"], "near_incidence_deg": 16.0}},
-        r"another scene \(scene\.near_incidence_deg is 15",
-    ),
+    (STEEPER, r"another scene \(scene\.near_incidence_deg is 15"),
 ]
 
 
@@ -104,3 +104,10 @@ def test_a_damaged_file_is_nothing_to_keep():
     (OUT / "passes/1/geometry.h5").write_bytes((OUT / "passes/1/geometry.h5").read_bytes()[:-1])
     check(case_from(tiny_case(radar={"looks": 3})))
     assert (OUT / "passes/1/geometry.h5").is_file(), "a check sets nothing aside"
+
+
+def test_radcal_check_notes_that_results_would_not_be_replaced():
+    Path("mine.yaml").write_text(yaml.safe_dump(tiny_case()))
+    (note,) = check_case(["mine.yaml"], {"radar": {"looks": 3}}).refused
+    assert note.startswith("results/tiny holds a finished calibration of another geometry (radar.looks is 4 there, 3 ")
+    assert check_case(["mine.yaml"], {"radar": {"looks": 3}}, "elsewhere").refused == []

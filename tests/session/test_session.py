@@ -2,8 +2,6 @@
 
 import logging
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -34,23 +32,12 @@ def test_a_command_opens_the_session_of_its_case(tmp_path):
     assert PROGRESS in os.environ
 
 
-@pytest.mark.parametrize(
-    ("text", "words", "said"),
-    [
-        ("stop: {rmss: 1}", [], "mine.yaml, line 1: unknown key stop.rmss (did you mean 'rms'?)"),
-        (
-            "simulator: {kind: command, command: [./no], output: {file: i.npy, scale: db}}",
-            [],
-            "mine.yaml, line 1: simulator.command",
-        ),
-    ],
-)
-def test_a_case_that_is_refused_ends_in_one_sentence(tmp_path, text, words, said):
-    (tmp_path / "mine.yaml").write_text(text)
-    with pytest.raises(SystemExit) as ended:
-        open_session(["mine.yaml"], {}, words, False, logging.getLogger("of snakemake"))
-    assert str(ended.value).startswith(f"radcal: {said}")
-    assert "\n" not in str(ended.value)
+def test_a_case_that_is_refused_ends_in_one_sentence(tmp_path):
+    (tmp_path / "mine.yaml").write_text("stop: {rmss: 1}")
+    with pytest.raises(
+        SystemExit, match=r"^radcal: mine.yaml, line 1: unknown key stop.rmss \(did you mean 'rms'\?\).*$"
+    ):
+        open_session(["mine.yaml"], {}, [], False, logging.getLogger("of snakemake"))
     assert not Path("results").exists()
 
 
@@ -80,20 +67,14 @@ def test_only_the_process_that_plans_jobs_checks_that_finished_results_stay(tmp_
         open_session(["mine.yaml"], {}, [], False, logging.getLogger("of snakemake"))
 
 
-@pytest.mark.parametrize(
-    ("command", "expected"),
-    [
-        ("snakemake -n", True),
-        ("snakemake --cores 2 -qnp reference", True),
-        ("snakemake --dry-run", True),
-        ("snakemake --dryrun --configfile n.yaml", True),
-        ("snakemake --cores 2 --nolock design", False),
-        ("snakemake --configfile -n.yaml", False),
-        ("snakemake -c 2", False),
-    ],
-)
-def test_a_dry_run_is_known_by_its_words(command, expected):
-    assert is_dry_run(command.split()) is expected
+@pytest.mark.parametrize("words", ["-n", "--cores 2 -qnp reference", "--dry-run", "--dryrun --configfile n.yaml"])
+def test_a_dry_run_is_known_by_its_words(words):
+    assert is_dry_run(words.split())
+
+
+@pytest.mark.parametrize("words", ["--cores 2 --nolock design", "--configfile -n.yaml", "-c 2"])
+def test_another_command_is_no_dry_run(words):
+    assert not is_dry_run(words.split())
 
 
 def test_jobs_hear_of_their_case(build_case):
@@ -106,14 +87,8 @@ def test_jobs_hear_of_their_case(build_case):
 
 
 def test_jobs_hear_of_the_command_but_not_of_values_that_may_be_secrets(build_case, monkeypatch):
-    words = [
-        "/opt/venv/bin/snakemake",
-        "--configfile",
-        "my case.yaml",
-        "--config",
-        'simulator={"environment": {"KEY": "k"}}',
-    ]
-    monkeypatch.setattr("sys.argv", words)
+    secret = 'simulator={"environment": {"KEY": "k"}}'
+    monkeypatch.setattr("sys.argv", ["/opt/venv/bin/snakemake", "--configfile", "my case.yaml", "--config", secret])
     Session(build_case())
     assert os.environ[COMMAND] == "snakemake --configfile 'my case.yaml' --config ..."
 
@@ -139,11 +114,9 @@ def test_damaged_files_are_set_aside_before_the_start(build_case, capsys):
         write_json("results/dyke/iterations/1/verified.json", [{"key": "b" * 20}])
     Path("results/dyke/iterations/1/verified.json").write_text("{}")
     Session(build_case()).set_damaged_aside()
-    first, second = capsys.readouterr().err.splitlines()
-    assert first.startswith("radcal: results/dyke/iterations/1/verified.json: is damaged")
-    assert second.startswith(
-        f"radcal: results/dyke/runs/{'a' * 20}.h5: the run is not there, though scores.json lists it"
-    )
+    said = capsys.readouterr().err.splitlines()
+    places = ["results/dyke/iterations/1/verified.json", f"results/dyke/runs/{'a' * 20}.h5"]
+    assert [line.split(": ")[:2] for line in said] == [["radcal", place] for place in places]
 
 
 def test_a_started_session_holds_the_folder_and_tidies_it(build_case, capsys):
@@ -171,35 +144,3 @@ def test_the_end_says_how_to_go_on(build_case, capsys):
     session.messages.interrupted = True
     session.end(failed=True)
     assert "stopped by Ctrl-C. 2 finished runs are kept in results/dyke/runs; " in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_the_folder_of_another_user_is_a_sentence(tmp_path):
-    code = (
-        "from radcal.config import case_from; from radcal.session.session import Session\n"
-        "session = Session(case_from({})); session.set_damaged_aside(); session.start()\n"
-        "print('started')"
-    )
-    command = [sys.executable, "-c", code]
-    if os.geteuid() == 0:
-        if subprocess.run(["unshare", "-U", "true"], capture_output=True, check=False).returncode:
-            pytest.skip("no user namespaces here (unshare -U)")
-        command = ["unshare", "-U", *command]  # root without its rights
-
-    def said() -> tuple[int, str]:
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        return done.returncode, done.stdout + done.stderr
-
-    assert said() == (0, "started\n")
-    for folder, words in (
-        ("results/dyke", "results/dyke cannot be written (Permission denied); results go there"),
-        ("results/dyke/design", "results/dyke/design cannot be written (Permission denied); results go there"),
-        (".snakemake", ".snakemake cannot be written (Permission denied); Snakemake's records go there"),
-    ):
-        path = tmp_path / folder
-        path.mkdir(exist_ok=True)
-        path.chmod(0o500)
-        assert said() == (1, f"radcal: {words}, so make it writable.\n")
-        path.chmod(0o700)
-    (tmp_path / "results/dyke/external/run").mkdir(parents=True, mode=0o500)  # whatever a program leaves there
-    assert said() == (0, "started\n")

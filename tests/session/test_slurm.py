@@ -47,36 +47,31 @@ def test_the_jobs_of_the_name_are_cancelled_and_no_others(queue, tmp_path):
     assert not (tmp_path / ".slurm").exists()
 
 
-def test_where_nothing_is_noted_nothing_is_asked(queue, tmp_path):
-    (tmp_path / "squeue").unlink()
-    assert cancel_leftovers(tmp_path / ".slurm") == 0
-
-
 def test_where_nothing_is_left_nothing_is_cancelled(queue, tmp_path):
-    remember(tmp_path / ".slurm", "ended")
     (tmp_path / "scancel").unlink()
+    remember(tmp_path / ".slurm", "ended")
+    assert cancel_leftovers(tmp_path / ".slurm") == 0
+    # where no name is noted, nothing is asked
+    (tmp_path / "squeue").unlink()
     assert cancel_leftovers(tmp_path / ".slurm") == 0
 
 
-def test_without_slurm_it_says_what_to_do(queue, tmp_path):
-    remember(tmp_path / ".slurm", "mine")
-    (tmp_path / "squeue").unlink()
-    with pytest.raises(ClusterError, match=r"no squeue here: go on where it was started, or, .* delete .*\.slurm\.$"):
-        cancel_leftovers(tmp_path / ".slurm")
-    assert (tmp_path / ".slurm").exists()
-
-
-def test_a_controller_that_does_not_answer_is_named(queue, tmp_path):
-    remember(tmp_path / ".slurm", "mine")
-    (tmp_path / "squeue").write_text("#!/bin/sh\necho 'Unable to contact slurm controller' >&2\nexit 1\n")
-    with pytest.raises(ClusterError, match=r"^squeue failed \(Unable to contact slurm controller\)"):
-        cancel_leftovers(tmp_path / ".slurm")
-    assert (tmp_path / ".slurm").exists()
-
-
-def test_jobs_that_do_not_end_are_named(queue, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("program", "text", "said"),
+    [
+        ("squeue", None, r"no squeue here: go on where it was started, or, .* delete .*\.slurm\.$"),
+        ("squeue", "echo 'Unable to contact' >&2\nexit 1", r"^squeue failed \(Unable to contact\)"),
+        ("scancel", "exit 0", r"^jobs 11, 12 of an earlier snakemake do not end"),
+    ],
+    ids=["no slurm", "no answer", "no end"],
+)
+def test_a_queue_that_cannot_be_emptied_is_a_sentence(queue, tmp_path, monkeypatch, program, text, said):
     monkeypatch.setattr("radcal.session.slurm._PATIENCE_S", 0.0)
     remember(tmp_path / ".slurm", "mine")
-    (tmp_path / "scancel").write_text("#!/bin/sh\nexit 0\n")
-    with pytest.raises(ClusterError, match=r"^jobs 11, 12 of an earlier snakemake do not end"):
+    (tmp_path / program).unlink()
+    if text is not None:
+        (tmp_path / program).write_text(f"#!/bin/sh\n{text}\n")
+        (tmp_path / program).chmod(0o755)
+    with pytest.raises(ClusterError, match=said):
         cancel_leftovers(tmp_path / ".slurm")
+    assert (tmp_path / ".slurm").exists()

@@ -32,10 +32,7 @@ open("done.txt", "w").write(f"{child} {sorted(number for number in range(3) if o
 """
 
 
-@pytest.mark.parametrize(
-    "ending",
-    ["2>&1 | head -1", ">&-", "<&- >&- 2>&-", ">/dev/full 2>&1"],
-)
+@pytest.mark.parametrize("ending", ["2>&1 | head -1", ">&-", "<&- >&- 2>&-", ">/dev/full 2>&1"])
 def test_whoever_prints_goes_on_without_a_reader(tmp_path, ending):
     (tmp_path / "prints.py").write_text(PRINTS)
     script = f"({sys.executable} prints.py; echo $? > code.txt) {ending}; while [ ! -s code.txt ]; do sleep 0.05; done"
@@ -111,15 +108,16 @@ def test_a_bar_stays_below_the_lines_of_all_processes(monkeypatch):
     assert BAR not in os.environ
 
 
-@pytest.mark.parametrize(("term", "expected"), [("dumb", False), (None, False), ("xterm", True)])
-def test_only_a_terminal_that_can_erase_has_a_bar(monkeypatch, tmp_path, term, expected):
-    monkeypatch.delenv("TERM", raising=False)
-    if term is not None:
-        monkeypatch.setenv("TERM", term)
+def test_only_a_terminal_that_can_erase_has_a_bar(monkeypatch, tmp_path):
     ours, theirs = os.openpty()
     with os.fdopen(theirs, "w") as terminal:
-        assert can_draw(terminal) is expected
+        for term, expected in (("dumb", False), ("xterm", True)):
+            monkeypatch.setenv("TERM", term)
+            assert can_draw(terminal) is expected
+        monkeypatch.delenv("TERM")
+        assert not can_draw(terminal)
     os.close(ours)
+    monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv(BAR, "1")
     with (tmp_path / "out.txt").open("w") as file:
         assert not can_draw(file)
@@ -151,15 +149,10 @@ def test_a_failure_in_its_own_sentence_is_not_explained_twice(text):
     assert shown(Messages(lambda: False), text) == text
 
 
-def test_the_routine_between_two_lines_is_left_out():
+def test_the_routine_is_left_out_and_ctrl_c_explains_what_follows():
     messages = Messages(lambda: False)
     assert shown(messages, "Select jobs to execute...") is None
-    assert shown(messages, "Assuming unrestricted shared filesystem usage.") is None
     assert shown(messages, "Nothing to be done.") == "Nothing to be done."
-
-
-def test_ctrl_c_is_remembered_and_explains_what_follows():
-    messages = Messages(lambda: False)
     assert not messages.interrupted
     assert shown(messages, "Terminating processes on user request, this might take some time.") is None
     assert messages.interrupted
@@ -181,8 +174,8 @@ def test_sigterm_is_told_once_and_explains_the_end():
     assert shown(messages, failed) == failed  # as a job may fail while Snakemake waits
 
 
-@pytest.mark.parametrize("path", ["results/tiny/summary.json", "/data/my results/tiny/summary.json"])
-def test_write_protected_outputs_become_a_sentence(path):
+def test_write_protected_outputs_become_a_sentence():
+    path = "/data/my results/tiny/summary.json"
     text = (
         'ProtectedOutputException in rule summary in file "/p/workflow/rules/report.smk", line 82:\n'
         f"Write-protected output files for rule summary:\n    output: {path}\n    affected files:\n        {path}\n"
