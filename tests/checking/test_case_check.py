@@ -58,10 +58,8 @@ def test_ten_mistakes_are_found_at_once(tmp_path, monkeypatch):
     assert all(text in done.stderr for text in SAID)
 
 
-def slant_range(folder, names, shape=(60, 50)):
-    labels = np.ones((60, 50), dtype=np.uint8)
-    labels[:, 20:] = 2
-    write_raster(folder / "labels.tif", labels)
+def slant_range(folder, names='{"1": "field", "2": "lake"}', shape=(60, 50)):
+    write_raster(folder / "labels.tif", np.where(np.arange(50) < 20, 1, 2).astype(np.uint8)[None].repeat(60, axis=0))
     (folder / "names.json").write_text(names)
     power = np.random.default_rng(3).gamma(4.0, 0.25, shape)
     np.save(folder / "image.npy", power.astype(np.float32))
@@ -86,7 +84,7 @@ uncertainty: {{walkers: 32, steps: 100}}
 
 
 def test_what_a_right_case_needs_is_told(tmp_path):
-    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    path = slant_range(tmp_path)
     said = list[str]()
     found = check_case([path], results=tmp_path / "results", say=said.append)
     assert (found.problems, found.shape) == ([], (60, 50))
@@ -117,39 +115,15 @@ def test_what_a_right_case_needs_is_told(tmp_path):
 def test_what_only_the_files_show_is_found(tmp_path):
     found = check_case([slant_range(tmp_path, '{"1": "field", "2": "sea"}')])
     assert any("lake" in text for text in found.problems)
-    found = check_case([slant_range(tmp_path, '{"1": "field", "2": "lake"}', (61, 50))])
+    found = check_case([slant_range(tmp_path, shape=(61, 50))])
     assert any("image.npy" in text and "61 x 50" in text for text in found.problems)
     changed = check_case([tmp_path / "mine.yaml"], {"design": {"reuse": "another"}}, tmp_path / "results")
     assert any("design.reuse is 'another'" in text for text in changed.problems)
 
 
-def test_a_fixed_law_and_the_image_are_compared_before_any_run(tmp_path):
-    """The image has 0 dB; gamma0 of 2.8 dB is a sigma0 of 2.8 dB + 10 log10(cos(32 degrees)), 2.1 dB above it."""
-    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
-
-    def told(gamma_db, **more):
-        lake = {"law": "constant_gamma", "parameters": [gamma_db]}
-        changed = {"materials": {"lake": lake, "field": {"calibrate": True}}, **more}
-        return [one for one in check_case([path], changed).findings if one.code in ("fixed_level", *codes)]
-
-    codes = ("radiometry_unchecked",)
-    lake, radiometry = told(2.8)
-    assert (lake.code, lake.severity, lake.about, lake.do) == (
-        "fixed_level",
-        "warning",
-        "lake",
-        "materials.lake.parameters",
-    )
-    assert lake.numbers["apart_db"] == pytest.approx(-2.1, abs=0.1)
-    assert (radiometry.about, radiometry.numbers["other"]) == ("pass 1", "sigma0_local")
-    assert told(2.3)[0].severity == "note"
-    found = check_case([path], {"target": {"normalisation": "image"}})
-    assert "fixed_level" not in [one.code for one in found.findings]
-
-
 def test_bounds_that_no_law_leaves_are_a_mistake(tmp_path):
     """The image has 0 dB, also where the bounds end 25 dB below; all else was looked at."""
-    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    path = slant_range(tmp_path)
     narrow = {"materials": {"field": {"bounds": [[-40, -30], [0, 3], [0, 2], [0, 20]]}}}
     found = check_case([path], narrow)
     (said,) = found.problems
@@ -164,7 +138,7 @@ def test_bounds_that_no_law_leaves_are_a_mistake(tmp_path):
 
 
 def test_warnings_are_told_as_such_and_first(tmp_path, monkeypatch):
-    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    path = slant_range(tmp_path)
     steep, plain = Finding("heading_missing", "warning", "radar.heading_deg"), Finding("scene_large", "note", "scene")
     found = replace(check_case([path]), findings=[plain, steep], search="search: short")
     monkeypatch.setattr("radcal.checking.case_check.check_case", lambda *_: found)
@@ -174,8 +148,6 @@ def test_warnings_are_told_as_such_and_first(tmp_path, monkeypatch):
     assert lines[:2] == [f"{path}: no mistake found, 1 warning:", f"  {sentence(steep)}"]
     assert [line for line in lines[2:] if "warning: " in line] == []
     assert {f"  note: {sentence(plain)}", "  search: short"} <= set(lines)
-    found = replace(found, findings=[], search="")
-    assert CliRunner().invoke(app, ["check", str(path)]).stdout.startswith(f"{path}: no mistake found.\n")
     found = replace(found, findings=[steep], problems=["wrong."])
     assert CliRunner().invoke(app, ["check", str(path)]).stdout == f"  {sentence(steep)}\n"
 
@@ -186,7 +158,7 @@ def test_a_file_that_is_no_yaml_is_one_problem(tmp_path):
 
 
 def test_the_settings_of_a_synthetic_measurement_are_tried(tmp_path):
-    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    path = slant_range(tmp_path)
     own = yaml.safe_load(path.read_text())
 
     def problems(**changes):
@@ -226,43 +198,36 @@ def test_a_sentinel1_product_is_told(tmp_path, monkeypatch):
     assert found.problems == []
     (seen,) = (one for one in found.findings if one.code == "acquisition")
     assert "S1B IW GRD VV of 2021-12-23" in sentence(seen)
-    said = "\n".join(found.summary())
-    assert "section radar as the annotation of the image gives it:\n    radar:   # S1B_IW_GRDH" in said
-    assert "\n      looks: 4.4 " in said
-    wrong = check_case(["mine.yaml"], {"radar": "{depression_deg: 45}"})
-    (problem,) = wrong.problems
-    assert "contradicts section radar: radar.depression_deg is 45, an incidence of 45.0" in problem
-    large = "{range_spacing_m: 0.02, azimuth_spacing_m: 0.05}"  # an image that is not made for the check
-    # what the product says is printed beside the problem, also where section radar is far from usable
-    for section in ("{depression_deg: 45}", "{looks: FILL_IN}", "{polarisation: HH}", large):
-        done = CliRunner().invoke(app, ["check", "mine.yaml", "--set", f"radar={section}"])
-        assert ("problem" in done.stderr) is (section != large), section
-        assert "note: S1B_IW_GRDH_1SDV" in done.stdout
-        assert done.stdout.count("\n      heading_deg: 1") == 1, section
+    said = "section radar as the annotation of the image gives it:\n    radar:   # S1B_IW_GRDH"
+    assert said in "\n".join(found.summary())
+    # what the product says is told beside the problem, also where section radar is far from usable
+    for section, said in (("{depression_deg: 45}", "contradicts section radar"), ("{looks: FILL_IN}", "is FILL_IN")):
+        wrong = check_case(["mine.yaml"], {"radar": section})
+        assert sum(said in problem for problem in wrong.problems) == 1
+        assert "note: S1B_IW_GRDH_1SDV" in "\n".join(wrong.remarks())
+    # an image that is not made for the check
+    assert check_case(["mine.yaml"], {"radar": "{range_spacing_m: 0.02, azimuth_spacing_m: 0.05}"}).problems == []
     (section,) = wrong.sections
     printed = yaml.safe_load(section)["radar"]
     text = Path("mine.yaml").read_text()
     Path("mine.yaml").write_text(text[: text.index("radar:")] + section)
     found = check_case(["mine.yaml"])
     assert found.problems == []
-    differs = {"look_direction", "noise_differs", "radar_differs"}
-    assert differs.isdisjoint(one.code for one in found.findings)
+    assert {"look_direction", "noise_differs", "radar_differs"}.isdisjoint(one.code for one in found.findings)
     assert [yaml.safe_load(text)["radar"]["heading_deg"] for text in found.sections] == [printed["heading_deg"]]
 
 
 def on_the_map(folder):
-    """Heights, land cover and an image of two bands in dB, on one map, and a land cover elsewhere."""
+    """A case of heights, land cover and an image of two bands in dB, on one map."""
     rng = np.random.default_rng(5)
     cover = np.where(np.arange(40) < 17, 40, 10).astype("uint8")[None].repeat(30, axis=0)
-    for name, values, west in (
-        ("dem.tif", rng.normal(90, 2, (1, 30, 40)).astype("float32"), 6e5),
-        ("cover.tif", cover[None], 6e5),
-        ("away.tif", cover[None], 7e5),
-        ("image.tif", rng.normal(-12, 2, (2, 30, 40)).astype("float32"), 6e5),
-        ("two.tif", rng.normal(90, 2, (2, 30, 40)).astype("float32"), 6e5),
-        ("fractions.tif", rng.normal(40, 2, (1, 30, 40)).astype("float32"), 6e5),
+    for name, values in (
+        ("dem.tif", rng.normal(90, 2, (1, 30, 40)).astype("float32")),
+        ("cover.tif", cover[None]),
+        ("image.tif", rng.normal(-12, 2, (2, 30, 40)).astype("float32")),
     ):
-        write_raster(folder / name, values, crs="EPSG:32631", transform=from_origin(west, 5.8e6, 20.0, 20.0))
+        write_raster(folder / name, values, crs="EPSG:32631", transform=from_origin(6e5, 5.8e6, 20.0, 20.0))
+    (folder / "mine.yaml").write_text(ON_THE_MAP)
 
 
 ON_THE_MAP = """
@@ -275,26 +240,21 @@ materials: {cropland: {calibrate: true}, tree_cover: {}}
 
 
 @pytest.mark.parametrize(
-    ("changes", "said", "unseen"),
+    ("old", "new", "said", "unseen"),
     [
-        ({"EGM2008": "EGM2007"}, ("scene.vertical_datum is 'EGM2007'",), "geometry"),
-        ({"cropland:": "croplan:"}, ("materials.croplan: not in the scene, which has",), "geometry"),
-        ({"band: 1": "band: 5"}, ("measurement.band is 5, image.tif has 2",), "start image"),
-        ({"azimuth_spacing_m: 20": "azimuth_spacing_m: 2"}, ("radar.azimuth_spacing_m is 2",), "start image"),
+        ("EGM2008", "EGM2007", "scene.vertical_datum is 'EGM2007'", "geometry"),
+        ("cropland:", "croplan:", "materials.croplan: not in the scene, which has", "geometry"),
+        ("band: 1", "band: 5", "measurement.band is 5, image.tif has 2", "start image"),
+        ("azimuth_spacing_m: 20", "azimuth_spacing_m: 2", "radar.azimuth_spacing_m is 2", "start image"),
     ],
-)  # fmt: skip
-def test_what_a_stage_refuses_is_told_before_any_run(changes, said, unseen, tmp_path, monkeypatch):
+)
+def test_what_a_stage_refuses_is_told_before_any_run(old, new, said, unseen, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     on_the_map(tmp_path)
-    text = ON_THE_MAP
-    for old, new in changes.items():
-        assert text.count(old) == 1, old
-        text = text.replace(old, new)
-    Path("mine.yaml").write_text(text)
+    Path("mine.yaml").write_text(ON_THE_MAP.replace(old, new))
     found = check_case(["mine.yaml"])
-    for part in said:
-        assert sum(part in problem for problem in found.problems) == 1, (part, found.problems)
-    assert len(found.problems) == len(said), found.problems
+    (problem,) = found.problems
+    assert said in problem
     assert found.unseen[0].startswith(unseen)
     assert not Path("results").exists()
 
@@ -302,7 +262,6 @@ def test_what_a_stage_refuses_is_told_before_any_run(changes, said, unseen, tmp_
 def test_a_right_case_on_the_map_has_no_problem(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     on_the_map(tmp_path)
-    Path("mine.yaml").write_text(ON_THE_MAP)
     found = check_case(["mine.yaml"])
     assert (found.problems, found.unseen) == ([], ())
     assert "heading_missing" in [one.code for one in found.findings]
@@ -312,17 +271,10 @@ def test_a_right_case_on_the_map_has_no_problem(tmp_path, monkeypatch):
 def test_an_image_without_a_crs_is_told_so(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     on_the_map(tmp_path)
-    Path("mine.yaml").write_text(ON_THE_MAP)
     values = np.random.default_rng(5).normal(-12, 2, (7, 9)).astype("float32")
-    for name, place, lacks in (
-        ("plain.tif", {}, "has no CRS"),
-        ("half.tif", {"crs": "EPSG:32631"}, "has no transform from its pixels to the map"),
-        ("plain.npy", None, "has no CRS"),
-    ):
-        if place is None:
-            np.save(name, values)
-        else:
-            write_raster(name, values, **place)
+    write_raster("half.tif", values, crs="EPSG:32631")
+    np.save("plain.npy", values)
+    for name, lacks in (("half.tif", "has no transform from its pixels to the map"), ("plain.npy", "has no CRS")):
         (said,) = check_case(["mine.yaml"], {"measurement": {"path": name, "band": None}}).problems
         assert said.startswith(f"measurement.path: {name} has 7 x 9 pixels, the scene's image ")
         assert f" and the file {lacks}, expected a georeferenced image, as the scene in WGS 84 / UTM zone" in said
@@ -344,18 +296,17 @@ def test_a_case_without_materials_has_those_of_the_default_case(tmp_path, monkey
 )
 def test_a_missing_file_of_a_simulator_is_one_problem(key, value, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    path = slant_range(tmp_path)
     (tmp_path / "sim").write_text("#!/bin/sh\n")
     (tmp_path / "sim").chmod(0o755)
     simulator = {"kind": "command", "command": ["./sim", "{folder}"], "output": {"file": "a.npy", "scale": "db"}}
     assert check_case([path], {"simulator": {**simulator, "input": {"format": "json"}}}).problems == []
-    changed = {**simulator, key: value} | ({} if key == "templates" else {"input": {"format": "json"}})
+    changed = {**simulator, key: value}
+    if key != "templates":
+        changed["input"] = {"format": "json"}
     (problem,) = check_case([path], {"simulator": changed}).problems
     assert f": simulator.{key}" in problem
     assert f"the file gone does not exist in {tmp_path}, the current folder." in problem
-    if key == "templates":  # a wrong placeholder is told as well
-        problems = check_case([path], {"simulator": {**changed, "command": ["./sim", "{foldr}"]}}).problems
-        assert [text.split(": ")[1] for text in problems] == ["simulator.templates.0.template", "simulator.command.1"]
 
 
 @pytest.mark.parametrize(
@@ -367,7 +318,7 @@ def test_a_missing_file_of_a_simulator_is_one_problem(key, value, tmp_path, monk
     ],
 )
 def test_a_formula_with_a_pole_keeps_no_other_case_from_its_check(tmp_path, pole, said):
-    right = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    right = slant_range(tmp_path)
     data = yaml.safe_load(right.read_text())
     law = {"law": "formula", "formula": f"1/(theta-{pole}) + a", "names": ["a"], "bounds": [[-40, 0]]}
     data["materials"]["field"] = {"calibrate": True, **law}
@@ -380,76 +331,21 @@ def test_a_formula_with_a_pole_keeps_no_other_case_from_its_check(tmp_path, pole
     assert f"{right}: no mistake found" in done.stdout
 
 
-@pytest.mark.parametrize(
-    ("output", "said"),
-    [
-        ({"shape": [50, 60]}, "write simulator.output.transpose: true if the rows of the file run the other way, else "
-                              "shape: [60, 50]."),
-        ({"shape": [60, 50], "transpose": True}, "write simulator.output.transpose: false if the rows of the file"),
-        ({"shape": [60, 51]}, "60 rows (slant range) and 50 columns (azimuth): write shape: [60, 50]."),
-        ({"shape": [60, 50]}, ""),
-        ({"shape": [50, 60], "transpose": True}, ""),
-    ],
-)  # fmt: skip
-def test_a_raw_file_of_another_size_is_found_before_a_run(tmp_path, output, said):
-    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
-    raw = {"file": "image.raw", "format": "raw", "dtype": "float32", "scale": "db"}
-    simulator = {"kind": "command", "command": ["sh"], "input": {}, "output": raw | output}
+def test_a_raw_file_of_another_size_is_found_before_a_run(tmp_path):
+    path = slant_range(tmp_path)
+    raw = {"file": "image.raw", "format": "raw", "dtype": "float32", "scale": "db", "shape": [60, 51]}
+    simulator = {"kind": "command", "command": ["sh"], "input": {}, "output": raw}
     found = check_case([path], {"simulator": simulator})
-    assert [said in problem for problem in found.problems] == [True] * bool(said)
+    assert ["simulator.output.shape is [60, 51]" in problem for problem in found.problems] == [True]
     assert found.shape == (60, 50)
     # of a scene whose size is not known, nothing is said about it
     names = {"scene": {**yaml.safe_load(path.read_text())["scene"], "near_incidence_deg": "steep"}}
     assert all("output.shape" not in text for text in check_case([path], {"simulator": simulator, **names}).problems)
 
 
-def test_a_fixed_law_without_its_minus_sign_is_asked_about(tmp_path):
-    """Where no measured image tells it; a case whose calibrated material starts as bright has other units."""
-    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
-    case = yaml.safe_load(path.read_text())
-    case["measurement"] = {"synthetic": {"parameters": {"field": [-8.0, 4.0, 3.0, 5.0]}}}
-
-    def asked(law, *parameters, **field):
-        lake = {"law": law, "parameters": parameters}
-        path.write_text(
-            yaml.safe_dump(case | {"materials": {"field": case["materials"]["field"] | field, "lake": lake}})
-        )
-        return [one for one in check_case([path]).findings if one.code == "law_bright"]
-
-    (said,) = asked("constant_gamma", 17.0)
-    assert (said.severity, said.about) == ("warning", "materials.lake.parameters")
-    assert (said.numbers["gamma_db"], said.numbers["brightest_db"]) == (pytest.approx(17.0), 0.0)
-    assert [len(asked("constant_gamma", gamma_db)) for gamma_db in (5.9, 6.1)] == [0, 1]
-    # sigma0 of 3 + 8 cos(45 degrees) = 8.66 dB is a gamma of 10.2 dB
-    assert asked("mangia", 3.0, 8.0, 0.0, 4.0)[0].numbers["gamma_db"] == pytest.approx(10.2, abs=0.05)
-    bright = {"bounds": [[-40, 30], [0, 30], [0, 20], [0, 20]], "start": [3.0, 8.0, 0.0, 4.0]}
-    assert asked("constant_gamma", 17.0, **bright) == []
-
-
-@pytest.mark.slow
-def test_a_start_without_contrast_is_told_before_any_run(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    where = {"crs": "EPSG:32631", "transform": from_origin(6e5, 5.8e6, 20.0, 20.0)}
-    cover = np.where(np.add.outer(np.arange(90) // 30, np.arange(100) // 30) % 2, 40, 10).astype("uint8")
-    for name, values in (("dem.tif", np.full((90, 100), 50.0, "float32")), ("cover.tif", cover)):
-        write_raster(name, values, **where)
-    text = ON_THE_MAP.replace("{source: file, path: image.tif, band: 1, scale: db, radiometry: sigma0_ref}", "{}")
-    both = "{cropland: {calibrate: true, start: [-20, 6, 0, 4]}, tree_cover: {calibrate: true, start: [-20, 6, 0, 4]}}"
-    Path("mine.yaml").write_text(text.replace("{cropland: {calibrate: true}, tree_cover: {}}", both))
-    found = check_case(["mine.yaml"])
-    assert found.problems == []
-    (dull,) = (one for one in found.findings if one.severity == "warning")
-    assert (dull.code, dull.about) == ("no_contrast", "cropland, tree_cover")
-    for change in (
-        {"registration": {"method": "none"}},
-        {"materials": {"cropland": {"start": [-24.5, 6.0, 0.0, 4.0]}}},
-    ):
-        assert all(one.severity == "note" for one in check_case(["mine.yaml"], change).findings)
-
-
 def test_a_case_for_simulate_is_checked_as_such(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    slant_range(tmp_path)
     scene = "{source: slant_range, labels: labels.tif, names: names.json, near_incidence_deg: 20, far_incidence_deg: "
     laws = "{field: {parameters: [-20, 6, 0, 4]}, lake: {parameters: [-30, 6, 9, 4], calibrate: false}}"
     Path("forward.yaml").write_text(f"scene: {scene}40}}\nmaterials: {laws}\n")
@@ -466,7 +362,7 @@ def test_a_case_for_simulate_is_checked_as_such(tmp_path, monkeypatch):
 
 
 def test_notes_on_one_of_several_images_name_their_pass(tmp_path):
-    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    path = slant_range(tmp_path)
     case = yaml.safe_load(path.read_text())
     (alone,) = (one for one in check_case([path]).findings if one.code == "pixels")
     path.write_text(yaml.safe_dump({**case, **{key: [case[key]] * 2 for key in ("radar", "measurement")}}))
@@ -477,35 +373,8 @@ def test_notes_on_one_of_several_images_name_their_pass(tmp_path):
 
 
 def test_a_start_that_is_the_hidden_truth_is_told(tmp_path):
-    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
+    path = slant_range(tmp_path)
     case = yaml.safe_load(path.read_text())
-    for hidden, told in (({}, True), ({"field": [-8.0, 4.0, 3.0, 5.0]}, False), ({"filed": [-8.0] * 4}, False)):
+    for hidden, told in (({}, True), ({"field": [-8.0, 4.0, 3.0, 5.0]}, False)):
         path.write_text(yaml.safe_dump({**case, "measurement": {"synthetic": {"parameters": hidden}}}))
-        found = check_case([path])
-        assert (Finding("starts_as_truth", "note", "field") in found.findings) == told
-        assert len(found.problems) == ("filed" in hidden)
-
-
-def test_noise_above_0_db_is_asked_about(tmp_path):
-    """A missing minus sign, which else shows in its consequences alone; an image in a file tells it for itself."""
-    path = slant_range(tmp_path, '{"1": "field", "2": "lake"}')
-    case = yaml.safe_load(path.read_text())
-    hidden = {"parameters": {"field": [-8.0, 4.0, 3.0, 5.0]}}
-    for noise, more, high in (
-        (24, {}, [("radar.nesz_db", 24.0)]),
-        ([[20, -3], [40, 3]], {}, [("radar.nesz_db", 3.0)]),
-        (0, {"nesz_db": 25.5}, [("measurement.synthetic.nesz_db", 25.5)]),
-        (0, {"nesz_db": -1.0}, []),
-    ):
-        changed = {"radar": {"nesz_db": noise}, "measurement": {"synthetic": {**hidden, **more}}}
-        path.write_text(yaml.safe_dump({**case, **changed}))
-        asked = [one for one in check_case([path]).findings if one.code == "noise_positive"]
-        assert [(one.about, one.numbers["level_db"]) for one in asked] == high
-    path.write_text(yaml.safe_dump({**case, "radar": {"nesz_db": 24}}))
-    found = check_case([path])
-    assert [text.count("is a minus sign missing? -24") for text in found.problems] == [1]
-    assert found.warnings() == []
-    passes = {"radar": [{"nesz_db": -24}, {"nesz_db": 24}], "measurement": [{"synthetic": hidden}] * 2}
-    path.write_text(yaml.safe_dump({**case, **passes}))
-    (of_second,) = (one for one in check_case([path]).findings if one.code == "noise_positive")
-    assert of_second.numbers == {"level_db": 24.0, "pass": 2}
+        assert (Finding("starts_as_truth", "note", "field") in check_case([path]).findings) == told

@@ -20,13 +20,7 @@ NOISE = 0.01  # -20 dB
         (0.07, 0.0, None),  # 4 %
     ],
 )
-def test_a_material_in_the_noise_is_told(
-    build_scene,
-    build_case,
-    dark,
-    snr_db,
-    share,
-):
+def test_a_material_in_the_noise_is_told(build_scene, build_case, dark, snr_db, share):
     """Part of a dyke at 1.5 times the noise, the rest at 4 times; other ground that is calibrated, at 10 times."""
     material = np.where(np.arange(40) < 22, 1, 2).astype(np.uint8) * np.ones((40, 1), dtype=np.uint8)
     scene = build_scene(lambda east, north: 0 * east, names=("dyke", "grass"), material=material)

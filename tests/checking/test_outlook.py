@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from radcal.checking.outlook import hidden_ground, outlook, start_contrast
+from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, outlook
 from radcal.radar.projection import make_geometry
 
 LEVEL = [10.0, 14.0, 6.0, 4.0]
@@ -19,11 +19,13 @@ def test_pixels_without_ground_are_no_contrast(build_scene, build_case):
     scene = build_scene(lambda east, north: 0 * east, names=("dyke", "grass"), material=material)
     for start, told in ((LEVEL, True), ([0.0, *LEVEL[1:]], False)):
         materials = {"dyke": {"calibrate": True, "start": start}, "grass": {"parameters": LEVEL}}
-        case = build_case(materials=materials, registration={"method": "ilk"})
-        geometry = make_geometry(scene, case.radar)
-        angle = np.where(geometry.material > 0, geometry.incidence_deg, np.nan).astype(np.float32)
-        found = start_contrast(case, replace(geometry, incidence_deg=angle))
-        assert [(one.code, one.severity) for one in found] == [("no_contrast", "warning")] * told
+        for method in ("ilk", "none"):
+            case = build_case(materials=materials, registration={"method": method})
+            geometry = make_geometry(scene, case.radar)
+            angle = np.where(geometry.material > 0, geometry.incidence_deg, np.nan).astype(np.float32)
+            found = outlook(case, replace(geometry, incidence_deg=angle), None)
+            dull = [(one.severity, one.about) for one in found if one.code == "no_contrast"]
+            assert dull == [("warning", "dyke")] * (told and method == "ilk")
 
 
 def of_level(case):
@@ -59,13 +61,7 @@ def test_the_error_of_the_level_is_told_where_no_level_is_removed(build_case):
         (100.0, 88, "centimetres"),
     ],
 )
-def test_heights_in_another_unit_are_told(
-    build_scene,
-    build_case,
-    factor,
-    steep,
-    units,
-):
+def test_heights_in_another_unit_are_told(build_scene, build_case, factor, steep, units):
     """Hills of 18 m on 250 m of ground, with slopes of up to 24 degrees, multiplied by a factor."""
     scene = build_scene(lambda east, _: factor * 18.0 * np.sin(np.pi * east / 125.0), cells=(20, 50))
     radar = build_case(radar={"altitude_m": 9000.0}).radar
@@ -73,3 +69,42 @@ def test_heights_in_another_unit_are_told(
     assert [(one.code, round(float(one.numbers["slope_deg"])), one.numbers["units"]) for one in found] == [
         ("ground_hidden", steep, units)
     ] * bool(units)
+
+
+@pytest.mark.parametrize(
+    ("noise", "synthetic", "high"),
+    [
+        (24, {}, {"radar.nesz_db": 24.0}),
+        ([[20, -3], [40, 3]], {}, {"radar.nesz_db": 3.0}),
+        (0, {"nesz_db": 25.5}, {"measurement.synthetic.nesz_db": 25.5}),
+        (0, {"nesz_db": -1.0}, {}),
+    ],
+)
+def test_noise_above_0_db_is_asked_about(build_case, noise, synthetic, high):
+    case = build_case(radar={"nesz_db": noise}, measurement={"synthetic": synthetic})
+    assert {one.about: one.numbers["level_db"] for one in high_noise([case])} == high
+    quiet = build_case(radar={"nesz_db": -24})
+    assert [one.numbers["pass"] for one in high_noise([quiet, case])] == [2] * len(high)
+
+
+@pytest.mark.parametrize(
+    ("law", "parameters", "gamma_db"),
+    [
+        ("constant_gamma", [17.0], 17.0),
+        ("constant_gamma", [6.1], 6.1),
+        ("constant_gamma", [5.9], None),
+        # sigma0 of 3 + 8 cos(45 degrees) = 8.66 dB
+        ("mangia", [3.0, 8.0, 0.0, 4.0], 10.2),
+    ],
+)
+def test_a_fixed_law_without_its_minus_sign_is_asked_about(build_case, law, parameters, gamma_db):
+    """A case whose calibrated material starts as bright has other units."""
+
+    def asked(bounds):
+        dyke = {"calibrate": True, "bounds": bounds}
+        return bright_laws(build_case(materials={"dyke": dyke, "lake": {"law": law, "parameters": parameters}}))
+
+    found = asked([[-40, 0], [0, 30], [0, 20], [0, 20]])
+    assert [one.numbers["gamma_db"] for one in found] == [pytest.approx(gamma_db, abs=0.05)] * (gamma_db is not None)
+    assert all((one.severity, one.about) == ("warning", "materials.lake.parameters") for one in found)
+    assert asked([[-40, 60], [0, 30], [0, 20], [0, 20]]) == []

@@ -166,13 +166,3 @@ def test_the_interval_of_a_level_is_that_of_its_fields_and_speckle(build_case):
     # 1.93 dB are within 1.645 standard errors of 1.32 dB, and not of 0.63 dB
     assert apart == pytest.approx(1.93, abs=0.01)
     assert [levels[law_db].severity for law_db in (1.2, 0.3)] == ["note", "warning"]
-
-
-def test_a_law_of_one_field_that_is_far_off_is_a_warning(start, ground):
-    case = start()
-    geometry, image = measured(case, ground, {"grass": 12.0})
-    cells = cells_of(case, geometry, image, ground)
-    one = {name: own.part(own.patch == own.patch[0]) for name, own in cells.items()}
-    findings = {one.about: one for one in fixed_laws(case, [one]) if one.code == "fixed_level"}
-    assert findings["grass"].numbers["apart_db"] == pytest.approx(12.0, abs=0.3)
-    assert (findings["grass"].severity, findings["crops"].severity) == ("warning", "note")

@@ -23,8 +23,7 @@ def test_how_a_program_ended(code, said):
     assert str(Ended(code, 12.3456)) == said
 
 
-@pytest.mark.parametrize("name", ["stdout", "stderr"])
-@pytest.mark.parametrize("then", ["time.sleep(60)", "pass"])
+@pytest.mark.parametrize(("name", "then"), [("stdout", "time.sleep(60)"), ("stderr", "pass")])
 def test_a_program_that_prints_without_end_is_killed(tmp_path, monkeypatch, name, then):
     monkeypatch.setattr(process, "_MOST_BYTES", 50_000)
     text = f"import sys, time; sys.{name}.write(7000 * 'mangia! '); sys.{name}.flush(); {then}"
