@@ -1,7 +1,5 @@
 """Largest number of runs, and their time."""
 
-import pytest
-
 from radcal.config import case_from
 from radcal.forecast.runs_and_time import (
     duration,
@@ -73,12 +71,9 @@ def test_planned_jobs_of_every_pass_count(build_case):
     assert planned_runs(case, second)["design"] == 6
 
 
-@pytest.mark.parametrize(
-    ("seconds", "words"),
-    [(0.42, "0.42 s"), (89, "89 s"), (91, "1.5 min"), (420, "7 min"), (5500, "1.5 h"), (4e5, "4.6 days")],
-)
-def test_durations_are_said_in_a_fitting_unit(seconds, words):
-    assert duration(seconds) == words
+def test_durations_are_said_in_a_fitting_unit():
+    said = {0.42: "0.42 s", 89: "89 s", 91: "1.5 min", 420: "7 min", 5500: "1.5 h", 4e5: "4.6 days"}
+    assert {seconds: duration(seconds) for seconds in said} == said
 
 
 def test_time_of_stored_iterations(tmp_path):
@@ -130,8 +125,6 @@ def test_the_standing_follows_from_the_files_of_the_case(build_case, tmp_path):
     # a search that takes longer than most, up to its last run; and one whose earlier settings left more runs
     for k in range(2, 35):
         iteration(k)
-        if k == 9:
-            assert (standing(case, tmp_path).expected, standing(case, tmp_path).left_s) == (20, 10 * 100.0 + 140.0)
     assert standing(case, tmp_path).expected == 44
     runs(60, 100.0)
     assert (standing(case, tmp_path).expected, standing(case, tmp_path).left_s) == (60, 200.0)
