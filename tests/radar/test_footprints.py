@@ -15,12 +15,11 @@ ROWS, COLUMNS, CELL_M = 24, 36, 3.0
 NORTH, EAST = (np.arange(ROWS)[:, None] + 0.5) * CELL_M, (np.arange(COLUMNS) + 0.5) * CELL_M
 
 
-def table(curves=None, **columns):
+def table(**columns):
     n = np.broadcast(*columns.values()).size
     names = ("x_m", "y_m", "length_m", "width_m", "heading_deg", "height_m", "rcs_dbsm")
     values = {name: np.array(np.broadcast_to(columns.get(name, 0.0), n), dtype=float) for name in names}
-    aspect = np.full(n, 0 if curves else -1, np.int16)
-    return Objects(**values, aspect=aspect, kind=np.zeros(n, np.int16), curves=curves or {})
+    return Objects(**values, aspect=np.full(n, -1, np.int16), kind=np.zeros(n, np.int16))
 
 
 @pytest.mark.parametrize("look_side", ["right", "left"])
@@ -57,15 +56,6 @@ def test_roof_stands_on_the_mean_of_its_ground(length, width, heading, look_side
     expected = c * (x * y + 0.32 * ((length / 2) ** 2 - (width / 2) ** 2) * np.sin(turn) * np.cos(turn)) + 2.5
     assert boxes.top_m[0] == pytest.approx(expected, abs=1e-9)
     assert boxes.rcs_m2[0] == pytest.approx(10**1.3)
-
-
-@pytest.mark.parametrize(("look_side", "aspect_deg"), [("right", 270.0 - 50.0), ("left", 90.0 - 50.0)])
-def test_aspect_is_the_bearing_of_the_radar_from_the_front(look_side, aspect_deg):
-    curve = np.array([[0.0, 3.0], [100.0, 21.0], [230.0, -4.0], [300.0, 9.0]])
-    point = table({"car": curve}, x_m=20.0, y_m=30.0, heading_deg=50.0, rcs_dbsm=np.nan)
-    _, spots = to_boxes_and_spots(point, np.zeros((ROWS, COLUMNS)), look_side, 1, CELL_M)
-    dbsm = np.interp(aspect_deg, [0.0, 100.0, 230.0, 300.0], [3.0, 21.0, -4.0, 9.0])
-    assert 10.0 * np.log10(spots.rcs_m2[0]) == pytest.approx(dbsm, abs=1e-9)
 
 
 @pytest.mark.parametrize("heading", [0.0, 25.0, 120.0])

@@ -9,22 +9,14 @@ from sealed import changed
 from radcal.errors import ConfigError
 from radcal.findings import Finding
 from radcal.scene.model import Scene, read_scene, write_scene
-from radcal.scene.objects import Objects
+from radcal.scene.object_generator import generate_objects
 from radcal.storage.dataclass_groups import same
 
-OBJECTS = Objects(
-    x_m=np.array([1.5, 2.5]),
-    y_m=np.array([0.5, 3.25]),
-    length_m=np.array([0.0, 4.0]),
-    width_m=np.array([0.0, 2.0]),
-    heading_deg=np.array([10.0, -20.0]),
-    height_m=np.array([1.0, 6.5]),
-    rcs_dbsm=np.array([3.0, np.nan]),
-    aspect=np.array([-1, 1], dtype=np.int16),
-    kind=np.array([1, 0], dtype=np.int16),
-    kinds=("zug", "auto"),
+OBJECTS = replace(
+    generate_objects((70.0, 50.0), 1, trees=1, buildings=1),
+    rcs_dbsm=np.array([3.0, np.nan]), aspect=np.array([-1, 1], dtype=np.int16), kinds=("zug", "auto"),
     curves={"z": np.array([[0.0, 1.0], [90.0, 2.5]]), "a": np.array([[10.0, -3.0], [200.0, 4.0], [300.0, 7.0]])},
-)
+)  # fmt: skip
 SCENES = {
     "terrain": Scene(
         identity="0123456789abcdef0123",
