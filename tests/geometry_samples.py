@@ -3,6 +3,7 @@
 import numpy as np
 
 from radcal.radar.geometry import Geometry
+from radcal.scene.objects import Objects
 
 ROWS, COLUMNS = 60, 80
 X = [-28.0, 20.0, 6.0, 4.0]
@@ -22,6 +23,14 @@ def of_pixels(names, material, incidence_deg, **changes):
         facet_incidence=(incidence.ravel() / 90.0 * 65535.0).astype(np.uint16), material=material,
         incidence_deg=incidence.astype(np.float32), ground=np.full((2, *shape), np.nan, dtype=np.float32), **keys,
     )  # fmt: skip
+
+
+def objects_of(walls=None, **columns):
+    """Objects of some columns of a table; the others are 0, and no object has a class."""
+    n = np.broadcast(*columns.values()).size
+    names = ("x_m", "y_m", "length_m", "width_m", "heading_deg", "height_m", "rcs_dbsm")
+    values = {name: np.array(np.broadcast_to(columns.get(name, 0.0), n), dtype=float) for name in names}
+    return Objects(**values, aspect=np.full(n, -1, np.int16), kind=np.zeros(n, np.int16), walls=walls)
 
 
 def two_materials():

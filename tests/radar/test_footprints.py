@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from geometry_samples import objects_of
 
 from radcal.config import Radar
 from radcal.radar.footprints import Boxes, raise_boxes, to_boxes_and_spots
@@ -9,17 +10,9 @@ from radcal.radar.geometry import PointScatterers
 from radcal.radar.points import not_pure
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
-from radcal.scene.objects import Objects
 
 ROWS, COLUMNS, CELL_M = 24, 36, 3.0
 NORTH, EAST = (np.arange(ROWS)[:, None] + 0.5) * CELL_M, (np.arange(COLUMNS) + 0.5) * CELL_M
-
-
-def table(**columns):
-    n = np.broadcast(*columns.values()).size
-    names = ("x_m", "y_m", "length_m", "width_m", "heading_deg", "height_m", "rcs_dbsm")
-    values = {name: np.array(np.broadcast_to(columns.get(name, 0.0), n), dtype=float) for name in names}
-    return Objects(**values, aspect=np.full(n, -1, np.int16), kind=np.zeros(n, np.int16))
 
 
 @pytest.mark.parametrize("look_side", ["right", "left"])
@@ -27,7 +20,7 @@ def table(**columns):
 def test_point_on_a_slope_has_the_slant_range_of_its_place(x, y, height, look_side):
     elevation = 0.21 * EAST - 0.34 * NORTH
     radar = Radar(altitude_m=800.0, range_spacing_m=1.1, azimuth_spacing_m=2.1, look_side=look_side)
-    point = table(x_m=x, y_m=y, height_m=height, rcs_dbsm=7.0)
+    point = objects_of(x_m=x, y_m=y, height_m=height, rcs_dbsm=7.0)
     scene = Scene("slope", ("a",), np.ones((ROWS, COLUMNS), np.uint8), elevation, CELL_M, objects=point)
     geometry = make_geometry(scene, radar)
     track = elevation.mean() + 800.0
@@ -48,7 +41,7 @@ def test_roof_stands_on_the_mean_of_its_ground(length, width, heading, look_side
     c, x, y = 0.01, 61.0, 37.0
     elevation = c * EAST * NORTH
     shown = elevation if look_side == "right" else elevation[:, ::-1]
-    box = table(x_m=x, y_m=y, length_m=length, width_m=width, heading_deg=heading, height_m=2.5, rcs_dbsm=13.0)
+    box = objects_of(x_m=x, y_m=y, length_m=length, width_m=width, heading_deg=heading, height_m=2.5, rcs_dbsm=13.0)
     boxes, spots = to_boxes_and_spots(box, np.ascontiguousarray(shown), look_side, 3, CELL_M / 3)
     assert not spots.height_m.size
     # 5 x 5 samples in the middles of equal parts: their mean square is 0.32 of the half length's
@@ -61,7 +54,7 @@ def test_roof_stands_on_the_mean_of_its_ground(length, width, heading, look_side
 @pytest.mark.parametrize("heading", [0.0, 25.0, 120.0])
 @pytest.mark.parametrize("look_side", ["right", "left"])
 def test_footprint_covers_its_rectangle(look_side, heading):
-    box = table(x_m=50.2, y_m=33.7, length_m=30.0, width_m=8.0, heading_deg=heading, height_m=3.0)
+    box = objects_of(x_m=50.2, y_m=33.7, length_m=30.0, width_m=8.0, heading_deg=heading, height_m=3.0)
     boxes, _ = to_boxes_and_spots(box, np.zeros((ROWS, COLUMNS)), look_side, 3, 1.0)
     found = raise_boxes(boxes, np.zeros((3 * ROWS, 3 * COLUMNS)), 0).owner == 0
     north, east = np.mgrid[0 : 3 * ROWS, 0 : 3 * COLUMNS] + 0.5

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from geometry_samples import objects_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
@@ -17,7 +18,6 @@ from radcal.radar.image import ImageFormation
 from radcal.radar.points import phased
 from radcal.radar.projection import make_geometry
 from radcal.radar.reflectivity import law_tables, reflectivity, uniform
-from radcal.scene.objects import Objects
 from radcal.simulators.builtin import BuiltinSimulator
 
 ALTITUDE, DEPRESSION = 500.0, 30.0
@@ -32,11 +32,7 @@ NX, NY = 160, 60  # cells of 1 m
 
 def objects(**columns):
     """Objects from some columns, the others as in the smallest table."""
-    columns = {"x_m": NX / 2, "y_m": NY / 2, "height_m": 0.0, "rcs_dbsm": 20.0} | columns
-    n = np.broadcast(*columns.values()).size
-    names = ("x_m", "y_m", "length_m", "width_m", "heading_deg", "height_m", "rcs_dbsm")
-    values = {name: np.array(np.broadcast_to(columns.get(name, 0.0), n), dtype=float) for name in names}
-    return Objects(**values, aspect=np.full(n, -1, np.int16), kind=np.zeros(n, np.int16))
+    return objects_of(**{"x_m": NX / 2, "y_m": NY / 2, "height_m": 0.0, "rcs_dbsm": 20.0} | columns)
 
 
 @pytest.fixture(scope="module")
