@@ -279,6 +279,10 @@ def test_a_land_cover_of_vectors_is_read(files):
     assert check_case(["mine.yaml"]).problems == []
     Path("own.yaml").write_text("attribute: class\nbackground: soil\nsurfaces: {field: crops}\n")
     assert list(written(*case, "--names", "own.yaml")["materials"]) == ["soil", "crops"]
+    for feature in features:
+        feature["properties"] = {"height": 2.5}
+    Path("lc.geojson").write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": features}))
+    assert "has no attribute of 1 to 254 values (attributes: height)" in new("other", *case).output
 
 
 def test_a_product_fills_the_section_of_the_radar(tmp_path, monkeypatch):
