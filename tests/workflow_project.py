@@ -22,7 +22,10 @@ def sentences(text):
 
 
 def tiny_case(**changes):
-    """Two materials over flat ground in slant range, one of them calibrated."""
+    """Two materials over flat ground in slant range, one of them calibrated.
+
+    The keys of a change are merged into its section, which they replace where they name a source; None removes it.
+    """
     case = {
         "case": "tiny",
         "scene": {
@@ -50,8 +53,9 @@ def tiny_case(**changes):
         "uncertainty": {"walkers": 32, "steps": 100},  # too few to converge: the sampler has tests of its own
     }
     for key, value in changes.items():
-        case[key] = {**case[key], **value} if isinstance(value, dict) and key in case and key != "scene" else value
-    return case
+        merged = isinstance(value, dict) and key in case and "source" not in value
+        case[key] = {**case[key], **value} if merged else value
+    return {key: value for key, value in case.items() if value is not None}
 
 
 @dataclass
@@ -65,6 +69,21 @@ class Project:
     def write(self, name="tiny.yaml", **changes):
         (self.folder / name).write_text(yaml.safe_dump(tiny_case(**changes)))
         return name
+
+    def write_external(self, script, environment, materials, simulator=None, **changes):
+        """The tiny case with a program in Python, which gets its input as JSON and leaves raw numbers in dB."""
+        (self.folder / "sim.py").write_text(script)
+        program = {
+            "kind": "command",
+            "command": ["{python}", "-S", "-E", "sim.py", "{input}"],
+            "input": {},
+            "files": ["sim.py"],
+            "output": {"file": "image.raw", "format": "raw", "dtype": "float64", "scale": "db"},
+            "environment": environment,
+        }
+        case = tiny_case(simulator=program | (simulator or {}), **changes)
+        case["materials"] = materials | {"lake": {"law": "external"}}
+        (self.folder / "tiny.yaml").write_text(yaml.safe_dump(case))
 
     def command(self, *arguments, cores=2):
         return [sys.executable, "-m", "snakemake", "--cores", str(cores), *arguments]
@@ -123,18 +142,6 @@ class Project:
             for path in sorted(self.out(case).rglob("*"))
             if path.is_file() and "logs" not in path.parts and path.name != ".lock"
         }
-
-    def lay_as_earlier(self, passes=1):
-        """Move results of all passes to where an earlier version of radcal had them."""
-        out, parts = self.out(), sorted((self.out() / "design").iterdir(), key=lambda path: int(path.stem))
-        for place in ("", "logs/", "benchmarks/"):
-            for path in (out / place / "passes/1").iterdir():
-                path.rename(out / place / path.name)
-            (out / place / "passes/1").rmdir()
-        for number in range(2, passes + 1):
-            (out / f"passes/{number}/design").mkdir()
-            for k, path in enumerate(parts[(number - 1) * len(parts) // passes :][: len(parts) // passes]):
-                path.rename(out / f"passes/{number}/design/{k}.json")
 
 
 def make_project(folder):

@@ -17,7 +17,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,33 +32,23 @@ KINDS = ("group", "snakemake", "job")
 COMMAND = ("--configfile", "tiny.yaml")
 
 
+PROBLEMS = (
+    "finished_runs_lost", "finished_runs_repeated", "different_results", "tracebacks", "partial_files_left",
+    "files_set_aside",
+)  # fmt: skip
+
+
 @dataclass
 class Tally:
     """What the kills did."""
 
     kills: Counter[str] = field(default_factory=Counter)
     calibrations: int = 0
-    lost: list[str] = field(default_factory=list)
-    repeated: list[str] = field(default_factory=list)
-    different: list[str] = field(default_factory=list)
-    tracebacks: list[str] = field(default_factory=list)
-    left: list[str] = field(default_factory=list)
-    aside: list[str] = field(default_factory=list)
-    seconds: float = 0.0
+    problems: dict[str, list[str]] = field(default_factory=lambda: {name: [] for name in PROBLEMS})
 
     def as_json(self):
-        return {
-            "kills": sum(self.kills.values()),
-            "by": dict(self.kills),
-            "calibrations": self.calibrations,
-            "finished_runs_lost": len(self.lost),
-            "finished_runs_repeated": len(self.repeated),
-            "different_results": len(self.different),
-            "tracebacks": len(self.tracebacks),
-            "partial_files_left": len(self.left),
-            "files_set_aside": len(self.aside),
-            "seconds": round(self.seconds),
-        }
+        counts = {name: len(found) for name, found in self.problems.items()}
+        return {"kills": self.kills.total(), "by": dict(self.kills), "calibrations": self.calibrations, **counts}
 
 
 @dataclass
@@ -74,9 +63,9 @@ class Watch:
         for name, (stamp, content) in self.known.items():
             path = runs / name
             if not path.is_file() or hashlib.sha256(path.read_bytes()).hexdigest() != content:
-                tally.lost.append(name)
+                tally.problems["finished_runs_lost"].append(name)
             elif path.stat().st_mtime_ns != stamp:
-                tally.repeated.append(name)
+                tally.problems["finished_runs_repeated"].append(name)
         self.known = {
             path.name: (path.stat().st_mtime_ns, hashlib.sha256(path.read_bytes()).hexdigest())
             for path in runs.glob("[!.]*.h5")
@@ -141,7 +130,7 @@ def calibrate(project, tally, most, draw, longest_s):
             if process.returncode == 0:
                 break
         except subprocess.TimeoutExpired:
-            kind = KINDS[sum(tally.kills.values()) % len(KINDS)]
+            kind = KINDS[tally.kills.total() % len(KINDS)]
             kind, left = kill(process, kind, draw)
             orphans += left
             tally.kills[kind] += 1
@@ -153,33 +142,25 @@ def calibrate(project, tally, most, draw, longest_s):
     watch.look(tally)
     output = log.read_text(errors="replace") + ended.stdout
     if ended.returncode != 0 or "Traceback" in output:
-        tally.tracebacks.append(f"{project.folder}: exit code {ended.returncode}\n{output[-3000:]}")
-    tally.left += [str(path) for path in project.out().rglob(".partial-*")]
-    tally.aside += [str(path) for path in project.out().rglob("*.damaged")]
+        tally.problems["tracebacks"].append(f"{project.folder}: exit code {ended.returncode}\n{output[-3000:]}")
+    tally.problems["partial_files_left"] += map(str, project.out().rglob(".partial-*"))
+    tally.problems["files_set_aside"] += map(str, project.out().rglob("*.damaged"))
     tally.calibrations += 1
 
 
-def prepare(folder, most_runs):
-    """A new project that ends after so many runs of design and loop, if not before."""
-    project = make_project(folder)
-    project.write(stop={"rms": 1e-3, "max_runs": most_runs, "stagnation_runs": 20})
-    return project
-
-
-def campaign(folder, kills, seed, longest_s, each, expected, most_runs=60, interpreter=(sys.executable,)):
+def campaign(folder, kills, seed, longest_s, each, expected, interpreter=(sys.executable,)):
     """So many kills over as many calibrations as they take.
 
     The interpreter is that of the command after the last kill of each calibration.
     """
-    tally, draw, started = Tally(), random.Random(seed), time.perf_counter()
-    while sum(tally.kills.values()) < kills:
-        project = prepare(folder / f"killed-{tally.calibrations}", most_runs)
+    tally, draw = Tally(), random.Random(seed)
+    while tally.kills.total() < kills:
+        project = make_project(folder / f"killed-{tally.calibrations}")
         project.interpreter = list(interpreter)
-        calibrate(project, tally, min(each, kills - sum(tally.kills.values())), draw, longest_s)
+        calibrate(project, tally, min(each, kills - tally.kills.total()), draw, longest_s)
         if not (project.out() / "summary.json").is_file() or result(project) != expected:
-            tally.different.append(str(project.folder))
+            tally.problems["different_results"].append(str(project.folder))
         print(json.dumps(tally.as_json()), flush=True)
-    tally.seconds = time.perf_counter() - started
     return tally
 
 
@@ -187,28 +168,17 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--each", type=int, default=20, help="most kills of one calibration")
-    parser.add_argument("--max-runs", type=int, default=60, help="runs of a calibration; fewer make it shorter")
     parser.add_argument("--longest", type=float, default=15.0, help="longest time to a kill [s]")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--folder", type=Path, help="where the projects go; an undisturbed one that is there is used")
     options = parser.parse_args()
-    folder = options.folder or Path(tempfile.mkdtemp(prefix="radcal-kills-"))
-    started = time.perf_counter()
-    if (folder / "undisturbed").is_dir():
-        undisturbed = Project(folder / "undisturbed")
-    else:
-        undisturbed = prepare(folder / "undisturbed", options.max_runs)
-        code = start(undisturbed, folder / "undisturbed/output.txt").wait()
-        assert code == 0, (folder / "undisturbed/output.txt").read_text()
-    seconds, runs = time.perf_counter() - started, len(undisturbed.records())
-    print(f"undisturbed: {seconds:.0f} s, {runs} runs, in {folder}", flush=True)
-    tally = campaign(
-        folder, options.kills, options.seed, options.longest, options.each, result(undisturbed), options.max_runs
-    )
-    for text in (*tally.tracebacks, *tally.different, *tally.left, *tally.aside):
-        print(text)
+    folder = Path(tempfile.mkdtemp(prefix="radcal-kills-"))
+    undisturbed = make_project(folder / "undisturbed")
+    done = undisturbed.run(*COMMAND)
+    assert done.returncode == 0, done.stdout
+    tally = campaign(folder, options.kills, options.seed, options.longest, options.each, result(undisturbed))
+    print("\n".join(text for found in tally.problems.values() for text in found))
     print(json.dumps(tally.as_json()))
-    return int(any((tally.lost, tally.repeated, tally.different, tally.tracebacks, tally.left, tally.aside)))
+    return int(any(tally.problems.values()))
 
 
 if __name__ == "__main__":

@@ -1,11 +1,7 @@
 """Every bad input ends in one sentence, before any simulator run, and touches no earlier result."""
 
 import numpy as np
-import pytest
 from workflow_project import COLUMNS, ROWS, sentences, write_raster
-
-from radcal.config import input_files, load
-from radcal.errors import ConfigError
 
 MATERIALS = {"lake": {"law": "mangia", "parameters": [5, 5, 5, 5]}}
 
@@ -21,20 +17,6 @@ def refused(project, *words):
     assert not project.out().exists() or not project.records()
 
 
-def sentence(project, monkeypatch):
-    """What the functions that the Snakefile begins with say to the case."""
-    monkeypatch.chdir(project.folder)
-    with pytest.raises(ConfigError) as raised:
-        input_files(load(["tiny.yaml"]))
-    (line,) = str(raised.value).splitlines()
-    return line
-
-
-def test_unknown_nested_key(project, monkeypatch):
-    project.write(stop={"rmss": 1e-4})
-    refused(project, "stop.rmss", "'rms'", sentence(project, monkeypatch))
-
-
 def test_material_not_in_the_scene(project):
     project.write(materials={**MATERIALS, "field": {"calibrate": True}, "swamp": {"parameters": [1, 1, 1, 1]}})
     refused(project, "swamp", "field")
@@ -42,13 +24,7 @@ def test_material_not_in_the_scene(project):
 
 def image(project, values):
     write_raster(project.folder / "image.tif", values.astype(np.float32))
-    case = {"source": "file", "path": "image.tif", "scale": "db", "radiometry": "sigma0_ref"}
-    project.write()
-    import yaml
-
-    data = yaml.safe_load((project.folder / "tiny.yaml").read_text())
-    data["measurement"] = case
-    (project.folder / "tiny.yaml").write_text(yaml.safe_dump(data))
+    project.write(measurement={"source": "file", "path": "image.tif", "scale": "db", "radiometry": "sigma0_ref"})
 
 
 def test_an_image_of_another_place_or_level_costs_the_reference_run_and_no_other(project):

@@ -1,11 +1,9 @@
 """The workflow on a tiny case: what a second command does, first steps, a larger design, several materials."""
 
-import csv
-
 import h5py
 import numpy as np
+import pandas as pd
 import pytest
-import yaml
 
 
 def test_the_same_command_again_has_nothing_to_do(finished):
@@ -59,9 +57,6 @@ def test_several_materials_share_each_run_and_need_no_design(project):
     assert done.returncode == 0, done.stdout
     summary = project.summary()
     assert set(summary["materials"]) == {"field", "lake"}
-    assert all(
-        material["stop_reason"] in ("rms", "unreachable", "max_runs") for material in summary["materials"].values()
-    )
     # one run carries both proposals
     with h5py.File(project.out() / "calibration.h5") as file:
         n = len(file["runs/kind"])
@@ -75,13 +70,9 @@ def test_several_materials_share_each_run_and_need_no_design(project):
         ended = np.flatnonzero(mode == "ended")
         assert list(ended) == list(range(len(mode) - len(ended), len(mode)))
     assert list(summary["materials"]["lake"]["parameters"]) == formula["names"]
-    exported = yaml.safe_load((project.out() / "export" / "calibrated.yaml").read_text())["materials"]["lake"]
-    assert {key: exported[key] for key in formula} == formula
-    x = exported["parameters"]
-    assert x == pytest.approx(list(summary["materials"]["lake"]["parameters"].values()))
-    with (project.out() / "export" / "laws.csv").open() as handle:
-        rows = [row for row in csv.DictReader(handle) if row["material"] == "lake"]
-    phi = np.radians([float(row["incidence_deg"]) for row in rows])
+    x = list(summary["materials"]["lake"]["parameters"].values())
+    laws = pd.read_csv(project.out() / "export/laws.csv").query("material == 'lake'")
+    phi = np.radians(laws["incidence_deg"].to_numpy())
     curve = x[0] + x[1] * np.cos(phi) + x[2] * np.exp(-x[3] * phi**2)
-    assert [float(row["calibrated_db"]) for row in rows] == pytest.approx(curve, abs=0.01)
+    assert laws["calibrated_db"].to_numpy() == pytest.approx(curve, abs=0.01)
     assert "peak*exp(-fall*phi**2)" in (project.out() / "report.html").read_text()

@@ -15,15 +15,13 @@ from radcal.image.looks import estimate_looks
 from radcal.image.model import Measurement
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
-from radcal.registration.registered import register
 from radcal.scene.sources import make_scene
 from radcal.targets.target import Targets
-from radcal.targets.target_fit import make_target, make_targets
+from radcal.targets.target_fit import make_target
 
 pytestmark = pytest.mark.skipif("RADCAL_DATA" not in os.environ, reason="RADCAL_DATA is not set: no measured data")
 
 ROOT = Path(__file__).resolve().parents[2]
-SURFACES = 14
 
 
 class Parts(NamedTuple):
@@ -81,13 +79,3 @@ def test_buildings_are_flagged_and_surfaces_are_not(parts):
     assert [name for name in targets if targets.textured(name)] == ["buildings"]
     # most surfaces are described by a skew normal, as far as a thousand pixels tell
     assert sum(target.goodness.ad_p > 0.05 for target in targets.values()) >= 10
-
-
-def test_pixels_are_counted(parts):
-    case, geometry, measurement = parts
-    registered = register(measurement.image_db, measurement, case.registration)
-    targets = make_targets(case, geometry, registered, measurement.image_db, None)
-    assert list(targets) == case.calibrated
-    assert len(targets) == SURFACES
-    for name, target in targets.items():
-        assert target.eligible + sum(target.left_out.values()) == geometry.pixels(name).size

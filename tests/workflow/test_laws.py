@@ -35,22 +35,15 @@ def test_laws_of_several_kinds_from_the_configuration_to_the_report(project):
     assert summary["runs"]["reference"] == 1
 
     archive = read_archive(project.out("tiny") / "calibration.h5", images=False)
-    result, material, radar = (
-        archive.materials["field"],
-        archive.configured.materials["field"],
-        archive.configured.radar,
-    )
+    result, material = archive.materials["field"], archive.configured.materials["field"]
     assert np.isnan(result.parameters[0]).all()
     assert np.isfinite(result.parameters[1:]).all()
     assert (material.at_start.law, material.start_parameters) == ("oh1992", SOIL)
-    assert (radar.polarisation, radar.frequency_ghz, material.angles_deg) == ("VV", 9.6, [15, 25, 35])
     angles, key = np.percentile(result.target.incidence_deg, [5, 95]), archive.passes["1"].keys[0]
     found = result.parameters[result.best]
     grid = np.linspace(*angles, 201)
-    difference = PchipInterpolator(TABLE["angles_deg"], found)(grid) - PchipInterpolator(TABLE["angles_deg"], HIDDEN)(
-        grid
-    )
-    assert field["law_difference_db"] == pytest.approx(np.abs(difference).max(), rel=1e-6)
+    fitted, hidden = (PchipInterpolator(TABLE["angles_deg"], x)(grid) for x in (found, HIDDEN))
+    assert field["law_difference_db"] == pytest.approx(np.abs(fitted - hidden).max(), rel=1e-6)
 
     with h5py.File(project.out("tiny") / "runs" / f"{key}.h5") as file:
         description = json.loads(file.attrs["description"])
@@ -69,6 +62,5 @@ def test_laws_of_several_kinds_from_the_configuration_to_the_report(project):
     assert note.startswith("lake: ")
     assert "outside of the 30 to 80 deg that law 'constant_gamma' was made for" in note
     text = (project.out("tiny") / "report.html").read_text()
-    assert "outside of the 30 to 80 deg" in text
     assert "The start is of another law: “oh1992” with 8.000, 1.500, 1.000." in text
     assert (project.out("tiny") / "figures" / "law_field.png").is_file()

@@ -1,4 +1,4 @@
-"""The loop with laws of one, three and six parameters, and a start of another law."""
+"""The loop with a law of six parameters, more than the moments of a density."""
 
 import numpy as np
 import pytest
@@ -16,67 +16,37 @@ from radcal.storage.runs import RunStore
 from radcal.targets.target import Targets
 from radcal.targets.target_fit import make_target
 
-LAWS = {
-    "constant_gamma": ({"bounds": [[-30, 0]]}, [-11.3]),
-    "tabulated": ({"angles_deg": [15, 25, 40], "bounds": [[-20, 0]] * 3}, [-4.0, -9.5, -12.0]),
-    "ulaby_dobson": (
-        {"bounds": [[-25, -15], [5, 15], [1, 4], [0, 4], [1, 3], [-2, 0]]},
-        [-19.0, 11.0, 2.5, 2.0, 2.0, -1.0],
-    ),
-}
+BOUNDS = [[-25, -15], [5, 15], [1, 4], [0, 4], [1, 3], [-2, 0]]
 
 
-def case_of(law, rms=0.005, max_runs=40, **keys):
-    settings, hidden = LAWS[law]
+@pytest.fixture
+def case():
     ends = {"near_incidence_deg": 15, "far_incidence_deg": 40}
+    hidden = {"parameters": {"field": [-19.0, 11.0, 2.5, 2.0, 2.0, -1.0]}, "warp_px": 0}
     return case_from(
         {
             "scene": {"source": "slant_range", "labels": "-", "names": "-", **ends},
-            "materials": {"field": {"calibrate": True, "law": law, **settings, **keys}},
-            "measurement": {"source": "synthetic", "synthetic": {"parameters": {"field": hidden}, "warp_px": 0}},
+            "materials": {"field": {"calibrate": True, "law": "ulaby_dobson", "bounds": BOUNDS}},
+            "measurement": {"source": "synthetic", "synthetic": hidden},
             "registration": {"method": "none"},
             "objective": "density",
             "target": {"pixels": 500},
             "design": {"size": 2},
             "optimiser": {"population": 20, "evaluations": 200},
-            "stop": {"rms": rms, "max_runs": max_runs},
+            "stop": {"rms": 1e-9, "max_runs": 4},
         }
     )
 
 
-def run(case, folder):
+def test_more_parameters_than_moments_do_not_stop_the_loop(case, tmp_path):
     scene = Scene("tiny", ("field",), np.ones((70, 60), np.uint8), None, 1.0, flat_incidence_deg(15.0, 40.0, 70))
     geometry = make_geometry(scene, case.radar)
-    store = RunStore(folder)
-
-    def runner(of):
-        return Runner(store, BuiltinSimulator(geometry, of.radar, of.laws), geometry, scene.identity, of)
-
+    simulator = BuiltinSimulator(geometry, case.radar, case.laws)
     # the hidden truth with the noise of the runs: it can be reached exactly
     hidden = case.measurement.synthetic.parameters
-    image_db = BuiltinSimulator(geometry, case.radar, case.laws).run(hidden, noise_seed(case))
-    measurement = Measurement(image_db, "the runs' noise", hidden)
+    measurement = Measurement(simulator.run(hidden, noise_seed(case)), "the runs' noise", hidden)
     target = make_target("field", geometry, measurement, case.target, case.seed)
-    history, decision = calibrate(case, runner(case), Targets({"field": target}), reference=runner(case.at_start))
-    return history, decision, target
-
-
-def test_a_law_of_three_parameters_from_a_start_of_another_law(tmp_path):
-    case = case_of("tabulated", start={"law": "mangia", "parameters": [-10.0, 2.0, 4.0, 3.0]})
-    history, decision, _ = run(case, tmp_path)
-    assert decision.converged, decision
-    assert history.runs[0].scores["field"].parameters == [-10.0, 2.0, 4.0, 3.0]
-    assert [run.scores["field"].own_law for run in history.runs] == [False] + [True] * (len(history.runs) - 1)
-    assert history.training("field")[0].shape == (len({run.keys[0] for run in history.runs}) - 1, 3)
-
-
-def test_more_parameters_than_moments_do_not_stop_the_loop(tmp_path):
-    history, decision, _ = run(case_of("ulaby_dobson", rms=1e-9, max_runs=4), tmp_path)
+    runner = Runner(RunStore(tmp_path), simulator, geometry, scene.identity, case)
+    history, decision = calibrate(case, runner, Targets({"field": target}))
     assert decision.reason == "max_runs"
     assert len(history.best("field").parameters) == 6
-
-
-def test_a_start_of_another_law_asks_for_its_runner():
-    case = case_of("tabulated", start={"law": "mangia", "parameters": [-10.0, 2.0, 4.0, 3.0]})
-    with pytest.raises(ValueError, match=r"\['field'\] start with another law"):
-        calibrate(case, None, Targets({}))

@@ -43,10 +43,6 @@ def test_the_image_is_registered_again_onto_a_run_of_the_laws_found(project, mon
         labels[top : top + high, left : left + wide] = 2
     write_raster(project.folder / "labels.tif", labels)
     project.write(**CASE)
-    done = project.run("--configfile", "tiny.yaml", "--dry-run")
-    most = "at most 11 simulator runs would be made (1 measurement, 1 reference, 1 registration, "
-    assert most in done.stdout
-    assert "1 design, at most 5 infill, at most 2 final" in done.stdout
     done = project.run("--configfile", "tiny.yaml")
     assert done.returncode == 0, done.stdout
     out, summary = project.out(), project.summary()
@@ -76,8 +72,6 @@ def test_the_image_is_registered_again_onto_a_run_of_the_laws_found(project, mon
         [out / "scores.json", *(out / f"iterations/{k}/verified.json" for k in range(len(history.infill)))]
     )
     assert [(run.kind, run.keys) for run in history.runs] == [(run.kind, run.keys) for run in theirs.runs]
-    for ours, others in zip(history.runs, theirs.runs, strict=True):
-        np.testing.assert_array_equal(ours.scores["field"].statistics, others.scores["field"].statistics)
 
     # one registration: the run is not used, and nothing is made anew for it
     records = project.records()

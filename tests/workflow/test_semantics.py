@@ -1,6 +1,5 @@
 """What people rely on when they type a command again: which jobs and which runs it makes (docs/reruns.md)."""
 
-import contextlib
 import json
 import os
 import re
@@ -329,6 +328,10 @@ def test_a_stopped_command_says_what_is_kept_and_how_to_go_on(project, number, b
         assert process.poll() is None, log.read_text()
         assert time.time() < deadline
         time.sleep(0.02)
+    second = project.run(*CASE)
+    assert second.returncode != 0
+    assert f"another snakemake (process {process.pid})" in second.stdout
+    assert "Traceback" not in second.stdout
     # what a terminal and a service manager do: to the whole group
     os.killpg(process.pid, number)
     assert process.wait(120) != 0
@@ -368,20 +371,3 @@ def test_runs_of_an_earlier_case_are_reused(finished):
     assert len(shared) >= runs["reused"]
     assert f"{runs['reused']} of an earlier case" in (finished.out("second") / "report.html").read_text()
     assert len(finished.contents("second")) - len(shared) <= runs["reference"] + runs["design"] + runs["infill"] + 1
-
-
-def test_a_second_snakemake_on_the_case_says_so(project):
-    process = project.start("--configfile", "tiny.yaml")
-    try:
-        deadline = time.time() + 60
-        while not (project.out() / ".lock").is_file() or not (project.out() / ".lock").read_text():
-            assert time.time() < deadline
-            time.sleep(0.05)
-        second = project.run("--configfile", "tiny.yaml")
-        assert second.returncode != 0
-        assert f"another snakemake (process {process.pid})" in second.stdout
-        assert "Traceback" not in second.stdout
-    finally:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
