@@ -57,11 +57,10 @@ def test_sinr_loss_of_clutter_of_one_direction():
 
 
 def test_least_velocity():
-    """The loss is 5 dB there, less beyond; a wide beam of clutter of 40 dB needs 1 to 3 m/s with 8 ms."""
+    """The loss is 5 dB there, and less beyond."""
     found = least_velocity_mps(ONE, known())
     loss = sinr_loss_db(known(), ONE.steering(0.0, [found - 0.02, found + 0.02]))
     assert loss[0] < -5.0 < loss[1]
-    assert least_velocity_mps(ONE, known(), 12.0) < found < least_velocity_mps(ONE, known(), 3.0)
     assert least_velocity_mps(ONE, np.eye(48)) == 0.0
     assert np.isnan(least_velocity_mps(ONE, 1e3 * np.eye(48)))
 

@@ -94,20 +94,12 @@ def test_pixels_that_do_not_count_pull_nothing():
     assert np.hypot(*(found - field))[20:-20, 20:150].mean() < 0.5
 
 
-def test_a_large_shift_is_found_from_a_start_near_it():
-    fixed = speckled(ground(8), 1)
-    moving = np.roll(speckled(ground(8), 2), (25, -18), axis=(0, 1))
-    found = gefolki(fixed, moving, start=np.array([24.0, -17.0]))
-    np.testing.assert_allclose(found[:, 60:-60, 60:-60].mean(axis=(1, 2)), [25.0, -18.0], atol=0.2)
-
-
 def test_rank_transform_is_the_rank_in_the_window():
-    # 256 grey levels: values that the quantisation keeps apart
-    image = np.random.default_rng(0).permutation(np.arange(13 * 13)).reshape(13, 13).astype(np.float32)
+    image = np.random.default_rng(0).permutation(np.arange(33 * 33)).reshape(33, 33).astype(np.float32)
     image[2, 3] = np.nan
-    found = rank_transform(image, radius=6)[6, 6]
+    found = rank_transform(image)[16, 16]
     there = image[np.isfinite(image)]
-    expected = rankdata(there, method="max")[there == image[6, 6]][0] / there.size * 2.0 - 1.0
+    expected = rankdata(there, method="max")[there == image[16, 16]][0] / there.size * 2.0 - 1.0
     assert found == pytest.approx(expected, abs=0.03)
     assert rank_transform(image)[2, 3] == 0.0
     np.testing.assert_array_equal(rank_transform(np.full((9, 9), np.nan, dtype=np.float32)), 0.0)

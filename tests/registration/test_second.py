@@ -74,5 +74,5 @@ def test_a_run_that_has_nothing_in_common_with_the_image_is_not_used(first, monk
     # the first registration has compared the image with mirrored ones
     monkeypatch.setattr(registration, "_mirrored", None)
     again = register_again(OTHER, first, CONFIG)
-    assert "The image agrees less with a run " in again.verdict
+    assert "The image agrees less with a run of the laws found with it (mean local correlation 0.0" in again.verdict
     assert same(replace(again, verdict=first.verdict), first)

@@ -19,6 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 Complex = NDArray[np.complex128]
 Array = NDArray[np.floating[Any]]
 
+_LIMIT_DB = 5.0  # loss of signal to interference and noise, below which a mover is not detected
+
 
 @dataclass(frozen=True)
 class Interval:
@@ -114,13 +116,13 @@ def sinr_loss_db(known: Complex, vectors: Complex) -> Array:
     return np.asarray(10.0 * np.log10(best / len(known)))
 
 
-def least_velocity_mps(interval: Interval, known: Complex, limit_db: float = 5.0) -> float:
-    """Least detectable radial velocity at zero Doppler [m/s]: beyond it the loss stays below a limit.
+def least_velocity_mps(interval: Interval, known: Complex) -> float:
+    """Least detectable radial velocity at zero Doppler [m/s]: beyond it the loss stays below 5 dB.
 
-    It is searched up to half of the first blind velocity; NaN if the loss exceeds the limit there.
+    It is searched up to half of the first blind velocity; NaN if the loss exceeds 5 dB there.
     """
     velocity = np.linspace(0.0, 0.25 * interval.wavelength_m * interval.prf_hz, 2001)
-    lost = np.flatnonzero(sinr_loss_db(known, interval.steering(0.0, velocity)) < -limit_db)
+    lost = np.flatnonzero(sinr_loss_db(known, interval.steering(0.0, velocity)) < -_LIMIT_DB)
     if not lost.size:
         return 0.0
     return float(velocity[lost[-1] + 1]) if lost[-1] + 1 < velocity.size else float("nan")

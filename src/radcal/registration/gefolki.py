@@ -48,15 +48,13 @@ _NOISE_CELLS = 2  # side of the blocks whose gradients scatter independently [ce
 _NOISE = 1.5  # factor on the noise: neighbouring blocks are correlated, and their scatter underestimates it
 
 
-def rank_transform(image_db: NDArray[np.float32], radius: int = _RANK_RADIUS) -> NDArray[np.float32]:
-    """Rank of each pixel's value among the values of the neighbouring pixels.
+def rank_transform(image_db: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Rank of each pixel's value among the values within 16 rows and columns.
 
     Parameters
     ----------
     image_db : ndarray, shape (rows, columns)
         Backscatter [dB], NaN where a pixel has no value. Any monotonic scale gives the same ranks.
-    radius : int
-        Half width of the square neighbourhood [pixels].
 
     Returns
     -------
@@ -71,7 +69,7 @@ def rank_transform(image_db: NDArray[np.float32], radius: int = _RANK_RADIUS) ->
     low, high = np.percentile(image_db[valid], [0.2, 99.8])
     steps = np.clip((image_db - low) / max(float(high - low), 1e-6) * 255.0, 0.0, 255.0)
     steps = np.where(valid, steps, 0.0).astype(np.uint8)
-    square = np.ones((2 * radius + 1, 2 * radius + 1), dtype=np.uint8)
+    square = np.ones((2 * _RANK_RADIUS + 1,) * 2, dtype=np.uint8)
     rank = equalize(steps, square, mask=valid.astype(np.uint8)).astype(np.float32) / 127.5 - 1.0
     return np.where(valid, rank, 0.0).astype(np.float32)
 

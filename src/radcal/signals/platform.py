@@ -24,6 +24,7 @@ LIGHT_MPS = 299_792_458.0
 _NOISE_W_PER_HZ = 1.380649e-23 * 290.0  # thermal noise at the standard temperature of noise figures
 _GUARD = 1.1  # ratio of the pulse rate to the least one, and of the window of slant range to the swath
 _LONGEST = 0.8  # largest place in the beam, from its middle to its null, of what is focused; it is 25 dB down there
+_PARTS = 4096  # of the processed band of azimuth frequencies
 _WIDEST = 0.9  # largest sine of an angle from zero Doppler
 
 Doubles = NDArray[np.float64]
@@ -168,23 +169,21 @@ def carrier_hz(radar: Radar) -> float:
     raise ConfigError(f"radar.band is {radar.band!r}, which names no known band, expected radar.frequency_ghz with it.")
 
 
-def azimuth_weights(one: Collection, size: int = 4096) -> tuple[Doubles, Doubles]:
+def azimuth_weights(one: Collection) -> tuple[Doubles, Doubles]:
     """Weights of pulses over the processed band of azimuth frequencies: Taylor's for each look, and beam.
 
     Parameters
     ----------
     one : Collection
         Collection.
-    size : int
-        Number of equal parts of the processed band.
 
     Returns
     -------
-    weights, beam : ndarray, shape (size,)
+    weights, beam : ndarray, shape (4096,)
         Weights of mean 1, and two-way amplitude of the beam on a place in the middle of the scene.
     """
-    place = (np.arange(size) + 0.5) / size
-    beam = np.ones(size)
+    place = (np.arange(_PARTS) + 0.5) / _PARTS
+    beam = np.ones(_PARTS)
     if one.spot_m is None:
         beam = pattern((place - 0.5) * one.sines, one.antenna_m, one.wavelength_m)
     return taylor_weights(place * one.looks % 1.0 - 0.5), beam
