@@ -23,7 +23,6 @@ from scipy.stats import multivariate_normal, norm
 from radcal.config import Uncertainty
 from radcal.posterior.calibrated import FORMS, Draws
 from radcal.posterior.effects import common_columns, form_basis
-from radcal.posterior.form_error import form_error
 from radcal.posterior.sampling import Sample
 
 CONFIG = Uncertainty(walkers=64, steps=1500)
@@ -107,54 +106,8 @@ def test_in_a_few_steps_a_hidden_law_is_found():
     assert draws.common.shape == (len(draws.parameters), 5)
     assert draws.common[:, 0].mean() == pytest.approx(0.8, abs=0.2)
     assert draws.form.shape[1] == FORMS
-
-
-@pytest.mark.slow
-def test_bands_hold_hidden_laws():
-    """Sixteen images of known level: of a material with field effects, and of the fields that are seen."""
-    inside, of_fields, widths = [], [], []
-    for seed in range(16):
-        rng = np.random.default_rng(seed)
-        x = np.array([rng.uniform(-9.0, -3.0), rng.uniform(-19.0, -12.0)])
-        cells = seen_cells(rng, 160, x=x, fields=6, field_db=0.7)
-        pixels, effect = cells.pixels, cells.measured_db
-        draws = line_model(cells, replace(known_common(), mean=np.zeros(5)), Uncertainty(walkers=32, steps=600)).drawn(
-            seed, x
-        )
-        found, truth = curves(draws, ANGLES), LINE(np.radians(ANGLES), x)
-        low, high = np.quantile(found, [0.05, 0.95], axis=0)
-        inside.append(((low <= truth) & (truth <= high)).mean())
-        widths.append((high - low).mean() / 2.0)
-        # the mean effect of the fields seen, from the cells themselves
-        mean = np.average(effect - LINE(np.radians(cells.incidence_deg), x), weights=pixels)
-        low, high = np.quantile(found.mean(axis=1) + draws.fields_db, [0.05, 0.95])
-        of_fields.append(low - 0.05 <= truth.mean() + mean <= high + 0.05)
-    assert 0.8 <= np.mean(inside) <= 1.0
-    assert 0.3 < np.mean(widths) < 1.0
-    assert np.mean(of_fields) >= 0.8
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("size_db", "noticed"), [(0.0, False), (3.0, True)])
-def test_a_law_of_another_form_is_noticed(size_db, noticed):
-    """A bump of 3 dB and 3 degrees at 36 degrees, which no line has."""
-    rng = np.random.default_rng(2)
-    cells = seen_cells(rng, 240, fields=12, field_db=0.3)
-    bump = size_db * np.exp(-0.5 * ((cells.incidence_deg - 36.0) / 3.0) ** 2)
-    cells = replace(cells, measured_db=cells.measured_db + bump)
-    draws = line_model(cells, replace(known_common(), mean=np.zeros(5))).drawn(5, LINE_X)
-    angle = np.linspace(28.0, 46.0, 41)
-    forms = draws.form @ form_basis(angle, FORM_KNOTS, FORMS).T
-    found = form_error(forms - forms.mean(axis=1, keepdims=True), 1.0)
-    assert found.noticed is noticed
-    # a line takes a part of the bump, and the fields another
-    wanted = size_db * np.exp(-0.5 * ((angle - 36.0) / 3.0) ** 2)
-    wanted -= np.polyval(np.polyfit(angle, wanted, 1), angle)
-    if noticed:
-        assert found.rms_db[0] < np.sqrt((wanted**2).mean()) < 1.4 * found.rms_db[2]
-        assert draws.sample.converged
-    else:
-        assert found.rms_db[1] < 0.4
+    away = cells.measured_db - 0.8 - LINE(np.radians(cells.incidence_deg), LINE_X)  # of fields that are seen
+    assert draws.fields_db.mean() == pytest.approx(np.average(away, weights=cells.pixels), abs=0.3)
 
 
 def test_the_same_seed_gives_the_same_draws():

@@ -69,18 +69,6 @@ def test_means_have_no_bias_and_the_variance_that_is_stated():
     assert scatter == pytest.approx(DB**2 * (polygamma(1, 8.0) + polygamma(1, 40.0) / 2.0), rel=0.08)
 
 
-def test_texture_changes_no_mean_of_power():
-    """Gamma texture of order 2: the mean of dB values falls by 1.2 dB."""
-    rng, shape = np.random.default_rng(4), (240, 240)
-    texture = DB * np.log(rng.gamma(2.0, 0.5, shape))
-    rough = speckled(-9.0 + texture, 4.0, rng)
-    assert np.mean(rough) < -10.5
-    cells = found(rough, [speckled(np.full(shape, -9.0), 32.0, rng)], seen(np.full(shape, 40.0)), noisy=False)
-    assert cells.measured_db.mean() == pytest.approx(-9.0, abs=4.0 * np.sqrt(cells.variance.mean() / cells.size))
-    # speckle and texture: 1 / L = 1 / 4 + 1 / 2 + 1 / 8
-    assert cells.looks == pytest.approx(8.0 / 7.0, rel=0.05)
-
-
 def test_cells_are_fields_in_blocks_of_24_pixels_and_3_degrees():
     rng, shape = np.random.default_rng(7), (60, 70)
     row, column = np.indices(shape)
@@ -119,29 +107,6 @@ def test_correlated_pixels_count_as_fewer():
     np.testing.assert_allclose(
         alike.measured_db - alone.measured_db, (1.0 / share - 1.0) * alone.variance / 4.0 / DB, rtol=0.02
     )
-
-
-@pytest.mark.parametrize("apart", [1, 2])
-def test_cells_have_the_variance_and_the_bias_of_their_own_pairs(apart):
-    """Speckle of four looks, smoothed over 2 x 2 pixels; cells of 2 x 4 pixels, all adjacent or every other one.
-
-    The neighbours of a pixel that lie in other cells do not count.
-    """
-    shape, looks = (96, 96), 4
-    row, column = np.indices(shape)
-    lags = np.zeros((13, 13))
-    lags[5:8, 5:8] = np.multiply.outer([0.25, 1.0, 0.25], [0.25, 1.0, 0.25])  # squared correlation of the amplitudes
-    patch = 1000 * (row // (2 * apart)) + column // (4 * apart) + 100_000 * (row % apart) + 200_000 * (column % apart)
-    geometry, images = seen(np.full(shape, 40.0)), []
-    for seed in range(40):
-        amplitude = np.random.default_rng(seed).normal(size=(2 * looks, 97, 97))
-        smooth = sum(amplitude[:, i : i + 96, j : j + 96] for i in (0, 1) for j in (0, 1))
-        images.append((DB * np.log(np.mean(smooth**2, axis=0) / 4.0)).astype(np.float32))
-    flat, correlation = np.zeros(shape, dtype=np.float32), Correlation(lags, 96)
-    cells = [found(image, [flat], geometry, patch, correlation=correlation, noisy=False) for image in images]
-    levels = np.array([one.measured_db for one in cells])
-    assert levels.var(axis=0, ddof=1).mean() == pytest.approx(np.mean([one.variance.mean() for one in cells]), rel=0.12)
-    assert levels.mean() == pytest.approx(0.0, abs=0.03)
 
 
 def test_the_simulated_mean_is_relative_to_law_and_noise():
@@ -231,10 +196,3 @@ def test_leaks_are_simulated_means_away_from_the_median():
     )
     assert flat.without_leaks(False).measured_db.tolist() == [0.0, 1.0, 2.0, 4.0]
     assert flat.without_leaks(True).size < 4
-
-
-def test_a_part_of_the_cells():
-    cells = made_cells([-7.0, -8.0, -9.0], [30.0, 40.0, 50.0])
-    part = cells.part(np.array([True, False, True]))
-    assert (part.size, part.looks) == (2, cells.looks)
-    np.testing.assert_allclose(part.incidence_deg, [30.0, 50.0])

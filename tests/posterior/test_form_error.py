@@ -35,18 +35,6 @@ def smallest(cells, at=AT, **keys):
     return noticed_db(model, at, COLUMNS, KNOTS, SEEN)
 
 
-def test_more_cells_and_quiet_ones_show_smaller_bumps():
-    """Fields of their own angles hide a bump, and fields that are seen at all angles do not."""
-    some, many = (seen_cells(np.random.default_rng(1), n, fields=n // 8) for n in (80, 640))
-    few_db, many_db = smallest(some), smallest(many)
-    assert 0.1 < many_db < few_db < 4.0
-    assert many_db == pytest.approx(few_db / np.sqrt(8.0), rel=0.6)
-    loud = smallest(some, np.array([*AT[:3], np.log(0.8), AT[4]]))
-    assert loud > 1.4 * few_db
-    stripes = replace(some, patch=(some.incidence_deg // 2.0).astype(np.int64))
-    assert smallest(stripes) > 1.4 * few_db
-
-
 def test_what_nothing_would_show_is_infinite():
     """Three cells at one end of the incidence seen."""
     cells = seen_cells(np.random.default_rng(1), 3, seen_deg=(26.0, 27.0), fields=1)

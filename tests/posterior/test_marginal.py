@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.stats import multivariate_normal
 
 from radcal.posterior import marginal
-from radcal.posterior.marginal import Marginal, integrated, normal_draws
+from radcal.posterior.marginal import Marginal, normal_draws
 
 N, FIELDS = 70, 6
 GRID = np.log(np.geomspace(0.01, 3.0, 32)), np.log(np.geomspace(0.01, 8.0, 32))
@@ -32,27 +31,6 @@ def test_the_grid_reaches_as_far_as_the_priors():
         np.testing.assert_allclose(one, other)
 
 
-@pytest.mark.parametrize("fields", [1, 25])
-def test_between_grid_points_the_log_likelihood_is_off_by_less_than_0_8(fields):
-    """Of 500 cells, whose variances differ by a factor of 50."""
-    _, variance, patch = made(500, fields)
-    rng = np.random.default_rng(8)
-    labels, of = np.unique(patch, return_inverse=True)
-    values = (
-        0.5 * rng.normal(size=labels.size)[of] + 0.2 * rng.normal(size=500) + np.sqrt(variance) * rng.normal(size=500)
-    )
-    table = Marginal(values[:, None], variance, patch)
-    step = GRID[0][1] - GRID[0][0], GRID[1][1] - GRID[1][0]
-    for cell, field in ((0.2, 0.5), (0.1, 0.7), (0.35, 0.3)):
-        i, j = (np.searchsorted(grid, np.log(size)) for grid, size in zip(GRID, (cell, field), strict=True))
-        for u, v in ((0.5, 0.0), (0.0, 0.5), (0.3, 0.6)):
-            at = GRID[0][i] + u * step[0], GRID[1][j] + v * step[1]
-            gram, log_det = table.at(np.array([at[0]]), np.array([at[1]]))
-            found = -0.5 * (gram[0, 0, 0] + log_det[0] + 500 * np.log(2.0 * np.pi))
-            covariance = dense(variance, patch, np.exp(at[0]), np.exp(at[1]))
-            assert found == pytest.approx(multivariate_normal.logpdf(values, np.zeros(500), covariance), abs=0.8)
-
-
 def test_every_point_has_its_own_place():
     columns, variance, patch = made()
     table = Marginal(columns, variance, patch)
@@ -69,23 +47,6 @@ def test_every_point_has_its_own_place():
         wanted = columns.T @ np.linalg.solve(covariance, columns)
         size = np.sqrt(np.diag(wanted))
         np.testing.assert_allclose(gram[k] / np.outer(size, size), wanted / np.outer(size, size), atol=0.03)
-
-
-@pytest.mark.parametrize("count", [1, 3])
-def test_columns_integrated_out_leave_the_marginal_likelihood(count):
-    """Their coefficients have prior variances; the covariance of the values is larger by that of the columns."""
-    columns, variance, patch = made()
-    i, j = 18, 20
-    cell, field = np.exp(GRID[0][i]), np.exp(GRID[1][j])
-    gram, log_det = Marginal(columns, variance, patch).at(GRID[0][[i]], GRID[1][[j]])
-    prior = np.array([[4.0, 0.09, 1.3]])[:, :count]
-    left, half = integrated(gram, prior, count)
-    assert left.shape == (1, 4 - count, 4 - count)
-    covariance = dense(variance, patch, cell, field) + (columns[:, :count] * prior) @ columns[:, :count].T
-    rest = columns[:, count:]
-    np.testing.assert_allclose(left[0], rest.T @ np.linalg.solve(covariance, rest), rtol=1e-8, atol=1e-7)
-    found = -0.5 * (left[0, -1, -1] + log_det[0] + N * np.log(2.0 * np.pi)) - half[0]
-    assert found == pytest.approx(multivariate_normal.logpdf(columns[:, -1], np.zeros(N), covariance))
 
 
 def test_draws_of_coefficients_have_their_mean_and_covariance():

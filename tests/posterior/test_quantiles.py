@@ -14,14 +14,6 @@ from radcal.posterior.effects import Observed
 from radcal.posterior.sampling import Sample
 
 
-def test_the_systematic_part_is_what_common_effects_explain():
-    rng = np.random.default_rng(2)
-    common, own = rng.normal(size=(20_000, 2)) * [0.4, 0.1], rng.normal(0.0, 0.7, (20_000, 3))
-    curves = -9.0 + own + common @ np.array([[1.0, 1.0, -1.0], [0.0, 2.0, 5.0]])
-    wanted = np.sqrt([0.4**2, 0.4**2 + 0.2**2, 0.4**2 + 0.5**2])
-    np.testing.assert_allclose(quantiles._explained(curves, common), wanted, rtol=0.03)
-
-
 def test_the_nearest_law_is_that_of_least_squares_in_the_bounds():
     """To a bent median over 25 to 45 degrees; with whole numbers, the best of the draws."""
     x = LINE_X + np.random.default_rng(1).normal(0.0, 1.0, (200, 2))
