@@ -32,28 +32,9 @@ def test_a_minimum_beyond_a_bound_is_that_on_the_bound():
     assert found.cost == pytest.approx(least, rel=1e-6)
 
 
-def test_bounds_of_a_step_hold():
-    low, high = np.array([0.1, 0.2]), np.array([0.3, 0.4])
-    found = least_squares(line, np.array([0.2, 0.3]), low, high, 1e-12)
-    assert (found.x >= low).all()
-    assert (found.x <= high).all()
-    np.testing.assert_allclose(found.x, high, atol=1e-6)
-
-
 def test_residuals_without_bounds_end_in_no_error():
     found = least_squares(lambda u: np.where(u > 0.5, np.inf, 1.0 / (0.5 - u)), np.array([0.4, 0.9]), ZERO, ONE, 1e-6)
     assert np.isfinite(found.cost)
-
-
-def test_the_jacobian_takes_one_call():
-    sizes = []
-
-    def counted(points):
-        sizes.append(len(points))
-        return line(points)
-
-    least_squares(counted, np.array([0.1, 0.2]), ZERO, ONE, 1e-9)
-    assert set(sizes) == {1, 4}
 
 
 def test_sobol_points_are_balanced_and_repeat():

@@ -6,11 +6,6 @@ import pytest
 from radcal.inference.incidence_error import attenuation, registration_error_deg, true_nodes
 
 
-def test_no_error_changes_nothing():
-    np.testing.assert_array_equal(true_nodes([[40.0, 50.0]], 0.0, 45.0, 1.0), [[40.0, 50.0]])
-    assert attenuation([40.0, 50.0], 0.0) == 1.0
-
-
 def test_an_error_beyond_the_spread_leaves_something():
     assert attenuation([44.0, 46.0], 10.0) == pytest.approx(0.1)
 

@@ -5,15 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.ndimage import gaussian_filter
 
 from radcal.ground.bins import make_classes
-from radcal.ground.correlation import Correlation, estimate_correlation, independent_pairs
+from radcal.ground.correlation import independent_pairs
 from radcal.ground.ground import Ground
 from radcal.ground.patches import Spread
 from radcal.inference.expected import LawForward
 from radcal.inference.misfit import SKEWNESS_SHAPE, BinMisfit, LikelihoodMisfit, Method, true_angles
-from radcal.inference.moments import from_cumulants, sampling_covariance
+from radcal.inference.moments import sampling_covariance
 from radcal.laws import LAWS
 
 LAW = LAWS["mangia"]
@@ -135,22 +134,6 @@ def test_slack_draws_statistics_to_the_measured_ones():
     np.testing.assert_allclose(misfit(X, 4.0, run, 1.1), 0.0, atol=1e-9)
 
 
-def test_a_known_error_of_the_incidence_moves_what_is_expected():
-    """Of angles drawn to their mean: a curve of them at the mapped ones is steeper than what they show."""
-    rng = np.random.default_rng(9)
-    true = rng.normal(40.0, 5.0, 40_000)
-    mapped = true + rng.normal(0.0, 4.0, true.size)
-    values = speckled(rng, true, 4.0)
-    classes = make_classes(values, mapped, 5)
-    ground = Ground(values, mapped, np.ones(true.size, int), np.zeros(true.size, int))
-    run = LawForward(LAW, classes.nodes_deg, 4.0)(X)
-    told, untold = (
-        BinMisfit.of(ground, classes, Method(LAW, BOUNDS, 4.0, incidence_error_deg=error), Spread(0.0, 0.0))
-        for error in (4.0, 0.0)
-    )
-    assert (told(X, 4.0, run) ** 2).sum() < 40.0 < 0.1 * (untold(X, 4.0, run) ** 2).sum()
-
-
 def test_the_likelihood_takes_its_levels_from_the_runs_means():
     """A simulator 0.7 dB brighter than the law is the same as a law with another constant."""
     rng = np.random.default_rng(10)
@@ -191,65 +174,6 @@ def test_errors_of_pixels_enter_their_bins():
     rms = np.sqrt([1.0, 1.0, 1.0, 18.5])
     square = np.var(mapped) - np.mean(error**2)
     np.testing.assert_allclose(nodes.std(axis=1), rms * np.sqrt(square / (square + rms**2)), rtol=1e-3)
-
-
-@pytest.mark.slow
-def test_the_covariance_is_that_of_images_of_correlated_speckle():
-    """Bins that lie among each other like the slopes of hills: many images of one ground scatter as is expected."""
-    rng = np.random.default_rng(12)
-    shape = (60, 80)
-    incidence = 40.0 + 20.0 * gaussian_filter(rng.normal(size=shape), 2.5, mode="wrap").ravel()
-    drawn = np.sort(rng.choice(incidence.size, 1500, replace=False))
-    image = None
-    found = []
-    for _ in range(300):
-        field = rng.normal(size=(2, 4, *shape))
-        power = (gaussian_filter(field, (0.0, 0.0, 0.9, 0.9), mode="wrap") ** 2).sum(axis=(0, 1)).ravel()
-        image = 10.0 * np.log10(power) + LAW(np.radians(incidence), X)
-        classes = make_classes(image[drawn], incidence[drawn], 3)
-        found.append(from_cumulants(classes.cumulants).T.ravel())
-    correlation = estimate_correlation(
-        image.reshape(shape).astype(np.float32), np.arange(image.size), incidence.reshape(shape).astype(np.float32)
-    )
-    ground = Ground(image[drawn], incidence[drawn], np.ones(1500, int), np.zeros(1500, int), drawn, correlation)
-    classes = make_classes(ground.values_db, ground.incidence_deg, 3, ground.pairs)
-    expected = BinMisfit.of(ground, classes, METHOD, Spread(0.0, 0.0)).sampling
-    scatter = np.cov(np.array(found).T)
-    # traces and the mean of all bins have standard errors of some 5 %
-    for k in range(3):
-        block = slice(3 * k, 3 * k + 3)
-        assert np.trace(np.linalg.solve(expected[block, block], scatter[block, block])) / 3 == pytest.approx(
-            1.0, abs=0.2
-        )
-    assert expected[:3, :3].sum() == pytest.approx(scatter[:3, :3].sum(), rel=0.25)
-    assert expected[:3, :3].sum() > 1.15 * np.trace(expected[:3, :3])  # bins share their neighbours' speckle
-
-
-@pytest.mark.slow
-def test_the_covariance_is_that_of_fields_and_cells_that_are_drawn():
-    """Three fields have another variance among them in every draw."""
-    rng = np.random.default_rng(13)
-    n = 900
-    incidence = rng.uniform(30.0, 50.0, n)
-    patch, block = rng.integers(1, 4, n), (incidence // 4).astype(np.int64)
-    pixels = np.arange(n)
-    lags = np.zeros((13, 13))
-    lags[6, 5:8] = [0.4, 1.0, 0.4]
-    ground = Ground(speckled(rng, incidence, 4.0), incidence, patch, block, pixels, Correlation(lags, n))
-    classes = make_classes(ground.values_db, incidence, 3, ground.pairs)
-    misfit = BinMisfit.of(ground, classes, METHOD, Spread(1.5, 0.5))
-    draws = 20_000
-    means, log_sds, _ = np.moveaxis(
-        rng.multivariate_normal(np.zeros(9), misfit.sampling, draws).reshape(draws, 3, 3), 1, 0
-    )
-    fields, cells = misfit.patch_share.shape[1], misfit.cell_share.shape[1]
-    effects = 1.5 * rng.normal(size=(draws, fields))[:, misfit.patch_of_cell] + 0.5 * rng.normal(size=(draws, cells))
-    levels = effects @ misfit.cell_share.T
-    log_sds = log_sds + 0.1 * rng.normal(size=(draws, fields)) @ misfit.patch_share.T  # a field's looks are its own
-    log_sds += (effects**2 @ misfit.cell_share.T - levels**2) / (2.0 * misfit.classes.cumulants[:, 1])
-    found = np.cov(np.concatenate([means + levels, log_sds], axis=1).T)
-    sd = np.sqrt(np.diag(found))
-    np.testing.assert_allclose(misfit.covariance[:6, :6] / np.outer(sd, sd), found / np.outer(sd, sd), atol=0.06)
 
 
 def test_bins_of_nearly_normal_pixels_share_powers_of_the_correlation():

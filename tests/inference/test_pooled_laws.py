@@ -47,26 +47,6 @@ def test_law_and_looks_are_found(misfit):
     assert found["field"].fit.looks == pytest.approx(2.8, rel=0.08)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("looks", [4.0, 2.5])
-def test_the_prior_hardly_moves_the_looks_of_a_single_field(looks):
-    """Its bins tell the spread of a field, and not of how many looks other fields are."""
-    grounds = {str(k): fields(np.random.default_rng(k), looks=looks, rows=40, width=96) for k in range(6)}
-    found = fit_laws(grounds, dict.fromkeys(grounds, METHOD))
-    mean = np.exp(np.mean([np.log(law.fit.looks) for law in found.values()]))
-    assert mean == pytest.approx(looks, rel=0.05)
-
-
-def test_one_bin_takes_missing_looks_for_a_law():
-    """At looks that are held for known: what one density of all pixels tells."""
-    ground = fields(np.random.default_rng(1), looks=2.0)
-    methods = {"bins": METHOD, "one": replace(METHOD, classes=1, free_looks=False, priors=False)}
-    found = fit_laws(dict.fromkeys(methods, ground), methods)
-    assert law_error(found["one"]) > 2.0 * law_error(found["bins"])
-    assert found["one"].fit.looks == 4.0
-    assert found["one"].classes.size == 1
-
-
 @pytest.mark.parametrize("cells", ["of a pixel and the rest", "of one pixel each", "of equal pixels"])
 @pytest.mark.parametrize("classes", ["auto", 1])
 def test_degenerate_cells_and_classes_do_not_end_in_an_error(cells, classes):
@@ -97,17 +77,6 @@ def test_levels_and_their_derivatives():
     np.testing.assert_allclose(law.slopes(angle), wanted, rtol=1e-5)
     speckle = 10.0 / np.log(10.0) * (polygamma(0, 2.8) - np.log(2.8))
     np.testing.assert_allclose(law.levels_db(angle), LAW(phi, TRUTH) + speckle)
-
-
-def test_the_covariance_is_that_of_repeated_fits():
-    # a linear problem, where it is known: mean and slope of a line in 11 points
-    rng = np.random.default_rng(6)
-    t = np.linspace(-1.0, 1.0, 11)
-    design = np.stack([np.ones(11), t], axis=-1)
-    y = design @ [3.0, -2.0] + rng.normal(0.0, 0.1, 11)
-    fit = fit_law(lambda x, _: (design @ x - y) / 0.1, [[-50.0, 50.0]] * 2, 4.0, free_looks=False)
-    np.testing.assert_allclose(fit.parameters, np.linalg.lstsq(design, y, rcond=None)[0], atol=1e-6)
-    np.testing.assert_allclose(fit.covariance[:2, :2], 0.01 * np.linalg.inv(design.T @ design), rtol=1e-3, atol=1e-8)
 
 
 def test_a_prior_pulls_and_looks_stay_inside():
