@@ -156,15 +156,6 @@ def test_of_several_maxima_the_largest_posterior_is_taken(seed, n):
     assert minima.max() > minima.min() + 5.0
 
 
-def test_a_line_with_a_little_noise_has_the_longest_of_its_scales():
-    """Maxima of the posterior at 0.6, 2.7 and 8.9 widths of the box."""
-    rng = np.random.default_rng(2003)
-    x = rng.random((6, 1))
-    line = x + 1e-3 * rng.normal(size=(6, 1))
-    (scale,), _ = train(x, np.concatenate([line, line**2, np.cos(line)], axis=1))
-    assert scale == pytest.approx(8.94, rel=0.02)
-
-
 def test_many_points_predict_a_smooth_output_better_than_a_nugget_of_few_allows():
     rng = np.random.default_rng(5)
     x, unseen = rng.random((420, 4)), rng.random((300, 4))

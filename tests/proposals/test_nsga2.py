@@ -30,12 +30,6 @@ def test_several_objectives_give_a_front():
     beaten = ((both[:, None] >= both).all(axis=-1) & (both[:, None] > both).any(axis=-1)).any(axis=1)
     assert len(found.front) > 10
     assert set(found.front) <= set(np.flatnonzero(~beaten))
-    # the front reaches from one end to the other, and no further
-    points = found.points
-    along = (points - ends[0]) @ (ends[1] - ends[0]) / ((ends[1] - ends[0]) ** 2).sum()
-    assert along.min() < 0.15
-    assert along.max() > 0.85
-    assert np.abs(points - ends[0] - along[:, None] * (ends[1] - ends[0])).max() < 0.1
 
 
 @pytest.mark.parametrize("step", [0.0, 0.1])

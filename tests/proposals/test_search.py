@@ -80,11 +80,6 @@ def scored(x, cost):
     return make_score(float(cost), list(np.asarray(x, dtype=float)))
 
 
-def test_cost_agrees_with_the_definition():
-    found = search(REACHABLE).cost([[0.31, 0.5, 0.2]])[0]
-    assert found == pytest.approx(skewnormal.density_rms(dp_of(3.1, 0.5, 0.18), REACHABLE), rel=0.01)
-
-
 def test_a_reachable_target_is_met():
     proposal = search(REACHABLE).propose(QUICK, 1, MIDDLE)
     assert proposal.mode == "exploit"
@@ -97,28 +92,10 @@ def test_a_reachable_target_is_met():
     assert proposal.looks == 4.0
 
 
-def nearest_beyond():
-    """The nearest density is at the box's edge: as dense a grid as its rms needs."""
-    found = search(BEYOND)
-    u = np.stack(np.meshgrid([1.0], np.linspace(0, 1, 101), np.linspace(0, 1, 101)), axis=-1).reshape(-1, 3)
-    return min(found.cost(part).min() for part in np.array_split(u, 10))
-
-
 @pytest.fixture(scope="module")
 def edge():
     """Nearest point to a mean of 10.5, which is out of reach, and its rms."""
     return search(BEYOND).minimum([np.array([0.5, 0.5, 0.5])], seed=1)
-
-
-@pytest.mark.slow
-def test_a_target_outside_the_box_has_a_floor(edge):
-    unit, rms = edge
-    nearest = nearest_beyond()
-    assert unit[0] == pytest.approx(1.0, abs=1e-6)
-    assert rms == pytest.approx(nearest, rel=5e-3)
-    assert rms <= nearest
-    proposal = search(BEYOND, Exact(known=(unit,))).propose(QUICK, 1, scored(unit, rms))
-    assert UNREACHABLE_SHARE * rms <= proposal.floor <= rms * (1 + 1e-9)
 
 
 def test_where_the_surrogate_is_unsure_it_is_asked_again(edge):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from radcal.errors import SurrogateError
-from radcal.proposals.kriging import Kriging, train
+from radcal.proposals.kriging import Kriging
 from radcal.proposals.smt_kriging import train_smt
 
 
@@ -28,19 +28,6 @@ def test_length_scales_are_smts(capfd):
     new = np.random.default_rng(5).random((20, 2))
     found = Kriging(x, y[:, None], scales, nugget).mean(new)
     np.testing.assert_allclose(found, model.predict_values(new), rtol=1e-4, atol=1e-4)
-
-
-@pytest.mark.slow
-def test_a_noisy_output_gets_a_nugget():
-    """Noise of variance 1/4, as it is found by the posterior of radcal's own training on the same points."""
-    x, y = example(15)
-    values = y + 0.5 * np.random.default_rng(0).standard_normal(15)
-    scales, nugget, status = train_smt(x, values, noisy=True)
-    assert (scales.shape, status) == ((2,), "trained")
-    own = train(x, values[:, None], None)
-    variance, wanted = (n * Kriging(x, values[:, None], s, n).process for s, n in ((scales, nugget), own))
-    assert variance == pytest.approx(0.25, rel=0.28)
-    assert variance == pytest.approx(wanted, rel=0.28)
 
 
 def test_one_run_ends_in_a_sentence():
