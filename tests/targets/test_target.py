@@ -103,17 +103,6 @@ def test_draw_depends_on_seed_and_material_only(geometry, measurement):
     assert make_target("dyke", geometry, measurement, CONFIG, 1).rms_sampling == target.rms_sampling
 
 
-def test_nan_pixels_are_not_drawn(geometry, measurement):
-    image = measurement.image_db.copy()
-    out = geometry.pixels("dyke", 1)[::2]
-    image.ravel()[out] = np.nan
-    image.ravel()[geometry.pixels("dyke", 1)[1]] = np.inf
-    target = make_target("dyke", geometry, Measurement(image, "holes"), CONFIG, 1)
-    assert not set(target.pixels.tolist()) & set(out.tolist())
-    assert np.isfinite(target.values_db).all()
-    assert target.eligible == geometry.pixels("dyke", 1).size - out.size - 1
-
-
 def test_fewer_pixels_than_wanted_are_all_taken(geometry, measurement):
     target = make_target("dyke", geometry, measurement, TargetConfig(pixels="all", margin_px=3), 1)
     np.testing.assert_array_equal(target.pixels, geometry.pixels("dyke", 3))
@@ -160,14 +149,6 @@ def test_round_trip_is_exact(geometry, measurement, tmp_path):
     assert same(dict(back), dict(targets))
     assert same(back.levels, levels)
     assert back.looks == 3.5
-
-
-def test_sampling_rms_falls_with_the_root_of_the_size_and_with_the_width():
-    dp = skewnormal.direct([-12.0, 3.0, -0.4])
-    few, many = (sampling_rms(dp, n, np.random.default_rng(1), draws=60) for n in (500, 8000))
-    assert few / many == pytest.approx(4.0, rel=0.3)
-    wide = sampling_rms(dp * [1, 2, 1], 500, np.random.default_rng(1), draws=60)
-    assert wide == pytest.approx(few / 2, rel=1e-3)
 
 
 def test_sampling_rms_is_what_fresh_scipy_samples_give():
