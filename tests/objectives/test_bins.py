@@ -1,5 +1,6 @@
 """Laws in incidence-angle bins, end to end on the built-in simulator."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -23,10 +24,6 @@ from radcal.proposals.surrogate import Surrogate, train_surrogate
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
 
-CRITERION = (
-    "(the surrogate of all runs predicts no law that is clearly better and differs by more than stop.law_db, 0.05 dB)"
-)
-
 MANGIA = LAWS["mangia"]
 ANGLES = np.radians([25.0, 32.0, 40.0])
 
@@ -48,32 +45,13 @@ def laws_are_right(history):
         assert abs(error.mean()) < 1.0, name
 
 
-@pytest.mark.slow
-def test_it_settles_on_the_laws_in_a_few_runs(objectives, calibrated):
-    history, decision = calibrated
-    assert decision.reason == "settled"
-    assert decision.converged
-    assert len(history.infill) <= 5
-    laws_are_right(history)
-
-
-@pytest.mark.parametrize(
-    ("ended", "line"),
-    [
-        ([], "0 of 2 laws meet the stop criterion, the law of dyke may still move most, by 0.13 dB from that of its"),
-        (
-            ["dyke"],
-            f"1 of 2 laws meets the stop criterion {CRITERION}, the law of heath may still move most, by 0.07 dB",
-        ),
-        (["dyke", "heath"], f"2 of 2 laws meet the stop criterion {CRITERION}"),
-    ],
-)
-def test_the_progress_line_names_the_criterion_and_moves_only_laws_that_do_not_meet_it(ended, line):
+def test_the_progress_line_tells_the_law_that_moves_most_of_those_that_have_not_ended():
     scores = {"dyke": SimpleNamespace(moved_db=0.13), "heath": SimpleNamespace(moved_db=0.07)}
     history = SimpleNamespace(infill=[SimpleNamespace(scores=scores)])
-    text = Bins.progress_line(history, list(scores), ended, Stop(law_db=0.05))
-    assert text.startswith(line)
-    assert ("move" in text) is (len(ended) < 2)
+    lines = [Bins.progress_line(history, list(scores), ended, Stop(law_db=0.05)) for ended in ([], ["dyke"], [*scores])]
+    assert [re.findall(r"heath|0\.\d+ dB", line) for line in lines] == [
+        ["0.13 dB"], ["0.05 dB", "heath", "0.07 dB"], ["0.05 dB"]
+    ]  # fmt: skip
 
 
 def test_a_run_is_worth_its_smallest_cost_over_the_looks(objectives, calibrated):
@@ -209,25 +187,6 @@ def test_a_trend_that_few_runs_leave_open_is_no_end(objectives, monkeypatch):
     # without a baseline there is no model that one run could correct
     black_box = train_surrogate(objective, runs, shown, SurrogateConfig(baseline=False))
     assert Search(objective, Surrogate(black_box, objective)).without_trend(best, seed=1) is None
-
-
-def test_two_runs_tell_how_the_noise_lifts_weak_levels(objectives):
-    """Noise of -20 dB, unknown to the baseline, seen in two runs on either side."""
-    objective = objectives["lake"]
-    truth = np.array(TRUTH["lake"])
-
-    def noisy(x):
-        law = LawForward(MANGIA, objective.bins.classes.nodes_deg, 4.0, -20.0)
-        return from_cumulants(law(np.asarray(x)))
-
-    def error(*shifts):
-        runs = np.array([truth + [shift, 0.0, 0.0, 0.0] for shift in shifts])
-        shown = np.array([noisy(x) for x in runs])
-        found = Surrogate(train_surrogate(objective, runs, shown, SurrogateConfig()), objective)
-        return np.abs(found.predict(found.unit(truth))[0, :, 0] - noisy(truth)[:, 0]).max()
-
-    assert error(-2.0, 2.0) < 0.25 * error(-2.0)
-    assert error(-2.0) > 0.3
 
 
 def test_parts_are_levels_and_spreads_and_sum_to_all(objectives):

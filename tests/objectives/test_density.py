@@ -5,13 +5,11 @@ import pytest
 from calibration_samples import BOUNDS, TRUTH, make_material, make_target
 
 from radcal import skewnormal
-from radcal.config import SurrogateConfig
 from radcal.inference.misfit import drawn
 from radcal.inference.moments import from_dp, to_dp
 from radcal.laws import LAWS
 from radcal.objectives.base import PredictedPoints
 from radcal.objectives.density import Density
-from radcal.proposals.surrogate import Surrogate, train_surrogate
 
 LAW = LAWS["mangia"]
 X = np.array(TRUTH["field"])
@@ -90,29 +88,5 @@ def test_a_law_of_the_simulator_alone_and_normalised_images_have_no_baseline():
     assert made(decibels=False).baseline is None
 
 
-def test_passes_together_have_their_root_mean_square(density):
-    found = density.together(np.array([[3.0, 1.0], [4.0, 7.0], [5.0, 0.0]]))
-    np.testing.assert_allclose(found, np.sqrt(np.array([50.0, 50.0]) / 3.0))
-
-
 def test_half_the_best_rms_is_promising(density):
     assert density.promising(np.array([0.049, 0.051]), 0.1).tolist() == [True, False]
-
-
-def test_moved_is_the_largest_difference_over_the_incidence_seen(density):
-    other = X + [1.0, 0.0, 3.0, 0.0]
-    seen = np.radians(np.linspace(*np.quantile(density.material.target.incidence_deg, [0.05, 0.95]), 91))
-    wanted = np.abs(LAW(seen, X) - LAW(seen, other)).max()
-    assert density.moved_db(X, other) == pytest.approx(wanted, rel=1e-3)
-    assert made(law=None).moved_db(X, other) is None
-
-
-def test_one_run_of_another_level_is_followed_everywhere(density):
-    """Area of facets, say: 0.8 dB more at every X."""
-
-    def run(x):
-        return density.baseline(x) + [0.8, 0.0, 0.0]
-
-    found = Surrogate(train_surrogate(density, X[None], run(X)[None], SurrogateConfig()), density)
-    other = np.array(TRUTH["lake"])
-    np.testing.assert_allclose(found.predict(found.unit(other))[0], run(other), atol=1e-9)
