@@ -17,23 +17,17 @@ from assessment_samples import (
 from calibration_samples import make_target
 
 from radcal.assessment.known import image_findings, law_findings, material_findings
-from radcal.assessment.registration_check import moved_finding
-from radcal.catalogue import _OF_MODEL
 from radcal.config import Uncertainty
 from radcal.findings import Finding
 from radcal.ground.pixels import IN_THE_NOISE
 from radcal.targets.target import Targets
-from radcal.words import degrees, headline, next_steps, sentence, verdict
+from radcal.words import degrees, headline, next_steps, verdict
 
 WRONG = {"1": made_radiometry(0.97)}
 UNCHECKED = {"1": NOTHING_SHOWN}
 ONE = {"laws_db": {"lake": np.array([0.9, 1.3, 1.8])}, "apart_db": {"lake": np.array([1.4, 2.0, 2.5])}}
 LAW_OFF = {"laws_db": {"water": np.array([1.2, 1.9, 2.6]), "wood": np.array([-0.5, -0.1, 0.4])}}
 TOO_BRIGHT = {"levels_db": np.array([[0.8, 1.4, 2.0]])}
-OF_OTHERS = {  # codes that registrations, levels of targets and the check before any run give
-    *("depression", "geometry_unchecked", "relief", "place"),
-    *("level_found", "level_subtracted", "level_of_image", "images_mapped", "all_images_mapped", "fixed_level"),
-}
 WIDE = {"known_between_deg": None, "known_half_width_db": None, "curve": made_curve(2.3)}
 
 
@@ -258,64 +252,6 @@ def material_found(name="dyke", refused=False, spread_deg=12.0, left_out=None, *
     return list(material_findings(case(), name, made_posterior(**changes), Targets({name: target}), refused))
 
 
-def every():
-    """At least one finding of each code that the assessment gives."""
-    yield from image_found(radiometry=WRONG, sampled=False, **LAW_OFF)
-    yield from image_found(radiometry=UNCHECKED, laws_db={}, apart_db={})
-    yield from image_found(radiometry={"1": made_radiometry(0.3)}, **TOO_BRIGHT)
-    yield from image_found(**ONE)
-    yield from material_found(sampled=False, left_out={IN_THE_NOISE: 20})
-    yield from material_found(form=made_form(noticed=True), **WIDE)
-    yield from material_found(form=made_form(noticed=True, refuted=True), refused=True)
-    yield from material_found(form=made_form(noticed_db=float("inf")), curve=None)
-    yield from material_found(spread_deg=0.0)
-    yield from material_found(cells=0, curve=None, form=None)
-    yield from law_findings("dyke", made_posterior(), LINE, LINE_X + 9.0, ())
-    yield Finding("another_law", "warning", "dyke", {"difference_db": 3.21, "law": "mangia"}, "materials.dyke.law")
-    yield Finding("texture", "note", "dyke", {"looks": 2.75, "looks_nominal": 4.0})
-    yield moved_finding("dyke", 0.81, 0.34, 1.42, 0.7)
-
-
-def test_every_code_has_a_sentence_for_its_numbers():
-    found = list(every())
-    assert {one.code for one in found} == set(_OF_MODEL) - OF_OTHERS
-    for one in found:
-        said = sentence(one)
-        assert said.endswith(".")
-        assert "{" not in said
-        assert "nan" not in said
-        assert one.about in said
-        assert said.startswith(f"{one.severity}: ") is (one.severity != "note")
-        assert sentence(one, prefix=False).startswith(f"{one.about}: ")
-        if one.do and one.severity != "note":
-            assert one.do in said
-
-
-@pytest.mark.parametrize(
-    ("finding", "said"),
-    [
-        (
-            image_found(radiometry=WRONG)[0],
-            "refusal: pass 1: by the fixed materials the image is sigma0_ref, not sigma0_local as the case says "
-            "(against sigma0_local it goes with the ground area to the power +0.10, standard error 0.20); the "
-            "bands are given for sigma0_ref: set radar.radiometry: sigma0_ref.",
-        ),
-        (
-            material_found()[0],
-            "dyke: sigma0 is determined to +-1.2 dB (90 %) between 23 and 39 degrees, if scene, geometry and pixels "
-            "are what the case says.",
-        ),
-        (
-            material_found(left_out={IN_THE_NOISE: 20})[-1],
-            "warning: dyke: 29% of its pixels are masked, because they are in the noise (target.snr_db); the pixels "
-            "that remain near the noise are the brighter ones.",
-        ),
-    ],
-)  # fmt: skip
-def test_sentences(finding, said):
-    assert sentence(finding) == said
-
-
 def test_the_verdict_on_a_material():
     found = [*image_found(), *material_found(sampled=False), *material_found("rest", **WIDE)]
     assert verdict("dyke", found) == (
@@ -367,11 +303,6 @@ def test_the_headline_of_several_materials_counts_them():
         "sigma0 of 5 materials: 2 are determined at some angles (dyke, road), 1 is determined at no angle (rest), 1 is "
         "seen at one incidence alone (pond), 1 is without enough pixels side by side (ditch), laws refuted: road. "
         "The search is not finished."
-    )
-    many = [one for k in range(5) for one in material_found(f"field {k}")]
-    assert (
-        headline([f"field {k}" for k in range(5)], many, True)
-        == "sigma0 of 5 materials: 5 are determined at some angles."
     )
     refused = [*image_found(radiometry=WRONG), *material_found("dyke", True), *material_found("rest", True)]
     assert headline(["dyke", "rest"], refused, True).endswith(

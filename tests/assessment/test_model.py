@@ -205,16 +205,6 @@ def test_cells_of_a_pass_without_a_target_are_left_out(monkeypatch):
     assert posterior(known, [{}, {"dyke": cells}]).seen_deg.shape == (1, 2)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("order", [1, -1])
-def test_a_pass_without_cells_leaves_the_band_of_the_other(order, monkeypatch):
-    known = known_case(passes=2)
-    found = posterior(known, [{"dyke": seen_cells(np.random.default_rng(5), 60)}, {}][::order])
-    assert found.cells == 60
-    assert np.isfinite(found.curve.half_width_db).all()
-    assert found.curve.half_width_db[37] < 2.5
-
-
 def test_a_law_without_a_curve_takes_the_bins_of_its_passes(monkeypatch):
     """The first pass has bins and no cells, the second cells and no target: means and weights stay in line."""
     bins = [np.array([[29.0, 31.0], [39.0, 41.0]]), None, np.array([[33.0, 35.0], [43.0, 45.0], [47.0, 49.0]])]

@@ -16,7 +16,7 @@ from radcal.assessment.preposterior import (
     view_of,
 )
 from radcal.config import Radar, Uncertainty
-from radcal.laws import LAWS, law_for
+from radcal.laws import law_for
 from radcal.posterior.curves import GRID_DEG
 from radcal.posterior.result import WHOLE_DEG, KeptDraws
 
@@ -67,38 +67,6 @@ def sd_left(draws, seen, at, config=EXACT, own=(), same=False):
 def at_30(draws):
     """Variance of the curve at 30 degrees [dB^2]."""
     return sd(draws.form_db[:, 30]) ** 2
-
-
-def narrowed(prior, own, further, common):
-    """Standard deviation of a level after a further pass, by hand.
-
-    The draws have the variance ``prior``; the errors of both passes have the variances ``common + own`` and
-    ``common + further``, and the covariance ``common``.
-    """
-    gain = common / (common + own)
-    error = common + further - gain * common
-    return float(np.sqrt(prior - prior**2 * (1.0 - gain) ** 2 / (prior * (1.0 - gain) ** 2 + error)))
-
-
-@pytest.mark.parametrize("number", [3, 5])
-def test_a_pass_over_the_same_field_does_not_measure_its_effect_again(number):
-    draws = lines(slope_sd=0.0, field_db=np.full(900, 0.6))
-    s, t, field = speckle_db2(40.0), speckle_db2(90.0), 0.36
-    own, further = view(independent=40.0, number=3), view(independent=90.0, number=number)
-    shared = number == 3
-    expected = narrowed(at_30(draws), s + field * (not shared), t + field * (not shared), field * shared)
-    assert sd_left(draws, [further], AT_30, own=[own]) == pytest.approx(expected, rel=1e-6)
-    # by far more is left of the level if its error is that of the field
-    assert (expected > 0.8 * np.sqrt(at_30(draws))) == shared
-
-
-def test_a_level_that_the_same_fixed_laws_give_is_not_measured_again():
-    draws, config = lines(slope_sd=0.0), Uncertainty(level_db=0.6, noise_db=0.0)
-    own, further, s, t = view(independent=2.0), view(independent=5.0, number=2), speckle_db2(2.0), speckle_db2(5.0)
-    same = sd_left(draws, [further], AT_30, config, [own], same=True)
-    assert same == pytest.approx(narrowed(at_30(draws), s, t, 0.36), rel=1e-6)
-    apart = sd_left(draws, [further], AT_30, config, [own])
-    assert apart == pytest.approx(narrowed(at_30(draws), s + 0.36, t + 0.36, 0.0), rel=1e-6)
 
 
 @pytest.mark.parametrize("same", [False, True])
@@ -213,17 +181,3 @@ def geometry_of_slopes():
     layover = np.zeros(material.shape, dtype=bool)
     layover[3] = True
     return of_pixels(("slope", "patch"), material, np.linspace(30.0, 40.0, 25)[:, None], layover=layover)
-
-
-def test_curves_of_kept_draws_are_mean_power():
-    x = np.array([[-24.0, 12.0, 9.0, 4.0], [-20.0, 9.0, 12.0, 2.0], [-22.0, 8.0, 5.0, 1.0]])
-    form = np.outer([0.0, 1.0, -1.0], WHOLE_DEG)
-    field, cell, mean = np.array([1.0, 0.0, 2.0]), np.array([0.5, 0.0, 0.0]), np.array([0.3, -0.2, 0.0])
-    kept = KeptDraws(x, field, cell, form, mean)
-    law = np.array([float(LAWS["mangia"](np.radians(35.25), one)) for one in x]) + [0.0, 35.25, -35.25]
-    assert kept.laws_db(LAWS["mangia"])[:, 141] == pytest.approx(law)
-    # ln(10)/20 dB for each dB^2 of the variance of fields and cells
-    more = kept.curves_db(LAWS["mangia"])[:, 141] - law
-    assert more == pytest.approx([0.115129 * 1.25, 0.0, 0.115129 * 4.0], abs=1e-5)
-    own = kept.field_curves_db(LAWS["mangia"])[:, 141] - law
-    assert own == pytest.approx([0.3 + 0.115129 * 0.25, -0.2, 0.0], abs=1e-5)
