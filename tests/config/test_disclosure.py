@@ -1,6 +1,8 @@
 import hashlib
 import pickle
 
+from config_samples import COMMAND
+
 from radcal.config import case_from
 from radcal.config.disclosure import Undisclosed, disclosed
 from radcal.config.stages import STAGES
@@ -25,13 +27,7 @@ def test_values_are_hashed_wherever_a_simulator_stands():
 
 
 def test_sections_carry_the_values_and_do_not_print_them():
-    simulator = {
-        "kind": "command",
-        "command": ["{python}", "{input}"],
-        "input": {},
-        "output": {"file": "a.npy", "scale": "db"},
-        "environment": {"KEY": SECRET},
-    }
+    simulator = {**COMMAND, "environment": {"KEY": SECRET}}
     sections = STAGES["reuse"].params(case_from({"simulator": simulator}))
     assert HASH in repr(sections)
     assert SECRET not in repr(sections)

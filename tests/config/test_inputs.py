@@ -117,14 +117,12 @@ def test_files_of_one_polarisation_of_a_product_are_inputs(tmp_path):
 
 
 def test_images_of_further_passes_are_inputs_by_their_number(tmp_path):
-    images = [tmp_path / f"{name}.npy" for name in "abc"]
+    images = [tmp_path / "a.npy", tmp_path / "b.npy"]
     for path in images:
         path.touch()
-    one = {"source": "file", "scale": "db", "radiometry": "sigma0_ref"}
-    radar = [{"depression_deg": angle} for angle in (45, 50, 55)]
-    case = case_from({"radar": radar, "measurement": [{**one, "path": str(path)} for path in images]})
-    keys = ("measurement.1.path", "measurement.2.path", "measurement.3.path")
-    assert input_files(case) == dict(zip(keys, images, strict=True))
+    each = [measured(path=str(path))["measurement"] for path in images]
+    case = case_from({"radar": [{"depression_deg": 45}, {"depression_deg": 50}], "measurement": each})
+    assert input_files(case) == {"measurement.1.path": images[0], "measurement.2.path": images[1]}
 
 
 def test_a_program_is_looked_for_on_the_path_that_it_gets(tmp_path):

@@ -17,20 +17,12 @@ def test_file_needs_only_the_keys_that_differ(tmp_path):
     assert load([write(tmp_path, "{}\n")]) == Case()
 
 
-def test_later_files_win_key_by_key(tmp_path):
+@pytest.mark.parametrize("value", ['{"rms": 1e-4}', "{rms: 1e-4}", {"rms": "1e-4"}, {"rms": 1e-4}])
+def test_later_files_and_overrides_win_key_by_key(tmp_path, value):
     first = write(tmp_path, "seed: 3\nstop: {rms: 0.1, max_runs: 50}\n")
     second = write(tmp_path, "stop: {rms: 0.2}\n", "more.yaml")
-    case = load([first, second])
-    assert (case.seed, case.stop.rms, case.stop.max_runs) == (3, 0.2, 50)
-
-
-@pytest.mark.parametrize("value", ['{"rms": 1e-4}', "{rms: 1e-4}", {"rms": "1e-4"}, {"rms": 1e-4}])
-def test_override_merges_into_the_files_section(tmp_path, value):
-    path = write(tmp_path, "seed: 3\nstop: {rms: 0.1, max_runs: 50}\n")
-    case = load([path], {"stop": value, "seed": "7"})
-    assert case.stop.rms == 1e-4
-    assert case.stop.max_runs == 50
-    assert case.seed == 7
+    for case, rms, seed in ((load([first, second]), 0.2, 3), (load([first], {"stop": value, "seed": "7"}), 1e-4, 7)):
+        assert (case.seed, case.stop.rms, case.stop.max_runs) == (seed, rms, 50)
 
 
 def test_override_reaches_into_materials_and_lists(tmp_path):

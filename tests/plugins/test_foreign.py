@@ -39,23 +39,14 @@ target: {pixels: 200}
 
 
 @pytest.fixture
-def installed(tmp_path, monkeypatch):
+def installed(install, tmp_path, monkeypatch):
     """Folder with the distribution, as an installer leaves it, and the case."""
     package = Path(__file__).parent / "foreign"
     project = tomllib.loads((package / "pyproject.toml").read_text())["project"]
-    metadata = tmp_path / f"elsewhere_sar-{project['version']}.dist-info"
-    metadata.mkdir()
-    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: elsewhere-sar\nVersion: {project['version']}\n")
-    lines = []
-    for group, points in project["entry-points"].items():
-        lines += [f"[{group}]", *(f"{name} = {value}" for name, value in points.items())]
-    (metadata / "entry_points.txt").write_text("\n".join(lines))
+    install("elsewhere-sar", **project["entry-points"])
     shutil.copy(package / "elsewhere_sar.py", tmp_path)
-    monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.chdir(tmp_path)
-    plugins._installed.cache_clear()
-    yield tmp_path
-    plugins._installed.cache_clear()
+    return tmp_path
 
 
 def loaded(folder, **changes):
@@ -90,7 +81,7 @@ def test_scene_law_and_reader_of_another_package_make_a_measurement(installed):
 
 
 def of_version(folder, version):
-    metadata = folder / "elsewhere_sar-1.5.dist-info/METADATA"
+    metadata = folder / "elsewhere-sar-1.5.dist-info/METADATA"
     metadata.write_text(metadata.read_text().replace("1.5", version))
     plugins._installed.cache_clear()
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from config_samples import mapped, measured
 
 from radcal.config import case_from
 from radcal.errors import ConfigError
@@ -12,20 +13,8 @@ from radcal.tables.landcover import landcover_table, landcovers, starting_keys, 
 
 
 def case(materials, landcover="esa_worldcover", **keys):
-    scene = {"landcover": landcover, **keys}
-    return case_from(
-        {
-            "scene": {
-                "source": "raster",
-                "elevation": "a.tif",
-                "materials": "b.tif",
-                "landcover": "esa_worldcover",
-                **scene,
-            },
-            "materials": materials,
-            "measurement": {"source": "file", "path": "c.tif", "scale": "db", "radiometry": "sigma0_ref"},
-        }
-    )
+    scene = mapped(names=None, landcover=landcover, **keys)
+    return case_from({**scene, **measured(path="c.tif"), "materials": materials})
 
 
 def test_names_give_laws():

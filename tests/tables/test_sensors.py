@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
+from config_samples import mapped, measured
 
 from radcal.config import Radar, case_from
 from radcal.errors import ConfigError
@@ -78,7 +79,7 @@ def test_wild_values_beside_a_sensor_end_in_a_sentence(key, value):
 
 
 def test_a_satellite_over_a_map_needs_its_heading():
-    scene = {"source": "raster", "elevation": "a.tif", "materials": "b.tif", "names": "c.json"}
+    scene = mapped()["scene"]
     with pytest.raises(ConfigError, match="radar.heading_deg is missing: the track of sensor sentinel1_iw_grdh does"):
         case_from({"scene": scene, "radar": GRD})
     for heading in (0, 192.5):
@@ -86,7 +87,7 @@ def test_a_satellite_over_a_map_needs_its_heading():
         assert case_from(case.model_dump(mode="json")) == case
     with pytest.raises(ConfigError, match=r"scene.objects.path is given, whose positions are not turned"):
         case_from({"scene": {**scene, "objects": {"path": "d.csv"}}, "radar": {**GRD, "heading_deg": 192.5}})
-    image = {"source": "file", "path": "a.tif", "scale": "power", "radiometry": "sigma0_ref"}
+    image = measured(path="d.tif")["measurement"]
     both = [{**GRD, "heading_deg": 192.5}, {**GRD, "heading_deg": 348.0}]
     with pytest.raises(ConfigError, match="heading_deg are 192.5, 348, expected the same .* for each heading"):
         case_from({"scene": scene, "radar": both, "measurement": [image, image]})

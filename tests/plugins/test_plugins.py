@@ -9,31 +9,15 @@ from radcal.plugins import Plugins
 OWN = Plugins("radcal.laws", {"at_once": 2, "late": "math:tau"})
 
 
-@pytest.fixture
-def installed(tmp_path, monkeypatch):
-    """Function that installs a distribution with entry points of group ``radcal.laws``."""
-    monkeypatch.syspath_prepend(str(tmp_path))
-    plugins._installed.cache_clear()
-
-    def install(name, **points):
-        folder = tmp_path / f"{name}-1.5.dist-info"
-        folder.mkdir()
-        (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.5\n")
-        lines = [f"{key} = {value}" for key, value in points.items()]
-        (folder / "entry_points.txt").write_text("\n".join(["[radcal.laws]", *lines]))
-
-    yield install
-    plugins._installed.cache_clear()
-
-
 def test_own_variants_come_without_a_look_at_installed_distributions(monkeypatch):
     monkeypatch.setattr(plugins, "_entry_points", lambda group: pytest.fail("metadata are read"))
     assert (OWN["at_once"], "late" in OWN, OWN.origin("late")) == (2, True, {})
     assert OWN["late"] == pytest.approx(6.2831853)
 
 
-def test_a_foreign_variant_has_distribution_and_version(installed):
-    installed("elsewhere", theirs="math:e", broken="no_such_module:x", part="radcal.image.base:Reader")
+def test_a_foreign_variant_has_distribution_and_version(install):
+    points = {"theirs": "math:e", "broken": "no_such_module:x", "part": "radcal.image.base:Reader"}
+    install("elsewhere", **{"radcal.laws": points})
     assert list(OWN) == ["at_once", "late", "theirs", "broken", "part"]
     assert len(OWN) == 5
     assert OWN["theirs"] == pytest.approx(2.7182818)
@@ -46,8 +30,8 @@ def test_a_foreign_variant_has_distribution_and_version(installed):
 
 
 @pytest.mark.parametrize(("name", "owner"), [("late", "radcal"), ("theirs", "elsewhere")])
-def test_a_name_of_two_distributions_is_refused(installed, name, owner):
-    installed("elsewhere", theirs="math:e")
-    installed("other", **{name: "math:pi"})
+def test_a_name_of_two_distributions_is_refused(install, name, owner):
+    install("elsewhere", **{"radcal.laws": {"theirs": "math:e"}})
+    install("other", **{"radcal.laws": {name: "math:pi"}})
     with pytest.raises(ConfigError, match=rf"{owner} and other 1\.5 both have '{name}'|other and {owner} 1\.5 both"):
         list(OWN)
