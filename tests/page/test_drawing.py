@@ -5,7 +5,7 @@ import json
 import pytest
 from browser import NEEDS_BROWSER, Browser
 
-from radcal.page.plots import embedded_library, script
+from radcal.page.plots import embedded_library, packed, script
 
 pytestmark = NEEDS_BROWSER
 PANELS = {
@@ -30,11 +30,11 @@ def browser():
 @pytest.fixture
 def page(browser, tmp_path):
     """Page with a figure in view, and one below it that is not."""
-    specs = json.dumps({"panels": PANELS, "lower": LOWER})
+    specs = packed(json.dumps({"panels": PANELS, "lower": LOWER}))
     path = tmp_path / "page.html"
     path.write_text(
         '<!DOCTYPE html><html><body><div data-plot="panels"><img alt="static"></div><div style="height: 3000px"></div>'
-        f'<div data-plot="lower"></div><script type="application/json" id="plots">{specs}</script>'
+        f'<div data-plot="lower"></div><script type="text/plain" id="plots">{specs}</script>'
         f'<script type="text/plain" id="plotly">{embedded_library()}</script><script>{script()}</script></body></html>'
     )
     browser.media()

@@ -1,6 +1,7 @@
 """The page says what it must, loads nothing and is the same every time."""
 
 import base64
+import gzip
 import hashlib
 import io
 import json
@@ -16,7 +17,7 @@ from PIL import Image
 
 from radcal.figures.figures import Figure
 from radcal.findings import Finding
-from radcal.page.html import _number, _span, write_report
+from radcal.page.html import _embedded, _number, _span, write_report
 from radcal.page.provenance import provenance_of
 from radcal.posterior.radiometry import Radiometry
 from radcal.results.summary import summarise
@@ -266,9 +267,21 @@ def test_every_picture_is_embedded(page, pictures):
     assert "A <caption> & more" in page[1].text
 
 
+def test_a_marker_of_few_pixels_keeps_its_colour(tmp_path):
+    shades = np.random.default_rng(4).integers(0, 256, (120, 160, 1)) // [1, 2, 4]
+    shades[60:63, 70:73] = 230, 159, 0
+    Image.fromarray(shades.astype(np.uint8)).save(tmp_path / "law.png")
+    address = _embedded(Figure("law", "", "", "", tmp_path / "law.png", tmp_path / "law.pdf", "dyke"))
+    seen = np.array(Image.open(io.BytesIO(base64.b64decode(address.partition(",")[2]))).convert("RGB"), dtype=int)
+    assert len(np.unique(seen.reshape(-1, 3), axis=0)) <= 64
+    assert np.abs(seen - shades).max() <= 12
+    assert np.abs(seen - shades)[60:63, 70:73].max() <= 12
+
+
 def test_an_interactive_figure_takes_the_place_of_the_static_law(page):
     text = page[0]
-    specs = json.loads(re.search(r'<script type="application/json" id="plots">(.*?)</script>', text)[1])
+    packed = re.search(r'<script type="text/plain" id="plots">(.*?)</script>', text)[1]
+    specs = json.loads(gzip.decompress(base64.b64decode(packed)))
     places = re.findall(r'<div class="plot" data-plot="(\S+?)"', text)
     assert sorted(places) == sorted(specs)
     assert re.search(r'<div class="plot" data-plot="law-dyke" role="group" aria-label="[^"]+">\s*<img src=', text)

@@ -19,7 +19,7 @@ from radcal.figures.drawing import slugs
 from radcal.figures.figures import Figure
 from radcal.figures.map_figures import shots
 from radcal.forecast.runs_and_time import duration
-from radcal.page.plots import Interactive, embedded_library, interactive, script
+from radcal.page.plots import Interactive, embedded_library, interactive, packed, script
 from radcal.page.provenance import Provenance
 from radcal.results.archive import Archive, MaterialResult
 from radcal.results.law_notes import at_bound
@@ -37,7 +37,7 @@ _MINUS = "\N{MINUS SIGN}"
 _TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPACE}"
 _QUALITY = 82  # of maps as WebP, whose speckle takes most of the page
 _SPECKLED = 70  # of images of speckle alone
-_COLOURS = 128  # of figures of lines and letters
+_COLOURS = 64  # of figures of lines and letters
 _METHOD = 2  # effort of the WebP encoder, 0 to 6
 _DIAGNOSTICS = ("front", "fidelity", "histogram", "quality")  # figures for those who know the method
 
@@ -130,9 +130,11 @@ def _embedded(figure: Figure) -> str:
 
     with Image.open(figure.png) as opened:
         shown = opened.convert("RGB")
-        if figure.material is None:
+        if figure.material is None and figure.name != "overview":
             return _webp(shown, _QUALITY)
-        return _webp(shown.quantize(_COLOURS, dither=Image.Dither.NONE).convert("RGB"))
+        # a colour that few pixels have is kept, which the median cut mixes with others
+        few = shown.quantize(_COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+        return _webp(few.convert("RGB"))
 
 
 def _pixels(pixels: Any) -> str:
@@ -255,7 +257,6 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure], 
     filters = (_number, _listed, _embedded, _pixels, _span, _who, _largest, _theta, _seen)
     environment.filters |= {one.__name__[1:]: one for one in filters}
     environment.filters["duration"] = duration
-    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}
     environment.globals |= {"at_bound": at_bound, "ends": ends, "standings": STANDINGS}
     text = environment.get_template("report.html.j2").render(
         summary=summary,
@@ -275,7 +276,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure], 
         shots=shots(archive),
         diagnostics=_DIAGNOSTICS,
         reasons=list(dict.fromkeys(reason for m in materials for reason in m.summary["left_out"])),
-        specs={plot.name: plot.spec for plot in plots},
+        specs=packed(json.dumps({plot.name: plot.spec for plot in plots}, separators=(",", ":"))) if plots else "",
         library=embedded_library(),
         drawing=script(),
         made=made,

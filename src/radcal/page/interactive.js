@@ -1,9 +1,14 @@
 // Draws the figures of the element #plots (JSON: name to {data, layout}) into the elements with data-plot="name".
-// The library is embedded once, in #plotly (base64 of gzip), and is unpacked when the first figure comes into view.
-(() => {
+// The library is embedded once, in #plotly, and is unpacked when the first figure comes into view. Both elements are
+// base64 of gzip.
+(async () => {
   "use strict";
-  const text = (id) => document.getElementById(id)?.textContent ?? "";
-  const specs = JSON.parse(text("plots") || "{}");
+  if (!("DecompressionStream" in window)) return;
+  const unpacked = (id) => {
+    const bytes = Uint8Array.from(atob(document.getElementById(id).textContent.trim()), (c) => c.charCodeAt(0));
+    return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
+  };
+  const specs = JSON.parse(await unpacked("plots"));
   const [dark, print] = ["(prefers-color-scheme: dark)", "print"].map((query) => matchMedia(query));
   const LIGHTER = { "#000000": "#e4e9ef", "#0072B2": "#6cb8ea", "#7B3F9E": "#c59be0", "#F5F5F5": "#2a3440" };
   const STACKED = 560; // a figure that is narrower than this [px] has its panels below each other
@@ -12,11 +17,9 @@
   const drawn = new Set();
   let library, resized;
 
-  const unpacked = async () => {
-    const bytes = Uint8Array.from(atob(text("plotly").trim()), (c) => c.charCodeAt(0));
-    const source = new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip")));
+  const loaded = async () => {
     const element = document.createElement("script");
-    element.textContent = await source.text();
+    element.textContent = await unpacked("plotly");
     document.head.append(element);
     return window.Plotly;
   };
@@ -71,17 +74,15 @@
     async (entries) => {
       for (const { target } of entries.filter((entry) => entry.isIntersecting)) {
         seen.unobserve(target);
-        show(await (library ??= unpacked()), target);
+        show(await (library ??= loaded()), target);
       }
     },
     { rootMargin: "300px" },
   );
-  if ("DecompressionStream" in window) {
-    for (const place of places()) {
-      const { layout } = coloured(specs[place.dataset.plot], true);
-      // the page does not move later
-      if (place.clientWidth) place.style.minHeight = `${laidOut(layout, place.clientWidth, true).height}px`;
-      seen.observe(place);
-    }
+  for (const place of places()) {
+    const { layout } = coloured(specs[place.dataset.plot], true);
+    // the page does not move later
+    if (place.clientWidth) place.style.minHeight = `${laidOut(layout, place.clientWidth, true).height}px`;
+    seen.observe(place);
   }
 })();

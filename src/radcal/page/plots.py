@@ -381,10 +381,14 @@ def interactive(archive: Archive) -> list[Interactive]:
     return found
 
 
+def packed(text: str) -> str:
+    """Text compressed by gzip and written in base64; the same characters every time."""
+    return base64.b64encode(gzip.compress(text.encode(), 9, mtime=0)).decode("ascii")
+
+
 def embedded_library() -> str:
-    """plotly.js, compressed by gzip and written in base64; the same bytes every time."""
-    text = files("plotly").joinpath("package_data/plotly.min.js").read_bytes()
-    return base64.b64encode(gzip.compress(text, 9, mtime=0)).decode("ascii")
+    """plotly.js as :func:`packed` text."""
+    return packed(files("plotly").joinpath("package_data/plotly.min.js").read_text(encoding="utf-8"))
 
 
 def script() -> str:
