@@ -7,7 +7,16 @@ from calibration_samples import make_score
 from radcal.calibration.stopping import decide
 from radcal.config import Stop
 from radcal.errors import StoreError
-from radcal.objectives.history import History, Proposal, Run, read_proposals, read_runs, write_proposals, write_runs
+from radcal.objectives.history import (
+    History,
+    Proposal,
+    Run,
+    read_proposals,
+    read_runs,
+    read_search,
+    write_proposals,
+    write_runs,
+)
 from radcal.storage.records import read_json, write_json
 
 
@@ -124,6 +133,23 @@ def test_files_round_trip_to_the_last_bit(tmp_path):
     assert read_proposals(tmp_path / "p.json") == both
     write_json(tmp_path / "p.json", read_json(tmp_path / "p.json")[0])  # as an earlier version wrote it
     assert read_proposals(tmp_path / "p.json") == both[:1]
+
+
+def test_the_last_iteration_names_those_before_it(tmp_path):
+    verified = [tmp_path / f"iterations/{k}/verified.json" for k in range(11)]
+    for k, path in enumerate(verified):
+        write_runs(path, [run("infill", k, [0.5 + 0.01 * k], 0.1)])
+    write_runs(tmp_path / "scores.json", RUNS[:1])
+
+    def infill(*named):
+        history = read_search(tmp_path / "scores.json", [str(path) for path in named])
+        assert history.runs[0] == RUNS[0]
+        return [one.index for one in history.runs[1:]]
+
+    assert infill() == []
+    assert infill(verified[0]) == [0]
+    assert infill(verified[9]) == infill(*verified[:10]) == [*range(10)]  # as numbers, not as words: 10 comes last
+    assert infill(verified[10]) == [*range(11)]
 
 
 def test_a_file_of_a_newer_version_is_named(tmp_path):

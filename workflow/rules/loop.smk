@@ -60,9 +60,10 @@ def trained_last(wildcards):
     )
 
 
-def earlier(wildcards):
-    """Files of the verified proposals before this iteration."""
-    return [f"{OUT}/iterations/{j}/verified.json" for j in range(int(wildcards.k))]
+def verified_before(wildcards):
+    """Verified proposals of the iteration before, which needs those before it; none in the first iteration."""
+    k = int(wildcards.k)
+    return [f"{OUT}/iterations/{k - 1}/verified.json"] if k else []
 
 
 # New stop settings affect only `verified` above and the readers of stop.json. The jobs of the loop read the settings
@@ -90,7 +91,7 @@ def trained_before(wildcards):
 rule train:
     input:
         scores=f"{OUT}/scores.json",
-        verified=earlier,
+        verified=verified_before,
         trained=trained_before,
         target=every_pass(rules.target.output.target),
     output:
@@ -114,7 +115,7 @@ rule train:
 rule propose:
     input:
         scores=f"{OUT}/scores.json",
-        verified=earlier,
+        verified=verified_before,
         target=every_pass(rules.target.output.target),
         surrogate=rules.train.output.surrogate,
     output:
@@ -175,7 +176,7 @@ checkpoint verify:
         geometry=every_pass(rules.geometry.output.geometry),
         target=every_pass(rules.target.output.target),
         scores=f"{OUT}/scores.json",
-        earlier=earlier,
+        verified=verified_before,
         proposal=rules.propose.output.proposal,
         made=SIDE_BY_SIDE,
     output:

@@ -2,7 +2,7 @@
 
 from radcal.config import Stop
 from radcal.ground.one_incidence import bounces_on, bounces_outside
-from radcal.objectives.history import read_runs
+from radcal.objectives.history import read_search
 from radcal.posterior.result import Image, Posterior
 from radcal.proposals.surrogate import read_trainings
 from radcal.radar.geometry import read_geometry
@@ -20,7 +20,7 @@ from radcal.targets.target import read_targets
 with job(snakemake) as case:
     with understood(snakemake.input.stop):
         stop = Stop.model_validate(read_json(snakemake.input.stop))
-    history = read_runs([snakemake.input.scores, *snakemake.input.verified])
+    history = read_search(snakemake.input.scores, snakemake.input.verified)
     targets, geometry = read_targets(*snakemake.input.target), read_geometry(snakemake.input.geometry[0])
     runs = snakemake.params.runs
     final = [record for record, _ in indexed([snakemake.input.final], runs, case.calibrated)]

@@ -1,14 +1,14 @@
 """Simulate the best parameters of all materials in one run, and in a second run with another noise seed."""
 
 from radcal.calibration.steps import all_parameters, called, noise_seed, not_fresh
-from radcal.objectives.history import read_runs
+from radcal.objectives.history import read_search
 from radcal.session.jobs import job, progress
 from radcal.simulators.sources import make_runner
 from radcal.storage.run_index import IndexedRun, write_index
 from radcal.words import sentence
 
 with job(snakemake) as case:
-    history = read_runs([snakemake.input.scores, *snakemake.input.verified])
+    history = read_search(snakemake.input.scores, snakemake.input.verified)
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     parameters = all_parameters(case.materials, {name: history.best(name).parameters for name in case.calibrated})
     # with one calibrated material the first of these runs is in the run store already; its whole image is not needed

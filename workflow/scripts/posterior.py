@@ -3,7 +3,7 @@
 from radcal.assessment.model import image_of, posterior_of
 from radcal.assessment.observation import observe, simulated_of
 from radcal.objectives import make_objectives
-from radcal.objectives.history import read_runs
+from radcal.objectives.history import read_search
 from radcal.radar.geometry import read_geometry
 from radcal.registration.registered import read_registered
 from radcal.scene.model import read_scene
@@ -13,7 +13,7 @@ from radcal.storage.run_index import indexed
 from radcal.targets.target import read_targets
 
 with job(snakemake) as case:
-    history = read_runs([snakemake.input.scores, *snakemake.input.verified])
+    history = read_search(snakemake.input.scores, snakemake.input.verified)
     targets, scene = read_targets(*snakemake.input.target), read_scene(snakemake.input.scene)
     geometries = [read_geometry(path) for path in snakemake.input.geometry]
     final = [(run, run_x) for run, run_x in indexed([snakemake.input.final], snakemake.params.runs, case.calibrated)]

@@ -3,13 +3,13 @@
 from radcal.calibration.steps import propose_all
 from radcal.config import Stop
 from radcal.objectives import make_objectives
-from radcal.objectives.history import read_runs, write_proposals
+from radcal.objectives.history import read_search, write_proposals
 from radcal.proposals.surrogate import read_trainings
 from radcal.session.jobs import job
 from radcal.targets.target import read_targets
 
 with job(snakemake) as case:
-    history = read_runs([snakemake.input.scores, *snakemake.input.verified])
+    history = read_search(snakemake.input.scores, snakemake.input.verified)
     objectives = make_objectives(case, read_targets(*snakemake.input.target))
     stop = Stop.model_validate(snakemake.config["stop"])
     trainings = read_trainings(snakemake.input.surrogate)

@@ -3,7 +3,7 @@
 from radcal.calibration.steps import progress_line, verify
 from radcal.config import Stop
 from radcal.objectives import make_objectives
-from radcal.objectives.history import History, read_proposals, read_runs, write_runs
+from radcal.objectives.history import History, read_proposals, read_search, write_runs
 from radcal.proposals.surrogate import write_trainings
 from radcal.session.jobs import job, progress
 from radcal.simulators.sources import make_runner
@@ -12,7 +12,7 @@ from radcal.targets.target import read_targets
 with job(snakemake) as case:
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     proposals = read_proposals(snakemake.input.proposal)
-    history = read_runs([snakemake.input.scores, *snakemake.input.earlier])
+    history = read_search(snakemake.input.scores, snakemake.input.verified)
     targets, k = read_targets(*snakemake.input.target), int(snakemake.wildcards.k)
     objectives = make_objectives(case, targets)
     runs, trained = verify(proposals, targets, objectives, runner, case, history, k, snakemake.threads)

@@ -306,6 +306,17 @@ def read_runs(paths: Iterable[str | Path]) -> History:
     return History(runs)
 
 
+def read_search(scores: str | Path, verified: Sequence[str]) -> History:
+    """Read the scored runs of a search: its scores, and all iterations up to the last that ``verified`` names.
+
+    A job of the loop has the last iteration alone as input, which depends on those before it, because a workflow in
+    which each iteration named all earlier ones would be planned in quadratic time.
+    """
+    last = [Path(path) for path in verified[-1:]]
+    numbered = [path.parents[1] / str(k) / path.name for path in last for k in range(int(path.parent.name) + 1)]
+    return read_runs([scores, *numbered])
+
+
 def _of_passes(run: dict[str, Any]) -> dict[str, Any]:
     """Entry of a run with lists of the passes; an earlier version of radcal kept the first pass apart."""
     if "key" in run:
