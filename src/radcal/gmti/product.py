@@ -374,7 +374,7 @@ def _write_picture(
         )  # fmt: skip
         canvas.colorbar(shown, ax=plan, fraction=0.046, pad=0.02).set_label("velocity towards the radar [m/s]")
         plan.set(xlabel="east [km]", ylabel="north [km]", title="Moving targets", xlim=extent[:2], ylim=extent[2:])
-        plan.legend(loc="upper left", frameon=True)
         plan.grid(visible=False)
+        canvas.legend(loc="outside lower center", ncols=3)
         with atomic(path) as partial:
             canvas.savefig(partial, format="png", dpi=150, metadata={"Software": None}, facecolor="white")
