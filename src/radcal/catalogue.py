@@ -243,9 +243,9 @@ _OF_MODEL: Mapping[str, str] = {
     "pixels that remain near the noise are the brighter ones",
     "law_outside_band": "{about}: the law of the search (parameters) leaves the band by up to {beyond_db:.1f} dB "
     "({cause}); parameters_model gives the law nearest to the band",
-    "texture": "{about}: the simulated pixels are multiplied by gamma texture, which lowers the {looks_nominal:.3g} "
-    "looks of the simulated speckle to the {looks:.2f} effective looks that the search found; effective looks above "
-    "about 0.9 times radar.looks (the median of their prior) are no evidence of texture",
+    "texture": "{about}: the search found {looks:.2f} effective looks, fewer than the {looks_nominal:.3g} of the "
+    "simulated speckle, and the simulation is given gamma texture that explains the difference; only values below "
+    "about 0.9 times radar.looks (the median of their prior) are evidence of texture",
     "another_law": "{about}: the program's backscatter differs from law {law} by up to {difference_db:.1f} dB at the "
     "same X, so that curve and band are the formula's, not the program's",
     "registration_moved": "{about}: registered again, onto the calibrated image, these pixels move by {moved_px:.1f} "

@@ -65,8 +65,8 @@ def test_a_run_that_is_more_like_the_image_takes_the_place_of_the_reference_run(
 
 def test_a_run_that_is_less_like_the_image_changes_nothing_but_the_sentence(first, alone):
     again = register_again(START, alone, CONFIG)
-    assert again.verdict.startswith(f"{alone.verdict} The image agrees less with a run ")
-    assert f"{first.correlation.mean():.3f}, with the reference run {alone.correlation.mean():.3f})" in again.verdict
+    assert again.verdict.startswith(f"{alone.verdict} A second one, onto a run with laws fitted ")
+    assert f"{first.correlation.mean():.3f}, after the first {alone.correlation.mean():.3f})" in again.verdict
     assert same(replace(again, verdict=alone.verdict), alone)
 
 
@@ -74,5 +74,5 @@ def test_a_run_that_has_nothing_in_common_with_the_image_is_not_used(first, monk
     # the first registration has compared the image with mirrored ones
     monkeypatch.setattr(registration, "_mirrored", None)
     again = register_again(OTHER, first, CONFIG)
-    assert "The image agrees less with a run of the laws found with it (mean local correlation 0.0" in again.verdict
+    assert "agrees less and is not used (mean local correlation 0.0" in again.verdict
     assert same(replace(again, verdict=first.verdict), first)

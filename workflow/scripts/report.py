@@ -12,7 +12,7 @@ from radcal.storage.listing import write_listing
 
 with job(snakemake):
     archive = read_archive(snakemake.input.archive)
-    progress(f"report: figures of {len(archive.materials)} calibrated materials are drawn ...")
+    progress("report: figures are drawn ...")
     figures = write_figures(archive, snakemake.output.figures)
     made = provenance_of(archive, Path(snakemake.output.page).parent, os.environ.get(COMMAND, ""))
     write_report(snakemake.output.page, archive, figures, made)

@@ -59,8 +59,8 @@ def front(case: Archive, name: str) -> Drawn | None:
     caption = (
         f"NSGA-II, a genetic algorithm, minimises {len(found.objectives)} sums of squared residuals. Line: the "
         "trade-off between them in the last iteration, by the surrogate; no point of it is better in all sums. Least "
-        "squares from its best point, the best run and further starts then minimise the total, so that runs may lie "
-        "below the line. Markers: the runs"
+        "squares then starts from the line's best point, from the best run and from further X, and minimises the total "
+        "of the sums, so that runs may lie below the line. Markers: the runs"
         f"{f', of which {outside} lie outside of the axes' if outside else ''}. "
         f"The sums of squared residuals of the chosen run are {each}; smaller is better."
     )

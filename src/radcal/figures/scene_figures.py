@@ -160,10 +160,10 @@ def incidence(case: Archive) -> Drawn | None:
         inside = (material == case.names.index(name) + 1) & np.isfinite(angle)
         if inside.any():
             s = expected[inside][np.isfinite(expected[inside])]
-            level = f", {_ends(s, 1)} dB" if s.size else ""
-            spans.append(f"{name} {_ends(angle[inside], 0)} deg{level}")
+            level = f", law {_ends(s, 1)} dB" if s.size else ""
+            spans.append(f"{name} incidence {_ends(angle[inside], 0)} deg{level}")
     more = f", and {len(case.materials) - _LISTED} more" if len(case.materials) > _LISTED else ""
-    listed = f"From 5 to 95 %: {'; '.join(spans)}{more}."
+    listed = f"5 and 95 % quantiles of all pixels shown, masked ones too: {'; '.join(spans)}{more}."
     if hatched:
         listed += " Hatched: ground whose incidence lies where sigma0 of its material is determined."
     if not np.isfinite(expected).any():

@@ -184,7 +184,7 @@ def register(
 
     before = _held_out(ranks, (nothing, nothing), chequered)
     after = _held_out(ranks, (halves[0], halves[1]), chequered)
-    found = f"correlation {before.mean():.3f} before and {after.mean():.3f} after, on squares not used to find it"
+    found = f"correlation {before.mean():.3f} before and {after.mean():.3f} after, on held-out squares"
     furthest = float(np.hypot(*field).max())
     raised = float((after - before).mean()) >= _LEAST_GAIN
     # an image that is used unregistered must agree with the simulated image without any displacement
@@ -245,11 +245,11 @@ def register_again(image_db: NDArray[np.float32], first: Registered, config: Reg
     """
     again = register(image_db, replace(first.measurement, image_db=first.unregistered_db), config, same_area=True)
     before, after = (float(np.mean(one.correlation)) for one in (first, again))
-    numbers = f"mean local correlation {after:.3f}, with the reference run {before:.3f}"
+    numbers = f"mean local correlation {after:.3f}, after the first {before:.3f}"
     if after < before:
-        kept = f"The image agrees less with a run of the laws found with it ({numbers}), and this registration is kept."
+        kept = f"A second one, onto a run with laws fitted after the first, agrees less and is not used ({numbers})."
         return replace(first, verdict=f"{first.verdict} {kept}")
-    onto = f"This is the second registration, onto a run of the laws found with the first one ({numbers})."
+    onto = f"This is the second registration, onto a run with laws fitted after the first ({numbers})."
     return replace(again, verdict=f"{again.verdict} {onto}", findings=first.findings)
 
 
