@@ -13,7 +13,7 @@ with job(snakemake) as case:
     run, _ = next(indexed([snakemake.input.onto], snakemake.params.runs, case.calibrated, image=True))
     rows, columns = run.image_db.shape
     if case.registration.method != "none":
-        onto = "the run of the laws found" if snakemake.input.first else "the reference run"
+        onto = "the registration run" if snakemake.input.first else "the reference run"
         progress(f"registration of {rows} x {columns} pixels onto {onto} ...")
     if snakemake.input.first:
         registered = register_again(run.image_db, read_registered(snakemake.input.first[0]), case.registration)

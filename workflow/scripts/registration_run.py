@@ -10,7 +10,7 @@ with job(snakemake) as case:
     runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     with understood(snakemake.input.laws):
         parameters = all_parameters(case.materials, read_json(snakemake.input.laws))
-    with called("run of the laws found"):
+    with called("registration run"):
         (record,) = run_all_draws(case, runner, parameters, image=True)
     write_index(snakemake.output.index, [IndexedRun.of(record, parameters)])
-    progress(f"run of the laws found, to register the image again: {record.seconds:.1f} s")
+    progress(f"registration run, with laws fitted to the registered image: {record.seconds:.1f} s")
