@@ -238,6 +238,9 @@ def test_a_law_of_the_search_outside_of_the_band():
     assert found.numbers == {"beyond_db": pytest.approx(2.5 * 24.0 / 40.0 - 1.0), "cause": "level of pass 1"}
     (below,) = law_findings("dyke", made_posterior(curve=edge), LINE, LINE_X - [0.0, 2.5], ())
     assert below.numbers == {"beyond_db": pytest.approx(2.5 * 24.0 / 40.0 - 1.0), "cause": "cause unknown"}
+    bent = made_posterior(curve=edge, form=made_form(noticed=True))
+    (formed,) = law_findings("dyke", bent, LINE, away, ["level of pass 1"])
+    assert formed.numbers["cause"] == "level of pass 1, form of the law"
     assert list(law_findings("dyke", made_posterior(), LINE, LINE_X + [0.9, 0.9], ())) == []
     assert list(law_findings("dyke", made_posterior(curve=None), LINE, away, ())) == []
 

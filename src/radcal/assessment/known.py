@@ -136,5 +136,7 @@ def law_findings(name: str, posterior: Posterior, law: Law, x: Doubles, warned: 
     (low, _, high), at = curve.at(angle), np.asarray(law(np.radians(angle), x))
     beyond = float(np.maximum(low - at, at - high).max())
     if beyond > 0.0:
+        if posterior.form is not None and (posterior.form.noticed or posterior.form.refuted):
+            warned = [*warned, "form of the law"]
         numbers: dict[str, float | str] = {"beyond_db": beyond, "cause": ", ".join(warned) or "cause unknown"}
         yield Finding("law_outside_band", "warning", name, numbers)
