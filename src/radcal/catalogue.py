@@ -225,7 +225,7 @@ _OF_MODEL: Mapping[str, str] = {
     "fixed law; the bands contain its standard error of {level_db:.2g} dB (uncertainty.level_db)",
     "determined": "sigma0 is determined to +-{half_width_db:.1f} dB (90 %) {between}, " + IF,
     "undetermined": "sigma0 is determined at no angle: the smallest half-width of its 90 % band is "
-    "{narrowest_db:.1f} dB, and uncertainty.known_db asks for {known_db:.1f} dB",
+    "{narrowest_db:.2f} dB, and uncertainty.known_db asks for {known_db:.1f} dB",
     "withheld": "sigma0 is determined at no angle, because the image is refused",
     "level_only": "seen at one incidence, {incidence_deg:.1f} degrees, from which no law can be determined; "
     "sigma0 there is {median_db:.1f} dB (90 %: {p05_db:.1f} to {p95_db:.1f})",

@@ -141,7 +141,7 @@ def conclude(
     findings = [finding for one in images for finding in one.findings]
     findings += [*image_findings(case, image), *noted]
     refused = any(one.severity == "refusal" for one in findings)
-    warned = {one.code: f"{one.code} of {one.about}" for one in findings if one.severity != "note"}
+    warned = {one.code: f"{one.code.replace('_', ' ')} of {one.about}" for one in findings if one.severity != "note"}
     laws = {name: (case.laws[name], np.asarray(history.best(name).parameters)) for name in targets}
     for name, found in laws.items():
         findings += material_findings(case, name, posteriors[name], targets, refused)
