@@ -3,7 +3,7 @@
 from archives import RADIOMETRY
 
 from radcal.findings import Finding
-from radcal.words import beside_headline, remarks, sentence, state, widths
+from radcal.words import asked_steps, beside_headline, headline, remarks, sentence, state, widths
 
 DETERMINED = Finding(
     "determined",
@@ -41,3 +41,12 @@ def test_what_the_headline_tells_is_not_told_again():
     # a refusal stands there in place of the warning
     assert beside_headline(said, [LEVEL, WATER, RADIOMETRY]) == [said[0]]
     assert beside_headline(said, [LEVEL]) == said
+
+
+def test_a_step_that_stands_beside_the_headline_is_not_said_in_it():
+    findings = [WATER, DETERMINED, NOT_REFUTED]
+    (step,) = asked_steps(findings)
+    assert step.text in headline(["dyke"], findings, True)
+    beside = headline(["dyke"], findings, True, [step])
+    assert step.text not in beside
+    assert headline(["dyke"], findings, True).startswith(beside.removesuffix("."))

@@ -67,7 +67,7 @@ class Step:
     paste: str
 
 
-def sentence(finding: Finding, prefix: bool = True) -> str:
+def sentence(finding: Finding, prefix: bool = True, asks: bool = True) -> str:
     """Sentence of a finding.
 
     Parameters
@@ -76,20 +76,22 @@ def sentence(finding: Finding, prefix: bool = True) -> str:
         Finding.
     prefix : bool
         Whether the sentence of a warning or refusal begins with this word.
+    asks : bool
+        Whether it ends with what to do.
     """
     start = f"{finding.severity}: " if prefix and finding.severity != "note" else ""
     start += f"pass {finding.numbers['pass']:.0f}: " if "pass" in finding.numbers else ""
     start += f"{finding.about}: " if finding.code in _OF_VERDICT else ""
-    text = f"{start}{_clause(finding)}"
+    text = f"{start}{_clause(finding, asks)}"
     return text if text.endswith(("?", ".")) else f"{text}."
 
 
-def _clause(finding: Finding) -> str:
+def _clause(finding: Finding, asks: bool = True) -> str:
     """Text of a finding with what to do about it; of a part of a verdict, without the name of the material."""
     text = TEXTS[finding.code].format(about=finding.about, do=finding.do, **_numbers(finding))
     if finding.code == "not_refuted" and "noticed_db" in finding.numbers:
         text += _NOTICED.format(**finding.numbers)
-    return f"{text}: {_do(finding)}" if finding.severity != "note" and _do(finding) else text
+    return f"{text}: {_do(finding)}" if asks and finding.severity != "note" and _do(finding) else text
 
 
 def _numbers(finding: Finding) -> dict[str, float | str]:
@@ -207,7 +209,7 @@ def step(name: str, findings: Sequence[Finding], reason: str, **numbers: float |
     return Step(short, text, paste)
 
 
-def headline(names: Sequence[str], findings: Sequence[Finding], finished: bool) -> str:
+def headline(names: Sequence[str], findings: Sequence[Finding], finished: bool, beside: Collection[Step] = ()) -> str:
     """First line of terminal output, summary and report.
 
     Parameters
@@ -218,10 +220,13 @@ def headline(names: Sequence[str], findings: Sequence[Finding], finished: bool) 
         All findings.
     finished : bool
         Whether the search has met its stop criterion.
+    beside : collection of Step
+        Steps that stand beside it, and are not said again.
     """
+    said = {step.text for step in beside}
     stated = _in_headline(findings)
     refused = any(one.severity == "refusal" for one in stated)
-    texts = [sentence(one, prefix=False) for one in stated]
+    texts = [sentence(one, prefix=False, asks=_do(one) not in said) for one in stated]
     if len(names) == 1:
         overall = verdict(names[0], findings)
     else:

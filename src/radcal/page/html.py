@@ -27,7 +27,18 @@ from radcal.results.reasons import REASONS, Words
 from radcal.results.summary import summarise
 from radcal.sections.objectives import OBJECTIVES
 from radcal.storage.files import atomic
-from radcal.words import STANDINGS, Step, asked_steps, beside_headline, ends, remarks, sentence, standing, step
+from radcal.words import (
+    STANDINGS,
+    Step,
+    asked_steps,
+    beside_headline,
+    ends,
+    headline,
+    remarks,
+    sentence,
+    standing,
+    step,
+)
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -258,13 +269,15 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure], 
     environment.filters |= {one.__name__[1:]: one for one in filters}
     environment.filters["duration"] = duration
     environment.globals |= {"at_bound": at_bound, "ends": ends, "standings": STANDINGS}
+    asked = asked_steps(archive.findings)[:1]
     text = environment.get_template("report.html.j2").render(
         summary=summary,
         configured=archive.configured,
         objective=OBJECTIVES[archive.configured.objective],
         search=_ending(summary, materials),
         refused=any(one.severity == "refusal" for one in archive.findings),
-        asked=asked_steps(archive.findings)[:1],
+        asked=asked,
+        headline=headline(list(archive.materials), archive.findings, archive.decision.converged, asked),
         warnings=beside_headline(summary["warnings"], archive.findings),
         remarks=[sentence(one) for one in remarks(archive.findings) if one.severity == "note"],
         runs=archive.runs,
