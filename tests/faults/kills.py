@@ -17,6 +17,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -105,14 +106,18 @@ def kill(process, kind, draw):
     """Kill; return what was killed, and the processes that go on."""
     below = descendants(process.pid)
     if kind == "job":
+        while not below and process.poll() is None:  # no job yet
+            time.sleep(0.02)
+            below = descendants(process.pid)
         if below:
             with contextlib.suppress(psutil.NoSuchProcess):
                 draw.choice(below).kill()
                 process.wait(timeout=900)  # Snakemake sees it and ends, or has just ended
                 return "job", []
-        kind = "group"  # no job yet
+        kind = "group"  # the calibration has ended
     if kind == "group":
-        os.killpg(process.pid, signal.SIGKILL)
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
     else:
         process.kill()
     process.wait()

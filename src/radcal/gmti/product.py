@@ -173,7 +173,12 @@ def _place(
 def _east_m(scene: Scene, case: Part, one: Collection, ground_m: Any) -> Any:
     """Place east of the corner of the scene's grid, from that in ground range [m]."""
     away, half = ground_m - one.reference_m[0, 1], 0.5 * scene.material.shape[1] * scene.cell_m
-    return half - away if case.radar.look_side == "left" else half + away
+    return half + _side(case) * away
+
+
+def _side(case: Part) -> float:
+    """Sign of the direction east in which the ground range grows."""
+    return -1.0 if case.radar.look_side == "left" else 1.0
 
 
 def _least_velocity(dwell: Dwell, interval: Interval, one: Collection) -> float:
@@ -251,8 +256,8 @@ def write(stem: Path, made: Forward) -> list[Path | Finding]:
 
 def _ground_m(report: Report, case: Part, scene: Scene, one: Collection) -> float:
     """Ground range of a detection, to whose east the same mirror image leads [m]."""
-    half, side = 0.5 * scene.material.shape[1] * scene.cell_m, -1.0 if case.radar.look_side == "left" else 1.0
-    return float(one.reference_m[0, 1] + side * (report.east_m - half))
+    half = 0.5 * scene.material.shape[1] * scene.cell_m
+    return float(one.reference_m[0, 1] + _side(case) * (report.east_m - half))
 
 
 def _tracks(
@@ -269,7 +274,6 @@ def _tracks(
     case, scene = made.case, made.scene
     gate, beam = LIGHT_MPS / (2.0 * one.samples * one.step_hz), 0.8 * one.range_m * one.wavelength_m / one.antenna_m
     slow = 0.5 * interval.wavelength_m * interval.prf_hz / interval.pulses
-    side = 1.0 if case.radar.look_side == "left" else -1.0
     plots = list[tuple[float, Array]]()
     for scan in range(case.gmti.scans):
         kept = list[Report]()
@@ -281,7 +285,10 @@ def _tracks(
                 for other in kept
             ):  # neighbouring dwells see a mover, too
                 kept.append(each)
-        rows = [(r.east_m, side * r.velocity_mps * r.range_m / _ground_m(r, case, scene, one), r.north_m) for r in kept]
+        rows = [
+            (r.east_m, -_side(case) * r.velocity_mps * r.range_m / _ground_m(r, case, scene, one), r.north_m)
+            for r in kept
+        ]
         plots.append((scan * case.gmti.revisit_s, np.array(rows).reshape(-1, 3)))
     steep = one.range_m / one.reference_m[0, 1]
     tracks = tracked(plots, [0.25 * steep * gate, 0.25 * steep * slow, 0.25 * beam])
