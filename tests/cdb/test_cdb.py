@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import shapely
 import yaml
-from cdb_database import elements, file_of, tile_of, write_features, write_heights, write_materials
+from cdb_database import elements, file_of, tile_of, write_features, write_heights, write_materials, write_raster
 from pyproj import Geod, Transformer
 
 from radcal.cdb.mosaic import POST, Lattice, Log, heights
@@ -371,6 +371,25 @@ def small_heights(root: Path) -> None:
     write_heights(root, PLACE, 4, lambda x, y: plane(x, y)[:512, :512])
 
 
+def text_for_table(root: Path) -> None:
+    tables(root, lod=-1)
+    file_of(root, PLACE, 6, 2, "xml").write_text("<Composite_Material_Table><Com")
+
+
+def indices_of_another_type(root: Path) -> None:
+    tables(root, lod=-1)
+    write_raster(root, PLACE, 5, 2, np.full((1024, 1024), 7, dtype=np.float32))
+
+
+def no_data_undeclared(root: Path) -> None:
+    write_heights(root, PLACE, 4, lambda x, y: np.where(x < PLACE[0] - 0.01, -32767.0, plane(x, y)))
+
+
+def classes_cut_off(root: Path) -> None:
+    path = feature(root)
+    cut(path.with_name(path.name.replace("T001", "T002")).with_suffix(".dbf"), 40)
+
+
 def tags_of_centres(root: Path) -> None:
     write_heights(root, PLACE, 3, plane, shift=0.5)
 
@@ -442,6 +461,11 @@ def renamed(root: Path, old: str, new: str) -> None:
     ("damage", "code", "text"),
     [
         (lambda root: cut(fine_heights(root)), "cdb_left_out", "L04"),
+        (lambda root: cut(fine_heights(root), 99_999), "cdb_left_out", "cannot be read as a raster"),
+        (no_data_undeclared, "cdb_left_out", "heights, which are not from -1000 to 9000 m"),
+        (text_for_table, "cdb_left_out", "cannot be read as XML"),
+        (indices_of_another_type, "cdb_left_out", "it holds float32, expected uint8"),
+        (classes_cut_off, "cdb_left_out", "D100_S001_T002"),
         (small_heights, "cdb_left_out", "512 x 512 elements, expected 1024 x 1024"),
         (tags_of_centres, "cdb_tags", "1 tiles of elevation lie up to 6 m"),
         (no_table, "cdb_left_out", "no table of composite materials"),
@@ -500,6 +524,9 @@ def test_wrong_keys_are_told(root: Path, build: Any, keys: dict[str, Any], text:
 def test_the_tiles_are_inputs_of_the_case(root: Path, build: Any) -> None:
     files = build().files_in(root)
     assert [path.suffix for path in files] == [".tif", ".tif", ".xml"]
+    files[0].with_name(files[0].name + ".aux.xml").touch()  # as GDAL writes it
+    assert build().files_in(root) == files
+    assert found(make_scene(build(), None), "cdb_left_out") == []
     with pytest.raises(ValueError, match=r"no tile within scene.bounds"):
         build(bounds=(10.0, 10.0, 10.1, 10.1)).files_in(root)
 

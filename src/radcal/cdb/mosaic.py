@@ -22,6 +22,7 @@ from radcal.reading.cdb import CdbFile, step_deg
 from radcal.reading.intake import guarded
 from radcal.reading.rasters import check_blocks, open_raster
 from radcal.scene.grid import LARGEST_CELLS, Source
+from radcal.scene.raster import HIGHEST_M, LOWEST_M
 
 POST, AREA = 0.0, 0.5  # place of an element, from the south-west corner of its area [elements]
 _MARGIN = 4  # elements around the bounds: cubic convolution reaches 2
@@ -176,6 +177,10 @@ def heights(tiles: Sequence[CdbFile], to: Lattice, log: Log) -> tuple[NDArray[np
             values, transform = read[0].astype(np.float64), read[1]
             if read[0].dtype.kind == "i" and level > 0:
                 values *= 2.0**-level  # requirement 89: integer heights are finer in finer levels
+            no_land = (values < LOWEST_M) | (values > HIGHEST_M)  # such as a no-data value that is not declared
+            if lost := np.count_nonzero(no_land):
+                log.left_out(tile.path, f"{lost} of its heights, which are not from {LOWEST_M:g} to {HIGHEST_M:g} m")
+                values[no_land] = np.nan
             west, south = round(tile.box[0] / own.step[0]) - own.west, round(tile.box[1] / own.step[1]) - own.south
             _paste(posts, values[::every, ::every], south, west)
             off.append((level, *_off(tile, step, transform)))

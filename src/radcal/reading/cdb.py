@@ -21,6 +21,7 @@ BASE_MATERIALS = "Metadata/Materials.xml"
 
 _ZONES = ((89, 12), (80, 6), (75, 4), (70, 3), (50, 2), (0, 1))  # latitude from which a geocell has a width [deg]
 _NAME = re.compile(r"([NS]\d{2})([EW]\d{3})_D(\d{3})_S(\d{3})_T(\d{3})_(LC|L)(\d{2})_U(\d{1,7})_R(\d{1,7})\.(\w+)")
+_BESIDE = re.compile(_NAME.pattern + r"\.\w[\w.]*")  # what other programs write beside a file, such as .tif.aux.xml
 
 Box = tuple[float, float, float, float]  # west, south, east, north [deg]
 
@@ -97,6 +98,8 @@ def cdb_files(root: Path, bounds: Box, datasets: Sequence[int] = DATASETS) -> li
             continue
         for dataset in datasets:
             for path in folder.glob(f"{dataset:03d}_*/*/*/[!.]*"):
+                if _BESIDE.fullmatch(path.name):
+                    continue
                 one = _parsed(path, south, west, width)
                 if one.fault or _overlap(one.box, bounds):
                     found.append(one)

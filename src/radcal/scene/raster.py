@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from pyproj import CRS
 
 
-_LOWEST_M, _HIGHEST_M = -1000.0, 9000.0  # lowest and highest land, with a margin for mines and ellipsoidal heights
+LOWEST_M, HIGHEST_M = -1000.0, 9000.0  # lowest and highest land, with a margin for mines and ellipsoidal heights
 _MISSING_SHARE = 0.5
 _NEAR_CELLS = 100  # distance [cells] up to which gaps are interpolated; beyond, they take the nearest height
 # tolerance of GDAL's approximate coordinate transformation [pixels]; with the default, 1/8, heights on a slope in SRTM
@@ -353,9 +353,9 @@ def _heights(elevation: Source, grid: Grid) -> tuple[NDArray[np.float64], NDArra
     if np.isnan(scaled).all():
         raise elevation.error("holds no elevation in the scene's area, only no-data.")
     low, high = np.nanmin(scaled), np.nanmax(scaled)
-    if low < _LOWEST_M or high > _HIGHEST_M:
+    if low < LOWEST_M or high > HIGHEST_M:
         raise elevation.error(
-            f"holds heights from {low:g} to {high:g} m, expected {_LOWEST_M:g} to {_HIGHEST_M:g}: if that is its "
+            f"holds heights from {low:g} to {high:g} m, expected {LOWEST_M:g} to {HIGHEST_M:g}: if that is its "
             "no-data value, declare it with gdal_edit -a_nodata."
         )
     parts = subdivision(elevation, grid)
