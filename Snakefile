@@ -89,7 +89,6 @@ localrules:
     all,
     reference,
     design,
-    stop_settings,
     summary,
 
 

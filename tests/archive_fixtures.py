@@ -11,7 +11,7 @@ from archives import image, posterior, without_curve
 from geometry_samples import of_pixels
 
 from radcal import skewnormal
-from radcal.config import Case, RegistrationConfig, Stop, case_from
+from radcal.config import Case, RegistrationConfig, case_from
 from radcal.config.stages import STAGES
 from radcal.ground.goodness import Goodness
 from radcal.image.model import Measurement
@@ -39,7 +39,6 @@ class Made:
 
     path: Path
     case: Case
-    stop: Stop
     history: History
     targets: Targets
     final: tuple[Record, Record]
@@ -59,7 +58,7 @@ class Made:
         case = STAGES["archive"].of(at.case)
         each = [posterior() if case.laws[name].has_curve else without_curve() for name in at.targets]
         archive = archive_of(
-            case, at.stop, at.history, at.scene, at.geometry, at.passes or [at.registered], at.targets, at.runs,
+            case, at.history, at.scene, at.geometry, at.passes or [at.registered], at.targets, at.runs,
             at.final, each, at.image,
         )  # fmt: skip
         write_archive(path, archive)
@@ -85,7 +84,6 @@ def make_archive(
     """Write an archive: every material a stripe, all numbers made up but consistent."""
     shifts = SHIFTS if shifts is None else shifts
     floors = {"stem beans": [None, 0.05]} if floors is None else floors
-    stop = stop or Stop(rms=1e-4, max_runs=50, stagnation_runs=20)
     names = [*shifts, "unused"]
     rng = np.random.default_rng(7)
     materials = {
@@ -108,6 +106,7 @@ def make_archive(
             "objective": "density",
             "measurement": {"source": "synthetic", "synthetic": {"parameters": dict.fromkeys(other_start, HIDDEN)}},
             "design": {"size": len(next(iter(shifts.values()))["design"])},
+            "stop": stop or {"rms": 1e-4, "max_runs": 50, "stagnation_runs": 20},
         }
     )
 
@@ -198,7 +197,7 @@ def make_archive(
     RunStore(folder / "runs").put(record(runs[0].keys[0]), {})
     final = (record(runs[-1].keys[0]), record("fresh"))
     scene = Scene("made up", geometry.names, material, np.hypot(*np.indices(shape)), 5.0)
-    made = Made(folder / "calibration.h5", case, stop, history, targets, final, registered, geometry, scene)
+    made = Made(folder / "calibration.h5", case, history, targets, final, registered, geometry, scene)
     made.gathered(made.path)
     return made
 

@@ -12,7 +12,7 @@ from geometry_samples import X, two_materials
 from radcal.assessment import conclusion
 from radcal.assessment.conclusion import conclude
 from radcal.assessment.registration_check import moved_finding
-from radcal.config import Stop, case_from
+from radcal.config import case_from
 from radcal.findings import Finding
 from radcal.laws import LAWS
 from radcal.objectives import make_objectives
@@ -43,6 +43,7 @@ def parts(tmp_path_factory):
             "materials": {"area": {"calibrate": True}, "rest": {"parameters": [1, 2, 3, 4]}},
             "measurement": {"synthetic": {"parameters": {"area": X}}},
             "radar": {"looks": 4},
+            "stop": {"rms": 1e-3},
         }
     )
     visible = seen.pixels("area")
@@ -61,7 +62,7 @@ def parts(tmp_path_factory):
     RunStore(folder).put(reference, {"simulator": {"kind": "made up"}})
     targets = Targets({"area": target})
     made = make_objectives(case, targets)
-    arguments = (case, Stop(rms=1e-3), History(runs), targets, made, seen, folder, tuple(final))
+    arguments = (case, History(runs), targets, made, seen, folder, tuple(final))
     return (*arguments, KNOWN, made_image()), reference
 
 
@@ -73,7 +74,7 @@ def found(parts):
 def test_pixels_are_those_of_reference_and_final_runs_with_the_texture_of_each(parts, found):
     """Of 4 looks, as the reference run suits best, there is none; the best run suits 2.5."""
     (*_, final, _, _), reference = parts
-    shown, order = found.materials["area"], parts[0][3]["area"].order
+    shown, order = found.materials["area"], parts[0][2]["area"].order
     np.testing.assert_array_equal(shown.start, reference.pixels_db["area"][order])
     wanted = log_speckle_cumulants(2.5)[1] - log_speckle_cumulants(4.0)[1]
     added = [
@@ -100,7 +101,7 @@ def test_the_picture_is_the_fresh_run_with_the_texture_of_the_calibrated_materia
     same = found.calibrated_db == final[1].image_db
     assert same[:, 50:].all()
     assert not same[:, :50].any()
-    pixels, order = found.calibrated_db.ravel()[seen.pixels("area")], parts[0][3]["area"].order
+    pixels, order = found.calibrated_db.ravel()[seen.pixels("area")], parts[0][2]["area"].order
     np.testing.assert_array_equal(pixels[order], found.materials["area"].fresh)
 
 

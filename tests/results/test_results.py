@@ -75,7 +75,7 @@ def test_how_it_ended(made):
         # promises that were not computed are nan
         np.testing.assert_array_equal(file["materials/stem beans/fidelity/floor"], [np.nan, 0.05])
         np.testing.assert_array_equal(file["materials/dyke/fidelity/floor"], [np.nan, np.nan])
-        assert json.loads(file.attrs["config"])["stop"]["rms"] == made.stop.rms
+        assert json.loads(file.attrs["config"])["stop"]["rms"] == made.case.stop.rms
         assert "radcal" in json.loads(file.attrs["versions"])
 
 

@@ -41,6 +41,8 @@ def ends_with(*made):
     return decide(history, CASE.calibrated, CASE.stop, CASE.objective).ended
 
 
+# New stop settings affect only `verified` and the archive: the jobs of the loop read the settings from Snakemake's
+# config, so that no finished job of the loop runs again.
 def verified(wildcards):
     """Files of the verified iterations until the search ends; an exception makes Snakemake make a missing file."""
     files, made = [checkpoints.scores.get().output.scores], []
@@ -64,22 +66,6 @@ def verified_before(wildcards):
     """Verified proposals of the iteration before, which needs those before it; none in the first iteration."""
     k = int(wildcards.k)
     return [f"{OUT}/iterations/{k - 1}/verified.json"] if k else []
-
-
-# New stop settings affect only `verified` above and the readers of stop.json. The jobs of the loop read the settings
-# from Snakemake's config, so that no finished job runs again.
-rule stop_settings:
-    output:
-        **outputs("stop_settings"),
-    log:
-        f"{OUT}/logs/stop_settings.log",
-    retries: 0
-    params:
-        case=STAGES["stop_settings"].params(CASE),
-    message:
-        words("stop_settings")
-    script:
-        "../scripts/stop_settings.py"
 
 
 def trained_before(wildcards):

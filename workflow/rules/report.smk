@@ -69,7 +69,6 @@ rule archive:
         geometry=every_pass(rules.geometry.output.geometry),
         registered=every_pass(rules.registration.output.registered),
         target=every_pass(rules.target.output.target),
-        stop=rules.stop_settings.output.stop,
         scores=f"{OUT}/scores.json",
         verified=verified,
         trained=trained_last,

@@ -1,6 +1,5 @@
-"""Write every run and iteration to one file, ``calibration.h5``, and all runs to one table, ``runs.csv``."""
+"""Write every run and iteration to ``calibration.h5``, all runs to the table ``runs.csv``, and the stop settings."""
 
-from radcal.config import Stop
 from radcal.ground.one_incidence import bounces_on, bounces_outside
 from radcal.objectives.history import read_search
 from radcal.posterior.result import Image, Posterior
@@ -13,13 +12,11 @@ from radcal.results.run_table import write_table
 from radcal.scene.model import read_scene
 from radcal.session.jobs import job
 from radcal.storage.listing import write_listing
-from radcal.storage.records import read_item, read_json, understood
+from radcal.storage.records import read_item, write_json
 from radcal.storage.run_index import indexed
 from radcal.targets.target import read_targets
 
 with job(snakemake) as case:
-    with understood(snakemake.input.stop):
-        stop = Stop.model_validate(read_json(snakemake.input.stop))
     history = read_search(snakemake.input.scores, snakemake.input.verified)
     targets, geometry = read_targets(*snakemake.input.target), read_geometry(snakemake.input.geometry[0])
     runs = snakemake.params.runs
@@ -29,9 +26,8 @@ with job(snakemake) as case:
     image, scene = read_item(snakemake.input.image, "image", Image), read_scene(snakemake.input.scene)
     trained = {name: one for path in snakemake.input.trained for name, one in read_trainings(path).items()}
     noted = bounces_outside([bounces_on(read_geometry(path), targets) for path in snakemake.input.geometry])
-    archive = archive_of(
-        case, stop, history, scene, geometry, images, targets, runs, final, each, image, trained, noted
-    )
+    archive = archive_of(case, history, scene, geometry, images, targets, runs, final, each, image, trained, noted)
     write_archive(snakemake.output.archive, archive)
     write_table(snakemake.output.table, archive)
     write_listing(snakemake.output.checksum, [snakemake.output.table])
+    write_json(snakemake.output.stop, case.stop.model_dump())

@@ -15,7 +15,6 @@ from radcal.assessment.program_check import another_law
 from radcal.assessment.registration_check import check_registration
 from radcal.calibration.scoring import with_texture
 from radcal.calibration.stopping import Decision, decide
-from radcal.config import Stop
 from radcal.config.part import Part
 from radcal.findings import Finding
 from radcal.objectives import Comparison
@@ -85,7 +84,6 @@ class Conclusion:
 
 def conclude(
     case: Part,
-    stop: Stop,
     history: History,
     targets: Targets,
     objectives: Mapping[str, Comparison],
@@ -101,8 +99,8 @@ def conclude(
 
     Parameters
     ----------
-    case, stop : Part, Stop
-        Configuration of the case, and stop criteria.
+    case : Part
+        Configuration of the case.
     history : History
         Scored runs: reference run, design and verified proposals.
     targets, objectives : mapping
@@ -173,7 +171,7 @@ def conclude(
         differ = not np.array_equal(final[0].pixels_db[name], final[1].pixels_db[name])
         materials[name] = MaterialPixels(start, calibrated, fresh, calibrated_dp, fresh_dp, differ)
     return Conclusion(
-        decision=decide(history, list(targets), stop, case.objective),
+        decision=decide(history, list(targets), case.stop, case.objective),
         materials=materials,
         reference_db=reference.image_db,
         calibrated_db=calibrated_db,

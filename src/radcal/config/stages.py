@@ -63,9 +63,9 @@ _LAWS = ("seed", *_PASS)
 _RUNS = (*_LAWS, "simulator")  # what determines the pixel values of runs
 _TARGET = (*_RUNS, "objective", "target", "validation")
 _TRAIN = (*_RUNS, "objective", "surrogate")
-# stop.json holds stop, and no calibration reads the sections of products
+# sections that no calibration reads
 _PRODUCTS = ("gmti", "ppi", "signals")
-_ARCHIVE = tuple(name for name in Case.model_fields if name not in ("replace", "stop", "products", *_PRODUCTS))
+_ARCHIVE = tuple(name for name in Case.model_fields if name not in ("replace", "products", *_PRODUCTS))
 FORWARD = ("case", "scene", *_PRODUCTS, *_RUNS)
 """Sections that a forward run reads."""
 
@@ -191,14 +191,14 @@ STAGES: Mapping[str, Stage] = {
     "verify": Stage(
         "verify {k}", _TRAIN, _RUN,
         {"verified": "iterations/{k}/verified.json", "trained": "iterations/{k}/verified/surrogate.h5"}),
-    "stop_settings": Stage("stop settings", ("stop",), _LIGHT, {"stop": "stop.json"}),
     "final_runs": Stage("final runs", _RUNS, _RUN, {"final": "final.json"}),
     "posterior": Stage(
         "posterior of all laws", (*_TARGET, "surrogate", "uncertainty"), _RUN,
         {"image": "image.h5", "posterior": "posterior/{material}.h5"}, {"image": 5, "posterior": 6}),
     "archive": Stage(
         "archive of all runs", _ARCHIVE, _REGISTRATION,
-        {"archive": "calibration.h5", "table": "runs.csv", "checksum": "table.json"}, {"calibration": 13}),
+        {"archive": "calibration.h5", "table": "runs.csv", "checksum": "table.json", "stop": "stop.json"},
+        {"calibration": 13}),
     "export": Stage("exports", _RUNS, _IMAGE, {"folder": "export", "checksums": "export.json"}),
     "products": Stage("products", (*FORWARD, "products"), _IMAGE, {"folder": "products"}, only_if=_never),
     "report": Stage(

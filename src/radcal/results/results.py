@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from radcal.assessment.conclusion import conclude
 from radcal.calibration.steps import random_findings
-from radcal.config import Stop
 from radcal.config.disclosure import disclosed
 from radcal.config.part import Part
 from radcal.findings import Finding
@@ -50,7 +49,6 @@ _PACKAGES = ("radcal", "numpy", "scipy", "smt", "platypus-opt", "h5py", "snakema
 
 def archive_of(
     case: Part,
-    stop: Stop,
     history: History,
     scene: Scene,
     geometry: Geometry,
@@ -67,8 +65,8 @@ def archive_of(
 
     Parameters
     ----------
-    case, stop : Part, Stop
-        Configuration of the case, and its stop settings.
+    case : Part
+        Configuration of the case.
     history : History
         Reference run, design runs and verified proposals.
     scene : Scene
@@ -100,7 +98,7 @@ def archive_of(
     images = [with_height_finding(passes[0], geometry, scene, case.radar), *passes[1:]]
     of_each = dict(zip(case.calibrated, posteriors, strict=True))
     objectives = make_objectives(case, targets)
-    found = conclude(case, stop, history, targets, objectives, geometry, runs, final[:2], of_each, image, images, noted)
+    found = conclude(case, history, targets, objectives, geometry, runs, final[:2], of_each, image, images, noted)
     best = {name: history.best(name) for name in targets}
     laws = {
         name: np.array(best[name].parameters if name in best else material.start_parameters, dtype=np.float64)
@@ -132,7 +130,7 @@ def archive_of(
         )
 
     return Archive(
-        config=json.dumps(disclosed(_as_written(case, stop))),
+        config=json.dumps(disclosed(_as_written(case))),
         decision=found.decision,
         measured_looks=targets.looks,
         notes=(*remarks, *_of_passes(targets, case.objective)),
@@ -179,9 +177,9 @@ def _of_passes(targets: Targets, objective: str) -> list[Finding]:
     return [Finding("passes_together", "note", "", {"passes": count}), *shared]
 
 
-def _as_written(case: Part, stop: Stop) -> dict[str, Any]:
+def _as_written(case: Part) -> dict[str, Any]:
     """Configuration in the form of a case file, in which sections of several passes are lists."""
-    data = {**case.sections(*case.__dict__), "stop": stop.model_dump(mode="json")}
+    data = case.sections(*case.__dict__)
     for name, colour in data.pop("colours", {}).items():
         data["materials"][name]["colour"] = colour
     return data

@@ -59,8 +59,6 @@ class Ppi(Section):
     false_alarms: Annotated[Real, Field(ge=1e-9, le=0.1)] = Field(
         1e-3, description="probability of a false alarm of the detector in uniform clutter"
     )
-    scans: Annotated[Integer, Field(ge=1, le=1000)] = Field(1, description="number of scans of the scene")
-    revisit_s: _Positive = Field(2.0, description="time from scan to scan [s]")
     training_gates: Annotated[Integer, Field(ge=2, le=1000)] = Field(
         24, description="number of gates, half on either side, with whose mean power a gate is compared"
     )
