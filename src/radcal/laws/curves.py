@@ -132,7 +132,7 @@ CURVES: dict[str, Law] = {
         log_normal={"X4": (5.0, 1.0)},
         formula="X1 + X2 cos(phi) + X3 exp(-X4 phi^2)",
         source='"Calibration of a Radar Cross-section Model using a Surrogate Model Optimization Algorithm", eq. 1',
-        remark="The default bounds are those of the paper. Measured sigma0 in dB requires a negative X1.",
+        remark="The default bounds are those of the source. Measured sigma0 in dB requires a negative X1.",
     ),
     "ulaby_dobson": Law(
         ulaby_dobson,
@@ -152,8 +152,8 @@ CURVES: dict[str, Law] = {
         valid_deg=(30.0, 80.0),
         formula="gamma + 10 log10(cos(phi))",
         source="Long, Radar Reflectivity of Land and Sea, 3rd edition, Artech House (2001)",
-        remark="The law describes the plateau between steep and grazing incidence, whose ends depend on the terrain; "
-        "30 to 80 deg is a convention of radcal.",
+        remark="The law describes the plateau between steep and grazing incidence. The ends of the plateau depend on "
+        "the terrain; 30 to 80 deg is a convention of radcal.",
     ),
     "tabulated": Law(
         tabulated,
@@ -162,8 +162,8 @@ CURVES: dict[str, Law] = {
         needs=("angles_deg",),
         formula="curve through sigma0 at the angles of the material's angles_deg",
         source="Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300-304 (PCHIP)",
-        remark="The curve has no overshoot between two angles and is constant beyond the first and the last. Where the "
-        "target is one density of all angles, a rising curve can have the same density as the true, falling one, and "
-        "only the bounds exclude it.",
+        remark="The curve has no overshoot between two angles and is constant beyond the first and the last. If the "
+        "target is one density of all angles, a rising curve can have the density of the true, falling one; only "
+        "falling bounds exclude it.",
     ),
 }

@@ -87,7 +87,12 @@ def bin_statistics(comparison: Comparison, history: History, training: Training 
 
 
 def _sensitivity(surrogate: Surrogate, parameters: list[float]) -> Doubles:
-    """Change of each statistic over 1 % of the width of each bound, shape (b, 3, d), about an X in the bounds."""
+    """Change of each statistic over 1 % of the width of each bound, shape (b, 3, d), about an X in the bounds.
+
+    References
+    ----------
+    Hill and Tiedeman, "Effective Groundwater Model Calibration" (2007), chapter 4: scaled sensitivities.
+    """
     middle = np.clip(surrogate.unit(parameters), _HALF_STEP, 1.0 - _HALF_STEP)
     step = _HALF_STEP * np.eye(middle.size)
     change = surrogate.predict(middle + step) - surrogate.predict(middle - step)
