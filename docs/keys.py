@@ -11,11 +11,12 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 HEAD = """# Keys of a case
 
-A case is one YAML file with the keys that differ from the defaults. Defaults are in bold; a key without one takes no
-value, or one that depends on other keys, as its description says. A key without values in brackets takes text. In a
-path, `*` stands for a name. A number outside of its limits (`0..64`) is refused.
+A case is one YAML file with the keys that differ from the defaults. Brackets give the values of a key and its default,
+in bold. A key without default is unset, or its default depends on other keys. A key without values takes text. `by
+name:` stands for keys with names of your own, as `*` does in a heading. Numbers outside of their limits (`0..64`, or
+`>0..64` without 0) are refused.
 
-Editors with the YAML language server complete keys, if the first line gives the path of the schema:
+Editors with the YAML language server complete keys if the first line of the case names the schema:
 
     # yaml-language-server: $schema=schema.json
 """
@@ -30,16 +31,24 @@ def limits(schema: dict[str, Any]) -> str:
     """Text of the range of a number; the value of an environment variable has none."""
     if not schema.keys() & {"minimum", "exclusiveMinimum"}:
         return "number"
-    low = number(schema["minimum"]) if "minimum" in schema else f"above {number(schema['exclusiveMinimum'])}"
-    high = number(schema["maximum"]) if "maximum" in schema else f"below {number(schema['exclusiveMaximum'])}"
-    return f"{low} to {high}" if " " in low + high else f"{low}..{high}"
+    low = number(schema["minimum"]) if "minimum" in schema else f">{number(schema['exclusiveMinimum'])}"
+    high = number(schema["maximum"]) if "maximum" in schema else f"<{number(schema['exclusiveMaximum'])}"
+    return f"{low}..{high}"
+
+
+def _of_names(schema: dict[str, Any]) -> dict[str, Any]:
+    """Schema of the values of a mapping by names; empty for another schema."""
+    found: dict[str, Any] = schema.get("additionalProperties") or {}
+    return found
 
 
 def values(schema: dict[str, Any], headings: dict[str, str]) -> str:
     """Text on the values that a key admits."""
 
     def each(parts: list[dict[str, Any]]) -> str:
-        return " or ".join(dict.fromkeys(values(part, headings) for part in parts if part.get("type") != "null"))
+        # a mapping to null stands for text in braces without quotes
+        told = [part for part in parts if "null" not in (part.get("type"), _of_names(part).get("type"))]
+        return " or ".join(dict.fromkeys(values(part, headings) for part in told))
 
     if parts := schema.get("anyOf", schema.get("oneOf")):
         return each(parts)
@@ -56,9 +65,11 @@ def values(schema: dict[str, Any], headings: dict[str, str]) -> str:
             return limits(schema)
         case "array":
             items = schema.get("items", {})
-            return f"list: {each(items if isinstance(items, list) else [items])}"
+            if isinstance(items, list):
+                return f"[{', '.join(values(item, headings) for item in items)}]"
+            return f"list: {values(items, headings)}"
         case "object":
-            return f"by name: {values(schema['additionalProperties'], headings)}"
+            return f"by name: {values(_of_names(schema), headings)}"
     return "text"
 
 

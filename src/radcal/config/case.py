@@ -54,9 +54,9 @@ class Case(Part):
     case: CaseName = Field("dyke", description="name of the case and of its folder below results/")
     replace: bool = Field(
         False,
-        description="whether a calibration of another scene or pass may replace a finished one",
+        description="whether finished results of another scene or pass may be replaced",
     )
-    seed: Seed = Field(1, description="seed of all random draws without a seed of their own")
+    seed: Seed = Field(1, description="seed of all random draws without a key seed of their own")
     # a default_factory, because a section that is created here would make every job build its validator
     scene: SceneConfig = Field(default_factory=BuiltinScene, description="source of elevation, materials and objects")
     radars: Radars = Field(
@@ -82,11 +82,11 @@ class Case(Part):
     registration: RegistrationConfig = Field(default_factory=RegistrationConfig)
     objective: Objective = Field(
         DEFAULT,
-        description="what is compared: incidence-angle bins (classes or likelihood; docs/right_law.md) or the "
-        "histogram (density)",
+        description="what is compared: incidence-angle bins (classes, likelihood; docs/right_law.md) or the histogram "
+        "(density)",
     )
     target: TargetConfig = Field(default_factory=TargetConfig)
-    validation: Validation | None = Field(None, description="ground held out of the calibration to check the laws")
+    validation: Validation | None = Field(None, description="ground that the calibration leaves out, to check the laws")
     design: Design = Field(default_factory=Design)
     surrogate: SurrogateConfig = Field(default_factory=SurrogateConfig)
     optimiser: Optimiser = Field(default_factory=Optimiser)

@@ -28,7 +28,7 @@ Knots = Annotated[list[Annotated[Real, Field(ge=0, le=90)]], Field(min_length=2)
 
 
 Conditions = Annotated[dict[str, Parameter], Field(min_length=1)]
-_CONDITIONS = "values of further conditions of the law by name, such as {permittivity: 5.5} (docs/laws.md)"
+_CONDITIONS = "known quantities that the law needs, by name, such as {permittivity: 5.5} (docs/laws.md)"
 
 
 def _law_of(written: OtherLaw | Material) -> Law:
@@ -91,7 +91,9 @@ class OtherLaw(Section):
     """
 
     law: str = Field(description="law of the material")
-    angles_deg: Knots | None = Field(None, description="knots of a tabulated law [deg]")
+    angles_deg: Knots | None = Field(
+        None, description="incidence angles of a tabulated law, each with one parameter [deg]"
+    )
     formula: str | None = Field(None, description="formula of this law (law: formula)")
     names: list[str] | None = Field(None, description="names of the parameters (law: formula)")
     conditions: Conditions | None = Field(None, description=_CONDITIONS, exclude_if=_is_none)
@@ -121,9 +123,11 @@ class Material(Section):
 
     calibrate: bool = Field(False, description="whether radcal calibrates the law parameters of this material")
     law: str = Field(DEFAULT_LAW, description="backscatter law (docs/laws.md)")
-    angles_deg: Knots | None = Field(None, description="knots of a tabulated law [deg]")
+    angles_deg: Knots | None = Field(
+        None, description="incidence angles of a tabulated law, each with one parameter [deg]"
+    )
     formula: str | None = Field(
-        None, description="sigma0 [dB] as a formula of phi [rad] and the parameters (law: formula; docs/laws.md)"
+        None, description="formula of sigma0 [dB] with phi [rad] and the parameters (law: formula; docs/laws.md)"
     )
     names: list[str] | None = Field(None, description="names of the parameters (law: external or formula)")
     units: list[str] | None = Field(None, description="units of the parameters (law: external or formula)")
@@ -138,7 +142,7 @@ class Material(Section):
     parameters: list[Parameter] | None = Field(None, description="fixed parameters (calibrate: false)")
     looks: Annotated[Real, Field(ge=0.01, le=1000)] | None = Field(
         None,
-        description="effective looks of a material with calibrate: false; fewer than radar.looks, the default, give "
+        description="effective looks of a material with calibrate: false; by default radar.looks; fewer looks simulate "
         "texture",
     )
     colour: Annotated[str, Field(pattern="^#[0-9A-Fa-f]{6}$")] | None = Field(
@@ -147,7 +151,7 @@ class Material(Section):
         description="colour in figures, such as #0072B2; the default depends on the name (docs/landcover.md)",
     )
     bounds: list[tuple[Parameter, Parameter]] | None = Field(
-        None, description="[lower, upper] bound of each calibrated parameter"
+        None, description="[lower, upper] bound of each parameter that is calibrated"
     )
     start: (
         Annotated[
@@ -157,7 +161,8 @@ class Material(Section):
         | None
     ) = Field(
         None,
-        description="parameters of the reference run, or {law, parameters}; by default the middle of the bounds",
+        description="parameters in the reference run, or its law as {law, parameters}; by default the middle of the "
+            "bounds",
     )  # fmt: skip
 
     @model_validator(mode="after")

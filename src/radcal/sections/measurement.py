@@ -45,7 +45,7 @@ class Synthetic(Section):
         return "parameters" in self.model_fields_set
 
     seed: Seed = Field(2, description="seed of speckle, noise and warp")
-    offset_db: Decibels = Field(0.0, description="offset of the level [dB]")
+    offset_db: Decibels = Field(0.0, description="offset of the whole image [dB]")
     warp_px: Annotated[Real, Field(ge=0, le=50)] = Field(
         2.0, description="rms displacement from the simulated image [pixels]"
     )
@@ -54,31 +54,28 @@ class Synthetic(Section):
         description="hidden law by material, as {law, parameters}, if not that of section materials",
     )
     relief_m: Annotated[Real, Field(ge=0, le=100)] = Field(
-        0.0, description="rms height of random relief that the scene lacks [m]"
+        0.0, description="rms height of random relief in the image that the scene lacks [m]"
     )
-    relief_length_m: Length = Field(
-        5.0, description="correlation length of this relief [m]; may be shorter than a cell"
-    )
+    relief_length_m: Length = Field(5.0, description="correlation length of this relief [m]")
     resolution_factor: Annotated[Real, Field(ge=0.1, le=10)] = Field(
-        1.0, description="resolutions divided by those of section radar"
+        1.0, description="ratio of the image's resolutions to those of section radar"
     )
-    looks: Looks | None = Field(None, description="looks; by default radar.looks")
+    looks: Looks | None = Field(None, description="number of looks; by default radar.looks")
     nesz_db: Decibels | None = Field(None, description="noise-equivalent sigma0 [dB]; by default radar.nesz_db")
-    texture_db: Annotated[Real, Field(ge=0, le=20)] = Field(
-        0.0, description="standard deviation of gamma texture [dB]; with texture, pixels are K-distributed"
-    )
+    texture_db: Annotated[Real, Field(ge=0, le=20)] = Field(0.0, description="standard deviation of gamma texture [dB]")
     texture_length_m: Length = Field(10.0, description="correlation length of the gamma texture on the ground [m]")
     fields_db: dict[str, Annotated[Real, Field(ge=0, le=20)]] = Field(
         default_factory=dict,
-        description="standard deviation of the level of fields (connected areas) by material [dB]",
+        description="standard deviation of sigma0 between fields (connected areas), by material [dB]",
     )
     wrong_labels: Annotated[Real, Field(ge=0, le=0.5)] = Field(
-        0.0, description="share of cells with a wrong material, on borders and in patches"
+        0.0, description="share of cells with a wrong material, half on borders, half in patches"
     )
 
     product: Literal["intensity", "focused"] = Field(
         "intensity",
-        description="image of the simulator, or focused from raw signals with the defaults of section signals",
+        description="image of the simulator (intensity), or focused from raw signals with the defaults of section "
+        "signals",
         exclude_if=lambda value: value == "intensity",
     )
 
@@ -157,7 +154,7 @@ class FileMeasurement(Section):
         "HDF5; ${NAME} is an environment variable"
     )
     scale: Literal["db", "power", "amplitude", "complex"] = Field(
-        description="scale of the numbers in the file; required unless its name gives it (docs/products.md)"
+        description="scale of the numbers in the file; required unless the file's name gives it (docs/products.md)"
     )
     band: Band = None
     dataset: Dataset = None
@@ -228,8 +225,8 @@ class RegistrationConfig(Section):
     ] = Field("gefolki", description="gefolki, ilk (iterative Lucas-Kanade of scikit-image) or none (no registration)")
     rounds: Literal[1, 2] = Field(
         2,
-        description="1: onto the reference run; 2: again, onto a run of the laws that fit the image as first "
-        "registered (if all laws have a curve, and the surrogate a baseline)",
+        description="1: onto the reference run; 2: then again, onto a run with laws fitted to the image as first "
+        "registered (not with law: external, nor without surrogate.baseline)",
     )
     global_shift: bool = Field(
         False, description="whether phase correlation first estimates one shift of the whole image"

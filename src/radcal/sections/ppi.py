@@ -25,8 +25,8 @@ class Ppi(Section):
 
     site_m: tuple[Coordinate, Coordinate] | None = Field(
         None,
-        description="place of the mast, east and north in the scene's CRS or from its south-west corner [m]; by "
-        "default the middle",
+        description="place of the mast, east and north in the scene's CRS, or without CRS from its south-west corner "
+        "[m]; by default the middle",
     )
     mast_m: Altitude = Field(30.0, description="height of the antenna above the ground [m]")
     power_w: _Positive = Field(25_000.0, description="transmitted peak power [W]")
@@ -42,28 +42,29 @@ class Ppi(Section):
     prf_hz: _Positive = Field(2000.0, description="pulse repetition frequency [Hz]")
     rotation_rpm: Annotated[Real, Field(ge=0.01, le=1000)] = Field(24.0, description="turns of the antenna in a minute")
     pulses: Annotated[Integer, Field(ge=1, le=1000)] = Field(
-        10, description="number of pulses averaged in power, which is a ray of the image"
+        10, description="number of pulses whose powers are averaged to one ray of the image"
     )
     gate_m: Length = Field(15.0, description="length of a range gate, and range resolution [m]")
     range_m: Length = Field(1500.0, description="largest slant range [m]")
     stc_m: Annotated[Real, Field(ge=0, le=1e6)] = Field(
         0.0,
-        description="range below which sensitivity time control attenuates echoes as range to the power of 4 [m]; 0 "
-        "for none",
+        description="range below which sensitivity time control multiplies echoes by the fourth power of range / stc_m "
+        "[m]; 0 for none",
     )
     land: _Land = Field(
         {},
-        description="materials whose law and speckle are replaced by land clutter: rural, or rows of least depression "
+        description="land clutter by material, which replaces law and speckle: rural, or rows of lowest depression "
         "[deg], mean sigma0 [dB] and Weibull spread, by falling depression",
     )
     false_alarms: Annotated[Real, Field(ge=1e-9, le=0.1)] = Field(
         1e-3, description="probability of a false alarm of the detector in uniform clutter"
     )
     training_gates: Annotated[Integer, Field(ge=2, le=1000)] = Field(
-        24, description="number of gates, half on either side, with whose mean power a gate is compared"
+        24,
+        description="number of gates, half on either side of the tested gate, whose mean power scales the threshold",
     )
     guard_gates: Annotated[Integer, Field(ge=0, le=100)] = Field(
-        2, description="number of gates on either side between a gate and those"
+        2, description="number of gates between the tested gate and the training gates, on either side"
     )
 
     @property
@@ -102,7 +103,7 @@ class Ppi(Section):
 
 
 class Gmti(Section):
-    """Channels of the radar of ``signals`` for moving targets, and their detector."""
+    """Channels by which the radar of ``signals`` detects moving targets, and the detector."""
 
     channels: Annotated[Integer, Field(ge=2, le=16)] = Field(
         3, description="number of receivers in line along the track"
@@ -115,12 +116,14 @@ class Gmti(Section):
     )
     prf_hz: _Positive = Field(2000.0, description="pulse repetition frequency [Hz]")
     false_alarms: Annotated[Real, Field(ge=1e-9, le=0.1)] = Field(
-        1e-6, description="probability of a false alarm of one test, of a gate, direction and velocity"
+        1e-6, description="probability of a false alarm in one test, that of one gate, direction and velocity"
     )
     scans: Annotated[Integer, Field(ge=1, le=1000)] = Field(1, description="number of scans of the scene")
     revisit_s: _Positive = Field(2.0, description="time from scan to scan [s]")
     training_gates: Annotated[Integer, Field(ge=4, le=10_000)] | None = Field(
-        None, description="number of gates from which the clutter is estimated; by default twice channels times pulses"
+        None,
+        description="number of gates from which the clutter's covariance is estimated; by default twice channels times "
+        "pulses",
     )
 
     @property
@@ -140,7 +143,7 @@ class Products(Section):
 
     make: Annotated[
         list[Literal["intensity", "complex", "gmti", "iq", "focused", "ppi"]], Field(min_length=1, max_length=6)
-    ] = Field(["intensity"], description="products, as of radcal simulate --product")
+    ] = Field(["intensity"], description="products, named as in radcal simulate --product")
     draws: Annotated[Integer, Field(ge=0, le=400)] = Field(
-        0, description="number of draws from the posterior that are simulated, too"
+        0, description="number of laws drawn from the posterior that are simulated, too"
     )

@@ -58,7 +58,7 @@ class Radar(Section):
     )
     heading_deg: Annotated[Real, Field(ge=0, lt=360)] = Field(
         0.0,
-        description="heading of the track at the scene, clockwise from north [deg]; by default the grid's north",
+        description="heading of the track at the scene, clockwise from north [deg]; 0 is grid north",
     )
     look_side: Literal["right", "left"] = Field(
         "right", description="side to which the radar looks: right (east of a northward track) or left"
@@ -74,8 +74,8 @@ class Radar(Section):
     azimuth_spacing_m: Length = Field(2.5, description="pixel spacing in azimuth [m]")
     looks: Looks = Field(
         4,
-        description="(equivalent) number of independent looks averaged in power; for an external simulator, that of "
-        "its image",
+        description="(equivalent) number of independent looks averaged in power; for an external simulator, the number "
+        "in its image",
     )
     nesz_db: Annotated[
         Annotated[Decibels, Tag("one level")]
@@ -83,8 +83,8 @@ class Radar(Section):
         Discriminator(lambda value: "a table" if isinstance(value, list) else "one level"),
     ] = Field(
         -27.0,
-        description="noise-equivalent sigma0 [dB], or a table over the incidence on flat ground [deg]; far below the "
-        "image for an external simulator without noise",
+        description="noise-equivalent sigma0 [dB], or pairs of incidence on flat ground [deg] and noise [dB]; for an "
+        "external simulator without noise, far below the image",
     )
     radiometry: Radiometry = Field(
         "sigma0_ref",
@@ -247,32 +247,36 @@ _Positive = Annotated[Real, Field(gt=0, le=1e9)]
 
 
 class Signals(Section):
-    """Radar of the raw signals of ``radcal simulate --product iq`` and of the image focused from them."""
+    """Radar of the raw signals (``radcal simulate --product iq``) and of images focused from them (``focused``)."""
 
     mode: Literal["stripmap", "spotlight"] = Field(
-        "stripmap", description="whether the beam keeps its direction, or follows the scene's middle"
+        "stripmap", description="stripmap: the beam keeps its direction; spotlight: it follows the scene's middle"
     )
     squint_deg: Annotated[Real, Field(ge=-60, le=60)] = Field(
-        0.0, description="angle from zero Doppler in the middle of beam and processed band, positive ahead [deg]"
+        0.0,
+        description="angle of beam axis and processed band ahead of zero Doppler [deg]",
     )
     focusing: Literal["backprojection", "omega_k"] = Field(
         "backprojection",
-        description="how product focused makes its image: by back-projection, for any track, or by omega-k, for "
-        "straight ones, with the package finufft of radcal[signals]",
+        description="method of product focused: backprojection, for any track, or omega_k, for straight ones, with the "
+        "package finufft of radcal[signals]",
     )
     speed_mps: Annotated[Real, Field(ge=1, le=1e4)] = Field(100.0, description="speed of the platform [m/s]")
     prf_hz: _Positive | None = Field(
-        None, description="pulse rate [Hz]; by default 1.1 times the least for which no echo folds into the image"
+        None,
+        description="pulse rate [Hz]; by default 1.1 times the lowest at which no aliased echo falls into the image",
     )
     antenna_m: Length | None = Field(
         None,
-        description="length of the antenna along the track [m]; by default 8 dB down at the edges of the band for "
-        "radar.azimuth_resolution_m and radar.looks, in spotlight mode at the corners of the scene",
+        description="length of the antenna along the track [m]; by default its two-way gain is 8 dB down at the edges "
+        "of the band that radar.azimuth_resolution_m and radar.looks need, in spotlight mode at the scene's "
+        "corners",
     )
     gain_db: Annotated[Real, Field(ge=0, le=100)] = Field(30.0, description="gain of the antenna, one way [dB]")
     pulse_us: _Positive = Field(10.0, description="length of the transmitted chirp [us]")
     power_w: _Positive | None = Field(
-        None, description="transmitted peak power [W]; by default the noise in the scene's middle is radar.nesz_db"
+        None,
+        description="transmitted peak power [W]; by default that for a noise of radar.nesz_db in the scene's middle",
     )
     noise_figure_db: Annotated[Real, Field(ge=0, le=30)] = Field(
         4.0, description="noise figure of the receiver with its losses [dB]; only with power_w"
@@ -283,7 +287,10 @@ class Signals(Section):
     motion_m: Annotated[Real, Field(ge=0, le=100)] = Field(
         0.0, description="rms deviation of the track from a straight line, in ground range and in height [m]"
     )
-    motion_length_m: _Positive = Field(200.0, description="length of the track over which its deviation changes [m]")
+    motion_length_m: _Positive = Field(
+        200.0,
+        description="standard deviation of the Gaussian filter that smooths this deviation along the track [m]",
+    )
     origin: tuple[Annotated[Real, Field(ge=-89, le=89)], Annotated[Real, Field(ge=-180, le=180)]] | None = Field(
         None,
         description="latitude and longitude of the scene's middle [deg], for product iq; by default from the map or "

@@ -29,7 +29,9 @@ class Permittivity(Section):
     """Relative permittivities (real part) that reduce the double bounce between walls and ground."""
 
     wall: Annotated[Real, Field(gt=1, le=100)] = Field(description="relative permittivity of the walls")
-    ground: Annotated[Real, Field(gt=1, le=100)] = Field(description="relative permittivity of the ground before them")
+    ground: Annotated[Real, Field(gt=1, le=100)] = Field(
+        description="relative permittivity of the ground in front of the walls"
+    )
 
     @property
     def pair(self) -> tuple[float, float]:
@@ -59,14 +61,14 @@ class SceneObjects(Section):
     layer: str | None = Field(None, description="layer of the file; required if the file has several layers")
     aspect: dict[str, list[tuple[Annotated[Real, Field(ge=-180, le=360)], Decibels]]] = Field(
         default_factory=dict,
-        description="curves by name, as pairs of aspect [deg] and cross-section [dBsm]; the table's column aspect "
+        description="curves by name, as pairs of aspect [deg] and cross-section [dBsm]; column aspect of the table "
         "names them",
     )
     cross_sections: str | None = Field(
-        None, description=f"{_CROSS_SECTIONS}; the table's column aspect contains the names of its classes"
+        None, description=f"{_CROSS_SECTIONS}; the objects' column aspect names its classes"
     )
     permittivity: Permittivity | None = Field(
-        None, description="permittivities for the double bounce; by default walls reflect all power"
+        None, description="permittivities for the double bounce; without them walls reflect all power"
     )
     generate: GeneratedObjects | None = Field(
         None, description="numbers of trees, cars and buildings to generate, instead of path"
@@ -126,10 +128,10 @@ class SceneSection(Section):
 
 
 class BuiltinScene(SceneSection):
-    """Four square kilometres of SRTM terrain with seven materials, among them the dyke."""
+    """Four square kilometres of SRTM terrain with seven materials, among them a dyke."""
 
     source: Literal["builtin"] = Field("builtin", description=_SOURCE)
-    seed: Seed = Field(1, description="seed of the fields and of the terrain's fine relief")
+    seed: Seed = Field(1, description="seed of the shapes of fields and of the fine relief")
     landscape: Literal["enclosed", "open"] = Field(
         "enclosed",
         description="enclosed: ridged fields between hedges, tall forest, a dyke of varying slope; open: level fields "
@@ -187,7 +189,7 @@ class GridScene(SceneSection):
     )
     elevation_error_m: Annotated[Real, Field(ge=0, le=100)] = Field(
         0.0,
-        description="standard error of a height relative to its neighbours [m]; rounding to whole metres is added",
+        description="standard error of a height relative to its neighbours [m]; the error of rounded heights is added",
     )
     vrt_folders: VrtFolders = None
     objects: Objects = None
@@ -207,12 +209,12 @@ class RasterScene(GridScene):
     materials: str = Field(description="raster of material ids in any CRS; 0 means no material")
     names: str | None = Field(
         None,
-        description="JSON file of material names by id; overrides the names of landcover, and is required without",
+        description="JSON file of material names by id; overrides the names of landcover; required without landcover",
     )
     landcover: LandCover | None = Field(
         None,
-        description="map whose codes the raster of materials contains; gives names and starting laws "
-        "(docs/landcover.md)",
+        description="land-cover map whose codes the raster of materials contains; gives materials names and starting "
+        "laws (docs/landcover.md)",
     )
 
     @model_validator(mode="after")
@@ -229,7 +231,7 @@ class RasterScene(GridScene):
 
 
 class VectorScene(GridScene):
-    """Raster of elevation, and features drawn as materials and objects by a mapping."""
+    """Raster of elevation, and vector features that a mapping turns into materials and objects."""
 
     rasters = ("elevation",)
     tables = ("materials", "names", "cross_sections")
@@ -263,7 +265,7 @@ class CdbScene(SceneSection):
     )
     cross_sections: str | None = Field(None, description=f"{_CROSS_SECTIONS}; the mapping names its classes")
     crs: str | None = Field(
-        None, description="projected CRS of the scene, such as EPSG:32611; by default the UTM zone of the middle"
+        None, description="projected CRS of the scene, such as EPSG:32611; by default the UTM zone of its middle"
     )
     cell_m: Length | None = Field(
         None, description="cell size of the scene [m]; by default that of the finest raster of materials"

@@ -18,8 +18,8 @@ class Design(Section):
     )
     size: Annotated[Integer, Field(ge=0, le=100_000)] | Literal["auto"] = Field(
         "auto",
-        description="number of runs; auto: 2, or at least 8 without a prediction (as with law: external); 0 took the "
-        "fewest runs in tests (docs/right_law.md); a larger design contains the smaller one",
+        description="number of runs; auto: 2, or at least 8 without a baseline (as with law: external); 0 needed the "
+        "fewest runs in tests (docs/right_law.md); larger designs contain smaller ones",
     )
     chunk: Annotated[Integer, Field(ge=1, le=1000)] = Field(4, description="number of design runs in one workflow job")
     reuse: CaseName | None = Field(
@@ -42,7 +42,7 @@ class SurrogateConfig(Section):
     )
     baseline: bool = Field(
         True,
-        description="whether law, speckle and noise predict each run, and kriging only the error",
+        description="whether law, speckle and noise predict each run, and kriging learns only the prediction's error",
     )
 
 
@@ -51,8 +51,7 @@ class Optimiser(Section):
 
     objective: Literal["theta", "rms"] = Field(
         "theta",
-        description="what NSGA-II minimises: theta (sum of squared residuals) or, only with objective: density, rms "
-        "(nearly flat far from its minimum)",
+        description="what NSGA-II minimises: theta (sum of squared residuals) or, only with objective: density, rms",
     )
     # Platypus sorts in pure Python: its time grows in proportion to evaluations times population. The least-squares
     # fit and the multi-start search compensate for a small population.
@@ -70,8 +69,8 @@ class Infill(Section):
 
     batch: Annotated[Integer, Field(ge=1, le=64)] = Field(
         1,
-        description="number of runs that an iteration proposes at once and makes side by side; more need fewer "
-        "iterations and more runs",
+        description="number of runs that an iteration proposes and makes in parallel; more need fewer iterations, but "
+        "more runs in all",
     )
 
 
@@ -84,17 +83,17 @@ class Stop(Section):
     max_runs: Count = Field(200, description="largest total number of design and infill runs")
     max_hours: Annotated[Real, Field(gt=0, le=1_000_000)] | None = Field(
         None,
-        description="largest total time of the simulator in design and infill runs [h]; the search ends before a run "
-        "of mean time would exceed it",
+        description="largest total time of design and infill runs [h]; the search ends if a further run of mean "
+        "duration would exceed it",
     )
     stagnation_runs: Count = Field(20, description="number of infill runs without improvement that ends the search")
     law_db: Annotated[Real, Field(gt=0, le=200)] = Field(
         0.05,
-        description="the search ends if the surrogate's best law is nearer than this to the best law found [dB]; not "
-        "for objective: density",
+        description="the search ends if the surrogate's best law differs by less than this from the best law that was "
+        "run [dB]; not for objective: density",
     )
     at_sampling_error: bool = Field(
         False,
-        description="whether 5 runs without improvement at an rms below a third of the sampling error end the "
-        "search, too; true for simulator.kind: command without stop.rms",
+        description="whether 5 runs without improvement end the search at an rms below a third of the sampling error; "
+        "by default true for simulator.kind: command without stop.rms",
     )

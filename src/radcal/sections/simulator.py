@@ -17,10 +17,10 @@ _SEED_BITS = 31  # number of bits of the seeds for an external program: a C int 
 _ONLY_MASKS = frozenset({"looks", "nesz_db", "range_resolution_m", "azimuth_resolution_m"})
 
 
-_DRAWS = "number of speckle draws per run, whose statistics are averaged"
+_DRAWS = "number of speckle draws in a run; their statistics are averaged"
 Draws = Annotated[Integer, Field(ge=1, le=64)]
 KeepImages = Annotated[
-    bool, Field(description="whether records of runs hold the whole image, not only pixels of calibrated materials")
+    bool, Field(description="whether stored runs contain the whole image, not only pixels of calibrated materials")
 ]
 
 
@@ -51,7 +51,8 @@ class PythonSimulation(Section):
     draws: Draws = Field(1, description=_DRAWS)
     strips: Annotated[Integer, Field(ge=1, le=1000)] = Field(
         1,
-        description="number of strips in azimuth, of 256 or more rows of the scene, each with a job for its geometry",
+        description="number of strips in azimuth, of 256 or more rows of the scene; each has its own job for the "
+        "geometry",
     )
 
     @property
@@ -137,7 +138,8 @@ class InputFile(Section):
     file: FileName = Field("input.json", description="name of the file in the run's folder")
     format: Literal["json", "toml"] = Field("json", description="format of the file")
     radar: bool = Field(
-        True, description="whether the file contains section radar; looks and nesz_db then determine runs, too"
+        True,
+        description="whether the file contains section radar; other looks, nesz_db or resolutions then need new runs",
     )
 
 
@@ -148,7 +150,7 @@ class Template(Section):
     file: FileName = Field(description="name of the input file that radcal writes into the run's folder")
     delimiter: Annotated[str, Field(pattern=r"^[^\sA-Za-z0-9_.:-]$")] = Field(
         "@",
-        description="character on both sides of a marker, as in @dyke.X1@, and nowhere else",
+        description="character on both sides of a marker, as in @dyke.X1@; it must stand nowhere else",
     )
 
 
@@ -160,7 +162,7 @@ RawType = Literal[
 class Output(Section):
     """File to which the external program writes the image."""
 
-    file: FileName = Field(description="name of the file in the run's folder, with its subfolder")
+    file: FileName = Field(description="path of the file within the run's folder")
     scale: Literal["db", "power", "amplitude", "complex"] = Field(description="scale of the numbers in the file")
     format: Literal["npy", "npz", "mat", "hdf5", "raster", "raw"] | None = Field(
         None, description="format of the file; by default derived from the file's ending"
@@ -200,8 +202,8 @@ class CommandSimulation(Section):
     strips: ClassVar[int] = 1
     kind: Literal["command"] = Field("command", description=_KIND)
     command: Words = Field(
-        description="program and arguments, without a shell; radcal replaces {input}, {output}, {folder}, {geometry}, "
-        "{python}, {noise_seed} and {material.parameter}"
+        description="program and its arguments, called without a shell; radcal replaces {input}, {output}, {folder}, "
+        "{geometry}, {python}, {noise_seed} and {material.parameter}"
     )
     output: Output = Field(description="file with the image that the program writes")
     name: str | None = Field(None, description="name of the simulator; by default the file name of the program")
@@ -228,14 +230,14 @@ class CommandSimulation(Section):
     retry_wait_s: RetryWait = Field(1.0, description="wait before the first retry [s]; it doubles with each")
     accept_exit_codes: Annotated[list[Annotated[Integer, Field(ge=-64, le=255)]], Field(min_length=1)] = Field(
         default_factory=lambda: [0],
-        description="exit codes after which radcal reads the output; -11 stands for signal 11",
+        description="exit codes after which radcal reads the output, by default 0 alone; -11 stands for signal 11",
     )
     deterministic: bool | None = Field(
         None, description="whether equal parameters and seed give equal images; by default a second run tests it"
     )
     seed_bits: Annotated[Integer, Field(ge=8, le=63)] | None = Field(
         None,
-        description="bits of noise_seed; by default those of the case's earlier runs, or 31 (a C int)",
+        description="number of bits of {noise_seed}; by default that of the case's earlier runs, or 31 (a C int)",
     )
     seedless: bool = Field(
         False,
@@ -244,7 +246,7 @@ class CommandSimulation(Section):
     draws: Draws = Field(1, description=_DRAWS)
     keep_images: KeepImages = False
     keep_folders: bool = Field(
-        False, description="whether folders of successful runs are kept, as those of failed runs are"
+        False, description="whether folders of successful runs are kept; those of failed runs always are"
     )
 
     @property
