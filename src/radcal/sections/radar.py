@@ -279,7 +279,7 @@ class Signals(Section):
         description="transmitted peak power [W]; by default that for a noise of radar.nesz_db in the scene's middle",
     )
     noise_figure_db: Annotated[Real, Field(ge=0, le=30)] = Field(
-        4.0, description="noise figure of the receiver with its losses [dB]; only with power_w"
+        4.0, description="noise figure of the receiver with its losses [dB]; used only with power_w"
     )
     bits: Annotated[Integer, Field(ge=2, le=16)] | None = Field(
         None, description="bits of the converter for each of I and Q; by default the signal is not quantised"
