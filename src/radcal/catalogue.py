@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 IF = "if scene, geometry and pixels are what the case says"
-_LEVEL = "{level_db:+.2f} dB (90 %: {p05_db:+.2f} to {p95_db:+.2f})"
+
 _MAPPED = (
-    "each image is mapped to zero median and unit interquartile range; the measured one lies {offset_db:+.2f} dB from "
-    "the reference run and spreads {scale:.2f} times as much; wrong laws of other materials shift and stretch the "
-    "law that is found"
+    "each image is mapped to zero median and unit interquartile range; before this, the median of the measured image "
+    "is {offset_db:+.2f} dB from that of the reference run, and its interquartile range {scale:.2f} times as large. "
+    "With this mapping, wrong laws of other materials shift and stretch the law that is found"
+)
+_FROM_REFERENCE = (
+    "the measured image minus the reference run is {offset_db:+.2f} dB (standard error {error_db:.2f}) on {about}"
 )
 
 _LOOKS = (
@@ -30,32 +33,35 @@ _COUNTS = (
 )
 _RELIEF = (
     "{about} changes by {db_per_deg:+.2f} dB (standard error {error_db_per_deg:.2f}) per degree of local incidence on "
-    "the relief, where ground of constant gamma gets darker by {constant_gamma_db_per_deg:.2f} dB: "
+    "the relief; ground of constant gamma would get darker by {constant_gamma_db_per_deg:.2f} dB: "
 )
-_WALLS = "{about}: {walls:.0f} boxes scatter by roof and walls apart, {bounce:.0f} have a double bounce"
+_WALLS = "{about}: {walls:.0f} boxes scatter from roof and walls separately, {bounce:.0f} have a double bounce"
 _TRANSFORMATION = "{about}: the best transformation from {source} to {target} needs a grid that is not installed; "
 
 _OF_SCENE: Mapping[str, str] = {
     "cells": "{about}: cells of {cell_m:g} m in {crs}",
-    "resampled": "{about}: elevation {elevation}, materials {materials}",
+    "resampled": "{about} is read as follows: elevation {elevation}, materials {materials}",
     "vertical_datum": "{about}: vertical datum {datum} ({origin})",
-    "height_steps": "{about}: heights are in steps of {step_m:.3g} m: their rounding error of {rounding_m:.2g} m "
-    "enters scene.elevation_error_m (now {error_m:.2g} m, a slope error of {slope_error_deg:.2g} deg)",
-    "no_elevation": "{about}: {cells:.0f} of {of:.0f} cells have no elevation: filled from around them, no material",
+    "height_steps": "{about}: heights are in steps of {step_m:.3g} m. Their rounding error of {rounding_m:.2g} m is "
+    "part of scene.elevation_error_m, which is now {error_m:.2g} m (a slope error of {slope_error_deg:.2g} deg)",
+    "no_elevation": "{about}: {cells:.0f} of {of:.0f} cells have no elevation; theirs is filled in from the cells "
+    "around them, and they get no material",
     "no_material": "{about}: {cells:.0f} of {of:.0f} cells have no material",
     "cdb_left_out": "{about} is left out: {reason}",
-    "cdb_levels": "{about}: {dataset} of the levels {levels}",
+    "cdb_levels": "{about}: {dataset} is read from the levels of detail {levels}",
     "cdb_posts": "{about}: the elevation has posts {post_m:.3g} m apart, {cells:.2g} times the scene's cell size",
-    "cdb_tags": "{about}: the tags of {tiles:.0f} tiles of elevation lie up to {off_m:.0f} m from the posts of the "
-    "standard; the tiles are placed by their names",
+    "cdb_tags": "{about}: the georeference tags of {tiles:.0f} tiles of elevation are up to {off_m:.0f} m off the "
+    "posts of the CDB standard; the tiles are placed by their names, not by the tags",
     "cdb_base_materials": "{about} names base materials that Metadata/Materials.xml does not define: {names}",
-    "cdb_unmapped": "{about} has no material for these composite materials, whose cells have none: {names}",
+    "cdb_unmapped": "{about} maps these composite materials to no material, so that their cells have none: {names}",
     "cdb_no_material": "{about} has no raster of materials in scene.bounds: all cells are of the default {name}",
-    "cdb_mixed": "{about}: in {percent:.3g} % of the cells of material, no composite material has a share of {share:g}",
+    "cdb_mixed": "{about}: in {percent:.3g} % of the cells with a material, no single composite material fills a share "
+    "of {share:g} or more",
     "features_unmapped": "{about}: {features:.0f} features fit no key of the mapping: {codes}",
-    "features_without_size": "{about}: {features:.0f} features without a size are no objects: {codes}",
-    "features_large": "{about}: {features:.0f} features have a box with a side above 200 m and are no objects: {codes}",
-    "features_burnt": "{about}: {features:.0f} lines and areas are drawn into the materials",
+    "features_without_size": "{about}: {features:.0f} features have no size, and make no objects: {codes}",
+    "features_large": "{about}: {features:.0f} features have a box with a side above 200 m, and make no objects: "
+    "{codes}",
+    "features_burnt": "{about}: {features:.0f} lines and areas are drawn into the map of materials",
     "features_narrow": "{about}: {features:.0f} lines are narrower than a cell and drawn one cell wide: {codes}",
     "features_without_place": "{about}: {features:.0f} features have no geometry that can be read, and are left out",
     "objects": "{about}: {objects:.0f} objects, {points:.0f} of them points",
@@ -70,8 +76,8 @@ _OF_IMAGE: Mapping[str, str] = {
     "file_around_scene": "{about}: the part of the file around the scene has {pixels:,} pixels, {no_data:,} without "
     "data",
     "pixels_repeated": "{about} was resampled by nearest neighbour: {range_percent:.2g} % of the adjacent pixels in "
-    "slant range and {azimuth_percent:.2g} % in azimuth are equal, which the effective numbers of pixels take into "
-    "account as correlation",
+    "slant range and {azimuth_percent:.2g} % in azimuth are equal; the effective sample sizes take this into account "
+    "as correlation",
     "looks": _LOOKS,
     "looks_uncertain": _LOOKS + ": too few windows to be certain, check measurement.scale and radar.looks",
     "looks_more": _LOOKS + ": the simulated speckle therefore varies more than the measured",
@@ -84,8 +90,8 @@ _OF_IMAGE: Mapping[str, str] = {
     "radar.azimuth_resolution_m, nor whether it was filtered: the areas of single materials are too small (fewer than "
     "{pairs:.0f} pairs of pixels {apart_px:.0f} pixels apart in slant range or in azimuth), or the speckle is "
     "correlated over most of their width",
-    "resolution_unusual": "{about} of {resolution_m:g} is {spacings:.3g} times the pixel spacing, and images usually "
-    "have at most {most_spacings:.2g} times; the speckle could not check it",
+    "resolution_unusual": "{about} of {resolution_m:g} m is {spacings:.3g} times the pixel spacing; in most images it "
+    "is at most {most_spacings:.2g} times the spacing. The speckle could not check it",
     "filtered": "{about} is speckle-filtered: " + _CORRELATED + "; its looks are {looks_ratio:.2g} times radar.looks. "
     "Use the image before filtering, unless radar.looks and the resolutions are both wrong",
     "smoothed": "{about} is speckle-filtered or smoothed in another way, unless the resolutions are wrong: "
@@ -95,7 +101,7 @@ _OF_IMAGE: Mapping[str, str] = {
     "resolutions_explained": _SPREAD + ": the resampling explains the difference, and no key need be changed",
     "resolutions_nearest": _SPREAD + ": no nearer resolutions can be simulated with these pixel spacings",
     "resampling": "{about}: its resampling by nearest neighbour widens the point spread: an image of the configured "
-    "resolutions then has up to {range_m:.3g} m in slant range and {azimuth_m:.3g} m in azimuth",
+    "resolutions then has a point spread of up to {range_m:.3g} m in slant range and {azimuth_m:.3g} m in azimuth",
     "spacing_limits": "with {about} of {spacing_m:g} m the finest possible resolution is {finest_m:g} m",
     "unweighted": "{about}: for an impulse response without weighting this estimate is 24 to 34 % too fine; for such "
     "an image no key need be changed",
@@ -131,7 +137,7 @@ _OF_IMAGE: Mapping[str, str] = {
     "of its geoid: each metre between them displaces the image by {m_per_m:.2f} m along the look, which the "
     "registration must find",
     "incidence_by_map": "{about}: the map places its pixels, so that a wrong {key} does not displace them and can "
-    "remain unnoticed: {declared_deg:g} gives incidences {between} on level ground: compare them with the "
+    "remain unnoticed. The value {declared_deg:g} gives incidences {between} on level ground: compare them with the "
     "metadata of the image",
     "incidence_of_band": "{about}: {key} of {declared_deg:g} gives incidences {between} on level ground, as band "
     "{band:.0f} ({name}) does (median difference {off_deg:+.1f} degrees)",
@@ -161,8 +167,8 @@ _OF_CASE: Mapping[str, str] = {
     "law_bright": "{about}: {law} gives gamma {gamma_db:.3g} dB at an incidence of {incidence_deg:g} degrees, the "
     "brightest terrain of docs/landcover.md has {brightest_db:g} dB: is a minus sign missing?",
     "heading_missing": "{about} is not given, so that the track heads to the grid's north",
-    "level_counted": "the image's level is taken as right to {level_db:g} dB ({about}, one standard error): no 90 % "
-    "band of sigma0 from this pass alone has a half-width below {half_width_db:.2g} dB",
+    "level_counted": "the level of the image has a standard error of {level_db:g} dB ({about}): a 90 % band of sigma0 "
+    "from this pass alone has a half-width of at least {half_width_db:.2g} dB",
     "no_contrast": "the image simulated at the start has no contrast between materials (the level of its squares "
     "varies by {contrast_db:.2f} dB), so that no image can be registered onto it: give {about} starts that differ "
     "(materials.*.start), or, if the measured image lies on the simulated image's pixels already, set "
@@ -191,33 +197,33 @@ _OF_RUNS: Mapping[str, str] = {
 }
 _OF_MODEL: Mapping[str, str] = {
     "depression": "{about} is displaced along slant range by {px_per_100_rows:+.1f} pixels per 100 rows (a straight "
-    "line explains {share_percent:.0f} % of the variance of the displacement), as with {key} {implied_deg:.1f} in "
-    "place of {declared_deg:g}, or with radar.range_spacing_m or the cell size of the scene off by {off_percent:.1f} %",
-    "geometry_unchecked": "{about} was not registered, so that {key} {declared_deg:g}, the spacing in slant range and "
-    "the place of the image are unchecked",
+    "line explains {share_percent:.0f} % of the variance of the displacement). This would be so if {key} were "
+    "{implied_deg:.1f} and not {declared_deg:g}, or if radar.range_spacing_m or the cell size of the scene were wrong "
+    "by {off_percent:.1f} %",
+    "geometry_unchecked": "{about} was not registered, so that {key} ({declared_deg:g}), the spacing in slant range "
+    "and the place of the image are unchecked",
     "relief": "{about} changes by {db_per_deg:+.3f} dB per degree of local incidence on the relief (standard error "
     "{error_db_per_deg:.3f}), {of_simulated:.2f} times as much as the simulated image (standard error "
     "{of_simulated_error:.2f})",
     "place": "{about} does not show the place of the scene: the mean levels of its squares of {square_px:.0f} pixels "
     "have a correlation of {correlation:.2f} with those of the simulated image, and of up to {shifted:.2f} if it is "
     "shifted by two squares or more",
-    "radiometry": "{about}: by the fixed materials the image is {other}, not {declared} as the case says (against "
-    "{declared} it goes with the ground area to the power {exponent:+.2f}, standard error {error:.2f}); the bands are "
-    "given for {other}",
+    "radiometry": "{about}: on the fixed materials the image agrees with {other}, not with {declared} as the case says "
+    "(the image divided by {declared} of the fixed laws is proportional to the ground area of a pixel to the power "
+    "{exponent:+.2f}, standard error {error:.2f}); the bands are given for {other}",
     "radiometry_unchecked": "{about}: radiometry unchecked, because the fixed materials do not show whether a pixel "
-    "holds {declared} or {other}; in the bands {other} has a probability of {chance_percent:.0f} %",
+    "holds {declared} or {other}; the bands count {other} with a probability of {chance_percent:.0f} %",
     "fixed_law": "{about}: the image minus its fixed law is {error_db:+.2f} dB (90 %: {p05_db:+.2f} to "
-    "{p95_db:+.2f}), more than those of the other fixed materials",
+    "{p95_db:+.2f}) after the level that all fixed materials share is subtracted",
     "fixed_law_and_image": "{about}: the image minus the fixed law is {apart_db:+.2f} dB (90 %: {p05_db:+.2f} to "
     "{p95_db:+.2f}); one fixed law cannot tell an error of the law from a level of the image",
-    "level": "{about}: the image differs from the fixed laws by a level of " + _LEVEL,
+    "level": "{about}: the image differs from the fixed laws by a level of {level_db:+.2f} dB that all fixed materials "
+    "share (90 %: {p05_db:+.2f} to {p95_db:+.2f})",
     "fixed_level": "{about}: before the registration, the image minus the fixed law is roughly {apart_db:+.2f} dB "
     "(90 %: {p05_db:+.2f} to {p95_db:+.2f})",
     "level_of_image": "the level of the measured image is used as it is; no material with a fixed law checks it",
-    "level_found": "the measured image lies {offset_db:+.2f} dB (standard error {error_db:.2f}) from the reference run "
-    "on {about}",
-    "level_subtracted": "the measured image lies {offset_db:+.2f} dB (standard error {error_db:.2f}) from the "
-    "reference run on {about}; this offset is subtracted",
+    "level_found": _FROM_REFERENCE,
+    "level_subtracted": _FROM_REFERENCE + "; this offset is subtracted from the measured image",
     "images_mapped": _MAPPED,
     "all_images_mapped": _MAPPED + "; all materials are calibrated, so that a level common to all laws is not "
     "identified",
@@ -239,31 +245,32 @@ _OF_MODEL: Mapping[str, str] = {
     "{p95_db:.1f}), which the band contains; the law is not refuted",
     "not_refuted": "the law is not refuted",
     "not_sampled": "{about}: the sampler has not converged (uncertainty.steps), so that the band is less certain",
-    "in_the_noise": "{about}: {share:.0%} of its pixels are masked, because they are in the noise (target.snr_db); the "
-    "pixels that remain near the noise are the brighter ones",
-    "law_outside_band": "{about}: the law of the search (parameters) leaves the band by up to {beyond_db:.1f} dB "
-    "({cause}); parameters_model gives the law nearest to the band",
+    "in_the_noise": "{about}: {share:.0%} of its pixels are masked, because they are in the noise (target.snr_db); of "
+    "the pixels near the noise, the brighter ones remain",
+    "law_outside_band": "{about}: the law of the search (parameters) leaves the 90 % band of sigma0 by up to "
+    "{beyond_db:.1f} dB (possible cause: {cause}); parameters_model gives the law nearest to the median of the band",
     "texture": "{about}: the search found {looks:.2f} effective looks, fewer than the {looks_nominal:.3g} of the "
-    "simulated speckle, and the simulation is given gamma texture that explains the difference; only values below "
-    "about 0.9 times radar.looks (the median of their prior) are evidence of texture",
+    "simulated speckle; gamma texture in the simulation makes up the difference. Only values below about 0.9 times "
+    "radar.looks, the median of the prior of the effective looks, are evidence of texture",
     "another_law": "{about}: the program's backscatter differs from law {law} by up to {difference_db:.1f} dB at the "
-    "same X, so that curve and band are the formula's, not the program's",
-    "registration_moved": "{about}: registered again, onto the calibrated image, these pixels move by {moved_px:.1f} "
-    "pixels (rms; stated standard error {stated_px:.1f}), and sigma0 changes by {moved_db:.1f} dB",
+    "same X, so that curve and band are those of the law, not of the program",
+    "registration_moved": "{about}: a further registration, onto the calibrated image, would move the material's "
+    "pixels by {moved_px:.1f} pixels (rms; standard error of the registration {stated_px:.1f}) and change their sigma0 "
+    "by {moved_db:.1f} dB",
 }
 
 _OF_PRODUCTS: Mapping[str, str] = {
     "gmti_detections": "{about}: {found:.0f} of {movers:.0f} movers are among the {reports:.0f} detections (rms error "
-    "along the track {along_m:.0f} m); without movers {alarms:.1e} of the tests are alarms (asked are {asked:.1e} in "
-    "uniform clutter); the least detectable radial velocity is {least_mps:.1f} m/s; displaced phase centres alone "
-    "leave {dpca_db:.1f} dB of the ground's power",
+    "along the track {along_m:.0f} m). Without movers, a share of {alarms:.1e} of the tests are alarms ({asked:.1e} "
+    "were asked for, in uniform clutter). The least detectable radial velocity is {least_mps:.1f} m/s. Displaced phase "
+    "centres alone (DPCA) leave {dpca_db:.1f} dB of the ground's power",
     "gmti_tracks": "{about}: {followed:.0f} of {movers:.0f} movers have a track in half of the {scans:.0f} scans or "
     "more (rms error of its places {rms_m:.0f} m); {right:.0f} of the {tracks:.0f} tracks follow a mover",
     "file_left_out": "{about}: no file is written: {why}",
     "ppi_extrapolated": "{about}: the mast sees it at a median incidence of {median_deg:.1f} deg, {percent:.0f} % "
     "outside of the {low_deg:.1f} to {high_deg:.1f} deg at which its law {law!r} is known; there it is extrapolated",
-    "ppi_detections": "{about}: without objects the detector reports {alarms:.1e} of the cells (asked are {asked:.1e} "
-    "in uniform clutter), and with them {detected:.0f} of {objects:.0f} visible objects",
+    "ppi_detections": "{about}: without objects the detector reports a share of {alarms:.1e} of the cells ({asked:.1e} "
+    "were asked for, in uniform clutter); with them it reports {detected:.0f} of {objects:.0f} visible objects",
 }
 
 _CRITERION_MET = "{about}: stop criterion met after {counted_runs}: "
@@ -274,10 +281,10 @@ _OF_SEARCH: Mapping[str, str] = {
     "search_out_of_runs": "{about}: {standing} at the maximum of {counted_runs}",
     "search_out_of_time": "{about}: {standing} after {hours:.2g} h of the simulator: stop.max_hours leaves too "
     "little for a further run",
-    "rms_before_infill": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} before any infill run",
+    "rms_before_infill": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} before any proposed (infill) run",
     "rms_reached": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} after {counted_runs}",
-    "rms_unreachable": "{about}: {standing}, after {counted_runs}; even less two standard errors, the surrogate "
-    "predicts no rms below {floor:.2g} inside the bounds: the target seems out of reach there",
+    "rms_unreachable": "{about}: {standing}, after {counted_runs}; the smallest rms inside the bounds that the "
+    "surrogate predicts, less two standard errors, is {floor:.2g}: the target seems out of reach there",
     "rms_exhausted": "{about}: {standing}: " + _EXHAUSTED,
     "rms_below_sampling_error": "{about}: rms {rms:.2g}, without improvement for {counted_idle} and below a third of "
     "the sampling error {sampling:.2g}: a better fit would not be significant (stop.at_sampling_error: false goes on)",
@@ -307,15 +314,15 @@ _OF_ADVICE: Mapping[str, str] = {
     "bands_alike": _ALIKE + "the bands " + _TO_RATIO,
     "bands_none": "{about}: no pass of the table is expected to narrow the bands by a tenth; the best narrows them "
     + _TO_RATIO,
-    "passes_equal": "{about}: within 5 % of the best: {names}",
+    "passes_equal": "{about}: these passes are within 5 % of the best: {names}",
     "model_of_advice": "The table follows from a linear-Gaussian model with draws of the posterior; it does not allow "
     "for an image that cannot be registered, nor for a wrong radiometry",
     "opposite_side": "All passes have heading_deg {heading_deg:g}, because the passes of a case share one grid. A "
     "satellite that sees the scene from the other side with the same look side, half a day apart, heads to about "
     "{opposite_deg:.1f} deg: its image needs a case of its own (radar.heading_deg), which radcal apply compares with "
     "this one",
-    "other_look_side": "The other look side of the table looks in a direction that differs by {apart_deg:.1f} deg from "
-    "that of this satellite",
+    "other_look_side": "Passes of the table with the other look side look in a direction that differs by "
+    "{apart_deg:.1f} deg from that of this satellite",
 }
 
 TEXTS: Mapping[str, str] = {
@@ -330,12 +337,13 @@ TEXTS: Mapping[str, str] = {
 }
 """Text of each code, to be formatted with ``about``, ``do`` and the numbers of the finding."""
 
-_FURTHER = "ask which further pass would narrow its band most"
+_FURTHER = "find out which further pass is expected to narrow its band most"
 _ADVISE = "radcal advise {case}"
 STEPS: Mapping[str, tuple[str, str, str]] = {
     "refuted": (
         "another law",
-        "choose another law for {about} (docs/laws.md), or divide its ground; the band contains the error of the form",
+        "choose another law for {about} (docs/laws.md), or divide its ground into several materials; the band contains "
+        "the error of the law's form",
         "",
     ),
     "max_runs": ("more runs", "continue with more runs", "stop.max_runs: {max_runs}"),
@@ -343,10 +351,10 @@ STEPS: Mapping[str, tuple[str, str, str]] = {
     "stagnation": ("more patience", "continue for longer without improvement", "stop.stagnation_runs: {idle}"),
     "unreachable": ("wider bounds", "widen materials.{about}.bounds: no law inside them reaches the target", ""),
     "running": ("continue", "repeat the command that began the case", ""),
-    "determined": ("use the law", "use the law (folder export), or " + _FURTHER, _ADVISE),
+    "determined": ("use the law", "use the law, which is in the folder export, or " + _FURTHER, _ADVISE),
     "undetermined": ("another pass", _FURTHER, _ADVISE),
-    "withheld": ("check the image", "remove what the image is refused for, and repeat the command", ""),
-    "level_only": ("another incidence", "add a pass at another incidence: " + _FURTHER, _ADVISE),
+    "withheld": ("check the image", "remove the reason why the image is refused, and repeat the command", ""),
+    "level_only": ("another incidence", "add a pass at another incidence; first " + _FURTHER, _ADVISE),
     "parameters_only": ("use the parameters", "use the parameters in the program that computes the law", ""),
     "without_cells": ("larger ground", "give the material larger connected ground in the scene, or smaller pixels", ""),
 }

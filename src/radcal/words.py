@@ -22,8 +22,9 @@ _COUNTED = {
 }
 _DETERMINED = "determined to +-{half_width_db:.1f} dB {between}"
 _WIDTHS = (
-    "+-{half_width_db:.1f} dB for the material, +-{field_half_width_db:.1f} dB for its fields in this image; level, "
-    "radiometry, noise, incidence and point spread alone (systematic) give +-{systematic_db:.1f} dB of it"
+    "+-{half_width_db:.1f} dB for the material, +-{field_half_width_db:.1f} dB for its fields in this image, and "
+    "+-{systematic_db:.1f} dB for the material by errors of level, radiometry, noise, incidence and point spread alone "
+    "(systematic)"
 )
 STANDINGS = {
     "refuted": "law refuted",

@@ -154,7 +154,7 @@ def test_a_law_outside_of_its_band_is_put_down_to_what_the_image_shows(parts):
     last = conclude(*rest, away, level).findings[-1]
     assert (last.code, last.numbers["cause"]) == ("law_outside_band", "level of pass 1")
     assert last.numbers["beyond_db"] == pytest.approx(2.0, abs=0.01)
-    assert conclude(*rest, away, image).findings[-1].numbers["cause"] == "cause unknown"
+    assert conclude(*rest, away, image).findings[-1].numbers["cause"] == "unknown"
 
 
 def test_another_law_is_asked_for_of_programs_only(parts, monkeypatch):

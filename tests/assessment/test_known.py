@@ -237,7 +237,7 @@ def test_a_law_of_the_search_outside_of_the_band():
     assert codes([found]) == [("law_outside_band", "warning", "dyke")]
     assert found.numbers == {"beyond_db": pytest.approx(2.5 * 24.0 / 40.0 - 1.0), "cause": "level of pass 1"}
     (below,) = law_findings("dyke", made_posterior(curve=edge), LINE, LINE_X - [0.0, 2.5], ())
-    assert below.numbers == {"beyond_db": pytest.approx(2.5 * 24.0 / 40.0 - 1.0), "cause": "cause unknown"}
+    assert below.numbers == {"beyond_db": pytest.approx(2.5 * 24.0 / 40.0 - 1.0), "cause": "unknown"}
     bent = made_posterior(curve=edge, form=made_form(noticed=True))
     (formed,) = law_findings("dyke", bent, LINE, away, ["level of pass 1"])
     assert formed.numbers["cause"] == "level of pass 1, form of the law"
@@ -279,7 +279,7 @@ def test_the_headline_says_what_is_unchecked():
 def test_a_refusal_comes_first_and_takes_the_rest_away():
     found = [*image_found(radiometry=WRONG, **LAW_OFF), *material_found(refused=True)]
     said = headline(["dyke"], found, True)
-    assert said.startswith("pass 1: by the fixed materials the image is sigma0_ref")
+    assert said.startswith("pass 1: on the fixed materials the image agrees with sigma0_ref")
     assert (
         "set radar.radiometry: sigma0_ref. dyke: sigma0 is determined at no angle, because the image is refused" in said
     )

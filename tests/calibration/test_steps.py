@@ -227,7 +227,9 @@ def test_lines_of_the_log_name_the_nearest_and_the_worst_material(parts, runner,
     record = runner.run({name: one.parameters for name, one in run.scores.items()}, noise_seed(case))
     rms = {name: score for name, (_, score) in targets.score(record.pixels_db).items()}
     (low, best), (high, worst) = sorted(rms.items(), key=lambda item: item[1])
-    assert design_line(2, 12, record, targets).endswith(f", rms {best:.2e} ({low}) to {worst:.2e} ({high})")
+    assert design_line(2, 12, record, targets).endswith(
+        f"differ by {best:.2e} ({low}) to {worst:.2e} ({high}) per dB (rms)"
+    )
     history = History([make_run("reference", 0, {"a": 0.6, "b": 0.4}), make_run("design", 0, {"a": 0.2, "b": 0.3})])
     wanted = "run   1 (iteration 0): 1 of 2 materials within tolerance, worst b at rms 3.00e-01, tolerance 2.5e-01"
     assert progress_line(history, ["a", "b"], Stop(rms=0.25), "density") == wanted

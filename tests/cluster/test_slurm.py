@@ -137,7 +137,7 @@ def test_cancelled_drained_killed_and_continued_is_the_same_as_undisturbed(clust
     assert ended == dict.fromkeys({victim["id"], *chunks}, "CANCELLED")
     # people see what jobs on the nodes say
     assert "scene: 96 x 80 cells" in first_log
-    assert "design of 6 runs: the best histogram of" in main.text
+    assert "after 6 design runs, the density of" in main.text
 
 
 def seconds(stamp):

@@ -106,7 +106,7 @@ def test_captions_give_the_looks_of_the_densities(made):
     looks[dyke.best] = 2.25
     bins = configured(made.archive, objective="classes")
     archive = changed_material(bins, "dyke", looks=looks)
-    assert "the texture that gives the run" in overview(archive)[1]
+    assert "the texture that makes its run fit best" in overview(archive)[1]
     assert densities(archive, "dyke")[1].count("found for these runs are 0.5 to 2.2.") == 1
     looks[0] = np.nan
     archive = changed_material(bins, "dyke", looks=looks)
@@ -155,8 +155,8 @@ def test_edges_of_one_material(build_archive, tmp_path):
     case = build_archive(tmp_path, shifts=shifts, hidden=(), shape=(300, 20), nan=True, omega=0.02).archive
     captions = all_drawn(case, "dyke")
     assert "measured pixels have no value" in captions["images"]
-    assert "have a cost of 0" in captions["cost"]
-    assert "Curves that leave the axes: 2." in captions["histogram"]
+    assert "have an rms of 0" in captions["cost"]
+    assert "Number of curves that leave the axes: 2." in captions["histogram"]
 
 
 @pytest.mark.slow
@@ -166,7 +166,7 @@ def test_only_laws_with_a_curve_are_drawn(build_archive, tmp_path):
     assert module.law(case, "stem beans") is not None
     _, caption, _ = module.incidence(case)
     # levels of the law that has a curve, none of the other's
-    assert re.search(r"dyke incidence \d+ to \d+ deg; stem beans incidence \d+ to \d+ deg, law -?\d", caption)
+    assert re.search(r"dyke: incidence \d+ to \d+ deg; stem beans: incidence \d+ to \d+ deg, sigma0 -?\d", caption)
 
 
 @pytest.mark.parametrize(("references", "others"), [(1, []), (2, ["dyke"])])
@@ -515,10 +515,10 @@ def test_predicted_and_verified_misfit_have_the_scale_of_the_figure_of_the_runs(
     density, words, _ = fidelity(case, "dyke")
     upper, other = canvas.axes[0], density.axes[0]
     assert upper.get_ylabel() == "squared residuals,\npriors included"
-    assert caption.startswith("Above: squared residuals, priors included, as the surrogate predicted it")
+    assert caption.startswith("Above: for each infill run, squared residuals, priors included, as predicted")
     np.testing.assert_allclose([line.get_ydata() for line in upper.lines], [[18.0, 15.0], [16.0, 14.0]])
     np.testing.assert_allclose([line.get_ydata() for line in other.lines], [[9.0, 7.5], [8.0, 7.0]])
-    assert words.startswith("Above: densities, rms [1/dB], as")
+    assert words.startswith("Above: for each infill run, densities, rms [1/dB], as")
 
 
 def test_an_infill_run_without_prediction_is_left_out_and_named(made):
@@ -552,6 +552,6 @@ def test_held_out_cells_are_drawn_as_measured_and_as_each_predicts_them(made):
         band.get_segments(), [[[25, -12.05], [25, -8.75]], [[30, -12.8], [30, -9.0]], [[40, -13.3], [40, -9.5]]]
     )
     assert len({line.get_marker() for line in drawn.values()}) == 4
-    assert "Mean power of 3 cells, less" in caption
-    assert "1.75 dB (2.07 dB and 2.59 dB by law and constant alone), and 67 % of the cells" in caption
+    assert "Mean power of 3 held-out cells" in caption
+    assert "1.75 dB (2.07 dB and 2.59 dB by law and constant alone), and 67 % of the held-out cells" in caption
     assert "dyke" in alt

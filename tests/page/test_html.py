@@ -101,10 +101,10 @@ def test_the_verdict_comes_first_and_claims_no_more_than_the_density(page):
     text = page[1].text
     order = [
         "sigma0 of 2 materials: 2 are determined at some angles",
-        "Not shown: that the law is right",
+        "This result does not show that the law is right",
         "different laws can give the same histogram",
-        "Half-widths of the 90 % bands",
-        "Agreement of the measured density",
+        "One statistical model of all materials",
+        "The table compares the density of the measured pixels",
         "Stopped after 6 runs: the tolerance of 1.0",
     ]
     places = [text.index(words) for words in order]
@@ -113,7 +113,7 @@ def test_the_verdict_comes_first_and_claims_no_more_than_the_density(page):
         r"for dyke: the law of the search differs from it by up to [\d.]+ dB over the incidence seen", text
     )
     assert "the law nearest to the median of the band (parameters_model) by up to" in text
-    assert "For stem beans whether the law is right beyond that cannot be checked from this image alone" in text
+    assert "This image alone cannot check the law of stem beans any further" in text
 
 
 def test_the_table_of_runs_has_every_run_and_the_chosen_one_is_marked(page, made):
@@ -151,7 +151,7 @@ def only_dyke(archive, *findings, **changes):
 @pytest.mark.parametrize(
     ("findings", "reason", "bar", "chip", "step"),
     [
-        ([determined("dyke")], "settled", "determined", "determined", "use the law (folder export)"),
+        ([determined("dyke")], "settled", "determined", "determined", "use the law, which is in the folder export"),
         ([determined("dyke"), Finding("refuted", "warning", "dyke", FORM)], "settled", "refuted", "law refuted",
          "choose another law for dyke"),
         ([determined("dyke")], "max_runs", "unfinished", "search not finished", "<code>stop.max_runs: 100</code>"),
@@ -190,7 +190,7 @@ def test_materials_that_need_action_come_first_and_the_first_of_them_is_chosen(m
 
 def test_findings_are_listed_warnings_first_and_notes_folded(made, tmp_path):
     note = Finding("level", "note", "pass 1", {"level_db": 0.1, "p05_db": -0.2, "p95_db": 0.4})
-    numbers = {"beyond_db": 2.25, "cause": "cause unknown"}
+    numbers = {"beyond_db": 2.25, "cause": "unknown"}
     outside = Finding("law_outside_band", "warning", "dyke", numbers)
     findings = (note, determined("dyke"), determined("stem beans"), outside, RADIOMETRY)
     archive = replace(
@@ -198,10 +198,10 @@ def test_findings_are_listed_warnings_first_and_notes_folded(made, tmp_path):
     )
     text, parsed = render(tmp_path / "report.html", archive)
     order = [
-        "pass 1: by the fixed materials the image is sigma0_ref",
+        "pass 1: on the fixed materials the image agrees with sigma0_ref",
         "Next: set radar.radiometry: sigma0_ref",
         "warning: radar.heading_deg is not given",
-        "leaves the band by up to 2.2 dB (cause unknown)",
+        "leaves the 90 % band of sigma0 by up to 2.2 dB (possible cause: unknown)",
         "dyke: sigma0 is determined to +-1.5 dB",
         "Further findings",
         "by a level of +0.10 dB",
@@ -294,7 +294,7 @@ def test_tables_count_the_runs_and_give_parameters_with_their_intervals(page, ma
     assert re.findall(r"(reference|design|infill|final|total)\s*(\d+)", runs)[:5] == [
         ("reference", "1"), ("design", "4"), ("infill", "2"), ("final", "1"), ("total", "8"),
     ]  # fmt: skip
-    assert "More skewed than a skew normal can be" in parsed.text  # at_boundary of the stem beans
+    assert "more skewed than a skew normal can be" in parsed.text  # at_boundary of the stem beans
     assert "<th>near<br>median</th><th>5 to 95 %</th><th>search</th><th>start</th>" in text
     x = summarise(made.archive)["materials"]["dyke"]["parameters"]["X4"]
     assert f"<td>4.800</td><td>4.00 to 5.90</td><td>{x:.4g}</td><td>" in text
@@ -308,9 +308,9 @@ def test_a_page_of_one_material_says_what_can_be_checked(made, tmp_path, hidden)
     text = render(tmp_path / "report.html", archive)[1].text
     assert "Converged after 6 runs: the tolerance of" in text
     assert "The density of dyke's backscatter is matched to rms" in text
-    assert ("cannot be checked from this image alone" in text) is not hidden
+    assert ("This image alone cannot check the law any further" in text) is not hidden
     assert ("The truth behind this synthetic measurement is known" in text) is hidden
-    assert "unknown" not in text.replace("(cause unknown)", "")
+    assert "unknown" not in text.replace("(possible cause: unknown)", "")
     # what is not matched, is not called matched
     text = render(tmp_path / "report.html", ended(archive, "max_runs", dyke="max_runs"))[1].text
     assert "The density of dyke's backscatter differs from the measured one by an rms of" in text
@@ -414,7 +414,7 @@ def test_provenance_names_date_command_time_and_inputs(build_archive, tmp_path, 
     digest = hashlib.sha256(b"heights of the scene").hexdigest()
     assert f"report of{made.date}" in text.replace("\n", "")
     assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d UTC", made.date)
-    for words in ("snakemake --cores 2", "1.6 min in all stages", f"heights.tif, SHA-256 {digest}"):
+    for words in ("snakemake --cores 2", "1.6 min for all stages", f"heights.tif, SHA-256 {digest}"):
         assert words in text
     monkeypatch.undo()
     # the configured image is not there any more

@@ -172,7 +172,7 @@ def test_levels_are_shown_against_their_predictions(whole):
     assert traces["measured"]["y"] == pytest.approx([0.2, -0.4])
     bars = traces["other images of such ground, 90 %"]["error_y"]
     assert (bars["array"], bars["arrayminus"]) == (pytest.approx([0.9, 0.5]), pytest.approx([0.7, 0.9]))
-    assert "37 % lie further" in whole[1]["predictive-dyke"].caption
+    assert "37 % of the predicted images lie further" in whole[1]["predictive-dyke"].caption
 
 
 def test_parallel_coordinates_hold_all_runs(made, figures):

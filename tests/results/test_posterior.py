@@ -118,13 +118,12 @@ def test_the_figure_shows_both_bands_and_where_sigma0_is_determined(made):
     expected = archive.configured.laws["dyke"](np.radians(model.get_xdata()), [1.8, 2.8, 3.8, 4.8])
     np.testing.assert_allclose(model.get_ydata(), expected)
     assert upper.get_title().replace("\n", " ") == "dyke: determined to +-1.5 dB between 23 and 39 degrees"
-    assert "(bar): +-1.5 dB for the material, +-0.9 dB for its fields in this image; level, " in caption
-    assert "give +-0.4 dB of it." in caption
+    assert "(violet bar): +-1.5 dB for the material, +-0.9 dB for its fields in this image, and +-0.4 dB" in caption
     nowhere = changed_material(archive, "dyke", posterior=posterior(known_between_deg=None))
     lost = Finding("undetermined", "warning", "dyke", {"narrowest_db": 2.4, "known_db": 1.5})
     canvas, caption, _ = law(changed_findings(nowhere, lost), "dyke")
     assert "determined" not in [line.get_label() for line in canvas.axes[0].lines]
-    assert "(bar)" not in caption
+    assert "(violet bar)" not in caption
     assert "determined at no angle" in canvas.axes[0].get_title()
 
 
@@ -134,7 +133,7 @@ def test_the_figure_shows_the_incidence_of_all_passes(made):
     # the values of passes are not used: they are there, or not
     canvas, caption, _ = law(replace(archive, passes={"1": None, "2": None}), "dyke")
     assert (
-        "Shaded, thick: 21.0 to 33.0 and 44.0 to 57.0 deg, where 90 % of the material's pixels lie in each" in caption
+        "the incidence seen, 21.0 to 33.0 and 44.0 to 57.0 deg, where 90 % of the material's pixels lie in" in caption
     )
     assert "Over the incidence of pass 1 the hidden truth differs" in caption
     thick = next(line.get_xdata() for line in canvas.axes[0].lines if line.get_linewidth() == 2.6)

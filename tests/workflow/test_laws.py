@@ -62,5 +62,5 @@ def test_laws_of_several_kinds_from_the_configuration_to_the_report(project):
     assert note.startswith("lake: ")
     assert "outside of the 30 to 80 deg that law 'constant_gamma' was made for" in note
     text = (project.out("tiny") / "report.html").read_text()
-    assert "The start is of another law: “oh1992” with 8.000, 1.500, 1.000." in text
+    assert "The start has another law: “oh1992” with 8.000, 1.500, 1.000." in text
     assert (project.out("tiny") / "figures" / "law_field.png").is_file()

@@ -19,6 +19,6 @@ with job(snakemake) as case:
             for fresh in (False, True)
         ]
     write_index(snakemake.output.final, [IndexedRun(record.key, parameters) for record in records])
-    progress("final runs: the calibrated laws together, and once more with another seed")
+    progress("final runs: the calibrated laws of all materials, and the same run with another seed")
     for finding in not_fresh(case.simulator, records[:2]):
         progress(sentence(finding))

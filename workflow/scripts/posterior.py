@@ -24,10 +24,10 @@ with job(snakemake) as case:
             case.passes, geometries, snakemake.input.registered, simulated, targets.passes, strict=True
         )
     ]
-    progress("posterior: fixed laws against the image ...")
+    progress("posterior: the image is compared with the fixed laws ...")
     image = image_of(case, cells)
     objectives = make_objectives(case, targets)
     for name, path in zip(case.calibrated, snakemake.output.posterior, strict=True):
-        progress(f"posterior: law of {name} ...")
+        progress(f"posterior: the law of {name} is sampled ...")
         write_item(path, "posterior", posterior_of(case, targets, history, objectives[name], cells, image))
     write_item(snakemake.output.image, "image", image)

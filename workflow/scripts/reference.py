@@ -17,7 +17,8 @@ with job(snakemake) as case:
     start = case.start_parameters
     repeated = [IndexedRun.of(record, start, db) for record, db in zip(again, differences, strict=True)]
     write_index(snakemake.output.index, [IndexedRun.of(first, start), *repeated])
-    progress(f"reference run: {first.seconds:.1f} s for {first.image_db.shape} pixels")
+    rows, columns = first.image_db.shape
+    progress(f"reference run: {first.seconds:.1f} s for an image of {rows} x {columns} pixels")
     for finding in repeatability(case.simulator, differences):
         progress(sentence(finding))
     if changed := changed_links(case, runner.identity):

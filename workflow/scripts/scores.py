@@ -29,4 +29,5 @@ with job(snakemake) as case:
     best = {name: History(runs).best(name).rms for name in targets}
     for name, rms in best.items():
         made = History(runs).count("design")
-        progress(f"design of {made} runs: the best histogram of {name} is {rms:.2e} per dB (rms) from the measured one")
+        of = f"the density of {name} in the best run so far"
+        progress(f"after {made} design runs, {of} differs from the measured one by {rms:.2e} per dB (rms)")

@@ -138,5 +138,5 @@ def law_findings(name: str, posterior: Posterior, law: Law, x: Doubles, warned: 
     if beyond > 0.0:
         if posterior.form is not None and (posterior.form.noticed or posterior.form.refuted):
             warned = [*warned, "form of the law"]
-        numbers: dict[str, float | str] = {"beyond_db": beyond, "cause": ", ".join(warned) or "cause unknown"}
+        numbers: dict[str, float | str] = {"beyond_db": beyond, "cause": ", ".join(warned) or "unknown"}
         yield Finding("law_outside_band", "warning", name, numbers)

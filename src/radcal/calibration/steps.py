@@ -324,11 +324,15 @@ def design_line(number: int, size: int, record: Record, targets: Targets) -> str
     """
     rms = {name: value for name, (_, value) in targets.score(record.pixels_db).items()}
     if len(rms) == 1:
-        text = f"rms {next(iter(rms.values())):.2e}"
+        text = f"{next(iter(rms.values())):.2e}"
     else:
         low, high = (pick(rms, key=lambda name: rms[name]) for pick in (min, max))
-        text = f"rms {rms[low]:.2e} ({low}) to {rms[high]:.2e} ({high})"
-    return f"design run {number} of {size}: {record.seconds:.1f} s, {text}"
+        text = f"{rms[low]:.2e} ({low}) to {rms[high]:.2e} ({high})"
+    unit = targets.levels.unit
+    return (
+        f"design run {number} of {size}: {record.seconds:.1f} s; simulated and measured density differ by {text} per "
+        f"{unit} (rms)"
+    )
 
 
 def progress_line(history: History, materials: Sequence[str], stop: Stop, objective: str) -> str:

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 _SEED = 4  # seed of the choice of ten design runs
 _TEXTURED = (
-    " Each simulated density includes the texture that gives the run the effective looks with which it fits best, so "
-    "that the density can be wider than that of the run with the looks of the sensor alone."
+    " Each simulated density includes the texture that makes its run fit best, so that it can be wider than the "
+    "density of the simulated pixels, whose looks are those of the sensor."
 )
 
 
@@ -39,7 +39,7 @@ def _of_looks(case: Archive, material: MaterialResult, runs: NDArray[np.intp]) -
         return ""
     low, high = short(float(np.nanmin(looks))), short(float(np.nanmax(looks)))
     found = low if low == high else f"{low} to {high}"
-    return f"{_TEXTURED} The effective looks that the search found for these runs are {found}."
+    return f"{_TEXTURED} The effective looks (speckle and texture) that the search found for these runs are {found}."
 
 
 def _draw(axes: Axes, material: MaterialResult, curves: Sequence[tuple[Array, str | None, Mapping[str, Any]]]) -> int:
@@ -81,7 +81,7 @@ def _density(dp: Array) -> tuple[Array, Array]:
 
 
 def _remark(leaving: int) -> str:
-    return f" Curves that leave the axes: {leaving}." if leaving else ""
+    return f" Number of curves that leave the axes: {leaving}." if leaving else ""
 
 
 def histogram(case: Archive, name: str) -> Drawn:
@@ -101,8 +101,8 @@ def histogram(case: Archive, name: str) -> Drawn:
     add_legend(canvas, axes.get_legend_handles_labels(), 3)
     caption = (
         f"Grey: the {material.target.values_db.size:,} measured pixels of {name}. Black: the skew normal fitted to "
-        f"them, which is the target. Thin: the densities of {chosen.size} of the {design.size} runs of the design, "
-        f"drawn at random (seed {_SEED}).{_of_looks(case, material, chosen)}{_remark(leaving)}"
+        f"them, which is the target. Thin: simulated densities of {chosen.size} of the {design.size} runs of the "
+        f"design, chosen at random (seed {_SEED}).{_of_looks(case, material, chosen)}{_remark(leaving)}"
     )
     alt = f"Histogram of {name}'s measured backscatter, its fitted density and those of some runs."
     return canvas, caption, alt
@@ -118,8 +118,9 @@ def densities(case: Archive, name: str) -> Drawn:
     axes.set(xlabel=f"backscatter [{case.levels.unit}]", ylabel=f"density [1/{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 4)
     caption = (
-        "Density of the backscatter at the starting parameters (orange, dashed), by the law of the search (blue) and "
-        "in the measurement (black: fitted; grey: its pixels). Where blue lies on black the distributions agree."
+        "Density of the backscatter: simulated with the starting parameters (orange, dashed), simulated with the law "
+        "of the search (blue), and measured (grey: histogram of the pixels; black: skew normal fitted to them, the "
+        "target). Where blue lies on black, simulated and measured density agree."
         + _of_looks(case, material, np.array([0, material.best]))
         + _remark(leaving)
     )
@@ -159,10 +160,12 @@ def overview(case: Archive) -> Drawn:
         axes.set_ylabel(f"density [1/{case.levels.unit}]")
     add_legend(canvas, grid[0].get_legend_handles_labels(), 4)
     caption = (
-        "Density of each material at the starting parameters (orange, dashed), by the laws of the search (blue) and in "
-        f"the measurement (black: fitted; grey: its pixels); rms in 1/{case.levels.unit}."
+        "Density of the backscatter of each material: simulated with the starting parameters (orange, dashed), "
+        "simulated with the laws of the search (blue), and measured (grey: histogram of the pixels; black: skew normal "
+        "fitted to them, the target). Titles give the rms difference between blue and black in "
+        f"1/{case.levels.unit}, and how the search ended."
         + (_TEXTURED if case.bins else "")
-        + (f" In {outside} of them a curve leaves the axes." if outside else "")
+        + (f" Panels in which a curve leaves the axes: {outside}." if outside else "")
     )
     return canvas, caption, f"Small densities of {n} materials: target, start and calibrated."
 
@@ -213,9 +216,10 @@ def quality(case: Archive, name: str) -> Drawn:
     axes.set(xlabel=f"quantile of the skew normal [{unit}]", ylabel=f"measured quantile [{unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 3)
     caption = (
-        f"The {n:,} measured pixels in order against what the skew normal fitted to them expects; points on the line "
-        f"are described by it. Shaded: where 95 % of samples of the density lie at each place, as many as the pixels "
-        f"stand for ({m:,} independent ones). Distance: Kolmogorov-Smirnov; p: share of samples that lie further from "
-        "their own fit (Anderson-Darling)."
+        f"Quantiles of the {n:,} measured pixels against those of the skew normal fitted to them; where the points lie "
+        f"on the line, the skew normal describes the pixels. Shaded: interval of each quantile in 95 % of random "
+        f"samples of the skew normal, each of {m:,} independent values (the effective sample size of the pixels). In "
+        "the title: the Kolmogorov-Smirnov distance of the pixels from the skew normal, and the share p of random "
+        "samples that lie further from their own fit (Anderson-Darling)."
     )
     return canvas, caption, f"Quantiles of {name}'s measured backscatter against those of the fitted density."

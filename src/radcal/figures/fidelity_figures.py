@@ -73,10 +73,10 @@ def fidelity(case: Archive, name: str) -> Drawn | None:
     left_out = [str(run) for run in every[~predicted_runs]]
     q2 = found.q2[np.isfinite(found.q2).all(axis=1)]
     caption = (
-        f"Above: {what}, as the surrogate predicted it for each infill run, and as the run has it. Below: the "
-        "statistics of the run minus their prediction, in kriging standard deviations, one point for each statistic"
-        f"{' and incidence-angle bin' if values.shape[1] > 1 else ''}; {inside} lie within two. The kriging standard "
-        "deviation guides the search; it is not the uncertainty of the law."
+        f"Above: for each infill run, {what}, as predicted by the surrogate and as verified by the run. Below: each "
+        f"point is a statistic{' of an incidence-angle bin' if values.shape[1] > 1 else ''} of the run minus its "
+        f"prediction, in kriging standard deviations; {inside} lie within two. The kriging standard deviation is that "
+        "of the surrogate's error and guides the search; it is not the uncertainty of the law."
     )
     if left_out:
         caption += f" Without prediction, and not drawn: run{'s' * (len(left_out) > 1)} {', '.join(left_out)}"
@@ -84,5 +84,5 @@ def fidelity(case: Archive, name: str) -> Drawn | None:
         caption += f"{_REPEATED if ended else ''}."
     if len(q2):
         each = ", ".join(f"{label} {value:.2f}" for (label, *_), value in zip(_STATISTICS, q2[-1], strict=True))
-        caption += f" Leave-one-out Q2 of the last surrogate: {each}."
+        caption += f" Share of variance that the last surrogate predicts (leave-one-out Q2): {each}."
     return canvas, caption, f"Infill runs of {name}: cost and statistics, predicted by the surrogate and simulated."

@@ -57,10 +57,11 @@ def front(case: Archive, name: str) -> Drawn | None:
     best = found.verified[material.best]
     each = ", ".join(f"{short(value)} ({of})" for value, of in zip(best, found.objectives, strict=True))
     caption = (
-        f"NSGA-II, a genetic algorithm, minimises {len(found.objectives)} sums of squared residuals. Line: the "
-        "trade-off between them in the last iteration, by the surrogate; no point of it is better in all sums. Least "
-        "squares then starts from the line's best point, from the best run and from further X, and minimises the total "
-        "of the sums, so that runs may lie below the line. Markers: the runs"
+        f"NSGA-II, a genetic algorithm, minimises {len(found.objectives)} sums of squared residuals on the surrogate. "
+        "The line is their Pareto front in the last iteration: along it, one sum decreases only if another increases. "
+        "A least-squares search on the surrogate then minimises the total of the sums. It starts from the best point "
+        "of the line, from the best run and from further X, so that runs may lie below the line. Markers are runs of "
+        "the simulator"
         f"{f', of which {outside} lie outside of the axes' if outside else ''}. "
         f"The sums of squared residuals of the chosen run are {each}; smaller is better."
     )

@@ -32,9 +32,10 @@ def held_out(case: Archive, name: str) -> Drawn | None:
     axes.set(xlabel="local incidence [deg]", ylabel="mean of the cell [dB]")
     add_legend(canvas, axes.get_legend_handles_labels(), 3)
     caption = (
-        f"Mean power of {held.patch.size} cells, less what the simulator adds to its law, as predicted from the other "
-        "cells: the average (predicted) of the law's model and of one constant level, each with the effects of those "
-        f"fields with other cells. The rms error is {rmse} ({by_law} and {by_constant} by law and constant alone), and "
-        f"{100.0 * held.coverage_90(predicted):.0f} % of the cells lie inside of the band."
+        f"Mean power of {held.patch.size} held-out cells (parts of fields), without what the simulator adds to a law "
+        "(area of the ground in a pixel, noise, neighbouring ground). “Predicted” is the average of two predictions "
+        "from the other cells: by the law, and by one constant sigma0. Both include the offset of a field that has "
+        f"other cells. The rms error is {rmse} ({by_law} and {by_constant} by law and constant alone), and "
+        f"{100.0 * held.coverage_90(predicted):.0f} % of the held-out cells lie inside of the predicted band."
     )
     return canvas, caption, f"Means of held-out cells of {name} against local incidence, measured and predicted, in dB."

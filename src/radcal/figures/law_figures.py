@@ -134,21 +134,22 @@ def _cost_caption(case: Archive, name: str) -> str:
     _, numbered = _end_words(case, material)
     if case.bins:
         return (
-            "Above: sum of the squared residuals of the incidence-angle bins, in standard deviations, at the effective "
-            "looks that suit each run best, with the squares of the priors' residuals. "
-            "Below: root mean square difference of the simulated and the target density, which the search does not "
-            f"minimise; another sample of {pixels:,} pixels would move the target itself by about {sampling} 1/{unit} "
-            f"(dotted).{numbered}"
+            "Above: misfit of each run. It is the sum of the squared residuals of the incidence-angle bins and of the "
+            "priors, in standard deviations, at the effective looks that fit the run best. "
+            "Below: root mean square difference between the simulated and the target density, which the search does "
+            f"not minimise. The dotted line is the sampling error: another sample of {pixels:,} pixels would move the "
+            f"target by about {sampling} 1/{unit}.{numbered}"
         )
     caption = (
-        "Root mean square difference between the simulated and the target density, run by run; the line is the best so "
-        f"far. Below the dotted line ({sampling} 1/{unit}) a smaller cost is numerical convergence: another sample of "
-        f"{pixels:,} pixels would move the target itself by about that much.{numbered}"
+        "Root mean square difference between the simulated and the target density of each run; the line is the "
+        f"smallest so far. The dotted line is the sampling error: another sample of {pixels:,} pixels would move the "
+        f"target by about {sampling} 1/{unit}, so that a smaller difference tells nothing more about the material."
+        f"{numbered}"
     )
     if (_floors(case, material) > 0.0).any():
-        caption += " Short bars: lower bound of the rms inside the bounds, by the surrogate and two standard errors."
+        caption += " Short bars: smallest rms inside the bounds that the surrogate predicts, less two standard errors."
     if not np.all(material.rms > 0):
-        caption += " Runs on the lower edge have a cost of 0."
+        caption += " Runs on the lower edge have an rms of 0."
     return caption
 
 
@@ -259,8 +260,9 @@ def _law_caption(case: Archive, name: str) -> str:
     shaded = " and ".join(f"{low:.1f} to {high:.1f}" for low, high in _angle_axis(case, name)[0])
     histogram = "in each pass (histogram of pass 1 below)" if several else "(histogram below)"
     caption = (
-        f"Backscatter against local incidence. Shaded, thick: {shaded} deg, where 90 % of the material's pixels lie "
-        f"{histogram}; outside, every law is an extrapolation.{_of_band(case, name)}"
+        f"Backscatter against local incidence. Shaded, with thick lines: the incidence seen, {shaded} deg, where 90 % "
+        f"of the material's pixels lie {histogram}. Outside of it, every law is an extrapolation."
+        f"{_of_band(case, name)}"
     )
     if material.hidden is not None:
         shown = [(words, x) for words, _, x, _ in _laws_of(case, name) if words in (_SEARCH, _NEAREST)]
@@ -271,9 +273,10 @@ def _law_caption(case: Archive, name: str) -> str:
         caption += f" Over {where} the hidden truth differs from the {' and from the '.join(found)}."
     if material.posterior.points is not None:
         caption += (
-            f" Dots, with bars of 95 %: mean level of the measured cells in each {STEP_DEG:g} deg of incidence, less "
-            "the level of the image and what the simulator adds to its law (area of the ground, noise, other ground); "
-            "the bars hold speckle and the effects of fields and cells."
+            f" Dots: measured sigma0, the mean over the cells (parts of fields) in each {STEP_DEG:g} deg of incidence. "
+            "Subtracted from it are an offset of the whole image and all that the simulator adds to a law: the area of "
+            "the ground in a pixel, noise, and neighbouring ground. Bars: 95 % intervals by speckle and by differences "
+            "between fields and between cells."
         )
     return caption
 
@@ -283,11 +286,11 @@ def _of_band(case: Archive, name: str) -> str:
     if case.materials[name].posterior.curve is None:
         return ""
     text = (
-        " Violet: 90 % band of the mean power of the ground, pale for the material and darker for its fields in this "
-        "image, and its median (dotted)."
+        " Violet: sigma0, the mean power of the ground, with the median (dotted) and the 90 % band of the material "
+        "(pale). The darker band is that of the material's fields in this image alone."
     )
     if width := widths(name, case.findings):
-        text += f" Half-widths where sigma0 is determined (bar): {width}."
+        text += f" Largest half-widths of the bands where sigma0 is determined (violet bar): {width}."
     return text
 
 

@@ -140,16 +140,18 @@ def images(case: Archive) -> Drawn:
     bar = canvas.colorbar(of_bar, ax=panels, extend="both", fraction=0.05, pad=0.02, aspect=30)
     bar.set_label("backscatter [dB]")
     axis_labels(panels, stacked)
-    which = "Measured and calibrated image" if own else "The three images"
-    caption = f"{which} in one gray scale (1 to 99.5 % of the measured pixels), near range on top. "
+    which = "Measured and calibrated image have" if own else "The three images have"
+    caption = (
+        f"{which} one gray scale, from the 1 to the 99.5 % quantile of the measured pixels; near range is on top. "
+    )
     if own:
         caption += "The start would be nearly black or white there, and has a scale of its own, given in its title. "
     caption += (
-        "The calibrated image, that of the laws of the search, has speckle of its own: compare levels and textures, "
-        "not pixels."
+        "The calibrated image is simulated with the laws of the search and has speckle of its own: compare levels and "
+        "textures, not single pixels."
     )
     if missing := int(np.count_nonzero(~np.isfinite(first))):
-        caption += f" {missing:,} measured pixels have no value (pale)."
+        caption += f" {missing:,} measured pixels have no value (cream)."
     if (k := _factor(first.shape)) > 1:
         caption += f" Shown as means over {k} x {k} pixels."
     scales = "the start in a gray scale of its own" if own else "in the same gray scale"
@@ -269,10 +271,10 @@ def registration(case: Archive) -> Drawn | None:
     bar.set_label("displacement [pixel]")
     axis_labels(panels, stacked)
     caption = (
-        "Squares of the starting simulation between squares of the measured image, before and after registration, each "
-        "image in a gray scale of its own and averaged over 5 x 5 pixels: borders must continue across the squares. "
-        f"Right: displacement of each pixel to its place in the measured image; the longest arrow stands for "
-        f"{largest:.1f} pixels."
+        "“As measured” and “registered” are chequerboards of squares of the reference run and of the measured image, "
+        "before and after the registration: borders of the ground must continue from square to square. Each image is "
+        "averaged over 5 x 5 pixels and has a gray scale of its own. “Displacement” points from each pixel to its "
+        f"place in the image as measured; the longest arrow stands for {largest:.1f} pixels."
     )
     if (true_px := registered.measurement.misregistration_px) is not None:
         error = np.hypot(*(field - true_px)).mean()
@@ -336,11 +338,11 @@ def residual(case: Archive) -> Drawn | None:
     looks = case.configured.radar.looks
     speckle = 10.0 / np.log(10.0) * np.sqrt(2.0 * float(scipy.special.polygamma(1, looks))) / _BOXCAR
     caption = (
-        f"Left: calibrated minus measured image, mean of the dB values over {_BOXCAR} x {_BOXCAR} pixels; red: "
-        f"too bright, blue: too dark. Speckle alone, of {looks:g} looks in both images, gives this mean a standard "
-        f"deviation of {speckle:.2g} dB, and more where neighbouring pixels are correlated. White: no ground of the "
-        "scene, or no measured value. Right: the materials of the scene; those marked * were calibrated, the others "
-        "kept their laws."
+        f"Left: calibrated minus measured image, mean of the dB values over {_BOXCAR} x {_BOXCAR} pixels. Red: the "
+        f"calibrated image is too bright, blue: too dark. Speckle alone, of {looks:g} looks in both images, gives this "
+        f"mean a standard deviation of {speckle:.2g} dB, and more where neighbouring pixels are correlated. Cream: "
+        "pixels without ground of the scene, or without a measured value. Right: the materials of the scene; those "
+        "marked * were calibrated, the others kept their laws."
     )
     if stacked:
         caption = caption.replace("Left:", "Above:").replace("Right:", "Below:")

@@ -160,17 +160,17 @@ def incidence(case: Archive) -> Drawn | None:
         inside = (material == case.names.index(name) + 1) & np.isfinite(angle)
         if inside.any():
             s = expected[inside][np.isfinite(expected[inside])]
-            level = f", law {_ends(s, 1)} dB" if s.size else ""
-            spans.append(f"{name} incidence {_ends(angle[inside], 0)} deg{level}")
+            level = f", sigma0 {_ends(s, 1)} dB" if s.size else ""
+            spans.append(f"{name}: incidence {_ends(angle[inside], 0)} deg{level}")
     more = f", and {len(case.materials) - _LISTED} more" if len(case.materials) > _LISTED else ""
-    listed = f"5 and 95 % quantiles of all pixels shown, masked ones too: {'; '.join(spans)}{more}."
+    listed = f"The 5 and 95 % quantiles of all pixels shown, masked ones included, are {'; '.join(spans)}{more}."
     if hatched:
-        listed += " Hatched: ground whose incidence lies where sigma0 of its material is determined."
+        listed += " Hatched: ground whose incidence is one at which sigma0 of its material is determined."
     if not np.isfinite(expected).any():
-        return canvas, f"Mean local incidence of each pixel's ground. {listed}", "Map of the local incidence angle."
+        return canvas, f"Mean local incidence of the ground in each pixel. {listed}", "Map of the local incidence."
     caption = (
-        "Left: mean local incidence of each pixel's ground. Right: the calibrated (or fixed) law of its material at "
-        f"that incidence, without speckle, noise or resolution. {listed}"
+        "First map: mean local incidence of the ground in each pixel. Second map: sigma0 that the calibrated or fixed "
+        f"law of the pixel's material gives at this incidence, without speckle, noise or point spread. {listed}"
     )
     return canvas, caption, "Maps of the local incidence angle and of the backscatter that the laws expect there."
 

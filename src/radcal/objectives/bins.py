@@ -152,7 +152,11 @@ class Bins(Objective):
         known = {name: value for name, value in moved.items() if value is not None}
         if known:
             worst = max(known, key=lambda name: known[name])
-            text += f", the law of {worst} may still move most, by {known[worst]:.2g} dB from that of its best run"
+            most = ", more than any other law" if len(known) > 1 else ""
+            text += (
+                f"; the best law of {worst} that the surrogate predicts is {known[worst]:.2g} dB from that of its best "
+                f"run{most}"
+            )
         return text
 
 

@@ -169,7 +169,7 @@ def _cost(case: Archive, name: str) -> Drawn:
         predicted = fidelity.cost * (2.0 if case.bins else 1.0)
         at = np.flatnonzero(case.runs.kind == "infill")
         traces.append(_points("predicted", at, predicted, START["color"], "diamond-open", size=11))
-        caption += " Diamonds: cost that the surrogate predicted for each infill run."
+        caption += " Diamonds: value that the surrogate predicted for each infill run."
     return caption, traces, layout
 
 
@@ -199,9 +199,10 @@ def _bins(case: Archive, name: str) -> Drawn | None:
         each = [_points(label, at, values[:, k], *look) for label, values, *look in _runs_of_bins(found)]
         traces.append([_points("measured", at, found.measured[:, k], _INK, error_y=_bars(found.error[:, k])), *each])
     caption = (
-        f"Mean, logarithm of the standard deviation in dB, and skewness of the pixels in {at.size} incidence-angle "
-        "bins: measured, and expected of reference run and best run, at their effective looks and with the variance "
-        "between fields. Bars: standard deviation of the difference, by speckle, fields and cells."
+        f"Three statistics of the pixels in each of {at.size} incidence-angle bins: mean, logarithm of the standard "
+        "deviation in dB, and skewness. “Start” is the reference run and “calibrated” the best run, each with its "
+        "effective looks and with the variance between fields. Bars: standard deviation of simulated minus measured, "
+        "by speckle, fields and cells (parts of fields)."
     )
     return caption, *_panels(traces, [(_axis(_INCIDENCE), _axis(unit)) for unit in _UNITS])
 
@@ -219,8 +220,8 @@ def _one_to_one(case: Archive, name: str) -> Drawn | None:
         traces.append([_line("equal", ends, ends, {"color": MUTED}, hoverinfo="skip"), *each])
         axes.append((_axis(f"measured {_UNITS[k]}", range=ends), _axis(f"simulated {_UNITS[k]}", range=ends)))
     caption = (
-        "Statistics of the bins; on the line, simulated and measured are equal. Bars: one standard deviation of the "
-        "difference."
+        "Each point is a statistic of an incidence-angle bin; on the line, simulated and measured value are equal. "
+        "Bars: one standard deviation of simulated minus measured."
     )
     return caption, *_panels(traces, axes)
 
@@ -244,7 +245,10 @@ def _misfit(case: Archive, name: str) -> Drawn | None:
         return None
     away = ((found.calibrated - found.measured) / found.error).T
     each = ", ".join(f"{label} {short(float((row**2).mean()))}" for label, row in zip(STATISTICS, away, strict=True))
-    caption = f"Best run minus measurement in standard deviations. Mean squares, without correlations: {each}."
+    caption = (
+        "Each square: statistic of the best run minus that of the measurement, in standard deviations of this "
+        f"difference. Mean squares over the bins, with correlations neglected: {each}."
+    )
     heat = _heat(away, _names_of_bins(case, found), STATISTICS, 3.0, texttemplate="%{z:.2f}")
     return caption, [heat], {"height": 240, "xaxis": _axis(""), "yaxis": _axis("", autorange="reversed")}
 
@@ -258,9 +262,10 @@ def _sensitivity(case: Archive, name: str) -> Drawn | None:
     limit, composite = float(np.abs(scaled).max()), np.sqrt((scaled**2).mean(axis=(0, 1)))
     each = ", ".join(f"{one} {short(float(value))}" for one, value in zip(names, composite, strict=True))
     caption = (
-        "Change of each simulated statistic if a parameter grows by 1 % of the width of its bounds, at the X of the "
-        "search, in standard deviations of simulated minus measured. By the surrogate of all runs: no run was made for "
-        f"it. Root mean square over bins and statistics (composite scaled sensitivity): {each}."
+        "Each square: change of a simulated statistic if one parameter of the law of the search grows by 1 % of the "
+        "width of its bounds, in standard deviations of simulated minus measured. The surrogate predicts these "
+        "changes; no run was made for them. Their root mean square over bins and statistics (composite scaled "
+        f"sensitivity) is {each}."
     )
     heats = [[_heat(scaled[:, k].T, labels, names, limit or 1.0, showscale=k == 2)] for k in range(len(_UNITS))]
     return caption, *_panels(heats, [(_axis(one), _axis("", autorange="reversed")) for one in STATISTICS])
@@ -285,7 +290,10 @@ def _parallel(case: Archive, name: str) -> Drawn:
         traces.append(_line(words, x, rows, {"color": style["color"]}, text=text, hoverinfo="text"))
     names = [*settings.parameter_names, "looks", "log10 cost"]
     ticks = [f"{one}<br>{low:.3g} to<br>{high:.3g}" for one, (low, high) in zip(names, ends, strict=True)]
-    caption = f"Each line is a run. Axes end at the bounds of X and at the extremes of looks and cost ({label})."
+    caption = (
+        "Each line is a run. The axes of X end at the bounds, those of looks and cost at the smallest and the largest "
+        f"value of all runs. Cost: {label}."
+    )
     axis = _axis("", tickvals=place.tolist(), ticktext=ticks, range=[-0.5, len(ends) - 0.5], tickangle=0)
     hidden = _axis("", range=[-0.03, 1.03], showticklabels=False, showgrid=False, zeroline=False)
     return caption, traces, {"height": 380, "xaxis": axis, "yaxis": hidden}
@@ -303,9 +311,10 @@ def _predictive(case: Archive, name: str) -> Drawn | None:
     measured = _points("measured", at, points.level_db - middle, _INK, "diamond")
     layout = {"height": 320, "xaxis": _axis(_INCIDENCE), "yaxis": _axis("minus median of<br>the predictions [dB]")}
     caption = (
-        f"Mean level of the cells in each {STEP_DEG:g} deg of incidence: measured, and predicted by the posterior for "
-        f"images with other speckle, fields and cells. Of these, {100.0 * (points.p or 0.0):.2g} % lie further from "
-        "the draws of the law than the measured image: a share near 0 is a misfit."
+        f"Mean sigma0 of the cells (parts of fields) in each {STEP_DEG:g} deg of incidence: measured, and predicted by "
+        "the posterior for other images of such ground, with other speckle, fields and cells. "
+        f"{100.0 * (points.p or 0.0):.2g} % of the predicted images lie further from the posterior's laws than the "
+        "measured image does; a share near 0 is a misfit."
     )
     return caption, [replicated, measured], layout
 
@@ -342,9 +351,10 @@ def _corner(case: Archive, name: str) -> Drawn | None:
         traces.append(_line("prior", 0.5 * (edges[1:] + edges[:-1]), prior, {"color": MUTED}, "hvh", **on))
     state = "has converged" if posterior.sampled else "has not converged"
     caption = (
-        f"{len(x)} draws of X, taken evenly from the sample; diagonal: densities of posterior and prior. A narrow "
-        "strip is a combination of two parameters that the image fixes, even if it leaves each open. The sampler "
-        f"{state}: largest split R-hat {posterior.r_hat:.3f}, smallest effective sample size {posterior.ess:,.0f}."
+        f"Points: {len(x)} draws of X from the posterior. On the diagonal: densities of posterior and prior of each "
+        "parameter. Where the points form a narrow strip, the image determines a combination of two parameters, though "
+        f"neither of them alone. The sampler {state}: largest split R-hat {posterior.r_hat:.3f}, smallest effective "
+        f"sample size {posterior.ess:,.0f}."
     )
     return caption, traces, layout
 

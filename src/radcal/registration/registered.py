@@ -184,7 +184,8 @@ def register(
 
     before = _held_out(ranks, (nothing, nothing), chequered)
     after = _held_out(ranks, (halves[0], halves[1]), chequered)
-    found = f"correlation {before.mean():.3f} before and {after.mean():.3f} after, on held-out squares"
+    of = "on squares that the registration did not use"
+    found = f"correlation {before.mean():.3f} before and {after.mean():.3f} after, {of}"
     furthest = float(np.hypot(*field).max())
     raised = float((after - before).mean()) >= _LEAST_GAIN
     # an image that is used unregistered must agree with the simulated image without any displacement
@@ -245,7 +246,7 @@ def register_again(image_db: NDArray[np.float32], first: Registered, config: Reg
     """
     again = register(image_db, replace(first.measurement, image_db=first.unregistered_db), config, same_area=True)
     before, after = (float(np.mean(one.correlation)) for one in (first, again))
-    numbers = f"mean local correlation {after:.3f}, after the first {before:.3f}"
+    numbers = f"mean local correlation {after:.3f}; of the first registration {before:.3f}"
     if after < before:
         kept = f"A second one, onto a run with laws fitted after the first, agrees less and is not used ({numbers})."
         return replace(first, verdict=f"{first.verdict} {kept}")

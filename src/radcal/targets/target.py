@@ -202,8 +202,9 @@ class Targets(dict[str, Target]):
             lines.append(f"{size}, {moments}{classes}")
         if level_only := [f"{name} ({target.seen})" for name, target in self.items() if target.level_only]:
             lines.append(
-                f"level only, seen at one incidence (5 to 95 % of the pixels within {LEAST_SPAN_DEG:g} deg, less the "
-                f"incidence's error), so that no law can be known from this pass alone: {', '.join(level_only)}."
+                "materials of which this pass determines the level only, because it sees them at one incidence (5 to "
+                f"95 % of the pixels within {LEAST_SPAN_DEG:g} deg, less the error of the incidence): "
+                f"{', '.join(level_only)}."
             )
         return lines
 
