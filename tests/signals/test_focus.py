@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from signals import FINE, ideal, lobes
 from signals_samples import at, collection, nominal
 
-from radcal.bands import WIDTH_FACTOR
 from radcal.signals.focus import backprojected, cell_area_m2
 from radcal.signals.platform import nesz
 from radcal.signals.record import RawSignal
@@ -12,49 +12,21 @@ from radcal.signals.scatterers import Scatterers
 from radcal.signals.wavenumber import omega_k
 from radcal.speckle.response import speckle_correlation, taylor_weights
 
-OMEGA_K = [("X band, 0.5 m", "omega_k"), ("X band, 0.5 m, squint of 20 degrees", "omega_k")]
-FINE = 40  # samples of a cut per resolution cell
-
+OMEGA_K = [(name, "omega_k") for name in ("X band, 0.5 m", "X band, 0.5 m, squint of 20 degrees", "default, 3.5 m")]
 CASES = {
     "X band, 0.5 m": {"range_m": 0.5, "azimuth_m": 0.5, "swath_m": 120.0},
     # 50 cells of range migration, and a bent track
     "L band, 0.75 m": {
         "carrier_hz": 1.3e9, "slant_m": 9000.0, "range_m": 0.75, "azimuth_m": 0.75, "swath_m": 60.0, "bend_m": 2.0,
     },
-    # a product of 10, with the beam and the pulses of four looks
     "X band, 0.5 m, squint of 20 degrees": {
         "range_m": 0.5, "azimuth_m": 0.5, "swath_m": 120.0, "squint_deg": 20.0,
     },
     "X band, spotlight of 0.3 m": {
         "range_m": 0.3, "azimuth_m": 0.3, "swath_m": 80.0, "spot": True, "antenna_m": 1.5, "bend_m": 0.3,
     },
-    "default, 3.5 m": {"range_m": 2.0, "azimuth_m": 3.5, "swath_m": 200.0, "antenna_m": 1.48},
+    "default, 3.5 m": {"slant_m": 5657.0, "range_m": 2.0, "azimuth_m": 3.5, "swath_m": 200.0},  # a product of 10
 }  # fmt: skip
-
-
-def lobes(cut):
-    """Offset of the peak and -3 dB width [samples], highest sidelobe and energy of the sidelobes [dB] of a cut."""
-    power = np.abs(cut) ** 2
-    m = int(power.argmax())
-    a, b, c = power[m - 1 : m + 2]
-    top = b + (a - c) ** 2 / (8.0 * (2.0 * b - a - c))
-    offset = m + 0.5 * (a - c) / (a - 2.0 * b + c) - (len(cut) - 1) / 2
-    beside = []
-    for line in (power[m::-1], power[m:]):
-        k = int(np.argmax(line < 0.5 * top))
-        edge = k - (0.5 * top - line[k]) / (line[k - 1] - line[k])
-        null = int(np.argmax((np.diff(line) > 0.0) & (line[:-1] < top / 50.0)))
-        beside.append((edge, null))
-    (left, before), (right, after) = beside
-    side = np.concatenate([power[: m - before], power[m + after :]])
-    main = power[m - before : m + after].sum()
-    return offset, left + right, 10.0 * np.log10(side.max() / top), 10.0 * np.log10(side.sum() / main)
-
-
-def ideal(cells):
-    """Response of the Taylor-weighted band at distances in resolution cells."""
-    frequency = (np.arange(4000) + 0.5) / 4000 - 0.5
-    return np.cos(2.0 * np.pi * WIDTH_FACTOR * np.multiply.outer(cells, frequency)) @ taylor_weights(frequency)
 
 
 @pytest.mark.parametrize(("name", "focusing"), [*((name, "backprojection") for name in CASES), *OMEGA_K])

@@ -55,8 +55,8 @@ def omega_k(
     Notes
     -----
     A point of range r has the spectrum exp(-i (k_x x + k_r r)) along the track with k_r^2 = k^2 - k_x^2, times the
-    constants of the stationary phase, the square root of 2 pi r / (k cos^3) and -45 degrees. The image is the sum over
-    all k_x and k at uneven k_r: the adjoint of a nonuniform Fourier transform.
+    spectrum of :func:`_reference`, which is calculated for the middle of the swath and varies as the square root of
+    r / k. The image is the sum over all k_x and k at uneven k_r: the adjoint of a nonuniform Fourier transform.
 
     References
     ----------
@@ -73,6 +73,7 @@ def omega_k(
     azimuth, _ = azimuth_weights(one)
     part = np.floor((away / one.sines + 0.5) * azimuth.size).astype(np.int64)
     spectrum = scipy.fft.fft(signal, axis=0)
+    middle_m, sines, reference = _reference(one)
     down = taylor_weights((np.arange(one.samples) + 0.5) / one.samples - 0.5)
     rows, columns = slant_m.size, azimuth_m.size
     steps = [(places[-1] - places[0]) / max(places.size - 1, 1) for places in (azimuth_m, slant_m)]
@@ -83,14 +84,46 @@ def omega_k(
         k, k_x = wave[sample], along[pulse, sample]
         weights = azimuth[part[pulse, sample]] * down[sample]
         k_r = np.sqrt(k**2 - k_x**2)
-        cosine = k_r / k
-        beam = pattern(away[pulse, sample], one.antenna_m, one.wavelength_m)
-        gain = weights / weights.sum() / beam * np.sqrt(k / (2.0 * np.pi * cosine)) * spacing
-        phase = k_x * (azimuth_m[columns // 2] - one.track_m[0, 0]) + k_r * slant_m[rows // 2]
-        phase += 0.25 * np.pi - k * one.distance_m[0]
+        gain = weights / weights.sum() * np.sqrt(k * LIGHT_MPS / (4.0 * np.pi * one.carrier_hz)) * spacing
+        gain = gain / np.interp(k_x / k, sines, reference)
+        phase = k_x * (azimuth_m[columns // 2] - one.track_m[0, 0]) + k_r * slant_m[rows // 2] - k * one.distance_m[0]
         strengths = spectrum[pulse, sample] * gain * np.exp(1j * phase)
         turns = [np.remainder(k_r * steps[1], 2.0 * np.pi), np.remainder(k_x * steps[0], 2.0 * np.pi)]
         # one thread, so that sums have a fixed order
         image = finufft.nufft2d1(*turns, strengths, (rows, columns), eps=_ERROR, isign=1, nthreads=1)
-        looks[look] = image * (slant_m**1.5 / one.range_m**2)[:, None]
+        looks[look] = image * ((slant_m / middle_m) ** 1.5)[:, None]
     return looks
+
+
+def _reference(one: Collection) -> tuple[float, NDArray[np.float64], NDArray[np.complex128]]:
+    """Spectrum along the track of a point in the middle of the swath, at the carrier, without exp(-i k_r r).
+
+    The method of stationary phase would give the beam times the square root of 2 pi r / (k cos^3) and -45 degrees,
+    which is wrong by degrees where the time-bandwidth product is small.
+
+    Parameters
+    ----------
+    one : Collection
+        Collection.
+
+    Returns
+    -------
+    middle_m : float
+        Slant range of the point at zero Doppler [m].
+    sines, spectrum : ndarray
+        Sines of the angle from zero Doppler, rising, and spectrum there [m].
+    """
+    middle_m, wave = one.range_m * np.sqrt(1.0 - one.middle_sine**2), 4.0 * np.pi / one.wavelength_m
+    step = 0.25 * float(one.track_m[1, 0] - one.track_m[0, 0])  # nothing folds
+    first, last = one.places_m(middle_m, middle_m, 2.0 * one.wavelength_m / one.antenna_m)
+    place = np.arange(-last, -first, step)  # of the antenna
+    slant = np.hypot(place, middle_m)
+    beam = pattern(-place / slant - one.middle_sine, one.antenna_m, one.wavelength_m)
+    echo = beam * (one.range_m / slant) ** 2 * np.exp(-1j * wave * slant)
+    size, period = scipy.fft.next_fast_len(8 * place.size), 2.0 * np.pi / step  # fine enough for interpolation
+    along = 2.0 * np.pi * np.fft.fftfreq(size, step)
+    along = along + period * np.round((wave * one.middle_sine - along) / period)
+    spectrum = step * scipy.fft.fft(echo, size)
+    spectrum *= np.exp(1j * (np.sqrt(np.maximum(wave**2 - along**2, 0.0)) * middle_m - along * place[0]))
+    order = np.argsort(along)
+    return middle_m, along[order] / wave, spectrum[order]
