@@ -50,8 +50,8 @@ _OF_SCENE: Mapping[str, str] = {
     "cdb_left_out": "{about} is left out: {reason}",
     "cdb_levels": "{about}: {dataset} is read from the levels of detail {levels}",
     "cdb_posts": "{about}: the elevation has posts {post_m:.3g} m apart, {cells:.2g} times the scene's cell size",
-    "cdb_tags": "{about}: the georeference tags of {tiles:.0f} tiles of elevation are up to {off_m:.0f} m off the "
-    "posts of the CDB standard; the tiles are placed by their names, not by the tags",
+    "cdb_tags": "{about}: the georeference tags of {tiles:.0f} tiles of elevation lie up to {off_m:.0f} m from "
+    "the posts of the CDB standard; the tiles are placed by their names, not by the tags",
     "cdb_base_materials": "{about} names base materials that Metadata/Materials.xml does not define: {names}",
     "cdb_unmapped": "{about} maps these composite materials to no material, so that their cells have none: {names}",
     "cdb_no_material": "{about} has no raster of materials in scene.bounds: all cells are of the default {name}",

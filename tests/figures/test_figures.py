@@ -166,7 +166,7 @@ def test_only_laws_with_a_curve_are_drawn(build_archive, tmp_path):
     assert module.law(case, "stem beans") is not None
     _, caption, _ = module.incidence(case)
     # levels of the law that has a curve, none of the other's
-    assert re.search(r"dyke: incidence \d+ to \d+ deg; stem beans: incidence \d+ to \d+ deg, sigma0 -?\d", caption)
+    assert re.search(r"incidence of dyke \d+ to \d+ deg; incidence of stem beans \d+ to \d+ deg, sigma0 -?\d", caption)
 
 
 @pytest.mark.parametrize(("references", "others"), [(1, []), (2, ["dyke"])])

@@ -74,7 +74,7 @@ def fidelity(case: Archive, name: str) -> Drawn | None:
     q2 = found.q2[np.isfinite(found.q2).all(axis=1)]
     caption = (
         f"Above: for each infill run, {what}, as predicted by the surrogate and as verified by the run. Below: each "
-        f"point is a statistic{' of an incidence-angle bin' if values.shape[1] > 1 else ''} of the run minus its "
+        f"point is a statistic of a run{', in one incidence-angle bin,' if values.shape[1] > 1 else ''} minus its "
         f"prediction, in kriging standard deviations; {inside} lie within two. The kriging standard deviation is that "
         "of the surrogate's error and guides the search; it is not the uncertainty of the law."
     )

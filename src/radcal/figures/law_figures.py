@@ -274,8 +274,8 @@ def _law_caption(case: Archive, name: str) -> str:
     if material.posterior.points is not None:
         caption += (
             f" Dots: measured sigma0, the mean over the cells (parts of fields) in each {STEP_DEG:g} deg of incidence. "
-            "Subtracted from it are an offset of the whole image and all that the simulator adds to a law: the area of "
-            "the ground in a pixel, noise, and neighbouring ground. Bars: 95 % intervals by speckle and by differences "
+            "An offset of the whole image is subtracted, and all that the simulator adds to a law: the area of the "
+            "ground in a pixel, noise, and neighbouring ground. Bars: 95 % intervals by speckle and by differences "
             "between fields and between cells."
         )
     return caption

@@ -161,11 +161,12 @@ def incidence(case: Archive) -> Drawn | None:
         if inside.any():
             s = expected[inside][np.isfinite(expected[inside])]
             level = f", sigma0 {_ends(s, 1)} dB" if s.size else ""
-            spans.append(f"{name}: incidence {_ends(angle[inside], 0)} deg{level}")
+            spans.append(f"incidence of {name} {_ends(angle[inside], 0)} deg{level}")
     more = f", and {len(case.materials) - _LISTED} more" if len(case.materials) > _LISTED else ""
-    listed = f"The 5 and 95 % quantiles of all pixels shown, masked ones included, are {'; '.join(spans)}{more}."
+    listed = f"Quantiles of 5 and 95 % over all pixels shown, masked ones included: {'; '.join(spans)}{more}."
     if hatched:
-        listed += " Hatched: ground whose incidence is one at which sigma0 of its material is determined."
+        listed += " Hatched: ground whose incidence is inside of the interval in which sigma0 of its material is "
+        listed += "determined."
     if not np.isfinite(expected).any():
         return canvas, f"Mean local incidence of the ground in each pixel. {listed}", "Map of the local incidence."
     caption = (

@@ -154,8 +154,8 @@ class Bins(Objective):
             worst = max(known, key=lambda name: known[name])
             most = ", more than any other law" if len(known) > 1 else ""
             text += (
-                f"; the best law of {worst} that the surrogate predicts is {known[worst]:.2g} dB from that of its best "
-                f"run{most}"
+                f"; the best law of {worst} that the surrogate predicts differs by {known[worst]:.2g} dB from the law "
+                f"of its best run{most}"
             )
         return text
 
