@@ -37,7 +37,9 @@ def test_a_finished_case(folder, made):
     verdict = summarise(made.archive)["materials"]["dyke"]["verdict"]
     assert verdict.startswith("dyke")
     assert lines[1].startswith(f"{verdict} mangia with X1 ")
-    assert lines[2] == "dyke: parameters_model, nearest to the band: X1 1.8, X2 2.8, X3 3.8, X4 4.8."
+    assert (
+        lines[2] == "dyke: parameters_model, the law nearest to the median of the band: X1 1.8, X2 2.8, X3 3.8, X4 4.8."
+    )
     counts = "simulator runs of the search: 6 (4 design, 2 infill), besides 1 reference, 1 final"
     assert lines[5:7] == summarise(made.archive)["warnings"]
     assert lines[7] == f"{counts}; end: no parameters inside the bounds seem to reach the target."

@@ -153,7 +153,10 @@ def test_parameters_are_told_with_their_intervals(made, build_archive, tmp_path)
     lines = shown(external, tmp_path)
     assert any(line.endswith(f" external with {words}.") for line in lines)
     # the law nearest to the band, of the other material
-    assert "stem beans: parameters_model, nearest to the band: X1 1.8, X2 2.8, X3 3.8, X4 4.8." in lines
+    assert (
+        "stem beans: parameters_model, the law nearest to the median of the band: X1 1.8, X2 2.8, X3 3.8, X4 4.8."
+        in lines
+    )
     assert not any(line.startswith("dyke: parameters_model") for line in lines)
     at_bound = found_words({"a": 1.0, "b": 0.0}, [[0, 1], [0, 4]], {"a": 0.8, "b": 0.1}, {"a": 0.99, "b": 2.0})
     assert at_bound == "a 1 (at its upper bound; 5 to 95 %: 0.8 to 0.99), b 0 (at its lower bound; 5 to 95 %: 0.1 to 2)"

@@ -14,11 +14,16 @@ def main(
     case: Finished,
     to: Annotated[Path, typer.Option("--to", metavar="OTHER", help="YAML file of the other case.", show_default=False)],
     out: Annotated[
-        Path | None, typer.Option(file_okay=False, help="By default results/<other>/applied_<case>.")
+        Path | None,
+        typer.Option(file_okay=False, help="Folder of the results; by default results/<other>/applied_<case>."),
     ] = None,
     results: Results = Path("results"),
 ) -> None:
-    """Predict the image of another scene or pass from the laws of a finished case, and compare it with its image."""
+    """Predict the image of another case with the laws of a finished case, and compare it with the measured image.
+
+    OTHER has another scene or another pass, and materials of the same names. Without a measured image, the command only
+    predicts.
+    """
     from radcal.config import load_forward
     from radcal.config.loading import load_measured
     from radcal.products.applied import apply

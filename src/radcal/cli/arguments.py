@@ -14,7 +14,7 @@ from radcal.errors import RadcalError
 CaseFiles = Annotated[
     list[Path], typer.Argument(metavar="CASE...", readable=False, help="YAML files of cases.", show_default=False)
 ]
-_NAMED = "Name, results folder or YAML file."
+_NAMED = "Name, results folder or YAML file of the case."
 Finished = Annotated[str, typer.Argument(metavar="CASE", help=_NAMED, show_default=False)]
 Results = Annotated[
     Path,
@@ -22,7 +22,9 @@ Results = Annotated[
 ]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="One key of the case, as stop.law_db=0.02; may be repeated."),
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Change one key of the case, such as stop.law_db=0.02; may be repeated."
+    ),
 ]
 
 

@@ -17,15 +17,15 @@ def main(cases: CaseFiles, settings: Settings = None, results: Results = Path("r
     """Check cases without running anything.
 
     All wrong keys, missing files and values that are still to be decided (FILL_IN) are listed at once, with line and
-    expected value. If there are none, scene, geometry and measured image are made in memory by the functions of their
-    stages, and what these refuse or find is printed; nothing is written. If all is well, the command prints how many
-    simulator runs the case may take, in which time (as far as stored runs show) and with how much memory. Warnings come
-    first; they do not keep a case from being run.
+    expected value. If there are none, the command makes scene, geometry and measured image in memory, as a calibration
+    does, and prints what it finds wrong or remarkable; it writes nothing. If all is well, it prints how many simulator
+    runs the case may take, the memory and, as far as stored runs show it, the time. Warnings come first; a case with
+    warnings can be run.
 
-    With a product such as a Sentinel-1 SAFE folder it prints section radar as the annotation gives it, even with
-    problems.
+    If the measured image is a product with an annotation, such as a Sentinel-1 SAFE folder, the command also prints the
+    section radar that the annotation gives, even if the case has problems.
 
-    A case without a measured image and without a material to calibrate is checked as radcal simulate needs it.
+    A case without a measured image and without a material to calibrate is checked for radcal simulate.
 
     What only the calibration can find out, such as the registration, is not checked. The exit status is 1 if a problem
     was found, else 0.

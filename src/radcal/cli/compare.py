@@ -11,14 +11,16 @@ from radcal.cli.arguments import Results, sentences
 
 
 def main(
-    first: Annotated[str, typer.Argument(metavar="A", help="Name, results folder or YAML file.", show_default=False)],
-    second: Annotated[str, typer.Argument(metavar="B", help="The same of the other case.", show_default=False)],
+    first: Annotated[str, typer.Argument(metavar="A", help="One case.", show_default=False)],
+    second: Annotated[str, typer.Argument(metavar="B", help="The other case.", show_default=False)],
     results: Results = Path("results"),
 ) -> None:
     """Compare the laws of two finished cases: one table, and one figure of both laws with their bands.
 
-    A and B are names of cases below results/, results folders, or YAML files. The figure is written beside the results
-    folder of A.
+    A and B are names of cases below results/, results folders, or YAML files. For each material that both have
+    calibrated, the table gives the incidence seen by both, the mean and the largest difference B - A of sigma0 there,
+    and the share of this incidence at which the two 90 % bands overlap. The figure is written beside the results folder
+    of A.
     """
     from radcal.products.comparison import compare
     from radcal.products.showing import results_folder

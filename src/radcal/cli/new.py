@@ -18,8 +18,8 @@ def main(case: str, **answers: Any) -> None:
 
     CASE is the YAML file to write, or a name. What the files say is read from them: size, CRS, pixel spacing, bands,
     codes of the land cover. A line that is still to be decided is marked FILL_IN; radcal check lists these lines. No
-    file is overwritten, and with a wrong option none is written. Materials to calibrate start about the levels of the
-    image.
+    file is overwritten, and with a wrong option none is written. The starting law of a material to calibrate has about
+    the level of this material in the image.
 
     With --image synthetic, the image is simulated with hidden laws; with --image none, the case is for radcal simulate.
 

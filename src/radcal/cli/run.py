@@ -34,12 +34,12 @@ def main(
         list[str],
         typer.Argument(
             metavar="CASE... [TARGETS]",
-            help="YAML files of cases, where to stop, and after -- options for Snakemake.",
+            help="YAML files of cases, targets at which to stop, and options for Snakemake after --.",
             show_default=False,
         ),
     ],
     cores: Annotated[
-        str | None, typer.Option("--cores", "-c", metavar="N", help="Cores to use; all of this machine if missing.")
+        str | None, typer.Option("--cores", "-c", metavar="N", help="Number of cores; by default all of this machine.")
     ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", "-n", help="Say what would run, and run nothing.")] = False,
     settings: Settings = None,
@@ -47,11 +47,11 @@ def main(
 ) -> None:
     """Check cases and calibrate them, in the folder of your clone or anywhere else.
 
-    The cases are checked first; a fault in one is reported in one sentence, and none is run. Then Snakemake runs the
-    workflow of one case after the other, up to the TARGETS if any are named: reference (one run, to test the setup),
-    registration, target, design (the initial runs), all (the default), products (of the calibrated laws), any other
-    stage of docs/architecture.md outside the loop of iterations, or a file below results/. A case that fails does not
-    stop the next one. Stop the command at any time: the same command continues.
+    The cases are checked first. If one has a fault, the command reports it in one sentence and runs no case. Then
+    Snakemake runs the workflow of one case after the other, up to the TARGETS if any are named. A target is reference
+    (one run, to test the setup), registration, target, design (the initial runs), all (the default), products (of the
+    calibrated laws), any other stage of docs/architecture.md outside the loop of iterations, or a file below results/.
+    A case that fails does not stop the next one. Stop the command at any time: the same command continues.
 
     Results go to results/<case> below the current folder, or below the folder of --results.
 

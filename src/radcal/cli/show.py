@@ -15,14 +15,14 @@ def main(
         list[str], typer.Argument(metavar="CASE...", help="Names, results folders or YAML files.", show_default=False)
     ],
     results: Results = Path("results"),
-    watch: Annotated[bool, typer.Option("--watch", help="Show again until no command works on the cases.")] = False,
+    watch: Annotated[bool, typer.Option("--watch", help="Repeat until no command works on the cases.")] = False,
     html: Annotated[bool, typer.Option("--html", help="With --watch: write live.html in the results folder.")] = False,
 ) -> None:
     """Show the verdict of cases, their runs, and where report, exports and summary lie.
 
-    CASE is the name of a case below results/, a results folder, or the case's YAML file. The command also says what is
-    missing if the calibration is not finished, and where it stands if a command works on it at this moment. With the
-    YAML file, it also says how many runs are expected.
+    CASE is the name of a case below results/, a results folder, or the case's YAML file. If the calibration is not
+    finished, the command says what is missing; if another command works on the case at this moment, it gives the
+    latest line of progress. With the YAML file and --watch, it also says how many runs are expected.
 
     \b
     For example:

@@ -19,18 +19,22 @@ def main(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="File whose materials replace the case's materials of the same names, as calibrated.yaml.",
+            help="File, such as calibrated.yaml, whose materials replace those of the same names in the case.",
         ),
     ] = None,
     settings: Settings = None,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="FOLDER", file_okay=False, help="Of the images; by default results/<case>/simulated."),
+        typer.Option(
+            metavar="FOLDER", file_okay=False, help="Folder of the images; by default results/<case>/simulated."
+        ),
     ] = None,
     product: Annotated[
         Literal[tuple(PRODUCTS)],  # type: ignore[valid-type]  # evaluated when the command starts
         typer.Option(
-            help="Also written: " + "; ".join(f"{name}: {one.adds}" for name, one in PRODUCTS.items() if one) + ".",
+            help="What is written besides the image: "
+            + "; ".join(f"{name}: {one.adds}" for name, one in PRODUCTS.items() if one)
+            + ".",
         ),
     ] = "intensity",
     draws: Annotated[
@@ -38,14 +42,14 @@ def main(
         typer.Option(
             metavar="N",
             min=0,
-            help="Also simulate N draws from the posterior of the calibration that wrote FILE; by default that of "
-            "results/<case>.",
+            help="Also simulate N draws of the laws from the posterior of the calibration that wrote FILE; without "
+            "--materials, of the calibration in results/<case>.",
         ),
     ] = 0,
     replace: Annotated[bool, typer.Option("--replace", help="Replace images of other runs in the folder.")] = False,
     results: Results = Path("results"),
 ) -> None:
-    """Simulate the image of a case with the parameters of its materials; it needs no measured image.
+    """Simulate the image of a case with the parameters of its materials; no measured image is needed.
 
     A material with calibrate: true is simulated at its start. With --materials, the materials of FILE replace those of
     the same names, and the others keep the case's laws. An image of another run in the folder is replaced only with

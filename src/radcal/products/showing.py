@@ -145,7 +145,8 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
         law = material.get("formula", material["law"])
         lines.append(f"{start} {law} with {parameters}.")
         if (model := material.get("parameters_model")) is not None:
-            lines.append(f"{name}: parameters_model, nearest to the band: {found_words(model, material['bounds'])}.")
+            nearest = found_words(model, material["bounds"])
+            lines.append(f"{name}: parameters_model, the law nearest to the median of the band: {nearest}.")
     # files of earlier versions have neither
     kept = [
         {key: one[key] for key in ("code", "severity", "about", "numbers", "do")} for one in summary.get("findings", [])
