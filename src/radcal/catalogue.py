@@ -87,9 +87,9 @@ _OF_IMAGE: Mapping[str, str] = {
     "looks_unknown": "the speckle of {about} could not check radar.looks and measurement.scale: the areas of single "
     "materials have too few pixels",
     "resolutions_unknown": "the speckle of {about} could not check radar.range_resolution_m and "
-    "radar.azimuth_resolution_m, nor whether it was filtered: the areas of single materials are too small (fewer than "
-    "{pairs:.0f} pairs of pixels {apart_px:.0f} pixels apart in slant range or in azimuth), or the speckle is "
-    "correlated over most of their width",
+    "radar.azimuth_resolution_m, nor whether the image was filtered: the areas of single materials are too small "
+    "(fewer than {pairs:.0f} pairs of pixels {apart_px:.0f} pixels apart in slant range or in azimuth), or their "
+    "speckle is correlated over most of the width of an area",
     "resolution_unusual": "{about} of {resolution_m:g} m is {spacings:.3g} times the pixel spacing; in most images it "
     "is at most {most_spacings:.2g} times the spacing. The speckle could not check it",
     "filtered": "{about} is speckle-filtered: " + _CORRELATED + "; its looks are {looks_ratio:.2g} times radar.looks. "
@@ -102,7 +102,7 @@ _OF_IMAGE: Mapping[str, str] = {
     "resolutions_nearest": _SPREAD + ": no nearer resolutions can be simulated with these pixel spacings",
     "resampling": "{about}: its resampling by nearest neighbour widens the point spread: an image of the configured "
     "resolutions then has a point spread of up to {range_m:.3g} m in slant range and {azimuth_m:.3g} m in azimuth",
-    "spacing_limits": "with {about} of {spacing_m:g} m the finest possible resolution is {finest_m:g} m",
+    "spacing_limits": "with {about} of {spacing_m:g} m the finest resolution of a simulated image is {finest_m:g} m",
     "unweighted": "{about}: for an impulse response without weighting this estimate is 24 to 34 % too fine; for such "
     "an image no key need be changed",
     "image_plane": "{about}: its rows lie in the image plane {plane}, not in slant range as in the scene's image",
@@ -153,7 +153,7 @@ _OF_IMAGE: Mapping[str, str] = {
 }
 
 _OF_CASE: Mapping[str, str] = {
-    "scene_large": "The scene is large: it is read when the calibration starts, not in this check",
+    "scene_large": "The scene is large, so that this check does not read it; the calibration reads it when it starts",
     "starts_as_truth": "{about}: measurement.synthetic.parameters gives no hidden law, so that the starting law makes "
     "the measured image, and the search begins at its solution",
     "bounces_outside": "the double bounce of {walls:.0f} of {of:.0f} objects on {about} uses its law outside of the "
@@ -190,7 +190,7 @@ _OF_RUNS: Mapping[str, str] = {
     "passes_together": "The laws are those of {passes:.0f} passes together; densities, images, pixels and checks on "
     "held-out ground are those of pass 1",
     "fields_shared": "The deviation of a field from its material is taken as equal in all passes",
-    "too_few_pixels": "{about}: too few pixels in this pass, which is not used for this material",
+    "too_few_pixels": "{about}: this pass has too few pixels of it, and is not used for this material",
     "outside_angles": "{about}: {share_percent:.0f} % of its pixels are seen outside of the {from_angle_deg:g} to "
     "{to_angle_deg:g} deg that law {law!r} was made for; there it is an extrapolation",
     "outside_data": "{about}: law {law!r} is an extrapolation: {doubt}",
@@ -225,8 +225,8 @@ _OF_MODEL: Mapping[str, str] = {
     "level_found": _FROM_REFERENCE,
     "level_subtracted": _FROM_REFERENCE + "; this offset is subtracted from the measured image",
     "images_mapped": _MAPPED,
-    "all_images_mapped": _MAPPED + "; all materials are calibrated, so that a level common to all laws is not "
-    "identified",
+    "all_images_mapped": _MAPPED + "; all materials are calibrated, so that a level common to all laws cannot be "
+    "determined",
     "level_unchecked": "{about}: the level of the image (an offset in dB) is unchecked, because no material has a "
     "fixed law; the bands contain its standard error of {level_db:.2g} dB (uncertainty.level_db)",
     "determined": "sigma0 is determined to +-{half_width_db:.1f} dB (90 %) {between}, " + IF,
@@ -274,7 +274,7 @@ _OF_PRODUCTS: Mapping[str, str] = {
 }
 
 _CRITERION_MET = "{about}: stop criterion met after {counted_runs}: "
-_EXHAUSTED = "every combination of whole parameters inside the bounds has been simulated"
+_EXHAUSTED = "every combination of the integer parameters inside the bounds has been simulated"
 _OF_SEARCH: Mapping[str, str] = {
     "search_goes_on": "{about}: {standing} so far",
     "search_stagnated": "{about}: {standing}, without improvement for {counted_idle}",

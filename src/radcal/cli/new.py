@@ -18,8 +18,8 @@ def main(case: str, **answers: Any) -> None:
 
     CASE is the YAML file to write, or a name. What the files say is read from them: size, CRS, pixel spacing, bands,
     codes of the land cover. A line that is still to be decided is marked FILL_IN; radcal check lists these lines. No
-    file is overwritten, and with a wrong option none is written. The starting law of a material to calibrate has about
-    the level of this material in the image.
+    file is overwritten, and with a wrong option none is written. A material to calibrate starts at the level of its
+    land cover (docs/landcover.md) or, if its name tells no land cover, near the median level of the image.
 
     With --image synthetic, the image is simulated with hidden laws; with --image none, the case is for radcal simulate.
 
