@@ -75,8 +75,8 @@ def fidelity(case: Archive, name: str) -> Drawn | None:
     caption = (
         f"Above: for each infill run, {what}, as predicted by the surrogate and as verified by the run. Below: each "
         f"point is a statistic of a run{', in one incidence-angle bin,' if values.shape[1] > 1 else ''} minus its "
-        f"prediction, in kriging standard deviations; {inside} lie within two. The kriging standard deviation is that "
-        "of the surrogate's error and guides the search; it is not the uncertainty of the law."
+        f"prediction, in kriging standard deviations; {inside} points lie within two. The kriging standard deviation "
+        "is that of the surrogate's error and guides the search; it is not the uncertainty of the law."
     )
     if left_out:
         caption += f" Without prediction, and not drawn: run{'s' * (len(left_out) > 1)} {', '.join(left_out)}"
