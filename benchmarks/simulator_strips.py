@@ -5,7 +5,11 @@
 The scene is hilly, with cells of 1 m, 7 materials in fields, and no objects; its file is written in pieces. One process
 computes the frame of the strips, and each further one the geometry of a strip and one look of it in dB. ``--first``
 stops after some strips; the totals of all are then in proportion. The peak of a process contains the pages of files
-that it has mapped, which the operating system may take back.
+that it has mapped, which the operating system may take back; its own memory, read ten times a second, does
+not.
+
+Then the first four, the middle four and the last four strips are computed again as one strip each, and their pixels and
+masks are compared with those of the strips (``unlike``: number of differing values).
 """
 
 from __future__ import annotations
@@ -14,17 +18,20 @@ import argparse
 import json
 import math
 import os
+import re
 import resource
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import asdict
+from contextlib import ExitStack
+from dataclasses import asdict, replace
 from pathlib import Path
 
 os.environ["NUMBA_NUM_THREADS"] = "1"
 
+import h5py
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
@@ -37,6 +44,7 @@ from radcal.simulators.builtin import BuiltinSimulator
 from radcal.storage.records import write_hdf5
 
 NAMES = tuple(f"m{k}" for k in range(1, 8))
+MASKS = ("material", "layover", "shadow")
 PATCH = 1024
 RADAR = Radar(
     altitude_m=100_000.0, range_spacing_m=0.71, azimuth_spacing_m=1.0, range_resolution_m=1.0,
@@ -61,20 +69,53 @@ def write_large_scene(path: Path, side: int) -> None:
 
 
 def job(folder: Path, task: str, rows: int) -> None:
-    """Frame of the strips, or geometry and image of one strip."""
+    """Frame of the strips, or geometry and image of one strip, or of several as one (``3-6``)."""
     scene, frame = read_scene(folder / "scene.h5"), folder / "frame.json"
     if task == "frame":
         frame.write_text(json.dumps(asdict(make_frame(scene, RADAR))))
         return
     side, shared = len(scene.material), Frame(**json.loads(frame.read_text()))
-    strip = strips_of(side, 1.0, RADAR, number_of(side, rows), shared)[int(task)]
+    strips, ends = strips_of(side, 1.0, RADAR, number_of(side, rows), shared), [int(one) for one in task.split("-")]
+    strip = replace(strips[ends[0]], last=strips[ends[-1]].last, right=strips[ends[-1]].right)
     made = make_geometry(scene, RADAR, strip=strip)
     write_geometry(folder / f"{task}.h5", made, RADAR)
     del made
-    simulator = BuiltinSimulator(read_geometry(folder / f"{task}.h5"), RADAR, dict.fromkeys(NAMES, LAWS["mangia"]))
+    geometry = read_geometry(folder / f"{task}.h5")
+    simulator = BuiltinSimulator(geometry, RADAR, dict.fromkeys(NAMES, LAWS["mangia"]))
     image = simulator.run({name: [-20.0 + k, 5.0, 10.0, 3.0] for k, name in enumerate(NAMES)}, 1)
     with write_hdf5(folder / f"image-{task}.h5", "measurement") as file:
         file["image_db"] = strip.cut(image)
+        for name in MASKS:
+            file[name] = strip.cut(getattr(geometry, name))
+
+
+def unlike(folder: Path, piece: str) -> int:
+    """Number of values that differ between a piece and its strips."""
+    first, last = (int(one) for one in piece.split("-"))
+    found = 0
+    with ExitStack() as opened:
+        files = [
+            opened.enter_context(h5py.File(folder / f"image-{one}.h5")) for one in (piece, *range(first, last + 1))
+        ]
+        for name in ("image_db", *MASKS):
+            whole, *parts = (one[name][()] for one in files)
+            found += np.count_nonzero(whole.view(np.uint8) != np.concatenate(parts, axis=-1).view(np.uint8))
+    return found
+
+
+def measured(command: list[str]) -> dict[str, float]:
+    """What a process prints, its wall time and the largest of its own memory, without pages of mapped files."""
+    started, own = time.perf_counter(), 0
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        status = Path(f"/proc/{process.pid}/status")
+        while process.poll() is None:
+            found = re.search(r"RssAnon:\s+(\d+)", status.read_text())
+            own = max(own, int(found[1]) if found else 0)
+            time.sleep(0.1)
+        printed = process.communicate()[0]
+    if process.returncode:
+        sys.exit(process.returncode)
+    return {**json.loads(printed), "own_gib": own / 2**20, "wall_s": time.perf_counter() - started}
 
 
 def number_of(side: int, rows: int) -> int:
@@ -100,22 +141,26 @@ def main() -> None:
     side = 1000 if options.quick else round(1000 * math.sqrt(options.km2))
     strips = number_of(side, options.rows)
     computed = min(strips, options.first or strips)
+    pieces = sorted({f"{max(0, one)}-{min(one + 3, computed - 1)}" for one in (0, computed // 2 - 2, computed - 4)})
     folder = Path(tempfile.mkdtemp(dir=options.folder))
     try:
         write_large_scene(folder / "scene.h5", side)
-        found, started = {}, time.perf_counter()
-        for task in ("frame", *map(str, range(computed))):
+        found = {}
+        for task in ("frame", *map(str, range(computed)), *pieces):
             command = [sys.executable, __file__, "--rows", str(options.rows), "--job", str(folder), task]
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
-            if done.returncode:
-                sys.exit(done.stderr)
-            found[task] = json.loads(done.stdout)
-            print(f"{task:>6}: {found[task]['cpu_s']:7.1f} s, {found[task]['peak_gib']:.2f} GiB", flush=True)
+            found[task] = one = measured(command)
+            print(
+                f"{task:>6}: {one['cpu_s']:7.1f} CPU s, {one['wall_s']:7.1f} s, peak {one['peak_gib']:.2f} GiB, "
+                f"own memory {one['own_gib']:.2f} GiB",
+                flush=True,
+            )
+        differing = int(sum(unlike(folder, piece) for piece in pieces))
         scene_gb = (folder / "scene.h5").stat().st_size / 1e9
-        strips_gb = sum(path.stat().st_size for path in folder.glob("*[0-9].h5")) / 1e9 * strips / computed
+        files = [folder / f"{prefix}{number}.h5" for prefix in ("", "image-") for number in range(computed)]
+        strips_gb = sum(path.stat().st_size for path in files) / 1e9 * strips / computed
     finally:
         shutil.rmtree(folder)
-    frame = found.pop("frame")
+    frame, each = found["frame"], [found[str(one)] for one in range(computed)]
     print(
         json.dumps(
             {
@@ -124,11 +169,15 @@ def main() -> None:
                 "computed": computed,
                 "frame_s": frame["cpu_s"],
                 "frame_gib": frame["peak_gib"],
-                "strips_s": sum(one["cpu_s"] for one in found.values()) * strips / computed,
-                "strip_gib": max(one["peak_gib"] for one in found.values()),
-                "wall_s": time.perf_counter() - started,
+                "frame_own_gib": frame["own_gib"],
+                "strips_s": sum(one["cpu_s"] for one in each) * strips / computed,
+                "strip_gib": max(one["peak_gib"] for one in each),
+                "wall_s": frame["wall_s"] + sum(one["wall_s"] for one in each),
+                "longest_s": frame["wall_s"] + max(one["wall_s"] for one in each),
                 "scene_gb": scene_gb,
                 "strips_gb": strips_gb,
+                "pieces": len(pieces),
+                "unlike": differing,
             }
         )
     )
