@@ -479,6 +479,7 @@ def renamed(root: Path, old: str, new: str) -> None:
         (no_class, "cdb_left_out", "1 of its features"),
         (feature, "features_without_size", "AL015 (1)"),
         (lambda root: renamed(root, "W071", "W070"), "cdb_left_out", "contradicts its folders"),
+        (lambda root: renamed(root, ".tif", ".TIF"), "cdb_left_out", "ends with .TIF, expected .tif"),
         (lambda root: renamed(root, "_R", "_R9"), "cdb_left_out", "no row"),
         (lambda root: renamed(root, "S34", "copy of S34"), "cdb_left_out", "not one of a tile"),
     ],

@@ -119,7 +119,7 @@ def _parsed(path: Path, south: int, west: int, width: int) -> CdbFile:
     match = _NAME.fullmatch(path.name)
     if match is None:
         return CdbFile(path, fault="its name is not one of a tile")
-    ns, ew, code, first, second, coarse, digits, up, right, _ = match.groups()
+    ns, ew, code, first, second, coarse, digits, up, right, ending = match.groups()
     own = (f"U{up}", "LC" if coarse == "LC" else f"L{digits}", ew, ns)
     row, level, dataset, longitude, latitude = (folder.name for folder in path.parents[:5])
     if (*own, code) != (row, level, longitude, latitude, dataset[:3]):
@@ -128,6 +128,8 @@ def _parsed(path: Path, south: int, west: int, width: int) -> CdbFile:
     tiles = 2 ** max(number, 0)
     if not -10 <= number <= 23 or max(int(up), int(right)) >= tiles:
         return CdbFile(path, fault=f"a geocell has no row {up} and column {right} of level {number}")
+    if ending != ending.lower():  # names are case-sensitive (requirement 5)
+        return CdbFile(path, fault=f"its name ends with .{ending}, expected .{ending.lower()}")
     left, low = west + width * int(right) / tiles, south + int(up) / tiles
     box = (left, low, left + width / tiles, low + 1.0 / tiles)
     return CdbFile(path, int(code), int(first), int(second), number, box, width)
