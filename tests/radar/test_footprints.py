@@ -42,7 +42,7 @@ def test_roof_stands_on_the_mean_of_its_ground(length, width, heading, look_side
     elevation = c * EAST * NORTH
     shown = elevation if look_side == "right" else elevation[:, ::-1]
     box = objects_of(x_m=x, y_m=y, length_m=length, width_m=width, heading_deg=heading, height_m=2.5, rcs_dbsm=13.0)
-    boxes, spots = to_boxes_and_spots(box, np.ascontiguousarray(shown), look_side, 3, CELL_M / 3)
+    boxes, spots = to_boxes_and_spots(box, np.ascontiguousarray(shown), look_side, 3, CELL_M / 3, np.full(1, 10**1.3))
     assert not spots.height_m.size
     # 5 x 5 samples in the middles of equal parts: their mean square is 0.32 of the half length's
     turn = np.radians(heading)
@@ -55,8 +55,8 @@ def test_roof_stands_on_the_mean_of_its_ground(length, width, heading, look_side
 @pytest.mark.parametrize("look_side", ["right", "left"])
 def test_footprint_covers_its_rectangle(look_side, heading):
     box = objects_of(x_m=50.2, y_m=33.7, length_m=30.0, width_m=8.0, heading_deg=heading, height_m=3.0)
-    boxes, _ = to_boxes_and_spots(box, np.zeros((ROWS, COLUMNS)), look_side, 3, 1.0)
-    found = raise_boxes(boxes, np.zeros((3 * ROWS, 3 * COLUMNS)), 0).owner == 0
+    boxes, _ = to_boxes_and_spots(box, np.zeros((ROWS, COLUMNS)), look_side, 3, 1.0, np.ones(1))
+    found = raise_boxes(boxes, np.zeros((3 * ROWS, 3 * COLUMNS)), 0)[0] == 0
     north, east = np.mgrid[0 : 3 * ROWS, 0 : 3 * COLUMNS] + 0.5
     if look_side == "left":
         east = COLUMNS * CELL_M - east
@@ -76,13 +76,13 @@ def test_the_higher_of_two_overlapping_boxes_is_seen(order):
         roof=np.zeros(2, np.uint8),
         wall_sigma0=np.zeros(2), bounce=np.zeros(2, bool),
     )  # fmt: skip
-    raised = raise_boxes(boxes, np.zeros((12, 20)), 0)
+    _, roof_m = raise_boxes(boxes, np.zeros((12, 20)), 0)
     expected = np.zeros((12, 20))
     expected[2:10, 5:11] = 5.0
     expected[4:8, 8:14] = 7.0
-    np.testing.assert_array_equal(raised.roof_m, expected)
+    np.testing.assert_array_equal(roof_m, expected)
     # a block of lines in the middle of the boxes has the same roofs
-    np.testing.assert_array_equal(raise_boxes(boxes, np.zeros((5, 20)), 5).roof_m, expected[5:10])
+    np.testing.assert_array_equal(raise_boxes(boxes, np.zeros((5, 20)), 5)[1], expected[5:10])
 
 
 def test_pixels_of_a_points_main_lobe_are_of_no_material():

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.compiled import njit, threaded
-from radcal.radar.facets import OBJECT, VISIBLE
+from radcal.compiled import njit
 from radcal.radar.visibility import FAR_HALF, NEAR_HALF, part_seen, seen_from, slant_extent
 from radcal.scene.objects import Objects, Walls
 
@@ -139,9 +138,8 @@ def _mean_ground(elevation: Any, k: Any, place: Any, axis: Any, half: Any, mean:
 
 
 def to_boxes_and_spots(
-    objects: Objects, elevation: NDArray[np.float64], look_side: str, k: int, step: float,
-    rcs_m2: NDArray[np.float64] | None = None,
-) -> tuple[Boxes, Spots]:  # fmt: skip
+    objects: Objects, elevation: NDArray[np.float64], look_side: str, k: int, step: float, rcs_m2: NDArray[np.float64]
+) -> tuple[Boxes, Spots]:
     """Division of the scene's objects into boxes and point scatterers, with positions in lines and facets of a pass.
 
     An object becomes a point scatterer if it has no footprint, or if no facet has its middle in the object's footprint.
@@ -159,12 +157,11 @@ def to_boxes_and_spots(
         Number of azimuth lines in a cell, and of facets along each line in a cell.
     step : float
         Width of a line, and of a facet along a line [m].
-    rcs_m2 : ndarray, shape (n,), optional
-        Cross-sections towards the radar [m2], where they depend on more than the bearing.
+    rcs_m2 : ndarray, shape (n,)
+        Cross-sections towards the radar [m2]; NaN for a box without a cross-section of its own.
     """
     ny, nx = elevation.shape
     right = look_side == "right"
-    rcs = objects.cross_section_m2(bearing_deg(look_side)) if rcs_m2 is None else rcs_m2
     place = np.stack([objects.y_m, objects.x_m if right else nx * k * step - objects.x_m], axis=1) / step
     bearing = np.radians(objects.heading_deg)
     axis = np.stack([np.cos(bearing), np.sin(bearing) if right else -np.sin(bearing)], axis=1)
@@ -177,13 +174,13 @@ def to_boxes_and_spots(
     _mean_ground(elevation, k, place[box], axis[box], half[box], mean)
     walls = Walls.none(len(objects)) if objects.walls is None else objects.walls
     boxes = Boxes(
-        place[box], axis[box], half[box], reach[box], mean + objects.height_m[box], rcs[box], np.zeros(mean.size),
+        place[box], axis[box], half[box], reach[box], mean + objects.height_m[box], rcs_m2[box], np.zeros(mean.size),
         np.flatnonzero(box), (walls.roof[box] + 1).astype(np.uint8),
         np.nan_to_num(10.0 ** (walls.sigma0_db[box] / 10.0)), walls.bounce[box],
     )  # fmt: skip
-    spot = ~box & ~np.isnan(rcs)
+    spot = ~box & ~np.isnan(rcs_m2)
     number = np.flatnonzero(spot).astype(np.uint32)
-    spots = Spots(place[spot], objects.height_m[spot], rcs[spot], number, np.full(number.size, np.nan))
+    spots = Spots(place[spot], objects.height_m[spot], rcs_m2[spot], number, np.full(number.size, np.nan))
     return boxes, spots
 
 
@@ -191,30 +188,6 @@ def bearing_deg(look_side: str) -> float:
     """Direction from the scene to the radar, clockwise from the grid's north [deg]."""
     # at zero Doppler, a radar that looks east is due west of the places that it sees
     return 270.0 if look_side == "right" else 90.0
-
-
-@dataclass(frozen=True)
-class Raised:
-    """Index and roof elevation of the box that covers each facet, for some consecutive azimuth lines.
-
-    The arrays have the shape (lines, facets).
-
-    Attributes
-    ----------
-    owner : ndarray of int32
-        Index of the box that stands on a facet; -1 if no box does.
-    roof_m : ndarray of float64
-        Elevation of the box's roof [m]; elevation of the ground if no box stands on the facet, or if the ground is
-        higher.
-    """
-
-    owner: NDArray[np.int32]
-    roof_m: NDArray[np.float64]
-
-    @classmethod
-    def none(cls, ground_m: NDArray[np.float64]) -> Raised:
-        """Block of azimuth lines on which no box stands."""
-        return cls(np.full(ground_m.shape, -1, dtype=np.int32), ground_m)
 
 
 @njit()
@@ -231,17 +204,36 @@ def _raise(chosen: Any, place: Any, axis: Any, half: Any, reach: Any, top: Any, 
                     owner[line, facet] = i
 
 
-def raise_boxes(boxes: Boxes, ground_m: NDArray[np.float64], first: int) -> Raised:
-    """Boxes that cover the facets of a block of lines with the first line ``first`` and the elevation ``ground_m``."""
+def raise_boxes(
+    boxes: Boxes | None, ground_m: NDArray[np.float64], first: int
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Index and roof elevation of the box that covers each facet of a block of azimuth lines.
+
+    Parameters
+    ----------
+    boxes : Boxes or None
+        Boxes of the scene.
+    ground_m : ndarray, shape (lines, facets)
+        Elevation of the ground [m].
+    first : int
+        First line of the block.
+
+    Returns
+    -------
+    owner : ndarray of int32, shape (lines, facets)
+        Index of the box that stands on a facet; -1 if no box does.
+    roof_m : ndarray, shape (lines, facets)
+        Elevation of the box's roof [m]; elevation of the ground if no box stands on the facet, or if the ground is
+        higher.
+    """
     owner = np.full(ground_m.shape, -1, dtype=np.int32)
+    if boxes is None or not len(boxes.place):
+        return owner, ground_m
     low, high = boxes.place[:, 0] - boxes.reach[:, 0], boxes.place[:, 0] + boxes.reach[:, 0]
     chosen = np.flatnonzero((high >= first) & (low <= first + len(ground_m)))
-    if not chosen.size:
-        return Raised.none(ground_m)
     _raise(chosen, boxes.place, boxes.axis, boxes.half, boxes.reach, boxes.top_m, first, owner)
     # where the ground rises above a roof, the height is that of the ground
-    roof = np.where(owner >= 0, np.maximum(ground_m, boxes.top_m[owner]), ground_m)
-    return Raised(owner, roof)
+    return owner, np.where(owner >= 0, np.maximum(ground_m, boxes.top_m[owner]), ground_m)
 
 
 @njit()
@@ -254,7 +246,7 @@ def stand(
     Parameters
     ----------
     owner, roof : ndarray
-        Line of the arrays of :class:`Raised`.
+        Line of the arrays of :func:`raise_boxes`.
     alone : ndarray, shape (boxes,)
         Nonzero for a box whose facets are those of its roof alone.
     at_edges : ndarray, shape (facets + 1,)
@@ -330,15 +322,6 @@ def _of_box(first: Any, last: Any, start: Any, down: Any, foot_down: Any, before
 
 
 @njit()
-def add_up(owner: Any, extent: Any, total: Any) -> None:
-    """Add the slant extents of the facets of a block of lines to the total extents of the facets' boxes."""
-    for line in range(owner.shape[0]):
-        for f in range(owner.shape[1]):
-            if owner[line, f] >= 0:
-                total[owner[line, f]] += extent[line, f]
-
-
-@njit()
 def locate(
     place: Any, height: Any, ground: Any, first: Any, last: Any, horizon: Any, edges: Any, track: Any, step: Any,
     slant: Any,
@@ -357,21 +340,3 @@ def locate(
         # the horizon leaves out the point's own facet, whose ground would hide points in the near half of this facet
         if away / up >= horizon[line, f]:
             slant[i] = np.hypot(away, up)
-
-
-@threaded
-def share_out(part: Any, near: Any, far: Any, state: Any, area: Any, owner: Any, rcs: Any, extent: Any) -> None:
-    """Radar cross-section of each facet of a box [m2], written to ``area``.
-
-    The cross-section of a box is divided among its facets in proportion to their extent in slant range, so that the box
-    is evenly bright in slant range. Hidden facets and hidden parts of facets return no echo: their share of the
-    cross-section is lost. ``owner`` is the index of each facet's box. ``owner`` uses the same memory as ``area``, so
-    that the cross-sections overwrite the indices. ``part`` is the range of lines to compute: the first line, and the
-    line after the last.
-    """
-    for line in range(part[0], part[1]):
-        for f in range(near.shape[1]):
-            if state[line, f] & OBJECT:
-                i = owner[line, f]
-                share = (far[line, f] - near[line, f]) / extent[i] if state[line, f] & VISIBLE else 0.0
-                area[line, f] = rcs[i] * share

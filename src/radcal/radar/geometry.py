@@ -260,14 +260,14 @@ def joined(strips: Sequence[Geometry]) -> Geometry:
     return replace(
         strips[0],
         shape=(rows, borders[-1]),
-        cell_start=_starts(np.hstack(counts)),
-        facet_start=_starts(sizes),
+        cell_start=starts(np.hstack(counts)),
+        facet_start=starts(sizes),
         strip=None,
         **fields,
     )
 
 
-def _starts(sizes: NDArray[np.int32]) -> NDArray[np.int32]:
+def starts(sizes: NDArray[Any]) -> NDArray[np.int32]:
     """Index of the first item of each group of items, and the number of all items, from the sizes of the groups."""
     found = np.zeros(sizes.size + 1, dtype=np.int32)
     np.cumsum(sizes, out=found[1:])

@@ -78,48 +78,29 @@ def _amplitude_row(
 
 
 @njit()
-def _limit_rows(source: Any, first: Any, taps: Any, out: Any) -> None:
-    """Image row filtered in slant range: the sum of rows of ``source``, from row ``first`` on, weighted by ``taps``."""
+def _filter(source: Any, first: Any, step: Any, taps: Any, out: Any) -> None:
+    """Filter an image with symmetric taps: sum of the numbers at ``first`` and each ``step`` after it, by weights.
+
+    ``source`` is flat. A step of one row filters in slant range; a step of 2 filters along a row of complex numbers,
+    whose real and imaginary parts alternate.
+    """
     reach = taps.size // 2
     n = out.size
-    middle, tap = source[first + reach], taps[reach]
+    middle, tap = source[first + reach * step : first + reach * step + n], taps[reach]
     for i in range(n):
         out[i] = tap * middle[i]
     # two pairs of taps are applied at a time, so that the line is loaded and stored once for four taps
     pairs = reach - reach % 2
     for k in range(0, pairs, 2):
-        a, d = source[first + k], source[first + 2 * reach - k]
-        b, c = source[first + k + 1], source[first + 2 * reach - k - 1]
+        low, high = first + k * step, first + (2 * reach - k) * step
+        a, d = source[low : low + n], source[high : high + n]
+        b, c = source[low + step : low + step + n], source[high - step : high - step + n]
         outer, inner = taps[k], taps[k + 1]
         for i in range(n):
             out[i] = out[i] + (outer * (a[i] + d[i]) + inner * (b[i] + c[i]))
     if reach % 2:
-        a, d = source[first + reach - 1], source[first + reach + 1]
-        tap = taps[reach - 1]
-        for i in range(n):
-            out[i] = out[i] + tap * (a[i] + d[i])
-
-
-@njit()
-def _limit_line(line: Any, taps: Any, out: Any) -> None:
-    """Filter a line of complex numbers with symmetric taps; real and imaginary parts alternate.
-
-    ``line`` extends beyond both ends of ``out`` by the number of taps on one side of the middle tap.
-    """
-    reach = taps.size // 2
-    n = out.size
-    middle, tap = line[2 * reach : 2 * reach + n], taps[reach]
-    for i in range(n):
-        out[i] = tap * middle[i]
-    pairs = reach - reach % 2
-    for k in range(0, pairs, 2):
-        a, d = line[2 * k : 2 * k + n], line[4 * reach - 2 * k : 4 * reach - 2 * k + n]
-        b, c = line[2 * k + 2 : 2 * k + 2 + n], line[4 * reach - 2 * k - 2 : 4 * reach - 2 * k - 2 + n]
-        outer, inner = taps[k], taps[k + 1]
-        for i in range(n):
-            out[i] = out[i] + (outer * (a[i] + d[i]) + inner * (b[i] + c[i]))
-    if reach % 2:
-        a, d = line[2 * reach - 2 : 2 * reach - 2 + n], line[2 * reach + 2 : 2 * reach + 2 + n]
+        low, high = first + (reach - 1) * step, first + (reach + 1) * step
+        a, d = source[low : low + n], source[high : high + n]
         tap = taps[reach - 1]
         for i in range(n):
             out[i] = out[i] + tap * (a[i] + d[i])
@@ -133,12 +114,6 @@ def _raise(line: Any, first: Any, gain: Any, reach: Any) -> None:
         if first + i < reach or first + i >= gain.size - reach:
             line[2 * i] *= gain[first + i]
             line[2 * i + 1] *= gain[first + i]
-
-
-@njit()
-def _add(spots: Any, line: Any) -> None:
-    for i in range(line.size):
-        line[i] += spots[i]
 
 
 @njit()
@@ -173,6 +148,7 @@ def _form(
         at_border = left < reach_across or right > columns - reach_across
         # the amplitudes are zero beyond the image's border; the gains compensate the loss of mean power near the border
         amplitude = np.zeros((bottom - top + 2 * reach_down, 2 * (right - left + 2 * reach_across)), np.float32)
+        flat = amplitude.reshape(-1)
         line = np.empty(amplitude.shape[1], np.float32)
         result = np.empty(2 * (right - left), np.float32)
         spots = np.zeros((bottom - top if point_rows.size else 0, 2 * (right - left)), np.float32)
@@ -187,22 +163,17 @@ def _form(
                     amplitude[row - top + reach_down, pad : pad + 2 * (outer_right - outer_left)],
                 )  # fmt: skip
             for row in range(top, bottom):
-                _limit_rows(amplitude, row - top, down, line)
+                _filter(flat, (row - top) * line.size, line.size, down, line)
                 if gain_down[row] != np.float32(1.0):
                     line *= gain_down[row]
-                if field.size:
-                    _limit_line(line, across, field[row, 2 * left : 2 * right])
-                    if at_border:
-                        _raise(field[row, 2 * left : 2 * right], left, gain_across, reach_across)
-                    if spots.size:
-                        _add(spots[row - top], field[row, 2 * left : 2 * right])
-                else:
-                    _limit_line(line, across, result)
-                    if at_border:
-                        _raise(result, left, gain_across, reach_across)
-                    if spots.size:
-                        _add(spots[row - top], result)
-                    _detect(result, look == first_look, intensity[row, left:right])
+                made = field[row, 2 * left : 2 * right] if field.size else result
+                _filter(line, 0, 2, across, made)
+                if at_border:
+                    _raise(made, left, gain_across, reach_across)
+                if spots.size:
+                    made += spots[row - top]
+                if not field.size:
+                    _detect(made, look == first_look, intensity[row, left:right])
 
 
 def _tiles(shape: tuple[int, int], side: int) -> NDArray[np.int64]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from radcal.compiled import njit, threaded
 from radcal.radar.earth import LineOfSight, upright
 from radcal.radar.facets import ANGLES_PER_RADIAN, LAID_OVER, OBJECT, PARTLY, ROOF, VISIBLE
-from radcal.radar.footprints import Boxes, Raised, Spots, add_up, locate, raise_boxes, stand
+from radcal.radar.footprints import Boxes, Spots, locate, raise_boxes, stand
 from radcal.radar.visibility import FAR_HALF, NEAR_HALF, laid_over
 from radcal.standing.faces import Echoes, Ground, echoes
 
@@ -214,34 +214,48 @@ def fill_lines(
     """
     fine = ground_of(elevation, first, last, k, step * k)
     ground = 0.5 * (edges[1:] + edges[:-1])
-    raised = Raised.none(fine[1:-1]) if standing is None else raise_boxes(standing[0], fine[1:-1], first)
+    owner, roof_m = raise_boxes(None if standing is None else standing[0], fine[1:-1], first)
     horizon, extent = np.empty((2, last - first, ground.size))
     hidden = np.empty((2, last - first, ground.size), dtype=np.float32)
     part, line_m = slice(first, last), (np.arange(first, last) + 0.5 - 0.5 * len(elevation) * k) * step
     _fill(
-        last - first, fine, raised.owner, np.zeros(1, np.uint8) if standing is None else standing[0].roof,
-        raised.roof_m, edges, ground, track, base, spacing_m, step, step**2, line_m,
+        last - first, fine, owner, np.zeros(1, np.uint8) if standing is None else standing[0].roof,
+        roof_m, edges, ground, track, base, spacing_m, step, step**2, line_m,
         (sight.height_m, sight.radius_m, *sight.stretch), sight.verticals(ground), lines.near_m[part],
         lines.far_m[part], lines.incidence[part], lines.area[part], lines.area[part].view(np.int32),
         lines.state[part], horizon, extent, hidden,
     )  # fmt: skip
     if lines.height_m.size:
-        lines.height_m[part] = raised.roof_m
+        lines.height_m[part] = roof_m
     if standing is not None:
         boxes, spots = standing
-        add_up(raised.owner, extent, boxes.extent)
+        np.add.at(boxes.extent, owner[owner >= 0], extent[owner >= 0])
         locate(spots.place, spots.height_m, fine, first, last, horizon, edges, track, step, spots.slant_m)
         if bounce is not None:
             state = lines.state[part]
             seen = (state & VISIBLE > 0) - 0.5 * (state & PARTLY > 0)
             around = Ground(
-                first, raised.owner, raised.roof_m, fine[1:-1], seen, horizon, float(edges[0]), step, track,
+                first, owner, roof_m, fine[1:-1], seen, horizon, float(edges[0]), step, track,
                 sight.level_incidence_deg,
             )  # fmt: skip
             lines.echoes.append(echoes(boxes, around, *bounce))
     line, facet = np.nonzero(lines.state[part] & PARTLY)
     lines.hidden.append((line + first, hidden[0, line, facet], hidden[1, line, facet]))
     return ends(fine[1:-1], edges, track)
+
+
+def share_out(lines: Lines, part: slice, boxes: Boxes) -> None:
+    """Radar cross-section of each facet of a box on the lines ``part`` [m2], written to ``lines.area``.
+
+    The cross-section of a box is divided among its facets in proportion to their extent in slant range, so that the box
+    is evenly bright in slant range. Hidden facets and hidden parts of facets return no echo: their share of the
+    cross-section is lost. Until then, ``lines.area`` holds the index of each facet's box, as an integer.
+    """
+    state, area = lines.state[part], lines.area[part]
+    held = state & OBJECT > 0
+    owner = area.view(np.int32)[held]
+    extent = lines.far_m[part][held] - lines.near_m[part][held]
+    area[held] = boxes.rcs_m2[owner] * (np.where(state[held] & VISIBLE, extent, np.float32(0.0)) / boxes.extent[owner])
 
 
 def ends(fine: NDArray[np.float64], edges: NDArray[np.float64], track: float) -> tuple[float, float]:

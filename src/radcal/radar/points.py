@@ -107,21 +107,10 @@ def not_pure(points: PointScatterers, radar: Radar, material: NDArray[np.uint8])
 
     Beyond the main lobe, the response of a point is below the sidelobe level of -35 dB.
     """
-    _clear(
-        points.row,
-        points.column,
-        _LOBE * radar.range_resolution_m / radar.range_spacing_m,
-        _LOBE * radar.azimuth_resolution_m / radar.azimuth_spacing_m,
-        material,
-    )
-
-
-@njit()
-def _clear(rows: Any, columns: Any, down: Any, across: Any, material: Any) -> None:
-    for i in range(rows.size):
-        for r in range(max(0, int(np.ceil(rows[i] - down))), min(material.shape[0], int(rows[i] + down) + 1)):
-            for c in range(
-                max(0, int(np.ceil(columns[i] - across))), min(material.shape[1], int(columns[i] + across) + 1)
-            ):
-                if abs(r - rows[i]) <= down and abs(c - columns[i]) <= across:
-                    material[r, c] = 0
+    down = radar.range_resolution_m / radar.range_spacing_m
+    lobe = _LOBE * np.array([down, radar.azimuth_resolution_m / radar.azimuth_spacing_m])
+    places = np.stack([points.row, points.column], axis=1)
+    first = np.maximum(np.ceil(places - lobe), 0.0).astype(np.int64)
+    end = np.maximum(np.floor(places + lobe) + 1.0, 0.0).astype(np.int64)
+    for (top, left), (bottom, right) in zip(first.tolist(), end.tolist(), strict=True):
+        material[top:bottom, left:right] = 0

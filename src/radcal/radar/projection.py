@@ -24,9 +24,9 @@ from radcal.radar.facets import (
     order_facets,
     shade,
 )
-from radcal.radar.footprints import Boxes, Spots, bearing_deg, share_out, to_boxes_and_spots
-from radcal.radar.geometry import Frame, Geometry, PointScatterers, Strip
-from radcal.radar.lines import BLOCK, ENDS, HALO, Lines, blocks, ends, fill_lines, ground_of
+from radcal.radar.footprints import Boxes, Spots, bearing_deg, to_boxes_and_spots
+from radcal.radar.geometry import Frame, Geometry, PointScatterers, Strip, starts
+from radcal.radar.lines import BLOCK, ENDS, HALO, Lines, blocks, ends, fill_lines, ground_of, share_out
 from radcal.radar.points import not_pure
 from radcal.radar.radiometry import of_sigma0
 from radcal.radar.size import check_size, refinement
@@ -345,10 +345,7 @@ def _seen_lines(
     if standing is None:
         return lines, None, near, far
     boxes, spots = standing
-    share_out(
-        part.stop - part.start, lines.near_m[part], lines.far_m[part], lines.state[part], lines.area[part],
-        lines.area[part].view(np.int32), boxes.rcs_m2, boxes.extent,
-    )  # fmt: skip
+    share_out(lines, part, boxes)
     return lines, spots, near, far
 
 
@@ -391,14 +388,13 @@ def _standing(
             f"scene.objects: the scene has {len(scene.names)} material ids, expected at most {_MOST_NAMES} beside "
             "objects."
         )
-    objects, cell_m, rcs_m2 = scene.objects, scene.cell_m, None
-    if objects.tables:
-        across_m = objects.x_m if radar.look_side == "right" else elevation.shape[1] * cell_m - objects.x_m
-        cells = (np.stack([objects.y_m, across_m]) / cell_m).astype(int)
-        row, column = np.minimum(cells, np.array(elevation.shape)[:, None] - 1)
-        down_m = view.track_m - elevation[row, column]
-        above = 90.0 - view.seen.level_incidence_deg(view.edges_m[0] + across_m, down_m)
-        rcs_m2 = objects.cross_section_m2(bearing_deg(radar.look_side), above, radar.band, radar.polarisation)
+    objects, cell_m = scene.objects, scene.cell_m
+    across_m = objects.x_m if radar.look_side == "right" else elevation.shape[1] * cell_m - objects.x_m
+    cells = (np.stack([objects.y_m, across_m]) / cell_m).astype(int)
+    row, column = np.minimum(cells, np.array(elevation.shape)[:, None] - 1)
+    down_m = view.track_m - elevation[row, column]
+    above = 90.0 - view.seen.level_incidence_deg(view.edges_m[0] + across_m, down_m)
+    rcs_m2 = objects.cross_section_m2(bearing_deg(radar.look_side), above, radar.band, radar.polarisation)
     boxes, spots = to_boxes_and_spots(objects, elevation, radar.look_side, view.k, view.step_m, rcs_m2)
     if objects.walls is not None and len(objects.walls.roofs) > _MOST_ROOFS:
         raise SceneError(
@@ -473,8 +469,7 @@ def _collected(
             f"the image would hold {total:,} parts of facets, more than {2**31:,}: use a coarser pixel spacing or a "
             "smaller scene."
         )
-    start = np.zeros(rows * columns + 1, dtype=np.int32)
-    np.cumsum(counts, out=start[1:])
+    start = starts(counts)
     del counts
     wall = np.isnan(upright.alpha_deg)
     ground = material[upright.line // k, upright.facet // k]
@@ -522,8 +517,7 @@ def _pixels(
     )  # fmt: skip
     if radar.radiometry == "gamma0_rtc":
         flatten_terrain(rows * columns, start, parts.place, incidence, weight)
-    cell_start = np.zeros(cells.size + 1, dtype=np.int32)
-    np.cumsum(cells, out=cell_start[1:])
+    cell_start = starts(cells)
     cell_material = np.empty(int(cell_start[-1]), dtype=np.uint8)
     facet_start = np.empty(int(cell_start[-1]) + 1, dtype=np.int32)
     facet_start[-1] = facet_material.size
