@@ -3,7 +3,7 @@
 import numpy as np
 
 from radcal.ground.goodness import Goodness
-from radcal.laws import external_law
+from radcal.laws import law_for
 from radcal.objectives.base import CalibratedMaterial
 from radcal.objectives.history import PassScore, Run, Score
 from radcal.skewnormal import fit
@@ -39,7 +39,7 @@ def make_target(values_db, incidence_deg, **changes):
 def make_material(target, box, law=None, integer=None, looks=4.0, **changes):
     """Material to calibrate; its law has no curve unless one is given."""
     bounds = np.asarray(box, dtype=np.float64)
-    found = law or external_law([f"p{k}" for k in range(len(bounds))])
+    found = law or law_for("external", names=[f"p{k}" for k in range(len(bounds))])
     whole = np.array([False] * len(bounds) if integer is None else integer)
     return CalibratedMaterial("dyke", target, found, bounds, whole, looks, **changes)
 

@@ -1,6 +1,8 @@
-"""The links of README, CONTRIBUTING and the pages of ``docs/`` lead somewhere."""
+"""Links of README, CONTRIBUTING and `docs/` lead somewhere, and generated tables are those of the code."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -40,6 +42,17 @@ def test_every_page_of_the_site_is_in_its_contents():
     listed = set(re.findall(r"^(\w+)$", (ROOT / "docs/index.md").read_text(encoding="utf-8"), flags=re.MULTILINE))
     pages = [*(ROOT / "docs").glob("*.md"), *(ROOT / "docs").glob("*.ipynb")]
     assert {page.stem for page in pages} - {"index"} == listed
+
+
+@pytest.mark.parametrize(
+    ("name", "page"),
+    [("laws", "laws"), ("sensors", "sensors"), *((name, "landcover") for name in ("esa_worldcover", "corine", "nlcd"))],
+)
+def test_a_page_has_its_generated_table(name, page):
+    command = [sys.executable, ROOT / "docs/tables.py", name]
+    table = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert len(table.splitlines()) > 2
+    assert table in (ROOT / f"docs/{page}.md").read_text(encoding="utf-8")
 
 
 def test_pictures_are_shown_in_a_page():

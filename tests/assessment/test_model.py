@@ -20,7 +20,7 @@ from assessment_samples import (
 from radcal.assessment import model
 from radcal.assessment.model import image_of, posterior_of
 from radcal.config import Uncertainty, Validation
-from radcal.laws import external_law
+from radcal.laws import law_for
 from radcal.posterior import prediction
 from radcal.posterior.cells import CellMeans
 from radcal.posterior.prediction import constant_of
@@ -40,12 +40,12 @@ def test_cells_of_several_passes():
     np.testing.assert_allclose(found.cells[2].measured_db, [-7.0])
     np.testing.assert_allclose(found.law_db[1], [-8.5, -11.0])
     np.testing.assert_allclose(np.concatenate(found.slope_db), -0.25)
-    program = model._observed("dyke", passes, [external_law(["mv"])] * 3, [3.0])
+    program = model._observed("dyke", passes, [law_for("external", names=["mv"])] * 3, [3.0])
     np.testing.assert_array_equal(np.concatenate(program.law_db + program.slope_db), np.zeros(6))
 
 
 def case_of(normalisation="none", declared=("sigma0_local",), **changes):
-    laws = {"water": LINE, "wood": LINE, "program": external_law(["mv"])}
+    laws = {"water": LINE, "wood": LINE, "program": law_for("external", names=["mv"])}
     return SimpleNamespace(
         reference_materials=["water", "wood"],
         materials={name: SimpleNamespace(start_parameters=LINE_X.tolist()) for name in laws},

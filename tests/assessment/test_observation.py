@@ -10,7 +10,7 @@ from geometry_samples import of_pixels
 from radcal.assessment.observation import observe
 from radcal.config import Radar, RegistrationConfig, TargetConfig, Validation
 from radcal.image.model import Measurement
-from radcal.laws import external_law
+from radcal.laws import law_for
 from radcal.posterior.cells import Simulated
 from radcal.registration.registered import register
 from radcal.sections.simulator import BuiltinSimulation
@@ -36,7 +36,7 @@ def found(measured_db=LEVEL, simulated_db=LEVEL, *, area=None, simulator=None, v
     rng = np.random.default_rng(3)
     speckle = 10.0 * np.log10(rng.gamma(4.0, 0.25, SHAPE))
     image = (measured_db + speckle).astype(np.float32)
-    law, external = LINE, external_law(["mv"])
+    law, external = LINE, law_for("external", names=["mv"])
     case = SimpleNamespace(
         laws={"dyke": law, "wood": law, "program": external, "pond": law},
         materials={name: SimpleNamespace(calibrate=name in ("dyke", "pond")) for name in NAMES},

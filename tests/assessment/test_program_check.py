@@ -12,7 +12,7 @@ from radcal.assessment.program_check import another_law, beyond_law_db
 from radcal.findings import Finding
 from radcal.ground.bins import make_classes
 from radcal.inference.expected import law_cumulants
-from radcal.laws import LAWS, external_law
+from radcal.laws import LAWS, law_for
 from radcal.objectives.history import History
 from radcal.speckle.texture import log_speckle_cumulants
 
@@ -94,6 +94,6 @@ def test_terrain_leaves_more_unexplained(added_db, told):
 
 def test_what_has_no_law_in_db_is_not_compared():
     name, objective, *rest = made(-12.0)
-    for changed in ({"law": external_law(["mv"])}, {"decibels": False}):
+    for changed in ({"law": law_for("external", names=["mv"])}, {"decibels": False}):
         material = SimpleNamespace(**{**vars(objective.material), **changed})
         assert said((name, SimpleNamespace(**{**vars(objective), "material": material}), *rest)) == []

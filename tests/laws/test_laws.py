@@ -1,7 +1,4 @@
 import math
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +8,7 @@ from hypothesis import strategies as st
 from radcal.config import Case, case_from
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
-from radcal.laws import LAWS, Law, law_for, laws_table
+from radcal.laws import LAWS, Law, law_for
 from radcal.laws.curves import constant_gamma, mangia
 from radcal.laws.soil import oh1992
 
@@ -185,13 +182,6 @@ def test_a_condition_that_only_a_law_of_another_distribution_knows(monkeypatch):
     ):
         with pytest.raises(ConfigError, match=words):
             case_from({"materials": {**BUILTIN, "water": {**water, "conditions": conditions}}})
-
-
-def test_the_documentation_has_the_table_of_the_code():
-    page = (Path(__file__).parents[2] / "docs" / "laws.md").read_text(encoding="utf-8")
-    assert laws_table() in page
-    done = subprocess.run([sys.executable, "-m", "radcal.laws"], capture_output=True, text=True, check=True)
-    assert done.stdout == laws_table()
 
 
 def test_the_default_case_starts_from_bare_soil():

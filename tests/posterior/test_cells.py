@@ -10,7 +10,7 @@ from scipy.special import polygamma
 
 from radcal.config import Radar
 from radcal.ground.correlation import Correlation
-from radcal.laws import external_law, law_for
+from radcal.laws import law_for
 from radcal.posterior.cells import CellMeans, Simulated, cell_means
 from radcal.radar.radiometry import noise_floor_db
 
@@ -142,7 +142,7 @@ def test_noise_above_the_signal_has_a_share_of_one():
     """A law without a curve, whose simulated image is 50 dB below the level of the law."""
     shape = (24, 24)
     dark = np.full(shape, -50.0, dtype=np.float32)
-    cells = found(dark, [dark], seen(np.full(shape, 40.0)), law=external_law(("k", "m")))
+    cells = found(dark, [dark], seen(np.full(shape, 40.0)), law=law_for("external", names=("k", "m")))
     np.testing.assert_array_equal(cells.share, 1.0)
 
 
@@ -167,7 +167,7 @@ def test_a_law_without_a_curve_counts_as_0_db():
     shape = (24, 24)
     image = np.full(shape, -8.0, dtype=np.float32)
     program = [Simulated(image, {"a": [3.0]})]
-    cells = found(image, program, seen(np.full(shape, 40.0)), law=external_law(["mv"]), noisy=False)
+    cells = found(image, program, seen(np.full(shape, 40.0)), law=law_for("external", names=["mv"]), noisy=False)
     np.testing.assert_allclose(cells.beside_db, -8.0, atol=1e-4)
 
 

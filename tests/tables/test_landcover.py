@@ -1,7 +1,5 @@
 """Starting laws and names of land-cover maps."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from config_samples import mapped, measured
@@ -9,7 +7,7 @@ from config_samples import mapped, measured
 from radcal.config import case_from
 from radcal.errors import ConfigError
 from radcal.laws import law_for
-from radcal.tables.landcover import landcover_table, landcovers, starting_keys, starting_levels
+from radcal.tables.landcover import landcovers, starting_keys, starting_levels
 
 
 def case(materials, landcover="esa_worldcover", **keys):
@@ -67,7 +65,6 @@ def test_all_classes_start_inside_of_their_bounds(landcover):
     fixed = case({**{name: {} for name in names}, names[0]: {"calibrate": True}}, landcover=landcover)
     assert set(fixed.materials) == set(names)
     case({name: {"calibrate": True} for name in names}, landcover=landcover)
-    assert all(landcover_table(landcover).count(f"`{name}`") == 1 for name in names)
 
 
 def test_colours_are_no_part_of_what_determines_runs():
@@ -81,12 +78,6 @@ def test_colours_are_no_part_of_what_determines_runs():
         case({"cropland": {"calibrate": True, "colour": "green"}})
     with pytest.raises(ConfigError, match="colours: unknown key, expected a key colour"):
         case_from({"colours": {"dyke": "#000000"}})
-
-
-@pytest.mark.parametrize("landcover", landcovers())
-def test_the_page_has_the_generated_table(landcover):
-    page = (Path(__file__).resolve().parents[2] / "docs/landcover.md").read_text(encoding="utf-8")
-    assert landcover_table(landcover) in page
 
 
 def test_no_two_materials_of_a_new_case_start_at_one_level():

@@ -7,7 +7,7 @@ import pytest
 from calibration_samples import TRUTH
 
 from radcal.inference.misfit import BinMisfit
-from radcal.laws import LAWS, external_law
+from radcal.laws import LAWS, law_for
 from radcal.registration.registered import Registered
 from radcal.targets import target_fit
 from radcal.targets.bin_target import bin_targets
@@ -98,7 +98,7 @@ def test_a_law_without_a_curve_has_bins_and_a_spread_of_fields(parts, classes):
         materials=case.materials,
         simulator=case.simulator,
         radar=case.radar,
-        laws={"field": external_law(["a", "b", "c", "d"])},
+        laws={"field": law_for("external", names=["a", "b", "c", "d"])},
     )
     only = replace_targets(targets, "field")
     found = bin_targets(outside, only, geometry, registered_with(geometry.shape, 0.0), BinMisfit)["field"].classes

@@ -37,11 +37,9 @@ __all__ = [
     "LAWS",
     "OF_PASS",
     "Law",
-    "external_law",
     "formula_law",
     "law_for",
     "laws_known",
-    "laws_table",
     "refuse_infinite",
     "seen_rad",
 ]
@@ -53,24 +51,6 @@ DEFAULT_LAW = "mangia"
 def laws_known(external: bool = True) -> list[str]:
     """Names of all laws, for error messages; without the law ``EXTERNAL`` if ``external`` is false."""
     return [*sorted(LAWS), FORMULA, *[EXTERNAL] * external]
-
-
-def external_law(names: Sequence[str], units: Sequence[str] | None = None) -> Law:
-    """Law without a curve, whose parameters only an external simulator understands.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Name of each parameter; empty for a law without parameters.
-    units : sequence of str, optional
-        Unit of each parameter; by default the parameters have no units.
-
-    Returns
-    -------
-    Law
-        Law without a curve.
-    """
-    return Law(None, names=tuple(names), units=tuple(units) if units is not None else ("",) * len(names))
 
 
 def law_for(
@@ -121,7 +101,7 @@ def law_for(
             raise ValueError(f"{key} is given, law is {name!r}, which does not take it")
     _check_names(names or (), units)
     if name == EXTERNAL:
-        law = external_law(names or (), units)
+        law = Law(None, names=tuple(names or ()), units=tuple(units or ("",) * len(names or ())))
     elif formula is not None:
         law = formula_law(formula, names or (), units)
     else:
@@ -154,23 +134,3 @@ def _check_names(names: Sequence[str], units: Sequence[str] | None) -> None:
         raise ValueError(f"names are {', '.join(names)}, expected each once")
     if units is not None and len(units) != len(names):
         raise ValueError(f"units has {len(units)} entries, names {len(names)}")
-
-
-def laws_table() -> str:
-    """Table of radcal's own laws, with remarks, in Markdown for ``docs/laws.md``."""
-    own = {**CURVES, **SOIL, **GRAZING}
-    lines = [
-        "| law | sigma0 [dB] | parameters | default bounds | made for | also needs | source |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    keys = {"frequency_ghz": "`radar.frequency_ghz`", "polarisation": "`radar.polarisation`"}
-    for name, law in own.items():
-        parameters = ", ".join(
-            f"`{key}`{f' [{unit}]' if unit else ''}" for key, unit in zip(law.names, law.units, strict=True)
-        )
-        bounds = ", ".join(f"{low:g} to {high:g}" for low, high in law.bounds) if law.bounds else "none"
-        valid = "its knots" if not law.names else f"{law.valid_deg[0]:g} to {law.valid_deg[1]:g} deg"
-        needs = ", ".join(keys.get(key, f"`{key}`") for key in law.needs) or "nothing"
-        cells = (f"`{name}`", law.formula, parameters or "sigma0 [dB] at each knot", bounds, valid, needs, law.source)
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join([*lines, "", *(f"- `{name}`: {law.remark}" for name, law in own.items())]) + "\n"

@@ -52,7 +52,7 @@ class Law:
     log_normal : mapping
         Weak log-normal priors of some parameters, by parameter name: each is the median, in the parameter's unit, and
         the standard deviation of the natural logarithm.
-    formula, source, remark : str
+    formula, source : str
         Texts for the documentation.
     description : mapping
         Plain data that identify the law without its parameters, for the description of a run: its name, and what the
@@ -71,7 +71,6 @@ class Law:
     log_normal: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     formula: str = ""
     source: str = ""
-    remark: str = ""
     description: Mapping[str, Any] = field(default_factory=dict)
 
     @property

@@ -132,7 +132,6 @@ CURVES: dict[str, Law] = {
         log_normal={"X4": (5.0, 1.0)},
         formula="X1 + X2 cos(phi) + X3 exp(-X4 phi^2)",
         source='"Calibration of a Radar Cross-section Model using a Surrogate Model Optimization Algorithm", eq. 1',
-        remark="The default bounds are those of the source. Measured sigma0 in dB requires a negative X1.",
     ),
     "ulaby_dobson": Law(
         ulaby_dobson,
@@ -143,7 +142,6 @@ CURVES: dict[str, Law] = {
         valid_deg=(0.0, 70.0),
         formula="P1 + P2 exp(-P3 phi) + P4 cos(P5 phi + P6)",
         source="Ulaby and Dobson, Handbook of Radar Scattering Statistics for Terrain, Artech House (1989)",
-        remark="The handbook tabulates P1 to P6 by terrain, band and polarisation, often for angles of up to 70 deg.",
     ),
     "constant_gamma": Law(
         constant_gamma,
@@ -152,8 +150,6 @@ CURVES: dict[str, Law] = {
         valid_deg=(30.0, 80.0),
         formula="gamma + 10 log10(cos(phi))",
         source="Long, Radar Reflectivity of Land and Sea, 3rd edition, Artech House (2001)",
-        remark="The law describes the plateau between steep and grazing incidence. The ends of the plateau depend on "
-        "the terrain; 30 to 80 deg is a convention of radcal.",
     ),
     "tabulated": Law(
         tabulated,
@@ -162,8 +158,5 @@ CURVES: dict[str, Law] = {
         needs=("angles_deg",),
         formula="curve through sigma0 at the angles of the material's angles_deg",
         source="Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300-304 (PCHIP)",
-        remark="The curve has no overshoot between two angles and is constant beyond the first and the last. If the "
-        "target is one density of all angles, a rising curve can have the density of the true, falling one; only "
-        "falling bounds exclude it.",
     ),
 }

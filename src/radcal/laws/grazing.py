@@ -122,8 +122,5 @@ GRAZING: dict[str, Law] = {
         formula="c1 + c2 lg sin(g) + (27.5 + c3 g) lg f / (1 + 0.95 g) + c4 (1 + S)^(1 / (2 + 0.085 g + 0.033 S)) "
         "+ c5 g^2",
         source="Gregers-Hansen and Mital, NRL/MR/5310-12-9346 (2012)",
-        remark="The law is for the sea at 0.5 to 35 GHz, in HH and VV. g is the grazing angle in degrees, f the "
-        "frequency in GHz, S the sea state (0 to 6), lg the logarithm to base 10; c1 to c5 are constants of the "
-        "polarisation. Beyond its last angles the law keeps its value there.",
     ),
 }

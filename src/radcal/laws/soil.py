@@ -115,10 +115,5 @@ SOIL: dict[str, Law] = {
         doubt=_oh1992_doubt,
         formula="10 log10 of VV = 0.7 (1 - exp(-0.65 (ks)^1.8)) cos^3(phi) (Gv + Gh) / sqrt(p), HH = p VV, HV = q VV",
         source="Oh, Sarabandi and Ulaby, IEEE Trans. Geosci. Remote Sens. 30 (1992) 370-381",
-        remark="The law is for bare soil. In its formula, sqrt(p) = 1 - (2 phi / pi)^(1 / (3 G0)) exp(-ks) and "
-        "q = 0.23 sqrt(G0) (1 - exp(-ks)). Gh and Gv are the Fresnel reflectivities at incidence phi, G0 that at "
-        "nadir; k is the wavenumber, s the rms height. The surfaces measured for the law had ks of 0.1 to 6 and "
-        "volumetric moistures of 0.09 to 0.31 (permittivities of 5 to 18 by Topp et al., 1980), at 1.5 to 9.5 GHz. A "
-        "calibration does not determine the imaginary part of the permittivity of moist soil.",
     ),
 }

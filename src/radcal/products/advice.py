@@ -109,8 +109,8 @@ def candidates(case: Case, depressions: Sequence[float] = ()) -> list[Radar]:
         key, middle, (low, high) = "incidence_deg", first.incidence_deg, _INCIDENCES
         given = [90.0 - angle for angle in depressions]
     around = [middle + step for step in (0.0, -_STEP_DEG, _STEP_DEG)]
-    if sensor is not None and sensor.incidence is not None:
-        low, high = sensor.incidence.value
+    if sensor is not None and sensor.incidence_deg is not None:
+        low, high = sensor.incidence_deg
         if key == "depression_deg":
             low, high = (_depression_deg(first, angle) for angle in (high, low))
         around = [middle, max(around[1], low), min(around[2], high)]

@@ -163,14 +163,3 @@ def _terrain(name: str) -> str | None:
         if any(re.fullmatch(pattern, word) for pattern in one["words"].split() for word in words):
             return str(terrain)
     return None
-
-
-def landcover_table(landcover: str) -> str:
-    """Markdown table of the classes of a land-cover map by terrain, for ``docs/landcover.md``."""
-    names: dict[str, list[str]] = {}
-    star = r"\*"
-    for code, cover in landcovers()[landcover].items():
-        names.setdefault(cover.terrain, []).append(f"{code} `{cover.name}`{star * cover.taken_for}")
-    lines = ["| starting gamma [dB] | terrain | codes and materials |", "|---|---|---|"]
-    lines += [f"| {gamma_db(terrain):g} | {terrain} | {', '.join(found)} |" for terrain, found in names.items()]
-    return "\n".join(lines) + "\n"
