@@ -165,8 +165,6 @@ class LineOfSight:
             Elevation minus u^2 / 2R [m], where u is the distance from the scene's centre along ground range and R is
             the radius of the earth.
         """
-        if math.isinf(self.radius_m):
-            return elevation_m
         columns = elevation_m.shape[1]
         along = (np.arange(columns) + 0.5 - 0.5 * columns) * cell_m
         return np.asarray(elevation_m - along**2 / (2.0 * self.radius_m))

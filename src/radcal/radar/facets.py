@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from radcal.compiled import njit, threaded
+from radcal.compiled import threaded
 
 ANGLES_PER_RADIAN = 65535.0 / (np.pi / 2.0)
 VISIBLE, LAID_OVER, OBJECT, PARTLY = 1, 2, 4, 8  # bit flags of a facet's state; partly: with a hidden part
@@ -51,23 +51,6 @@ def count_facets(
                 else:
                     for row in range(a, b + 1):
                         shadow[row, column] = True
-
-
-@njit()
-def shade(line: Any, near: Any, far: Any, per_column: Any, left: Any, shadow: Any) -> None:
-    """Mark in the mask ``shadow`` the pixels that are covered by hidden parts of partly visible facets.
-
-    For each partly visible facet, ``line`` is its azimuth line, and ``near`` and ``far`` are the nearest and furthest
-    image row of its hidden part.
-    """
-    rows, columns = shadow.shape
-    for i in range(line.size):
-        first, last = int(line[i] / per_column), int(np.ceil((line[i] + 1) / per_column))
-        for column in range(max(left, first), min(left + columns, last)):
-            # a line that only touches a column does not belong to this column, as in count_facets
-            if min(line[i] + 1.0, (column + 1) * per_column) - max(float(line[i]), column * per_column) >= 1e-6:
-                for row in range(max(0, int(np.floor(near[i]))), min(rows - 1, int(np.floor(far[i]))) + 1):
-                    shadow[row, column - left] = True
 
 
 @threaded

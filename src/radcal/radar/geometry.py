@@ -274,9 +274,7 @@ def starts(sizes: NDArray[Any]) -> NDArray[np.int32]:
     return found
 
 
-def write_geometry(
-    path: str | Path, geometry: Geometry, radar: Radar | None = None, immaterial: Iterable[str] = ()
-) -> None:
+def write_geometry(path: str | Path, geometry: Geometry, radar: Radar, immaterial: Iterable[str] = ()) -> None:
     """Write a geometry to an HDF5 file, atomically.
 
     Parameters
@@ -285,7 +283,7 @@ def write_geometry(
         The file.
     geometry : Geometry
         Geometry to write.
-    radar : Radar, optional
+    radar : Radar
         Pass, whose description is stored in the file.
     immaterial : iterable of str, optional
         Keys of the pass that affect neither the geometry nor any run. If only the values of immaterial keys have
@@ -297,21 +295,19 @@ def write_geometry(
         The folder of the file holds the results of a finished calibration that used another geometry. The geometry of
         the same pass by another version of the simulator causes no error: its file is replaced.
     """
-    described, version = None, simulator_version("flat" if radar is None else radar.earth)
-    if radar is not None:
-        described = _recorded_pass(Path(path), _described(radar), set(immaterial))
+    version = simulator_version(radar.earth)
+    described = _recorded_pass(Path(path), _described(radar), set(immaterial))
 
     def alike(file: h5py.File) -> bool:
         return bool(file.attrs.get("pass") == described and same(take(file, Geometry), geometry))
 
     with write_hdf5(path, "geometry", protected=not _outdated(path, described, version), alike=alike) as file:
-        if described is not None:
-            file.attrs["pass"] = described
+        file.attrs["pass"] = described
         file.attrs["simulator"] = version
         put(file, geometry)
 
 
-def is_of_pass(path: str | Path, radar: Radar, immaterial: Iterable[str] = ()) -> bool:
+def is_of_pass(path: str | Path, radar: Radar, immaterial: Iterable[str]) -> bool:
     """Whether the geometry in a file is of the given pass, apart from the values of immaterial keys.
 
     Parameters
@@ -333,7 +329,7 @@ def _described(radar: Radar) -> str:
     return json.dumps(radar.described(), separators=(",", ":"), ensure_ascii=False)
 
 
-def _outdated(path: str | Path, described: str | None, version: int) -> bool:
+def _outdated(path: str | Path, described: str, version: int) -> bool:
     """Whether a file contains the geometry of the pass ``described``, computed by another version of the simulator."""
     try:
         with read_hdf5(path, "geometry") as file:

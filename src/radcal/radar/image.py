@@ -107,16 +107,6 @@ def _filter(source: Any, first: Any, step: Any, taps: Any, out: Any) -> None:
 
 
 @njit()
-def _raise(line: Any, first: Any, gain: Any, reach: Any) -> None:
-    """Multiply the part of a line near the image's border by ``gain``; real and imaginary parts alternate."""
-    n = line.size // 2
-    for i in range(n):
-        if first + i < reach or first + i >= gain.size - reach:
-            line[2 * i] *= gain[first + i]
-            line[2 * i + 1] *= gain[first + i]
-
-
-@njit()
 def _detect(field: Any, first: Any, power: Any) -> None:
     """Power of a line of complex numbers, written to ``power`` for the first look, and added to it for later looks."""
     for i in range(power.size):
@@ -169,7 +159,7 @@ def _form(
                 made = field[row, 2 * left : 2 * right] if field.size else result
                 _filter(line, 0, 2, across, made)
                 if at_border:
-                    _raise(made, left, gain_across, reach_across)
+                    made *= gain_across[2 * left : 2 * right]
                 if spots.size:
                     made += spots[row - top]
                 if not field.size:
@@ -355,12 +345,12 @@ class ImageFormation:
         if field is None:  # the mean is the sum over looks with amplitudes divided by sqrt(looks)
             share = np.float32(np.sqrt(looks))
             field, across, points = np.empty((0, 0), dtype=np.float32), across / share, points / share
-        stretch = _TILE + len(self._across)
+        stretch, gain_across = _TILE + len(self._across), np.repeat(self._gain_across, 2)  # of real and imaginary parts
         # space for the random numbers of the longest part of a row
         most = int(np.diff(reflectivity.start).max(initial=1))
         _form(
             len(tiles), tiles, rows, columns, reflectivity.start, reflectivity.material, reflectivity.power,
-            self._noise, seed_words(noise_seed), first, looks, self._down, across, self._gain_down, self._gain_across,
+            self._noise, seed_words(noise_seed), first, looks, self._down, across, self._gain_down, gain_across,
             stretch * max(1, most), self._points.row, self._points.column, points,
             self._fine_down, self._fine_across, (self._strip.left, self._strip.columns), intensity, field,
         )  # fmt: skip

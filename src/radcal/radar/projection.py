@@ -22,7 +22,6 @@ from radcal.radar.facets import (
     fill_facets,
     flatten_terrain,
     order_facets,
-    shade,
 )
 from radcal.radar.footprints import Boxes, Spots, bearing_deg, to_boxes_and_spots
 from radcal.radar.geometry import Frame, Geometry, PointScatterers, Strip, starts
@@ -307,7 +306,8 @@ def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None, strip: 
     if spots is not None:
         points = _points(spots, radar, seen, near, step, place.left)
     for slant in (lines.near_m[part], lines.far_m[part], *(one for _, *both in lines.hidden for one in both)):
-        _to_rows(slant, near - view.base_m, radar.range_spacing_m)
+        np.subtract(slant, np.float32(near - view.base_m), out=slant)  # in place, to fractional rows of the image
+        np.divide(slant, np.float32(radar.range_spacing_m), out=slant)
     if not material.flags.c_contiguous:
         material = np.zeros(material.shape, dtype=np.uint8)
         material[rows] = _facing(scene.material, radar)[rows]
@@ -455,7 +455,7 @@ def _collected(
     extents = lines.near_m, lines.far_m, lines.state
     count_facets(columns, *extents, per_column, left, rows, columns, counts, layover, shadow)
     for line, nearest, furthest in lines.hidden:
-        shade(line, nearest, furthest, per_column, left, shadow)
+        shadow.ravel()[in_pixels(line, nearest, furthest, per_column, left, (rows, columns))[1]] = True
     upright = Echoes.joined(lines.echoes)
     begin, end, mask = ((at - near) / radar.range_spacing_m for at in (upright.near_m, upright.far_m, upright.mask_m))
     echo, pixel, turn, share = in_pixels(upright.line, begin, end, per_column, left, (rows, columns))
@@ -554,13 +554,6 @@ def _pixels(
         point_number=points.number,
         bounces=parts.bounces,
     )
-
-
-def _to_rows(slant_m: NDArray[np.float32], near_m: float, spacing_m: float) -> NDArray[np.float32]:
-    """Convert slant ranges [m] to fractional rows of the image, counted from the near edge of the first, in place."""
-    slant_m -= np.float32(near_m)
-    slant_m /= np.float32(spacing_m)
-    return slant_m
 
 
 def _points(spots: Spots, radar: Radar, seen: LineOfSight, near: float, step: float, left: int) -> PointScatterers:

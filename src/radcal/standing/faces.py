@@ -21,6 +21,7 @@ _ROUNDING_M = 1e-6
 
 Doubles = NDArray[np.float64]
 Whole = NDArray[np.int64]
+Rows = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True)
@@ -191,7 +192,7 @@ def _lit_share(ground: Ground, line: Whole, place: Doubles, width: Doubles) -> D
 
 
 def in_pixels(
-    line: Whole, near_row: Doubles, far_row: Doubles, per_column: float, left: int, shape: tuple[int, int]
+    line: Whole, near_row: Rows, far_row: Rows, per_column: float, left: int, shape: tuple[int, int]
 ) -> tuple[Whole, Whole, Whole, Doubles]:
     """Pixels that each echo reaches, sorted by pixel.
 
@@ -231,7 +232,7 @@ def in_pixels(
     return index, pixel, np.arange(pixel.size) - np.repeat(first, np.diff(first, append=pixel.size)), share
 
 
-def _ranged(low: Doubles, high: Doubles) -> tuple[Whole, Whole]:
+def _ranged(low: Rows, high: Rows) -> tuple[Whole, Whole]:
     """Whole numbers whose unit intervals overlap each interval from ``low`` to ``high``, with the interval's index."""
     first = np.floor(low).astype(np.int64)
     count = np.where(high > low, np.ceil(high).astype(np.int64) - first, 0)
