@@ -73,8 +73,6 @@ _OF_SCENE: Mapping[str, str] = {
 _OF_IMAGE: Mapping[str, str] = {
     "pixels": "{about}: " + _COUNTS,
     "pixels_at_ground": "{about}, resampled to the grid of the scene's image: " + _COUNTS,
-    "file_around_scene": "{about}: the part of the file around the scene has {pixels:,} pixels, {no_data:,} without "
-    "data",
     "pixels_repeated": "{about} was resampled by nearest neighbour: {range_percent:.2g} % of the adjacent pixels in "
     "slant range and {azimuth_percent:.2g} % in azimuth are equal; the effective sample sizes take this into account "
     "as correlation",
@@ -98,7 +96,6 @@ _OF_IMAGE: Mapping[str, str] = {
     + _CORRELATED,
     "resolutions": _SPREAD + ": set them to {range_possible_m:g} and {azimuth_possible_m:g}, unless the image was "
     "resampled before or has texture of a few pixels",
-    "resolutions_explained": _SPREAD + ": the resampling explains the difference, and no key need be changed",
     "resolutions_nearest": _SPREAD + ": no nearer resolutions can be simulated with these pixel spacings",
     "resampling": "{about}: its resampling by nearest neighbour widens the point spread: an image of the configured "
     "resolutions then has a point spread of up to {range_m:.3g} m in slant range and {azimuth_m:.3g} m in azimuth",
@@ -117,10 +114,8 @@ _OF_IMAGE: Mapping[str, str] = {
     "levels_relative": "{about}: it has none of SigmaZeroSFPoly, BetaZeroSFPoly and GammaZeroSFPoly: levels are "
     "relative: use target.normalisation: offset or image",
     "foreign": "{about}: {text}",  # of a variant of another distribution, whose text is in the numbers
-    "levels_sentinel1": "{about}: sigma0 = DN^2 / sigmaNought^2 (radiometry sigma0_ref)",
     "noise_subtracted": "{about}: thermal noise was subtracted by the processor, so that radar.nesz_db should be far "
     "below the level of the image",
-    "noise_kept": "{about}: thermal noise is not subtracted, since the simulated image has that of radar.nesz_db",
     "product": "{about}: its name says {product}: it is read with scale {scale}, radiometry {radiometry}, "
     "polarisation {polarisation}",
     "product_filtered": "{about}: its name says that the speckle was filtered; use the product before filtering",

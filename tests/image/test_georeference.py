@@ -1,9 +1,6 @@
 """Georeferenced images of known functions of the place, seen from the scene's pixels."""
 
 import math
-from dataclasses import replace
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,13 +12,7 @@ from rasterio.windows import Window
 
 from radcal.config import FileMeasurement, Radar
 from radcal.errors import MeasurementError
-from radcal.image.georeference import (
-    GeoreferencedImage,
-    map_pixel_m,
-    places_on_ground,
-    read_georeferenced,
-    values_at_ground,
-)
+from radcal.image.georeference import map_pixel_m, read_at_ground
 from radcal.image.raster import Header, RasterReader
 
 pytestmark = pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning")  # of rasterio about affine
@@ -54,10 +45,15 @@ def place(ground):
     return WEST + (ground[1].astype(float) + 0.5) * CELL_M, SOUTH + (ground[0].astype(float) + 0.5) * CELL_M
 
 
-def image(crs, transform, shape):
-    """An image whose pixels hold their own number."""
-    values = np.arange(shape[0] * shape[1], dtype=np.float64).reshape(shape)
-    return GeoreferencedImage(Path("image.tif"), values, transform, CRS.from_user_input(crs))
+def numbers(shape):
+    """Numbers of the pixels of an image."""
+    return np.arange(shape[0] * shape[1], dtype=np.float64).reshape(shape)
+
+
+def at_ground(folder, crs, transform, values, ground):
+    """Values of an image in a file on the ground of the scene's image."""
+    path = write_raster(folder / "image.tif", values, crs=crs, transform=transform)
+    return read_at_ground(path, CONFIG, (UTM, SCENE), ground)
 
 
 SAME = (UTM, Affine(3.0, 0, WEST - 30.0, 0, -3.0, SOUTH + 420.0), (160, 200))
@@ -72,15 +68,14 @@ PLACES = {
 
 
 @pytest.mark.parametrize("name", PLACES)
-def test_each_pixel_takes_the_nearest_value(name):
+def test_each_pixel_takes_the_nearest_value(tmp_path, name):
     crs, transform, shape = PLACES[name]
     ground = ground_of()
     x, y = Transformer.from_crs(UTM, crs, always_xy=True).transform(*place(ground))
     if name == "another datum":
         known = np.isfinite(ground[0])
         transform = Affine.translation(x[known].min() - 20.0, y[known].max() + 20.0) @ transform
-    one = image(crs, transform, shape)
-    found = values_at_ground(one, UTM, SCENE, ground)
+    found = at_ground(tmp_path, crs, transform, numbers(shape), ground)
     assert found.shape == ground.shape[1:]
     assert np.isnan(found[4, 7])
     assert np.isfinite(found).sum() == found.size - 1
@@ -96,46 +91,46 @@ def test_each_pixel_takes_the_nearest_value(name):
         assert found[i, j] == np.argmin(np.hypot(across, along))
 
 
-def test_outside_the_image_there_is_nothing():
+def test_outside_the_image_there_is_nothing(tmp_path):
     crs, transform, _ = SAME
     ground = ground_of()
-    found = values_at_ground(image(crs, transform, (160, 100)), UTM, SCENE, ground)
+    found = at_ground(tmp_path, crs, transform, numbers((160, 100)), ground)
     x, _ = place(ground)
     np.testing.assert_array_equal(np.isnan(found), ~(x < WEST - 30.0 + 300.0))
     with pytest.raises(
         MeasurementError, match=r"image\.tif \(WGS 84 / UTM zone 31N\) covers no place of the scene's im"
     ):
-        values_at_ground(image(crs, Affine.translation(1e5, 0) @ transform, (160, 200)), UTM, SCENE, ground)
+        at_ground(tmp_path, crs, Affine.translation(1e5, 0) @ transform, numbers((160, 200)), ground)
     with pytest.raises(MeasurementError, match="covers no place"):
-        values_at_ground(image("EPSG:32601", transform, (160, 200)), UTM, SCENE, ground)
+        at_ground(tmp_path, "EPSG:32601", transform, numbers((160, 200)), ground)
 
 
-def test_gaps_and_complex_values_are_kept():
-    one = image(*SAME)
-    values = one.values * (1.0 + 0.5j)
+def test_gaps_and_complex_values_are_kept(tmp_path):
+    crs, transform, shape = SAME
+    values = numbers(shape) * (1.0 + 0.5j)
     values[::2] = np.nan
-    found = values_at_ground(replace(one, values=values), UTM, SCENE, ground_of())
-    number = values_at_ground(one, UTM, SCENE, ground_of())
+    path = write_raster(tmp_path / "complex.tif", values, crs=crs, transform=transform)
+    config = CONFIG.model_copy(update={"scale": "complex"})
+    found = read_at_ground(path, config, (UTM, SCENE), ground_of())
+    number = at_ground(tmp_path, crs, transform, numbers(shape), ground_of())
     np.testing.assert_array_equal(found, np.where(number // 200 % 2 == 0, np.nan, number * (1.0 + 0.5j)))
-    with pytest.raises(TypeError, match="int64, expected floating-point"):
-        values_at_ground(replace(one, values=one.values.astype(int)), UTM, SCENE, ground_of())
 
 
 def test_files_are_read_with_their_place(tmp_path):
     _, transform, shape = SAME
     crs = "EPSG:32631+5773"  # whose heights do not matter
     values = np.arange(np.prod(shape), dtype=np.int32).reshape(shape)
-    path = write_raster(tmp_path / "image.tif", np.stack([values, 2 * values]), crs=crs, transform=transform, nodata=0)
+    path = write_raster(tmp_path / "two.tif", np.stack([values, 2 * values]), crs=crs, transform=transform, nodata=0)
     config = CONFIG.model_copy(update={"band": 2})
     assert header_of(path, config) == Header(crs=CRS(UTM), pixel_m=pytest.approx((3.0, 3.0)), on_map=True)
-    read = read_georeferenced(path, config)
-    np.testing.assert_array_equal(read.values, np.where(values > 0, 2.0 * values, np.nan))
-    assert np.isnan(read.values[0, 0])
-    assert read.crs == CRS(UTM)
-    found = values_at_ground(read, UTM, SCENE, ground_of())
-    np.testing.assert_array_equal(found, 2 * values_at_ground(image(*SAME), UTM, SCENE, ground_of()))
+    found = read_at_ground(path, config, (UTM, SCENE), ground_of())
+    np.testing.assert_array_equal(found, 2 * at_ground(tmp_path, UTM, transform, numbers(shape), ground_of()))
+    holes = np.where(values % 400 < 200, 0, values)  # every second row has no data
+    path = write_raster(tmp_path / "holes.tif", holes, crs=crs, transform=transform, nodata=0)
+    holed = read_at_ground(path, CONFIG, (UTM, SCENE), ground_of())
+    np.testing.assert_array_equal(holed, np.where(found / 2 % 400 < 200, np.nan, found / 2))
     with pytest.raises(MeasurementError, match="2 bands, expected one: .*measurement.band"):
-        read_georeferenced(path, CONFIG)
+        read_at_ground(tmp_path / "two.tif", CONFIG, (UTM, SCENE), ground_of())
 
 
 def test_of_a_large_image_the_scenes_part_is_read(tmp_path):
@@ -146,19 +141,12 @@ def test_of_a_large_image_the_scenes_part_is_read(tmp_path):
         path, "w", driver="GTiff", count=1, height=60_000, width=70_000, dtype="float32", crs=crs, transform=large,
         tiled=True, SPARSE_OK=True, compress="deflate",
     ) as raster:  # fmt: skip
-        raster.write(image(*SAME).values.astype(np.float32), 1, window=Window(30_000, 20_000, shape[1], shape[0]))
-    with pytest.raises(MeasurementError, match=r"60000 x 70000 pixels, expected at most 1e\+08"):
-        read_georeferenced(path, CONFIG)
-    read = read_georeferenced(path, CONFIG, partial(places_on_ground, UTM, SCENE, ground_of()))
-    assert max(read.values.shape) < 250
-    np.testing.assert_array_equal(
-        values_at_ground(read, UTM, SCENE, ground_of()), values_at_ground(image(*SAME), UTM, SCENE, ground_of())
-    )
-    # of one that lies elsewhere nothing is read, and it is said
+        raster.write(numbers(shape).astype(np.float32), 1, window=Window(30_000, 20_000, shape[1], shape[0]))
+    found = read_at_ground(path, CONFIG, (UTM, SCENE), ground_of())  # the whole image would be refused
+    np.testing.assert_array_equal(found, at_ground(tmp_path, crs, transform, numbers(shape), ground_of()))
     far = write_raster(tmp_path / "far.tif", np.ones((9, 9)), crs=crs, transform=Affine.translation(1e5, 0) @ transform)
-    read = read_georeferenced(far, CONFIG, partial(places_on_ground, UTM, SCENE, ground_of()))
     with pytest.raises(MeasurementError, match="covers no place"):
-        values_at_ground(read, UTM, SCENE, ground_of())
+        read_at_ground(far, CONFIG, (UTM, SCENE), ground_of())
 
 
 def test_files_without_a_place_are_told_apart(tmp_path):
@@ -175,9 +163,9 @@ def test_files_without_a_place_are_told_apart(tmp_path):
     for path in (plain, no_transform, no_crs, local):
         assert header_of(path, CONFIG).pixel_m is None, path
         with pytest.raises(MeasurementError, match=rf"{path.name} has no coordinate reference system or no transform"):
-            read_georeferenced(path, CONFIG)
+            read_at_ground(path, CONFIG, (UTM, SCENE), ground_of())
     with pytest.raises(MeasurementError, match=r"text\.tif cannot be read as a raster"):
-        read_georeferenced(tmp_path / "text.tif", CONFIG)
+        read_at_ground(tmp_path / "text.tif", CONFIG, (UTM, SCENE), ground_of())
 
 
 def test_pixels_are_turned_into_range_and_azimuth(tmp_path):

@@ -1,11 +1,13 @@
 """Files that the manifest of a SAFE folder lists."""
 
 import os
+from pathlib import Path
 
 import pytest
 from safe_product import NAME, STEM, write_product
 
-from radcal.sentinel1.safe import SafeRefused, chosen_image, is_safe_name, safe_folder, safe_images
+from radcal.sentinel1.reader import Sentinel1Reader
+from radcal.sentinel1.safe import SafeRefused, chosen_image, safe_folder, safe_images
 
 pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 
@@ -74,8 +76,7 @@ def test_an_image_without_its_tables_is_refused(tmp_path):
 
 
 def test_names_of_products():
-    assert is_safe_name(f"${{DATA}}/{NAME}")
-    assert is_safe_name(f"{NAME}/")
-    assert is_safe_name(f"{NAME}/manifest.safe")
-    assert not is_safe_name(f"{NAME}/measurement/a.tiff")
-    assert not is_safe_name("safe")
+    for name in (f"${{DATA}}/{NAME}", f"{NAME}/", f"{NAME}/manifest.safe"):
+        assert Sentinel1Reader.matches(Path(name))
+    for name in (f"{NAME}/measurement/a.tiff", "safe"):
+        assert not Sentinel1Reader.matches(Path(name))

@@ -13,7 +13,6 @@ from radcal.bands import letter_band, within_band
 from radcal.config import Radar
 from radcal.findings import Finding
 from radcal.radar.radiometry import noise_floor_db
-from radcal.tables.sensors import sensors
 
 # over one degree the laws of natural surfaces change by up to 1 dB (docs/measured_images.md, "One incidence")
 _INCIDENCE_DEG = 1.0
@@ -128,9 +127,7 @@ def radar_keys(acquisition: Acquisition) -> dict[str, tuple[Any, str]]:
     """
     a = acquisition
     noise = [list(pair) for pair in a.nesz_db]
-    sensor = _sensor(a)
-    keys = {
-        "sensor": (sensor, "whose values those of the image override"),
+    return {
         "altitude_m": (float(round(a.altitude_m)), ""),
         "incidence_deg": (round(a.incidence_deg, 2), "at the middle of the scene, on the ellipsoid"),
         # 359.999 is rounded to 360, which is 0
@@ -147,23 +144,6 @@ def radar_keys(acquisition: Acquisition) -> dict[str, tuple[Any, str]]:
         "nesz_db": (-100.0, "the processor has subtracted the noise") if a.noise_removed else (noise, ""),
         "radiometry": ("sigma0_ref", ""),
     }
-    return keys if sensor is not None else {key: item for key, item in keys.items() if key != "sensor"}
-
-
-def _sensor(acquisition: Acquisition) -> str | None:
-    """Name of the sensor in :func:`.sensors` whose values agree with an acquisition; None if no sensor agrees."""
-    a = acquisition
-    lengths = {**a.lengths_m, "looks": a.looks}
-    for name, sensor in sensors().items():
-        known = sensor.values_at(a.incidence_deg)
-        if (
-            {*lengths, "frequency_ghz", "look_side"} <= known.keys()
-            and abs(known["frequency_ghz"] * 1e9 / a.frequency_hz - 1.0) <= _FREQUENCY
-            and known["look_side"] == a.look_side
-            and all(1.0 / _RATIO <= known[key] / own <= _RATIO for key, own in lengths.items())
-        ):
-            return name
-    return None
 
 
 def radar_section(acquisition: Acquisition) -> str:

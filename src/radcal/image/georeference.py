@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,30 +20,8 @@ from radcal.scene.crs import crs_of, horizontal, transformer
 if TYPE_CHECKING:
     from pyproj import CRS
 
-Places = Callable[[Any], tuple[NDArray[np.float64], NDArray[np.float64]]]
+Place = tuple[str, Sequence[float]]  # CRS and transform of the scene
 _FAR_OFF = 5.0  # largest ratio of pixel spacing to pixel size, or of pixel size to pixel spacing
-
-
-@dataclass(frozen=True)
-class GeoreferencedImage:
-    """Measured image with CRS and transform.
-
-    Attributes
-    ----------
-    path : path
-        Path of the file, for messages.
-    values : ndarray, shape (rows, columns)
-        Numbers as read from the file, NaN where the file has no data.
-    transform : affine.Affine
-        Affine transform from (column, row) of pixel corners to coordinates.
-    crs : pyproj.CRS
-        CRS of the coordinates.
-    """
-
-    path: Path
-    values: NDArray[Any]
-    transform: Any
-    crs: CRS
 
 
 def check_spacing(path: Path, pixel_m: tuple[float, float], radar: Radar) -> None:
@@ -94,23 +71,31 @@ def map_pixel_m(pixel_m: tuple[float, float], radar: Radar) -> tuple[float, floa
     return across * radar.slant_per_ground, float(np.hypot(east * np.sin(heading), north * np.cos(heading)))
 
 
-def read_georeferenced(path: Path, config: FileMeasurement, places: Places | None = None) -> GeoreferencedImage:
-    """Read a measured image with its CRS and transform.
+def read_at_ground(path: Path, config: FileMeasurement, place: Place, ground: NDArray[np.float32]) -> NDArray[Any]:
+    """Numbers of a measured image on the ground that each pixel of the scene's image shows.
 
     Parameters
     ----------
     path : path
-        GeoTIFF or another raster.
+        Terrain-corrected image, in which every pixel shows the ground at the pixel's map coordinates.
     config : FileMeasurement
         Band.
-    places : callable, optional
-        Function that returns the coordinates of interest in a given CRS; only the rectangle around these coordinates is
-        read.
+    place : (str, sequence of 6 float)
+        The scene's CRS, and coefficients a, b, c, d, e, f of its affine transform from (column, row) of cell corners to
+        coordinates.
+    ground : ndarray, shape (2, rows, columns)
+        Scene row and column that each pixel of the scene's image shows, with cell centres at whole numbers; NaN where a
+        pixel shows no ground.
+
+    Returns
+    -------
+    ndarray, shape (rows, columns)
+        Numbers of the nearest pixels; NaN outside the image, where it has no data, and where a pixel shows no ground.
 
     Raises
     ------
     MeasurementError
-        The file cannot be read, does not hold the band, or has no CRS or transform.
+        The file cannot be read, does not hold the band, has no CRS or transform, or does not cover the scene's image.
     """
     file = image_file(path, config)
     with reading(file, "a raster"), open_raster(path, file.folders) as raster:
@@ -120,9 +105,26 @@ def read_georeferenced(path: Path, config: FileMeasurement, places: Places | Non
                 f"{path} has no coordinate reference system or no transform to one, expected a georeferenced image."
             )
         plane = horizontal(crs)
-        window = window_around(raster.transform, raster.shape, *places(plane)) if places is not None else None
-        transform = raster.window_transform(window) if window is not None else raster.transform
-        return GeoreferencedImage(path, raster_band(raster, file, window), transform, plane)
+        x, y = places_on_ground(*place, ground, plane)
+        window = window_around(raster.transform, raster.shape, x, y)
+        values, inverse = raster_band(raster, file, window), ~raster.window_transform(window)
+    # nearest pixels: a mean of n neighbours would have only 1/n of the speckle variance that the target must keep
+    at_column = np.floor(inverse.a * x + inverse.b * y + inverse.c)
+    at_row = np.floor(inverse.d * x + inverse.e * y + inverse.f)
+    rows, columns = values.shape
+    # places outside the domain of the image's projection are infinite and thus outside all bounds
+    inside = (at_row >= 0) & (at_row < rows) & (at_column >= 0) & (at_column < columns)
+    if not inside.any():
+        raise MeasurementError(
+            f"measurement.path: {path} ({plane.name}) covers no place of the scene's image, which lies {_span(x, y)} "
+            "in its coordinates: expected an image of the same area."
+        )
+    found = np.full(inside.shape, np.nan, dtype=values.dtype)
+    found[inside] = values[at_row[inside].astype(np.int64), at_column[inside].astype(np.int64)]
+    shown = np.isfinite(ground).all(axis=0)
+    result = np.full(shown.shape, np.nan, dtype=values.dtype)
+    result[shown] = found
+    return result
 
 
 def window_around(transform: Any, shape: tuple[int, int], x: NDArray[np.float64], y: NDArray[np.float64]) -> Any:
@@ -150,7 +152,7 @@ def places_on_ground(
     Parameters
     ----------
     crs, transform, ground
-        Arguments of :func:`values_at_ground`.
+        Parts of ``place`` of :func:`read_at_ground`, and its ``ground``.
     other : pyproj.CRS
         CRS of the coordinates.
 
@@ -166,56 +168,6 @@ def places_on_ground(
     to_other = transformer(CRS.from_user_input(crs), other)
     x, y = to_other.transform(a * column + b * row + c, d * column + e * row + f)
     return np.asarray(x), np.asarray(y)
-
-
-def values_at_ground(
-    image: GeoreferencedImage, crs: str, transform: Sequence[float], ground: NDArray[np.float32]
-) -> NDArray[Any]:
-    """Values of a georeferenced image on the ground that each pixel of the scene's image shows.
-
-    Parameters
-    ----------
-    image : GeoreferencedImage
-        Terrain-corrected image, in which every pixel shows the ground at the pixel's map coordinates.
-    crs : str
-        The scene's CRS.
-    transform : sequence of 6 float
-        Coefficients a, b, c, d, e, f of the scene's affine transform from (column, row) of cell corners to coordinates.
-    ground : ndarray, shape (2, rows, columns)
-        Scene row and column that each pixel of the scene's image shows, with cell centres at whole numbers; NaN where a
-        pixel shows no ground.
-
-    Returns
-    -------
-    ndarray, shape (rows, columns)
-        Values of the nearest pixels, NaN outside the image and where a pixel shows no ground.
-
-    Raises
-    ------
-    MeasurementError
-        The image does not cover the scene's image.
-    """
-    if image.values.dtype.kind not in "fc":
-        raise TypeError(f"values are {image.values.dtype}, expected floating-point numbers, which have NaN")
-    shown = np.isfinite(ground).all(axis=0)
-    x, y = places_on_ground(crs, transform, ground, image.crs)
-    inverse = ~image.transform
-    # nearest pixels: a mean of n neighbours would have only 1/n of the speckle variance that the target must keep
-    at_column = np.floor(inverse.a * x + inverse.b * y + inverse.c)
-    at_row = np.floor(inverse.d * x + inverse.e * y + inverse.f)
-    rows, columns = image.values.shape
-    # places outside the domain of the image's projection are infinite and thus outside all bounds
-    inside = (at_row >= 0) & (at_row < rows) & (at_column >= 0) & (at_column < columns)
-    if not inside.any():
-        raise MeasurementError(
-            f"measurement.path: {image.path} ({image.crs.name}) covers no place of the scene's image, which lies "
-            f"{_span(x, y)} in its coordinates: expected an image of the same area."
-        )
-    found = np.full(inside.shape, np.nan, dtype=image.values.dtype)
-    found[inside] = image.values[at_row[inside].astype(np.int64), at_column[inside].astype(np.int64)]
-    result = np.full(shown.shape, np.nan, dtype=image.values.dtype)
-    result[shown] = found
-    return result
 
 
 def _span(x: NDArray[np.float64], y: NDArray[np.float64]) -> str:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from radcal.config import Radar
 from radcal.errors import MeasurementError
 from radcal.findings import Finding
+from radcal.speckle.texture import trigamma_inverse
 from radcal.words import sentence
 
 SIDE = 8  # number of independent pixels on a side of a window
@@ -77,13 +78,7 @@ def looks_of_log_variance(variance_db2: float) -> float:
         Number L for which (10 / ln 10)^2 trigamma(L) is the variance (Oliver and Quegan, "Understanding
         Synthetic Aperture Radar Images", section 4.3).
     """
-    wanted = variance_db2 / _DB**2
-    # trigamma(L) lies between 1/L and 1/L + 1/L^2
-    return float(
-        scipy.optimize.brentq(
-            lambda x: scipy.special.polygamma(1, x) - wanted, 0.3 / (1.0 + wanted), 2.0 + 2.0 / wanted
-        )
-    )
+    return trigamma_inverse(variance_db2 / _DB**2)
 
 
 def estimate_looks(image_db: NDArray[np.float32], material: NDArray[np.uint8], radar: Radar) -> Looks | None:

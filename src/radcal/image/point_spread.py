@@ -297,9 +297,9 @@ def point_spread_findings(
     sides = pixel_m or (0.0, 0.0)
     explained = [math.hypot(one, _RESAMPLED * side) for one, side in zip(configured, sides, strict=True)]
     widths = (found.range, found.azimuth)
-    finer, wider, unexplained = (
+    finer, unexplained = (
         any(sign * (own.width_m - one) > _CERTAIN * own.error_m for own, one in zip(widths, limits, strict=True))
-        for sign, limits in ((-1.0, configured), (1.0, configured), (1.0, explained))
+        for sign, limits in ((-1.0, configured), (1.0, explained))
     )
     numbers: dict[str, float | str] = {}
     for way, own, declared in zip(_WAYS, widths, configured, strict=True):
@@ -313,12 +313,10 @@ def point_spread_findings(
     coarse = cells > _COARSE or (cells > _WIDER and found.smoothing > _SMOOTHED and as_many)
     if coarse and unexplained:
         return [Finding("smoothed", "warning", source, numbers)]
-    if not (finer or wider):
+    if not (finer or unexplained):
         return []
     resampled = dict(zip(("range_m", "azimuth_m"), explained, strict=True))
     more = [Finding("resampling", "note", source, resampled)] if pixel_m is not None else []
-    if pixel_m is not None and not (finer or unexplained):
-        return [Finding("resolutions_explained", "note", source, numbers), *more]
     possible = {way: radar.possible_resolution_m(way, own.width_m) for way, own in zip(_WAYS, widths, strict=True)}
     for way, width in possible.items():
         if width > 1.01 * getattr(found, way).width_m:  # smaller differences come from rounding

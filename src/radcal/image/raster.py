@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +16,7 @@ from radcal.config.inputs import vrt_folders
 from radcal.errors import MeasurementError
 from radcal.findings import Finding
 from radcal.image.base import Facts, Grid, Reader, ReadImage, image_file
-from radcal.image.georeference import check_spacing, map_pixel_m, places_on_ground, read_georeferenced, values_at_ground
+from radcal.image.georeference import Place, check_spacing, map_pixel_m, read_at_ground
 from radcal.reading.arrays import is_raster, read_array
 from radcal.reading.rasters import open_raster
 from radcal.scene.crs import crs_of, horizontal, pixel_size_m
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
 
     from radcal.scene.model import Scene
 
-Place = tuple[str, Sequence[float]]  # CRS and transform of the scene
 
 # tag of OPERA RTC-S1 images, whose processor writes gamma0, sigma0 or beta0 into it
 _NORMALISATION = "PROCESSING_INFORMATION_OUTPUT_BACKSCATTER_NORMALIZATION_CONVENTION"
@@ -146,19 +144,11 @@ class RasterReader(ArrayReader):
     def _on_map(self, grid: Grid, place: Place, pixel_m: tuple[float, float]) -> ReadImage:
         """Image from the nearest pixels of the file, whose pixels have the sides ``pixel_m``."""
         check_spacing(self.path, pixel_m, self.radar)
-        whole, values = self._band_at_ground(grid, place, self.config.band)
-        around = {"pixels": whole.size, "no_data": int(np.count_nonzero(~np.isfinite(whole)))}
+        values = read_at_ground(self.path, self.config, place, grid.geometry.ground)
         self._check_no_heights(values, grid)
         read = self.in_db(values, self.config.scale, grid.shape)
-        findings = Finding("file_around_scene", "note", self.name, around), self._angle(grid, place)
+        findings = (self._angle(grid, place),)
         return ReadImage(*read, findings, resampled=True, pixel_m=map_pixel_m(pixel_m, self.radar))
-
-    def _band_at_ground(self, grid: Grid, place: Place, band: int | None) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Numbers of a band around the scene, and on the ground that each pixel of the scene's image shows."""
-        ground = grid.geometry.ground
-        config = self.config.model_copy(update={"band": band})
-        image = read_georeferenced(self.path, config, partial(places_on_ground, *place, ground))
-        return image.values, values_at_ground(image, *place, ground)
 
     def _check_no_heights(self, values: NDArray[Any], grid: Grid) -> None:
         """Refuse values that are the scene's own heights: a copy of the elevation in place of the measured image."""
@@ -191,7 +181,7 @@ class RasterReader(ArrayReader):
         if self.header.incidence is None:
             return by_map
         number, name, local = self.header.incidence
-        _, angle = self._band_at_ground(grid, place, number)
+        angle = read_at_ground(self.path, self.config.model_copy(update={"band": number}), place, geometry.ground)
         off = (geometry.incidence_deg if local else geometry.flat_incidence_deg[:, None]) - angle
         if not np.isfinite(off).any():
             return by_map

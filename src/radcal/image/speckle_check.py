@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,8 +60,9 @@ def check_speckle(
     looks = estimate_looks(image_db, material, radar)
     spread = estimate_point_spread(image_db, material, radar)
     if (repeated := repeated_pixels(image_db)) is not None:
-        found.append(repeated.finding(source))
-        pixel_m = pixel_m or repeated.sides_m(radar)
+        shares = {f"{way}_percent": 100.0 * share for (way, _), share in zip(_WAYS, repeated, strict=True)}
+        found.append(Finding("pixels_repeated", "note", source, shares))
+        pixel_m = pixel_m or sides_m(repeated, radar)
     if looks is not None:
         found.append(check_looks(looks, radar.looks, scale, source, is_filtered(spread, looks, radar)))
     elif scale == "complex" and radar.looks != 1:
@@ -73,29 +74,17 @@ def check_speckle(
     return [*found, *point_spread_findings(spread, looks, radar, source, pixel_m)]
 
 
-@dataclass(frozen=True)
-class Repeated:
-    """Shares of adjacent pixels with equal values, along slant range and azimuth."""
+def sides_m(repeated: Sequence[float], radar: Radar) -> tuple[float, float]:
+    """Sides of the pixels before the resampling along slant range and azimuth [m]; 0 where none is repeated.
 
-    range: float
-    azimuth: float
-
-    def sides_m(self, radar: Radar) -> tuple[float, float]:
-        """Sides of the pixels before the resampling along slant range and azimuth [m]; 0 where none is repeated.
-
-        If a pixel has n copies in a row, the share 1 - 1/n of the adjacent pixels is equal.
-        """
-        ways = ((self.range, radar.range_spacing_m), (self.azimuth, radar.azimuth_spacing_m))
-        along = [spacing / (1.0 - share) if share >= _LEAST_SHARE else 0.0 for share, spacing in ways]
-        return along[0], along[1]
-
-    def finding(self, source: str) -> Finding:
-        """Finding on the repeated pixels of the image ``source``."""
-        shares = {"range_percent": 100.0 * self.range, "azimuth_percent": 100.0 * self.azimuth}
-        return Finding("pixels_repeated", "note", source, shares)
+    If a pixel has n copies in a row, the share 1 - 1/n of the adjacent pixels is equal.
+    """
+    ways = zip(repeated, (radar.range_spacing_m, radar.azimuth_spacing_m), strict=True)
+    along = [spacing / (1.0 - share) if share >= _LEAST_SHARE else 0.0 for share, spacing in ways]
+    return along[0], along[1]
 
 
-def repeated_pixels(image_db: NDArray[np.float32]) -> Repeated | None:
+def repeated_pixels(image_db: NDArray[np.float32]) -> list[float] | None:
     """Shares of adjacent pixels that are repetitions.
 
     Parameters
@@ -105,9 +94,9 @@ def repeated_pixels(image_db: NDArray[np.float32]) -> Repeated | None:
 
     Returns
     -------
-    Repeated or None
-        Shares; None if fewer than 1 % of the adjacent pixels are equal, all of them, or if the values are so coarsely
-        rounded that equal neighbours can be a chance.
+    list of float or None
+        Shares along slant range and azimuth; None if fewer than 1 % of the adjacent pixels are equal, all of them, or
+        if the values are so coarsely rounded that equal neighbours can be a chance.
     """
     shares = [_equal_share(image_db), _equal_share(image_db.T)]
     if not _LEAST_SHARE <= max(shares) < 1.0:
@@ -115,7 +104,7 @@ def repeated_pixels(image_db: NDArray[np.float32]) -> Repeated | None:
     apart = image_db[::_APART, ::_APART]  # repetitions of a pixel lie nearer to each other
     counts = np.unique(apart[np.isfinite(apart)], return_counts=True)[1].astype(np.float64)
     by_chance = float((counts * (counts - 1.0)).sum() / max(counts.sum() * (counts.sum() - 1.0), 1.0))
-    return Repeated(*shares) if by_chance < _BY_CHANCE else None
+    return shares if by_chance < _BY_CHANCE else None
 
 
 def _equal_share(image_db: NDArray[np.float32]) -> float:

@@ -23,8 +23,8 @@ from radcal.reading.arrays import raster_band
 from radcal.reading.images import reading
 from radcal.reading.products import NamedProduct
 from radcal.reading.rasters import open_raster
-from radcal.sentinel1.overpass import Product, open_product, overpass_of, overpass_unchecked
-from radcal.sentinel1.safe import MANIFEST, chosen_image, is_safe_name, safe_folder, safe_images
+from radcal.sentinel1.overpass import Overpass, Product, open_product, overpass_of, overpass_unchecked
+from radcal.sentinel1.safe import MANIFEST, chosen_image, safe_folder, safe_images
 from radcal.words import sentence
 
 if TYPE_CHECKING:
@@ -44,8 +44,8 @@ class Sentinel1Reader(Reader):
 
     @classmethod
     def matches(cls, path: Path) -> bool:
-        """Whether a path names a SAFE folder or its manifest."""
-        return is_safe_name(str(path))
+        """Whether a path names a SAFE folder or its manifest; its ending decides."""
+        return path.name.lower().endswith(".safe")
 
     @classmethod
     def named(cls, path: str) -> NamedProduct:
@@ -73,8 +73,11 @@ class Sentinel1Reader(Reader):
         if scene is None:
             return Facts(radiometry="sigma0_ref", on_map=True)
         seen = overpass_unchecked(self.path, self.config, self.radar, scene)
-        found = (seen.acquisition.finding(), *seen.findings, *differences(seen.acquisition, self.radar))
+        found = self._findings(seen)
         return Facts(radiometry="sigma0_ref", on_map=True, acquisition=seen.acquisition, findings=found)
+
+    def _findings(self, seen: Overpass) -> tuple[Finding, ...]:
+        return (seen.acquisition.finding(), *seen.findings, *differences(seen.acquisition, self.radar))
 
     def read(self, grid: Grid) -> ReadImage:
         """Image of sigma0 with thermal noise; NaN where the product has no data.
@@ -105,14 +108,9 @@ class Sentinel1Reader(Reader):
         divisor = product.calibration.at(line.astype(np.float64), pixel.astype(np.float64))
         power = np.full(grid.shape, np.nan)
         power[there] = np.where(digital > 0, (digital / divisor) ** 2, np.nan)  # DN 0 marks pixels without data
-        noise = "noise_subtracted" if seen.acquisition.noise_removed else "noise_kept"
-        findings = (
-            seen.acquisition.finding(),
-            Finding("levels_sentinel1", "note", product.name),
-            Finding(noise, "note", product.name),
-            *seen.findings,
-            *differences(seen.acquisition, self.radar),
-        )
+        findings = self._findings(seen)
+        if seen.acquisition.noise_removed:
+            findings = (*findings, Finding("noise_subtracted", "note", product.name))
         return ReadImage(*self.in_db(power, "power", grid.shape), findings, resampled=True)
 
     def _digital_numbers(self, line: NDArray[np.int64], pixel: NDArray[np.int64]) -> Array:

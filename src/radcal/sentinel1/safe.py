@@ -47,12 +47,6 @@ class SafeImage:
         return (self.annotation, self.calibration, self.noise, self.pixels)
 
 
-def is_safe_name(text: str) -> bool:
-    """Whether a path names a SAFE folder or its manifest; the ending of the path decides."""
-    name = text.rstrip("/").rpartition("/")[2].lower()
-    return name.endswith(".safe")
-
-
 def safe_folder(path: Path) -> Path:
     """SAFE folder, from the path of the folder itself or of its manifest."""
     return path.parent if path.name.lower() == MANIFEST else path

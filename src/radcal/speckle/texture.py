@@ -102,9 +102,14 @@ def _order(log_variance: float) -> float:
     """Order of a gamma distribution with a given variance of its natural logarithm; infinite for 0 and below."""
     if log_variance <= 0.0:
         return float("inf")
+    return trigamma_inverse(log_variance, rtol=1e-12)
+
+
+def trigamma_inverse(value: float, rtol: float = 4.0 * np.finfo(np.float64).eps) -> float:
+    """Order of the gamma distribution whose natural logarithm has the variance ``value``, which is above 0."""
     # trigamma(x) lies between 1/x and 1/x + 1/x^2
-    bracket = 0.3 / (1.0 + log_variance), 2.0 + 2.0 / log_variance
-    return float(scipy.optimize.brentq(lambda x: scipy.special.polygamma(1, x) - log_variance, *bracket, rtol=1e-12))
+    bracket = 0.3 / (1.0 + value), 2.0 + 2.0 / value
+    return float(scipy.optimize.brentq(lambda x: scipy.special.polygamma(1, x) - value, *bracket, rtol=rtol))
 
 
 def equal_texture(looks: float, effective: float, others: float) -> float:
