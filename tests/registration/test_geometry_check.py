@@ -14,7 +14,7 @@ from radcal.image.model import Measurement
 from radcal.measurement.synthetic import smooth_warp
 from radcal.radar.projection import make_geometry
 from radcal.registration.displacement import warp
-from radcal.registration.geometry_check import checked, depression, geometry_findings, place, range_line, relief
+from radcal.registration.geometry_check import checked, depression, place, range_line, relief
 from radcal.registration.registered import Registered
 from radcal.words import sentence
 
@@ -205,8 +205,9 @@ def test_relief_and_place_are_judged_where_the_image_was_found_to_lie(seen):
     field[0] = 70.0
     lies = warp(image_of(seen, seen.incidence_deg, -0.22, 3), -field.astype(np.float64))
     found = replace(found, unregistered_db=lies, refused_px=field)
-    assert geometry_findings(found, simulated, seen, RADAR, 0.0) == []
-    codes = [one.code for one in geometry_findings(replace(found, refused_px=None), simulated, seen, RADAR, 0.0)]
+    assert checked(found, simulated, seen, RADAR, 0.0).findings == ()
+    unsought = replace(found, refused_px=None, method="none")
+    codes = [one.code for one in checked(unsought, simulated, seen, RADAR, 0.0).findings]
     assert codes == ["geometry_unchecked", "place"]
 
 

@@ -9,7 +9,7 @@ from registration_samples import hills
 from radcal.config import Radar
 from radcal.errors import MeasurementError
 from radcal.radar.projection import make_geometry
-from radcal.registration.relief import ReliefSlope, check_relief, relief_slope
+from radcal.registration.relief import ReliefSlope, check_relief, relief_slopes
 
 RADAR = Radar(
     altitude_m=4000.0, range_resolution_m=7.0, azimuth_resolution_m=9.0, range_spacing_m=4.0, azimuth_spacing_m=5.0
@@ -29,6 +29,11 @@ def image_of(geometry, angle, db_per_deg):
     """Four looks, a level of each material and a slope over an angle."""
     speckle = 10.0 * np.log10(np.random.default_rng(2).gamma(4.0, 0.25, geometry.shape))
     return (speckle - 15.0 * (geometry.material == 1) + db_per_deg * angle).astype(np.float32)
+
+
+def relief_slope(image, geometry, radar):
+    """Slope of one image, None without enough relief."""
+    return next(iter(relief_slopes([image], geometry, radar)), None)
 
 
 def test_slope_is_that_of_the_image(seen):

@@ -18,7 +18,7 @@ from radcal.image.speckle_check import check_resolutions, check_speckle
 from radcal.measurement.synthetic import make_synthetic
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
-from radcal.registration.relief import check_relief, relief_slope
+from radcal.registration.relief import check_relief, relief_slopes
 from radcal.scene.model import Scene
 from radcal.sections.measurement import RADIOMETRY_EXPECTED
 from radcal.simulators.base import Simulator
@@ -131,8 +131,7 @@ def _from_file(config: FileMeasurement, radar: Radar, geometry: Geometry, scene:
     findings = [Finding(code, "note", reader.name, vars(read.counts)), *read.findings]
     scale = None if reader.gives_acquisition else config.scale  # a product with its acquisition defines its scale
     findings += check_speckle(read.image_db, geometry.material, radar, reader.name, scale, read.pixel_m)
-    slope = relief_slope(read.image_db, geometry, radar)
-    if slope is not None:
+    for slope in relief_slopes([read.image_db], geometry, radar):
         slope_error_deg = scene.slope_error_deg if scene is not None else 0.0
         findings += check_relief(slope, radar, reader.name, slope_error_deg)
     product = None if reader.gives_acquisition else reader.named(config.path)

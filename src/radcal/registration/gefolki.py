@@ -299,11 +299,10 @@ def find_flow(
 
 
 def gefolki_px(
-    fixed: NDArray[np.float32],
-    moving: NDArray[np.float32],
-    start: NDArray[np.float64] | None,
+    _fixed: NDArray[np.float32],
+    _moving: NDArray[np.float32],
+    _start: NDArray[np.float64] | None,
     found_px: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Displacement [pixels] as a :class:`.Method`: the one that is found for the error of every method."""
-    del fixed, moving, start
     return found_px

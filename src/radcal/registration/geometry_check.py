@@ -134,7 +134,7 @@ def relief(
         ``relief``, a refusal, if both ratios are below 1/2 or above 2 by four standard errors.
     """
     slopes = relief_slopes([simulated_db, image_db], geometry, radar)
-    if slopes is None:
+    if not slopes:
         return []
     found = slopes[1]
     ratios = found.against_first, found.against_gamma
@@ -211,10 +211,10 @@ def place(
     return [Finding("place", "refusal", about, numbers, "measurement.path")]
 
 
-def geometry_findings(
+def checked(
     registered: Registered, simulated_db: NDArray[np.float32], geometry: Geometry, radar: Radar, slope_error_deg: float
-) -> list[Finding]:
-    """Findings on depression, relief and place.
+) -> Registered:
+    """Registered image with findings on depression, relief and place.
 
     Relief and place are judged on the image moved by the displacement that was found, applied or not.
 
@@ -228,29 +228,21 @@ def geometry_findings(
         Pass.
     slope_error_deg : float
         Standard error of the slopes of the scene's elevation [deg].
-    """
-    about, image_db = registered.measurement.source, registered.unregistered_db
-    if registered.found_px is not None:
-        image_db = warp(image_db, registered.found_px.astype(np.float64))
-    return [
-        *depression(registered, geometry, radar),
-        *relief(image_db, simulated_db, geometry, radar, about, slope_error_deg),
-        *place(image_db, simulated_db, geometry, about),
-    ]
-
-
-def checked(
-    registered: Registered, simulated_db: NDArray[np.float32], geometry: Geometry, radar: Radar, slope_error_deg: float
-) -> Registered:
-    """Registered image with its :func:`geometry_findings`, of which these are the arguments.
 
     Raises
     ------
     MeasurementError
         A finding is a refusal, and ``registration.method`` is not ``none``.
     """
-    findings = geometry_findings(registered, simulated_db, geometry, radar, slope_error_deg)
+    about, image_db = registered.measurement.source, registered.unregistered_db
+    if registered.found_px is not None:
+        image_db = warp(image_db, registered.found_px.astype(np.float64))
+    findings = (
+        *depression(registered, geometry, radar),
+        *relief(image_db, simulated_db, geometry, radar, about, slope_error_deg),
+        *place(image_db, simulated_db, geometry, about),
+    )
     refused = [one for one in findings if one.severity == "refusal"]
     if refused and registered.method != "none":
         raise MeasurementError(f"registration: {sentence(refused[0], prefix=False)}")
-    return replace(registered, findings=tuple(findings))
+    return replace(registered, findings=findings)

@@ -12,12 +12,11 @@ def ilk_px(
     fixed: NDArray[np.float32],
     moving: NDArray[np.float32],
     start: NDArray[np.float64] | None,
-    gefolki_px: NDArray[np.float64],
+    _gefolki_px: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Displacement [pixels] with windows of 65 pixels, as a :class:`.Method`."""
     from skimage.registration import optical_flow_ilk
 
-    del gefolki_px
     shift = np.zeros((2, *fixed.shape))
     if start is not None:
         shift += np.round(start)[:, None, None]

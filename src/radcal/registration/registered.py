@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -193,17 +192,15 @@ def register(
     found_out = f"{found}, standard error {_standard_error(after):.3f}"
     if not same_area:
         _check_agreement(source, levels, flow, correlation, found_out, contrast_db(fixed_db))
-    kept = partial(_kept, measurement, ranks, config.method, found_px=field.astype(np.float32))
-    if furthest > config.max_displacement_px:
-        return kept(
+    if furthest > config.max_displacement_px or not raised:
+        why = (
             f"the registration would move {source} by up to {furthest:.1f} pixels, more than "
-            f"registration.max_displacement_px = {config.max_displacement_px:g}: the image is used unregistered.",
+            f"registration.max_displacement_px = {config.max_displacement_px:g}"
+            if furthest > config.max_displacement_px
+            else f"the registration did not raise the correlation of {source} with the simulated image ({found})"
         )
-    if not raised:
-        return kept(
-            f"the registration did not raise the correlation of {source} with the simulated image ({found}): "
-            "the image is used unregistered.",
-        )
+        kept = _kept(measurement, ranks, config.method, f"{why}: the image is used unregistered.")
+        return replace(kept, refused_px=field.astype(np.float32))
     # the posterior belongs to the field of GeFolki: for another method, the distance between both fields is added
     variance = np.square(flow.standard_error_px()) + np.square(field - both).sum(axis=0)
     uncertainty = np.sqrt(variance)
@@ -284,11 +281,7 @@ def _check_agreement(
 
 
 def _kept(
-    measurement: Measurement,
-    ranks: tuple[NDArray[np.float32], NDArray[np.float32]],
-    method: str,
-    verdict: str,
-    found_px: NDArray[np.float32] | None = None,
+    measurement: Measurement, ranks: tuple[NDArray[np.float32], NDArray[np.float32]], method: str, verdict: str
 ) -> Registered:
     """Measured image that is used unregistered, with the reason as its verdict."""
     return Registered(
@@ -300,7 +293,6 @@ def _kept(
         method=method,
         applied=False,
         verdict=verdict,
-        refused_px=found_px,
     )
 
 

@@ -50,16 +50,16 @@ class ReliefSlope:
     against_first: tuple[float, float] = (np.nan, np.nan)
 
 
-def relief_slope(image_db: NDArray[np.float32], geometry: Geometry, radar: Radar) -> ReliefSlope | None:
-    """Slope of a measured image over the local incidence angle on relief.
+def relief_slopes(images_db: Sequence[NDArray[np.float32]], geometry: Geometry, radar: Radar) -> list[ReliefSlope]:
+    """Slopes of images over the local incidence angle on relief, on the pixels that all of them have.
 
     Blocks have their own level for each material, so that neither differences between fields nor the decrease from near
     to far range change the slope, only relief of less than 32 pixels does.
 
     Parameters
     ----------
-    image_db : ndarray, shape (rows, columns)
-        Measured image, not registered [dB].
+    images_db : sequence of ndarray, each of shape (rows, columns)
+        Images [dB].
     geometry : Geometry
         Geometry of the pass.
     radar : Radar
@@ -67,38 +67,17 @@ def relief_slope(image_db: NDArray[np.float32], geometry: Geometry, radar: Radar
 
     Returns
     -------
-    ReliefSlope or None
-        Slope; None if the relief is too small or the image has the radiometry gamma0_rtc, in which constant gamma has
-        no slope.
+    list of ReliefSlope
+        Slope of each image; empty if the relief is too small or the images have the radiometry gamma0_rtc, in which
+        constant gamma has no slope.
 
     References
     ----------
     Ulander, "Radiometric slope correction of synthetic-aperture radar images", IEEE TGRS 34 (1996): area of the ground
     in a pixel. Cochran, "Sampling Techniques", 3rd edition (1977), section 6.4: standard error of a ratio.
     """
-    found = relief_slopes([image_db], geometry, radar)
-    return None if found is None else found[0]
-
-
-def relief_slopes(
-    images_db: Sequence[NDArray[np.float32]], geometry: Geometry, radar: Radar
-) -> list[ReliefSlope] | None:
-    """Slopes of images over the local incidence angle on relief, on the pixels that all of them have.
-
-    Parameters
-    ----------
-    images_db : sequence of ndarray, each of shape (rows, columns)
-        Images [dB].
-    geometry, radar
-        Arguments of :func:`relief_slope`, which describes the method.
-
-    Returns
-    -------
-    list of ReliefSlope or None
-        Slope of each image; None under the conditions of :func:`relief_slope`.
-    """
     if radar.radiometry == "gamma0_rtc":
-        return None
+        return []
     angle = geometry.incidence_deg.astype(np.float64)
     with np.errstate(invalid="ignore"):
         used = (geometry.material > 0) & (angle > _BETWEEN_DEG[0]) & (angle < _BETWEEN_DEG[1])
@@ -109,7 +88,7 @@ def relief_slopes(
     _, group, count = np.unique(block * 256 + geometry.material[used], return_inverse=True, return_counts=True)
     enough = count[group] >= _FEWEST
     if not enough.any():
-        return None
+        return []
     group, block, angle = group[enough], block[enough], angle[used][enough]
     gamma_db = 10.0 * np.log10(np.cos(np.radians(angle)))
     if radar.radiometry != "sigma0_local":  # the ground in a pixel of the other radiometries has this area
@@ -120,7 +99,7 @@ def relief_slopes(
     square, gamma, *seen = (np.asarray(np.bincount(blocks, away * values), np.float64) for values in [away, *others])
     spread = float(np.sqrt(square.sum() / away.size))
     if square.size < _FEWEST or spread < _LEAST_SPREAD_DEG:
-        return None
+        return []
     least = float(gamma.sum() / square.sum())
     return [ReliefSlope(*_ratio(one, square), least, spread, _ratio(one, gamma), _ratio(one, seen[0])) for one in seen]
 
