@@ -131,8 +131,6 @@ def test_round_trip_is_exact(geometry, measurement, tmp_path):
         1.5,
         0.25,
         references=("grass",),
-        differences_db=(1.5,),
-        difference_errors_db=(0.25,),
         measured=(1.5, 1.0),
     )
     targets = Targets(

@@ -29,9 +29,6 @@ class Levels:
         For ``image``, ratio of the interquartile range of the measured image to that of the reference run; else 1.
     references : tuple of str
         Materials with a fixed law, from which the offset is estimated.
-    differences_db, difference_errors_db : tuple of float
-        Level of the measured image minus level of the reference run on each of these materials, and its standard error
-        [dB]; empty if unknown.
     measured : (float, float)
         Shift that is subtracted from the measured values, and scale by which they are then divided [dB].
     others_db : ndarray of float32
@@ -46,8 +43,6 @@ class Levels:
     offset_error_db: float = float("nan")
     scale: float = 1.0
     references: tuple[str, ...] = ()
-    differences_db: tuple[float, ...] = ()
-    difference_errors_db: tuple[float, ...] = ()
     measured: tuple[float, float] = (0.0, 1.0)
     others_db: NDArray[np.float32] = field(default_factory=lambda: np.empty(0, dtype=np.float32))
     valid: Mapping[str, NDArray[np.int64]] = field(default_factory=dict)
@@ -149,8 +144,6 @@ def offset_levels(normalisation: str, differences: Mapping[str, tuple[float, flo
         offset,
         error,
         references=tuple(differences),
-        differences_db=tuple(db for db, _ in differences.values()),
-        difference_errors_db=tuple(error for _, error in differences.values()),
         measured=(offset if normalisation == "offset" else 0.0, 1.0),
     )
 

@@ -90,17 +90,11 @@ class Effects:
         Labels of the patches, increasing.
     effect_db, variance : ndarray, shape (p,)
         Predicted effect [dB] and its variance [dB^2], if the law is known without error.
-    weight : ndarray, shape (cells,)
-        Weight of each cell's residual in the predicted effect of the cell's patch.
-    spread : Spread
-        Between-field and within-field standard deviation that the predictions assume.
     """
 
     patch: NDArray[np.int64]
     effect_db: NDArray[np.float64]
     variance: NDArray[np.float64]
-    weight: NDArray[np.float64]
-    spread: Spread
 
 
 def label_patches(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -327,4 +321,4 @@ def patch_effects(
     shared = 1.0 + tau2 * np.bincount(of, precision)
     weight = tau2 * precision / shared[of]
     effect_db = np.asarray(np.bincount(of, weight * residual_db), dtype=np.float64)
-    return Effects(labels, effect_db, np.asarray(tau2 / shared, dtype=np.float64), weight, spread)
+    return Effects(labels, effect_db, np.asarray(tau2 / shared, dtype=np.float64))

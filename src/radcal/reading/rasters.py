@@ -74,13 +74,12 @@ def open_raster(path: Path, folders: Sequence[Path] = (), **settings: str) -> It
         No driver of :data:`DRIVERS` can open the file.
     """
     import rasterio
-    from rasterio.errors import NotGeoreferencedWarning
 
     path = path.absolute()
     _check(path)
     mosaic = _is_vrt(path)
     with warnings.catch_warnings(), rasterio.Env(**_NETWORK_OFF, **settings):
-        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
         if mosaic:
             path = path.resolve()
             for source in _sources(path, folders):

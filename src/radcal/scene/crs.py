@@ -52,24 +52,25 @@ def crs_of(raster: Any) -> CRS | None:
     pyproj.exceptions.CRSError
         The CRS is not known, or names a file of a grid.
     """
-    from rasterio.enums import WktVersion
+    import rasterio
 
     if not raster.crs:
         return None
     # WKT 1 has no three-dimensional CRS
-    crs = crs_from(raster.crs.to_wkt(version=WktVersion.WKT2_2019))
+    crs = crs_from(raster.crs.to_wkt(version=rasterio.enums.WktVersion.WKT2_2019))
     plane = horizontal(crs)
     return crs if plane.is_geographic or plane.is_projected else None
 
 
 def crs_from(text: str) -> CRS:
     """CRS from a code, WKT or PROJ text of the user; a CRS that names a file of a grid raises CRSError, too."""
-    from pyproj import CRS
-    from pyproj.exceptions import CRSError
+    import pyproj
 
-    crs = CRS.from_user_input(text)
+    crs = pyproj.CRS.from_user_input(text)
     if found := _GRID_FILE.search(crs.to_wkt()):
-        raise CRSError(f"its CRS {crs.name!r} names the grid {found[1]!r}, expected a CRS without files of grids")
+        raise pyproj.exceptions.CRSError(
+            f"its CRS {crs.name!r} names the grid {found[1]!r}, expected a CRS without files of grids"
+        )
     return crs
 
 
@@ -94,13 +95,12 @@ def transformer(source: CRS | str, target: CRS | str) -> Transformer:
     SceneError
         There is no transformation between the two CRSs.
     """
-    from pyproj import CRS, Transformer
-    from pyproj.exceptions import ProjError
+    import pyproj
 
     try:
-        return Transformer.from_crs(source, target, always_xy=True)
-    except ProjError:
-        names = [CRS.from_user_input(crs).name for crs in (source, target)]
+        return pyproj.Transformer.from_crs(source, target, always_xy=True)
+    except pyproj.exceptions.ProjError:
+        names = [pyproj.CRS.from_user_input(crs).name for crs in (source, target)]
         raise SceneError(
             f"scene: coordinates in {names[0]} cannot be converted to {names[1]}, expected CRSs of the earth."
         ) from None
@@ -122,13 +122,11 @@ def utm(longitude_deg: float, latitude_deg: float) -> CRS | None:
     longitude_deg, latitude_deg : float
         Longitude and latitude of the place [deg].
     """
-    from pyproj import CRS
-    from pyproj.aoi import AreaOfInterest
-    from pyproj.database import query_utm_crs_info
+    import pyproj
 
-    place = AreaOfInterest(longitude_deg, latitude_deg, longitude_deg, latitude_deg)
-    found = query_utm_crs_info("WGS 84", place)
-    return CRS.from_authority(found[0].auth_name, found[0].code) if found else None
+    place = pyproj.aoi.AreaOfInterest(longitude_deg, latitude_deg, longitude_deg, latitude_deg)
+    found = pyproj.database.query_utm_crs_info("WGS 84", place)
+    return pyproj.CRS.from_authority(found[0].auth_name, found[0].code) if found else None
 
 
 def turned(crs: CRS, place: tuple[float, float], heading_deg: float) -> CRS:
@@ -240,13 +238,12 @@ def named_datum(text: str) -> str:
     SceneError
         The EPSG database has no vertical datum of this name or code.
     """
-    from pyproj import CRS
-    from pyproj.exceptions import CRSError
+    import pyproj
 
     if re.fullmatch(r"[A-Za-z]+:\d+", text.strip()):
         try:
-            crs = CRS.from_user_input(text.strip())
-        except CRSError:
+            crs = pyproj.CRS.from_user_input(text.strip())
+        except pyproj.exceptions.CRSError:
             raise SceneError(f"scene.vertical_datum is {text!r}, which is not a known CRS.") from None
         name = crs.name if crs.type_name == "Vertical CRS" else vertical_datum(crs)
         if name is None:
@@ -268,12 +265,12 @@ def named_datum(text: str) -> str:
 @functools.cache
 def _vertical_crs() -> dict[str, Any]:
     """Name and code of the vertical CRSs of the EPSG database, by key; the search of the database takes 0.1 s."""
-    from pyproj.database import query_crs_info
-    from pyproj.enums import PJType
+    import pyproj
 
     known: dict[str, Any] = {}
+    vertical = pyproj.database.query_crs_info("EPSG", pyproj.enums.PJType.VERTICAL_CRS)
     # shortest name first, because longer names add the unit
-    for info in sorted(query_crs_info("EPSG", PJType.VERTICAL_CRS), key=lambda info: len(info.name)):
+    for info in sorted(vertical, key=lambda info: len(info.name)):
         known.setdefault(_key(info.name), info)
     return known
 
@@ -330,25 +327,23 @@ def geoid_m(datum: str, longitude_deg: float, latitude_deg: float) -> float | No
         Height [m]; 0 for an ellipsoid. None if the grid of the geoid is not installed or does not cover the place, or
         if the datum is not in the EPSG database.
     """
-    from pyproj import CRS, Transformer
-    from pyproj.crs import CompoundCRS
-    from pyproj.exceptions import ProjError
-    from pyproj.transformer import TransformerGroup
+    import pyproj
 
     if "ellips" in datum.lower():
         return 0.0
     info = _vertical_crs().get(_key(datum))
     if info is None:
         return None
-    above = CompoundCRS("heights", [CRS.from_epsg(4326), CRS.from_authority(info.auth_name, info.code)])
+    datum_crs = pyproj.CRS.from_authority(info.auth_name, info.code)
+    above, ellipsoid = pyproj.crs.CompoundCRS("heights", ["EPSG:4326", datum_crs]), pyproj.CRS.from_epsg(4979)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        if not TransformerGroup(above, CRS.from_epsg(4979), always_xy=True).best_available:
+        if not pyproj.transformer.TransformerGroup(above, ellipsoid, always_xy=True).best_available:
             return None
     try:
-        change = Transformer.from_crs(above, CRS.from_epsg(4979), always_xy=True)
+        change = pyproj.Transformer.from_crs(above, ellipsoid, always_xy=True)
         return float(change.transform(longitude_deg, latitude_deg, 0.0, errcheck=True)[2])
-    except ProjError:
+    except pyproj.exceptions.ProjError:
         return None
 
 

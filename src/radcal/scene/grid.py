@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -99,8 +99,7 @@ class Grid:
 
     def cut(self, parts: int) -> Grid:
         """Grid of the same area with smaller cells: each side of a cell is divided into ``parts`` equal parts."""
-        rows, columns = self.rows * parts, self.columns * parts
-        return Grid(self.crs, self.west, self.south, self.cell_m / parts, rows, columns, self.turned)
+        return replace(self, cell_m=self.cell_m / parts, rows=self.rows * parts, columns=self.columns * parts)
 
 
 @contextmanager

@@ -45,9 +45,8 @@ BUILDING = Kind((8.0, 24.0), (7.0, 14.0), (3.0, 15.0), 3.0, 4.0)
 
 
 def generate_objects(
-    size_m: tuple[float, float], seed: int, *, trees: int = 0, cars: int = 0, buildings: int = 0,
-    tree: Kind = TREE, car: Kind = CAR, building: Kind = BUILDING,
-) -> Objects:  # fmt: skip
+    size_m: tuple[float, float], seed: int, *, trees: int = 0, cars: int = 0, buildings: int = 0
+) -> Objects:
     """Random buildings, trees and cars, spread evenly over a scene; the same seed gives the same objects.
 
     Buildings do not overlap each other; the centres of trees and cars are outside buildings.
@@ -60,8 +59,6 @@ def generate_objects(
         Seed of all random numbers; each kind of object has its own random stream.
     trees, cars, buildings : int
         Number of objects of each kind.
-    tree, car, building : Kind
-        Sizes and cross-sections of each kind.
 
     Returns
     -------
@@ -74,7 +71,7 @@ def generate_objects(
         The scene has no space for the buildings, or the buildings leave no space for trees and cars.
     """
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)]
-    plot = float(np.hypot(building.length_m[1], building.width_m[1]))  # a plot is large enough for any building
+    plot = float(np.hypot(BUILDING.length_m[1], BUILDING.width_m[1]))  # a plot is large enough for any building
     plots = (int(size_m[0] / plot), int(size_m[1] / plot))
     if buildings > plots[0] * plots[1]:
         raise SceneError(
@@ -83,14 +80,14 @@ def generate_objects(
         )
     rng = streams[0]
     taken = np.sort(rng.choice(plots[0] * plots[1], buildings, replace=False)) if buildings else np.zeros(0, np.int64)
-    houses = _sizes(building, buildings, rng, round_=False)
+    houses = _sizes(BUILDING, buildings, rng, round_=False)
     room = 0.5 * (plot - np.hypot(houses["length_m"], houses["width_m"]))
     houses["x_m"] = (taken % max(plots[0], 1) + 0.5) * plot + room * rng.uniform(-1.0, 1.0, buildings)
     houses["y_m"] = (taken // max(plots[0], 1) + 0.5) * plot + room * rng.uniform(-1.0, 1.0, buildings)
     owner = np.full(plots[0] * plots[1] + 1, -1, dtype=np.int64)
     owner[taken] = np.arange(buildings)
     parts = [houses]
-    for kind, count, rng, round_ in ((tree, trees, streams[1], True), (car, cars, streams[2], False)):
+    for kind, count, rng, round_ in ((TREE, trees, streams[1], True), (CAR, cars, streams[2], False)):
         part = _sizes(kind, count, rng, round_)
         part["x_m"], part["y_m"] = _outside(count, size_m, rng, houses, owner, plot, plots)
         parts.append(part)

@@ -266,8 +266,7 @@ def datum_of(elevation: Source, config: GridScene) -> tuple[str, str]:
 
 def _window(source: Source, grid: Grid) -> tuple[np.ma.MaskedArray[Any, Any], Any]:
     """Raster values in a window around a grid, with no-data pixels masked, and the affine transform of the window."""
-    from rasterio.windows import Window
-    from rasterio.windows import transform as of_window
+    from rasterio import windows
 
     west, south, east, north = box_in(grid.box, grid.crs, source.plane)
     t = source.raster.transform
@@ -281,21 +280,17 @@ def _window(source: Source, grid: Grid) -> tuple[np.ma.MaskedArray[Any, Any], An
             f"has {right - left} x {bottom - top} pixels in the scene's area, expected at most {LARGEST_CELLS:.0e}: "
             "give smaller scene.bounds or a coarser raster."
         )
-    window = Window(left, top, right - left, bottom - top)
+    window = windows.Window(left, top, right - left, bottom - top)
     with guarded(source.path, source.error, "a raster"):
         check_blocks(source.raster)
-        return source.raster.read(1, window=window, masked=True), of_window(window, t)
+        return source.raster.read(1, window=window, masked=True), windows.transform(window, t)
 
 
 def _warped(
     source: Source, values: NDArray[Any], transform: Any, grid: Grid, method: str, empty: float
 ) -> NDArray[Any]:
     """Raster values resampled to the grid, with row 0 in the south; cells without data have the value ``empty``."""
-    import rasterio.crs
-    from rasterio.enums import Resampling
-    from rasterio.io import MemoryFile
-    from rasterio.transform import from_origin
-    from rasterio.vrt import WarpedVRT
+    import rasterio
 
     if grid.rows * grid.columns > LARGEST_CELLS:
         raise source.error(
@@ -308,7 +303,7 @@ def _warped(
     extras = {"XSCALE": 1, "YSCALE": 1} if grid.turned else {}
     # Env gives GDAL the path of PROJ's database; without this database, GDAL treats all datums as equal. A WarpedVRT,
     # which needs a file, is used because rasterio.warp.reproject() ignores the tolerance.
-    with rasterio.Env(), MemoryFile() as memory:
+    with rasterio.Env(), rasterio.MemoryFile() as memory:
         with memory.open(
             driver="GTiff",
             height=values.shape[0],
@@ -321,13 +316,13 @@ def _warped(
             raster.write(values, 1)
         with (
             memory.open() as raster,
-            WarpedVRT(
+            rasterio.vrt.WarpedVRT(
                 raster,
                 crs=rasterio.crs.CRS.from_wkt(grid.crs.to_wkt()),
-                transform=from_origin(west, north, grid.cell_m, grid.cell_m),
+                transform=rasterio.transform.from_origin(west, north, grid.cell_m, grid.cell_m),
                 height=grid.rows,
                 width=grid.columns,
-                resampling=Resampling[method],
+                resampling=rasterio.enums.Resampling[method],
                 tolerance=_TOLERANCE_PX,
                 nodata=empty,
                 src_nodata=empty,
