@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from typing import TYPE_CHECKING
@@ -13,9 +14,11 @@ if TYPE_CHECKING:
 
 __all__ = ["open"]
 
-# A workflow job ends at Ctrl-C without a traceback, because Snakemake prints the message about the interruption.
+# A workflow job ends at Ctrl-C without a traceback, because Snakemake prints the message about the interruption. Until
+# it begins (radcal.session.jobs), it has only modules to import, among which the garbage collector would find nothing.
 if "RADCAL_OWNER" in os.environ:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    gc.disable()
 
 __version__ = "0.2.0.dev0"
 

@@ -77,6 +77,7 @@ def logged(
     several = int(os.environ.get(PASSES, "1")) > 1
     _pass[0] = "" if number is None or not several else f"pass {number}: "
     gc.freeze()  # the garbage collector need not search the imported objects, which exist until the job ends
+    gc.enable()
     if OWNER in os.environ:
         die_with_parent()
         if not alive(int(os.environ[OWNER])):  # the parent ended before die_with_parent() took effect
