@@ -59,7 +59,7 @@ from radcal.posterior.cells import Simulated
 from radcal.posterior.curves import GRID_DEG
 from radcal.posterior.result import Posterior
 from radcal.processes import one_thread
-from radcal.products.advice import ALIKE, NONE, advice_on, judged
+from radcal.products.advice import advice_on, judged
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
@@ -273,9 +273,9 @@ def counted(told: list[Outcome]) -> dict[str, dict[str, int]]:
 def said(now_db: float, expected_db: list[float]) -> str:
     """What ``radcal advise`` would say of three candidates with these half-widths."""
     best, equal = judged([one / now_db for one in expected_db])
-    if best == NONE:
+    if best is None:
         return "none by a tenth"
-    if best == ALIKE:
+    if len(equal) == len(expected_db) - 1:
         return "all within 5 %"
     return "two within 5 %" if equal else ALONE
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-IF = "if scene, geometry and pixels are what the case says"
-
 _MAPPED = (
     "each image is mapped to zero median and unit interquartile range; before this, the median of the measured image "
     "is {offset_db:+.2f} dB from that of the reference run, and its interquartile range {scale:.2f} times as large. "
@@ -37,8 +35,18 @@ _RELIEF = (
 )
 _WALLS = "{about}: {walls:.0f} boxes scatter from roof and walls separately, {bounce:.0f} have a double bounce"
 _TRANSFORMATION = "{about}: the best transformation from {source} to {target} needs a grid that is not installed; "
+_SMOOTHS = "; the surrogate smooths over runs instead of passing through them"
+_CRITERION_MET = "{about}: stop criterion met after {counted_runs}: "
+_EXHAUSTED = "every combination of the integer parameters inside the bounds has been simulated"
+_NARROWS = "{about}: a pass of {name} is expected to narrow "
+_TO_DB = (
+    "from +-{now_db:.2f} dB to +-{after_db:.2f} dB (mean half-width between {over_from_deg:.1f} and {over_to_deg:.1f} "
+    "degrees)"
+)
+_TO_RATIO = "to {ratio:.2f} times their half-widths (geometric mean over the materials)"
 
-_OF_SCENE: Mapping[str, str] = {
+TEXTS: Mapping[str, str] = {
+    # scenes
     "cells": "{about}: cells of {cell_m:g} m in {crs}",
     "resampled": "{about} is read as follows: elevation {elevation}, materials {materials}",
     "vertical_datum": "{about}: vertical datum {datum} ({origin})",
@@ -69,8 +77,7 @@ _OF_SCENE: Mapping[str, str] = {
     "walls_reflect_all": _WALLS + "; without permittivities, walls reflect all power in it",
     "transformation": _TRANSFORMATION + "the one used is accurate to {accuracy_m:g} m",
     "transformation_unknown": _TRANSFORMATION + "the one used has no known accuracy",
-}
-_OF_IMAGE: Mapping[str, str] = {
+    # measured images
     "pixels": "{about}: " + _COUNTS,
     "pixels_at_ground": "{about}, resampled to the grid of the scene's image: " + _COUNTS,
     "pixels_repeated": "{about} was resampled by nearest neighbour: {range_percent:.2g} % of the adjacent pixels in "
@@ -145,9 +152,7 @@ _OF_IMAGE: Mapping[str, str] = {
     "negative: nearer to the radar) in slant range for each metre of its height, expected 0 (an image geocoded on the "
     "ellipsoid has {ellipsoid_m_per_m:+.2f}): if the image lies on the map, is it terrain-corrected? Else, are "
     "radar.depression_deg and the heights in scene.elevation right?",
-}
-
-_OF_CASE: Mapping[str, str] = {
+    # cases, before a run is made
     "scene_large": "The scene is large, so that this check does not read it; the calibration reads it when it starts",
     "starts_as_truth": "{about}: measurement.synthetic.parameters gives no hidden law, so that the starting law makes "
     "the measured image, and the search begins at its solution",
@@ -168,9 +173,7 @@ _OF_CASE: Mapping[str, str] = {
     "varies by {contrast_db:.2f} dB), so that no image can be registered onto it: give {about} starts that differ "
     "(materials.*.start), or, if the measured image lies on the simulated image's pixels already, set "
     "registration.method: none",
-}
-_SMOOTHS = "; the surrogate smooths over runs instead of passing through them"
-_OF_RUNS: Mapping[str, str] = {
+    # the simulator, its runs and passes
     "declared_random": "The simulator is declared not to be deterministic" + _SMOOTHS,
     "repeats": "The simulator is deterministic: the reference run repeated gives the same pixels",
     "does_not_repeat": "The simulator is not deterministic: the reference run repeated, with equal parameters and "
@@ -189,8 +192,25 @@ _OF_RUNS: Mapping[str, str] = {
     "outside_angles": "{about}: {share_percent:.0f} % of its pixels are seen outside of the {from_angle_deg:g} to "
     "{to_angle_deg:g} deg that law {law!r} was made for; there it is an extrapolation",
     "outside_data": "{about}: law {law!r} is an extrapolation: {doubt}",
-}
-_OF_MODEL: Mapping[str, str] = {
+    # the end of the search
+    "search_goes_on": "{about}: {standing} so far",
+    "search_stagnated": "{about}: {standing}, without improvement for {counted_idle}",
+    "search_out_of_runs": "{about}: {standing} at the maximum of {counted_runs}",
+    "search_out_of_time": "{about}: {standing} after {hours:.2g} h of the simulator: stop.max_hours leaves too "
+    "little for a further run",
+    "rms_before_infill": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} before any proposed (infill) run",
+    "rms_reached": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} after {counted_runs}",
+    "rms_unreachable": "{about}: {standing}, after {counted_runs}; the smallest rms inside the bounds that the "
+    "surrogate predicts, less two standard errors, is {floor:.2g}: the target seems out of reach there",
+    "rms_exhausted": "{about}: {standing}: " + _EXHAUSTED,
+    "rms_below_sampling_error": "{about}: rms {rms:.2g}, without improvement for {counted_idle} and below a third of "
+    "the sampling error {sampling:.2g}: a better fit would not be significant (stop.at_sampling_error: false goes on)",
+    "criterion_met_exhausted": _CRITERION_MET + _EXHAUSTED,
+    "no_better_x": _CRITERION_MET + "the surrogate of all runs predicts no clearly better X",
+    "no_better_law": _CRITERION_MET + "the surrogate of all runs predicts no clearly better law",
+    "law_settled": _CRITERION_MET + "the best law that the surrogate of all runs predicts differs from that of the "
+    "best run by {moved_db:.2g} dB over the incidence seen",
+    # what the model says
     "depression": "{about} is displaced along slant range by {px_per_100_rows:+.1f} pixels per 100 rows (a straight "
     "line explains {share_percent:.0f} % of the variance of the displacement). This would be so if {key} were "
     "{implied_deg:.1f} and not {declared_deg:g}, or if radar.range_spacing_m or the cell size of the scene were wrong "
@@ -224,7 +244,8 @@ _OF_MODEL: Mapping[str, str] = {
     "determined",
     "level_unchecked": "{about}: the level of the image (an offset in dB) is unchecked, because no material has a "
     "fixed law; the bands contain its standard error of {level_db:.2g} dB (uncertainty.level_db)",
-    "determined": "sigma0 is determined to +-{half_width_db:.1f} dB (90 %) {between}, " + IF,
+    "determined": "sigma0 is determined to +-{half_width_db:.1f} dB (90 %) {between}, if scene, geometry and pixels "
+    "are what the case says",
     "undetermined": "sigma0 is determined at no angle: the smallest half-width of its 90 % band is "
     "{narrowest_db:.2f} dB, and uncertainty.known_db asks for {known_db:.1f} dB",
     "withheld": "sigma0 is determined at no angle, because the image is refused",
@@ -252,61 +273,11 @@ _OF_MODEL: Mapping[str, str] = {
     "registration_moved": "{about}: a further registration, onto the calibrated image, would move the material's "
     "pixels by {moved_px:.1f} pixels (rms; standard error of the registration {stated_px:.1f}) and change their sigma0 "
     "by {moved_db:.1f} dB",
-}
-
-_OF_PRODUCTS: Mapping[str, str] = {
-    "gmti_detections": "{about}: {found:.0f} of {movers:.0f} movers are among the {reports:.0f} detections (rms error "
-    "along the track {along_m:.0f} m). Without movers, a share of {alarms:.1e} of the tests are alarms ({asked:.1e} "
-    "were asked for, in uniform clutter). The least detectable radial velocity is {least_mps:.1f} m/s. Displaced phase "
-    "centres alone (DPCA) leave {dpca_db:.1f} dB of the ground's power",
-    "gmti_tracks": "{about}: {followed:.0f} of {movers:.0f} movers have a track in half of the {scans:.0f} scans or "
-    "more (rms error of its places {rms_m:.0f} m); {right:.0f} of the {tracks:.0f} tracks follow a mover",
-    "file_left_out": "{about}: no file is written: {why}",
-    "ppi_extrapolated": "{about}: the mast sees it at a median incidence of {median_deg:.1f} deg, {percent:.0f} % "
-    "outside of the {low_deg:.1f} to {high_deg:.1f} deg at which its law {law!r} is known; there it is extrapolated",
-    "ppi_detections": "{about}: without objects the detector reports a share of {alarms:.1e} of the cells ({asked:.1e} "
-    "were asked for, in uniform clutter); with them it reports {detected:.0f} of {objects:.0f} visible objects",
-}
-
-_CRITERION_MET = "{about}: stop criterion met after {counted_runs}: "
-_EXHAUSTED = "every combination of the integer parameters inside the bounds has been simulated"
-_OF_SEARCH: Mapping[str, str] = {
-    "search_goes_on": "{about}: {standing} so far",
-    "search_stagnated": "{about}: {standing}, without improvement for {counted_idle}",
-    "search_out_of_runs": "{about}: {standing} at the maximum of {counted_runs}",
-    "search_out_of_time": "{about}: {standing} after {hours:.2g} h of the simulator: stop.max_hours leaves too "
-    "little for a further run",
-    "rms_before_infill": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} before any proposed (infill) run",
-    "rms_reached": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} after {counted_runs}",
-    "rms_unreachable": "{about}: {standing}, after {counted_runs}; the smallest rms inside the bounds that the "
-    "surrogate predicts, less two standard errors, is {floor:.2g}: the target seems out of reach there",
-    "rms_exhausted": "{about}: {standing}: " + _EXHAUSTED,
-    "rms_below_sampling_error": "{about}: rms {rms:.2g}, without improvement for {counted_idle} and below a third of "
-    "the sampling error {sampling:.2g}: a better fit would not be significant (stop.at_sampling_error: false goes on)",
-    "criterion_met_exhausted": _CRITERION_MET + _EXHAUSTED,
-    "no_better_x": _CRITERION_MET + "the surrogate of all runs predicts no clearly better X",
-    "no_better_law": _CRITERION_MET + "the surrogate of all runs predicts no clearly better law",
-    "law_settled": _CRITERION_MET + "the best law that the surrogate of all runs predicts differs from that of the "
-    "best run by {moved_db:.2g} dB over the incidence seen",
-}
-
-_NARROWS = "{about}: a pass of {name} is expected to narrow "
-_ALIKE = (
-    "{about}: all passes of the table narrow the band alike, to within 5 %, so that other reasons may decide: the best "
-    "is expected to narrow "
-)
-_TO_DB = (
-    "from +-{now_db:.2f} dB to +-{after_db:.2f} dB (mean half-width between {over_from_deg:.1f} and {over_to_deg:.1f} "
-    "degrees)"
-)
-_TO_RATIO = "to {ratio:.2f} times their half-widths (geometric mean over the materials)"
-_OF_ADVICE: Mapping[str, str] = {
+    # advice on a further pass
     "band_best": _NARROWS + "the band most, " + _TO_DB,
-    "band_alike": _ALIKE + "the band " + _TO_DB,
     "band_none": "{about}: no pass of the table is expected to narrow the band by a tenth; the best narrows it "
     + _TO_DB,
     "bands_best": _NARROWS + "the bands most, " + _TO_RATIO,
-    "bands_alike": _ALIKE + "the bands " + _TO_RATIO,
     "bands_none": "{about}: no pass of the table is expected to narrow the bands by a tenth; the best narrows them "
     + _TO_RATIO,
     "passes_equal": "{about}: these passes are within 5 % of the best: {names}",
@@ -318,17 +289,18 @@ _OF_ADVICE: Mapping[str, str] = {
     "this one",
     "other_look_side": "Passes of the table with the other look side look in a direction that differs by "
     "{apart_deg:.1f} deg from that of this satellite",
-}
-
-TEXTS: Mapping[str, str] = {
-    **_OF_SCENE,
-    **_OF_IMAGE,
-    **_OF_CASE,
-    **_OF_RUNS,
-    **_OF_SEARCH,
-    **_OF_MODEL,
-    **_OF_ADVICE,
-    **_OF_PRODUCTS,
+    # products of a forward run
+    "gmti_detections": "{about}: {found:.0f} of {movers:.0f} movers are among the {reports:.0f} detections (rms error "
+    "along the track {along_m:.0f} m). Without movers, a share of {alarms:.1e} of the tests are alarms ({asked:.1e} "
+    "were asked for, in uniform clutter). The least detectable radial velocity is {least_mps:.1f} m/s. Displaced phase "
+    "centres alone (DPCA) leave {dpca_db:.1f} dB of the ground's power",
+    "gmti_tracks": "{about}: {followed:.0f} of {movers:.0f} movers have a track in half of the {scans:.0f} scans or "
+    "more (rms error of its places {rms_m:.0f} m); {right:.0f} of the {tracks:.0f} tracks follow a mover",
+    "file_left_out": "{about}: no file is written: {why}",
+    "ppi_extrapolated": "{about}: the mast sees it at a median incidence of {median_deg:.1f} deg, {percent:.0f} % "
+    "outside of the {low_deg:.1f} to {high_deg:.1f} deg at which its law {law!r} is known; there it is extrapolated",
+    "ppi_detections": "{about}: without objects the detector reports a share of {alarms:.1e} of the cells ({asked:.1e} "
+    "were asked for, in uniform clutter); with them it reports {detected:.0f} of {objects:.0f} visible objects",
 }
 """Text of each code, to be formatted with ``about``, ``do`` and the numbers of the finding."""
 

@@ -14,8 +14,6 @@ from radcal.laws import law_for
 from radcal.posterior.result import WHOLE_DEG, KeptDraws
 from radcal.products import advice
 from radcal.products.advice import (
-    ALIKE,
-    NONE,
     Advised,
     _opposite,
     _rows,
@@ -208,8 +206,8 @@ def test_a_pass_is_judged_by_how_far_it_narrows_a_band():
     assert judged([0.8, 0.5, 0.52]) == (1, [2])
     assert judged([0.53, 0.5]) == (1, [])
     assert judged([0.5]) == (0, [])
-    assert judged([0.525, 0.5]) == (ALIKE, [0])
-    assert judged([0.91, 0.95]) == (NONE, [1])
+    assert judged([0.525, 0.5]) == (1, [0])
+    assert judged([0.91, 0.95]) == (None, [1])
     assert judged([0.9, 1.0]) == (0, [])
 
 

@@ -33,7 +33,6 @@ _INCIDENCES = (15.0, 80.0)
 _SIDES = ("right", "left")
 _EQUAL = 1.05  # ratio of two half-widths after a pass up to which the passes count as equally good
 _LITTLE = 0.9  # ratio of the half-width after a pass to that now above which the pass hardly narrows the band
-NONE, ALIKE = "none", "alike"
 _ALL = "all materials"
 COLUMNS = (
     "depression_deg", "look_side", "material", "incidence_p05_deg", "incidence_p95_deg", "half_width_now_db",
@@ -331,11 +330,10 @@ def _table(rows: Sequence[Advised]) -> list[str]:
     return aligned(cells)
 
 
-def judged(ratios: Sequence[float]) -> tuple[str | int, list[int]]:
+def judged(ratios: Sequence[float]) -> tuple[int | None, list[int]]:
     """Index of the pass that narrows a band most, and of those as good within 5 %, best first.
 
-    In place of the first index, :data:`NONE` if no pass narrows the band by a tenth, and :data:`ALIKE` if several
-    passes are all as good as the best one within 5 %.
+    The first index is None if no pass narrows the band by a tenth.
 
     Parameters
     ----------
@@ -344,9 +342,7 @@ def judged(ratios: Sequence[float]) -> tuple[str | int, list[int]]:
     """
     best, *others = sorted(range(len(ratios)), key=ratios.__getitem__)
     equal = [k for k in others if ratios[k] <= _EQUAL * ratios[best]]
-    if ratios[best] > _LITTLE:
-        return NONE, equal
-    return (ALIKE if others and len(equal) == len(others) else best), equal
+    return (None if ratios[best] > _LITTLE else best), equal
 
 
 def best_passes(rows: Sequence[Advised]) -> list[Finding]:
@@ -368,8 +364,8 @@ def _best(
     """Findings on the best pass, and on those as good as it, by :func:`judged`."""
     best, equal = judged(ratios)
     numbers["ratio"] = min(ratios)
-    if isinstance(best, str):
-        return [Finding(f"{code}_{best}", "note", about, numbers)]
+    if best is None:
+        return [Finding(f"{code}_none", "note", about, numbers)]
     found = [Finding(f"{code}_best", "note", about, {**numbers, "name": names[best]})]
     if equal:
         found.append(Finding("passes_equal", "note", about, {"names": ", ".join(names[k] for k in equal)}))
