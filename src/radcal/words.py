@@ -35,6 +35,16 @@ STANDINGS = {
     "determined": "determined",
 }
 """Words for the standing of a material, those that need action first."""
+ENDINGS = {
+    "rms": "tolerance reached",
+    "settled": "stop criterion met",
+    "unreachable": "target out of reach inside the bounds",
+    "stagnation": "no longer getting better",
+    "max_runs": "maximum number of runs",
+    "max_hours": "maximum time of the simulator",
+    "running": "not finished",
+}
+"""Words for each :data:`radcal.objectives.base.Reason` why a search ended, and for one that has not ended."""
 _MOVES = " (the best law predicted differs from that of the best run by {moved_db:.2g} dB)"
 _ABOVE = "rms {rms:.2g}, above the tolerance {tolerance:.2g}"
 _NAMED = 4  # most materials named in a headline
@@ -200,7 +210,7 @@ def step(name: str, findings: Sequence[Finding], reason: str, **numbers: float |
     findings : sequence of Finding
         All findings.
     reason : str
-        Why its search ended (:data:`radcal.results.reasons.REASONS`).
+        Why its search ended, a key of :data:`ENDINGS`.
     **numbers
         Numbers and names for the texts of the catalogue: ``case``, ``max_runs``, ``max_hours`` and ``idle``.
     """

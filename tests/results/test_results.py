@@ -11,20 +11,19 @@ import pandas as pd
 import pytest
 from archives import changed_material, image
 
-from radcal.calibration.stopping import Decision, Reason
 from radcal.config import case_from
 from radcal.errors import StoreError
 from radcal.findings import Finding
 from radcal.ground.levels import Levels
 from radcal.laws import LAWS
+from radcal.objectives.base import Reason
 from radcal.objectives.history import History, PassScore
 from radcal.results.law_notes import law_notes
-from radcal.results.reasons import REASONS
 from radcal.results.results import _of_passes
 from radcal.results.run_table import write_table
 from radcal.results.summary import summarise
 from radcal.targets.target import Targets
-from radcal.words import sentence
+from radcal.words import ENDINGS, sentence
 
 
 def test_every_run_is_there_in_order(made):
@@ -227,11 +226,5 @@ def test_table_round_trips(made, tmp_path):
 
 
 def test_every_reason_of_an_end_has_words():
-    assert set(REASONS) == {*get_args(Reason), "running"}
-    for name in ("clause", "cell", "label"):
-        assert len({getattr(words, name) for words in REASONS.values()}) == len(REASONS)
-
-
-@pytest.mark.parametrize("reason", get_args(Reason))
-def test_the_words_and_the_decision_agree_on_what_is_met(reason):
-    assert REASONS[reason].met == Decision({}, reason).converged
+    assert set(ENDINGS) == {*get_args(Reason), "running"}
+    assert len(set(ENDINGS.values())) == len(ENDINGS)

@@ -18,6 +18,7 @@ from radcal.config.part import Part
 from radcal.errors import SimulatorError
 from radcal.findings import Finding
 from radcal.objectives import Comparison, objective_class
+from radcal.objectives.base import MET
 from radcal.objectives.history import History, Proposal, Run
 from radcal.processes import each
 from radcal.proposals.search import Search
@@ -339,6 +340,6 @@ def progress_line(history: History, materials: Sequence[str], stop: Stop, object
     """Line of the log on the number of runs so far and the state of all materials."""
     runs = history.count("design") + history.count("infill")
     verdicts = decide(history, materials, stop, objective).materials
-    ended = [name for name in materials if verdicts[name].reason in ("rms", "settled")]
+    ended = [name for name in materials if verdicts[name].reason in MET]
     text = objective_class(objective).progress_line(history, materials, ended, stop)
     return f"run {runs:>3} (iteration {history.iterations}): {text}"

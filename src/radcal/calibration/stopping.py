@@ -8,7 +8,7 @@ from itertools import groupby
 
 from radcal.config import Stop
 from radcal.objectives import Objective, objective_class
-from radcal.objectives.base import Progress, Reason, SearchState
+from radcal.objectives.base import MET, Progress, Reason, SearchState
 from radcal.objectives.history import History, Kind
 
 
@@ -36,7 +36,7 @@ class Decision:
     @property
     def converged(self) -> bool:
         """True if every material has its density within the tolerance, or meets the stop criterion of its law."""
-        return self.reason in ("rms", "settled")
+        return self.reason in MET
 
 
 def decide(history: History, materials: Sequence[str], stop: Stop, objective: str) -> Decision:

@@ -15,7 +15,7 @@ from radcal.figures import drawing
 from radcal.figures.colours import colour_of, head
 from radcal.figures.drawing import Array, Drawn, add_legend, mark, new_canvas, short, shortened
 from radcal.results.archive import Archive, MaterialResult
-from radcal.results.reasons import REASONS
+from radcal.words import ENDINGS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -148,7 +148,7 @@ def overview(case: Archive) -> Drawn:
         reason = case.decision.materials[name].reason or "running"
         width = 88 // columns
         lines = textwrap.wrap(shortened(name, 2 * width - 4), width)
-        lines += textwrap.wrap(f"rms {short(material.rms[material.best])}: {REASONS[reason].label}", 100 // columns)
+        lines += textwrap.wrap(f"rms {short(material.rms[material.best])}: {ENDINGS[reason]}", 100 // columns)
         axes.set_title("\n".join(line.replace("$", r"\$") for line in lines), fontsize=10.0)
         mark(axes, colour_of(case, name))
         axes.tick_params(labelsize=9.5)

@@ -29,6 +29,8 @@ Baseline = Callable[[Doubles], Doubles]
 """Function from X to the statistics that law, speckle and noise give: shape (d,) to (n, 3), or (k, d) to (k, n, 3)."""
 
 Reason = Literal["rms", "settled", "unreachable", "stagnation", "max_runs", "max_hours"]
+MET: tuple[Reason, ...] = ("rms", "settled")
+"""Reasons of searches that met their criterion."""
 
 
 @dataclass(frozen=True)

@@ -19,15 +19,16 @@ from radcal.figures.drawing import slugs
 from radcal.figures.figures import Figure
 from radcal.figures.map_figures import shots
 from radcal.forecast.runs_and_time import duration
+from radcal.objectives.base import MET
 from radcal.page.plots import Interactive, embedded_library, interactive, packed, script
 from radcal.page.provenance import Provenance
 from radcal.results.archive import Archive, MaterialResult
 from radcal.results.law_notes import at_bound
-from radcal.results.reasons import REASONS, Words
 from radcal.results.summary import summarise
 from radcal.sections.objectives import OBJECTIVES
 from radcal.storage.files import atomic
 from radcal.words import (
+    ENDINGS,
     STANDINGS,
     Step,
     asked_steps,
@@ -78,9 +79,9 @@ class _Shown:
         return [kind for kind in dict.fromkeys((*self.plots, *self.figures)) if kind != self.product]
 
     @property
-    def reason(self) -> Words:
-        """Texts on the end of its search."""
-        return REASONS[self.summary["stop_reason"]]
+    def met(self) -> bool:
+        """Whether its search met its criterion."""
+        return self.summary["stop_reason"] in MET
 
     @property
     def at_bounds(self) -> list[tuple[str, str, str]]:
@@ -90,7 +91,7 @@ class _Shown:
         failed.
         """
         form = self.summary.get("misfit")
-        if self.reason.met if form is None else not form["noticed"]:
+        if self.met if form is None else not form["noticed"]:
             return []
         each = zip(
             self.summary["parameters"].items(), self.configured.parameter_units, self.summary["bounds"], strict=True
@@ -175,34 +176,9 @@ def _seen(shown: _Shown) -> str:
     return f"{' and '.join(f'{_number(a)} to {_number(b)}' for a, b in spans)} deg"
 
 
-def _largest(found: Sequence[_Shown], key: str) -> _Shown:
-    """Material with the largest value of a key of its summary; an unknown value counts as smallest."""
-    return max(found, key=lambda m: -math.inf if m.summary[key] is None else m.summary[key])
-
-
 def _who(found: Sequence[_Shown], total: int) -> str:
     """Names of up to four materials, else their number."""
     return _listed([m.name for m in found]) if len(found) <= 4 else f"{len(found)} of {total} materials"
-
-
-def _ending(summary: Mapping[str, Any], materials: Sequence[_Shown]) -> str:
-    """Sentence that says how the search ended, and after how many runs."""
-    runs = f"{summary['runs']['design'] + summary['runs']['infill']} runs"
-    if reused := summary["runs"]["reused"]:
-        runs += f" and {reused} of an earlier case"
-    aim = "the stop criterion of the law"
-    if not OBJECTIVES[summary["objective"]].bins:
-        aim = (
-            f"the tolerance of {_number(summary['tolerance'], 2)} 1/{summary['levels']['unit']} (rms of the densities)"
-        )
-    if summary["converged"]:
-        return f"Converged after {runs}: {aim} is met for {_who(materials, len(materials))}."
-    missed = [m for m in materials if not m.reason.met]
-    who = _who(missed, len(materials))
-    if summary["stop_reason"] == "running":
-        return f"Not finished after {runs}: {aim} is not yet met for {who}."
-    reasons = _listed(list(dict.fromkeys(m.reason.clause for m in missed)))
-    return f"Stopped after {runs}: {aim} is not met for {who} ({reasons})."
 
 
 def _yaml(text: str) -> str:
@@ -227,7 +203,7 @@ def _materials(
                 summary=own,
                 result=result,
                 configured=configured,
-                standing=standing(name, archive.findings, REASONS[own["stop_reason"]].met),
+                standing=standing(name, archive.findings, own["stop_reason"] in MET),
                 step=step(name, archive.findings, own["stop_reason"], **numbers),
                 figures={figure.name.removesuffix(f"_{slug}"): figure for figure in figures if figure.material == name},
                 plots={plot.name.removesuffix(f"-{slug}"): plot for plot in plots if plot.material == name},
@@ -265,16 +241,15 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure], 
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    filters = (_number, _listed, _embedded, _pixels, _span, _who, _largest, _theta, _seen)
+    filters = (_number, _listed, _embedded, _pixels, _span, _who, _theta, _seen)
     environment.filters |= {one.__name__[1:]: one for one in filters}
     environment.filters["duration"] = duration
-    environment.globals |= {"at_bound": at_bound, "ends": ends, "standings": STANDINGS}
+    environment.globals |= {"at_bound": at_bound, "ends": ends, "endings": ENDINGS, "standings": STANDINGS}
     asked = asked_steps(archive.findings)[:1]
     text = environment.get_template("report.html.j2").render(
         summary=summary,
         configured=archive.configured,
         objective=OBJECTIVES[archive.configured.objective],
-        search=_ending(summary, materials),
         refused=any(one.severity == "refusal" for one in archive.findings),
         asked=asked,
         headline=headline(list(archive.materials), archive.findings, archive.decision.converged, asked),

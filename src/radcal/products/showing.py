@@ -15,10 +15,9 @@ from radcal.errors import StoreError
 from radcal.findings import Finding
 from radcal.forecast.runs_and_time import duration, runs_in_words
 from radcal.results.law_notes import found_words
-from radcal.results.reasons import REASONS
 from radcal.storage.lock import holder
 from radcal.storage.records import understood
-from radcal.words import beside_headline
+from radcal.words import ENDINGS, beside_headline
 
 _FILES = {"report.html": "report", "export": "exports", "summary.json": "summary", "runs.csv": "table of runs"}
 
@@ -158,5 +157,5 @@ def _finished(summary: Mapping[str, Any]) -> list[str]:
     return [
         *lines,
         f"simulator runs of the search: {search} ({runs['design']} design, {runs['infill']} infill{reused}), besides "
-        f"{others}; end: {REASONS[summary['stop_reason']].clause}.",
+        f"{others}; end: {ENDINGS[summary['stop_reason']]}.",
     ]
