@@ -18,7 +18,7 @@ from radcal.config import Radar, case_from
 from radcal.config.stages import STAGES
 from radcal.ground.levels import Levels
 from radcal.posterior.result import Curve
-from radcal.products.export import ground_layers, pass_images, write_export
+from radcal.products.export import ground_layers, write_export
 from radcal.products.geotiff import SLANT_RANGE, _spacing, map_grid, pixel_at_cell
 from radcal.products.tables import calibrated_yaml
 from radcal.radar.projection import make_geometry
@@ -51,10 +51,10 @@ def export(made, folder, archive=None, scene=None, geometry=None):
     archive = made.archive if archive is None else archive
     case, final = STAGES["export"].of(made.case), folder / "final.json"
     write_index(final, [])
-    of_pass = [geometry or made.geometry], [archive.registered], [archive.levels]
-    images = pass_images(case, archive, *of_pass, final, folder / "runs")
+    of_pass = [geometry or made.geometry], [archive.registered]
+    files = write_export(folder, case, archive, scene or made.scene, *of_pass, final, folder / "runs")
     final.unlink()
-    return write_export(folder, case, archive, scene or made.scene, images)
+    return files
 
 
 def test_a_known_corner_lies_at_its_place(made, on_map, tmp_path):
@@ -117,16 +117,19 @@ def test_images_of_a_further_pass_are_those_of_its_own_fresh_run(made, tmp_path)
     write_index(tmp_path / "final.json", [IndexedRun(key, {}) for key in keys])
     radar = [{"depression_deg": 45}, {"depression_deg": 30}]
     case = case_from({**made.case.sections("materials"), "radar": radar, "measurement": [{}, {}]})
-    first, found = pass_images(
-        STAGES["export"].of(case), made.archive, [made.geometry] * 2, [made.registered] * 2,
-        [Levels("offset", 0.5, 0.1)] * 2,
-        tmp_path / "final.json", tmp_path / "runs",
-    )  # fmt: skip
-    np.testing.assert_array_equal(first.calibrated_db, made.archive.images.calibrated_db)
-    assert found.radar.depression_deg == 30
-    np.testing.assert_array_equal(found.calibrated_db, image + 3)
-    np.testing.assert_allclose(found.measured_db, made.registered.measurement.image_db - 0.5, rtol=1e-6)
-    assert found.description == "measured image, not registered, after subtraction of its assumed level"
+    levelled = replace(made.archive.passes["1"], levels=Levels("offset", 0.5, 0.1))
+    archive = replace(made.archive, passes={"1": levelled, "2": levelled})
+    of_pass = [made.geometry] * 2, [made.registered] * 2
+    files = tmp_path / "final.json", tmp_path / "runs"
+    write_export(tmp_path / "out", STAGES["export"].of(case), archive, made.scene, *of_pass, *files)
+    found = {}
+    for name in ("calibrated", "calibrated_pass2", "measured_pass2"):
+        with rasterio.open(tmp_path / f"out/{name}.tif") as raster:
+            found[name], text = raster.read(1), raster.descriptions[0]
+    np.testing.assert_array_equal(found["calibrated"], made.archive.images.calibrated_db)
+    np.testing.assert_array_equal(found["calibrated_pass2"], image + 3)
+    np.testing.assert_allclose(found["measured_pass2"], made.registered.measurement.image_db - 0.5, rtol=1e-6)
+    assert text == "measured image, not registered, after subtraction of its assumed level"
 
 
 def test_a_scene_without_a_map_says_so(made, tmp_path):

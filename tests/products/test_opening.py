@@ -17,22 +17,23 @@ import radcal
 from radcal.config.stages import STAGES
 from radcal.errors import StoreError
 from radcal.posterior.result import KeptDraws
-from radcal.products.export import PassImages, write_export
+from radcal.products.export import write_export
 from radcal.products.stac import stac_item
 from radcal.results.archive import write_archive
 from radcal.results.run_table import write_table
 from radcal.results.summary import summarise
 from radcal.storage.records import write_json
+from radcal.storage.run_index import write_index
 
 PAGE = Path(__file__).parents[2] / "docs" / "exports.md"
 
 
 def finish(made, folder, **scene):
     """Results folder of a finished calibration, as far as scripts read it."""
-    images = (made.archive.measured_db, made.archive.images.calibrated_db)
-    of_pass = [PassImages(made.case.radar, made.geometry, *images, "measured image, not registered")]
-    scene = replace(made.scene, **scene)
-    write_export(folder / "export", STAGES["export"].of(made.case), made.archive, scene, of_pass)
+    write_index(folder.parent / "final.json", [])
+    found = replace(made.scene, **scene), [made.geometry], [made.archive.registered]
+    files = folder.parent / "final.json", folder / "runs"
+    write_export(folder / "export", STAGES["export"].of(made.case), made.archive, *found, *files)
     write_table(folder / "runs.csv", made.archive)
     write_json(folder / "summary.json", summarise(made.archive), flat=True)
     return folder

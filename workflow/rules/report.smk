@@ -104,7 +104,6 @@ rule export:
         scene=rules.scene.output.scene,
         geometry=every_pass(rules.geometry.output.geometry),
         registered=every_pass(rules.registration.output.registered),
-        target=every_pass(rules.target.output.target),
         final=rules.final_runs.output.final,
     output:
         **outputs(

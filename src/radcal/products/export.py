@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.config import Radar
 from radcal.config.part import Part
 from radcal.figures.colours import material_colours
-from radcal.ground.levels import Levels, without_level
+from radcal.ground.levels import without_level
 from radcal.products.geotiff import Classes, Layer, write_layers
 from radcal.products.tables import (
     LAWS,
@@ -46,66 +44,15 @@ _MASK: Classes = {
 }
 
 
-@dataclass(frozen=True)
-class PassImages:
-    """Images of a pass [dB], and description of the measured image."""
-
-    radar: Radar
-    geometry: Geometry
-    measured_db: NDArray[np.float32]
-    calibrated_db: NDArray[np.float32]
-    description: str
-
-
-def pass_images(
-    case: Part,
-    archive: Archive,
-    geometries: Sequence[Geometry],
-    registered: Sequence[Registered],
-    levels: Sequence[Levels],
-    final: str | Path,
-    runs: str | Path,
-) -> list[PassImages]:
-    """Measured and calibrated images of all passes.
-
-    Parameters
-    ----------
-    case : Part
-        Passes of the case.
-    archive : Archive
-        Results of the calibration, which hold the calibrated image of the first pass with the texture of each material.
-    geometries, registered, levels : sequence
-        Geometry, registered image and level of each pass.
-    final, runs : path
-        Index of the final runs, two for each pass, and folder of the run store.
-
-    Raises
-    ------
-    StoreError
-        The record of a final run is missing or lacks its image.
-    """
-    found, store, index = [], RunStore(runs), read_index(final)
-    each = zip(case.passes, geometries, registered, levels, strict=True)
-    for number, (one, geometry, image, level) in enumerate(each):
-        calibrated_db = archive.images.calibrated_db
-        if number > 0:
-            key = index[2 * number + 1].key
-            calibrated_db = record_of(store, final, key, case.calibrated, image=True).image_db
-        assert calibrated_db is not None  # noqa: S101 - the archive holds that of the first pass
-        text = f"measured image, {'registered' if image.applied else 'not registered'}"
-        if level.normalisation != "none":
-            text += ", after subtraction of its assumed level"
-        measured_db = without_level(image.measurement.image_db, level)
-        found.append(PassImages(one.radar, geometry, measured_db, calibrated_db, text))
-    return found
-
-
 def write_export(
     folder: str | Path,
     case: Part,
     archive: Archive,
     scene: Scene,
-    images: Sequence[PassImages],
+    geometries: Sequence[Geometry],
+    registered: Sequence[Registered],
+    final: str | Path,
+    runs: str | Path,
     simulator: Simulator | None = None,
 ) -> list[Path]:
     """Write the folder ``export``, each file atomically.
@@ -117,11 +64,13 @@ def write_export(
     case : Part
         Materials, passes and seed of the case.
     archive : Archive
-        Results of the calibration, with images.
+        Results of the calibration, with images; that of the first pass has the texture of each material.
     scene : Scene
         Scene of the case.
-    images : sequence of PassImages
-        Images of all passes.
+    geometries, registered : sequence
+        Geometry and registered image of each pass.
+    final, runs : path
+        Index of the final runs, two for each pass, and folder of the run store.
     simulator : Simulator, optional
         Simulator of the first pass, whose input is exported if it is an external program.
 
@@ -133,7 +82,7 @@ def write_export(
     Raises
     ------
     StoreError
-        A file cannot be written.
+        A file cannot be written, or the record of a final run is missing or lacks its image.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -148,17 +97,28 @@ def write_export(
     if isinstance(simulator, CommandSimulator):
         parameters = {name: archive.laws[name].tolist() for name in case.materials}
         files += simulator.write_input(folder / _INPUT, parameters, seed)
-    for number, one in enumerate(images, start=1):
+    store, index = RunStore(runs), read_index(final)
+    each = zip(case.passes, geometries, registered, archive.passes.values(), strict=True)
+    for number, (one, geometry, image, result) in enumerate(each, start=1):
+        calibrated_db = archive.images.calibrated_db
+        if number > 1:
+            key = index[2 * number - 1].key
+            calibrated_db = record_of(store, final, key, case.calibrated, image=True).image_db
+        assert calibrated_db is not None  # noqa: S101 - the archive holds that of the first pass
+        measured_db = without_level(image.measurement.image_db, result.levels)
+        text = f"measured image, {'registered' if image.applied else 'not registered'}"
+        if result.levels.normalisation != "none":
+            text += ", after subtraction of its assumed level"
         tags = {"case": archive.configured.case, "radiometry": one.radar.radiometry}
-        gray = gray_scale(one.measured_db)
-        text = "simulated image with the laws of the search and textures"
+        gray = gray_scale(measured_db)
+        simulated = "simulated image with the laws of the search and textures"
         layers = {
-            "measured": Layer(one.measured_db, "dB", one.description, tags, gray=gray),
-            "calibrated": Layer(one.calibrated_db, "dB", text, tags, gray=gray),
-            "difference": Layer(one.calibrated_db - one.measured_db, "dB", "calibrated minus measured image", tags),
-            **ground_layers(one.geometry, tags, case.materials),
+            "measured": Layer(measured_db, "dB", text, tags, gray=gray),
+            "calibrated": Layer(calibrated_db, "dB", simulated, tags, gray=gray),
+            "difference": Layer(calibrated_db - measured_db, "dB", "calibrated minus measured image", tags),
+            **ground_layers(geometry, tags, case.materials),
         }
-        files += write_layers(folder, number, layers, scene, one.geometry)
+        files += write_layers(folder, number, layers, scene, geometry)
     return files
 
 
