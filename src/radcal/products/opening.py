@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from radcal.errors import StoreError
 from radcal.products.geotiff import SLANT_RANGE
+from radcal.storage.inspection import unreachable
+from radcal.storage.records import understood
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,8 +38,13 @@ class Results:
     @cached_property
     def summary(self) -> dict[str, Any]:
         """Content of ``summary.json`` (``docs/records.md``)."""
-        data = json.loads((self.folder / "summary.json").read_text(encoding="utf-8"))
-        return {key: value for key, value in data.items() if key != "sha256"}
+        path = self.folder / "summary.json"
+        try:
+            with understood(path):
+                data = json.loads(path.read_text(encoding="utf-8"))
+                return {key: value for key, value in data.items() if key != "sha256"}
+        except OSError as error:
+            raise unreachable(path, error) from error
 
     @property
     def verdict(self) -> str:
@@ -173,8 +180,7 @@ class Results:
         try:
             return pd.read_csv(self.folder / name)
         except OSError as error:
-            why = error.strerror or error
-            raise StoreError(f"{self.folder / name}: cannot be read ({why}); the case's command makes it.") from error
+            raise unreachable(self.folder / name, error) from error
 
     def _read(self, name: str) -> tuple[NDArray[Any], dict[str, Any], tuple[float, ...]]:
         """Values of an exported image, its tags and CRS, and the six coefficients of its affine transform."""

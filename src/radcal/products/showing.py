@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import socket
 import time
@@ -14,6 +13,7 @@ from radcal.config.stages import STAGES, Stage
 from radcal.errors import StoreError
 from radcal.findings import Finding
 from radcal.forecast.runs_and_time import duration, runs_in_words
+from radcal.products.opening import open_results
 from radcal.results.law_notes import found_words
 from radcal.storage.lock import holder
 from radcal.storage.records import understood
@@ -82,7 +82,7 @@ def show(folder: str | Path) -> list[str]:
     failed, running = _failure(folder), _running(folder)
     if all("{p}" in path for stage in missing for path in stage.outputs.values()):  # large files, deleted afterwards
         with understood(folder / "summary.json"):
-            return [*_finished(_read(folder / "summary.json")), *there, *failed, *running]
+            return [*_finished(open_results(folder).summary), *there, *failed, *running]
     kept = len(list((folder / "runs").glob("[!.]*.h5")))
     iterations = len(list((folder / "iterations").glob("*/verified.json")))
     lines = [f"{folder.name}: not finished; missing: {', '.join(stage.words for stage in missing)}."]
@@ -93,8 +93,7 @@ def show(folder: str | Path) -> list[str]:
 def _is_made(folder: Path, stage: Stage) -> bool:
     """Whether the outputs of a stage exist, of those that every case has once or in its first pass."""
     paths = [path.format(p=1) for path in stage.outputs.values() if not _SEVERAL.search(path)]
-    # in results of an earlier version of radcal, the files of the first pass lie in the folder of the case
-    return all((folder / path).exists() or (folder / Path(path).name).exists() for path in paths)
+    return all((folder / path).exists() for path in paths)
 
 
 def _running(folder: Path) -> list[str]:
@@ -121,41 +120,27 @@ def _failure(folder: Path) -> list[str]:
     return [f"the last command failed: {message}", f"Once the cause is removed, {_AGAIN}."]
 
 
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        if isinstance(data, dict) and isinstance(data.get("materials"), dict):
-            return data
-    except (OSError, ValueError):
-        pass
-    raise StoreError(f"{path}: cannot be read; the case's command makes it again.")
-
-
 def _finished(summary: Mapping[str, Any]) -> list[str]:
     """Lines on verdict, parameters and runs of a finished calibration."""
     materials, runs = summary["materials"], summary["runs"]
-    reused = f"; {runs['reused']} reused" if runs.get("reused") else ""
+    reused = f"; {runs['reused']} reused" if runs["reused"] else ""
     lines = [str(summary["verdict"])]
     for name, material in materials.items():
-        interval = (material.get(f"parameters_{end}") for end in ("p05", "p95"))
+        interval = material["parameters_p05"], material["parameters_p95"]
         parameters = found_words(material["parameters"], material["bounds"], *interval)
         # in a case of one material, the first line is its verdict
         start = f"{material['verdict']}" if len(materials) > 1 else f"{name}:"
         law = material.get("formula", material["law"])
         lines.append(f"{start} {law} with {parameters}.")
-        if (model := material.get("parameters_model")) is not None:
+        if (model := material["parameters_model"]) is not None:
             nearest = found_words(model, material["bounds"])
             lines.append(f"{name}: parameters_model, the law nearest to the median of the band: {nearest}.")
-    # files of earlier versions have neither
-    kept = [
-        {key: one[key] for key in ("code", "severity", "about", "numbers", "do")} for one in summary.get("findings", [])
-    ]
-    lines += beside_headline(summary.get("warnings", []), [Finding(**one) for one in kept])
-    search = runs["design"] + runs["infill"]
-    again = runs.get("registration", 0)
+    findings = [Finding(**{key: one[key] for key in one if key != "text"}) for one in summary["findings"]]
+    lines += beside_headline(summary["warnings"], findings)
+    again = runs["registration"]
     others = runs_in_words({"reference": runs["reference"] - again, "registration": again, "final": runs["final"]})
     return [
         *lines,
-        f"simulator runs of the search: {search} ({runs['design']} design, {runs['infill']} infill{reused}), besides "
-        f"{others}; end: {ENDINGS[summary['stop_reason']]}.",
+        f"simulator runs of the search: {runs['search']} ({runs['design']} design, {runs['infill']} infill{reused}), "
+        f"besides {others}; end: {ENDINGS[summary['stop_reason']]}.",
     ]

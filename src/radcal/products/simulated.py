@@ -89,7 +89,6 @@ def forward(
             runner.require_looks(product)
         check(keys)
         write_scene(folder / "scene.h5", scene)
-        (folder / "geometry.h5").unlink(missing_ok=True)  # of an earlier version of radcal
         for path, geometry, one in zip(paths, geometries, case.passes, strict=True):
             write_geometry(path, geometry, one.radar)
         found = _images(started, runner, scene, geometries, RunStore(runs))
