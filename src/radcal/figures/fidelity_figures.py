@@ -11,7 +11,6 @@ from radcal.results.archive import Archive, Fidelity
 _STATISTICS = (("mean", "#0072B2", "o"), ("log sd", "#D55E00", "s"), ("skewness", "#009E73", "^"))
 _MOST = 6.0  # largest difference drawn [standard deviations]; larger differences are drawn at this value
 _NARROW = 0.13
-_REPEATED = ", made for other materials after the search of this material had ended, with its best X"
 
 
 def differences(found: Fidelity) -> Array:
@@ -79,9 +78,7 @@ def fidelity(case: Archive, name: str) -> Drawn | None:
         "is that of the surrogate's error and guides the search; it is not the uncertainty of the law."
     )
     if left_out:
-        caption += f" Without prediction, and not drawn: run{'s' * (len(left_out) > 1)} {', '.join(left_out)}"
-        ended = all(found.mode[k] == "ended" for k in np.flatnonzero(~predicted_runs))
-        caption += f"{_REPEATED if ended else ''}."
+        caption += f" Without prediction, and not drawn: run{'s' * (len(left_out) > 1)} {', '.join(left_out)}."
     if len(q2):
         each = ", ".join(f"{label} {value:.2f}" for (label, *_), value in zip(_STATISTICS, q2[-1], strict=True))
         caption += f" Share of variance that the last surrogate predicts (leave-one-out Q2): {each}."

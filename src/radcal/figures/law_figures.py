@@ -30,28 +30,16 @@ _POINTS: dict[str, Any] = {
 
 
 def kinds(case: Archive, material: MaterialResult) -> list[tuple[str, NDArray[np.intp], dict[str, Any]]]:
-    """Label, numbers and style of the runs of each kind; those after the end of a material's search are a kind."""
-    after = _ended(case, material)
+    """Label, numbers and style of the runs of each kind.
+
+    The infill runs after the end of a material's search, which repeat its best X for other materials, are a kind.
+    """
+    after = np.zeros(case.runs.kind.size, dtype=bool)
+    if material.fidelity is not None:
+        after[case.runs.kind == "infill"] = [mode == "ended" for mode in material.fidelity.mode]
     found = [(label, np.flatnonzero((case.runs.kind == kind) & ~after), style) for kind, (label, style) in RUNS.items()]
     late = ("infill after it ended", np.flatnonzero(after), RUNS["infill"][1] | {"color": drawing.PALE, "s": 26})
     return [one for one in (*found, late) if one[1].size]
-
-
-def _ended(case: Archive, material: MaterialResult) -> NDArray[np.bool_]:
-    """Mask of the infill runs after the end of a material's search, which repeat its best X for other materials."""
-    found = np.zeros(case.runs.kind.size, dtype=bool)
-    if material.fidelity is not None:
-        found[case.runs.kind == "infill"] = [mode == "ended" for mode in material.fidelity.mode]
-    return found
-
-
-def _end_words(case: Archive, material: MaterialResult) -> tuple[str, str]:
-    """Remark for the title on the last run of a material's search, and a sentence on those after it; empty if none."""
-    after = np.flatnonzero(_ended(case, material))
-    if not after.size:
-        return "", ""
-    text = " The runs after the end of this material's search were made for other materials and repeat its best X."
-    return f", search ended after run {after[0] - 1}", text
 
 
 def texts(case: Archive, name: str, which: NDArray[np.intp]) -> list[str]:
@@ -84,7 +72,7 @@ def squares(material: MaterialResult) -> Array:
 def cost_chart(case: Archive, name: str) -> Chart:
     """Misfit of each run to the target (its cost): that of the bins, and the rms difference of the densities."""
     material, unit, tolerance = case.materials[name], case.levels.unit, case.configured.stop.rms
-    best, error, (remark, _) = material.best, material.target.rms_sampling, _end_words(case, material)
+    best, error = material.best, material.target.rms_sampling
     ends = np.array([-0.5, max(material.rms.size - 0.5, 1.0)])
     rms = positive(material.rms, () if case.bins else (tolerance, error))
     densities = _each_run(case, name, rms)
@@ -111,7 +99,7 @@ def cost_chart(case: Archive, name: str) -> Chart:
         title = f"best rms {short(material.rms[best])} 1/{unit} in run {best}"
         alt = f"Cost of each run of {name} on a logarithmic axis, with the tolerance."
     return Chart(
-        title=f"{title}{remark}",
+        title=title,
         caption=_cost_caption(case, name),
         alt=alt,
         x_label="run (0: reference)",
@@ -131,20 +119,18 @@ def _cost_caption(case: Archive, name: str) -> str:
     """Caption of the figure of each run's misfit to the target."""
     material, unit = case.materials[name], case.levels.unit
     pixels, sampling = material.target.values_db.size, short(material.target.rms_sampling)
-    _, numbered = _end_words(case, material)
     if case.bins:
         return (
             "Above: misfit of each run. It is the sum of the squared residuals of the incidence-angle bins and of the "
             "priors, in standard deviations, at the effective looks that fit the run best. "
             "Below: root mean square difference between the simulated and the target density, which the search does "
             f"not minimise. The dotted line is the sampling error: another sample of {pixels:,} pixels would move the "
-            f"target by about {sampling} 1/{unit}.{numbered}"
+            f"target by about {sampling} 1/{unit}."
         )
     caption = (
         "Root mean square difference between the simulated and the target density of each run; the line is the "
         f"smallest so far. The dotted line is the sampling error: another sample of {pixels:,} pixels would move the "
         f"target by about {sampling} 1/{unit}, so that a smaller difference tells nothing more about the material."
-        f"{numbered}"
     )
     if (_floors(case, material) > 0.0).any():
         caption += " Short bars: smallest rms inside the bounds that the surrogate predicts, less two standard errors."

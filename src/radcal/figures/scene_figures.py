@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import re
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from radcal.figures.colours import colours_of, of_ids
-from radcal.figures.drawing import Drawn, add_fills, label, new_canvas
+from radcal.figures.drawing import SIGMA0, Drawn, add_fills, label, new_canvas
 from radcal.figures.map_figures import add_arrows, axis_labels, image_extent, panels_for
 from radcal.results.archive import Archive
 from radcal.scene.crs import crs_from
@@ -19,16 +18,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _HATCHED = 300  # number of places per side at which the hatching of a map is computed
-_SURFACE = 110  # number of cells per side of the view in three dimensions
 _LEAST_SCALE = 0.01  # smallest range of a colour scale [deg or dB]
 _LISTED = 8  # largest number of materials named in the caption
 _LEAST_DEG = 0.01  # smaller slopes are not stated as a number
 _FLAT_DEG = 1.0  # ground whose slopes are below this angle at 99 % of the cells has no relief to show
-_LARGEST_TIMES = 20  # largest factor by which heights are exaggerated in the view in three dimensions
 
 
 def scene(case: Archive) -> Drawn | None:
-    """Figure of the scene: materials and elevation and, unless the ground is flat, relief and a view in 3-D."""
+    """Figure of the scene: materials, elevation and, unless the ground is flat, shaded relief."""
     from matplotlib import colormaps
     from matplotlib.colors import LightSource, ListedColormap
 
@@ -44,17 +41,17 @@ def scene(case: Archive) -> Drawn | None:
     flat = steepest_deg < _FLAT_DEG
     # the grid of a scene points north or, with a heading, along the track
     heading, west_m, south_m = case.configured.radar.heading_deg, view.west_m, view.south_m
-    across, along, lit, viewer = "east [km]", "north [km]", "north-west", "south-west"
+    across, along, lit = "east [km]", "north [km]", "north-west"
     if heading:
         across, along = "right of the track [km]", f"along the track, {heading:g} deg [km]"
-        lit, viewer = "ahead on the left", "behind on the left"
+        lit = "ahead on the left"
     ny, nx = elevation.shape
     sides = west_m / 1e3, (west_m + nx * cell_m) / 1e3, south_m / 1e3, (south_m + ny * cell_m) / 1e3
-    light = LightSource(azdeg=315.0, altdeg=40.0)
-    canvas, (cmap, norm) = new_canvas(9.5, 5.0 if flat else 9.1), of_ids(case)
-    plans = [canvas.add_subplot(1, 2, k) for k in (1, 2)] if flat else [canvas.add_subplot(2, 2, k) for k in (2, 3, 1)]
+    count = 2 if flat else 3
+    canvas, (cmap, norm) = new_canvas(4.75 * count, 5.0), of_ids(case)
+    plans = canvas.subplots(1, count)
     if not flat:
-        shade = light.hillshade(elevation, dx=cell_m, dy=cell_m)
+        shade = LightSource(azdeg=315.0, altdeg=40.0).hillshade(elevation, dx=cell_m, dy=cell_m)
         plans[2].imshow(shade, cmap="gray", origin="lower", extent=sides)
         plans[2].set_title(f"shaded relief, light from {lit}")
     plans[0].imshow(view.material, cmap=cmap, norm=norm, origin="lower", extent=sides, interpolation="nearest")
@@ -77,31 +74,6 @@ def scene(case: Archive) -> Drawn | None:
     look = 1.0 if case.configured.radar.look_side == "right" else -1.0
     add_arrows(plans[0], (0.06, 0.84), {"N": (-np.sin(np.radians(heading)), np.cos(np.radians(heading)))})
     add_arrows(plans[0], (0.5 - 0.44 * look, 0.06), {"flight": (0.0, 1.0), "look": (look, 0.0)})
-    if not flat:
-        solid = cast(Any, canvas.add_subplot(2, 2, 4, projection="3d"))
-        k = max(1, max(ny, nx) // _SURFACE)
-        y, x = (np.mgrid[:ny:k, :nx:k] + 0.5) * cell_m / 1000.0
-        x, y = x + west_m / 1e3, y + south_m / 1e3
-        low = elevation[::k, ::k]
-        rgb = cmap(norm(view.material[::k, ::k]))[..., :3]
-        shaded = light.shade_rgb(rgb, low, dx=k * cell_m, dy=k * cell_m, vert_exag=2.0, blend_mode="soft")
-        surface = solid.plot_surface(
-            x, y, low, facecolors=shaded, rstride=1, cstride=1, linewidth=0, antialiased=False, shade=False
-        )
-        surface.set_rasterized(True)  # rasterised, since thousands of faces would be slow and large as vectors
-        height = float(np.ptp(elevation))
-        wide, high = sides[1] - sides[0], sides[3] - sides[2]
-        span = max(wide, high)
-        times = min(max(1, round(0.25 * span * 1000.0 / height)), _LARGEST_TIMES)
-        solid.set_box_aspect((wide / span, high / span, height / 1000.0 * times / span))
-        solid.view_init(elev=32.0, azim=-120.0)
-        seen = f"seen from {viewer}"
-        solid.set_title(f"{seen}, heights {times} times" if times > 1 else seen)
-        # the plans name the heading; a longer name would leave the axis
-        solid.set_xlabel(across, labelpad=9.0)
-        solid.set_ylabel(re.sub(", .* deg", "", along), labelpad=9.0)
-        solid.locator_params(nbins=4)
-        solid.tick_params(axis="z", labelsize=8.5)
     places = [int(k) - 1 for k in np.unique(view.material) if 0 < k <= len(case.names)]
     add_fills(canvas, [colours_of(case)[k] for k in places], [label(case.names[k], 30) for k in places], 6)
     # a low relief needs a digit after the point
@@ -117,9 +89,7 @@ def scene(case: Archive) -> Drawn | None:
         caption += f" Coordinates are those of {crs_from(view.crs).name}."
     if objects_m is not None:
         caption += " Objects are dots, whatever their size."
-    if flat:
-        return canvas, caption, "Material map and elevation map."
-    return canvas, caption, "Shaded relief, material map, elevation map and a view of the terrain."
+    return canvas, caption, "Material map and elevation map." if flat else "Material map, elevation map, shaded relief."
 
 
 def incidence(case: Archive) -> Drawn | None:
@@ -127,8 +97,7 @@ def incidence(case: Archive) -> Drawn | None:
     angle, material = case.images.incidence_deg, case.images.material
     if angle is None or material is None:
         return None
-    finite = angle[np.isfinite(angle)]
-    if not finite.size:
+    if not np.isfinite(angle).any():
         return None
     expected, laws = np.full(angle.shape, np.nan), case.configured.laws
     for k, name in enumerate(case.names, start=1):
@@ -136,23 +105,18 @@ def incidence(case: Archive) -> Drawn | None:
         if law is not None and law.has_curve:  # the curve of an external law is not known
             inside = material == k
             expected[inside] = law(np.radians(angle[inside].astype(np.float64)), case.laws[name])
-    seen = expected[np.isfinite(expected)]
     # a label along the bar would stand beside the right panel like the label of its axis
-    maps: list[tuple[NDArray[Any], NDArray[Any], str, str]] = [(angle, finite, "viridis", "local incidence [deg]")]
-    if seen.size:
-        maps.append(
-            (expected, seen, "gray", "\N{GREEK SMALL LETTER SIGMA}\N{SUPERSCRIPT ZERO} of the calibrated laws [dB]")
-        )
+    maps: list[tuple[NDArray[Any], str, str]] = [(angle, "viridis", "local incidence [deg]")]
+    if np.isfinite(expected).any():
+        maps.append((expected, "gray", f"{SIGMA0}, calibrated laws"))
     canvas, panels, stacked, aspect = panels_for(angle.shape, len(maps))
     where, k = image_extent(angle.shape), max(1, max(angle.shape) // 1600)
     add_arrows(panels[0])
-    for panel, (values, known, colours, title) in zip(panels, maps, strict=True):
-        low, high = _scale(known)
+    for panel, (values, colours, title) in zip(panels, maps, strict=True):
+        low, high = _scale(values)
         drawn = panel.imshow(values[::k, ::k], cmap=colours, vmin=low, vmax=high, aspect=aspect, extent=where)
         panel.set_title(title)
-        beyond = bool(known.min() < low), bool(known.max() > high)
-        extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[beyond]
-        canvas.colorbar(drawn, ax=panel, extend=extend, fraction=0.05, pad=0.02)
+        canvas.colorbar(drawn, ax=panel, extend="both", fraction=0.05, pad=0.02)
     axis_labels(panels, stacked)
     hatched = _hatch_determined(panels[0], case, angle, material)
     spans = []
@@ -167,7 +131,7 @@ def incidence(case: Archive) -> Drawn | None:
     if hatched:
         listed += " Hatched: ground whose incidence is inside of the interval in which sigma0 of its material is "
         listed += "determined."
-    if not np.isfinite(expected).any():
+    if len(maps) == 1:
         return canvas, f"Mean local incidence of the ground in each pixel. {listed}", "Map of the local incidence."
     caption = (
         "First map: mean local incidence of the ground in each pixel. Second map: sigma0 that the calibrated or fixed "
@@ -199,6 +163,6 @@ def _ends(values: NDArray[Any], digits: int) -> str:
 
 def _scale(values: NDArray[Any]) -> tuple[float, float]:
     """Ends of a colour scale: 1 % and 99 % quantile of the values, widened to 0.01 about their middle if closer."""
-    low, high = (float(v) for v in np.percentile(values, [1.0, 99.0]))
+    low, high = (float(v) for v in np.nanpercentile(values, [1.0, 99.0]))
     middle = 0.5 * (low + high)
     return (low, high) if high - low >= _LEAST_SCALE else (middle - 0.5 * _LEAST_SCALE, middle + 0.5 * _LEAST_SCALE)
