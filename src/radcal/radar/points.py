@@ -107,8 +107,8 @@ def not_pure(points: PointScatterers, radar: Radar, material: NDArray[np.uint8])
 
     Beyond the main lobe, the response of a point is below the sidelobe level of -35 dB.
     """
-    down = radar.range_resolution_m / radar.range_spacing_m
-    lobe = _LOBE * np.array([down, radar.azimuth_resolution_m / radar.azimuth_spacing_m])
+    resolution_m = np.array([radar.range_resolution_m, radar.azimuth_resolution_m])
+    lobe = _LOBE * resolution_m / (radar.range_spacing_m, radar.azimuth_spacing_m)
     places = np.stack([points.row, points.column], axis=1)
     first = np.maximum(np.ceil(places - lobe), 0.0).astype(np.int64)
     end = np.maximum(np.floor(places + lobe) + 1.0, 0.0).astype(np.int64)
