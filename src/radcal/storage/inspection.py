@@ -111,10 +111,8 @@ def inspect_file(path: Path, kind: str | None, most_bytes: int | None = None) ->
         whole = most_bytes is None or size <= most_bytes
         if kind is None:
             check_json(handle, whole)
-        else:
-            check_hdf5(handle, size, whole)
-    if kind is None:
-        return
+            return
+        check_hdf5(handle, size, whole)
     try:
         with h5py.File(path, "r", locking=False) as file:
             found = {name: file.attrs.get(name) for name in ("kind", "schema", "case", "hash")}
