@@ -172,7 +172,7 @@ def widths(case: Case, folder: Path, seed: int) -> dict[str, Any]:
     parameters = all_parameters(case.materials, {name: history.best(name).parameters for name in MATERIALS})
     final = [runner.run(parameters, noise_seed(case, fresh), image=fresh) for fresh in (False, True)]
     runs = [(one, parameters) for one in final]
-    images = simulated_of(stage, b.scene, [geometry], [str(folder / "runs")], runs, str(folder / "draws"))
+    images = simulated_of(stage, b.scene, [geometry], runs, str(folder / "draws"))
     cells = [observe(stage, geometry, registered, images[0], targets.levels, b.scene)]
     objectives = make_objectives(stage, targets)
     models: list[LawModel] = []

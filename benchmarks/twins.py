@@ -507,9 +507,7 @@ def band(
     stage = STAGES["posterior"].of(case)
     parameters = all_parameters(case.materials, {name: history.best(name).parameters})
     final = [runner.run(parameters, noise_seed(case, fresh), image=fresh) for fresh in (False, True)]
-    images = simulated_of(
-        stage, b.scene, [b.geometry], [str(runs)], [(run, parameters) for run in final], str(runs / "draws")
-    )
+    images = simulated_of(stage, b.scene, [b.geometry], [(run, parameters) for run in final], str(runs / "draws"))
     cells = [observe(stage, b.geometry, registered, images[0], targets.levels, b.scene)]
     image = image_of(stage, cells)
     objectives = make_objectives(stage, targets)

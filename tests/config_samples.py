@@ -31,6 +31,10 @@ def synthetic(**keys):
     return {"measurement": {"source": "synthetic", "synthetic": keys}}
 
 
+def focused(**sections):
+    return {"simulator": {"product": "focused"}, **sections}
+
+
 def message(data):
     with pytest.raises(ConfigError) as caught:
         case_from(data, "some.yaml")

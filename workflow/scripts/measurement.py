@@ -11,7 +11,7 @@ from radcal.words import sentence
 with job(snakemake) as case:
     scene = read_scene(snakemake.input.scene)
     geometry = read_geometry(snakemake.input.geometry)
-    simulator = make_simulator(case, geometry, snakemake.input.geometry)
+    simulator = make_simulator(case, geometry, snakemake.input.geometry, scene)
     measurement = make_measurement(case, geometry, simulator, scene, partly=snakemake.wildcards.p != "1")
     write_measurement(snakemake.output.measurement, measurement)
     progress(f"measured image: {measurement.source}")

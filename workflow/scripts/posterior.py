@@ -17,7 +17,7 @@ with job(snakemake) as case:
     targets, scene = read_targets(*snakemake.input.target), read_scene(snakemake.input.scene)
     geometries = [read_geometry(path) for path in snakemake.input.geometry]
     final = [(run, run_x) for run, run_x in indexed([snakemake.input.final], snakemake.params.runs, case.calibrated)]
-    simulated = simulated_of(case, scene, geometries, snakemake.input.geometry, final, snakemake.params.draws)
+    simulated = simulated_of(case, scene, geometries, final, snakemake.params.draws)
     cells = [
         observe(one, geometry, read_registered(path), images, found.levels, scene)
         for one, geometry, path, images, found in zip(

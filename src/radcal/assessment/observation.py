@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from radcal.config.part import Part
 from radcal.errors import MeasurementError
@@ -34,11 +36,12 @@ def simulated_of(
     case: Part,
     scene: Scene,
     geometries: Sequence[Geometry],
-    paths: Sequence[str],
     final: Sequence[tuple[Record, Mapping[str, Sequence[float]]]],
     folder: str,
 ) -> list[list[Simulated]]:
     """Simulated images of each pass: the final runs' and, of the built-in simulator, one of 32 looks at the same X.
+
+    A focused image of 32 looks would need a far longer aperture: it is the mean of as many draws as have 32 looks.
 
     Parameters
     ----------
@@ -46,24 +49,35 @@ def simulated_of(
         Configuration.
     scene : Scene
         Scene.
-    geometries, paths : sequence
-        Geometry of each pass, and its file.
+    geometries : sequence of Geometry
+        Geometry of each pass.
     final : sequence of (Record, mapping)
         Final runs with their X, two for each pass.
     folder : path
         Store of the images of 32 looks, which are no runs of the calibration.
     """
     found: list[list[Simulated]] = []
-    for k, (one, geometry, path) in enumerate(zip(case.passes, geometries, paths, strict=True)):
+    for k, (one, geometry) in enumerate(zip(case.passes, geometries, strict=True)):
         own = [Simulated(run.image_db, x) for run, x in final[2 * k : 2 * k + 2] if run.image_db is not None]
         if case.simulator.own:
-            many = one.model_copy(update={"radars": [one.radar.model_copy(update={"looks": float(_LOOKS)})]})
-            parameters, seed = final[2 * k][1], derived_seed(case.seed, "posterior", "draw", bits=_SEED_BITS)
-            record = runner_of(many, scene.identity, [geometry], [path], folder).run(parameters, seed, image=True)
-            assert record.image_db is not None  # noqa: S101 - asked for
-            own = [Simulated(record.image_db, parameters)]
+            looks = one.radar.looks if case.simulator.focused else float(_LOOKS)
+            many = one.model_copy(update={"radars": [one.radar.model_copy(update={"looks": looks})]})
+            runner, parameters = runner_of(many, scene, [geometry], [""], folder), final[2 * k][1]
+            images = []
+            for draw in range(math.ceil(_LOOKS / looks)):
+                seed = derived_seed(case.seed, "posterior", "draw", *[draw] * (draw > 0), bits=_SEED_BITS)
+                record = runner.run(parameters, seed, image=True)
+                assert record.image_db is not None  # noqa: S101 - asked for
+                images.append(record.image_db)
+            own = [Simulated(images[0] if len(images) == 1 else _mean_db(images), parameters)]
         found.append(own)
     return found
+
+
+def _mean_db(images_db: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
+    """Mean power of images [dB]."""
+    mean = np.mean([10.0 ** (one.astype(np.float64) / 10.0) for one in images_db], axis=0)
+    return np.asarray(10.0 * np.log10(mean), np.float32)
 
 
 def observe(
@@ -96,8 +110,7 @@ def observe(
         Scene, whose connected areas are the fields; None for those of the image.
     """
     image, laws = registered.measurement.image_db, case.laws
-    mean = np.mean([10.0 ** (one.image_db.astype(np.float64) / 10.0) for one in simulated], axis=0)
-    mean_db = (10.0 * np.log10(mean)).astype(np.float32)
+    mean_db = _mean_db([one.image_db for one in simulated])
     if levels.normalisation == "image":
         middle, spread = median_and_range(mean_db[(geometry.material > 0) & np.isfinite(image)])
         image = (Levels.apply(image, levels.measured) * spread + middle).astype(np.float32)

@@ -267,8 +267,11 @@ def _measured(one: Case, geometry: Geometry, scene: Scene, number: int) -> Measu
 
     stage = STAGES["measurement"].of(one)
     simulator: Any = None  # a file needs none
+    focused = one.simulator.focused
+    if focused:
+        make_simulator(stage, geometry, "", scene)  # refuses what has no raw signal
     if not isinstance(one.measurement, FileMeasurement):
-        if not one.simulator.own or geometry.material.size > _LARGEST_RUN:
+        if not one.simulator.own or focused or geometry.material.size > _LARGEST_RUN:
             check_synthetic(one.radar, one.measurement.synthetic, (geometry.shape[0], geometry.shape[1]))
             return None
         simulator = make_simulator(stage, geometry, "")

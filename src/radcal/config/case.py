@@ -206,6 +206,7 @@ class Case(Part):
             yield from self._in_truth(measurement.synthetic)
             yield from self._in_mismatch(measurement.synthetic)
         yield from self._in_sampling()
+        yield from self._in_focused()
         yield from self._in_track()
         yield from self.laws_without_pass()
         if isinstance(measurement, FileMeasurement):
@@ -225,6 +226,22 @@ class Case(Part):
                     f"{way}_spacing_m of {spacing:g} (the image must be sampled above its bandwidth), or a spacing of "
                     f"at most {resolution / WIDTH_FACTOR:.3g}",
                 )
+
+    def _in_focused(self) -> Iterator[Wrong]:
+        """Sentences on settings that runs focused from raw signals do not have."""
+        if not self.simulator.focused:
+            return
+        why = "with simulator.product: focused"
+        if not self.scene.has_heights:
+            yield Wrong("scene.source", f" is {self.scene.source}, expected a scene with elevation {why}")
+        if self.radar.looks % 1:
+            yield Wrong("radar.looks", f" is {self.radar.looks:g}, expected a whole number {why}")
+        if self.simulator.strips > 1:
+            strips = f" is {self.simulator.strips}, expected 1 {why}, for which the whole scene is seen at once"
+            yield Wrong("simulator.strips", strips)
+        if self.signals.squint_deg:
+            squint = f" is {self.signals.squint_deg:g}, expected 0 {why}, whose runs look at zero Doppler"
+            yield Wrong("signals.squint_deg", squint)
 
     def _in_hidden(self, synthetic: Synthetic) -> Iterator[Wrong]:
         """Sentences on keys of unknown materials, and on hidden parameters that do not fit their law."""

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from radcal.bands import WIDTH_FACTOR
 from radcal.config import Radar
 from radcal.config.part import Part
-from radcal.config.stages import model_of
 from radcal.errors import MeasurementError
 from radcal.ground.patches import patches_seen
 from radcal.image.model import Measurement
@@ -28,13 +27,9 @@ from radcal.registration.displacement import invert, warp
 from radcal.scene.model import Scene
 from radcal.sections.measurement import Synthetic
 from radcal.seeds import derived_rng, measurement_seed
-from radcal.signals.focus import check, focused
-from radcal.signals.platform import collection
-from radcal.signals.record import RawSignal
-from radcal.signals.scatterers import scatterers
+from radcal.signals.simulator import FocusedSimulator
 from radcal.simulators.base import Simulator
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.simulators.forward import Forward
 from radcal.speckle.texture import order_of_texture, texture_db
 
 _WARP_SIGMA_PX = 60.0  # smoothing of a synthetic displacement field
@@ -157,20 +152,12 @@ def _focused_db(
     geometry, scene = _other_ground(radar, synthetic, geometry, scene)
     materials = {
         name: (one.with_law(synthetic.laws[name]) if name in synthetic.laws else one).model_copy(
-            update={"calibrate": False, "parameters": list(hidden[name]), "start": None}
+            update={"calibrate": False}
         )
         for name, one in case.materials.items()
     }
-    flown = model_of("seed", "signals", "radars", "materials").model_validate(
-        {"seed": synthetic.seed, "radar": radar, "materials": materials}
-    )
-    check(flown, scene)
-    one = collection(flown, scene)
-    signal = RawSignal(one, scatterers(flown, scene, seed, one.facet_m), seed)[:]
-    none = np.empty((0, 0), np.float32)
-    looks = focused(one, signal, Forward(flown, scene, geometry, none, "", seed, False, lambda: iter(())))
-    power = np.mean(np.abs(looks) ** 2, axis=0, dtype=np.float64)
-    return np.asarray(10.0 * np.log10(np.maximum(power, np.finfo(np.float32).tiny)), np.float32)
+    flown = case.model_copy(update={"radars": [radar], "materials": materials})
+    return FocusedSimulator(flown, scene, geometry).run(hidden, seed)
 
 
 def _other_simulator(case: Part, synthetic: Synthetic, geometry: Geometry, scene: Scene | None) -> BuiltinSimulator:

@@ -234,7 +234,7 @@ def apply(folder: str | Path, other: Part, measured: Case | None, out: str | Pat
         if measured is not None:
             one = measured.passes[number - 1]
             path = out / f"passes/{number}/geometry.h5"
-            simulator = make_simulator(STAGES["simulator"].of(one), made.geometry, path)
+            simulator = make_simulator(STAGES["simulator"].of(one), made.geometry, path, scene)
             found = make_measurement(STAGES["measurement"].of(one), made.geometry, simulator, scene, partly=True)
             as_in_case = Path(runs).parent / f"passes/{number}/registered.h5"
             registered, by = registered_as(as_in_case, made.image_db, found, one.registration)

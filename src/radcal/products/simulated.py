@@ -83,7 +83,7 @@ def forward(
                 pkgutil.resolve_name(asked.check)(one, scene)
         geometries = [make_geometry(scene, one.radar) for one in case.passes]
         paths = [folder / f"passes/{number}/geometry.h5" for number in range(1, len(geometries) + 1)]
-        runner, seed = runner_of(started, scene.identity, geometries, paths, runs), noise_seed(case, fresh=True)
+        runner, seed = runner_of(started, scene, geometries, paths, runs), noise_seed(case, fresh=True)
         keys = [digest(each.description(case.start_parameters, seed)) for each in runner.passes]
         if asked is not None:
             runner.require_looks(product)
@@ -196,7 +196,7 @@ def _spread(
     images: list[list[NDArray[np.float32]]] = [[] for _ in passes]
     rows: list[dict[str, float | str]] = []
     for k, member in enumerate(members, start=1):
-        runner = runner_of(member, scene.identity, geometries, paths, runs)
+        runner = runner_of(member, scene, geometries, paths, runs)
         for number, made in enumerate(_images(member, runner, scene, geometries, RunStore(runs)), start=1):
             images[number - 1].append(made.image_db)
             found = _product(product, folder / f"draws/{k}", number, made)

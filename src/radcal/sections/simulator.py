@@ -56,6 +56,11 @@ class PythonSimulation(Section):
     )
 
     @property
+    def focused(self) -> bool:
+        """Whether images are focused from raw signals."""
+        return False
+
+    @property
     def longest_run_s(self) -> float:
         """Upper limit of the duration of a run [s], far above the usual duration."""
         return 900.0 * self.draws
@@ -77,6 +82,16 @@ class BuiltinSimulation(PythonSimulation):
     own = True
     kind: Literal["builtin"] = Field("builtin", description=_KIND)
     draws: Draws = Field(1, description=_DRAWS + "; by default 4 if the objective uses incidence-angle bins")
+    product: Literal["intensity", "focused"] = Field(
+        "intensity",
+        description="whether runs make the fast image, or one focused from raw signals",
+        exclude_if=lambda value: value == "intensity",
+    )
+
+    @property
+    def focused(self) -> bool:
+        """Whether images are focused from raw signals."""
+        return self.product == "focused"
 
 
 def _braced(value: object) -> object:
@@ -198,6 +213,7 @@ class CommandSimulation(Section):
     """External program, started once for each run, in a folder of its own."""
 
     own: ClassVar[bool] = False
+    focused: ClassVar[bool] = False
     only_parameters: ClassVar[bool] = True
     strips: ClassVar[int] = 1
     kind: Literal["command"] = Field("command", description=_KIND)
@@ -309,6 +325,8 @@ SIMULATORS: Plugins[HasSection] = Plugins(
     {"builtin": "radcal.simulators.builtin:BuiltinSimulator", "command": "radcal.programs.command:CommandSimulator"},
 )
 """Simulators (:class:`radcal.simulators.base.SimulatorKind`) by ``simulator.kind``."""
+FOCUSED = "radcal.signals.simulator:FocusedSimulator"
+"""Simulator of the built-in kind whose images are focused from raw signals."""
 
 SimulatorConfig = Annotated[
     SerializeAsAny[BuiltinSimulation | CommandSimulation],

@@ -22,7 +22,7 @@ from radcal.signals.platform import LIGHT_MPS, Collection, azimuth_weights, coll
 from radcal.signals.record import Signal, kept, signal_of
 from radcal.signals.sicd import write_sicd
 from radcal.signals.wavenumber import check_omega_k, omega_k
-from radcal.simulators.forward import Forward, write_complex
+from radcal.simulators.forward import Flown, Forward, write_complex
 from radcal.speckle.response import taylor_weights
 from radcal.storage.files import atomic
 
@@ -159,7 +159,7 @@ def cell_area_m2(one: Collection, flat_incidence_deg: NDArray[np.float64]) -> ND
     return np.asarray(energy / np.sin(np.radians(flat_incidence_deg)))
 
 
-def focused(one: Collection, signal: Signal, made: Forward, folder: Path | None = None) -> NDArray[np.complex64]:
+def focused(one: Collection, signal: Signal, made: Flown, folder: Path | None = None) -> NDArray[np.complex64]:
     """Complex looks of a pass, focused from a raw signal on the pixels of the fast image.
 
     Parameters
@@ -168,8 +168,8 @@ def focused(one: Collection, signal: Signal, made: Forward, folder: Path | None 
         Collection.
     signal : ndarray of complex64, shape (pulses, samples), or RawSignal
         Raw signal before the converter.
-    made : Forward
-        Forward run of the pass.
+    made : Flown
+        The pass.
     folder : path, optional
         Folder in which finished strips of the image are kept.
 

@@ -15,7 +15,7 @@ from radcal.radar.earth import line_of_sight
 from radcal.scene.crs import transformer
 from radcal.scene.model import Scene
 from radcal.signals.platform import Collection
-from radcal.simulators.forward import Forward
+from radcal.simulators.forward import Flown
 
 _INVENTED_UTC = "2026-01-01T00:00:00Z"  # start of collections over the built-in scene
 _BUILTIN = (36.6244, -84.1825)  # latitude and longitude of the middle of the built-in scene, in its elevation model
@@ -23,7 +23,7 @@ _BUILTIN = (36.6244, -84.1825)  # latitude and longitude of the middle of the bu
 Doubles = NDArray[np.float64]
 
 
-def image_places(made: Forward) -> NDArray[np.float64]:
+def image_places(made: Flown) -> NDArray[np.float64]:
     """Azimuth, ground range and elevation of the pixels of a pass, shape (rows, columns, 3) [m].
 
     A pixel lies on the ground that the fast image has there. Where it has none, the elevation is that of the nearest

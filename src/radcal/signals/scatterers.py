@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from radcal.config import Radar
 from radcal.config.part import Part
 from radcal.radar.facets import ANGLES_PER_RADIAN, OBJECT, ROOF, VISIBLE
 from radcal.radar.geometry import PointScatterers
@@ -67,11 +68,19 @@ def scatterers(case: Part, scene: Scene, seed: int, facet_m: float) -> Scatterer
         Visible facets, lit walls and double bounces, with circular Gaussian amplitudes, and visible point scatterers,
         with random phases. Visibility and incidence are those at zero Doppler on the straight track.
     """
-    radar = case.radar
-    lit = lit_facets(scene, radar, math.ceil(scene.cell_m / facet_m - 1e-9))
     tables = law_tables(scene.names, case.laws, case.start_parameters)
+    return drawn_on(facets_of(case.radar, scene, facet_m), tables, case.radar, seed)
+
+
+def facets_of(radar: Radar, scene: Scene, facet_m: float) -> LitFacets:
+    """Facets of at most a length along the track [m], with their heights."""
+    return lit_facets(scene, radar, math.ceil(scene.cell_m / facet_m - 1e-9))
+
+
+def drawn_on(lit: LitFacets, tables: NDArray[np.float32], radar: Radar, seed: int) -> Scatterers:
+    """Scatterers of facets by the tables of :func:`law_tables`; what a table of zeros stands for is left out."""
     found = [part(lit, tables, 0.5 * radar.range_resolution_m, seed) for part in (_facets, _upright)]
-    place, amplitude = zip(*found, _points(lit, seed), strict=True)
+    place, amplitude = zip(*found, _points(lit, tables, seed), strict=True)
     return Scatterers.sorted(np.concatenate(place), np.concatenate(amplitude))
 
 
@@ -96,7 +105,7 @@ def _upright(lit: LitFacets, tables: NDArray[np.float32], longest_m: float, seed
     found, view = Echoes.joined(lit.lines.echoes), lit.view
     ground = lit.material[found.line // view.k, found.facet // view.k]
     angle = (np.radians(np.nan_to_num(found.alpha_deg)) * ANGLES_PER_RADIAN).round().astype(np.intp)
-    power = found.area_m2 * np.where(np.isnan(found.alpha_deg), 1.0, tables[ground, angle])
+    power = found.area_m2 * np.where(np.isnan(found.alpha_deg), tables[-1, 0], tables[ground, angle])
     number, key = np.arange(power.size, dtype=np.uint32), derived_seed(seed, "walls")
     whole, slant, drawn = _divided(found.near_m, found.far_m, power, number, longest_m, key)
     away = found.away_m[whole]
@@ -108,7 +117,7 @@ def _divided(
     near: NDArray[Any], far: NDArray[Any], power: NDArray[Any], number: NDArray[np.uint32], longest_m: float, key: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.complex64]]:
     """Index of the scatterer, slant range and drawn amplitude of parts of at most a length in slant range [m]."""
-    parts = np.maximum(1, np.ceil((far - near) / longest_m)).astype(np.int64)
+    parts = np.where(power > 0.0, np.maximum(1, np.ceil((far - near) / longest_m)), 0).astype(np.int64)
     whole = np.repeat(np.arange(parts.size), parts)
     part = np.arange(whole.size) - np.repeat(np.cumsum(parts) - parts, parts)
     share = ((part + 0.5) / parts[whole]).astype(np.float32)
@@ -138,9 +147,9 @@ def _drawn(number: NDArray[np.uint32], part: NDArray[np.uint32], seed: int) -> N
     return out
 
 
-def _points(lit: LitFacets, seed: int) -> _Some:
+def _points(lit: LitFacets, tables: NDArray[np.float32], seed: int) -> _Some:
     """Places and amplitudes of the visible point scatterers; their phases are those of the fast image."""
-    if lit.spots is None:
+    if lit.spots is None or not tables[-1, 0]:
         return np.empty((0, 3)), np.empty(0, np.complex64)
     seen = np.isfinite(lit.spots.slant_m)
     slant, (along, across) = lit.spots.slant_m[seen], lit.spots.place[seen].T * lit.view.step_m

@@ -18,17 +18,30 @@ from radcal.storage.files import atomic
 
 
 @dataclass(frozen=True)
-class Forward:
-    """Simulated image of one pass of a forward run, and what it was made from.
+class Flown:
+    """Pass over a scene.
 
     Attributes
     ----------
     case : Part
-        Configuration of the pass, with the laws and parameters that were simulated.
+        Configuration of the pass, with the laws and parameters that are simulated.
     scene : Scene
         Scene of the case.
     geometry : Geometry
         Geometry of the pass.
+    """
+
+    case: Part
+    scene: Scene
+    geometry: Geometry
+
+
+@dataclass(frozen=True)
+class Forward(Flown):
+    """Simulated image of one pass of a forward run, and what it was made from.
+
+    Attributes
+    ----------
     image_db : ndarray of float32, shape (rows, columns)
         Simulated image [dB].
     key : str
@@ -41,9 +54,6 @@ class Forward:
         Function that simulates the complex looks of the image, shape (rows, columns) each.
     """
 
-    case: Part
-    scene: Scene
-    geometry: Geometry
     image_db: NDArray[np.float32]
     key: str
     seed: int

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import pkgutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from radcal.config.part import Part
 from radcal.radar.geometry import Geometry, read_geometry
-from radcal.scene.model import read_scene
-from radcal.sections.simulator import SIMULATORS
+from radcal.scene.model import Scene, read_scene
+from radcal.sections.simulator import FOCUSED, SIMULATORS
 from radcal.simulators.base import Simulator, SimulatorKind
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
 
 
-def make_simulator(case: Part, geometry: Geometry, geometry_path: str | Path) -> Simulator:
+def make_simulator(case: Part, geometry: Geometry, geometry_path: str | Path, scene: Scene | None = None) -> Simulator:
     """Create the configured simulator for the geometry of a pass.
 
     Parameters
@@ -25,14 +26,21 @@ def make_simulator(case: Part, geometry: Geometry, geometry_path: str | Path) ->
     geometry : Geometry
         Geometry of the pass.
     geometry_path : path
-        Path of the geometry file, which an external simulator may read.
+        Path of the geometry file, which an external simulator may read, and beside which one of focused images keeps
+        what its runs share; empty for none.
+    scene : Scene, optional
+        Scene of the geometry, which a simulator of focused images needs.
 
     Raises
     ------
     ConfigError
         The configuration of an external simulator is wrong (:class:`~radcal.programs.command.CommandPlan`), or a
-        law without a curve is configured for the built-in simulator.
+        law without a curve is configured for the built-in simulator, or radar or scene do not suit focused images.
     """
+    if case.simulator.focused:
+        folder = Path(geometry_path).parent / "focused" if geometry_path else None
+        focused: Simulator = pkgutil.resolve_name(FOCUSED)(case, scene, geometry, folder)
+        return focused
     found: Any = SIMULATORS[case.simulator.kind]
     kind: type[SimulatorKind] = found
     return kind.of(case, geometry, geometry_path)
@@ -47,19 +55,19 @@ def make_runner(
     first pass; its attribute ``passes`` contains the runners of all passes.
     """
     paths = [geometry_path] if isinstance(geometry_path, str | Path) else list(geometry_path)
-    return runner_of(case, read_scene(scene_path).identity, [read_geometry(path) for path in paths], paths, runs)
+    return runner_of(case, read_scene(scene_path), [read_geometry(path) for path in paths], paths, runs)
 
 
 def runner_of(
-    case: Part, identity: str, geometries: Sequence[Geometry], paths: Sequence[str | Path], runs: str | Path
+    case: Part, scene: Scene, geometries: Sequence[Geometry], paths: Sequence[str | Path], runs: str | Path
 ) -> Runner:
-    """Runner as of :func:`make_runner`, from the identity of the scene and the geometry of each pass.
+    """Runner as of :func:`make_runner`, from the scene and the geometry of each pass.
 
     The files ``paths`` need not exist before the first run.
     """
-    each = case.passes
+    each, identity = case.passes, scene.identity
     runners = [
-        Runner(RunStore(runs), make_simulator(one, geometry, path), geometry, identity, one, first=each[0].radar)
+        Runner(RunStore(runs), make_simulator(one, geometry, path, scene), geometry, identity, one, each[0].radar)
         for one, geometry, path in zip(each, geometries, paths, strict=True)
     ]
     runners[0].passes = runners
