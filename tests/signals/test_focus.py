@@ -111,7 +111,7 @@ def test_noise_of_the_image_is_that_of_the_radar_equation(looks, slant_m):
 
 
 def even_ground(draws, azimuth_m, **keys):
-    """Images by both ways of level ground, whose facets are as long as the collection allows; places by grid."""
+    """Images by both ways of level ground, whose facets are as long as the collection allows, or of noise alone."""
     images = {"backprojection": [], "omega_k": []}
     one = collection(slant_m=5657.0, length_m=400.0, swath_m=60.0, azimuth_m=3.5, range_m=2.0, **keys)
     along, slant = np.arange(-60.0, 460.0, one.facet_m), nominal(one) + np.arange(-29.0, 29.0, 1.0)
@@ -119,7 +119,7 @@ def even_ground(draws, azimuth_m, **keys):
     image = azimuth_m, nominal(one) + np.arange(-24.0, 24.0, 2.0)
     pixels = np.array([at(one, x, r) for r in image[1] for x in image[0]])
     for seed in range(draws):
-        drawn = np.random.default_rng(seed).standard_normal((2, len(facets)))
+        drawn = np.random.default_rng(seed).standard_normal((2, len(facets))) * (one.noise_m2 == 0.0)
         signal = RawSignal(one, Scatterers(facets, (drawn[0] + 1j * drawn[1]).astype(np.complex64)), seed)[:]
         found = backprojected(one, signal, pixels)
         images["backprojection"].append(found.reshape(one.looks, -1, azimuth_m.size))
@@ -138,10 +138,31 @@ def test_four_looks_are_independent():
         assert mean.mean() ** 2 / mean.var() == pytest.approx(4.0, abs=0.1)
 
 
-def test_autocorrelation_along_the_track_is_that_of_the_weights():
-    """At a product of 10, where weights of angles, as of back-projection, are not quite those of frequencies."""
-    for name, image in even_ground(40, np.arange(15.0, 385.0, 2.5)).items():
-        for lag in (1, 2, 3):
-            pairs = np.mean(image[..., lag:] * image[..., :-lag].conj()) / np.mean(np.abs(image) ** 2)
-            expected = np.sqrt(speckle_correlation(np.array([lag * 2.5 / 3.5])))[0]
-            assert abs(pairs) == pytest.approx(expected, abs=0.01 if name == "omega_k" else 0.015)
+def correlation_of_backprojection(of_noise, distances, step=0.05):
+    """Autocorrelation along the track that follows from weights, beam and chirp over the finite aperture of a pixel."""
+    one = collection(slant_m=5657.0, azimuth_m=3.5)
+    along = np.arange(-80.0, 80.0, step)
+    sine, chirp = (
+        along / np.hypot(one.range_m, along),
+        np.exp(4j * np.pi / one.wavelength_m * np.hypot(one.range_m, along)),
+    )
+    beam = np.sinc(sine * one.antenna_m / one.wavelength_m) ** 2
+    place = 2.0 * sine / one.band / one.wavelength_m
+    weights = np.where(np.abs(place) < 0.5, taylor_weights(place), 0.0) / beam * chirp
+    response = weights if of_noise else np.correlate(weights, (beam * chirp.conj()).conj(), "full")
+    pairs = [np.sum(response[round(d / step) :] * response[: -round(d / step)].conj()) for d in distances]
+    return np.real(pairs) / np.sum(np.abs(response) ** 2)
+
+
+@pytest.mark.parametrize("of_noise", [False, True], ids=["ground", "noise"])
+def test_autocorrelation_along_the_track_is_that_of_the_response(of_noise):
+    """At a product of 10; back-projection weights angles, and the beam, which is divided out, weights noise."""
+    distances = np.array([2.5, 5.0, 7.5])
+    expected = {
+        "backprojection": correlation_of_backprojection(of_noise, distances),
+        "omega_k": np.sqrt(speckle_correlation(distances / 3.5)),
+    }
+    for name, image in even_ground(40, np.arange(15.0, 385.0, 2.5), noise_m2=float(of_noise)).items():
+        pairs = [np.mean(image[..., lag:] * image[..., :-lag].conj()).real for lag in (1, 2, 3)]
+        if not of_noise or name == "backprojection":
+            np.testing.assert_allclose(pairs / np.mean(np.abs(image) ** 2), expected[name], atol=0.006)
