@@ -35,7 +35,7 @@ WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
 
 @pytest.fixture(autouse=True)
 def _findings_have_sentences(monkeypatch):
-    """Every finding that radcal itself makes has a text in the catalogue, to which its numbers belong."""
+    """Every finding that radcal itself makes has a text in `finding_texts`, to which its numbers belong."""
     made = Finding.__init__
 
     def checked(self, *args, **keys):

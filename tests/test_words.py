@@ -26,8 +26,10 @@ def test_a_title_says_where_sigma0_is_determined():
 
 
 def test_widths_are_those_of_material_fields_and_systematic_part():
-    assert widths("dyke", [DETERMINED]).startswith("+-0.8 dB for the material, +-0.6 dB for its fields in this image;")
-    assert widths("dyke", [DETERMINED]).endswith("alone (systematic) give +-0.5 dB of it")
+    assert widths("dyke", [DETERMINED]).startswith(
+        "+-0.8 dB for the material, +-0.6 dB for its fields in this image, and"
+    )
+    assert "+-0.5 dB for the material by errors of level" in widths("dyke", [DETERMINED])
     assert widths("dyke", [NOT_REFUTED]) == ""
 
 

@@ -1,4 +1,4 @@
-"""Sentences, verdicts and headlines: the one place where findings become words, by the texts of the catalogue."""
+"""Sentences, verdicts and headlines: the one place where findings become words, by the texts of `finding_texts`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
-from radcal.catalogue import STEPS, TEXTS
+from radcal.finding_texts import STEPS, TEXTS
 from radcal.findings import Finding
 
 _NOTICED = " (a bump of {noticed_db:.1f} dB would be noticed in 9 of 10 images)"
@@ -212,7 +212,7 @@ def step(name: str, findings: Sequence[Finding], reason: str, **numbers: float |
     reason : str
         Why its search ended, a key of :data:`ENDINGS`.
     **numbers
-        Numbers and names for the texts of the catalogue: ``case``, ``max_runs``, ``max_hours`` and ``idle``.
+        Numbers and names for the texts of findings: ``case``, ``max_runs``, ``max_hours`` and ``idle``.
     """
     codes = [one.code for one in findings if one.about == name and one.code in (*_STATES, "refuted")]
     code = "refuted" if "refuted" in codes else reason if reason in STEPS else next(iter(codes), "undetermined")

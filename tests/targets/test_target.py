@@ -115,7 +115,7 @@ def test_a_material_seen_at_one_incidence_is_level_only(geometry, measurement):
     narrow = replace(targets["grass"], incidence_deg=np.linspace(38.92, 39.07, 500, dtype=np.float32))
     (line,) = [line for line in Targets({**targets, "grass": narrow}).sentences() if "level only" in line]
     # 5 and 95 % of a range of 0.15 degrees
-    assert line.endswith("no law can be known from this pass alone: grass (38.93 to 39.06 deg).")
+    assert line.endswith("less the error of the incidence): grass (38.93 to 39.06 deg).")
     # a range that the error of the incidence explains
     span = incidence_span_deg(targets["dyke"].incidence_deg)
     doubtful = SimpleNamespace(incidence_error_deg=span / 3.0, classes=SimpleNamespace(size=4))
