@@ -281,14 +281,10 @@ TEXTS: Mapping[str, str] = {
     "bands_none": "{about}: no pass of the table is expected to narrow the bands by a tenth; the best narrows them "
     + _TO_RATIO,
     "passes_equal": "{about}: these passes are within 5 % of the best: {names}",
-    "model_of_advice": "The table follows from a linear-Gaussian model with draws of the posterior; it does not allow "
-    "for an image that cannot be registered, nor for a wrong radiometry",
     "opposite_side": "All passes have heading_deg {heading_deg:g}, because the passes of a case share one grid. A "
     "satellite that sees the scene from the other side with the same look side, half a day apart, heads to about "
     "{opposite_deg:.1f} deg: its image needs a case of its own (radar.heading_deg), which radcal apply compares with "
     "this one",
-    "other_look_side": "Passes of the table with the other look side look in a direction that differs by "
-    "{apart_deg:.1f} deg from that of this satellite",
     # products of a forward run
     "gmti_detections": "{about}: {found:.0f} of {movers:.0f} movers are among the {reports:.0f} detections (rms error "
     "along the track {along_m:.0f} m). Without movers, a share of {alarms:.1e} of the tests are alarms ({asked:.1e} "

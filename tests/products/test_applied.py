@@ -20,12 +20,12 @@ from radcal.products import applied
 from radcal.products.applied import (
     _conclusion,
     _few_pixels,
+    _is_level_known,
     _of_pass,
     _table,
     apply,
     members_of,
     predictions,
-    where_seen,
     with_laws,
 )
 from radcal.products.applied_bins import PredictionBins, by_constant_db, predictive_db
@@ -154,7 +154,7 @@ def test_law_and_constant_count_alike(monkeypatch):
     image = np.asarray(LAW(np.radians(seen.parts.incidence_deg), X)).astype(np.float32)
     materials = {"dyke": posterior, "program": SimpleNamespace(constant=None), "other": posterior}
     configured = SimpleNamespace(target=TargetConfig(), uncertainty=Uncertainty(level_db=0.3, noise_db=0.0))
-    results = {k: SimpleNamespace(posterior=one) for k, one in materials.items()}
+    results = {k: SimpleNamespace(posterior=one, level_only=False) for k, one in materials.items()}
     archive = SimpleNamespace(materials=results, configured=configured)
     known = SimpleNamespace(start_parameters=X)
     changed = SimpleNamespace(
@@ -372,14 +372,9 @@ def test_an_image_lies_where_its_own_case_has_registered_it(tmp_path):
 
 def test_a_level_is_predicted_where_it_is_known_alone():
     archive = archive_of(level_only=True)
-    bins = [
-        (1, Prediction("dyke", (x - 0.5, x + 0.5), x, 90, "not seen", -9.0, -10.0, -8.0)) for x in (37.5, 40.0, 45.0)
-    ]
-    kept, (said,) = where_seen(archive, bins)
-    assert [one.incidence_deg for _, one in kept] == [40.0]
-    assert said == (
-        "dyke: 2 bins left out, more than 1 degree from the one incidence at which the calibration has seen it: its "
-        "level is known there alone."
-    )
-    law = archive_of(level_only=False)
-    assert where_seen(law, bins) == (bins, [])
+    angles = (37.5, 40.0, 45.0)
+    assert [_is_level_known(archive.materials["dyke"], angle) for angle in angles] == [False, True, False]
+    assert all(_is_level_known(archive_of(level_only=False).materials["dyke"], angle) for angle in angles)
+    archive.materials["dyke"].posterior.constant = Constant(-12.0, 0.01, 0.2, 0.1)
+    (text,) = _few_pixels(archive, ["dyke"], set())
+    assert text.endswith("no pass has 50 usable pixels of it within 1 degree of the one incidence of the calibration.")

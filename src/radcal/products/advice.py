@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -136,13 +136,10 @@ def _depression_deg(radar: Radar, incidence_deg: float) -> float:
     return 90.0 - incidence_deg if radar.earth == "flat" else depression_deg(incidence_deg, radar.altitude_m)
 
 
-def _opposite(radar: Radar, sides: Collection[str]) -> list[Finding]:
-    """Heading of a satellite that sees the scene from the other side, and what the other look side stands for."""
-    heading = (180.0 - radar.heading_deg) % 360.0
-    apart = abs((2.0 * radar.heading_deg + 180.0) % 360.0 - 180.0)
-    numbers = {"heading_deg": radar.heading_deg, "opposite_deg": heading, "apart_deg": apart}
-    codes = ["opposite_side", *["other_look_side"] * (len(sides) > 1)]
-    return [Finding(code, "note", "radar.heading_deg", numbers) for code in codes]
+def _opposite(radar: Radar) -> Finding:
+    """Heading of a satellite that sees the scene from the other side."""
+    numbers = {"heading_deg": radar.heading_deg, "opposite_deg": (180.0 - radar.heading_deg) % 360.0}
+    return Finding("opposite_side", "note", "radar.heading_deg", numbers)
 
 
 def advice_on(
@@ -297,10 +294,9 @@ def advise(
     words = ["advice", *("_".join([key, *(f"{x:g}" for x in angles)]) for key, angles in named if angles)]
     table = folder / f"{'_'.join(words)}.csv"
     write_csv(table, COLUMNS, _rows(rows))
-    notes = [*best_passes(rows), Finding("model_of_advice", "note", "")]
-    sides = {one.look_side for one in (*passes, case.radar)}
-    orbit = [] if case.radar.incidence_deg is None else _opposite(case.radar, sides)
-    remarks = [*map(sentence, notes), *doubts(found, archive.findings), *map(sentence, orbit)]
+    remarks = [*map(sentence, best_passes(rows)), *doubts(found, archive.findings)]
+    if case.radar.incidence_deg is not None:
+        remarks.append(sentence(_opposite(case.radar)))
     return [*_table(rows), *remarks, f"table: {table}"]
 
 

@@ -26,7 +26,7 @@ from radcal.products.geotiff import Layer, write_layers
 from radcal.products.simulated import forward, simulate
 from radcal.products.tables import aligned, calibrated_materials, write_csv
 from radcal.registration.registered import registered_as
-from radcal.results.archive import Archive, read_finished
+from radcal.results.archive import Archive, MaterialResult, read_finished
 from radcal.sections.materials import OtherLaw
 from radcal.seeds import derived_rng
 from radcal.simulators.forward import Forward
@@ -247,8 +247,6 @@ def apply(folder: str | Path, other: Part, measured: Case | None, out: str | Pat
             rows += [(number, row) for row in _of_pass(archive, changed, number, made, measured_db)]
     shared = [name for name in archive.materials if name in other.materials]
     remarks = [*_few_pixels(archive, shared, {one.material for _, one in rows}), *doubts(shared, archive.findings)]
-    rows, left_out = where_seen(archive, rows)
-    remarks += left_out
     if not rows:
         raise ConfigError(f"{folder}: nothing can be predicted of {other.case}: {' '.join(remarks)}")
     files += [out / "predictions.csv", out / "predictions.png"]
@@ -257,46 +255,19 @@ def apply(folder: str | Path, other: Part, measured: Case | None, out: str | Pat
     return [*_table(rows, len(passes) > 1), *lines, *remarks, *_conclusion(rows), *map(str, files)]
 
 
-def where_seen(
-    archive: Archive, rows: Sequence[tuple[int, Prediction]]
-) -> tuple[list[tuple[int, Prediction]], list[str]]:
-    """Predictions without those at incidences where a level is not known, and sentences on the bins left out.
-
-    The level of a material that was seen at one incidence is known only within 1 degree of the incidence seen.
-
-    Parameters
-    ----------
-    archive : Archive
-        Results of a calibration.
-    rows : sequence of (int, Prediction)
-        Number of the pass, and prediction of a bin.
-
-    Returns
-    -------
-    rows, left_out : list of (int, Prediction), list of str
-        Predictions that are kept, and sentences.
-    """
-    kept, count = list[tuple[int, Prediction]](), dict[str, int]()
-    for number, one in rows:
-        material = archive.materials[one.material]
-        seen_deg = material.posterior.seen_deg
-        near = any(low - LEAST_SPAN_DEG <= one.incidence_deg <= high + LEAST_SPAN_DEG for low, high in seen_deg)
-        if material.level_only and not near:
-            count[one.material] = count.get(one.material, 0) + 1
-        else:
-            kept.append((number, one))
-    return kept, [
-        f"{name}: {number} bin{'s' if number > 1 else ''} left out, more than {LEAST_SPAN_DEG:g} degree from the one "
-        "incidence at which the calibration has seen it: its level is known there alone."
-        for name, number in count.items()
-    ]
+def _is_level_known(material: MaterialResult, angle_deg: float) -> bool:
+    """Whether the level at an incidence is known: of a material seen at one incidence, within 1 degree of it."""
+    near = (low - LEAST_SPAN_DEG <= angle_deg <= high + LEAST_SPAN_DEG for low, high in material.posterior.seen_deg)
+    return not material.level_only or any(near)
 
 
 def _few_pixels(archive: Archive, names: Iterable[str], predicted: Collection[str]) -> Iterator[str]:
     """Sentences on materials that could be predicted, but have too few pixels in each pass."""
     for name in names:
         if name not in predicted and archive.materials[name].posterior.constant is not None:
-            yield f"{name}: not predicted, because no pass has 50 usable pixels of it."
+            seen = f" within {LEAST_SPAN_DEG:g} degree of the one incidence of the calibration"
+            where = seen if archive.materials[name].level_only else ""
+            yield f"{name}: not predicted, because no pass has 50 usable pixels of it{where}."
 
 
 def _of_pass(
@@ -319,7 +290,8 @@ def _of_pass(
         bins = PredictionBins.of(view)
         constant = by_constant_db(posterior.constant, posterior.looks, law, start, bins, uncertainty)
         moved = predict(predictive_db(posterior, law, start, bins, uncertainty, rng), *constant)
-        yield from predictions(name, posterior, bins, simulated, moved, values)
+        each = predictions(name, posterior, bins, simulated, moved, values)
+        yield from (one for one in each if _is_level_known(material, one.incidence_deg))
 
 
 def _cells(row: tuple[int, Prediction]) -> tuple[object, ...]:
