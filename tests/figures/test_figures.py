@@ -332,7 +332,8 @@ def test_the_ground_is_hatched_where_its_law_is_determined(made):
 
 
 def test_measured_levels_are_drawn(made):
-    points = LevelPoints(np.array([25.0, 35.0]), np.array([-9.0, -12.0]), np.array([0.5, 0.8]))
+    levels = np.array([-9.0, -12.0])
+    points = LevelPoints(np.array([25.0, 35.0]), levels, np.array([0.5, 0.8]), np.stack([levels] * 3, axis=1), 0.5)
     case = changed_material(made.archive, "dyke", posterior=posterior(points=points))
     canvas, caption, _ = law(case, "dyke")
     assert drawn(canvas) == []

@@ -88,7 +88,9 @@ def test_points_are_levels_of_the_law_in_intervals_of_incidence():
         patch=np.array([3, 3, 8, 8]), pixels=np.array([20, 30, 50, 70]), variance=np.array([0.05, 0.1, 0.2, 0.4]),
     )  # fmt: skip
     model = line_model(cells, common)
-    found = quantiles.points_of(model, model.measured_db + law - with_noise_db(law, noise), made_draws(9))
+    found = quantiles.points_of(
+        model, model.measured_db + law - with_noise_db(law, noise), made_draws(9), made_draws(9)
+    )
     np.testing.assert_allclose(found.incidence_deg, [28.2, 31.0])
     share = np.array([0.2, 0.3, 0.5])
     np.testing.assert_allclose(found.level_db, [share @ (law + away)[:3], (law + away)[3]])

@@ -11,7 +11,10 @@ from radcal.products.posterior_tree import posterior_tree
 arviz = pytest.importorskip("arviz", reason="arviz is missing: pip install 'radcal[arviz]' 'arviz<1'")
 
 RNG = np.random.default_rng(3)
-POINTS = LevelPoints(np.array([25.5, 31.0, 33.5]), np.array([-9.0, -10.5, -11.0]), np.array([0.4, 0.3, 0.2]))
+LEVELS, ERRORS = np.array([-9.0, -10.5, -11.0]), np.array([0.4, 0.3, 0.2])
+POINTS = LevelPoints(
+    np.array([25.5, 31.0, 33.5]), LEVELS, ERRORS, LEVELS[:, None] + np.zeros(3), 0.5
+)
 
 
 def draws(count):

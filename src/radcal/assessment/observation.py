@@ -143,8 +143,8 @@ def observe(
             geometry,
             case.radar,
             estimate_correlation(image, pixels, geometry.incidence_deg),
-            noisy,
             area,
+            noisy,
             fold[pixels] if fold is not None and case.materials[name].calibrate else None,
         )
         if not case.materials[name].calibrate:

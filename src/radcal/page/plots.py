@@ -302,7 +302,7 @@ def _parallel(case: Archive, name: str) -> Drawn:
 def _predictive(case: Archive, name: str) -> Drawn | None:
     """Measured levels against those that the posterior predicts for other images of the ground."""
     posterior = case.materials[name].posterior
-    if (points := posterior.points) is None or points.predicted_db is None:
+    if (points := posterior.points) is None:
         return None
     low, middle, high = points.predicted_db.T
     band = {"arrayminus": _numbers(middle - low), "symmetric": False, "color": BAND["color"], "thickness": 6}
@@ -313,7 +313,7 @@ def _predictive(case: Archive, name: str) -> Drawn | None:
     caption = (
         f"Mean sigma0 of the cells (parts of fields) in each {STEP_DEG:g} deg of incidence: measured, and predicted by "
         "the posterior for other images of such ground, with other speckle, fields and cells. "
-        f"{100.0 * (points.p or 0.0):.2g} % of the predicted images lie further from the posterior's laws than the "
+        f"{100.0 * points.p:.2g} % of the predicted images lie further from the posterior's laws than the "
         "measured image does; a share near 0 is a misfit."
     )
     return caption, [replicated, measured], layout

@@ -164,8 +164,8 @@ def cell_means(
     geometry: Geometry,
     radar: Radar,
     correlation: Correlation,
+    area: Doubles,
     noisy: bool = True,
-    area: Doubles | None = None,
     fold: NDArray[np.int64] | None = None,
 ) -> CellMeans:
     """Cells of a material in a pass.
@@ -186,10 +186,10 @@ def cell_means(
         Pass.
     correlation : Correlation
         Correlation of the material's measured pixels.
+    area : ndarray, shape (pixels of the image,)
+        Result of :func:`area_db`.
     noisy : bool
         Whether the simulated images contain the noise of section ``radar``.
-    area : ndarray, shape (pixels of the image,), optional
-        Result of :func:`area_db`, if it is known already.
     fold : ndarray of int64, shape (p,), optional
         Part of the ground, 0 or 1, in which each pixel lies; a cell lies in one part.
 
@@ -223,7 +223,7 @@ def cell_means(
         rows = noise_floor_db(radar, geometry.flat_incidence_deg)[pixels // width]
         noise = DB * np.log(mean(10.0 ** (rows / 10.0)))
     measured, variance, looks = level(image_db)
-    area = mean((area_db(geometry, radar) if area is None else area)[pixels])
+    area = mean(area[pixels])
     on_ground = area * (law.has_curve and radar.radiometry not in WITHOUT_AREA)
     beside, of_draws, shares = [], [], []
     for one in simulated:

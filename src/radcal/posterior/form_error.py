@@ -19,7 +19,6 @@ Doubles = NDArray[np.float64]
 _REFUTED_DB = 1.0
 _POWER = 0.9  # share of images in which a bump is noticed
 _PLACES, _WIDTHS = 5, (0.125, 0.25)  # angles of the bumps, and standard deviations in shares of the incidence seen
-_ANGLES = 41
 _SIZES_DB = (0.05, 32.0)
 _RMS = 0.5  # of a bump of 1 dB over the incidence seen, about which the scale of the form error is
 _STEP = 1e-3

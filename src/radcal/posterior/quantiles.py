@@ -120,7 +120,7 @@ def with_band(
     )
 
 
-def points_of(model: LawModel, signal_db: Doubles, draws: Draws, own: Draws | None = None) -> LevelPoints:
+def points_of(model: LawModel, signal_db: Doubles, draws: Draws, own: Draws) -> LevelPoints:
     """Levels of cells without noise [dB], shape (n,), in their intervals of incidence, weighted by pixels.
 
     Of ``own``, draws of the model itself, the posterior predictive distribution of the levels follows, with its p-value
@@ -138,9 +138,6 @@ def points_of(model: LawModel, signal_db: Doubles, draws: Draws, own: Draws | No
     field, cell = np.median(draws.field_db), np.median(draws.cell_db)
     variance = weights**2 @ (model.variance + cell**2) + field**2 * (shares**2).sum(axis=1)
     level = weights @ signal_db
-    points = LevelPoints(weights @ model.incidence_deg, level, np.sqrt(variance))
-    if own is None:
-        return points
     own = own.thinned(_KEPT)
     fields, cells = own.field_db[:, None, None] ** 2, own.cell_db[:, None, None] ** 2
     covariance = (weights * model.variance) @ weights.T + cells * (weights @ weights.T) + fields * (shares @ shares.T)
@@ -149,9 +146,8 @@ def points_of(model: LawModel, signal_db: Doubles, draws: Draws, own: Draws | No
     sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     replicates = level - away + sd * scipy.special.ndtri((np.arange(_NORMALS) + 0.5) / _NORMALS)[:, None, None]
     predicted = np.quantile(replicates.reshape(-1, level.size), _QUANTILES, axis=0).T
-    return replace(
-        points, predicted_db=predicted, p=float(scipy.special.gammaincc(0.5 * level.size, 0.5 * squares).mean())
-    )
+    p = float(scipy.special.gammaincc(0.5 * level.size, 0.5 * squares).mean())
+    return LevelPoints(weights @ model.incidence_deg, level, np.sqrt(variance), predicted, p)
 
 
 def _explained(curves: Doubles, common: Doubles) -> Doubles:

@@ -61,11 +61,11 @@ class LevelPoints:
     level_db: Annotated[Doubles, About("mean level of the cells of each interval", "dB", "k")]
     error_db: Annotated[Doubles, About("standard error of `level_db` by speckle, cells and fields", "dB", "k")]
     predicted_db: Annotated[
-        Doubles | None, About("5, 50 and 95 % quantile of the levels of other images of such ground", "dB", "k, 3")
-    ] = None
+        Doubles, About("5, 50 and 95 % quantile of the levels of other images of such ground", "dB", "k, 3")
+    ]
     p: Annotated[
-        float | None, About("share of such images whose levels lie further from the draws of the law than the measured")
-    ] = None
+        float, About("share of such images whose levels lie further from the draws of the law than the measured")
+    ]
 
 
 @dataclass(frozen=True)
