@@ -187,7 +187,6 @@ TEXTS: Mapping[str, str] = {
     "reference run); the surrogate assumes at least this noise",
     "passes_together": "The laws are those of {passes:.0f} passes together; densities, images, pixels and checks on "
     "held-out ground are those of pass 1",
-    "fields_shared": "The deviation of a field from its material is taken as equal in all passes",
     "too_few_pixels": "{about}: this pass has too few pixels of it, and is not used for this material",
     "outside_angles": "{about}: {share_percent:.0f} % of its pixels are seen outside of the {from_angle_deg:g} to "
     "{to_angle_deg:g} deg that law {law!r} was made for; there it is an extrapolation",

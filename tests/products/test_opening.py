@@ -19,8 +19,8 @@ from radcal.errors import StoreError
 from radcal.posterior.result import KeptDraws
 from radcal.products.export import write_export
 from radcal.products.stac import stac_item
+from radcal.products.tables import write_runs
 from radcal.results.archive import write_archive
-from radcal.results.run_table import write_table
 from radcal.results.summary import summarise
 from radcal.storage.records import write_json
 from radcal.storage.run_index import write_index
@@ -34,7 +34,7 @@ def finish(made, folder, **scene):
     found = replace(made.scene, **scene), [made.geometry], [made.archive.registered]
     files = folder.parent / "final.json", folder / "runs"
     write_export(folder / "export", STAGES["export"].of(made.case), made.archive, *found, *files)
-    write_table(folder / "runs.csv", made.archive)
+    write_runs(folder / "runs.csv", made.archive)
     write_json(folder / "summary.json", summarise(made.archive), flat=True)
     return folder
 

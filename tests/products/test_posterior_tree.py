@@ -12,9 +12,7 @@ arviz = pytest.importorskip("arviz", reason="arviz is missing: pip install 'radc
 
 RNG = np.random.default_rng(3)
 LEVELS, ERRORS = np.array([-9.0, -10.5, -11.0]), np.array([0.4, 0.3, 0.2])
-POINTS = LevelPoints(
-    np.array([25.5, 31.0, 33.5]), LEVELS, ERRORS, LEVELS[:, None] + np.zeros(3), 0.5
-)
+POINTS = LevelPoints(np.array([25.5, 31.0, 33.5]), LEVELS, ERRORS, LEVELS[:, None] + np.zeros(3), 0.5)
 
 
 def draws(count):

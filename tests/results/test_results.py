@@ -18,9 +18,8 @@ from radcal.ground.levels import Levels
 from radcal.laws import LAWS
 from radcal.objectives.base import Reason
 from radcal.objectives.history import History, PassScore
+from radcal.products.tables import write_runs
 from radcal.results.law_notes import law_notes
-from radcal.results.results import _of_passes
-from radcal.results.run_table import write_table
 from radcal.results.summary import summarise
 from radcal.targets.target import Targets
 from radcal.words import ENDINGS, sentence
@@ -89,7 +88,7 @@ def test_an_external_law_has_names_and_no_curve(build_archive, tmp_path):
     assert (laws["dyke"].names, laws["dyke"].units) == (("mv", "s", "l", "t"), ("",) * 4)
     assert laws["unused"].names == ()
     assert laws["stem beans"].has_curve
-    write_table(tmp_path / "runs.csv", archive)
+    write_runs(tmp_path / "runs.csv", archive)
     headings = pd.read_csv(tmp_path / "runs.csv").columns.tolist()
     assert headings[6:10] == ["X1", "X2", "X3", "X4"]  # of two materials whose names differ
     dyke = summarise(archive)["materials"]["dyke"]
@@ -184,6 +183,8 @@ def test_the_law_of_a_pass_is_judged_over_its_own_incidence(made, tmp_path):
         known.curve, incidence_deg=angle, p05_db=-10.0 - 0.1 * angle, p95_db=-10.0 + 0.1 * angle,
     )  # fmt: skip
     archive = changed_material(archive, "dyke", posterior=replace(known, curve=curve))
+    assert [one.numbers for one in archive.notes if one.code == "passes_together"] == [{"passes": 2}]
+    assert "passes_together" not in [one.code for one in made.archive.notes]
     first, second = (one["materials"]["dyke"] for one in summarise(archive)["passes"])
     assert (first["rms"], second["rms"]) == (archive.passes["1"].rms["dyke"], 0.0375)
     assert (second["low_deg"], second["high_deg"]) == pytest.approx((31.0, 49.0))
@@ -191,14 +192,6 @@ def test_the_law_of_a_pass_is_judged_over_its_own_incidence(made, tmp_path):
     assert second["pixels"] == made.targets["dyke"].pixels.size
     unknown = changed_material(archive, "dyke", posterior=replace(known, curve=None))
     assert summarise(unknown)["passes"][1]["materials"]["dyke"]["half_width_db"] is None
-
-
-def test_fields_are_shared_where_the_search_shares_them(made):
-    targets = Targets(made.targets)
-    targets.passes = [targets, made.targets]
-    assert _of_passes(Targets(made.targets), "classes") == []
-    for objective, codes in (("classes", ["fields_shared"]), ("density", []), ("likelihood", [])):
-        assert [one.code for one in _of_passes(targets, objective)] == ["passes_together", *codes]
 
 
 @pytest.mark.parametrize("heading_deg", [None, 200.0])
@@ -211,7 +204,7 @@ def test_the_scene_keeps_its_place_unless_its_grid_is_turned(made, tmp_path, hea
 
 
 def test_table_round_trips(made, tmp_path):
-    write_table(tmp_path / "runs.csv", made.archive)
+    write_runs(tmp_path / "runs.csv", made.archive)
     table = pd.read_csv(tmp_path / "runs.csv", dtype=str).astype({"run": int})
     assert len(table) == len(made.history.runs) * len(made.targets)
     assert table["kind"].value_counts().to_dict() == {"reference": 2, "design": 8, "infill": 4}

@@ -3,12 +3,12 @@
 from radcal.ground.one_incidence import bounces_on, bounces_outside
 from radcal.objectives.history import read_search
 from radcal.posterior.result import Image, Posterior
+from radcal.products.tables import write_runs
 from radcal.proposals.surrogate import read_trainings
 from radcal.radar.geometry import read_geometry
 from radcal.registration.registered import read_registered
 from radcal.results.archive import write_archive
 from radcal.results.results import archive_of
-from radcal.results.run_table import write_table
 from radcal.scene.model import read_scene
 from radcal.session.jobs import job
 from radcal.storage.listing import write_listing
@@ -28,6 +28,6 @@ with job(snakemake) as case:
     noted = bounces_outside([bounces_on(read_geometry(path), targets) for path in snakemake.input.geometry])
     archive = archive_of(case, history, scene, geometry, images, targets, runs, final, each, image, trained, noted)
     write_archive(snakemake.output.archive, archive)
-    write_table(snakemake.output.table, archive)
+    write_runs(snakemake.output.table, archive)
     write_listing(snakemake.output.checksum, [snakemake.output.table])
     write_json(snakemake.output.stop, case.stop.model_dump())

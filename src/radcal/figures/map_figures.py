@@ -199,7 +199,7 @@ def _compared(case: Archive, where: tuple[slice, slice] = (slice(None), slice(No
     cut = {title: image[where] for title, image in each.items() if image is not None}
     for title, image in cut.items():
         own = title == "start" and _unreadable(image, cut["measured"])
-        found.append(Shot(title, image, *_gray_scale(image if own else cut["measured"]), own))
+        found.append(Shot(title, image, *gray_scale(image if own else cut["measured"]), own))
     return found
 
 
@@ -223,7 +223,7 @@ def _around_calibrated(case: Archive) -> tuple[slice, slice]:
     return rows, columns
 
 
-def _gray_scale(image_db: NDArray[Any]) -> tuple[float, float]:
+def gray_scale(image_db: NDArray[Any]) -> tuple[float, float]:
     """Ends of the gray scale of an image: its 1 % and 99.5 % quantile [dB], at least 1 dB apart."""
     finite = image_db[np.isfinite(image_db)]
     low, high = (float(v) for v in np.percentile(finite, [1.0, 99.5])) if finite.size else (-30.0, 0.0)
@@ -235,7 +235,7 @@ def _unreadable(image_db: NDArray[Any], other_db: NDArray[Any]) -> bool:
     values, others = (one[np.isfinite(one)] for one in (image_db, other_db))
     if not values.size or not others.size:
         return False
-    low, high = _gray_scale(other_db)
+    low, high = gray_scale(other_db)
     beyond = float(((values < low) | (values > high)).mean())
     return beyond > _BEYOND or abs(float(np.median(values) - np.median(others))) > _MOVED * (high - low)
 

@@ -14,6 +14,7 @@ from radcal.config.part import Part
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
 from radcal.figures.applied_figures import KNOWN, OUTSIDE, SEEN, Prediction, draw_predictions
+from radcal.figures.map_figures import gray_scale
 from radcal.ground.one_incidence import LEAST_SPAN_DEG
 from radcal.laws import OF_PASS
 from radcal.measurement.sources import make_measurement
@@ -21,7 +22,7 @@ from radcal.posterior.curves import PER_DEG
 from radcal.posterior.prediction import predict
 from radcal.posterior.result import WHOLE_DEG, Posterior, Predicted
 from radcal.products.applied_bins import PredictionBins, by_constant_db, predictive_db
-from radcal.products.export import gray_scale, ground_layers
+from radcal.products.export import ground_layers
 from radcal.products.geotiff import Layer, write_layers
 from radcal.products.simulated import forward, simulate
 from radcal.products.tables import aligned, calibrated_materials, write_csv

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radcal.config.part import Part
 from radcal.figures.colours import material_colours
+from radcal.figures.map_figures import gray_scale
 from radcal.ground.levels import without_level
 from radcal.products.geotiff import Classes, Layer, write_layers
 from radcal.products.tables import (
@@ -120,15 +120,6 @@ def write_export(
         }
         files += write_layers(folder, number, layers, scene, geometry)
     return files
-
-
-def gray_scale(image_db: NDArray[np.float32]) -> tuple[float, float] | None:
-    """Levels of an image that are shown in black and in white [dB]: its 1 % and 99 % quantile; None without pixels."""
-    finite = image_db[np.isfinite(image_db)]
-    if not finite.size:
-        return None
-    black, white = np.quantile(finite, [0.01, 0.99])
-    return float(black), float(white)
 
 
 def ground_layers(geometry: Geometry, tags: Mapping[str, str], materials: Mapping[str, Material]) -> dict[str, Layer]:

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from radcal.config.part import Part
 from radcal.errors import ConfigError, RadcalError, SceneError
+from radcal.figures.map_figures import gray_scale
 from radcal.findings import Finding
 from radcal.products import PRODUCTS
-from radcal.products.export import gray_scale, ground_layers
+from radcal.products.export import ground_layers
 from radcal.products.geotiff import Layer, of_pass, write_layers
 from radcal.products.tables import aligned, write_csv
 from radcal.radar.geometry import Geometry, write_geometry

@@ -102,6 +102,33 @@ def parameter_rows(archive: Archive) -> Iterator[Sequence[Any]]:
             yield (name, configured.law, *row, float(material.looks[material.best]), material.fits, *_known(material))
 
 
+def write_runs(path: str | Path, archive: Archive) -> None:
+    """Write ``runs.csv`` with one line per run and material.
+
+    Parameters
+    ----------
+    path : path
+        Path of the file.
+    archive : Archive
+        Results of a calibration.
+    """
+    headings = [list(archive.configured.materials[name].parameter_names) for name in archive.materials]
+    widest = max(headings, key=len)
+    if any(heading != widest[: len(heading)] for heading in headings):  # materials of different laws
+        widest = [f"X{k}" for k in range(1, len(widest) + 1)]
+    columns = ("run", "kind", "index", "key", "seconds", "material", *widest, "xi", "omega", "alpha", "rms")
+    runs = archive.runs
+    each = zip(runs.kind, runs.index, archive.passes["1"].keys, runs.seconds, strict=True)
+
+    def rows() -> Iterator[Sequence[Any]]:
+        for n, (kind, index, key, seconds) in enumerate(each):
+            for name, one in archive.materials.items():
+                x, missing = one.parameters[n], len(widest) - one.parameters.shape[1]
+                yield (n, kind, index, key, f"{seconds:.3f}", name, *x, *[None] * missing, *one.dp[n], one.rms[n])
+
+    write_csv(path, columns, rows())
+
+
 def _model(archive: Archive, name: str) -> NDArray[np.float64]:
     """X whose law is nearest to the median of sigma0; NaN if there is none."""
     nearest = archive.materials[name].posterior.parameters_model

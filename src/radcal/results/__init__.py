@@ -1,1 +1,1 @@
-"""Results of a calibration: archive, table of runs, summary."""
+"""Results of a calibration: archive, summary."""

@@ -18,7 +18,7 @@ from radcal.calibration.steps import random_findings
 from radcal.config.disclosure import disclosed
 from radcal.config.part import Part
 from radcal.findings import Finding
-from radcal.objectives import make_objectives, objective_class
+from radcal.objectives import make_objectives
 from radcal.objectives.history import History, Run
 from radcal.posterior.result import Image, Posterior
 from radcal.proposals.surrogate import Training
@@ -105,7 +105,9 @@ def archive_of(
         for name, material in case.materials.items()
     }
     fronts, hidden = search_fronts(objectives, history), images[0].measurement.hidden
-    remarks = random_findings(case, history, targets, final[:2])
+    notes = random_findings(case, history, targets, final[:2])
+    if (count := len(targets.passes)) > 1:
+        notes.append(Finding("passes_together", "note", "", {"passes": count}))
 
     def material(name: str) -> MaterialResult:
         unknown = [np.nan] * len(case.materials[name].parameter_names)
@@ -133,7 +135,7 @@ def archive_of(
         config=json.dumps(disclosed(_as_written(case))),
         decision=found.decision,
         measured_looks=targets.looks,
-        notes=(*remarks, *_of_passes(targets, case.objective)),
+        notes=tuple(notes),
         law_notes=tuple(law_notes(case, geometry, laws)),
         simulator=json.dumps(found.simulator),
         versions=json.dumps({"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}),
@@ -165,16 +167,6 @@ def archive_of(
             incidence_deg=geometry.incidence_deg,
         ),
     )
-
-
-def _of_passes(targets: Targets, objective: str) -> list[Finding]:
-    """Finding that says which results belong to all passes, and which to pass 1 alone; empty in a case of one pass."""
-    count = len(targets.passes)
-    if count == 1:
-        return []
-    misfit = objective_class(objective).misfit
-    shared = [Finding("fields_shared", "note", "")] * (misfit is not None and misfit.of_fields)
-    return [Finding("passes_together", "note", "", {"passes": count}), *shared]
 
 
 def _as_written(case: Part) -> dict[str, Any]:
