@@ -56,7 +56,6 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
 STYLE: Any = {
     "font.size": 11.0,
     "axes.titlesize": 11.5,
-    "axes.labelsize": 11.0,
     "axes.titlelocation": "left",
     "axes.grid": True,
     "axes.axisbelow": True,
@@ -67,8 +66,6 @@ STYLE: Any = {
     "legend.fontsize": 10.0,
     "legend.frameon": False,
     "pdf.fonttype": 42,
-    "pdf.compression": 6,
-    "image.interpolation": "auto",
 }
 
 

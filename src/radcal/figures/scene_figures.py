@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 _HATCHED = 300  # number of places per side at which the hatching of a map is computed
 _LEAST_SCALE = 0.01  # smallest range of a colour scale [deg or dB]
 _LISTED = 8  # largest number of materials named in the caption
-_LEAST_DEG = 0.01  # smaller slopes are not stated as a number
 _FLAT_DEG = 1.0  # ground whose slopes are below this angle at 99 % of the cells has no relief to show
 
 
@@ -82,9 +81,6 @@ def scene(case: Archive) -> Drawn | None:
         f"The scene: {nx * cell_m / 1000.0:.3g} by {ny * cell_m / 1000.0:.3g} km, heights from "
         f"{elevation.min():.{digits}f} to {elevation.max():.{digits}f} m."
     )
-    if flat:
-        slopes = f"{steepest_deg:.2g} deg or less" if steepest_deg >= _LEAST_DEG else f"below {_LEAST_DEG:g} deg"
-        caption += f" Slopes are {slopes} at 99 % of the cells, so that no relief is drawn."
     if view.crs is not None:
         caption += f" Coordinates are those of {crs_from(view.crs).name}."
     if objects_m is not None:

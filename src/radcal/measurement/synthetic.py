@@ -14,7 +14,7 @@ import scipy
 from numpy.typing import NDArray
 
 from radcal.bands import WIDTH_FACTOR
-from radcal.config import Radar
+from radcal.config import Material, Radar
 from radcal.config.part import Part
 from radcal.errors import MeasurementError
 from radcal.ground.patches import patches_seen
@@ -151,10 +151,7 @@ def _focused_db(
     radar = _other_pass(case.radar, synthetic)
     geometry, scene = _other_ground(radar, synthetic, geometry, scene)
     materials = {
-        name: (one.with_law(synthetic.laws[name]) if name in synthetic.laws else one).model_copy(
-            update={"calibrate": False}
-        )
-        for name, one in case.materials.items()
+        name: one.model_copy(update={"calibrate": False}) for name, one in _other_laws(case, synthetic).items()
     }
     flown = case.model_copy(update={"radars": [radar], "materials": materials})
     return FocusedSimulator(flown, scene, geometry).run(hidden, seed)
@@ -169,11 +166,12 @@ def _other_simulator(case: Part, synthetic: Synthetic, geometry: Geometry, scene
     if synthetic.texture_db > 0:
         rng = derived_rng(synthetic.seed, "measurement", "texture")
         geometry = textured(geometry, radar, synthetic.texture_db, synthetic.texture_length_m, rng)
-    materials = dict(case.materials)
-    for name, hidden in synthetic.laws.items():
-        materials[name] = materials[name].with_law(hidden)
-    laws = case.model_copy(update={"materials": materials}).laws
-    return BuiltinSimulator(geometry, radar, laws)
+    return BuiltinSimulator(geometry, radar, case.model_copy(update={"materials": _other_laws(case, synthetic)}).laws)
+
+
+def _other_laws(case: Part, synthetic: Synthetic) -> dict[str, Material]:
+    """Materials with the hidden laws of the synthetic measurement."""
+    return case.materials | {name: case.materials[name].with_law(law) for name, law in synthetic.laws.items()}
 
 
 def _other_pass(radar: Radar, synthetic: Synthetic) -> Radar:

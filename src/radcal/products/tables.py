@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -196,7 +196,7 @@ def calibrated_materials(archive: Archive) -> dict[str, dict[str, Any]]:
     return found
 
 
-def calibrated_yaml(archive: Archive, materials: Mapping[str, Mapping[str, Any]], verdict: str, noise_seed: int) -> str:
+def calibrated_yaml(archive: Archive, materials: dict[str, dict[str, Any]], verdict: str, noise_seed: int) -> str:
     """Text of ``calibrated.yaml``: a heading that explains it, and the section ``materials``.
 
     Parameters
@@ -221,7 +221,6 @@ def calibrated_yaml(archive: Archive, materials: Mapping[str, Mapping[str, Any]]
         noise_seed=noise_seed,
         exactly=", bit for bit," * repeats,
     )
-    plain = {name: dict(material) for name, material in materials.items()}
     return heading + yaml.safe_dump(
-        {"materials": plain}, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True
+        {"materials": materials}, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True
     )
