@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import typer
 
-from radcal.cli import advise, apply, check, compare, new, run, show, simulate
+from radcal.cli import advise, apply, check, compare, focus, new, run, show, simulate
 
 __all__ = ["app"]
 
@@ -22,5 +22,5 @@ def _radcal() -> None:
     """Calibrate the backscatter laws of a SAR simulator against a measured image."""
 
 
-for _command in (new, check, run, show, compare, simulate, apply, advise):
+for _command in (new, check, run, show, compare, simulate, focus, apply, advise):
     app.command(_command.__name__.rpartition(".")[2])(_command.main)

@@ -20,7 +20,7 @@ from radcal.scene.model import Scene
 from radcal.signals.history import BLOCK, quantised
 from radcal.signals.places import Site, origin, site_of, start_utc
 from radcal.signals.platform import LIGHT_MPS, Collection, collection, tangent
-from radcal.signals.record import Signal, signal_of
+from radcal.signals.record import Pulses, signal_of
 from radcal.simulators.forward import Forward
 from radcal.storage.files import atomic
 
@@ -138,7 +138,7 @@ def _tree(made: Forward, one: Collection, site: Site, layout: str) -> Any:
     return root.getroottree()
 
 
-def write_cphd(path: Path, made: Forward, one: Collection, signal: Signal) -> None:
+def write_cphd(path: Path, made: Forward, one: Collection, signal: Pulses) -> None:
     """Write a raw signal as CPHD 1.1, as numbers of the converter if there is one.
 
     Parameters

@@ -19,7 +19,7 @@ from radcal.scene.model import Scene
 from radcal.signals.history import BEAM, TAPS, beam_table, cell_before, converted, grid_kernel, turned
 from radcal.signals.places import image_places
 from radcal.signals.platform import LIGHT_MPS, Collection, azimuth_weights, collection
-from radcal.signals.record import Signal, kept, signal_of
+from radcal.signals.record import Pulses, kept, signal_of
 from radcal.signals.sicd import write_sicd
 from radcal.signals.wavenumber import check_omega_k, omega_k
 from radcal.simulators.forward import Flown, Forward, write_complex
@@ -92,14 +92,14 @@ def _backproject(
             total[look, i] += weights[k]
 
 
-def backprojected(one: Collection, signal: Signal, place_m: NDArray[np.float64]) -> NDArray[np.complex64]:
+def backprojected(one: Collection, signal: Pulses, place_m: NDArray[np.float64]) -> NDArray[np.complex64]:
     """Complex looks of places.
 
     Parameters
     ----------
     one : Collection
         Collection with a track that advances in azimuth.
-    signal : ndarray of complex64, shape (pulses, samples), or RawSignal
+    signal : ndarray of complex64, shape (pulses, samples), or what gives one for a slice of pulses
         Raw signal, of which some hundred pulses are in memory at once.
     place_m : ndarray, shape (n, 3)
         Azimuth, ground range and elevation of the places [m].
@@ -159,7 +159,7 @@ def cell_area_m2(one: Collection, flat_incidence_deg: NDArray[np.float64]) -> ND
     return np.asarray(energy / np.sin(np.radians(flat_incidence_deg)))
 
 
-def focused(one: Collection, signal: Signal, made: Flown, folder: Path | None = None) -> NDArray[np.complex64]:
+def focused(one: Collection, signal: Pulses, made: Flown, folder: Path | None = None) -> NDArray[np.complex64]:
     """Complex looks of a pass, focused from a raw signal on the pixels of the fast image.
 
     Parameters
@@ -227,16 +227,21 @@ def write_focused(stem: Path, made: Forward) -> list[Path | Finding]:
     list of path
         HDF5 file and PNG.
     """
-    from PIL import Image
-
     with signal_of(stem, made) as signal:
         looks = focused(signal.one, signal, made, signal.folder)
     paths = [stem.with_suffix(suffix) for suffix in (".h5", ".png")]
     phases = "of the range to the scatterers, -4 pi R / wavelength, relative to the back-projected pixel; speckle alike"
     write_complex(paths[0], made, "focused", looks, len(looks), phases)
-    level = np.log10(np.maximum(np.mean(np.abs(looks) ** 2, axis=0), np.finfo(np.float32).tiny))
+    write_power(paths[1], np.mean(np.abs(looks) ** 2, axis=0))
+    return [*paths, *write_sicd(stem, made, looks, apart=True)]
+
+
+def write_power(path: Path, power: NDArray[np.floating[Any]]) -> None:
+    """Write a picture of a power in dB, in shades of gray between its quantiles of 1 and 99 %."""
+    from PIL import Image
+
+    level = np.log10(np.maximum(power, np.finfo(np.float32).tiny))
     black, white = np.quantile(level, [0.01, 0.99])
     gray = np.clip((level - black) / max(white - black, 1e-6) * 255.0, 0.0, 255.0).astype(np.uint8)
-    with atomic(paths[1]) as partial:
+    with atomic(path) as partial:
         Image.fromarray(gray).save(partial, format="PNG")
-    return [*paths, *write_sicd(stem, made, looks, apart=True)]

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,8 +65,10 @@ class RawSignal:
         return kept(self.folder / f"pulses-{number}.h5", lambda: self.block(number))
 
 
-Signal = NDArray[np.complex64] | RawSignal
-"""Raw signal, in memory or simulated when it is asked for."""
+class Pulses(Protocol):
+    """Raw signal, in memory or made when a slice of pulses is asked for."""
+
+    def __getitem__(self, pulses: slice, /) -> NDArray[np.complex64]: ...
 
 
 def kept(path: Path, make: Callable[[], NDArray[np.complex64]]) -> NDArray[np.complex64]:
