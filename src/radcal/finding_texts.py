@@ -285,12 +285,16 @@ TEXTS: Mapping[str, str] = {
     "{opposite_deg:.1f} deg: its image needs a case of its own (radar.heading_deg), which radcal apply compares with "
     "this one",
     # products of a forward run
-    "gmti_detections": "{about}: {found:.0f} of {movers:.0f} movers are among the {reports:.0f} detections (rms error "
-    "along the track {along_m:.0f} m). Without movers, a share of {alarms:.1e} of the tests are alarms ({asked:.1e} "
-    "were asked for, in uniform clutter). The least detectable radial velocity is {least_mps:.1f} m/s. Displaced phase "
-    "centres alone (DPCA) leave {dpca_db:.1f} dB of the ground's power",
-    "gmti_tracks": "{about}: {followed:.0f} of {movers:.0f} movers have a track in half of the {scans:.0f} scans or "
-    "more (rms error of its places {rms_m:.0f} m); {right:.0f} of the {tracks:.0f} tracks follow a mover",
+    "gmti_detections": "{about}: {movers_in_reports:.0f} of {movers:.0f} movers are among the detections of half of "
+    "the scans or more; {reports_of_movers:.0f} of {reports:.0f} detections are of a mover (rms error of their places "
+    "{reports_rms_m:.0f} m). Without movers, a share of {alarms:.1e} of the tests are alarms ({asked:.1e} were asked "
+    "for, in uniform clutter). The least detectable radial velocity is {least_mps:.1f} m/s. Displaced phase centres "
+    "alone (DPCA) leave {dpca_db:.1f} dB of the ground's power",
+    "gmti_tracks": "{about}: {movers_in_tracks:.0f} of {movers:.0f} movers have a track in half of the {scans:.0f} "
+    "scans or more; {tracks_of_movers:.0f} of {tracks:.0f} tracks follow a mover (rms error of their places "
+    "{tracks_rms_m:.0f} m)",
+    "gmti_package": "{about}: no file is written, because the package {package} is missing: type pip install "
+    "'radcal[{extra}]'",
     "file_left_out": "{about}: no file is written: {why}",
     "ppi_extrapolated": "{about}: the mast sees it at a median incidence of {median_deg:.1f} deg, {percent:.0f} % "
     "outside of the {low_deg:.1f} to {high_deg:.1f} deg at which its law {law!r} is known; there it is extrapolated",

@@ -5,27 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from gmti_samples import GMTI, SPEED, movers
 from variants import agrees
 
 from radcal.errors import ConfigError
 from radcal.findings import Finding
 from radcal.gmti.channels import dwells, interval_of, movers_of
-from radcal.gmti.product import check, trained, write
-from radcal.scene.objects import Objects
+from radcal.gmti.detection import trained
+from radcal.gmti.product import check, write
 from radcal.signals.platform import collection
 from radcal.simulators.forward import Forward
-
-GMTI = {"channels": 2, "pulses": 8, "false_alarms": 1e-5}
-SPEED = 9.0
-
-
-def movers(x_m, y_m, heading_deg, speed_mps, dbsm=25.0):
-    n = len(x_m)
-    zero, number = np.zeros(n), np.zeros(n, dtype=np.int16)
-    return Objects(
-        np.array(x_m), np.array(y_m), zero, zero, np.array(heading_deg), zero + 1.5, zero + dbsm, number - 1, number,
-        speed_mps=np.array(speed_mps),
-    )  # fmt: skip
 
 
 @pytest.fixture
@@ -90,11 +79,11 @@ def test_training_gates_are_every_second_one_around_a_gate():
 def test_movers_are_found_and_reported(case, moving, tmp_path):
     made = Forward(case, moving, None, None, "key", 1, False, None)
     check(case, moving)
-    geojson, picture, packets, found = write(tmp_path / "gmti", made)
+    geojson, picture, found, packets = write(tmp_path / "gmti", made)
     assert packets.name == "gmti.4607"
     assert (geojson.name, picture.name) == ("gmti.geojson", "gmti.png")
     assert isinstance(found, Finding)
-    assert (found.numbers["movers"], found.numbers["found"]) == (1.0, 1.0)
+    assert (found.numbers["movers"], found.numbers["movers_in_reports"]) == (1.0, 1.0)
     assert found.numbers["alarms"] < 1e-2
     assert 0.0 < found.numbers["least_mps"] < 8.0
     features = json.loads(geojson.read_text())["features"]
@@ -111,7 +100,7 @@ def test_displaced_phase_centres_cancel_the_ground_where_they_meet(build_case, m
         radar = {"altitude_m": 1000.0, "nesz_db": -70.0}
         case = build_case(gmti=GMTI | {"spacing_m": spacing}, radar=radar)
         made = Forward(case, moving, None, None, "key", 1, False, None)
-        left.append(write(tmp_path / f"gmti{number}", made)[-1].numbers["dpca_db"])
+        left.append(write(tmp_path / f"gmti{number}", made)[2].numbers["dpca_db"])
     assert left[0] < -25.0
     assert left[1] == pytest.approx(10.0 * np.log10(2.0), abs=1.5)
 
@@ -119,6 +108,7 @@ def test_displaced_phase_centres_cancel_the_ground_where_they_meet(build_case, m
 @pytest.mark.parametrize(
     ("keys", "says"),
     [
+        ({"prf_hz": 200}, "gmti.prf_hz is 200, below the band of the beam from null to null, expected at least 2"),
         ({"prf_hz": 2_000_000}, "gmti.prf_hz is 2e+06: the swath of"),
         ({"pulses": 128, "channels": 8}, "training gates: choose fewer gmti.channels or gmti.pulses"),
     ],

@@ -1,6 +1,5 @@
 """STANAG 4607 files, read by the library of the format."""
 
-import importlib.util
 from datetime import timedelta
 
 import numpy as np
@@ -17,7 +16,8 @@ from stanag4607 import (
 )
 
 from radcal.findings import Finding
-from radcal.gmti.stanag import Seen, write_stanag
+from radcal.gmti.detection import Report
+from radcal.gmti.stanag import write_stanag
 from radcal.signals.places import site_of
 from radcal.signals.platform import collection
 from radcal.simulators.forward import Forward
@@ -25,20 +25,24 @@ from radcal.simulators.forward import Forward
 PLACES = np.array([[60.0, 20.0, 4.0], [70.0, -31.0, -2.0]])  # along the track, from the middle, above the mean
 
 
-def written(build_case, scene, path, **signals):
+def written(build_case, scene, path, source="builtin", **signals):
     case = build_case(
         radar={"altitude_m": 3000.0, "look_side": "left"},
         signals={"origin": [-33.5, 200.0 - 360.0], "start_utc": "2026-05-01T23:59:59Z", **signals},
     )
     # the built-in scene has no heading of its own
-    case = case.model_copy(update={"radars": [case.radar.model_copy(update={"heading_deg": 250.0})]})
+    radars = [case.radar.model_copy(update={"heading_deg": 250.0})]
+    case = case.model_copy(update={"radars": radars, "scene": case.scene.model_copy(update={"source": source})})
     made = Forward(case, scene, None, None, "key", 1, False, None)
     one = collection(case, scene)
-    middle = np.array([0.0, one.reference_m[0, 1], scene.elevation_m.mean()])
-    antenna = np.array([[40.0, 0.0, 3000.0], [140.0, 0.0, 3000.0]])
-    some = Seen(1, 1, antenna[0], PLACES + middle, [6.5, -3.21])
-    nothing = Seen(1, 2, antenna[1], np.zeros((0, 3)), [])
-    return write_stanag(path, made, one, [some, nothing], 0.02), made, one
+    # the radar looks to the left: ground range grows to the west
+    half, mean = 0.5 * scene.material.shape[1] * scene.cell_m, scene.elevation_m.mean()
+    reports = [
+        Report(half - across, along, mean + up, 3000.0, speed, 0.9, 1, 1)
+        for (along, across, up), speed in zip(PLACES.tolist(), (6.5, -3.21), strict=True)
+    ]
+    antennas = {1: np.array([40.0, 0.0, 3000.0]), 2: np.array([140.0, 0.0, 3000.0])}
+    return write_stanag(path, made, one, reports, antennas, 0.02), made, one
 
 
 def read(path):
@@ -84,9 +88,8 @@ def test_the_library_reads_places_times_and_velocities_without_an_issue(build_ca
     np.testing.assert_allclose(ecf, site.ecf(np.array([[40.0, 0.0, 3000.0]]))[0], atol=0.1)
 
 
-def test_without_package_or_place_a_finding_says_why(build_case, scene, tmp_path, monkeypatch):
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    (found,), _, _ = written(build_case, scene, tmp_path / "gmti.4607")
+def test_without_a_place_a_finding_says_why(build_case, scene, tmp_path):
+    (found,), _, _ = written(build_case, scene, tmp_path / "gmti.4607", source="raster", origin=None)
     assert isinstance(found, Finding)
-    assert found.numbers["why"].endswith("type pip install 'radcal[stanag]'.")
+    assert found.numbers["why"].startswith("signals.origin is missing")
     assert list(tmp_path.iterdir()) == []

@@ -1,17 +1,18 @@
 """Tracks through the detections of several scans."""
 
-import importlib.util
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import signals
-from gmti.test_product import GMTI, SPEED, movers
+from gmti_samples import GMTI, SPEED, movers
 
+from radcal.findings import Finding
 from radcal.gmti.product import write
 from radcal.gmti.tracks import tracked
 from radcal.simulators.forward import Forward
+from radcal.words import sentence
 
 
 def test_a_mover_among_false_alarms_is_one_track():
@@ -59,7 +60,7 @@ def test_movers_of_several_scans_have_tracks(made, tmp_path):
     reports = json.loads(paths[0].read_text())["features"]
     assert {one["properties"]["scan"] for one in reports} == {1, 2, 3, 4, 5}
     numbers = paths[-1].numbers
-    assert (numbers["movers"], numbers["followed"], numbers["scans"]) == (2.0, 2.0, 5.0)
+    assert (numbers["movers"], numbers["movers_in_tracks"], numbers["scans"]) == (2.0, 2.0, 5.0)
     tracks = [one["properties"] for one in json.loads((tmp_path / "gmti_tracks.geojson").read_text())["features"]]
     west = min(tracks, key=lambda one: abs(one["place_m"][0][0] - 120.0))
     away = np.array(west["place_m"][-1]) - west["place_m"][0]
@@ -67,7 +68,9 @@ def test_movers_of_several_scans_have_tracks(made, tmp_path):
     assert west["velocity_mps"][-1][0] == pytest.approx(-SPEED, abs=1.5)
 
 
-def test_without_package_a_finding_says_what_to_type(made, tmp_path, monkeypatch):
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    found = write(tmp_path / "gmti", made)[-1]
-    assert found.numbers["why"].endswith("type pip install 'radcal[tracking]'.")
+def test_without_packages_findings_say_what_to_type(made, tmp_path, monkeypatch):
+    monkeypatch.setattr("radcal.gmti.product.find_spec", lambda name: None)
+    found = [one for one in write(tmp_path / "gmti", made) if isinstance(one, Finding)]
+    assert [one.about for one in found] == ["gmti", "STANAG 4607", "tracks"]
+    assert [sentence(one).split("'")[1] for one in found[1:]] == ["radcal[stanag]", "radcal[tracking]"]
+    assert {one.suffix for one in tmp_path.iterdir()} == {".geojson", ".png"}

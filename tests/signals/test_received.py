@@ -197,6 +197,9 @@ def test_files_that_cannot_be_focused_are_told(tmp_path):
         read_cphd(path, "HH")
     with pytest.raises(ConfigError, match=r"6.4e\+13 pixels of 1e-05 m, expected a spacing of at least 0.008 m"):
         write_image(path, tmp_path, 1e-5)
+    path.write_bytes(path.read_bytes()[:-1000])  # pulse parameters lie before the signal
+    with pytest.raises(ConfigError, match=r"other.cphd: no readable CPHD file \(Expected"):
+        read_cphd(path)
     written(path, CollectType="BISTATIC")
     with pytest.raises(ConfigError, match="CollectType is BISTATIC, expected MONOSTATIC"):
         read_cphd(path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,13 +14,44 @@ from radcal.config.part import Part
 from radcal.errors import ConfigError
 from radcal.gmti.adaptive import Complex, Interval
 from radcal.scene.model import Scene
-from radcal.seeds import derived_rng
+from radcal.seeds import derived_rng, derived_seed
 from radcal.signals.history import echoes
 from radcal.signals.platform import LIGHT_MPS, Collection
 from radcal.signals.scatterers import Scatterers, scatterers
 from radcal.speckle.response import taylor_weights
 
 Array = NDArray[np.floating[Any]]
+
+
+@dataclass(frozen=True)
+class Sides:
+    """East and ground range of a scene; the latter grows to the east if the radar looks to the right, else to the west.
+
+    Attributes
+    ----------
+    sign : float
+        1 if both grow together, else -1.
+    middle_m, half_m : float
+        Ground range of the scene's middle, and half of the scene's width [m].
+    """
+
+    sign: float
+    middle_m: float
+    half_m: float
+
+    @classmethod
+    def of(cls, case: Part, scene: Scene, one: Collection) -> Sides:
+        """Sides of a pass."""
+        sign = -1.0 if case.radar.look_side == "left" else 1.0
+        return cls(sign, float(one.reference_m[0, 1]), 0.5 * scene.material.shape[1] * scene.cell_m)
+
+    def ground_m(self, east_m: Any) -> Any:
+        """Ground range of places east of the corner of the scene's grid [m]."""
+        return self.middle_m + self.sign * (east_m - self.half_m)
+
+    def east_m(self, ground_m: Any) -> Any:
+        """Places east of the corner of the scene's grid, of a ground range [m]."""
+        return self.half_m + self.sign * (ground_m - self.middle_m)
 
 
 @dataclass(frozen=True)
@@ -84,12 +116,18 @@ def interval_of(case: Part, one: Collection) -> Interval:
     Raises
     ------
     ConfigError
-        The swath is longer than the unambiguous range, or has too few gates for the detector.
+        The pulse rate is below the band of the beam, or the swath is longer than the unambiguous range or has too few
+        gates for the detector.
     """
     config = case.gmti
     if one.spot_m is not None or one.middle_sine != 0.0:
         raise ConfigError(
             "signals: moving targets are found in stripmap at zero Doppler, expected no squint_deg or mode."
+        )
+    if config.prf_hz < (least := 4.0 * one.speed_mps / one.antenna_m):
+        raise ConfigError(
+            f"gmti.prf_hz is {config.prf_hz:g}, below the band of the beam from null to null, expected at least "
+            f"{math.ceil(least)} at signals.speed_mps {one.speed_mps:g}."
         )
     unambiguous, swath = LIGHT_MPS / (2.0 * config.prf_hz), LIGHT_MPS / (2.0 * one.step_hz)
     if swath > unambiguous:
@@ -118,20 +156,18 @@ def movers_of(case: Part, scene: Scene, one: Collection) -> Movers:
         return Movers(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, np.complex64))
     assert scene.elevation_m is not None  # noqa: S101 - collection() has refused it
     moving = scene.objects.some(scene.objects.moving)
-    (ny, nx), cell, left = scene.material.shape, scene.cell_m, case.radar.look_side == "left"
+    (ny, nx), cell, sides = scene.material.shape, scene.cell_m, Sides.of(case, scene, one)
     row, column = (
         np.minimum((moving.y_m / cell).astype(int), ny - 1),
         np.minimum((moving.x_m / cell).astype(int), nx - 1),
     )
     height = scene.elevation_m[row, column] + moving.height_m
-    across = nx * cell - moving.x_m if left else moving.x_m
-    ground = one.reference_m[0, 1] - 0.5 * nx * cell + across
-    bearing, side = np.radians(moving.heading_deg), -1.0 if left else 1.0
+    ground, bearing = sides.ground_m(moving.x_m), np.radians(moving.heading_deg)
     assert moving.speed_mps is not None  # noqa: S101 - they move
-    along = moving.speed_mps[:, None] * np.stack([np.cos(bearing), side * np.sin(bearing), 0.0 * bearing], axis=1)
+    along = moving.speed_mps[:, None] * np.stack([np.cos(bearing), sides.sign * np.sin(bearing), 0.0 * bearing], axis=1)
     phase = derived_rng(case.seed, "gmti", "movers").uniform(0.0, 2.0 * np.pi, len(moving))
     radar, steep = case.radar, np.full(len(moving), case.radar.depression_deg)
-    sigma = moving.cross_section_m2(90.0 if left else 270.0, steep, radar.band, radar.polarisation)
+    sigma = moving.cross_section_m2(180.0 + 90.0 * sides.sign, steep, radar.band, radar.polarisation)
     amplitude = np.sqrt(np.nan_to_num(sigma)) * np.exp(1j * phase)
     return Movers(np.stack([moving.y_m, ground, height], axis=1), along, amplitude.astype(np.complex64))
 
@@ -151,8 +187,9 @@ def _weights(samples: int) -> Array:
 def dwells(case: Part, scene: Scene, one: Collection, movers: Movers, seed: int) -> Iterator[Dwell]:
     """Echoes of all dwells, whose beams touch where their two-way power is 4 dB down, in all scans.
 
-    The dwells of a scan are simulated at one time. A later scan looks from the same places at the same ground with
-    other noise, after the movers have moved on.
+    The dwells of a scan are simulated at one time. A later scan looks from the same places with other noise, after the
+    movers have moved on. The amplitudes of the ground are new, too: the echoes of a resolution cell as wide as the beam
+    have nothing in common any more as soon as the platform has moved by the length of its antenna.
 
     Parameters
     ----------
@@ -169,7 +206,6 @@ def dwells(case: Part, scene: Scene, one: Collection, movers: Movers, seed: int)
     """
     interval = interval_of(case, one)
     standing = scene if scene.objects is None else replace(scene, objects=scene.objects.some(~scene.objects.moving))
-    found = scatterers(case, standing, seed, scene.cell_m)
     length, width = scene.material.shape[0] * scene.cell_m, one.range_m * one.wavelength_m / one.antenna_m / 2.0
     count = max(1, round(length / width))
     pulse, channel = (np.ravel(each) for each in np.indices((interval.pulses, interval.channels)))
@@ -177,17 +213,17 @@ def dwells(case: Part, scene: Scene, one: Collection, movers: Movers, seed: int)
     along = seconds * interval.speed_mps + 0.5 * interval.spacing_m * channel  # phase centre of both ways
     noise = one.noise_m2 * float(np.sum(_weights(one.samples) ** 2))
     gate = np.arange(one.samples) - one.samples // 2
-    for number in range(count):
-        first = (number + 0.5) * length / count - along.mean()
-        antenna, reference = np.tile(one.track_m[0], (along.size, 1)), np.tile(one.reference_m[0], (along.size, 1))
-        antenna[:, 0] = reference[:, 0] = first + along
-        each = replace(one, track_m=antenna, reference_m=reference, prf_hz=interval.prf_hz)
-        standing_still = echoes(each, found, 0, along.size)
-        distance = each.distance_m[0] + gate * LIGHT_MPS / (2.0 * one.samples * one.step_hz)
-        for scan in range(case.gmti.scans):
+    for scan in range(case.gmti.scans):
+        found = scatterers(case, standing, derived_seed(seed, "gmti", scan) if scan else seed, scene.cell_m)
+        for number in range(count):
+            first = (number + 0.5) * length / count - along.mean()
+            antenna, reference = np.tile(one.track_m[0], (along.size, 1)), np.tile(one.reference_m[0], (along.size, 1))
+            antenna[:, 0] = reference[:, 0] = first + along
+            each = replace(one, track_m=antenna, reference_m=reference, prf_hz=interval.prf_hz)
+            distance = each.distance_m[0] + gate * LIGHT_MPS / (2.0 * one.samples * one.step_hz)
             rng = derived_rng(seed, "gmti", "noise", number, *[scan] * (scan > 0))
             drawn = rng.standard_normal((2, along.size, one.samples)) * np.sqrt(0.5 * one.noise_m2)
-            ground, moved = standing_still + (drawn[0] + 1j * drawn[1]), []
+            ground, moved = echoes(each, found, 0, along.size) + (drawn[0] + 1j * drawn[1]), []
             for k in range(interval.pulses):
                 t = scan * case.gmti.revisit_s + (k - 0.5 * (interval.pulses - 1)) / interval.prf_hz
                 now = Scatterers.sorted(movers.place_m + t * movers.velocity_mps, movers.amplitude)

@@ -7,9 +7,8 @@ AEDP-4607, "NATO ground moving target indicator format (GMTIF)", edition A, vers
 
 from __future__ import annotations
 
-import importlib.util
+import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,8 @@ from numpy.typing import NDArray
 
 from radcal.errors import ConfigError
 from radcal.findings import Finding
+from radcal.gmti.channels import Sides
+from radcal.gmti.detection import Report
 from radcal.signals.places import site_of, start_utc
 from radcal.signals.platform import Collection
 from radcal.simulators.forward import Forward
@@ -31,31 +32,13 @@ _JOB = 1
 Array = NDArray[np.floating[Any]]
 
 
-@dataclass(frozen=True)
-class Seen:
-    """Detections of one dwell.
-
-    Attributes
-    ----------
-    scan, number : int
-        Numbers of the scan and of the dwell in it, from 1.
-    antenna_m : ndarray, shape (3,)
-        Place of the antenna along the track, in ground range and in elevation [m].
-    places_m : ndarray, shape (n, 3)
-        Places of the detections [m].
-    velocities_mps : sequence of float
-        Radial velocities, positive towards the radar [m/s].
-    """
-
-    scan: int
-    number: int
-    antenna_m: Array
-    places_m: Array
-    velocities_mps: Sequence[float]
-
-
 def write_stanag(
-    path: Path, made: Forward, one: Collection, dwells: Sequence[Seen], half_rad: float
+    path: Path,
+    made: Forward,
+    one: Collection,
+    reports: Sequence[Report],
+    antennas: Mapping[int, Array],
+    half_rad: float,
 ) -> list[Path | Finding]:
     """Write the detections of all dwells.
 
@@ -67,19 +50,19 @@ def write_stanag(
         Forward run of the pass.
     one : Collection
         Collection, which gives the times of the dwells.
-    dwells : sequence of Seen
-        Detections of each dwell.
+    reports : sequence of Report
+        Detections.
+    antennas : mapping of int to ndarray, shape (3,)
+        Place of the antenna in each dwell of a scan [m].
     half_rad : float
         Half of the beam's width along the track [rad].
 
     Returns
     -------
     list of path or Finding
-        The file, or why there is none: the package or the scene's place or date is missing.
+        The file, or why there is none: the scene's place or date is missing.
     """
     try:
-        if importlib.util.find_spec("stanag4607") is None:
-            raise ConfigError("the package stanag4607 is missing: type pip install 'radcal[stanag]'.")
         site, began = site_of(made.case, made.scene, one), start_utc(made.case)
     except ConfigError as error:
         return [Finding("file_left_out", "note", "STANAG 4607", {"why": str(error)})]
@@ -110,16 +93,16 @@ def write_stanag(
     # velocities that differ by it have the same Doppler frequency [cm/s]
     wrap = min(round(50.0 * one.wavelength_m * made.case.gmti.prf_hz), _UNKNOWN)
     packets = [_packet([mission.to_segment(), job.to_segment()], 0)]
-    middle_m, last = site.middle_m.copy(), max((each.number for each in dwells), default=0)
-    for each in sorted(dwells, key=lambda each: (each.scan, each.number)):
-        antenna, places, speeds = each.antenna_m, each.places_m, each.velocities_mps
-        seconds = float((antenna[0] - one.track_m[0, 0]) / one.speed_mps)
-        seconds += (each.scan - 1) * made.case.gmti.revisit_s
+    middle_m, sides, config = site.middle_m.copy(), Sides.of(made.case, made.scene, one), made.case.gmti
+    for scan, (number, antenna) in itertools.product(range(1, config.scans + 1), antennas.items()):
+        own = [each for each in reports if (each.scan, each.dwell) == (scan, number)]
+        places = np.array([(each.north_m, sides.ground_m(each.east_m), each.height_m) for each in own])
+        seconds = float((antenna[0] - one.track_m[0, 0]) / one.speed_mps) + (scan - 1) * config.revisit_s
         midnight = (began + timedelta(seconds=seconds) - began.replace(hour=0, minute=0, second=0)).total_seconds()
         middle_m[0] = antenna[0]
         (lat, lon, high), (far_lat, far_lon, _) = placed(antenna)[0], placed(middle_m)[0]
         fields = {
-            2: (each.scan, 2), 3: (each.number, 2), 4: (int(each.number == last), 1), 5: (len(speeds), 2),
+            2: (scan, 2), 3: (number, 2), 4: (int(number == len(antennas)), 1), 5: (len(own), 2),
             6: (round(1e3 * midnight), 4), 7: (latitude(lat), 4), 8: (longitude(lon), 4), 9: (round(100.0 * high), 4),
             15: (longitude(made.case.radar.heading_deg, 16), 2), 16: (round(1e3 * one.speed_mps), 4), 17: (0, 1),
             24: (latitude(far_lat), 4), 25: (longitude(far_lon), 4), 26: (round(half[1] * _KM), 2),
@@ -131,10 +114,10 @@ def write_stanag(
                 2: (latitude(a), 4),
                 3: (longitude(b), 4),
                 6: (round(c), 2),
-                7: (round(-100.0 * v), 2),  # positive away from the radar
+                7: (round(-100.0 * each.velocity_mps), 2),  # positive away from the radar
                 8: (wrap, 2),
             }
-            for k, ((a, b, c), v) in enumerate(zip(placed(places).tolist() if len(speeds) else [], speeds, strict=True))
+            for k, ((a, b, c), each) in enumerate(zip(placed(places).tolist() if own else [], own, strict=True))
         ]
         packets.append(_packet([_dwell(fields, targets)], _JOB))
     with atomic(path) as partial:

@@ -16,7 +16,7 @@ _START = datetime(2000, 1, 1, tzinfo=UTC)  # of the first scan: only differences
 _ACCELERATION = 0.1  # power density of the movers' acceleration along each axis [m2/s3]
 _GATE = 4.0  # largest distance of a detection from the place expected of a track, in standard deviations
 _MISSED = 3  # scans in a row without a detection, after which a track ends
-_FEWEST = 4  # detections of a new track
+_FEWEST = 4  # detections of a new track, in scans in a row
 _FASTEST_MPS = 20.0  # standard deviation of a new track's velocity
 
 
@@ -45,7 +45,7 @@ def tracked(scans: Sequence[tuple[float, Array]], error: Sequence[float]) -> lis
 
     A mover drives straight on, but for small random accelerations. Each scan's detections are assigned to tracks so
     that the sum of their Mahalanobis distances is smallest; the others may begin tracks, which count from the fourth
-    detection on and end after three scans without one.
+    detection in a row on and end after three scans without one.
 
     Parameters
     ----------
@@ -83,7 +83,12 @@ def tracked(scans: Sequence[tuple[float, Array]], error: Sequence[float]) -> lis
     nearest = GNNWith2DAssignment(DistanceHypothesiser(KalmanPredictor(motion), updater, Mahalanobis(), _GATE))
     ending = UpdateTimeStepsDeleter(_MISSED)
     beginning = MultiMeasurementInitiator(
-        GaussianState(np.zeros(4), np.diag([0.0, _FASTEST_MPS**2] * 2)), ending, nearest, updater, measured, _FEWEST
+        GaussianState(np.zeros(4), np.diag([0.0, _FASTEST_MPS**2] * 2)),
+        UpdateTimeStepsDeleter(1),
+        nearest,
+        updater,
+        measured,
+        _FEWEST,
     )
     running, every = set[Any](), list[Any]()
     for seconds, rows in scans:

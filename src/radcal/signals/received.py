@@ -115,14 +115,16 @@ def read_cphd(path: Path, channel: str | None = None) -> Received:
             channels = [one.text for one in reader.metadata.xmltree.findall("{*}Data/{*}Channel/{*}Identifier")]
             asked = channel or helper.load("{*}Channel/{*}RefChId")
             vectors = reader.read_pvps(asked) if asked in channels else None
+            if helper.load("{*}Data/{*}SignalCompressionID") is not None:
+                raise ConfigError(f"{path}: its signal is compressed, expected arrays of numbers.")
+            if vectors is not None:  # the file is not cut off
+                reader.read_signal(asked, start_vector=len(vectors) - 1)
     except (OSError, ValueError, KeyError, RuntimeError, etree.LxmlError) as error:
         raise ConfigError(f"{path}: no readable CPHD file ({error}).") from None
     if vectors is None:
         raise ConfigError(f"{path}: has no channel {asked!r}, expected {' or '.join(map(repr, channels))}.")
     if helper.load("{*}CollectionID/{*}CollectType") != "MONOSTATIC":
         raise ConfigError(f"{path}: CollectType is BISTATIC, expected MONOSTATIC.")
-    if helper.load("{*}Data/{*}SignalCompressionID") is not None:
-        raise ConfigError(f"{path}: its signal is compressed, expected arrays of numbers.")
     names = vectors.dtype.names
     numbers = np.flatnonzero(vectors["SIGNAL"] == 1) if "SIGNAL" in names else np.arange(len(vectors))
     vectors = vectors[numbers]
